@@ -1,0 +1,1 @@
+"""Directrix: a five-axis CNC controller that interpolates ruled surfaces themselves."""

@@ -1,0 +1,399 @@
+"""TOML to ``Machine``: the edge where degrees, counts and the configured sense end.
+
+``load(name_or_path)`` is the verb. Everything in a machine file is in millimetres,
+degrees and seconds, and a rotary's numbers (travel, homing position, counts) are in
+its configured ``sense``; only ``direction`` is geometry: the right-hand axis about
+which the carried body turns for positive *carried* angles.
+
+Every refusal is a ``ConfigError`` in the form of ``toml_table``.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from controller.geometry import ZERO, Frame, Vector, X, Y, Z, cross, norm, rotate, scale, subtract
+from controller.machine import Axis, Bus, Homing, Kind, Limits, Machine, Sense, Spindle, Tool
+from controller.toml_table import ConfigError, Table, parse, read_text, span
+from drives.settings import INT32_MAX, BusSettings, MasterSettings, NodeSettings
+
+SHIPPED = Path(__file__).resolve().parent.parent / "config"  # beside the package, installed or not
+TOOL_TABLE = "tools.toml"
+OFFSETS = ("G54", "G55", "G56", "G57", "G58", "G59")
+LINEAR = {"X": X, "Y": Y, "Z": Z}
+PERIODS_S = (0.0005, 0.01)
+BIT_RATES = (10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)  # CiA 301, table 1
+QUANTISATION_SHARE = 0.1  # of the jerk limit that rounding to counts may look like
+PARALLEL = 1e-6
+
+
+def load(source: str | Path) -> Machine:
+    """The machine of a file, or of a shipped file by its name ("trunnion").
+
+    Raises ``ConfigError``. ``Machine.text`` is complete: the tool table that
+    ``[tools] file`` names is appended, so ``read(machine.text, ...)`` needs no other file.
+    """
+    path = _find(source)
+    text = read_text(path)
+    file = path.name
+    top = parse(text, file)
+    tools = top.table("tools", "[tools]", optional=True)
+    if top.has("tool"):
+        if tools.has("file"):
+            tools.refuse("file", "tools stand in two places", "a file or [[tool]] tables", "remove one")
+        return read(text, file, path.parent)
+    table = _beside(path.parent, tools.text("file", default=TOOL_TABLE), tools)
+    entries = read_text(table)
+    check = parse(entries, table.name)  # so that its mistakes are refused under its own name
+    _tools(check)
+    check.finish()
+    return read(f"{text.rstrip()}\n\n# {table.name}\n{entries}", file, path.parent)
+
+
+def read(text: str, file: str, folder: Path | None = None) -> Machine:
+    """The machine of a complete text (with its ``[[tool]]`` tables).
+
+    ``folder`` is where drive profiles named by file are looked for. Raises ``ConfigError``.
+    """
+    top = parse(text, file)
+    general = top.table("machine", "[machine]")
+    tools = top.table("tools", "[tools]", optional=True)
+    tools.text("file", default=TOOL_TABLE)  # its entries are in the text by now
+    buses = _buses(top)
+    machine = Machine(
+        name=general.text("name"),
+        period_s=general.number("period_s", *PERIODS_S, default=0.002),
+        sync=general.text("sync", ("tick", "kernel"), "tick"),
+        clearance_mm=general.positive("clearance_mm"),
+        lead_mm=general.positive("lead_mm"),
+        retract_mm=general.number("retract_mm"),
+        rapid_share=general.number("rapid_share", 0.01, 1.0, default=1.0),
+        gouge=general.text("gouge", ("refuse", "warn"), "refuse"),
+        max_bus_share=general.number("max_bus_share", 0.01, 1.0, default=0.8),
+        skip_limit_per_s=general.number("skip_limit_per_s", 0.0, default=25.0),
+        axes=tuple(_axis(table, buses, folder) for table in top.tables("axis")),
+        buses=buses,
+        tools=_tools(top),
+        offsets=_offsets(top.table("offsets", "[offsets]", optional=True)),
+        spindle=_spindle(top.table("spindle", "[spindle]")) if top.has("spindle") else None,
+        text=text,
+    )
+    for table in (general, tools, top):
+        table.finish()
+    _audit(machine, file, general)
+    return machine
+
+
+def shipped() -> tuple[str, ...]:
+    """Names of the machine files that come with Directrix, for ``load``."""
+    return tuple(sorted(p.stem for p in SHIPPED.glob("*.toml") if p.name != TOOL_TABLE))
+
+
+def shipped_program(name: str) -> Path:
+    """Path of a program in ``config/programs``, with or without ``.ngc``; raises ``ConfigError``."""
+    path = SHIPPED / "programs" / (name if name.endswith(".ngc") else f"{name}.ngc")
+    if path.is_file():
+        return path
+    known = ", ".join(sorted(p.stem for p in path.parent.glob("*.ngc")))
+    raise ConfigError(f"{name}: no shipped program of this name; allowed: {known}; choose one of these.")
+
+
+def with_period(machine: Machine, period_s: float) -> Machine:
+    """The same machine at another period; raises ``ConfigError``. ``text`` stays the file's."""
+    if PERIODS_S[0] <= period_s <= PERIODS_S[1]:
+        return replace(machine, period_s=period_s)
+    raise ConfigError(
+        f"{machine.name}: [machine]: period_s = {period_s:g}: is out of range; "
+        f"allowed: a number {span(*PERIODS_S)}; change the value."
+    )
+
+
+def warnings(machine: Machine) -> list[str]:
+    """Sentences on what works but not well.
+
+    A setpoint is rounded to counts, and the third difference of rounded values is
+    wrong by up to (1 + 3 + 3 + 1) / 2 = 4 counts: the drive sees that as jerk.
+    """
+    return [text for axis in machine.axes if (text := _resolution(axis, machine.period_s))]
+
+
+def bus_settings(machine: Machine) -> tuple[BusSettings, ...]:
+    """The machine's buses as the drives' side knows them."""
+    return tuple(BusSettings(b.name, b.interface, b.channel, b.bit_rate) for b in machine.buses)
+
+
+def master_settings(machine: Machine) -> MasterSettings:
+    """The controller as a CANopen node on every bus."""
+    return MasterSettings(period_s=machine.period_s, sync=machine.sync)
+
+
+def node_settings(machine: Machine) -> tuple[NodeSettings, ...]:
+    """One drive per axis, in the axes' order, in counts; raises ``ConfigError`` without its EDS."""
+    return tuple(_node(axis, machine.period_s) for axis in machine.axes)
+
+
+def eds_of(profile: str) -> Path:
+    """The electronic data sheet that a drive profile names; raises ``ConfigError``."""
+    path = Path(profile) if profile.endswith(".toml") else SHIPPED / "drives" / f"{profile}.toml"
+    drive = Table(path.name, "[drive]", {})
+    if not path.is_file():
+        known = ", ".join(sorted(p.stem for p in (SHIPPED / "drives").glob("*.toml")))
+        drive.refuse("profile", f"no drive profile {profile!r}", known, "name one of these or a .toml file")
+    top = parse(read_text(path), path.name)
+    drive = top.table("drive", "[drive]")
+    eds = path.parent / drive.text("eds")
+    if not eds.is_file():
+        drive.refuse("eds", f"there is no file {eds}", "a path seen from the profile", "correct the path")
+    drive.finish()
+    top.finish()
+    return eds.resolve()
+
+
+def _resolution(axis: Axis, period_s: float) -> str | None:
+    shown, unit = abs(axis.shown_per_unit), "deg" if axis.is_rotary else "mm"
+    noise = 4.0 / abs(axis.counts_per_unit) / period_s**3
+    share = noise / axis.limits.jerk
+    if share <= QUANTISATION_SHARE:
+        return None
+    needed = abs(axis.counts_per_unit) / shown * share / QUANTISATION_SHARE
+    return (
+        f"{axis.name}: rounding to counts at {period_s * 1e3:g} ms is worth a jerk of {noise * shown:.0f} "
+        f"{unit}/s3, {share:.0%} of its limit; {needed:.0f} counts per {unit} or a longer period is needed"
+    )
+
+
+def _node(axis: Axis, period_s: float) -> NodeSettings:
+    ends = sorted(round(q * axis.counts_per_unit) for q in (axis.travel_min, axis.travel_max))
+    return NodeSettings(
+        name=axis.name,
+        bus=axis.bus,
+        node=axis.node,
+        eds=str(eds_of(axis.profile)),
+        counts_min=ends[0],
+        counts_max=ends[1],
+        following_error_counts=round(abs(axis.following_error * axis.counts_per_unit)),
+        homing_method=axis.homing.method,
+        homing_position_counts=round(axis.homing.position * axis.counts_per_unit),
+        period_s=period_s,
+        brake=axis.brake,
+        profile=axis.profile,
+    )
+
+
+def _axis(table: Table, buses: tuple[Bus, ...], folder: Path | None) -> Axis:
+    kind = Kind(table.text("kind", [k.value for k in Kind]))
+    unit = "mm" if kind is Kind.LINEAR else "deg"
+    sense = Sense.CARRIED
+    if unit == "deg":
+        sense = Sense(table.text("sense", [s.value for s in Sense], "carried"))
+    flipped = kind is Kind.TABLE and sense is Sense.ISO
+    inner = 1.0 if unit == "mm" else math.radians(-1.0 if flipped else 1.0)  # per shown unit
+    lower, upper = _travel(table, f"travel_{unit}")
+    homing = table.table("homing", f"{table.name} homing", optional=True)
+    axis = Axis(
+        name=table.text("name", ("X", "Y", "Z") if unit == "mm" else ("A", "B", "C")),
+        kind=kind,
+        direction=_direction(table),
+        point_mm=table.vector("point_mm") if unit == "deg" else ZERO,
+        sense=sense,
+        travel_min=min(lower * inner, upper * inner),
+        travel_max=max(lower * inner, upper * inner),
+        limits=Limits(
+            velocity=table.positive(f"velocity_{unit}_s") * abs(inner),
+            acceleration=table.positive(f"acceleration_{unit}_s2") * abs(inner),
+            jerk=table.positive(f"jerk_{unit}_s3") * abs(inner),
+        ),
+        counts_per_unit=_counts(table, unit, max(abs(lower), abs(upper))) / inner,
+        bus=table.text("bus", [b.name for b in buses], buses[0].name),
+        node=table.integer("node", 1, 126),
+        profile=_profile(table, folder),
+        homing=Homing(
+            method=homing.integer("method", -128, 127, 37),
+            group=homing.integer("group", 0, 99, 0),
+            position=homing.number(f"position_{unit}", lower, upper, default=0.0) * inner,
+        ),
+        following_error=table.positive(f"following_error_{unit}") * abs(inner),
+        brake=table.flag("brake", False),
+    )
+    homing.finish()
+    table.finish()
+    return axis
+
+
+def _travel(table: Table, key: str) -> tuple[float, float]:
+    lower, upper = table.numbers(key, 2)
+    if lower >= upper:
+        table.refuse(key, "the lower end is not below the upper", "[lower, upper]", "swap or change them")
+    return lower, upper
+
+
+def _direction(table: Table) -> Vector:
+    direction = table.vector("direction")
+    length = norm(direction)
+    if length < PARALLEL:
+        table.refuse("direction", "has no length", "a vector other than 0 0 0", "give the axis of motion")
+    return scale(direction, 1.0 / length)
+
+
+def _counts(table: Table, unit: str, farthest: float) -> float:
+    """Counts per shown unit; a setpoint is an int32, so all of the travel must fit (607Ah)."""
+    key = f"counts_per_{unit}"
+    counts = table.number(key)
+    if counts == 0.0:
+        table.refuse(key, "is zero", "a number other than 0", "give the drive's resolution")
+    if abs(counts) * farthest > INT32_MAX:
+        problem = f"{farthest:g} {unit} x {abs(counts):g} counts does not fit a drive's 32-bit position"
+        allowed = f"at most {INT32_MAX / abs(counts):.0f} {unit} from zero with this {key}"
+        table.refuse(f"travel_{unit}", problem, allowed, "shorten the travel or lower the resolution")
+    return counts
+
+
+def _profile(table: Table, folder: Path | None) -> str:
+    """A shipped profile's name, or the path of one beside the machine file."""
+    profile = table.text("profile", default="simulated")
+    if profile.endswith(".toml") and folder is not None:
+        return str(_beside(folder, profile, table, "profile"))
+    return profile
+
+
+def _buses(top: Table) -> tuple[Bus, ...]:
+    found: list[Bus] = []
+    for table in top.tables("bus"):
+        bus = Bus(
+            name=table.text("name"),
+            interface=table.text("interface", default="virtual"),
+            channel=table.text("channel", default=""),
+            bit_rate=table.integer("bit_rate", 0, BIT_RATES[-1], BIT_RATES[-1]),
+        )
+        virtual = bus.interface == "virtual"
+        if bus.bit_rate not in BIT_RATES and not (virtual and bus.bit_rate == 0):
+            rates = ", ".join(map(str, BIT_RATES)) + ", on a virtual bus also 0 (no bit timing)"
+            table.refuse("bit_rate", "is no CANopen bit rate", rates, "choose one of these")
+        if not virtual and not bus.channel:
+            table.refuse("channel", "is missing", 'the interface\'s channel, e.g. "can0"', "add it")
+        if any(bus.name == other.name for other in found):
+            table.refuse("name", "is used twice", "a name per bus", "rename one")
+        table.finish()
+        found.append(bus)
+    if not found:
+        top.refuse("bus", "there is no bus", "one [[bus]] table or more", "add one")
+    return tuple(found)
+
+
+def _tools(top: Table) -> tuple[Tool, ...]:
+    found: list[Tool] = []
+    for table in top.tables("tool"):
+        tool = Tool(
+            number=table.integer("number", 1, 99999),
+            name=table.text("name"),
+            radius_mm=table.positive("radius_mm"),
+            length_mm=table.number("length_mm", 0.0),
+            flute_mm=table.positive("flute_mm"),
+        )
+        if any(tool.number == other.number for other in found):
+            table.refuse("number", "is used twice", "a number per tool", "renumber one")
+        table.finish()
+        found.append(tool)
+    if not any(tool.number == 1 for tool in found):
+        top.refuse(
+            "tool", "tool 1 is missing", "tables with number = 1 among them", "add T1, the power-on tool"
+        )
+    return tuple(found)
+
+
+def _offsets(table: Table) -> tuple[Frame, ...]:
+    """G54 to G59: three numbers (mm), or a table with ``origin_mm`` and ``turned_deg``."""
+    frames = tuple(_offset(table, name) for name in OFFSETS)
+    table.finish()
+    return frames
+
+
+def _offset(table: Table, name: str) -> Frame:
+    if not isinstance(table.get(name, "", ZERO), dict):
+        return Frame(table.vector(name, ZERO))
+    entry = table.table(name, f"[offsets.{name}]")
+    origin, turned = entry.vector("origin_mm", ZERO), entry.vector("turned_deg", ZERO)
+    entry.finish()
+
+    def turn(v: Vector) -> Vector:
+        """About X, then Y, then Z of the table, all standing still."""
+        for direction, angle_deg in zip((X, Y, Z), turned, strict=True):
+            v = rotate(direction, math.radians(angle_deg), v)
+        return v
+
+    return Frame(origin, turn(X), turn(Y), turn(Z))
+
+
+def _spindle(table: Table) -> Spindle:
+    spindle = Spindle(max_rev_min=table.positive("max_rev_min"))
+    table.finish()
+    return spindle
+
+
+def _audit(machine: Machine, file: str, general: Table) -> None:
+    """What only the whole file can show."""
+    axes = Table(file, "[[axis]]", {"name": [axis.name for axis in machine.axes]})
+    names = [axis.name for axis in machine.axes]
+    rotaries = [axis for axis in machine.axes if axis.is_rotary]
+    if len(names) != 5 or len(set(names)) != 5 or len(rotaries) != 2:
+        allowed = "X, Y, Z and two of A, B, C, each once"
+        axes.refuse("name", "is not a five-axis machine", allowed, "add or remove axes")
+    for axis in machine.axes:
+        _audit_axis(axis, machine, file)
+    z = machine.axes[names.index("Z")]
+    if not z.travel_min <= machine.retract_mm <= z.travel_max:
+        travel = f"a number {span(z.travel_min, z.travel_max)}, the travel of Z"
+        general.refuse("retract_mm", "is outside of Z's travel", travel, "change one of the two")
+    _audit_rotaries(rotaries, file)
+
+
+def _audit_axis(axis: Axis, machine: Machine, file: str) -> None:
+    table = Table(file, f"[[axis]] {axis.name}", {"node": axis.node, "direction": list(axis.direction)})
+    if not axis.is_rotary and norm(subtract(axis.direction, LINEAR[axis.name])) > PARALLEL:
+        wanted = str(list(LINEAR[axis.name]))
+        table.refuse("direction", "X Y Z are the machine frame", wanted, "correct it")
+    twins = " and ".join(a.name for a in machine.axes if (a.bus, a.node) == (axis.bus, axis.node))
+    if twins != axis.name:
+        table.refuse("node", f"{twins} share it on bus {axis.bus}", "a node per drive", "change one")
+
+
+def _audit_rotaries(rotaries: Sequence[Axis], file: str) -> None:
+    """Only two rotaries that can tilt the tool against the work make five axes.
+
+    In every build the rotary next to the tool must not stand along the tool (Z at
+    zero), or it would turn the cutter about itself, and the two must not be parallel.
+    """
+    first, second = rotaries
+    # Tables are listed base to work, and the base is what stands nearer to the tool; heads base to tool.
+    next_to_tool = first if second.kind is Kind.TABLE else second
+    table = Table(file, f"[[axis]] {next_to_tool.name}", {"direction": list(next_to_tool.direction)})
+    if norm(cross(next_to_tool.direction, Z)) < PARALLEL:
+        problem = "this rotary is next to the tool and parallel to it, so it cannot tilt it"
+        order = "list table rotaries from base to work and head rotaries from base to tool"
+        table.refuse("direction", problem, "a direction at an angle to Z", order)
+    if norm(cross(first.direction, second.direction)) < PARALLEL:
+        table.refuse("direction", "the two rotaries are parallel", "two directions", "correct one")
+
+
+def _find(source: str | Path) -> Path:
+    path = Path(source)
+    if path.is_file():
+        return path
+    name = str(source).removesuffix(".toml")
+    if name in shipped():
+        return SHIPPED / f"{name}.toml"
+    near = difflib.get_close_matches(name, shipped(), n=1)
+    do = f"did you mean {near[0]!r}" if near else "give a path or one of these names"
+    raise ConfigError(f"{source}: no such machine file; allowed: a path or {', '.join(shipped())}; {do}.")
+
+
+def _beside(folder: Path, name: str, table: Table, key: str = "file") -> Path:
+    """A file seen from ``folder``, else one of the shipped ones, so that a copied machine file works."""
+    for path in (folder / name, SHIPPED / name, SHIPPED / "drives" / name):
+        if path.is_file():
+            return path
+    table.refuse(key, f"there is no such file in {folder}", "a path seen from the machine file", "correct it")

@@ -1,0 +1,407 @@
+"""The one door between the slow side and the tick.
+
+Four things pass through it, and nothing else:
+
+* pieces, plan -> tick: a SEQPACKET socket; a message is taken whole or not at all;
+* requests, operator -> tick: datagrams of one fixed size;
+* the snapshot, tick -> all: shared memory, two buffers and a counter;
+* the flight recorder, tick -> slow side: a ring of rows in shared memory.
+
+Plan time is the path clock: seconds of planned motion since the queue began. It
+advances by ``rate`` times the period at every SYNC sent, and stands while the rate
+is zero. A message of pieces says from which plan time on it replaces the queue:
+
+```
+   plan time   |-- past --|now|-- at least 20 ms --|commit|-- may be replaced --|queue end, at rest
+                                                    ^ replace_from_s >= commit
+```
+Every message ends in a standstill, so whatever is lost afterwards, the queue does too.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import mmap
+import os
+import pickle
+import socket
+import struct
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from controller.motions import Motion
+from controller.state import Fault, Mode, Request
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+AXES = 5
+STANDSTILL = -1  # motion id of a dwell: no motion, the joints stay
+COMMIT_LEAD_S = 0.020  # the commit point is at least this far ahead of the path clock ...
+COMMIT_LEAD_TICKS = 3  # ... and at least this many ticks
+PLANNER_SILENCE_S = 0.100  # longer silence while moving: hold on the path
+
+Quintic = tuple[float, float, float, float, float, float]
+
+
+def commit_lead_s(period_s: float) -> float:
+    """How far ahead of the path clock the queue can no longer be changed (s)."""
+    return max(COMMIT_LEAD_S, COMMIT_LEAD_TICKS * period_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """Distance along a motion over time: s(t) = sum c_k (t - knot_i)^k between knots.
+
+    ``knots_s`` has n + 1 rising times from 0.0; ``coefficients`` n rows c0 .. c5 in
+    units of ``s`` and seconds.
+    """
+
+    knots_s: tuple[float, ...]
+    coefficients: tuple[Quintic, ...]
+
+    @property
+    def duration_s(self) -> float:
+        return self.knots_s[-1]
+
+    def at(self, t: float) -> tuple[float, float, float]:
+        """(s, ds/dt, d2s/dt2) at ``t``, clamped to the law's own time."""
+        index = 0
+        while index < len(self.coefficients) - 1 and t >= self.knots_s[index + 1]:
+            index += 1
+        c0, c1, c2, c3, c4, c5 = self.coefficients[index]
+        x = min(max(t, 0.0), self.knots_s[-1]) - self.knots_s[index]
+        return (
+            c0 + x * (c1 + x * (c2 + x * (c3 + x * (c4 + x * c5)))),
+            c1 + x * (2 * c2 + x * (3 * c3 + x * (4 * c4 + x * 5 * c5))),
+            2 * c2 + x * (6 * c3 + x * (12 * c4 + x * 20 * c5)),
+        )
+
+
+STILL = Law((0.0, 0.0), ((0.0, 0.0, 0.0, 0.0, 0.0, 0.0),))
+
+
+class Piece(NamedTuple):
+    """A stretch of one motion with its law; starts where the piece before it ends.
+
+    ``override`` is the share of F (of the rapid speed, for rapids) at which it was
+    planned; the tick slows by (wanted / planned) and never goes faster than planned.
+    """
+
+    motion_id: int  # STANDSTILL for a dwell
+    line: int  # 1-based line of the text, 0 = none
+    law: Law
+    duration_s: float
+    cutting: bool = False
+    rapid: bool = False
+    override: float = 1.0
+    stop: bool = False  # M0 after it: HOLD until RESUME
+    end: bool = False  # the program ends with it: READY
+    spindle_rev_min: float = 0.0  # signed
+    coolant: int = 0
+
+
+def dwell(seconds: float, line: int = 0, stop: bool = False, end: bool = False) -> Piece:
+    """A piece that stands still for ``seconds`` (0.0 only carries ``stop`` or ``end``)."""
+    return Piece(STANDSTILL, line, STILL, seconds, stop=stop, end=end)
+
+
+@dataclass(frozen=True, slots=True)
+class PieceMessage:
+    """Everything from ``replace_from_s`` on, to a standstill. No pieces and no motions: a keepalive."""
+
+    sequence: int  # counts up from 1
+    replace_from_s: float  # plan time
+    motions: dict[int, Motion] = field(default_factory=dict)  # those the tick has not had yet
+    pieces: tuple[Piece, ...] = ()
+
+    @property
+    def is_keepalive(self) -> bool:
+        return not self.pieces
+
+
+# ---- pieces on the wire: packets of (sequence, part, parts) + a slice of the pickle.
+# The kernel bounds a packet by the send buffer, so a long message goes in parts.
+_PART = struct.Struct("<IHH")
+_PART_BYTES = 60_000
+_BUFFER_BYTES = 4 << 20
+
+
+def encode(message: PieceMessage) -> list[bytes]:
+    """The packets of a message, in the order in which they must be sent."""
+    data = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
+    parts = [data[i : i + _PART_BYTES] for i in range(0, len(data), _PART_BYTES)]
+    return [_PART.pack(message.sequence & 0xFFFFFFFF, i, len(parts)) + p for i, p in enumerate(parts)]
+
+
+def piece_pair() -> tuple[socket.socket, socket.socket]:
+    """(plan's end, tick's end) of a new piece socket, both non-blocking."""
+    plan, tick = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    for end, option in ((plan, socket.SO_SNDBUF), (tick, socket.SO_RCVBUF)):
+        end.setsockopt(socket.SOL_SOCKET, option, _BUFFER_BYTES)
+        end.setblocking(False)
+    return plan, tick
+
+
+class PieceOutbox:
+    """Plan's end of the piece socket; keeps what does not fit into it yet."""
+
+    def __init__(self, plan_end: socket.socket) -> None:
+        self._socket = plan_end
+        self._waiting: list[bytes] = []
+
+    def send(self, message: PieceMessage) -> bool:
+        """Queue and send what fits; False while packets are still waiting.
+
+        A keepalive is dropped when packets wait: they are a sign of life themselves.
+        """
+        if not (message.is_keepalive and self._waiting):
+            self._waiting += encode(message)
+        return self.flush()
+
+    def flush(self) -> bool:
+        """Send waiting packets; False when some still wait. OSError when the tick is gone."""
+        while self._waiting:
+            try:
+                self._socket.send(self._waiting[0])
+            except BlockingIOError:
+                return False
+            del self._waiting[0]
+        return True
+
+
+class PieceInbox:
+    """The tick's end of the piece socket: at most one whole message per ``take``."""
+
+    def __init__(self, tick_end: socket.socket) -> None:
+        self._socket = tick_end
+        self._parts: list[bytes] = []
+        self.heard = False  # anything came in since the flag was last cleared
+        self.closed = False
+
+    def take(self) -> PieceMessage | None:
+        """The next complete message, or None. Never blocks, never raises on a lost peer."""
+        while not self.closed:
+            try:
+                packet = self._socket.recv(_PART_BYTES + _PART.size)
+            except BlockingIOError:
+                return None
+            except OSError:
+                packet = b""
+            if not packet:
+                self.closed = True  # the plan is gone: its silence is noticed like any other
+                return None
+            self.heard = True
+            message = self._join(packet)
+            if message is not None:
+                return message
+        return None
+
+    def _join(self, packet: bytes) -> PieceMessage | None:
+        _, part, parts = _PART.unpack_from(packet)
+        if part == 0:
+            self._parts.clear()
+        if part != len(self._parts):
+            return None  # the rest of a message whose beginning was lost
+        self._parts.append(packet[_PART.size :])
+        if part + 1 < parts:
+            return None
+        message = pickle.loads(b"".join(self._parts))
+        self._parts.clear()
+        return message if isinstance(message, PieceMessage) else None
+
+
+# ---- requests
+_REQUEST = struct.Struct("<Bd")
+
+
+def request_pair() -> tuple[socket.socket, socket.socket]:
+    """(operator's end, tick's end) of a new request socket, both non-blocking."""
+    operator, tick = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    operator.setblocking(False)
+    tick.setblocking(False)
+    return operator, tick
+
+
+def send_request(operator_end: socket.socket, request: Request, value: float = 0.0) -> None:
+    """Ask the tick for something; raises BlockingIOError when its queue is full."""
+    operator_end.send(_REQUEST.pack(request, value))
+
+
+class RequestInbox:
+    """The tick's end of the request socket."""
+
+    def __init__(self, tick_end: socket.socket) -> None:
+        self._socket = tick_end
+        self._buffer = bytearray(_REQUEST.size)
+
+    def take(self) -> tuple[Request, float] | None:
+        """The next well-formed request, or None."""
+        while True:
+            try:
+                length = self._socket.recv_into(self._buffer)
+            except OSError:  # nothing there (BlockingIOError), or nobody any more
+                return None
+            if length != _REQUEST.size:
+                return None if length == 0 else self.take()
+            code, value = _REQUEST.unpack(self._buffer)
+            if code in _REQUESTS:
+                return _REQUESTS[code], value
+
+
+_REQUESTS = {request.value: request for request in Request}
+
+
+# ---- shared memory
+class SharedBlock:
+    """Bytes that processes share: anonymous (inherited by fork) or behind a file in memory."""
+
+    def __init__(self, size: int, path: str | None = None, create: bool = True) -> None:
+        self.path = path
+        if path is None:
+            self.memory = mmap.mmap(-1, size)
+            return
+        descriptor = os.open(path, os.O_RDWR | (os.O_CREAT if create else 0), 0o660)
+        try:
+            if create:
+                os.ftruncate(descriptor, size)
+            self.memory = mmap.mmap(descriptor, size)
+        finally:
+            os.close(descriptor)
+
+    def close(self) -> None:
+        with contextlib.suppress(BufferError):
+            self.memory.close()
+
+
+class Snapshot(NamedTuple):
+    """The state of the machine at the end of one tick; mm, radians, seconds."""
+
+    tick: int
+    mode: Mode
+    fault: Fault
+    fault_axis: int  # index of the axis, -1 = none
+    plan_time_s: float
+    commit_s: float
+    queue_end_s: float
+    rate: float
+    override: float
+    rapid_override: float
+    s: float
+    motion_id: int
+    line: int
+    cutting: bool
+    homed: int  # bit mask
+    joints: tuple[float, ...]
+    actual: tuple[float, ...]
+    drive_states: tuple[int, ...]
+    skips: int
+    late_max_s: float
+    accepted: int  # sequence of the last message taken
+    rejected: int  # sequence of the last message refused
+    spindle_rev_min: float
+    coolant: int
+    refused_request: int  # the last request that the table refused, 0 = none
+    at_rest: bool
+
+
+_SNAPSHOT = struct.Struct("<q3i7d4i5d5d5iid2Idii?")
+_COUNTER = struct.Struct("<Q")
+_SLOT = (_SNAPSHOT.size + 7) // 8 * 8
+
+
+class SnapshotBoard:
+    """One writer (the tick), any number of readers; a reader never sees half a snapshot.
+
+    The writer fills the buffer that is not shown and then moves the counter; a reader
+    whose counter has moved on meanwhile reads again.
+    """
+
+    def __init__(self, path: str | None = None, create: bool = True) -> None:
+        self.block = SharedBlock(_COUNTER.size + 2 * _SLOT, path, create)
+        self._memory = self.block.memory
+        self._count = 0
+
+    def write(self, *values: Any) -> None:
+        """Publish one snapshot: the flat values in the order of ``Snapshot``."""
+        self._count += 1
+        _SNAPSHOT.pack_into(self._memory, _COUNTER.size + (self._count & 1) * _SLOT, *values)
+        _COUNTER.pack_into(self._memory, 0, self._count)
+
+    def read(self) -> Snapshot | None:
+        """The newest snapshot; None before the first."""
+        while True:
+            (count,) = _COUNTER.unpack_from(self._memory, 0)
+            if count == 0:
+                return None
+            values = _SNAPSHOT.unpack_from(self._memory, _COUNTER.size + (count & 1) * _SLOT)
+            if _COUNTER.unpack_from(self._memory, 0)[0] == count:
+                return _snapshot(values)
+
+
+def _snapshot(v: tuple[Any, ...]) -> Snapshot:
+    named = (v[0], Mode(v[1]), Fault(v[2]), *v[3:13], bool(v[13]), v[14])
+    return Snapshot._make((*named, v[15:20], v[20:25], v[25:30], *v[30:]))
+
+
+# ---- flight recorder: one row of float64 per tick
+ROW: tuple[str, ...] = (
+    "tick",
+    "mode",
+    "fault",
+    "motion_id",
+    "line",
+    "cutting",
+    "plan_time_s",
+    "s",
+    "rate",
+    "feed_mm_s",
+    *(f"joint_command_{i}" for i in range(AXES)),
+    *(f"setpoint_{i}" for i in range(AXES)),
+    *(f"actual_{i}" for i in range(AXES)),
+    "lateness_s",
+    "sync_sent",
+    "accepted",
+)
+COLUMN = {name: i for i, name in enumerate(ROW)}
+_ROW = struct.Struct(f"<{len(ROW)}d")
+RECORDER_ROWS = 1 << 14  # 33 s at 2 ms
+
+
+class Recorder:
+    """Ring of rows in shared memory: the tick writes, the slow side drains."""
+
+    def __init__(self, path: str | None = None, create: bool = True, rows: int = RECORDER_ROWS) -> None:
+        self.rows = rows
+        self.block = SharedBlock(_COUNTER.size + rows * _ROW.size, path, create)
+        self._memory = self.block.memory
+        self._written = 0
+        self._read = 0
+        self.lost = 0  # rows overwritten before this reader saw them
+
+    def write(self, *values: float) -> None:
+        """Append one row: the values in the order of ``ROW``."""
+        _ROW.pack_into(self._memory, _COUNTER.size + self._written % self.rows * _ROW.size, *values)
+        self._written += 1
+        _COUNTER.pack_into(self._memory, 0, self._written)
+
+    def drain(self) -> NDArray[np.float64]:
+        """Rows written since the last call, shape (N, len(ROW)); counts in ``lost`` what was too old.
+
+        The oldest quarter of a full ring may be overwritten while it is copied and is given up.
+        """
+        import numpy as np
+
+        (written,) = _COUNTER.unpack_from(self._memory, 0)
+        first = max(self._read, written - self.rows * 3 // 4)
+        self.lost += first - self._read
+        self._read = written
+        ring = np.frombuffer(self._memory, dtype="<f8", offset=_COUNTER.size).reshape(self.rows, len(ROW))
+        return np.asarray(ring[np.arange(first, written) % self.rows], dtype=np.float64)
+
+
+def motions_used(pieces: Iterable[Piece]) -> set[int]:
+    """Identities of the motions that ``pieces`` need."""
+    return {piece.motion_id for piece in pieces if piece.motion_id != STANDSTILL}

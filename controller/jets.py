@@ -1,0 +1,164 @@
+"""Truncated Taylor series to the third order: exact derivatives of any formula.
+
+A formula written for ``m=math`` or ``m=numpy`` gives, with ``m=controller.jets`` and
+``variable(u)`` for u, its value and first three derivatives at every sample at once:
+``c[k]`` holds the k-th derivative over k!, shape (4, ...). Products are products of
+polynomials without their higher terms; functions follow from the differential
+equation each obeys, coefficient by coefficient (e.g. f = sqrt(x): f f = x).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+ORDER = 3
+pi = math.pi
+
+
+class Jet:
+    """f(u0 + h) = c[0] + c[1] h + c[2] h^2 + c[3] h^3 at an array of points u0."""
+
+    __slots__ = ("c",)
+    __array_ufunc__ = None  # an array on the left of + - * / hands over to the jet
+
+    def __init__(self, c: Array) -> None:
+        self.c = c
+
+    def derivative(self, order: int) -> Array:
+        """d^order f / du^order, order 0 to 3."""
+        return np.asarray(self.c[order] * float(math.factorial(order)))
+
+    def __add__(self, other: Any) -> Jet:
+        if isinstance(other, Jet):
+            return Jet(self.c + other.c)
+        return Jet(np.stack([self.c[0] + other, *np.broadcast_arrays(*self.c[1:])]))
+
+    def __neg__(self) -> Jet:
+        return Jet(-self.c)
+
+    def __sub__(self, other: Any) -> Jet:
+        return self.__add__(-other)
+
+    def __rsub__(self, other: Any) -> Jet:
+        return self.__neg__().__add__(other)
+
+    def __mul__(self, other: Any) -> Jet:
+        if not isinstance(other, Jet):
+            return Jet(self.c * other)
+        a, b = self.c, other.c
+        return Jet(np.stack([sum(a[i] * b[k - i] for i in range(k + 1)) for k in range(ORDER + 1)]))
+
+    def __truediv__(self, other: Any) -> Jet:
+        if not isinstance(other, Jet):
+            return Jet(self.c / other)
+        return _quotient(self.c, other.c)
+
+    def __rtruediv__(self, other: Any) -> Jet:
+        zero = np.zeros(np.shape(self.c[0]))
+        return _quotient(np.stack([zero + other, zero, zero, zero]), self.c)
+
+    def __pow__(self, exponent: int) -> Jet:
+        if exponent < 0:
+            return 1.0 / self ** (-exponent)
+        result = constant(np.ones(np.shape(self.c[0])))
+        for _ in range(exponent):
+            result = result * self
+        return result
+
+    __radd__ = __add__
+    __rmul__ = __mul__
+
+
+def variable(u: Any) -> Jet:
+    """The parameter itself at the points ``u`` (float or array)."""
+    u = np.asarray(u, dtype=float)
+    return Jet(np.stack([u, np.ones(u.shape), np.zeros(u.shape), np.zeros(u.shape)]))
+
+
+def constant(value: Any) -> Jet:
+    """A value that does not depend on the parameter."""
+    value = np.asarray(value, dtype=float)
+    return Jet(np.stack([value, *(np.zeros(value.shape),) * ORDER]))
+
+
+def jet(value: Any) -> Jet:
+    """``value`` as a jet, whatever it is."""
+    return value if isinstance(value, Jet) else constant(value)
+
+
+def _pair(x: Any, y: Any) -> tuple[Jet, Jet]:
+    """Both as jets of one shape; one of them may be a number."""
+    x, y = jet(x), jet(y)
+    zero = np.zeros(np.broadcast_shapes(np.shape(x.c[0]), np.shape(y.c[0])))
+    return Jet(np.stack([c + zero for c in x.c])), Jet(np.stack([c + zero for c in y.c]))
+
+
+def _quotient(a: Array, b: Array) -> Jet:
+    """q b = a."""
+    q: list[Any] = []
+    for k in range(ORDER + 1):
+        q.append((a[k] - sum(q[i] * b[k - i] for i in range(k))) / b[0])
+    return Jet(np.stack(q))
+
+
+def sqrt(x: Any) -> Jet:
+    """f f = x; x > 0."""
+    a = jet(x).c
+    f: list[Any] = [np.sqrt(a[0])]
+    for k in range(1, ORDER + 1):
+        f.append((a[k] - sum(f[i] * f[k - i] for i in range(1, k))) / (2.0 * f[0]))
+    return Jet(np.stack(f))
+
+
+def _sine_cosine(x: Any) -> tuple[Jet, Jet]:
+    """s' = c x', c' = -s x'."""
+    a = jet(x).c
+    s: list[Any] = [np.sin(a[0])]
+    c: list[Any] = [np.cos(a[0])]
+    for k in range(1, ORDER + 1):
+        s.append(sum(i * a[i] * c[k - i] for i in range(1, k + 1)) / k)
+        c.append(-sum(i * a[i] * s[k - i] for i in range(1, k + 1)) / k)
+    return Jet(np.stack(s)), Jet(np.stack(c))
+
+
+def sin(x: Any) -> Jet:
+    return _sine_cosine(x)[0]
+
+
+def cos(x: Any) -> Jet:
+    return _sine_cosine(x)[1]
+
+
+def hypot(x: Any, y: Any) -> Jet:
+    x, y = _pair(x, y)
+    return sqrt(x * x + y * y)
+
+
+def atan2(y: Any, x: Any) -> Jet:
+    """(x x + y y) f' = x y' - y x'; the value by ``numpy.atan2``."""
+    x, y = _pair(x, y)
+    rate = (x * _rate(y) - y * _rate(x)) / (x * x + y * y)
+    return _integral(np.atan2(y.c[0], x.c[0]), rate)
+
+
+def acos(x: Any) -> Jet:
+    """f' = -x' / sqrt(1 - x x); -1 < x < 1."""
+    x = jet(x)
+    return _integral(np.acos(x.c[0]), -(_rate(x) / sqrt(1.0 - x * x)))
+
+
+def _rate(x: Jet) -> Jet:
+    """x' as a series; its last coefficient is unknown, left 0 and not used by ``_integral``."""
+    a = x.c
+    return Jet(np.stack([a[1], 2.0 * a[2], 3.0 * a[3], np.zeros(np.shape(a[0]))]))
+
+
+def _integral(value: Array, rate: Jet) -> Jet:
+    r = rate.c
+    return Jet(np.stack([np.broadcast_to(value, np.shape(r[0])), r[0], r[1] / 2.0, r[2] / 3.0]))

@@ -1,0 +1,150 @@
+"""What a machine is: axes, buses, tools and offsets as frozen values.
+
+Inside, lengths are millimetres, angles radians, times seconds, and a rotary's
+position is the right-hand angle of the body it carries ("carried" sense). The
+machine file's degrees and its configured sense end in ``config.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+from controller.geometry import Frame, Vector
+
+Joints = tuple[float, float, float, float, float]
+
+
+class Kind(Enum):
+    """Where an axis stands: a linear slide, a rotary under the work, a rotary in the head."""
+
+    LINEAR = "linear"
+    TABLE = "table"
+    HEAD = "head"
+
+
+class Sense(Enum):
+    """Sign of a table rotary outside: of the carried body, or as if the tool turned (ISO 841)."""
+
+    CARRIED = "carried"
+    ISO = "iso"
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Largest velocity, acceleration and jerk of one joint (mm or rad per s, s^2, s^3)."""
+
+    velocity: float
+    acceleration: float
+    jerk: float
+
+
+@dataclass(frozen=True, slots=True)
+class Homing:
+    """How the drive finds its zero (CiA 402-2 object 6098h and friends)."""
+
+    method: int = 37
+    group: int = 0
+    position: float = 0.0  # joint position at the homed point, mm or rad
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """One joint: geometry, travel, limits, and the drive that moves it."""
+
+    name: str
+    kind: Kind
+    direction: Vector
+    point_mm: Vector  # a point on a rotary's axis, machine frame at zero; unused for linear axes
+    sense: Sense
+    travel_min: float
+    travel_max: float
+    limits: Limits
+    counts_per_unit: float  # drive counts per mm or per radian, with the drive's sign
+    bus: str
+    node: int
+    profile: str
+    homing: Homing
+    following_error: float  # largest allowed, mm or rad
+    brake: bool
+
+    @property
+    def is_rotary(self) -> bool:
+        return self.kind is not Kind.LINEAR
+
+    @property
+    def shown_per_unit(self) -> float:
+        """Factor from the inner value (mm, carried radians) to the shown one (mm, degrees, sense)."""
+        if not self.is_rotary:
+            return 1.0
+        flip = self.kind is Kind.TABLE and self.sense is Sense.ISO
+        return -math.degrees(1.0) if flip else math.degrees(1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Bus:
+    """One CAN bus: how to open it and how fast it is."""
+
+    name: str
+    interface: str  # "virtual", "socketcan" or a python-can interface name
+    channel: str
+    bit_rate: int
+
+
+@dataclass(frozen=True, slots=True)
+class Tool:
+    """A cylindrical cutter; length is from the gauge line to the tip."""
+
+    number: int
+    name: str
+    radius_mm: float
+    length_mm: float
+    flute_mm: float
+
+
+@dataclass(frozen=True, slots=True)
+class Spindle:
+    """The spindle as far as programs need it; its drive comes with its own issue."""
+
+    max_rev_min: float
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """Everything of a machine file; ``text`` is the file itself, kept for traces and recordings."""
+
+    name: str
+    period_s: float
+    sync: str  # "tick" or "kernel"
+    clearance_mm: float
+    lead_mm: float
+    retract_mm: float
+    rapid_share: float  # share of the axis limits that rapids use, 0 < x <= 1
+    gouge: str  # "refuse" or "warn"
+    max_bus_share: float
+    skip_limit_per_s: float
+    axes: tuple[Axis, ...]
+    buses: tuple[Bus, ...]
+    tools: tuple[Tool, ...]
+    offsets: tuple[Frame, ...]  # G54 .. G59: the part frame seen from the table frame at zero
+    spindle: Spindle | None
+    text: str
+
+    def linear(self) -> tuple[int, int, int]:
+        """Indices of X, Y and Z in ``axes``."""
+        names = [axis.name for axis in self.axes]
+        return names.index("X"), names.index("Y"), names.index("Z")
+
+    def rotary(self) -> tuple[int, int]:
+        """Indices of the two rotaries, in the file's order."""
+        first, second = (i for i, axis in enumerate(self.axes) if axis.is_rotary)
+        return first, second
+
+    def tool(self, number: int) -> Tool | None:
+        return next((tool for tool in self.tools if tool.number == number), None)
+
+    def shown(self, joints: Sequence[float]) -> tuple[float, ...]:
+        """Joints as programs, page and trace show them: mm and degrees in the configured sense."""
+        return tuple(q * axis.shown_per_unit for q, axis in zip(joints, self.axes, strict=True))

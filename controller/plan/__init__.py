@@ -1,0 +1,1 @@
+"""Everything that is decided ahead of the tick: words, blocks, path, limits, profile."""

@@ -1,0 +1,151 @@
+"""A program as read: blocks with their place in the text, and the error that refuses one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from controller.geometry import Vector
+
+
+class ProgramError(Exception):
+    """One sentence on why a program is refused, and where: file, 1-based line and column."""
+
+    def __init__(self, file: str, line: int, column: int, sentence: str) -> None:
+        super().__init__(f"{file}:{line}:{column}: {sentence}")
+        self.file, self.line, self.column, self.sentence = file, line, column, sentence
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where a block's motion word stands: 1-based line and column."""
+
+    line: int
+    column: int
+
+
+class Side(Enum):
+    """Side of the surface on which the cutter runs, seen along the travel with C0 up."""
+
+    RIGHT = 1.0  # Eq. 5: G42, and G40 on G51/G52
+    LEFT = -1.0  # G41
+
+
+@dataclass(frozen=True, slots=True)
+class Modal:
+    """The modal state in which a block runs."""
+
+    tool: int  # number of the tool in the spindle
+    offset: int  # 0 = G54 .. 5 = G59
+    side: Side
+    length_mm: float  # tool length that G43 adds to Z of joint moves, 0 under G49
+    exact: bool  # G61; False = G64
+    # G64 P and Q, how far the path may be left; 0.0 where the word is missing, so that
+    # G64 alone gives nothing away and runs as G61.
+    blend_mm: float
+    blend_deg: float
+    feed_mm_s: float | None  # modal F as lengths read it
+    spindle_rev_min: float  # signed; 0 = off
+    coolant: int  # 0 off, 1 mist, 2 flood, 3 both
+
+
+@dataclass(frozen=True, slots=True)
+class CutCone:
+    """G51: right circular cone frustum, axis +Z, absolute part-frame coordinates in mm."""
+
+    place: Place
+    modal: Modal
+    start: Vector
+    centre: Vector
+    height_mm: float
+    upper_radius_mm: float
+    sweep_rad: float  # positive counter-clockwise seen from +Z
+    feed_mm_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class CutRuled:
+    """G52: two cubic Beziers, upper and lower, absolute part-frame coordinates in mm."""
+
+    place: Place
+    modal: Modal
+    upper: tuple[Vector, Vector, Vector, Vector]
+    lower: tuple[Vector, Vector, Vector, Vector]
+    feed_mm_s: float
+
+
+# A target per axis of the machine: None keeps the axis where it is, otherwise a
+# program value in mm or radians (carried sense) and whether it is a distance (G91)
+# or a machine position (G53, no offset).
+Targets = tuple[float | None, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class JointLine:
+    """G0 or G1 to joint targets; ``feed_mm_s`` None means rapid.
+
+    Where no X Y Z stands in the block, the feed is in degrees per second.
+    """
+
+    place: Place
+    modal: Modal
+    targets: Targets
+    relative: bool
+    machine_frame: bool
+    feed_mm_s: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class JointArc:
+    """G2/G3 in the plane (a, b) with a helix along the third axis; centre by I J K or R."""
+
+    place: Place
+    modal: Modal
+    plane: tuple[int, int, int]  # 0..2 for X Y Z: first, second, normal axis of the plane
+    clockwise: bool
+    targets: Targets
+    relative: bool
+    centre_mm: tuple[float, float] | None  # from the start point (G91.1), plane axes
+    radius_mm: float | None  # R form; negative = the long way
+    turns: int  # P: 1 is the arc itself, each more adds a whole turn
+    feed_mm_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Dwell:
+    """G4 P: standstill for a time that runs on ticks."""
+
+    place: Place
+    modal: Modal
+    seconds: float
+
+
+class Act(Enum):
+    """What the machine does between motions; comes at standstill."""
+
+    STOP = "M0"
+    OPTIONAL_STOP = "M1"
+    END = "M30"
+    SPINDLE = "M3/M4/M5"
+    TOOL = "M6"
+    COOLANT = "M7/M8/M9"
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """A machine function; ``modal`` is the state after it."""
+
+    place: Place
+    modal: Modal
+    act: Act
+
+
+Block = CutCone | CutRuled | JointLine | JointArc | Dwell | Action
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A whole program, read and found sound as text."""
+
+    name: str
+    blocks: tuple[Block, ...]

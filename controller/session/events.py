@@ -1,0 +1,70 @@
+"""An operator's requests at given ticks: the ``--events`` file of ``simulate``, one JSON object a line."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from controller.state import Request
+from controller.tick.mode import MOST_OVERRIDE
+
+REQUESTS = {
+    "hold": Request.HOLD,
+    "resume": Request.RESUME,
+    "stop": Request.STOP,
+    "override": Request.OVERRIDE,
+    "rapid_override": Request.RAPID_OVERRIDE,
+}
+WITH_VALUE = ("override", "rapid_override")
+
+
+class EventError(Exception):
+    """One sentence on what is wrong in an events file, with file and line."""
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """``request`` reaches the tick of trace row ``tick``; ``value`` is a share (1.0 = 100 %)."""
+
+    tick: int
+    request: Request
+    value: float = 0.0
+
+
+def read(path: Path) -> tuple[Event, ...]:
+    """The events of a file in the order of their ticks. Raises EventError."""
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise EventError(f"{path}: cannot be read as text ({error}); give a file of JSON lines.") from error
+    found = [_event(f"{path}:{n}", line) for n, line in enumerate(lines, 1) if line.strip()]
+    return tuple(sorted(found, key=lambda event: event.tick))
+
+
+def _event(where: str, line: str) -> Event:
+    try:
+        data = json.loads(line)
+    except json.JSONDecodeError as error:
+        raise EventError(f"{where}: this is not JSON ({error.msg}); write one object per line.") from error
+    if not isinstance(data, dict) or (unknown := set(data) - {"tick", "request", "value"}):
+        named = f"unknown key {sorted(unknown)[0]!r}" if isinstance(data, dict) else "no object"
+        raise EventError(f'{where}: {named}; allowed are "tick", "request" and "value".')
+    tick = data.get("tick")
+    if not isinstance(tick, int) or isinstance(tick, bool) or tick < 0:
+        raise EventError(f'{where}: "tick" is {tick!r}; it must be a whole number from 0, counted from cycle start.')
+    request = data.get("request")
+    if request not in REQUESTS:
+        raise EventError(f'{where}: "request" is {request!r}; allowed are {", ".join(REQUESTS)}.')
+    return Event(tick, REQUESTS[request], _share(where, request, data))
+
+
+def _share(where: str, request: str, data: dict[str, Any]) -> float:
+    if request not in WITH_VALUE:
+        return 0.0
+    value = data.get("value")
+    most = MOST_OVERRIDE * 100.0
+    if not isinstance(value, int | float) or isinstance(value, bool) or not 0.0 <= value <= most:
+        raise EventError(f'{where}: "value" is {value!r}; {request} takes 0 to {most:.0f} (percent).')
+    return float(value) / 100.0

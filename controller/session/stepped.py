@@ -1,0 +1,235 @@
+"""A whole machine on the stepped clock: planner, tick, bus and simulated drives in one process.
+
+The same loop, cycle, planner, commissioning and drives as in production; only the
+clock is another. No threads, no wall-clock time: the same machine, program and events
+give the same setpoints, as fast as the computer can.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from controller import config
+from controller.handoff import (
+    PieceInbox,
+    PieceOutbox,
+    Recorder,
+    RequestInbox,
+    SnapshotBoard,
+    piece_pair,
+    request_pair,
+    send_request,
+)
+from controller.kinematics import Kinematics
+from controller.machine import Joints, Machine
+from controller.plan.path import Path
+from controller.plan.planner import Planner
+from controller.session.events import Event
+from controller.state import FAULTS, Fault, Mode, Request
+from controller.tick.cycle import Cycle
+from controller.tick.loop import Loop, SteppedClock
+from drives import commission, pdo
+from drives.drive import Drive
+from drives.group import Group
+from drives.simulated.parameters import LostSync
+from drives.simulated.rig import rig
+
+PLAN_EVERY = 16  # ticks between two turns of the planner
+DRAIN_EVERY = 4096  # ticks between two looks at the recorder
+LONGEST_WAIT = 30_000  # ticks for enabling or homing
+HOMING, CSP = 6, 8  # modes of operation, 6060h
+
+Rows = npt.NDArray[np.float64]
+
+
+class SessionError(Exception):
+    """The machine did not come up; the text says which mode or fault it is in."""
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What came of one program: rows of the recorder from cycle start, and how it ended."""
+
+    rows: Rows
+    result: str  # "completed", "stopped", "held" or "fault"
+    fault: Fault
+    fault_axis: int
+    first_tick: int
+    skips: int
+    assumed_resumes: int  # program stops (M0) after which an operator's resume was assumed
+
+    @property
+    def fault_text(self) -> str:
+        row = FAULTS[self.fault]
+        return "" if self.fault is Fault.NONE else f"{row.text} {row.remedy}"
+
+
+class SteppedMachine:
+    """Powers up, commissions, homes and runs programs."""
+
+    def __init__(
+        self,
+        machine: Machine,
+        *,
+        stiffness: Mapping[str, float] | None = None,
+        lost_sync: LostSync = LostSync.HOLD,
+        lateness: Callable[[int], float] | None = None,
+    ) -> None:
+        """``stiffness``: factor on the position gain by axis name; ``lateness``: see SteppedClock."""
+        self.machine = machine
+        self.kinematics = Kinematics(machine)
+        self._nodes = config.node_settings(machine)
+        master = config.master_settings(machine)
+        buses = config.bus_settings(machine)
+        self.rig = rig(self._nodes, buses, stiffness=stiffness, lost_sync=lost_sync)
+        self._networks = {
+            bus.name: commission.Network(
+                self.rig.port(pdo.SERVICE_FILTERS, bus.name), commission.stepped_pump(self.rig)
+            )
+            for bus in buses
+        }
+        for bus in buses:
+            here = [node for node in self._nodes if node.bus == bus.name]
+            commission.commission(self._networks[bus.name], here, master)
+        ports = {bus.name: self.rig.port(pdo.TICK_FILTERS, bus.name) for bus in buses}
+        self._group = Group([Drive(node) for node in self._nodes], ports, master)
+        self._plan_end, tick_end = piece_pair()
+        self._operator, request_end = request_pair()
+        self.board, self.recorder = SnapshotBoard(), Recorder()
+        self.clock = SteppedClock([self._advance], lateness)
+        self.cycle = Cycle(
+            machine,
+            self._group,
+            PieceInbox(tick_end),
+            RequestInbox(request_end),
+            self.board,
+            self.recorder,
+            self.clock.now_s,
+        )
+        self._group.start()
+        self._loop = Loop(self.cycle, self.clock)
+        self._offset_s = self.rig.now_s
+        self.planner = Planner(machine, self.kinematics, PieceOutbox(self._plan_end).send)
+        self._rows: list[Rows] = []
+
+    def _advance(self, now_s: float) -> None:
+        self.rig.advance(now_s + self._offset_s)
+
+    def request(self, request: Request, value: float = 0.0) -> None:
+        send_request(self._operator, request, value)
+
+    def tick(self) -> None:
+        self._loop.tick()
+
+    @property
+    def joints(self) -> Joints:
+        """The commanded joints."""
+        return self.cycle.follow.joints
+
+    # --- coming up
+
+    def come_up(self) -> None:
+        """Home every axis, group by group, and enable. Raises SessionError."""
+        for group in sorted({axis.homing.group for axis in self.machine.axes}):
+            self._home([i for i, axis in enumerate(self.machine.axes) if axis.homing.group == group])
+        self._ask(Request.ENABLE, 0.0, Mode.READY)
+
+    def _home(self, axes: Sequence[int]) -> None:
+        self._set_mode(axes, HOMING)
+        self._ask(Request.HOME, float(sum(1 << i for i in axes)), Mode.OFF)
+        self._set_mode(axes, CSP)
+
+    def _set_mode(self, axes: Sequence[int], mode: int) -> None:
+        for i in axes:
+            node = self._nodes[i]
+            commission.set_mode(self._networks[node.bus], node, mode)
+        self._offset_s = self.rig.now_s - self.clock.now_s()
+
+    def _ask(self, request: Request, value: float, wanted: Mode) -> None:
+        self.request(request, value)
+        self.tick()
+        for _ in range(LONGEST_WAIT):
+            if self.cycle.modes.mode is wanted:
+                return
+            if self.cycle.modes.mode is Mode.FAULT:
+                break
+            self.tick()
+        modes = self.cycle.modes
+        raise SessionError(
+            f"{request.name.lower()} ended in mode {modes.mode.name.lower()}: {FAULTS[modes.fault].text}"
+        )
+
+    # --- a program
+
+    def run(
+        self, path: Path, events: Sequence[Event] = (), progress: Callable[[float], None] = lambda _: None
+    ) -> Run:
+        """Run a traced path to its end, or to where the events or a fault leave it at rest."""
+        self.recorder.drain()
+        self._rows.clear()
+        self.planner.load(path, self.cycle.follow.queue_end_s)
+        self._plan()
+        self.request(Request.START)
+        first = self.cycle.tick + 1
+        waiting = list(events)
+        resumes, n = 0, 0
+        while True:
+            while waiting and waiting[0].tick <= n:
+                self._send(waiting.pop(0))
+            if n % PLAN_EVERY == 0:
+                self._plan()
+            self.tick()
+            n += 1
+            if n % DRAIN_EVERY == 0:
+                self._rows.append(self.recorder.drain())
+                progress(n * self.machine.period_s)
+            mode = self.cycle.modes.mode
+            if mode is Mode.RUNNING or not self.cycle.follow.at_rest:
+                continue
+            if mode is Mode.HOLD and waiting:
+                continue
+            if mode is Mode.HOLD and self.cycle.follow.pending and not self._was_asked(events, n):
+                resumes += 1
+                self.request(Request.RESUME)
+                continue
+            return self._ended(first, resumes, events, n)
+
+    def _plan(self) -> None:
+        now = self.board.read()
+        if now is not None:
+            self.planner.work(now)
+        self.planner.keepalive()
+
+    def _send(self, event: Event) -> None:
+        if event.request is Request.STOP:
+            self.planner.drop()
+        self.request(event.request, event.value)
+
+    def _was_asked(self, events: Sequence[Event], n: int) -> bool:
+        """Whether this standstill is an operator's hold, and not a program stop."""
+        asked = [e.request for e in events if e.tick <= n and e.request in (Request.HOLD, Request.RESUME)]
+        return bool(asked) and asked[-1] is Request.HOLD
+
+    def _ended(self, first: int, resumes: int, events: Sequence[Event], n: int) -> Run:
+        self._rows.append(self.recorder.drain())
+        modes = self.cycle.modes
+        if modes.mode is Mode.FAULT:
+            result = "fault"
+        elif modes.mode is Mode.HOLD:
+            result = "held"
+        else:
+            stopped = any(e.request is Request.STOP and e.tick < n for e in events)
+            result = "stopped" if stopped and not self.planner.finished_path else "completed"
+        return Run(
+            np.concatenate(self._rows),
+            result,
+            modes.fault,
+            modes.fault_axis,
+            first,
+            self.cycle.skips,
+            resumes,
+        )

@@ -1,0 +1,1 @@
+"""The real-time side: one tick every period, no lock, no log, no exception across it."""

@@ -1,0 +1,49 @@
+"""The last look at a setpoint before it is sent: travel, velocity, acceleration.
+
+The plan has audited the whole path; what is caught here is an error of ours. It is
+caught before the wire, and the answer is a value.
+"""
+
+from __future__ import annotations
+
+from controller.machine import Joints, Machine
+from controller.state import Fault
+
+TOLERANCE = 1.001  # of velocity and acceleration
+TRAVEL_SLACK = 1e-6  # mm or rad
+
+_FINE = (Fault.NONE, -1)
+
+
+class Check:
+    """Judges the joints of one tick by those of the two before."""
+
+    def __init__(self, machine: Machine) -> None:
+        T = machine.period_s
+        self._rows = tuple(
+            (
+                i,
+                axis.travel_min - TRAVEL_SLACK,
+                axis.travel_max + TRAVEL_SLACK,
+                axis.limits.velocity * T * TOLERANCE,
+                axis.limits.acceleration * T * T * TOLERANCE,
+            )
+            for i, axis in enumerate(machine.axes)
+        )
+
+    def judge(self, new: Joints, last: Joints, before: Joints) -> tuple[Fault, int]:
+        """(fault, axis index): what is wrong with ``new``, or (NONE, -1). NaN is wrong, too."""
+        for i, low, high, velocity, acceleration in self._rows:
+            q0, q1 = new[i], last[i]
+            if not low <= q0 <= high:
+                # An axis switched on outside of its travel may stand there and come back.
+                inward = q1 <= q0 <= high if q1 < low else low <= q0 <= q1
+                if q0 != q1 and not inward:
+                    return Fault.TRAVEL, i
+            step = q0 - q1
+            if not -velocity <= step <= velocity:
+                return Fault.VELOCITY, i
+            bend = step - q1 + before[i]
+            if not -acceleration <= bend <= acceleration:
+                return Fault.ACCELERATION, i
+        return _FINE

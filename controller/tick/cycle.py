@@ -1,0 +1,268 @@
+"""One tick of the machine. ``Cycle.run`` is its table of contents; read it first.
+
+Before the deadline the loop calls ``receive``: drive feedback is drained while there is
+time, so that SYNC leaves at the deadline itself. Nothing here sleeps, locks, logs or
+raises on what may happen on a machine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from controller.handoff import (
+    PLANNER_SILENCE_S,
+    STANDSTILL,
+    PieceInbox,
+    Recorder,
+    RequestInbox,
+    SnapshotBoard,
+)
+from controller.kinematics import Kinematics
+from controller.machine import Joints, Machine
+from controller.state import Fault, Mode
+from controller.tick.check import Check
+from controller.tick.follow import Follow, Step
+from controller.tick.joints import Encoder
+from controller.tick.mode import Drives, Modes
+
+LATE_SHARE = 0.25  # of the period: a later tick sends nothing
+NEAREST_SHARE = 0.75  # of the period: no two SYNCs are closer
+ROUNDING_S = 1e-9
+MOST_REQUESTS = 8  # taken in one tick
+LOST_ECHOES = 3  # of the kernel's SYNC, in a row
+
+
+class Cycle:
+    """The tick. Owns the queue, the clock of the path, the mode; borrows the drives."""
+
+    def __init__(
+        self,
+        machine: Machine,
+        group: Drives,
+        pieces: PieceInbox,
+        requests: RequestInbox,
+        snapshot: SnapshotBoard,
+        recorder: Recorder,
+        now: Callable[[], float],
+    ) -> None:
+        self.machine = machine
+        self.group = group
+        self.modes = Modes(group, machine.period_s)
+        self.follow = Follow(machine, Kinematics(machine))
+        self._pieces = pieces
+        self._requests = requests
+        self._snapshot = snapshot
+        self._recorder = recorder
+        self._now = now
+        self._encoder = Encoder(machine)
+        self._check = Check(machine)
+        self._period_s = machine.period_s
+        self._latest_s = LATE_SHARE * machine.period_s - ROUNDING_S
+        self._nearest_s = NEAREST_SHARE * machine.period_s - ROUNDING_S
+        self._kernel_sync = machine.sync == "kernel"
+        self._silence_ticks = round(PLANNER_SILENCE_S / machine.period_s)
+        self._silent = 0  # ticks since the plan was last heard
+        self._synced_s = float("-inf")  # when the last SYNC had left
+        self._skip_level = 0.0  # a bucket that skips fill and ticks drain
+        self._skip_limit = max(machine.skip_limit_per_s, 1.0)
+        self._echoes_missed = 0
+        self._states = [0] * len(machine.axes)
+        self.tick = -1
+        self.skips = 0
+        self.late_max_s = 0.0
+        self.accepted = 0  # sequence of the last message taken
+        self.rejected = 0
+        self._accepted_now = 0  # sequence taken in this tick
+
+    # -- the tick
+
+    def receive(self, now_s: float) -> None:
+        """Drains the buses; shortly before the deadline."""
+        self.group.receive(now_s)
+        self._encoder.decode(self.group.positions)
+
+    def run(self, now_s: float, lateness_s: float, missed: int = 0) -> bool:
+        """One tick: ``lateness_s`` after its deadline, ``missed`` deadlines after the last one.
+
+        True if SYNC went out. All times are of the loop's clock, in seconds.
+        """
+        ticks = 1 + missed
+        self.tick += ticks
+        sent = self._sync(now_s, lateness_s)
+        self._count(sent, ticks, lateness_s)
+        self._take_requests()
+        self._take_pieces(ticks)
+        self._supervise(now_s, ticks)
+        if sent:
+            self._move()
+            self.group.command(self._encoder.setpoints, now_s)
+        self.publish()
+        self._record(lateness_s, sent)
+        return sent
+
+    # -- its steps
+
+    def _sync(self, now_s: float, lateness_s: float) -> bool:
+        """SYNC, unless this tick is too late for one. The drives latch what the last tick sent."""
+        if self._kernel_sync:
+            return self.group.sync(now_s)
+        if lateness_s > self._latest_s or now_s - self._synced_s < self._nearest_s:
+            return False
+        sent = self.group.sync(now_s)
+        self._synced_s = self._now()
+        return sent
+
+    def _count(self, sent: bool, ticks: int, lateness_s: float) -> None:
+        """Skips and lateness. Too many skips while moving: a stop on the path."""
+        skips = ticks - 1 + (not sent)
+        if self._kernel_sync:
+            skips += max(self.group.syncs_seen - 1, 0)
+            self._echoes_missed = 0 if sent else self._echoes_missed + 1
+            if self._echoes_missed >= LOST_ECHOES and self.modes.on_path:
+                self.modes.fail(Fault.SYNC_LOST, -1)
+        if lateness_s > self.late_max_s:
+            self.late_max_s = lateness_s
+        drained = self._skip_level - self._skip_limit * self._period_s * ticks
+        self._skip_level = (drained if drained > 0.0 else 0.0) + skips
+        self.skips += skips
+        if self._skip_level > self._skip_limit and self.modes.mode is Mode.RUNNING:
+            self.modes.fail(Fault.TOO_MANY_SKIPS, -1)
+
+    def _take_requests(self) -> None:
+        for _ in range(MOST_REQUESTS):
+            request = self._requests.take()
+            if request is None:
+                return
+            self.modes.request(request[0], request[1], self.follow.at_rest)
+
+    def _take_pieces(self, ticks: int) -> None:
+        """At most one message, whole or not at all; and how long the plan has been silent."""
+        self._accepted_now = 0
+        message = self._pieces.take()
+        if self._pieces.heard:
+            self._pieces.heard = False
+            self._silent = 0
+        else:
+            self._silent += ticks
+            if self._silent > self._silence_ticks and self.modes.running and self.follow.pending:
+                self.modes.fail(Fault.PLANNER_GONE, -1)
+        if message is None or message.is_keepalive:
+            return
+        newer = message.sequence > self.accepted and not self.modes.dropped
+        if newer and self.modes.takes_pieces and self.follow.accept(message):
+            self.accepted = self._accepted_now = message.sequence
+        else:
+            self.rejected = message.sequence
+
+    def _supervise(self, now_s: float, ticks: int) -> None:
+        self.modes.watch(now_s)
+        self.modes.progress(ticks, self.follow.at_rest)
+        if self.modes.dropped:
+            self.modes.dropped = False
+            self.follow.clear()
+
+    def _move(self) -> None:
+        """The joints of the next SYNC: along the plan, or where the drives are."""
+        if not self.modes.on_path:
+            self.follow.set_joints(self._where_the_drives_are())
+            self._encoder.encode(self.follow.joints)
+            return
+        modes, follow = self.modes, self.follow
+        step = follow.step(follow.target(modes.running, modes.override, modes.rapid_override))
+        fault, axis = self._judge(step)
+        if fault is not Fault.NONE:
+            self._refuse(fault, axis, step)
+        elif step is Step.STOP and modes.running:
+            modes.mode = Mode.HOLD
+        elif step is Step.END and modes.running:
+            modes.mode = Mode.READY
+
+    def _judge(self, step: Step) -> tuple[Fault, int]:
+        """Checks the step and encodes it; a setpoint that fails stays the last good one."""
+        if step is Step.LOST:
+            return Fault.BRANCH_LOST, -1
+        last, before = self.follow.last
+        fault, axis = self._check.judge(self.follow.joints, last, before)
+        if fault is Fault.NONE and not self._encoder.encode(self.follow.joints):
+            return Fault.TRAVEL, -1
+        return fault, axis
+
+    def _refuse(self, fault: Fault, axis: int, step: Step) -> None:
+        """Slow down on the path instead; if even that cannot be sent, the drives stop by themselves."""
+        self.modes.fail(fault, axis)
+        if step is not Step.LOST:
+            self.follow.revert()
+        again = self.follow.step(0.0)
+        if self._judge(again)[0] is not Fault.NONE:
+            if again is not Step.LOST:
+                self.follow.revert()
+            self.modes.quick_stop()
+
+    def _where_the_drives_are(self) -> Joints:
+        """Actual positions; a drive that already follows keeps its setpoint, or it would chase its lag."""
+        a, q, drives = self._encoder.actual, self.follow.joints, self.group.drives
+        return (
+            q[0] if drives[0].following else a[0],
+            q[1] if drives[1].following else a[1],
+            q[2] if drives[2].following else a[2],
+            q[3] if drives[3].following else a[3],
+            q[4] if drives[4].following else a[4],
+        )
+
+    # -- what others see of it
+
+    def publish(self) -> None:
+        follow, modes, states = self.follow, self.modes, self._states
+        piece = follow.piece
+        for i, drive in enumerate(self.group.drives):
+            states[i] = drive.state
+        self._snapshot.write(
+            self.tick,
+            modes.mode,
+            modes.fault,
+            modes.fault_axis,
+            follow.tau,
+            follow.commit_s,
+            follow.queue_end_s,
+            follow.rate,
+            modes.override,
+            modes.rapid_override,
+            follow.s,
+            piece.motion_id if piece else STANDSTILL,
+            piece.line if piece else 0,
+            piece.cutting if piece else False,
+            modes.homed,
+            *follow.joints,
+            *self._encoder.actual,
+            *states,
+            self.skips,
+            self.late_max_s,
+            self.accepted,
+            self.rejected,
+            piece.spindle_rev_min if piece else 0.0,
+            piece.coolant if piece else 0,
+            modes.refused,
+            follow.at_rest,
+        )
+
+    def _record(self, lateness_s: float, sent: bool) -> None:
+        follow, modes, encoder = self.follow, self.modes, self._encoder
+        piece = follow.piece
+        self._recorder.write(
+            self.tick,
+            modes.mode,
+            modes.fault,
+            piece.motion_id if piece else STANDSTILL,
+            piece.line if piece else 0,
+            piece.cutting if piece else False,
+            follow.tau,
+            follow.s,
+            follow.rate,
+            follow.feed,
+            *follow.joints,
+            *encoder.setpoints,
+            *encoder.actual,
+            lateness_s,
+            sent,
+            self._accepted_now,
+        )

@@ -1,0 +1,196 @@
+"""The real-time loop: a deadline, a tick, the next deadline.
+
+```
+  deadline:   d0            d1            d2            d3
+              |SYNC         |SYNC         | (0.4 T late) |SYNC
+              |             |             |    x skipped |
+```
+Deadlines lie on a grid, start + n T; nothing ever shifts it. A tick more than T/4 behind
+its deadline sends neither SYNC nor setpoints, and deadlines slept through are counted and
+not made up for: that is what keeps SYNCs at least 3/4 T apart and steps single.
+
+The clock is an object. ``WallClock`` sleeps until shortly before the deadline and spins
+the rest, so that the scheduler's wake-up is not in the SYNC; ``SteppedClock`` moves
+the simulated world instead and never looks at the time of day.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import gc
+import os
+import select
+import time
+from collections.abc import Callable, Sequence
+from typing import Protocol
+
+from controller.state import Fault
+from controller.tick.cycle import Cycle
+
+SPIN_S = 150e-6  # woken this long before the deadline; longer than most wake-ups are late
+LAST_TICKS_S = 0.5  # after an error of our own the drives are still told to stop for this long
+
+_PR_SET_TIMERSLACK = 29
+_MCL_CURRENT_AND_FUTURE = 3
+
+
+class Clock(Protocol):
+    """What the loop asks of time; seconds since an arbitrary origin, never set back."""
+
+    def now_s(self) -> float: ...
+    def wake(self, deadline_s: float) -> None:
+        """Returns shortly before ``deadline_s``, or late."""
+
+    def spin(self, deadline_s: float) -> float:
+        """Returns the time, which is ``deadline_s`` or later."""
+
+
+class WallClock:
+    """Monotonic time of this computer."""
+
+    def __init__(self, spin_s: float = SPIN_S) -> None:
+        self._spin_s = spin_s
+
+    now_s = staticmethod(time.monotonic)
+
+    def wake(self, deadline_s: float) -> None:
+        left = deadline_s - self._spin_s - time.monotonic()
+        if left > 0.0:
+            time.sleep(left)
+
+    def spin(self, deadline_s: float) -> float:
+        now = time.monotonic
+        t = now()
+        while t < deadline_s:
+            t = now()
+        return t
+
+
+class SteppedClock:
+    """Simulated time: each wait calls the steppers (bus, drives, plan, operator) with the new time.
+
+    ``lateness(n)`` gives the seconds by which the n-th wait ends too late, for tests.
+    """
+
+    def __init__(
+        self,
+        steppers: Sequence[Callable[[float], None]] = (),
+        lateness: Callable[[int], float] | None = None,
+    ) -> None:
+        self.steppers = list(steppers)
+        self._lateness = lateness
+        self._now_s = 0.0
+        self.waits = 0
+
+    def now_s(self) -> float:
+        return self._now_s
+
+    def wake(self, deadline_s: float) -> None:
+        late = self._lateness(self.waits) if self._lateness is not None else 0.0
+        self.waits += 1
+        self._now_s = max(deadline_s + late, self._now_s)
+        for step in self.steppers:
+            step(self._now_s)
+
+    def spin(self, deadline_s: float) -> float:
+        return self._now_s
+
+
+class Loop:
+    """Runs a cycle on a clock, one ``tick`` at a time or until told to stop."""
+
+    def __init__(self, cycle: Cycle, clock: Clock, filenos: Sequence[int] = ()) -> None:
+        """``filenos`` of the buses are only needed for sync = "kernel"."""
+        self._cycle = cycle
+        self._clock = clock
+        self._period_s = cycle.machine.period_s
+        self._kernel_sync = cycle.machine.sync == "kernel" and len(filenos) > 0
+        self._poll = select.poll()
+        for fileno in filenos[:1]:
+            self._poll.register(fileno, select.POLLIN)
+        self._start_s = clock.now_s()
+        self._n = 0
+
+    def tick(self) -> bool:
+        """Waits for the next deadline and runs the cycle; True if SYNC went out."""
+        if self._kernel_sync:
+            return self._echo_tick()
+        n = self._n + 1
+        deadline_s = self._start_s + n * self._period_s
+        self._clock.wake(deadline_s)
+        self._cycle.receive(self._clock.now_s())
+        now_s = self._clock.spin(deadline_s)
+        reached = max(n, int((now_s - self._start_s) / self._period_s))
+        lateness_s = now_s - (self._start_s + reached * self._period_s)
+        self._n = reached
+        return self._cycle.run(now_s, max(lateness_s, 0.0), reached - n)
+
+    def _echo_tick(self) -> bool:
+        """One tick at the echo of the kernel's SYNC; without one, after a period and a half."""
+        give_up_s = self._clock.now_s() + 1.5 * self._period_s
+        while True:
+            left_s = give_up_s - self._clock.now_s()
+            if left_s <= 0.0:
+                break
+            self._poll.poll(left_s * 1000.0)
+            self._cycle.receive(self._clock.now_s())
+            if self._cycle.group.sync_seen:
+                break
+        return self._cycle.run(self._clock.now_s(), 0.0)
+
+    def run(self, go_on: Callable[[], bool]) -> Fault:
+        """Ticks while ``go_on()``; INTERNAL if an error of our own ended it, after stopping the drives."""
+        try:
+            while go_on():
+                self.tick()
+        except Exception:  # the one place: whatever it was, the drives must stop
+            self._stop_drives()
+            return Fault.INTERNAL
+        return Fault.NONE
+
+    def _stop_drives(self) -> None:
+        """Quick stop for all, with as little of ours as possible between it and the bus."""
+        cycle, group = self._cycle, self._cycle.group
+        cycle.modes.fail(Fault.INTERNAL, -1)
+        cycle.modes.quick_stop()
+        for _ in range(round(LAST_TICKS_S / self._period_s)):
+            with contextlib.suppress(Exception):
+                self._n += 1
+                self._clock.wake(self._start_s + self._n * self._period_s)
+                now_s = self._clock.spin(self._start_s + self._n * self._period_s)
+                group.receive(now_s)
+                group.sync(now_s)
+                group.command(group.positions, now_s)
+                cycle.publish()
+
+
+class Granted(dict[str, bool]):
+    """Which of the real-time privileges this process was given."""
+
+
+def prepare(priority: int = 80, cpu: int | None = None) -> Granted:
+    """Makes this process as real-time as it may be; call it once, when everything is built.
+
+    What is not permitted is left out and told: the loop runs without, only less evenly.
+    """
+    gc.collect()
+    gc.freeze()
+    gc.disable()
+    libc = ctypes.CDLL(None, use_errno=True)
+    granted = Granted(
+        locked=libc.mlockall(_MCL_CURRENT_AND_FUTURE) == 0,
+        slack=libc.prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0) == 0,
+        fifo=_permitted(lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))),
+    )
+    if cpu is not None:
+        granted["pinned"] = _permitted(lambda: os.sched_setaffinity(0, {cpu}))
+    return granted
+
+
+def _permitted(act: Callable[[], None]) -> bool:
+    try:
+        act()
+    except OSError:
+        return False
+    return True

@@ -1,0 +1,157 @@
+"""TOML tables that refuse in full sentences and remember which keys were read.
+
+Every refusal is a ``ConfigError`` of one form:
+``file: table: key = found value: what is wrong; allowed: ...; what to do``.
+A key that nothing reads is an error too (``Table.finish``), because a misspelt limit
+would be a missing limit.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from controller.geometry import Vector
+
+
+class ConfigError(Exception):
+    """One sentence that names file, table, key, found value, what is allowed and what to do."""
+
+
+class Table:
+    """One TOML table that remembers which keys were read."""
+
+    def __init__(self, file: str, name: str, values: dict[str, Any]) -> None:
+        self.file, self.name, self._values = file, name, values
+        self._read: set[str] = set()
+
+    def refuse(self, key: str, problem: str, allowed: str, do: str) -> NoReturn:
+        found = f"{key} = {_shown(self._values[key])}" if key in self._values else key
+        raise ConfigError(f"{self.file}: {self.name}: {found}: {problem}; allowed: {allowed}; {do}.")
+
+    def has(self, key: str) -> bool:
+        return key in self._values
+
+    def get(self, key: str, allowed: str, default: object = None) -> Any:
+        """The raw value, or ``default``; a missing key without default is refused."""
+        self._read.add(key)
+        if key in self._values:
+            return self._values[key]
+        if default is not None:
+            return default
+        near = difflib.get_close_matches(key, self._values.keys() - self._read, n=1, cutoff=0.7)
+        do = f"add the key {key!r}" + (f" (did you mean it by {near[0]!r}?)" if near else "")
+        self.refuse(key, "is missing", allowed, do)
+
+    def number(
+        self, key: str, lower: float = -math.inf, upper: float = math.inf, default: float | None = None
+    ) -> float:
+        """A finite number with ``lower <= number <= upper``."""
+        allowed = f"a number {span(lower, upper)}"
+        value = self.get(key, allowed, default)
+        if not is_number(value):
+            self.refuse(key, "is not a finite number", allowed, "write one number without quotes")
+        if not lower <= value <= upper:
+            self.refuse(key, "is out of range", allowed, "change the value")
+        return float(value)
+
+    def positive(self, key: str, default: float | None = None) -> float:
+        """A finite number above zero."""
+        value = self.number(key, default=default)
+        if value <= 0.0:
+            self.refuse(key, "is not above zero", "a number above 0", "change the value")
+        return value
+
+    def integer(self, key: str, lower: int, upper: int, default: int | None = None) -> int:
+        allowed = f"a whole number {span(lower, upper)}"
+        value = self.get(key, allowed, default)
+        if type(value) is not int or not lower <= value <= upper:
+            self.refuse(key, "is out of range or not whole", allowed, "change the value")
+        return value
+
+    def text(self, key: str, choices: Sequence[str] = (), default: str | None = None) -> str:
+        allowed = " or ".join(f'"{c}"' for c in choices) or "a text in quotes"
+        value = self.get(key, allowed, default)
+        if not isinstance(value, str):
+            self.refuse(key, "is not a text", allowed, "put it in quotes")
+        if choices and value not in choices:
+            near = difflib.get_close_matches(value, choices, n=1)
+            self.refuse(key, "is not known", allowed, f"write {near[0]!r}" if near else "choose one of these")
+        return value
+
+    def flag(self, key: str, default: bool) -> bool:
+        value = self.get(key, "true or false", default)
+        if not isinstance(value, bool):
+            self.refuse(key, "is not true or false", "true or false", "write it without quotes")
+        return value
+
+    def numbers(self, key: str, count: int, default: Sequence[float] | None = None) -> tuple[float, ...]:
+        allowed = f"{count} numbers in brackets"
+        value = self.get(key, allowed, default)
+        sound = isinstance(value, list | tuple) and len(value) == count and all(map(is_number, value))
+        if not sound:
+            self.refuse(key, f"is not a list of {count} finite numbers", allowed, "write all of them")
+        return tuple(float(v) for v in value)
+
+    def vector(self, key: str, default: Vector | None = None) -> Vector:
+        x, y, z = self.numbers(key, 3, default)
+        return (x, y, z)
+
+    def table(self, key: str, name: str, optional: bool = False) -> Table:
+        value = self.get(key, "a table", {} if optional else None)
+        if not isinstance(value, dict):
+            self.refuse(key, "is not a table", f"a table {name}", f"write {name} and its keys below it")
+        return Table(self.file, name, value)
+
+    def tables(self, key: str) -> list[Table]:
+        """The entries of an array of tables, each called by its name or number."""
+        value = self.get(key, f"one [[{key}]] table or more", [])
+        if not isinstance(value, list) or not all(isinstance(v, dict) for v in value):
+            self.refuse(key, "is not an array of tables", f"[[{key}]] tables", "double the brackets")
+        called = [v.get("name", v.get("number", i + 1)) for i, v in enumerate(value)]
+        return [Table(self.file, f"[[{key}]] {c}", v) for c, v in zip(called, value, strict=True)]
+
+    def finish(self) -> None:
+        """Refuse what nothing has read."""
+        for key in self._values:
+            if key not in self._read:
+                known = sorted(self._read)
+                near = difflib.get_close_matches(key, known, n=1, cutoff=0.4)
+                do = f"did you mean {near[0]!r}" if near else "remove it"
+                self.refuse(key, "this key is not known", ", ".join(known), do)
+
+
+def read_text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path.name}: byte {error.start} is not UTF-8; save the file as UTF-8.") from error
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}; check path and permission.") from error
+
+
+def parse(text: str, file: str) -> Table:
+    """The top level of a TOML text; raises ``ConfigError``."""
+    try:
+        return Table(file, "top level", tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{file}: is not TOML: {error}; correct that line.") from error
+
+
+def is_number(value: Any) -> bool:
+    return type(value) in (int, float) and -1e300 < value < 1e300  # also refuses nan
+
+
+def span(lower: float, upper: float) -> str:
+    if math.isinf(upper):
+        return "of any size" if math.isinf(lower) else f"from {lower:g} on"
+    return f"from {lower:g} to {upper:g}"
+
+
+def _shown(value: object) -> str:
+    text = repr(value).replace("'", '"')
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,338 @@
+"""A run as data: one row per tick, saved as ``.npz``, and what can be measured on it.
+
+The recorder's rows hold joints; the trace adds what the joints mean on the part. It is
+computed back from the joints by forward kinematics and not copied from the plan, so an
+error of the inverse cannot hide in a trace.
+
+Joints stand here as everywhere outside: mm and degrees in the configured sense, in the
+order of the machine file. ``actual`` is what the drives had reported by the tick of its
+row; beside the command of the same row it is late by the bus and by the servo.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from enum import Enum
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.geometry import Frame, Pose, Vector, angle_between, scale
+from controller.handoff import COLUMN
+from controller.kinematics import Kinematics
+from controller.machine import Machine
+from controller.motions import Motion, SurfaceCut
+from controller.state import Mode
+
+Array = NDArray[np.float64]
+
+# How far behind its command a joint may be and still find its place on the path (s).
+# A servo of 40 Hz with two ticks of transport is some 15 ms behind.
+LOOK_BACK_S = 0.100
+LOOK_AHEAD_TICKS = 2
+
+
+class HasMotion(Protocol):
+    """What a trace needs of a stretch of the path."""
+
+    @property
+    def motion(self) -> Motion: ...
+
+
+class Setup(NamedTuple):
+    """In which part frame (seen from the table frame) and with which tool a motion runs."""
+
+    part: Frame
+    length_mm: float
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """One row per tick from cycle start (row 0); the fields are those of the file."""
+
+    time_s: Array  # (N,)
+    joint_command: Array  # (N, 5) before rounding to counts
+    joint_setpoint: NDArray[np.int32]  # (N, 5) counts as sent
+    joint_actual: Array  # (N, 5)
+    tool_tip: Array  # (N, 3) mm, commanded, part frame
+    tool_axis: Array  # (N, 3) commanded, part frame
+    contact: Array  # (N, 3) mm, part frame; NaN when not cutting
+    u: Array  # (N,) the block's own parameter; NaN when not cutting
+    feed_mm_s: Array  # (N,)
+    line: NDArray[np.int64]  # (N,) 1-based line of the program, 0 = none
+    cutting: NDArray[np.bool_]  # (N,)
+    axes: tuple[str, ...]
+    period_s: float
+    machine: str  # JSON of the whole Machine, its file's text included
+
+    def save(self, path: str | Path) -> None:
+        """Write the fields as ``.npz``; the same trace gives the same bytes."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        values |= {"axes": np.array(self.axes), "period_s": np.float64(self.period_s)}
+        with open(path, "wb") as file:  # a name without .npz stays as it is
+            np.savez_compressed(file, **values)
+
+
+def load(path: str | Path) -> Trace:
+    """Read a trace file; ValueError with a sentence when a field is missing."""
+    with np.load(path, allow_pickle=False) as file:
+        names = {field.name for field in fields(Trace)}
+        if missing := sorted(names - set(file.files)):
+            raise ValueError(f"{path} is not a trace: it has no {', '.join(missing)}.")
+        values = {name: file[name] for name in names}
+    values |= {"axes": tuple(map(str, values["axes"])), "machine": str(values["machine"])}
+    return Trace(**(values | {"period_s": float(values["period_s"])}))
+
+
+def machine_json(machine: Machine) -> str:
+    """A machine as JSON: every field of the dataclass; enums by value, angles in radians."""
+
+    def plain(value: object) -> object:
+        if isinstance(value, Enum):
+            return value.value
+        raise TypeError(f"A machine holds a {type(value).__name__}, which JSON cannot.")
+
+    return json.dumps(asdict(machine), default=plain)
+
+
+def from_rows(
+    rows: Array,
+    machine: Machine,
+    kinematics: Kinematics,
+    stretches: Mapping[int, HasMotion],
+    setups: Mapping[int, Setup] | None = None,
+    first_tick: int | None = None,
+) -> Trace:
+    """The trace of recorder rows, shape (N, len(ROW)).
+
+    ``stretches`` and ``setups`` are by motion id. A surface cut brings its setup itself;
+    a motion without one takes that of the cut it leads to, or comes from; a program
+    without cuts takes G54 and T1. Row 0 of the trace is ``first_tick``, by default the
+    first row of a running machine, so homing stays out.
+    """
+    rows = rows[_start(rows, first_tick) :]
+    joints = _columns(rows, "joint_command")
+    motions = {motion_id: stretch.motion for motion_id, stretch in stretches.items()}
+    setup_rows = _setup_rows(rows, motions, setups or {}, machine)
+    tip, axis = _on_the_part(joints, kinematics, setup_rows)
+    contact, u = _contacts(rows, tip, motions)
+    return Trace(
+        time_s=(rows[:, COLUMN["tick"]] - rows[:1, COLUMN["tick"]]) * machine.period_s,
+        joint_command=joints * _shown_per_unit(machine),
+        joint_setpoint=_columns(rows, "setpoint").astype(np.int32),
+        joint_actual=_columns(rows, "actual") * _shown_per_unit(machine),
+        tool_tip=tip,
+        tool_axis=axis,
+        contact=contact,
+        u=u,
+        feed_mm_s=rows[:, COLUMN["feed_mm_s"]].copy(),
+        line=rows[:, COLUMN["line"]].astype(np.int64),
+        cutting=rows[:, COLUMN["cutting"]] != 0.0,
+        axes=tuple(axis.name for axis in machine.axes),
+        period_s=machine.period_s,
+        machine=machine_json(machine),
+    )
+
+
+def _start(rows: Array, first_tick: int | None) -> int:
+    if first_tick is not None:
+        return int(np.searchsorted(rows[:, COLUMN["tick"]], first_tick))
+    running = np.flatnonzero(rows[:, COLUMN["mode"]] == Mode.RUNNING.value)
+    return int(running[0]) if len(running) else len(rows)
+
+
+def _columns(rows: Array, name: str) -> Array:
+    first = COLUMN[f"{name}_0"]
+    return rows[:, first : first + 5]
+
+
+def _shown_per_unit(machine: Machine) -> Array:
+    return np.array([axis.shown_per_unit for axis in machine.axes])
+
+
+def _setup_rows(
+    rows: Array, motions: Mapping[int, Motion], setups: Mapping[int, Setup], machine: Machine
+) -> list[tuple[Setup, NDArray[np.int64]]]:
+    """Each setup with the rows that run in it; every row once."""
+    ids = rows[:, COLUMN["motion_id"]].astype(np.int64)
+    known = dict(setups)
+    for motion_id, motion in motions.items():
+        if isinstance(motion, SurfaceCut):
+            known[motion_id] = Setup(motion.part, motion.length_mm)
+    first_tool = machine.tool(1)
+    default = Setup(machine.offsets[0], first_tool.length_mm if first_tool else 0.0)
+    owners = _owners(ids, known)
+    return [(known.get(int(owner), default), np.flatnonzero(owners == owner)) for owner in np.unique(owners)]
+
+
+def _owners(ids: NDArray[np.int64], known: Mapping[int, Setup]) -> NDArray[np.int64]:
+    """Per row the motion whose setup it takes: its own, or the next known one, or the last."""
+    places = np.flatnonzero(np.isin(ids, list(known)))
+    if not len(places):
+        return np.full(len(ids), -1)
+    following = np.minimum(np.searchsorted(places, np.arange(len(ids))), len(places) - 1)
+    return np.asarray(ids[places[following]])
+
+
+def _on_the_part(
+    joints: Array, kinematics: Kinematics, setup_rows: list[tuple[Setup, NDArray[np.int64]]]
+) -> tuple[Array, Array]:
+    """(tip, axis) of joints in the part frame, each (N, 3)."""
+    tip, axis = np.empty((len(joints), 3)), np.empty((len(joints), 3))
+    for (part, length_mm), here in setup_rows:
+        pose = _forward(kinematics, joints[here], length_mm)
+        tip[here] = _stack(part.from_parent(pose.tip), len(here))
+        axis[here] = _stack(part.turn_back(pose.axis), len(here))
+    return tip, axis
+
+
+def _contacts(rows: Array, tip: Array, motions: Mapping[int, Motion]) -> tuple[Array, Array]:
+    """(contact (N, 3), u (N,)): back from the tip along the normal (Eq. 5); NaN when not cutting."""
+    contact, u = np.full((len(rows), 3), np.nan), np.full(len(rows), np.nan)
+    ids, cutting = rows[:, COLUMN["motion_id"]], rows[:, COLUMN["cutting"]] != 0.0
+    for motion_id, motion in motions.items():
+        here = np.flatnonzero((ids == motion_id) & cutting)
+        if isinstance(motion, SurfaceCut) and len(here):
+            u[here] = motion.arc.u_along(rows[here, COLUMN["s"]])
+            contact[here] = tip[here] - _offset(motion, u[here])
+    return contact, u
+
+
+def _offset(cut: SurfaceCut, u: Array) -> Array:
+    """From the contact to the tip (Eq. 5), shape (N, 3)."""
+    return _stack(scale(cut.surface.normal(u, np), cut.offset_mm), len(u))
+
+
+def _forward(kinematics: Kinematics, joints: Array, length_mm: float) -> Pose:
+    """Tip and axis in the table frame; components are arrays (N,)."""
+    x, y, z, first, second = joints.T
+    return kinematics.forward((x, y, z, first, second), length_mm, np)
+
+
+def _stack(v: Vector, n: int) -> Array:
+    return np.stack([np.broadcast_to(np.asarray(c, dtype=float), (n,)) for c in v], axis=1)
+
+
+# ---- what a trace shows -----------------------------------------------------------
+
+
+def following_error(trace: Trace) -> Array:
+    """Command minus actual of the same tick, (N, 5), mm and degrees: servo and bus together."""
+    return np.asarray(trace.joint_command - trace.joint_actual)
+
+
+def speeds(trace: Trace, machine: Machine) -> Array:
+    """Joint speeds of the command as shares of the limits, (N, 5); row 0 is 0."""
+    limits = np.array([a.limits.velocity * abs(a.shown_per_unit) for a in machine.axes])
+    steps = np.diff(trace.joint_command, axis=0, prepend=trace.joint_command[:1])
+    return np.asarray(steps / (trace.period_s * limits))
+
+
+@dataclass(frozen=True, eq=False)
+class PathErrors:
+    """How far the real tool is off the commanded path, per row; being late is no path error."""
+
+    path_mm: Array  # (N,) from the actual tip to the nearest point of the commanded tip's path
+    axis_deg: Array  # (N,) between the actual axis and the commanded one at that point
+
+
+def path_errors(trace: Trace, machine: Machine, kinematics: Kinematics, length_mm: float = 0.0) -> PathErrors:
+    """Distance of forward(joint_actual) to the path of forward(joint_command), on the table.
+
+    The path is the polyline of the commanded tips within ``LOOK_BACK_S`` before each
+    row: where a path comes by the same place twice, only the recent passage counts.
+    """
+    per_unit = _shown_per_unit(machine)
+    commanded, actual = (
+        _forward(kinematics, joints / per_unit, length_mm)
+        for joints in (trace.joint_command, trace.joint_actual)
+    )
+    n = len(trace.time_s)
+    tips, axes, tip = _stack(commanded.tip, n), _stack(commanded.axis, n), _stack(actual.tip, n)
+    place = _nearest_place(tips, tip, int(np.ceil(LOOK_BACK_S / trace.period_s)))
+    index = np.minimum(place.astype(np.int64), max(n - 2, 0))
+    after = np.minimum(index + 1, n - 1)
+    share = (place - index)[:, None]
+    nearest_tip = tips[index] + share * (tips[after] - tips[index])
+    nearest_axis = axes[index] + share * (axes[after] - axes[index])
+    angle = angle_between(tuple(nearest_axis.T), actual.axis, np)
+    return PathErrors(np.linalg.norm(tip - nearest_tip, axis=1), np.degrees(angle))
+
+
+def _nearest_place(path: Array, points: Array, look_back: int) -> Array:
+    """Row number with its fraction at which ``path`` passes nearest each of ``points``, near its own row."""
+    n = len(path)
+    rows, best = np.arange(n), np.full(n, np.inf)
+    place = np.zeros(n)
+    for lag in range(-LOOK_AHEAD_TICKS, look_back + 1):
+        start = np.clip(rows - lag, 0, n - 1)
+        a = path[start]
+        chord, gap = path[np.minimum(start + 1, n - 1)] - a, points - a
+        square = np.einsum("ij,ij->i", chord, chord)
+        along = np.einsum("ij,ij->i", chord, gap)
+        share = np.clip(np.divide(along, square, out=np.zeros(n), where=square > 0.0), 0.0, 1.0)
+        off = gap - share[:, None] * chord
+        distance = np.einsum("ij,ij->i", off, off)
+        nearer = distance < best
+        best = np.where(nearer, distance, best)
+        place = np.where(nearer, start + share, place)
+    return place
+
+
+@dataclass(frozen=True, slots=True)
+class SyncIntervals:
+    """Intervals between SYNCs as received on the bus."""
+
+    count: int
+    p50_s: float
+    p99_s: float
+    p999_s: float
+    max_s: float
+    outside_share: float  # of intervals further than a quarter period from the period
+
+
+def sync_intervals(stamps_s: Array, period_s: float) -> SyncIntervals:
+    """Statistics of receive stamps in seconds, shape (N,); ValueError below two stamps."""
+    if len(stamps_s) < 2:
+        raise ValueError("Two SYNCs at least make an interval.")
+    intervals = np.diff(stamps_s)
+    p50, p99, p999 = (float(p) for p in np.percentile(intervals, (50.0, 99.0, 99.9)))
+    outside = np.abs(intervals - period_s) > 0.25 * period_s
+    return SyncIntervals(len(intervals), p50, p99, p999, float(intervals.max()), float(np.mean(outside)))
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """The figures of a cut, over its cutting ticks."""
+
+    ticks: int
+    duration_s: float
+    cut_time_s: float
+    cut_length_mm: float  # of the contact's path, as the sum of its chords
+    following_error: dict[str, float]  # largest, mm or degrees, per axis
+    path_error_mm: float
+    axis_error_deg: float
+
+    def to_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+
+def summary(trace: Trace, machine: Machine, kinematics: Kinematics, length_mm: float = 0.0) -> Summary:
+    """Largest errors while cutting; over the whole trace where nothing is cut."""
+    rows = trace.cutting if trace.cutting.any() else np.ones(len(trace.time_s), dtype=bool)
+    errors = path_errors(trace, machine, kinematics, length_mm)
+    largest = np.abs(following_error(trace)[rows]).max(axis=0)
+    chords = np.linalg.norm(np.diff(trace.contact, axis=0), axis=1)
+    return Summary(
+        ticks=len(trace.time_s),
+        duration_s=len(trace.time_s) * trace.period_s,
+        cut_time_s=int(trace.cutting.sum()) * trace.period_s,
+        cut_length_mm=float(np.nansum(chords)),
+        following_error={name: float(v) for name, v in zip(trace.axes, largest, strict=True)},
+        path_error_mm=float(errors.path_mm[rows].max()),
+        axis_error_deg=float(errors.axis_deg[rows].max()),
+    )

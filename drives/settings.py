@@ -1,0 +1,52 @@
+"""What the bus side must know about a machine, as frozen values in drive counts.
+
+Nothing here knows millimetres or degrees: the controller converts once, when it
+makes these from its machine file. They are read only, so the tick, the
+commissioning and the simulated drives may share them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+INT32_MIN = -(2**31)
+INT32_MAX = 2**31 - 1
+
+
+@dataclass(frozen=True, slots=True)
+class BusSettings:
+    """One CAN bus: how to open it and how fast it is (bit/s; 0 = virtual without bit timing)."""
+
+    name: str
+    interface: str  # "virtual", "socketcan" or a python-can interface name
+    channel: str  # path of the hub's socket, "can0", or the adapter's channel
+    bit_rate: int
+
+
+@dataclass(frozen=True, slots=True)
+class NodeSettings:
+    """One CiA 402 drive: where it is and what is written to it at commissioning."""
+
+    name: str  # of the axis, for sentences
+    bus: str  # BusSettings.name
+    node: int  # CANopen node id, 1 .. 126
+    eds: str  # file of its electronic data sheet
+    counts_min: int = INT32_MIN  # software limits, 607Dh
+    counts_max: int = INT32_MAX
+    following_error_counts: int = 0xFFFF_FFFF  # 6065h; FFFFFFFFh switches the check off
+    homing_method: int = 37  # 6098h
+    homing_position_counts: int = 0  # position at the homed point, 607Ch
+    period_s: float = 0.002  # interpolation time, 60C2h; equals the tick
+    brake: bool = False  # a gravity axis: braked before it is disabled
+    profile: str = "simulated"
+
+
+@dataclass(frozen=True, slots=True)
+class MasterSettings:
+    """The controller as a CANopen node: heartbeats both ways and who sends SYNC."""
+
+    node_id: int = 127
+    heartbeat_s: float = 0.05  # produced by us, and asked of the drives (1017h)
+    consumer_s: float = 0.2  # silence after which either side takes the other for dead (1016h)
+    period_s: float = 0.002
+    sync: str = "tick"  # or "kernel": SocketCAN's broadcast manager, see bus.py

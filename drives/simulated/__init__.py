@@ -1,0 +1,7 @@
+"""Simulated CiA 402 servo drives for the virtual bus, stepped or in real time."""
+
+from drives.simulated.drive import SimulatedDrive
+from drives.simulated.parameters import LostSync, Parameters
+from drives.simulated.rig import Rig, rig
+
+__all__ = ["LostSync", "Parameters", "Rig", "SimulatedDrive", "rig"]

@@ -1,0 +1,40 @@
+"""What can be chosen about a simulated drive that its object dictionary does not hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+from drives.simulated.servo import DAMPING, NATURAL_FREQUENCY_HZ
+
+
+class LostSync(Enum):
+    """What a drive does when a SYNC (or the setpoint before it) does not come.
+
+    Real drives differ: Kollmorgen and others go on along the line, isel's holds the last
+    target, Delta's trips. A missing SYNC is noticed half a period after it was due. One
+    miss never trips: FAULT trips (8700h) on the second in a row, 2.5 periods after the
+    last SYNC, since a SYNC may itself come a quarter period late.
+    """
+
+    HOLD = "hold"
+    EXTRAPOLATE = "extrapolate"  # for up to two periods, then hold
+    FAULT = "fault"
+
+
+@dataclass(frozen=True, slots=True)
+class Parameters:
+    """One simulated drive's nature."""
+
+    frequency_hz: float = NATURAL_FREQUENCY_HZ
+    damping: float = DAMPING
+    feed_forward: float = 0.0  # share of the velocity; 1 = no lag at constant speed
+    stiffness: float = 1.0  # factor on the position loop's gain (speed / following error)
+    lost_sync: LostSync = LostSync.HOLD
+    position_counts: int = 0  # at power-on
+    switches: tuple[float, float] = (-1e8, 1e8)  # limit switches for homing, in power-on counting
+    enable_delay_s: float = 0.02  # brake release, SWITCHED ON -> OPERATION ENABLED
+    mode_delay_s: float = 0.003  # 6060h -> 6061h
+    boot_s: float = 0.02
+    sdo_delay_s: float = 0.0004
+    tpdo_delay_s: float = 0.0001  # after the end of SYNC

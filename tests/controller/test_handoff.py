@@ -1,0 +1,164 @@
+"""The door between plan and tick: whole or not at all, never blocking, never torn."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from ticking import rapid_law, straight
+
+from controller.handoff import (
+    AXES,
+    COLUMN,
+    ROW,
+    STILL,
+    Law,
+    Piece,
+    PieceInbox,
+    PieceMessage,
+    PieceOutbox,
+    Recorder,
+    RequestInbox,
+    SnapshotBoard,
+    commit_lead_s,
+    dwell,
+    encode,
+    piece_pair,
+    request_pair,
+    send_request,
+)
+from controller.state import Fault, Mode, Request
+
+HERE = (0.0, 0.0, 0.0, 0.0, 0.0)
+THERE = (100.0, 0.0, 0.0, 0.0, 0.0)
+
+
+def snapshot_values(tick: int) -> tuple[object, ...]:
+    head = (tick, Mode.HOLD, Fault.NONE, -1, 1.5, 1.6, 9.0, 0.25, 1.0, 0.5, 12.0, 7, 42, True, 3)
+    joints, actual, states = (1.0, 2.0, 3.0, 4.0, 5.0), (0.1,) * 5, (5,) * 5
+    return (*head, *joints, *actual, *states, 2, 1e-4, 8, 6, 1200.0, 1, Request.START, False)
+
+
+def test_a_law_gives_place_speed_and_acceleration_and_clamps_its_time() -> None:
+    law = rapid_law(100.0)
+    s, v, a = law.at(law.duration_s / 2)
+    assert s == pytest.approx(50.0) and v == pytest.approx(200.0) and abs(a) < 1e-9
+    assert law.at(-1.0) == law.at(0.0)
+    assert law.at(law.duration_s + 1.0)[0] == pytest.approx(100.0, abs=1e-9)
+
+
+def test_a_message_comes_out_as_it_went_in() -> None:
+    plan_end, tick_end = piece_pair()
+    piece, move = straight(HERE, THERE, rapid_law, 3)
+    sent = PieceMessage(1, 0.0, {3: move}, (piece, dwell(0.5, 9, stop=True)))
+    assert PieceOutbox(plan_end).send(sent)
+    inbox = PieceInbox(tick_end)
+    assert inbox.take() == sent and inbox.heard
+    assert inbox.take() is None
+
+
+def test_a_message_longer_than_a_packet_arrives_whole_or_not_yet() -> None:
+    plan_end, tick_end = piece_pair()
+    long = Law(tuple(map(float, range(5001))), tuple((float(i),) * 6 for i in range(5000)))
+    packets = encode(PieceMessage(1, 0.0, {}, (Piece(-1, 0, long, 5000.0),)))
+    assert len(packets) > 2
+    inbox = PieceInbox(tick_end)
+    for packet in packets[:-1]:
+        plan_end.send(packet)
+    assert inbox.take() is None
+    plan_end.send(packets[-1])
+    message = inbox.take()
+    assert message is not None and message.pieces[0].law == long
+
+
+def test_the_rest_of_a_message_whose_beginning_is_lost_is_not_taken() -> None:
+    plan_end, tick_end = piece_pair()
+    long = Law(tuple(map(float, range(5001))), tuple((float(i),) * 6 for i in range(5000)))
+    for packet in encode(PieceMessage(1, 0.0, {}, (Piece(-1, 0, long, 5000.0),)))[1:]:
+        plan_end.send(packet)
+    PieceOutbox(plan_end).send(PieceMessage(2, 0.0, {}, (dwell(1.0),)))
+    message = PieceInbox(tick_end).take()
+    assert message is not None and message.sequence == 2
+
+
+def test_a_full_socket_keeps_messages_waiting_and_in_order() -> None:
+    plan_end, tick_end = piece_pair()
+    outbox, inbox = PieceOutbox(plan_end), PieceInbox(tick_end)
+    sequence = 1
+    while outbox.send(PieceMessage(sequence, 0.0, {}, (Piece(-1, 0, STILL, 1.0),) * 400)):
+        sequence += 1
+    taken = []
+    while (message := inbox.take()) is not None:
+        taken.append(message.sequence)
+    assert outbox.flush()
+    while (message := inbox.take()) is not None:
+        taken.append(message.sequence)
+    assert taken == list(range(1, sequence + 1))
+
+
+def test_a_dead_planner_reads_as_silence_and_not_as_an_error() -> None:
+    plan_end, tick_end = piece_pair()
+    inbox = PieceInbox(tick_end)
+    plan_end.close()
+    assert inbox.take() is None and inbox.closed and not inbox.heard
+
+
+def test_requests_arrive_in_order_and_garbage_is_passed_over() -> None:
+    operator, tick_end = request_pair()
+    inbox = RequestInbox(tick_end)
+    assert inbox.take() is None
+    send_request(operator, Request.OVERRIDE, 0.5)
+    operator.send(b"??")
+    operator.send(bytes([200]) + bytes(8))
+    send_request(operator, Request.HOLD)
+    assert inbox.take() == (Request.OVERRIDE, 0.5)
+    assert inbox.take() == (Request.HOLD, 0.0)
+    assert inbox.take() is None
+
+
+def test_a_snapshot_reads_back_every_field(tmp_path: object) -> None:
+    path = f"{tmp_path}/snapshot"
+    board = SnapshotBoard(path)
+    reader = SnapshotBoard(path, create=False)
+    assert reader.read() is None
+    board.write(*snapshot_values(5))
+    board.write(*snapshot_values(6))
+    found = reader.read()
+    assert found is not None
+    flat = [
+        x for value in found for x in (value if isinstance(value, tuple) else (value,))
+    ]
+    assert flat == list(snapshot_values(6))
+    assert found.mode is Mode.HOLD and found.line == 42 and found.joints[4] == 5.0
+
+
+def test_a_reader_interrupted_by_two_writes_reads_again() -> None:
+    board = SnapshotBoard()
+    board.write(*snapshot_values(1))
+    for tick in range(2, 50):
+        board.write(*snapshot_values(tick))
+        found = board.read()
+        assert found is not None and found.tick == tick
+
+
+def test_the_recorder_gives_each_row_once_and_counts_what_was_too_late() -> None:
+    recorder = Recorder(rows=64)
+    for n in range(10):
+        recorder.write(*(float(n) for _ in ROW))
+    rows = recorder.drain()
+    assert rows.shape == (10, len(ROW)) and list(rows[:, COLUMN["tick"]]) == list(range(10))
+    assert recorder.drain().shape == (0, len(ROW))
+    for n in range(200):
+        recorder.write(*(float(n) for _ in ROW))
+    rows = recorder.drain()
+    assert rows[-1, 0] == 199 and len(rows) == 48 and recorder.lost == 152
+
+
+def test_a_row_has_a_place_for_every_axis() -> None:
+    assert sum(name.startswith("setpoint_") for name in ROW) == AXES
+
+
+@pytest.mark.parametrize("period_s", (0.0005, 0.001, 0.002, 0.005, 0.01))
+def test_the_commit_point_is_far_enough_ahead_for_any_period(period_s: float) -> None:
+    lead = commit_lead_s(period_s)
+    assert lead >= 0.02 and lead >= 3 * period_s and math.isfinite(lead)

@@ -1,0 +1,251 @@
+"""The whole tick: enabling, homing, faults, lateness, and the same again bit for bit."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from machines import machine
+from ticking import Bench, commands, excess, s_curve, straight
+
+from controller.handoff import COLUMN, Law, dwell
+from controller.machine import Joints
+from controller.state import Fault, Mode, Request
+from drives.cia402 import Wanted
+from drives.drive import DriveFault
+
+HERE: Joints = (0.0, 0.0, 0.0, 0.0, 0.0)
+THERE: Joints = (100.0, 60.0, -80.0, 1.0, 2.0)
+
+
+def moving(lateness: Callable[[int], float] | None = None, ticks: int = 100, **changes: object) -> Bench:
+    bench = Bench(machine(**changes), lateness=lateness)
+    bench.enable()
+    piece, move = straight(HERE, THERE, lambda n: s_curve(n, 170.0, 1900.0, 48000.0))
+    bench.send([piece, dwell(0.0, end=True)], {0: move})
+    bench.tick()
+    bench.ask(Request.START)
+    bench.tick(ticks)
+    return bench
+
+
+def on_the_line(joints: np.ndarray) -> bool:
+    share = joints / np.array(THERE)
+    return bool(np.ptp(share, axis=1).max() < 1e-12)
+
+
+def test_enabling_takes_the_drives_positions_over_without_a_jump() -> None:
+    start = (12.3456, -7.0, 250.0, 0.3, -1.0)
+    bench = Bench(start=start)
+    bench.enable()
+    bench.tick(5)
+    assert {setpoints for _, setpoints in bench.group.commands} == {tuple(bench.group.positions)}
+    assert bench.cycle.follow.joints == pytest.approx(start, abs=1e-5)
+    bench.close()
+
+
+def test_homing_drives_the_bits_and_takes_the_new_position_over() -> None:
+    bench = Bench()
+    bench.group.drives[1].homing_to = 4000
+    bench.ask(Request.HOME, 0b00010)
+    bench.until(Mode.HOMING, 2)
+    bench.until(Mode.OFF, 20)
+    assert bench.snapshot.homed == 0b00010
+    bench.enable()
+    assert bench.cycle.follow.joints[1] == pytest.approx(4000 / 200_000)
+    assert bench.group.drives[1].cyclic
+    bench.close()
+
+
+def test_a_homing_error_names_its_axis() -> None:
+    bench = Bench()
+    bench.ask(Request.HOME, 0b01100)
+    bench.until(Mode.HOMING, 2)
+    bench.group.drives[3].homing_error = True
+    bench.tick()
+    assert (bench.snapshot.fault, bench.snapshot.fault_axis) == (Fault.HOMING_FAILED, 3)
+    bench.close()
+
+
+def test_a_silent_planner_is_a_fault_and_the_tool_stops_on_the_path() -> None:
+    seed = random.randrange(2**32)
+    for at in random.Random(seed).sample(range(5, 420), 10):
+        bench = moving(ticks=at)
+        bench.planner_alive = False
+        bench.until(Mode.FAULT)
+        bench.until_rest()
+        rows = commands(bench.rows())
+        assert bench.snapshot.fault is Fault.PLANNER_GONE, f"seed {seed} at {at}"
+        assert on_the_line(rows[5:]), f"seed {seed} at {at}"
+        velocity, acceleration, jerk = excess(bench.machine, rows)
+        assert velocity <= 1.0 and acceleration <= 1.0 and jerk <= 1.02, f"seed {seed} at {at}"
+        bench.close()
+
+
+def test_a_planner_that_wakes_up_after_the_fault_is_not_listened_to() -> None:
+    bench = moving()
+    bench.planner_alive = False
+    bench.until(Mode.FAULT)
+    bench.send([dwell(1.0)], {})
+    bench.planner_alive = True
+    bench.tick(5)
+    assert bench.snapshot.rejected == bench.sequence and bench.snapshot.mode is Mode.FAULT
+    bench.close()
+
+
+def test_planner_silence_at_rest_is_no_fault() -> None:
+    bench = Bench()
+    bench.enable()
+    bench.planner_alive = False
+    bench.ask(Request.START)
+    bench.tick(200)
+    assert bench.snapshot.fault is Fault.NONE
+    bench.close()
+
+
+@pytest.mark.parametrize(
+    ("drive_fault", "fault"),
+    (
+        (DriveFault.FEEDBACK_LOST, Fault.FEEDBACK_LOST),
+        (DriveFault.STATE_LOST, Fault.STATE_LOST),
+        (DriveFault.EMCY, Fault.EMCY),
+        (DriveFault.HEARTBEAT_LOST, Fault.HEARTBEAT_LOST),
+    ),
+)
+def test_a_lost_drive_stops_the_others_on_the_path_and_then_the_group(
+    drive_fault: DriveFault, fault: Fault
+) -> None:
+    bench = moving()
+    bench.rows()
+    bench.group.failure = (drive_fault, 2)
+    bench.tick()
+    assert (bench.snapshot.fault, bench.snapshot.fault_axis) == (fault, 2)
+    assert bench.group.drives[2].wanted is Wanted.QUICK_STOP
+    assert bench.group.drives[0].wanted is Wanted.ENABLED
+    while bench.group.wanted is not Wanted.QUICK_STOP:
+        bench.tick()
+    rows = commands(bench.rows())
+    assert on_the_line(rows) and max(excess(bench.machine, rows)) <= 1.02
+    bench.close()
+
+
+@pytest.mark.parametrize("drive_fault", (DriveFault.BUS_ERROR, DriveFault.SEND_FAILED))
+def test_a_lost_bus_quick_stops_the_group_at_once(drive_fault: DriveFault) -> None:
+    bench = moving()
+    bench.group.failure = (drive_fault, 0)
+    bench.tick()
+    assert bench.group.wanted is Wanted.QUICK_STOP and bench.snapshot.mode is Mode.FAULT
+    bench.close()
+
+
+def test_a_setpoint_outside_of_travel_is_not_sent() -> None:
+    built = machine()
+    x = replace(built.axes[0], travel_max=50.0)
+    bench = moving(ticks=400, axes=(x, *built.axes[1:]))
+    bench.until_rest()
+    sent = [setpoints[0] for _, setpoints in bench.group.commands]
+    assert bench.snapshot.fault is Fault.TRAVEL and bench.snapshot.fault_axis == 0
+    assert max(sent) <= 50.0 * x.counts_per_unit + 1
+    bench.close()
+
+
+def test_a_plan_that_asks_too_much_is_slowed_on_the_path_and_named() -> None:
+    bench = Bench()
+    bench.enable()
+    # A law with a jump of the speed at half way: no axis can do that.
+    law = Law((0.0, 0.5, 1.0), ((0, 0, 40.0, 0, 0, 0), (10.0, 200.0, -100.0, 0, 0, 0)))
+    piece, move = straight(HERE, THERE, lambda _: law)
+    bench.send([piece], {0: move})
+    bench.tick()
+    bench.ask(Request.START)
+    bench.until(Mode.FAULT)
+    bench.until_rest()
+    rows = commands(bench.rows())
+    assert bench.snapshot.fault is Fault.ACCELERATION
+    velocity, acceleration, _ = excess(bench.machine, rows)
+    assert on_the_line(rows[4:]) and velocity <= 1.0 and acceleration <= 1.001
+    bench.close()
+
+
+def test_an_emergency_stop_wants_a_quick_stop_in_the_next_tick() -> None:
+    bench = moving()
+    bench.ask(Request.ESTOP)
+    bench.tick()
+    assert bench.group.wanted is Wanted.QUICK_STOP and bench.snapshot.fault is Fault.EMERGENCY_STOP
+    bench.ask(Request.RESET)
+    bench.tick()
+    assert bench.snapshot.mode is Mode.OFF
+    bench.group.failure = (DriveFault.NONE, -1)
+    bench.enable()
+    bench.close()
+
+
+def late_once(at: int, seconds: float) -> Callable[[int], float]:
+    return lambda n: seconds if n == at else 0.0
+
+
+@pytest.mark.parametrize("share", (0.1, 0.2, 0.25, 0.3, 0.5, 0.75, 0.9, 1.0, 1.1, 1.3, 2.0, 2.9, 3.5, 5.0))
+def test_a_late_tick_never_brings_syncs_closer_nor_doubles_a_step(share: float) -> None:
+    T = 0.002
+    bench = moving(late_once(60, share * T), ticks=200)
+    intervals = np.diff(bench.group.syncs)
+    assert intervals.min() >= 0.75 * T - 1e-9
+    rows = bench.rows()
+    assert max(excess(bench.machine, commands(rows))) <= 1.0 + 1e-9
+    assert len(bench.group.syncs) == np.count_nonzero(rows[:, COLUMN["sync_sent"]])
+    assert bench.snapshot.fault is Fault.NONE
+    skipped = 0 if share < 0.25 else int(share) + (share % 1.0 >= 0.25)
+    assert bench.snapshot.skips == skipped
+    bench.close()
+
+
+def test_setpoints_leave_only_in_ticks_that_sent_a_sync() -> None:
+    rng = random.Random(5)
+    delays = [rng.choice((0.0, 0.0, 0.0, rng.uniform(0.0, 0.01))) for _ in range(500)]
+    bench = moving(lambda n: delays[n % 500], ticks=300, skip_limit_per_s=1e9)
+    assert [at for at, _ in bench.group.commands] == bench.group.syncs
+    assert np.diff(bench.group.syncs).min() >= 0.75 * 0.002 - 1e-9
+    assert max(excess(bench.machine, commands(bench.rows()))) <= 1.0 + 1e-9
+    bench.close()
+
+
+def test_too_many_skips_stop_the_tool_on_the_path() -> None:
+    bench = moving(lambda n: 0.001 if n > 60 and n % 5 == 0 else 0.0, ticks=200)
+    bench.until_rest()
+    rows = commands(bench.rows())
+    assert bench.snapshot.fault is Fault.TOO_MANY_SKIPS
+    assert on_the_line(rows[5:]) and max(excess(bench.machine, rows)) <= 1.02
+    bench.close()
+
+
+def test_the_same_events_give_the_same_setpoints_bit_for_bit() -> None:
+    def once() -> bytes:
+        bench = moving(lambda n: 0.0012 if n == 77 else 0.0, ticks=120)
+        bench.ask(Request.OVERRIDE, 0.37)
+        bench.tick(60)
+        bench.ask(Request.HOLD)
+        bench.tick(80)
+        bench.ask(Request.RESUME)
+        bench.ask(Request.OVERRIDE, 1.0)
+        bench.until(Mode.READY)
+        rows: bytes = bench.rows().tobytes()
+        bench.close()
+        return rows
+
+    assert once() == once()
+
+
+def test_an_error_of_our_own_stops_the_drives_and_is_named() -> None:
+    bench = moving()
+
+    def broken() -> None:
+        raise ZeroDivisionError
+
+    bench.clock.steppers.append(lambda now: None)
+    bench.cycle._take_requests = broken  # type: ignore[method-assign]
+    assert bench.loop.run(lambda: True) is Fault.INTERNAL
+    assert bench.group.wanted is Wanted.QUICK_STOP and bench.snapshot.fault is Fault.INTERNAL
+    bench.close()

@@ -1,0 +1,165 @@
+"""A trace is computed back from joints, survives its file, and measures what it says."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from controller.geometry import Frame
+from controller.handoff import COLUMN
+from controller.machine import Sense
+from controller.motions import SurfaceCut
+from controller.verify import trace as traces
+from controller.verify.trace import Setup, Trace
+
+# The file's fields as promised to whoever reads traces.
+FIELDS = {
+    "time_s", "joint_command", "joint_setpoint", "joint_actual", "tool_tip", "tool_axis", "contact",
+    "u", "feed_mm_s", "line", "cutting", "axes", "period_s", "machine",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def cut(ruled_run) -> Trace:
+    return traces.from_rows(ruled_run.rows, ruled_run.machine, ruled_run.kinematics, ruled_run.stretches)
+
+
+def surface_cuts(run) -> list[tuple[int, SurfaceCut]]:
+    return [(i, s.motion) for i, s in run.stretches.items() if isinstance(s.motion, SurfaceCut)]
+
+
+def test_row_0_is_the_tick_of_cycle_start(ruled_run, cut):
+    assert len(cut.time_s) == len(ruled_run.rows) - 3  # three rows before the machine runs
+    assert cut.time_s[:3] == pytest.approx([0.0, 0.002, 0.004])
+    later = traces.from_rows(
+        ruled_run.rows, ruled_run.machine, ruled_run.kinematics, ruled_run.stretches, first_tick=750
+    )
+    assert len(later.time_s) == len(ruled_run.rows) - 50 and later.time_s[0] == 0.0
+
+
+def test_rows_of_a_machine_that_never_ran_make_an_empty_trace(ruled_run):
+    empty = traces.from_rows(ruled_run.rows[:2], ruled_run.machine, ruled_run.kinematics, ruled_run.stretches)
+    assert empty.time_s.shape == (0,) and empty.tool_tip.shape == (0, 3)
+
+
+def test_contact_lies_on_c1_and_the_axis_on_the_ruling(ruled_run, cut):
+    for motion_id, motion in surface_cuts(ruled_run):
+        here = (ruled_run.rows[3:, COLUMN["motion_id"]] == motion_id) & cut.cutting
+        u = cut.u[here]
+        lower = np.stack(motion.surface.contact(u, np), axis=1)
+        tip, axis = (np.stack(v, axis=1) for v in motion.surface.pose(u, motion.offset_mm, np))
+        assert np.abs(cut.contact[here] - lower).max() < 1e-9
+        assert np.abs(cut.tool_tip[here] - tip).max() < 1e-9
+        assert np.abs(cut.tool_axis[here] - axis).max() < 1e-11
+
+
+def test_contact_and_u_are_nan_exactly_when_not_cutting(cut):
+    assert np.array_equal(np.isnan(cut.u), ~cut.cutting)
+    assert np.array_equal(np.isnan(cut.contact).any(axis=1), ~cut.cutting)
+    assert 0 < cut.cutting.sum() < len(cut.cutting)
+    assert cut.u[cut.cutting].min() == 0.0 and cut.u[cut.cutting].max() == 1.0
+
+
+def test_approach_and_standstill_are_seen_in_the_frame_of_the_cut_they_lead_to(cut):
+    first = int(np.argmax(cut.cutting))
+    assert cut.tool_tip[first - 1] == pytest.approx(cut.tool_tip[first], abs=1e-9)
+    assert cut.tool_tip[0] - cut.tool_tip[first] == pytest.approx((0.0, 0.0, 20.0), abs=1e-9)
+    assert cut.line[0] == 0 and cut.line[first] == 18
+
+
+def test_a_setup_given_for_a_motion_wins_over_the_guess(ruled_run, cut):
+    table = {0: Setup(Frame(), 40.0)}
+    seen = traces.from_rows(
+        ruled_run.rows, ruled_run.machine, ruled_run.kinematics, ruled_run.stretches, table
+    )
+    assert seen.tool_tip[10] - cut.tool_tip[10] == pytest.approx(ruled_run.machine.offsets[0].origin)
+
+
+def test_joints_are_shown_in_degrees_and_in_the_configured_sense(ruled_run, cut):
+    axes = tuple(replace(axis, sense=Sense.ISO) for axis in ruled_run.machine.axes)
+    iso = replace(ruled_run.machine, axes=axes)
+    shown = traces.from_rows(ruled_run.rows, iso, ruled_run.kinematics, ruled_run.stretches)
+    assert np.array_equal(shown.joint_command[:, :3], cut.joint_command[:, :3])
+    assert np.array_equal(shown.joint_command[:, 3:], -cut.joint_command[:, 3:])
+    assert np.array_equal(shown.tool_tip, cut.tool_tip)
+    assert cut.joint_command[cut.cutting][-1, 4] == pytest.approx(92.0826, abs=1e-4)
+
+
+def test_setpoints_are_the_counts_that_were_sent(ruled_run, cut):
+    counts = ruled_run.rows[3:, COLUMN["setpoint_0"] : COLUMN["setpoint_0"] + 5]
+    assert cut.joint_setpoint.dtype == np.int32
+    assert np.array_equal(cut.joint_setpoint, counts)
+
+
+def test_a_file_has_exactly_the_promised_fields_and_comes_back_equal(cut, tmp_path):
+    path = tmp_path / "cut.npz"
+    cut.save(path)
+    with np.load(path) as file:
+        assert set(file.files) == FIELDS
+        assert file["line"].dtype.kind == "i" and file["cutting"].dtype == bool
+    back = traces.load(path)
+    for field in fields(Trace):
+        before, after = getattr(cut, field.name), getattr(back, field.name)
+        assert np.array_equal(before, after, equal_nan=field.name in ("u", "contact")), field.name
+    assert back.axes == ("X", "Y", "Z", "A", "C") and back.period_s == 0.002
+    assert json.loads(back.machine)["axes"][4]["kind"] == "table"
+
+
+def test_the_same_trace_gives_the_same_bytes(cut, tmp_path):
+    cut.save(tmp_path / "a.npz")
+    cut.save(tmp_path / "b")
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b").read_bytes()
+
+
+def test_a_file_without_a_field_is_refused_with_its_name(tmp_path):
+    np.savez(tmp_path / "half.npz", time_s=np.zeros(3))
+    with pytest.raises(ValueError, match=r"is not a trace: it has no .*joint_command"):
+        traces.load(tmp_path / "half.npz")
+
+
+def test_being_late_on_the_path_is_no_path_error(ruled_run, cut):
+    late = replace(cut, joint_actual=np.vstack([cut.joint_command[:1]] * 7 + [cut.joint_command[:-7]]))
+    errors = traces.path_errors(late, ruled_run.machine, ruled_run.kinematics, 40.0)
+    assert errors.path_mm.max() < 1e-9 and errors.axis_deg.max() < 1e-9
+    assert np.abs(traces.following_error(late)).max() > 0.1
+
+
+def test_a_shifted_axis_is_a_path_error_of_its_shift(ruled_run, cut):
+    shift = np.array([0.0, 0.0, 0.005, 0.0, 0.0])
+    off = replace(cut, joint_actual=cut.joint_command + shift)
+    errors = traces.path_errors(off, ruled_run.machine, ruled_run.kinematics, 40.0)
+    assert errors.path_mm.max() <= 0.005 + 1e-12
+    assert errors.path_mm[cut.cutting].max() > 0.0045
+    tilted = replace(cut, joint_actual=cut.joint_command + np.array([0.0, 0.0, 0.0, 0.01, 0.0]))
+    errors = traces.path_errors(tilted, ruled_run.machine, ruled_run.kinematics, 40.0)
+    assert errors.axis_deg[~cut.cutting] == pytest.approx(0.01, rel=1e-3)
+
+
+def test_a_lag_equal_on_all_axes_costs_little_path_error(ruled_run, cut):
+    figures = traces.summary(cut, ruled_run.machine, ruled_run.kinematics, 40.0)
+    assert figures.cut_length_mm == pytest.approx(50.5115 + 36.7618, abs=1e-3)
+    assert figures.cut_time_s == pytest.approx(cut.cutting.sum() * 0.002)
+    assert set(figures.following_error) == {"X", "Y", "Z", "A", "C"}
+    assert figures.path_error_mm < figures.following_error["Y"]
+    json.dumps(figures.to_dict())
+
+
+def test_speeds_are_shares_of_the_limits(ruled_run, cut):
+    moved = np.zeros_like(cut.joint_command[:3])
+    moved[1:, 4] = 0.72  # degrees in 2 ms are 360 deg/s
+    even = replace(cut, joint_command=moved)
+    assert traces.speeds(even, ruled_run.machine)[1] == pytest.approx([0.0, 0.0, 0.0, 0.0, 1.0])
+
+
+def test_sync_intervals_count_what_is_further_off_than_a_quarter_period():
+    period_s = 0.002
+    intervals = np.full(1000, period_s)
+    intervals[10], intervals[20], intervals[30] = 2.4e-3, 2.6e-3, 1.4e-3
+    found = traces.sync_intervals(np.concatenate(([5.0], 5.0 + np.cumsum(intervals))), period_s)
+    assert found.count == 1000 and found.outside_share == pytest.approx(0.002)
+    assert found.p50_s == pytest.approx(period_s) and found.max_s == pytest.approx(2.6e-3)
+    with pytest.raises(ValueError, match="Two SYNCs"):
+        traces.sync_intervals(np.array([1.0]), period_s)

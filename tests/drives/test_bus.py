@@ -1,0 +1,137 @@
+import ctypes
+import socket
+import struct
+
+import can
+import pytest
+
+from drives import bus, pdo
+from drives.settings import BusSettings
+
+
+@pytest.fixture
+def hub_end():
+    """A hub socket and the other end of its wire."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    port = bus.HubSocket(ours, "can0")
+    theirs.settimeout(1.0)
+    yield port, theirs
+    theirs.close()
+    port.close()
+
+
+def test_a_frame_goes_out_as_it_lies_in_memory(hub_end):
+    port, theirs = hub_end
+    assert port.send(pdo.frame(0x201, b"\x01"))
+    assert theirs.recv(64) == bytes(pdo.frame(0x201, b"\x01"))
+
+
+def test_a_packet_of_several_frames_comes_out_one_by_one(hub_end):
+    port, theirs = hub_end
+    frames = [bytes(pdo.frame(0x180 + i, bytes([i]))) for i in range(5)]
+    theirs.send(b"".join(frames[:3]))
+    theirs.send(b"".join(frames[3:]))
+    buffer = bytearray(16)
+    seen = []
+    while port.receive_into(buffer):
+        seen.append(bytes(buffer))
+    assert seen == frames
+
+
+def test_a_truncated_frame_is_not_taken_for_one(hub_end):
+    port, theirs = hub_end
+    theirs.send(bytes(pdo.frame(0x181)) + b"abc")
+    buffer = bytearray(16)
+    assert port.receive_into(buffer)
+    assert not port.receive_into(buffer)
+
+
+def test_a_dead_hub_and_a_full_queue_are_false_and_not_exceptions(hub_end):
+    port, theirs = hub_end
+    sends = 0
+    while port.send(pdo.frame(0x80)) and sends < 100_000:
+        sends += 1
+    assert 0 < sends < 100_000
+    theirs.close()
+    buffer = bytearray(16)
+    assert not port.send(pdo.frame(0x80))
+    assert not port.receive_into(buffer)
+
+
+def test_cyclic_sync_is_asked_of_the_hub_and_taken_back_once(hub_end):
+    port, theirs = hub_end
+    port.stop_cyclic_sync()  # never started: another client's SYNC is not ours to stop
+    port.start_cyclic_sync(0.002)
+    assert pdo.unpack(theirs.recv(64)) == (0x2000_0001, struct.pack("<I", 2000))
+    port.stop_cyclic_sync()
+    assert pdo.unpack(theirs.recv(64)) == (0x2000_0001, bytes(4))
+
+
+def test_no_hub_is_a_sentence(tmp_path):
+    with pytest.raises(bus.BusError, match=r"no virtual bus at .* start its hub first"):
+        bus.open(BusSettings("can0", "virtual", str(tmp_path / "none"), 1_000_000))
+
+
+class Timeval(ctypes.Structure):
+    _fields_ = [("seconds", ctypes.c_long), ("microseconds", ctypes.c_long)]
+
+
+class CanFrame(ctypes.Structure):
+    _fields_ = [("id", ctypes.c_uint32), ("length", ctypes.c_uint8), ("pad", ctypes.c_uint8 * 3),
+                ("data", ctypes.c_uint64)]  # fmt: skip  # 8-byte aligned, as in linux/can.h
+
+
+class BroadcastMessage(ctypes.Structure):
+    """struct bcm_msg_head with one frame, as the C compiler lays it out."""
+
+    _fields_ = [("opcode", ctypes.c_uint32), ("flags", ctypes.c_uint32), ("count", ctypes.c_uint32),
+                ("interval1", Timeval), ("interval2", Timeval), ("id", ctypes.c_uint32),
+                ("frames", ctypes.c_uint32), ("frame", CanFrame)]  # fmt: skip
+
+
+def test_the_broadcast_managers_request_has_the_layout_of_its_header_file():
+    request = bus.cyclic_sync_request(1.002)
+    assert len(request) == ctypes.sizeof(BroadcastMessage)
+    message = BroadcastMessage.from_buffer_copy(request)
+    assert (message.opcode, message.flags, message.count) == (1, 3, 0)  # TX_SETUP, SETTIMER | STARTTIMER
+    assert (message.interval1.seconds, message.interval1.microseconds) == (0, 0)
+    assert (message.interval2.seconds, message.interval2.microseconds) == (1, 2000)
+    assert (message.frames, message.frame.id, message.frame.length) == (1, 0x80, 0)
+
+
+def test_kernel_filters_let_eleven_bit_data_frames_through_only():
+    can_id, mask = struct.unpack_from("=II", bus.kernel_filters(pdo.TICK_FILTERS))
+    assert can_id == 0x180
+    for heard, frame_id in [(True, 0x185), (False, 0x205), (False, 0x8000_0185), (False, 0x4000_0185)]:
+        assert (frame_id & mask == can_id) is heard
+
+
+def test_a_python_can_adapter_carries_the_same_frames():
+    settings = BusSettings("can0", "virtual_in_process", "test_adapter", 1_000_000)
+    ours = bus.AdapterSocket(can.Bus(interface="virtual", channel="test_adapter"), settings.name)
+    theirs = can.Bus(interface="virtual", channel="test_adapter")
+    try:
+        assert ours.send(pdo.frame(0x201, b"\x0f\x00\x01\x02\x03\x04"))
+        message = theirs.recv(1.0)
+        assert message is not None
+        assert (message.arbitration_id, bytes(message.data)) == (0x201, b"\x0f\x00\x01\x02\x03\x04")
+        buffer = bytearray(16)
+        assert not ours.receive_into(buffer)
+        theirs.send(can.Message(arbitration_id=0x181, data=b"\x37\x12", is_extended_id=False))
+        assert ours.receive_into(buffer)
+        assert pdo.unpack(buffer) == (0x181, b"\x37\x12")
+        with pytest.raises(bus.BusError, match='use sync = "tick"'):
+            ours.start_cyclic_sync(0.002)
+    finally:
+        theirs.shutdown()
+        ours.close()
+
+
+def test_an_unknown_adapter_is_a_sentence():
+    with pytest.raises(bus.BusError, match="python-can cannot open interface 'nonesuch'"):
+        bus.open(BusSettings("can0", "nonesuch", "0", 1_000_000))
+
+
+def test_a_missing_can_interface_is_a_sentence():
+    with pytest.raises(bus.BusError, match=r"no CAN sockets|ip link set nonesuch0 up"):
+        bus.open(BusSettings("can0", "socketcan", "nonesuch0", 1_000_000))

@@ -1,0 +1,174 @@
+"""The arrows of the house (DESIGN section 3): who may import whom, read from the source."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+LEAVES = {"machine", "state", "geometry"}
+SHAPES = {"jets", "curves", "surfaces", "kinematics", "motions"}
+
+# Part of controller -> parts of controller it may import. A file of a folder counts as
+# the folder, and every part may import itself.
+ARROWS: dict[str, set[str]] = {
+    "geometry": set(),
+    "machine": {"geometry"},
+    "state": set(),
+    "jets": set(),
+    "curves": {"geometry", "jets"},
+    "surfaces": LEAVES | {"jets", "curves"},
+    "kinematics": LEAVES | {"jets", "curves"},
+    "motions": LEAVES | {"curves", "surfaces", "kinematics"},
+    "handoff": LEAVES | {"motions", "curves", "surfaces"},
+    "toml_table": {"geometry"},  # reads tables for config, knows no machine
+    "config": {"machine", "geometry", "toml_table"},
+    "plan": LEAVES | SHAPES | {"handoff"},
+    "tick": LEAVES | (SHAPES - {"jets"}) | {"handoff"},
+    "verify": LEAVES | SHAPES | {"plan", "handoff"},
+    "panel": LEAVES | {"handoff", "config", "plan", "verify"},
+}
+
+# Who may import which part of drives ("*" = all).
+TO_DRIVES: dict[str, set[str]] = {
+    "config": {"settings", "budget"},
+    "tick": {"settings", "scale", "cia402", "pdo", "drive", "group", "budget", "bus"},
+    "__main__": {"*"},
+}
+
+# Outside package -> the only files that may import it.
+ONLY_IN: dict[str, set[str]] = {
+    "can": {"drives/bus.py", "drives/hub_bus.py"},
+    "canopen": {"drives/commission.py"},
+}
+
+# The tick calculates on plain floats and never waits for a lock (DESIGN sections 2, 3, 5).
+NOT_IN_TICK = {"numpy", "logging", "threading", "asyncio", "concurrent", "multiprocessing", "queue"}
+
+
+def sources() -> list[Path]:
+    return sorted(p for folder in ("controller", "drives") for p in (ROOT / folder).rglob("*.py"))
+
+
+def imports(source: str, path: str) -> Iterator[tuple[int, str]]:
+    """(line, dotted name) of every import anywhere in a file, also inside functions.
+
+    ``from a import b`` gives ``a.b``: whether b is a module or a name in one, the part
+    that it belongs to is the same. Relative imports are made absolute.
+    """
+    package = list(Path(path).with_suffix("").parts[:-1])
+    for node in ast.walk(ast.parse(source, path)):
+        if isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            up = package[: len(package) - node.level + 1] if node.level else []
+            base = ".".join([*up, *([node.module] if node.module else [])])
+            yield from ((node.lineno, f"{base}.{alias.name}") for alias in node.names)
+        elif isinstance(node, ast.Call) and _is_import_call(node.func):
+            named = node.args[0] if node.args else None
+            if isinstance(named, ast.Constant) and isinstance(named.value, str):
+                yield node.lineno, named.value
+
+
+def _is_import_call(function: ast.expr) -> bool:
+    name = function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
+    return name in ("import_module", "__import__", "run_module")
+
+
+def wrong_imports(source: str, path: str) -> list[str]:
+    """A sentence per import that no arrow allows."""
+    parts = Path(path).with_suffix("").parts
+    home, part = parts[0], parts[1]
+    found = []
+    for line, name in imports(source, path):
+        top, *rest = name.split(".")
+        reason = _outside(top, path, home, part) or _inside(top, rest, home, part)
+        if reason:
+            found.append(f"{path}:{line}: imports {name}: {reason}")
+    return found
+
+
+def _outside(top: str, path: str, home: str, part: str) -> str:
+    if top in ONLY_IN and path not in ONLY_IN[top]:
+        return f"only {' and '.join(sorted(ONLY_IN[top]))} may import {top}"
+    if (home, part) == ("controller", "tick") and top in NOT_IN_TICK:
+        return f"the tick uses no {top}"
+    return ""
+
+
+def _inside(top: str, rest: list[str], home: str, part: str) -> str:
+    if home == "drives":
+        return "drives imports nothing from controller" if top == "controller" else ""
+    if top == "controller" and part != "__main__" and rest:
+        return "" if rest[0] in ARROWS.get(part, set()) | {part} else f"no arrow from {part} to {rest[0]}"
+    if top == "drives":
+        allowed = TO_DRIVES.get(part, set())
+        sound = "*" in allowed or (rest and rest[0] in allowed)
+        return "" if sound else f"no arrow from {part} to drives.{rest[0] if rest else '*'}"
+    return ""
+
+
+def test_no_file_imports_along_an_arrow_that_is_not_drawn() -> None:
+    wrong = [w for p in sources() for w in wrong_imports(p.read_text(), p.relative_to(ROOT).as_posix())]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_every_part_of_the_controller_has_its_place_in_the_drawing() -> None:
+    parts = {p.relative_to(ROOT).with_suffix("").parts[1] for p in sources() if "controller" in p.parts}
+    assert parts - {"__init__", "__main__"} <= set(ARROWS)
+
+
+def test_the_drawing_itself_has_no_way_round() -> None:
+    """Arrows make an order: taking away what points to nothing left empties the drawing."""
+    left = {part: set(to) for part, to in ARROWS.items()}
+    while ends := {part for part, to in left.items() if not to & left.keys()}:
+        left = {part: to for part, to in left.items() if part not in ends}
+    assert not left, f"these point at each other: {sorted(left)}"
+
+
+PLANTED = [
+    # file, source, why it must be found
+    ("controller/plan/path.py", "from controller.tick import loop", "plan must not know the tick"),
+    ("controller/plan/path.py", "def f():\n    import controller.tick.loop", "also inside a function"),
+    ("controller/tick/loop.py", "from ..plan import profile", "also a relative import"),
+    ("controller/tick/loop.py", "from controller import plan", "also by the package"),
+    ("controller/tick/loop.py", "from controller.panel import http", "never tick to panel"),
+    ("controller/tick/cycle.py", "import numpy as np", "plain floats in the tick"),
+    ("controller/tick/cycle.py", "import logging", "no log in the tick"),
+    ("controller/tick/loop.py", "from threading import Lock", "no lock in the tick"),
+    ("controller/tick/loop.py", "from drives import commission", "no SDO in the real-time process"),
+    ("controller/tick/loop.py", "import drives", "the whole package is not one of its files"),
+    ("controller/curves.py", "from controller.surfaces import Cone", "curves know no surfaces"),
+    ("controller/geometry.py", "from controller import machine", "a leaf imports no other part"),
+    ("controller/config.py", "from controller.kinematics import Kinematics", "config reads, others compute"),
+    ("controller/plan/path.py", "from drives.group import Group", "only the tick speaks to drives"),
+    ("controller/unknown.py", "from controller.geometry import X", "a part that is not drawn"),
+    ("drives/group.py", "from controller.machine import Axis", "drives stand on their own"),
+    ("drives/simulated/node.py", "import importlib\nimportlib.import_module('controller')", "also by call"),
+    ("drives/group.py", "def f():\n    import can", "python-can has one door"),
+    ("drives/simulated/node.py", "import canopen.sdo", "canopen has one door"),
+    ("controller/__main__.py", "import canopen", "for the command line, too"),
+]
+
+
+@pytest.mark.parametrize(("path", "source", "reason"), PLANTED)
+def test_a_planted_arrow_is_found(path: str, source: str, reason: str) -> None:
+    assert wrong_imports(source, path), reason
+
+
+DRAWN = [
+    ("controller/tick/cycle.py", "from drives.group import Group\nfrom . import follow\nimport math"),
+    ("controller/plan/limits.py", "import numpy as np\nfrom controller import jets, motions"),
+    ("controller/__main__.py", "from controller import config, tick\nfrom drives import commission"),
+    ("controller/config.py", "from drives.settings import NodeSettings"),
+    ("drives/bus.py", "def f():\n    import can"),
+    ("drives/simulated/node.py", "from ..virtual_bus import connect"),
+]
+
+
+@pytest.mark.parametrize(("path", "source"), DRAWN)
+def test_a_drawn_arrow_is_left_alone(path: str, source: str) -> None:
+    assert wrong_imports(source, path) == []
