@@ -75,8 +75,8 @@ def describe(axis: Axis, excess: Excess, where: str) -> str:
     k = axis.shown_per_unit
     low, high = sorted((axis.travel_min * k, axis.travel_max * k))
     return (
-        f"{axis.name} would reach {excess.value * k:.3f} {unit}{where}, {abs(excess.by * k):.3f} {unit} beyond "
-        f"its travel of {low:.3f} to {high:.3f} {unit}; move the part (work offset) or change the block"
+        f"{axis.name} would reach {excess.value * k:.3f} {unit}{where}, {abs(excess.by * k):.3f} {unit} "
+        f"beyond its travel of {low:.3f} to {high:.3f} {unit}; move the part (work offset) or the block"
     )
 
 

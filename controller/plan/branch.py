@@ -83,7 +83,7 @@ class Field:
             torn = np.flatnonzero(jumps & (swapped > JUMP_RAD))
             if len(torn):
                 raise BranchLost(float(self.u[torn[0]]), "the rotary axes would have to jump")
-        return jumps
+        return np.asarray(jumps)
 
 
 def _grid(cut: SurfaceCut) -> Array:
@@ -113,7 +113,7 @@ def _solve(cut: SurfaceCut, kinematics: Kinematics, u: Array) -> Field:
     x, y, z = cut.part.turn(cut.surface.axis(u, np))
     axis: Vector = (x + 0.0 * u, y + 0.0 * u, z + 0.0 * u)
     # Kept at nan, the work's rotary shows where it is undetermined: at the pole.
-    pairs = np.moveaxis(np.array(kinematics.branches(axis, np, None, NAN)), 2, 1)
+    pairs: Array = np.moveaxis(np.array(kinematics.branches(axis, np, None, NAN)), 2, 1)
     lost = np.isnan(pairs).all(axis=(0, 2))
     if lost.any():
         raise BranchLost(float(u[np.argmax(lost)]), "no position of the rotary axes gives this tool axis")

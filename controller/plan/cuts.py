@@ -124,8 +124,8 @@ def _audit_radius(block: CutBlock, surface: Surface, tool: Tool, machine: Machin
         longest = max(float(norm(surface.ruling(i / 64.0))) for i in range(65))
         if longest > tool.flute_mm:
             sentence = (
-                f"The flute of T{tool.number} is {tool.flute_mm:.3f} mm long, the longest ruling {longest:.3f} "
-                "mm; above the flute nothing is cut."
+                f"The flute of T{tool.number} is {tool.flute_mm:.3f} mm long, the longest ruling "
+                f"{longest:.3f} mm; above the flute nothing is cut."
             )
             voice.tell(block.place, sentence)
 

@@ -86,8 +86,8 @@ def _corner(before: Cut, after: Cut, voice: Voice) -> tuple[Meeting, str]:
         voice.refuse(
             after.block.place,
             f"this block meets the one of line {before.block.place.line} in a concave corner of "
-            f"{degrees:.4f} degrees; a cutter of radius {radius:.3f} mm would cut into one of the two; blend the "
-            "corner with a surface of a larger radius, or cut on the other side",
+            f"{degrees:.4f} degrees; a cutter of radius {radius:.3f} mm would cut into one of the two; "
+            "blend the corner with a surface of a larger radius, or cut on the other side",
         )
     return Meeting.PIVOT, f"Pivots by {degrees:.4f} degrees about the ruling it shares with {{}}."
 

@@ -29,6 +29,7 @@ from controller.machine import Joints, Machine
 from controller.plan.path import Path
 from controller.plan.planner import Planner
 from controller.session.events import Event
+from controller.session.startup import StartUp
 from controller.state import FAULTS, Fault, Mode, Request
 from controller.tick.cycle import Cycle
 from controller.tick.loop import Loop, SteppedClock
@@ -41,13 +42,8 @@ from drives.simulated.rig import rig
 PLAN_EVERY = 16  # ticks between two turns of the planner
 DRAIN_EVERY = 4096  # ticks between two looks at the recorder
 LONGEST_WAIT = 30_000  # ticks for enabling or homing
-HOMING, CSP = 6, 8  # modes of operation, 6060h
 
 Rows = npt.NDArray[np.float64]
-
-
-class SessionError(Exception):
-    """The machine did not come up; the text says which mode or fault it is in."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,21 +78,20 @@ class SteppedMachine:
         """``stiffness``: factor on the position gain by axis name; ``lateness``: see SteppedClock."""
         self.machine = machine
         self.kinematics = Kinematics(machine)
-        self._nodes = config.node_settings(machine)
+        nodes = config.node_settings(machine)
         master = config.master_settings(machine)
         buses = config.bus_settings(machine)
-        self.rig = rig(self._nodes, buses, stiffness=stiffness, lost_sync=lost_sync)
-        self._networks = {
+        self.rig = rig(nodes, buses, stiffness=stiffness, lost_sync=lost_sync)
+        networks = {
             bus.name: commission.Network(
                 self.rig.port(pdo.SERVICE_FILTERS, bus.name), commission.stepped_pump(self.rig)
             )
             for bus in buses
         }
-        for bus in buses:
-            here = [node for node in self._nodes if node.bus == bus.name]
-            commission.commission(self._networks[bus.name], here, master)
+        self._start_up = StartUp(machine, networks, self._ask)
+        self._start_up.commission()
         ports = {bus.name: self.rig.port(pdo.TICK_FILTERS, bus.name) for bus in buses}
-        self._group = Group([Drive(node) for node in self._nodes], ports, master)
+        self._group = Group([Drive(node) for node in nodes], ports, master)
         self._plan_end, tick_end = piece_pair()
         self._operator, request_end = request_pair()
         self.board, self.recorder = SnapshotBoard(), Recorder()
@@ -130,38 +125,21 @@ class SteppedMachine:
         """The commanded joints."""
         return self.cycle.follow.joints
 
-    # --- coming up
-
     def come_up(self) -> None:
         """Home every axis, group by group, and enable. Raises SessionError."""
-        for group in sorted({axis.homing.group for axis in self.machine.axes}):
-            self._home([i for i, axis in enumerate(self.machine.axes) if axis.homing.group == group])
-        self._ask(Request.ENABLE, 0.0, Mode.READY)
+        self._start_up.come_up()
 
-    def _home(self, axes: Sequence[int]) -> None:
-        self._set_mode(axes, HOMING)
-        self._ask(Request.HOME, float(sum(1 << i for i in axes)), Mode.OFF)
-        self._set_mode(axes, CSP)
-
-    def _set_mode(self, axes: Sequence[int], mode: int) -> None:
-        for i in axes:
-            node = self._nodes[i]
-            commission.set_mode(self._networks[node.bus], node, mode)
+    def _ask(self, request: Request, value: float, wanted: Mode) -> tuple[Mode, Fault]:
+        # SDO has let time pass on the bus alone.
         self._offset_s = self.rig.now_s - self.clock.now_s()
-
-    def _ask(self, request: Request, value: float, wanted: Mode) -> None:
         self.request(request, value)
         self.tick()
+        modes = self.cycle.modes
         for _ in range(LONGEST_WAIT):
-            if self.cycle.modes.mode is wanted:
-                return
-            if self.cycle.modes.mode is Mode.FAULT:
+            if modes.mode in (wanted, Mode.FAULT):
                 break
             self.tick()
-        modes = self.cycle.modes
-        raise SessionError(
-            f"{request.name.lower()} ended in mode {modes.mode.name.lower()}: {FAULTS[modes.fault].text}"
-        )
+        return modes.mode, modes.fault
 
     # --- a program
 

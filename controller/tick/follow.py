@@ -304,4 +304,3 @@ class Follow:
         self.piece = entry.piece
         self.s, speed = entry.at(self.tau)
         self.feed = speed * self.rate if self.tau < entry.end_s else 0.0
-

@@ -19,6 +19,7 @@ from struct import Struct
 
 from drives import pdo
 from drives.pdo import COMMAND, DATA_AT, FRAME, PDO_BYTES
+from drives.settings import INT32_MAX, INT32_MIN
 from drives.simulated import pdo_map
 from drives.simulated.axis import Axis
 from drives.simulated.dictionary import EDS, Dictionary, key
@@ -86,8 +87,10 @@ class SimulatedDrive:
 
     def timer(self, now_s: float) -> None:
         """Run the alarms that are due."""
-        for name, (at_s, what) in list(self._alarms.items()):
-            if at_s <= now_s:
+        for name, alarm in list(self._alarms.items()):
+            at_s, what = alarm
+            # An alarm that ran before may have taken this one back or set it anew.
+            if at_s <= now_s and self._alarms.get(name) is alarm:
                 del self._alarms[name]
                 what(now_s)
         self.due_s = min((at_s for at_s, _ in self._alarms.values()), default=math.inf)
@@ -138,7 +141,10 @@ class SimulatedDrive:
         """The TPDOs of this SYNC: what was true at the SYNC, sent a little later."""
         if self._fast_out and self._link is not None:
             axis = self.axis
-            frame = FEEDBACK.pack(self._fast_out, PDO_BYTES, axis.statusword, axis.actual())
+            position = round(axis.servo.position)
+            if not INT32_MIN <= position <= INT32_MAX:
+                position = axis.actual()
+            frame = FEEDBACK.pack(self._fast_out, PDO_BYTES, axis.statusword, position)
             self._link.send(at_s, self._fast_out, frame)
         if self._tpdos:
             self._syncs += 1

@@ -50,7 +50,7 @@ def search(servo: Servo, how: Search, period_s: float, found: Callable[[float], 
             phase = 1
         elif phase == 1 and not pressed and speed * how.side < 0.0:
             phase = 2
-        elif phase == 2 and speed == 0.0:
+        elif phase == 2 and speed == 0.0 and abs(servo.end - servo.position) < 1.0:
             phase = 3
             found(how.switch)
         wanted = (how.fast, -how.slow, 0.0, 0.0)[phase] * how.side

@@ -125,9 +125,7 @@ def test_a_snapshot_reads_back_every_field(tmp_path: object) -> None:
     board.write(*snapshot_values(6))
     found = reader.read()
     assert found is not None
-    flat = [
-        x for value in found for x in (value if isinstance(value, tuple) else (value,))
-    ]
+    flat = [x for value in found for x in (value if isinstance(value, tuple) else (value,))]
     assert flat == list(snapshot_values(6))
     assert found.mode is Mode.HOLD and found.line == 42 and found.joints[4] == 5.0
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from drives import pdo
 from drives.virtual_bus import QUEUE_LIMIT, Port, SteppedBus
 
@@ -107,7 +109,7 @@ def test_cyclic_sync_keeps_exact_deadlines_comes_back_as_echo_and_ends_with_its_
     for n in range(1, 101):
         bus.advance(n * 0.001)
     assert len(received(owner)) == 49
-    assert max(abs(b - a - 0.002) for a, b in zip(times, times[1:], strict=False)) < 1e-12
+    assert max(abs(b - a - 0.002) for a, b in pairwise(times)) < 1e-12
     owner.close()
     bus.advance(1.0)
     assert len(times) <= 50

@@ -1,0 +1,224 @@
+"""What one tick costs, wake-up excluded: five drives on a socket, cutting Example 2.
+
+    python tests/benchmarks/tick_cost.py [--ticks N] [--paced] [--json]
+
+The tick is the real one (cycle, group, drives, sockets); the far end of the socket is
+filled with the drives' answers before each tick and emptied after it, outside of the
+measured time. ``--paced`` sleeps to the period between ticks, so that caches are as cold
+as in production. The share of each step is taken in a second pass, whose stop watches
+cost a little themselves.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import socket
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
+
+from machines import machine as make_machine  # noqa: E402
+from ticking import cut_start, ruled_cut  # noqa: E402
+
+from controller.handoff import (  # noqa: E402
+    PieceInbox,
+    PieceMessage,
+    PieceOutbox,
+    Recorder,
+    RequestInbox,
+    SnapshotBoard,
+    piece_pair,
+    request_pair,
+    send_request,
+)
+from controller.machine import Machine  # noqa: E402
+from controller.state import Mode, Request  # noqa: E402
+from controller.tick import loop  # noqa: E402
+from controller.tick.cycle import Cycle  # noqa: E402
+from drives import pdo  # noqa: E402
+from drives.bus import HubSocket  # noqa: E402
+from drives.drive import Drive  # noqa: E402
+from drives.group import Group  # noqa: E402
+from drives.settings import MasterSettings, NodeSettings  # noqa: E402
+
+OPERATION_ENABLED = 0x1237  # with voltage, remote and "follows command"
+
+
+class Rig:
+    """The tick and, at the far end of its socket, drives that are where they were told to be."""
+
+    def __init__(self, machine: Machine) -> None:
+        near, self.far = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self.far.setblocking(False)
+        nodes = [NodeSettings(a.name, a.bus, a.node, "", period_s=machine.period_s) for a in machine.axes]
+        self.nodes = [node.node for node in nodes]
+        piece, self.cut = ruled_cut(machine)
+        start = cut_start(machine, self.cut)
+        self.positions = {
+            axis.node: round(q * axis.counts_per_unit) for axis, q in zip(machine.axes, start, strict=True)
+        }
+        self.piece = piece
+        group = Group(
+            [Drive(node) for node in nodes],
+            {machine.axes[0].bus: HubSocket(near, "main")},
+            MasterSettings(period_s=machine.period_s),
+        )
+        plan_end, piece_end = piece_pair()
+        self.operator, request_end = request_pair()
+        self.plan = PieceOutbox(plan_end)
+        self.now_s = 0.0
+        self.cycle = Cycle(
+            machine,
+            group,
+            PieceInbox(piece_end),
+            RequestInbox(request_end),
+            SnapshotBoard(),
+            Recorder(),
+            time.monotonic,
+        )
+        self.sequence = 0
+
+    def answer(self) -> None:
+        """Each drive reports; the planner says it lives."""
+        for node in self.nodes:
+            data = OPERATION_ENABLED.to_bytes(2, "little") + self.positions[node].to_bytes(
+                4, "little", signed=True
+            )
+            self.far.send(pdo.frame(pdo.TPDO1 + node, data))
+        self.plan.send(PieceMessage(self.sequence, 0.0))
+
+    def empty(self) -> None:
+        """Takes what the tick sent; drives move to their setpoints."""
+        while True:
+            try:
+                packet = self.far.recv(4096)
+            except BlockingIOError:
+                return
+            for i in range(0, len(packet), pdo.FRAME_BYTES):
+                can_id, _ = pdo.HEADER.unpack_from(packet, i)
+                node = can_id - pdo.RPDO1
+                if node in self.positions:
+                    _, target = pdo.COMMAND.unpack_from(packet, i + pdo.DATA_AT)
+                    self.positions[node] = target
+
+    def tick(self) -> float:
+        """One tick; its cost in seconds."""
+        period_s = self.cycle.machine.period_s
+        self.answer()
+        self.now_s += period_s
+        self.cycle._synced_s = self.now_s - period_s  # the pace is ours, not the wall clock's
+        start = time.perf_counter()
+        self.cycle.receive(self.now_s)
+        self.cycle.run(self.now_s, 0.0)
+        cost = time.perf_counter() - start
+        self.empty()
+        return cost
+
+    def start(self) -> None:
+        send_request(self.operator, Request.ENABLE)
+        for _ in range(10):
+            self.tick()
+        assert self.cycle.modes.mode is Mode.READY, self.cycle.modes.mode
+        self.run_again()
+
+    def run_again(self) -> None:
+        """The cut once more, from its start: the drives are put back there."""
+        follow, machine = self.cycle.follow, self.cycle.machine
+        send_request(self.operator, Request.STOP)
+        while self.cycle.modes.mode is not Mode.READY:
+            self.tick()
+        start = cut_start(machine, self.cut)
+        follow.set_joints(start)
+        for axis, q in zip(machine.axes, start, strict=True):
+            self.positions[axis.node] = round(q * axis.counts_per_unit)
+        self.sequence += 1
+        motions = {self.piece.motion_id: self.cut}
+        self.plan.send(PieceMessage(self.sequence, follow.queue_end_s, dict(motions), (self.piece,)))
+        self.tick()
+        send_request(self.operator, Request.START)
+        self.tick()
+
+
+def measure(rig: Rig, ticks: int, paced: bool) -> np.ndarray:
+    """Costs (s) of ``ticks`` cutting ticks."""
+    costs = np.empty(ticks)
+    period_s = rig.cycle.machine.period_s
+    next_s = time.monotonic()
+    for n in range(ticks):
+        if not rig.cycle.follow.pending:
+            rig.run_again()
+        if paced:
+            next_s = max(next_s + period_s, time.monotonic())
+            time.sleep(max(0.0, next_s - time.monotonic()))
+        costs[n] = rig.tick()
+    return costs
+
+
+class Watches:
+    """A stop watch around each step of the tick."""
+
+    def __init__(self, cycle: Cycle) -> None:
+        self.spent: dict[str, float] = {}
+        self._watch(cycle.group, "receive", "receive")
+        self._watch(cycle.group, "sync", "SYNC")
+        self._watch(cycle, "_take_requests", "requests")
+        self._watch(cycle, "_take_pieces", "pieces")
+        self._watch(cycle, "_supervise", "supervise")
+        self._watch(cycle.follow, "step", "follow + joints")
+        self._watch(cycle, "_judge", "check + encode")
+        self._watch(cycle.group, "command", "send")
+        self._watch(cycle, "publish", "snapshot")
+        self._watch(cycle, "_record", "recorder")
+
+    def _watch(self, owner: Any, method: str, name: str) -> None:
+        inner: Callable[..., Any] = getattr(owner, method)
+        self.spent[name] = 0.0
+
+        def watched(*arguments: Any) -> Any:
+            start = time.perf_counter()
+            result = inner(*arguments)
+            self.spent[name] += time.perf_counter() - start
+            return result
+
+        setattr(owner, method, watched)
+
+
+def percentiles(values: np.ndarray) -> dict[str, float]:
+    p50, p99, p999 = np.percentile(values, (50.0, 99.0, 99.9)) * 1e6
+    worst = float(values.max()) * 1e6
+    return {"p50_us": float(p50), "p99_us": float(p99), "p99.9_us": float(p999), "max_us": worst}
+
+
+def main() -> None:
+    arguments = argparse.ArgumentParser(description="cost of one tick, wake-up excluded")
+    arguments.add_argument("--ticks", type=int, default=5000)
+    arguments.add_argument("--paced", action="store_true", help="sleep to the period between ticks")
+    arguments.add_argument("--json", action="store_true")
+    wanted = arguments.parse_args()
+    rig = Rig(make_machine())
+    rig.start()
+    granted = loop.prepare()
+    measure(rig, 500, wanted.paced)
+    whole = percentiles(measure(rig, wanted.ticks, wanted.paced))
+    watches = Watches(rig.cycle)
+    total = float(measure(rig, wanted.ticks, wanted.paced).sum())
+    shares = {name: spent / total for name, spent in watches.spent.items()}
+    shares["rest (and stop watches)"] = 1.0 - sum(shares.values())
+    if wanted.json:
+        print(json.dumps({"tick": whole, "shares": shares, "granted": granted}))
+        return
+    print(f"one tick, five drives, {wanted.ticks} ticks of Example 2's first surface ({granted})")
+    print("  " + "   ".join(f"{name[:-3]} {value:.1f} us" for name, value in whole.items()))
+    for name, share in shares.items():
+        print(f"  {name:<24} {share:6.1%}  {share * whole['p50_us']:6.1f} us")
+
+
+if __name__ == "__main__":
+    main()
