@@ -130,7 +130,9 @@ _BUFFER_BYTES = 4 << 20
 
 
 def encode(message: PieceMessage) -> list[bytes]:
-    """The packets of a message, in the order in which they must be sent."""
+    """The packets of a message, in the order in which they must be sent; a keepalive has no parts."""
+    if message.is_keepalive:
+        return [_PART.pack(message.sequence & 0xFFFFFFFF, 0, 0)]
     data = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
     parts = [data[i : i + _PART_BYTES] for i in range(0, len(data), _PART_BYTES)]
     return [_PART.pack(message.sequence & 0xFFFFFFFF, i, len(parts)) + p for i, p in enumerate(parts)]
@@ -201,6 +203,8 @@ class PieceInbox:
 
     def _join(self, packet: bytes) -> PieceMessage | None:
         _, part, parts = _PART.unpack_from(packet)
+        if parts == 0:
+            return None  # a keepalive: it was heard, that is all
         if part == 0:
             self._parts.clear()
         if part != len(self._parts):

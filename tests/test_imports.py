@@ -29,6 +29,8 @@ ARROWS: dict[str, set[str]] = {
     "plan": LEAVES | SHAPES | {"handoff"},
     "tick": LEAVES | (SHAPES - {"jets"}) | {"handoff"},
     "verify": LEAVES | SHAPES | {"plan", "handoff"},
+    # Puts the parts together, as the command line does; nothing but that imports it.
+    "session": LEAVES | SHAPES | {"config", "handoff", "plan", "tick"},
     "panel": LEAVES | {"handoff", "config", "plan", "verify"},
 }
 
@@ -36,6 +38,7 @@ ARROWS: dict[str, set[str]] = {
 TO_DRIVES: dict[str, set[str]] = {
     "config": {"settings", "budget"},
     "tick": {"settings", "scale", "cia402", "pdo", "drive", "group", "budget", "bus"},
+    "session": {"settings", "pdo", "drive", "group", "bus", "commission", "simulated"},
     "__main__": {"*"},
 }
 

@@ -25,7 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller import jets
-from controller.geometry import Number, Vector
+from controller.geometry import Number
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import JointMove, SurfaceCut
@@ -107,7 +107,9 @@ def _coefficient(q: Number, k: int, s: Array) -> Array:
     return np.broadcast_to(np.asarray(q.c[k] if isinstance(q, jets.Jet) else 0.0, dtype=float), s.shape)
 
 
-def _matching(pairs: Sequence[Vector], shown: Array, kinematics: Kinematics) -> tuple[Number, Number]:
+def _matching(
+    pairs: Sequence[tuple[Number, Number]], shown: Array, kinematics: Kinematics
+) -> tuple[Number, Number]:
     """Of the two branches, at each place the one the path is on."""
     i, j = kinematics.order.index(3), kinematics.order.index(4)
 
@@ -117,10 +119,7 @@ def _matching(pairs: Sequence[Vector], shown: Array, kinematics: Kinematics) -> 
         return np.asarray((1.0 - np.cos(da)) + (1.0 - np.cos(db)))
 
     near = away(pairs[0]) <= away(pairs[1])
-    pick = [
-        jets.Jet(np.where(near, p.c, q.c))
-        for p, q in zip(pairs[0], pairs[1], strict=True)
-    ]
+    pick = [jets.Jet(np.where(near, p.c, q.c)) for p, q in zip(pairs[0], pairs[1], strict=True)]
     return pick[0], pick[1]
 
 
@@ -147,11 +146,11 @@ class JointLimits:
         by_velocity = self.velocity / (np.abs(d.first) + tiny)
         by_acceleration = np.sqrt(self.acceleration / (np.abs(d.second) + tiny))
         by_jerk = np.cbrt(self.jerk / (np.abs(d.third) + tiny))
-        return np.minimum(np.minimum(by_velocity, by_acceleration), by_jerk).min(axis=1)
+        return np.asarray(np.minimum(np.minimum(by_velocity, by_acceleration), by_jerk).min(axis=1))
 
     def path_jerk(self, d: Derivatives) -> Array:
         """Jerk along a straight start from rest that every joint's jerk limit allows (N,)."""
-        return (self.jerk / (np.abs(d.first) + 1e-30)).min(axis=1)
+        return np.asarray((self.jerk / (np.abs(d.first) + 1e-30)).min(axis=1))
 
     def junction_speed(self, before: Derivatives, after: Derivatives, period_s: float) -> float:
         """Speed at which the jump of q' and q'' between two stretches fits every limit in one tick.

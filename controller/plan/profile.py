@@ -10,18 +10,19 @@ whole law evenly, which scales velocity, acceleration and jerk by 1, 2 and 3 pow
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from controller.handoff import Law
+from controller.handoff import Law, Quintic
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import JointMove
 from controller.plan import barrier, mesh
+from controller.plan.law import at_share, joined, shifted, straight, through, time_of, value
 from controller.plan.limits import Derivatives, JointLimits, derivatives, ramp_length
 from controller.plan.path import Chain, Stretch
 
@@ -35,6 +36,8 @@ FINE_ACCELERATION, FINE_JERK = 1.0005, 1.015  # of the limits: good enough betwe
 STOP_SHARE = 0.03  # a junction that must be passed slower than this share of the feed is a stop
 SPACING = 0.2  # of the even nodes, mm; ramps have their own
 NODES_EVEN = (60, 400)  # at least and at most
+EVEN_SHARE = 0.8  # of each limit left for the ramps of a curved stretch at even feed
+EVEN_SAMPLES = 400
 TINY = 1e-30
 
 
@@ -45,8 +48,12 @@ def plan(chain: Chain, machine: Machine, kinematics: Kinematics, override: float
     """
     laws: list[Law] = []
     for run in _runs(chain, machine, kinematics, override):
-        straight_law = _straight_run(run, machine, override)
-        laws += [straight_law] if straight_law else _Run(run, machine, kinematics, override).laws()
+        closed = None
+        if len(run) == 1:
+            closed = _straight_run(run[0], machine, override) or _even_run(
+                run[0], machine, kinematics, override
+            )
+        laws += [closed] if closed else _Run(run, machine, kinematics, override).laws()
     return laws
 
 
@@ -58,71 +65,46 @@ def _limits(stretch: Stretch, machine: Machine) -> JointLimits:
     return JointLimits.of(machine, MARGIN * (machine.rapid_share if stretch.feed_mm_s is None else 1.0))
 
 
-# --- straight moves ---------------------------------------------------------
+# --- closed forms ---------------------------------------------------------
 
 
-def _straight_run(run: Sequence[Stretch], machine: Machine, override: float) -> Law | None:
-    """The closed form, where the run is one move with constant q' and nothing else."""
-    move = run[0].motion
-    if len(run) > 1 or not isinstance(move, JointMove):
+def _straight_run(stretch: Stretch, machine: Machine, override: float) -> Law | None:
+    """The closed form, where q' is constant over the whole stretch."""
+    move = stretch.motion
+    if not isinstance(move, JointMove):
         return None
     ends = np.array([0.0, 1.0])
     if any(np.any(np.asarray(c) != 0.0) for c in move.curve.derivative(ends, 2, np)):
         return None
-    rate = np.abs(np.subtract(run[0].end, run[0].start)) / move.end + TINY
-    limits = _limits(run[0], machine)
+    rate = np.abs(np.subtract(stretch.end, stretch.start)) / move.end + TINY
+    limits = _limits(stretch, machine)
     return straight(
         move.end,
-        min(_feed(run[0], override), float((limits.velocity / rate).min())),
+        min(_feed(stretch, override), float((limits.velocity / rate).min())),
         float((limits.acceleration / rate).min()),
         float((limits.jerk / rate).min()),
     )
 
 
-def straight(length: float, velocity: float, acceleration: float, jerk: float) -> Law:
-    """The fastest law over ``length`` from rest to rest with constant limits: up to seven phases.
+def _even_run(stretch: Stretch, machine: Machine, kinematics: Kinematics, override: float) -> Law | None:
+    """The closed form for a curved stretch on which the feed alone costs little of any limit.
 
-              ______________
-             /              \\          v
-        ____/                \\____
-        +j  0  -j     0     -j  0  +j   jerk
+    With v = F throughout and the largest derivatives of the stretch, what is left of A and
+    J is a constant path acceleration and jerk for both ramps. None where less than
+    ``EVEN_SHARE`` of a limit is left: there the search gains time.
     """
-    # Ramp to v: either the acceleration limit is met (a trapezoid of a) or not (a triangle).
-    v = velocity
-    if v * jerk < acceleration**2:
-        ramp = math.sqrt(v / jerk) * 2.0
-    else:
-        ramp = v / acceleration + acceleration / jerk
-    if v * ramp > length:
-        v = _peak_speed(length, acceleration, jerk)
-    t_j = math.sqrt(v / jerk) if v * jerk < acceleration**2 else acceleration / jerk
-    t_a = max(0.0, v / (jerk * t_j) - t_j)
-    t_v = max(0.0, length / v - (2.0 * t_j + t_a))
-    phases = [(t_j, jerk), (t_a, 0.0), (t_j, -jerk), (t_v, 0.0), (t_j, -jerk), (t_a, 0.0), (t_j, jerk)]
-    return _phases(length, phases)
-
-
-def _peak_speed(length: float, a: float, j: float) -> float:
-    """Speed reached when there is no room for an even part: v (2 t_j + t_a) = length."""
-    v = (length * math.sqrt(j) / 2.0) ** (2 / 3)
-    if v * j <= a * a:
-        return v
-    b = a * a / j
-    return 0.5 * (math.sqrt(b * b + 4.0 * a * length) - b)
-
-
-def _phases(length: float, phases: Sequence[tuple[float, float]]) -> Law:
-    knots, coefficients = [0.0], []
-    s = v = a = 0.0
-    for t, j in phases:
-        if t <= 0.0:
-            continue
-        coefficients.append((s, v, a / 2.0, j / 6.0, 0.0, 0.0))
-        knots.append(knots[-1] + t)
-        s, v, a = s + t * (v + t * (a / 2.0 + t * j / 6.0)), v + t * (a + t * j / 2.0), a + t * j
-    # Rounding of a few 1e-16: the last place must be the end itself.
-    stretch = length / s
-    return Law(tuple(knots), tuple(tuple(c * stretch for c in row) for row in coefficients))
+    feed, limits = _feed(stretch, override), _limits(stretch, machine)
+    if not math.isfinite(feed):
+        return None
+    d = derivatives(stretch, np.linspace(0.0, stretch.motion.end, EVEN_SAMPLES), kinematics)
+    m1, m2, m3 = (np.abs(q).max(axis=0) + TINY for q in (d.first, d.second, d.third))
+    room_a = limits.acceleration - m2 * feed**2
+    acceleration = float((room_a / m1).min())
+    room_j = limits.jerk - m3 * feed**3 - 3.0 * m2 * feed * acceleration
+    tight = (m1 * feed > limits.velocity).any() or (room_a < EVEN_SHARE * limits.acceleration).any()
+    if tight or (room_j < EVEN_SHARE * limits.jerk).any():
+        return None
+    return straight(stretch.motion.end, feed, acceleration, float((room_j / m1).min()))
 
 
 # --- runs of a chain ----------------------------------------------------------
@@ -133,7 +115,7 @@ def _runs(
 ) -> list[tuple[Stretch, ...]]:
     """The chain cut at junctions so sharp that passing them is no faster than stopping."""
     runs: list[list[Stretch]] = [[chain.stretches[0]]]
-    for before, after in zip(chain.stretches, chain.stretches[1:], strict=False):
+    for before, after in itertools.pairwise(chain.stretches):
         speed = _junction_speed(before, after, machine, kinematics)
         if speed < STOP_SHARE * min(_feed(before, override), _feed(after, override), 1e6):
             runs.append([after])
@@ -152,7 +134,7 @@ def _junction_speed(before: Stretch, after: Stretch, machine: Machine, kinematic
 class _Node:
     """Which stretch each node of the mesh lies in, and how far along it."""
 
-    index: Array
+    index: npt.NDArray[np.intp]
     local: Array
 
 
@@ -168,8 +150,7 @@ class _Run:
         self.starts = np.concatenate([[0.0], np.cumsum([stretch.motion.end for stretch in run])])
         self.length = float(self.starts[-1])
         self.junctions = [
-            _junction_speed(before, after, machine, kinematics)
-            for before, after in zip(run, run[1:], strict=False)
+            _junction_speed(before, after, machine, kinematics) for before, after in itertools.pairwise(run)
         ]
         self.mesh = self._make_mesh()
         self.at_nodes = self._derive(self.mesh.s)
@@ -194,7 +175,7 @@ class _Run:
         samples = np.linspace(0.0, self.length, 200)
         d = self._derive(samples)
         limits = self.limits[0]
-        speed = np.minimum(limits.path_speed(d), self.feeds[self._nodes(samples).index.astype(int)])
+        speed = np.minimum(limits.path_speed(d), self.feeds[self._nodes(samples).index])
         jerk = limits.path_jerk(d)
         typical = float(np.median(speed))
 
@@ -240,7 +221,7 @@ class _Run:
         return Derivatives(*found)
 
     def _by_node(self, s: Array, which: str) -> Array:
-        return np.array([getattr(limit, which) for limit in self.limits])[self._nodes(s).index]
+        return np.asarray(np.array([getattr(limit, which) for limit in self.limits])[self._nodes(s).index])
 
     def _rows(self) -> barrier.Rows:
         m, d = self.mesh, self.at_nodes
@@ -267,7 +248,7 @@ class _Run:
         index = self._nodes(self.mesh.s).index
         feed = self.feeds[index]
         before, after = np.concatenate([index[:1], index[:-1]]), np.concatenate([index[1:], index[-1:]])
-        return np.minimum(feed, np.minimum(self.feeds[before], self.feeds[after]))
+        return np.asarray(np.minimum(feed, np.minimum(self.feeds[before], self.feeds[after])))
 
     def _speeds(self, w: Array) -> tuple[Array, Array]:
         """v and a at the nodes; where the feed is reached it is met exactly."""
@@ -315,21 +296,21 @@ class _Run:
     def _split(self, times: Array, pieces: Array) -> list[Law]:
         laws = []
         knots = [0.0]
-        rows: list[tuple[float, ...]] = []
+        rows: list[Quintic] = []
         k, base = 0, 0.0
         for i in range(len(pieces)):
-            row, t0, t1 = tuple(pieces[i]), float(times[i]), float(times[i + 1])
+            row, t0, t1 = _quintic(pieces[i]), float(times[i]), float(times[i + 1])
             while k < len(self.run) - 1 and value(row, t1 - t0) > self.starts[k + 1]:
-                cut = _time_of(row, float(self.starts[k + 1]), t1 - t0)
+                cut = time_of(row, float(self.starts[k + 1]), t1 - t0)
                 if cut > 0.0:
-                    rows.append(_shifted(row, 0.0, float(self.starts[k])))
+                    rows.append(shifted(row, 0.0, float(self.starts[k])))
                     knots.append(t0 + cut - base)
-                laws.append(_law(knots, rows, self.run[k].motion.end))
-                row, t0 = _shifted(row, cut, 0.0), t0 + cut
+                laws.append(joined(knots, rows))
+                row, t0 = shifted(row, cut, 0.0), t0 + cut
                 k, base, knots, rows = k + 1, t0, [0.0], []
-            rows.append(_shifted(row, 0.0, float(self.starts[k])))
+            rows.append(shifted(row, 0.0, float(self.starts[k])))
             knots.append(t1 - base)
-        laws.append(_law(knots, rows, self.run[k].motion.end))
+        laws.append(joined(knots, rows))
         return laws
 
 
@@ -346,74 +327,6 @@ def _tightened(rows: barrier.Rows, over_a: Array, over_j: Array) -> barrier.Rows
     return barrier.Rows(rows.q_x, rows.q_xx, rows.q_xxx, a, j, rows.cap)
 
 
-# --- pieces of law ------------------------------------------------------------
-
-
-def through(s: Array, v: Array, a: Array) -> tuple[Array, Array]:
-    """Times (2n + 1,) and coefficients (2n, 6) of the C2 law through s, v, a at n + 1 nodes.
-
-    Between two nodes the jerk is j1 for half of the time and j2 for the other half; that
-    and the duration 2h are just what s, v and a at the far node determine:
-
-        ds = (v0 + v1) h - (a1 - a0) h^2 / 3
-        j1 = (v1 - v0 - 2 a0 h - (a1 - a0) h / 2) / h^2,   j2 = (a1 - a0) / h - j1
-
-    A polynomial through the same values would overshoot where the jerk changes sign.
-    """
-    ds, mean, da = np.diff(s), v[1:] + v[:-1], np.diff(a)
-    h = 2.0 * ds / (mean + np.sqrt(np.maximum(mean * mean - 4.0 / 3.0 * da * ds, 0.0)))
-    v0, a0 = v[:-1], a[:-1]
-    j1 = (np.diff(v) - 2.0 * a0 * h - 0.5 * da * h) / h**2
-    j2 = da / h - j1
-    # An even piece is even to the last bit, not to rounding.
-    even = (v0 == v[1:]) & (a0 == 0.0) & (a[1:] == 0.0)
-    j1[even], j2[even] = 0.0, 0.0
-    s1, v1, a1 = s[:-1] + h * (v0 + h * (a0 / 2 + h * j1 / 6)), v0 + h * (a0 + h * j1 / 2), a0 + h * j1
-    none = np.zeros_like(h)
-    first = np.stack([s[:-1], v0, 0.5 * a0, j1 / 6, none, none], axis=1)
-    second = np.stack([s1, v1, 0.5 * a1, j2 / 6, none, none], axis=1)
-    pieces = np.stack([first, second], axis=1).reshape(-1, 6)
-    return np.concatenate([[0.0], np.cumsum(np.repeat(h, 2))]), pieces
-
-
-def at_share(times: Array, pieces: Array, share: float) -> tuple[Array, Array, Array, Array]:
-    """s, v, a and jerk at a share of every piece."""
-    t = share * np.diff(times)
-    c = pieces.T
-    s = c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * c[5]))))
-    v = c[1] + t * (2 * c[2] + t * (3 * c[3] + t * (4 * c[4] + t * 5 * c[5])))
-    a = 2 * c[2] + t * (6 * c[3] + t * (12 * c[4] + t * 20 * c[5]))
-    return s, v, a, 6 * c[3] + t * (24 * c[4] + t * 60 * c[5])
-
-
-def value(row: Sequence[float], t: float) -> float:
-    return row[0] + t * (row[1] + t * (row[2] + t * (row[3] + t * (row[4] + t * row[5]))))
-
-
-def _time_of(row: Sequence[float], s: float, longest: float) -> float:
-    """The time within a piece at which it passes ``s``; s grows, so bisection cannot fail."""
-    low, high = 0.0, longest
-    for _ in range(80):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if value(row, middle) < s else (low, middle)
-    return high
-
-
-def _shifted(row: Sequence[float], t: float, s: float) -> tuple[float, ...]:
-    """The same cubic with its clock ``t`` later and ``s`` taken off."""
-    c0, c1, c2, c3 = (float(c) for c in row[:4])
-    start = c0 + t * (c1 + t * (c2 + t * c3)) - s
-    return (start, c1 + t * (2.0 * c2 + t * 3.0 * c3), c2 + 3.0 * t * c3, c3, 0.0, 0.0)
-
-
-def _law(knots: Sequence[float], rows: Sequence[tuple[float, ...]], end: float) -> Law:
-    """A law with neighbouring pieces of the same even speed made one."""
-    kept_knots, kept = [knots[0]], []
-    for i, row in enumerate(rows):
-        last = kept[-1] if kept else None
-        if last and not any(row[2:]) and not any(last[2:]) and row[1] == last[1]:
-            kept_knots[-1] = knots[i + 1]
-            continue
-        kept.append(row)
-        kept_knots.append(knots[i + 1])
-    return Law(tuple(kept_knots), tuple(kept))
+def _quintic(row: Array) -> Quintic:
+    a, b, c, d, e, f = (float(x) for x in row)
+    return (a, b, c, d, e, f)

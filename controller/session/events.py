@@ -53,7 +53,9 @@ def _event(where: str, line: str) -> Event:
         raise EventError(f'{where}: {named}; allowed are "tick", "request" and "value".')
     tick = data.get("tick")
     if not isinstance(tick, int) or isinstance(tick, bool) or tick < 0:
-        raise EventError(f'{where}: "tick" is {tick!r}; it must be a whole number from 0, counted from cycle start.')
+        raise EventError(
+            f'{where}: "tick" is {tick!r}; it must be a whole number from 0, counted from cycle start.'
+        )
     request = data.get("request")
     if request not in REQUESTS:
         raise EventError(f'{where}: "request" is {request!r}; allowed are {", ".join(REQUESTS)}.')

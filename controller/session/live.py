@@ -60,7 +60,9 @@ class Live:
                 raise SessionError(f"While waiting for {what}: {row.text} {row.remedy}")
             for name, process in (("tick", self.tick), ("plan", self.plan)):
                 if not process.is_alive():
-                    raise SessionError(f"The {name} process ended while waiting for {what}; see its message above.")
+                    raise SessionError(
+                        f"The {name} process ended while waiting for {what}; see its message above."
+                    )
             if time.monotonic() > give_up_s:
                 raise SessionError(f"Waited {longest_s:.0f} s for {what} in vain; is the computer very busy?")
             time.sleep(LOOK_S)
@@ -81,7 +83,9 @@ class Live:
             rows.append(self.recorder.drain())
             now = self.board.read()
             if now is None or not self.tick.is_alive():
-                raise SessionError("The tick process ended in the middle of the cut; the drives stopped by themselves.")
+                raise SessionError(
+                    "The tick process ended in the middle of the cut; the drives stopped by themselves."
+                )
             progress(now)
             if now.at_rest and now.mode not in (Mode.RUNNING, Mode.STOPPING, Mode.HOLD):
                 rows.append(self.recorder.drain())

@@ -103,9 +103,7 @@ def plan_main(machine: Machine, wires: Wires, program: bytes, name: str) -> None
     plan = _Plan(machine, wires)
     plan.start_up()
     now = plan.snapshot()
-    traced = path.trace(
-        blocks.read(program, machine, name), machine, plan.kinematics, _five(now.joints)
-    )
+    traced = path.trace(blocks.read(program, machine, name), machine, plan.kinematics, _five(now.joints))
     plan.planner.load(traced, now.queue_end_s)
     while not asked.yes:
         plan.planner.work(plan.snapshot())

@@ -146,7 +146,7 @@ class Cycle:
             self._silent += ticks
             if self._silent > self._silence_ticks and self.modes.running and self.follow.pending:
                 self.modes.fail(Fault.PLANNER_GONE, -1)
-        if message is None or message.is_keepalive:
+        if message is None:
             return
         newer = message.sequence > self.accepted and not self.modes.dropped
         if newer and self.modes.takes_pieces and self.follow.accept(message):

@@ -30,10 +30,13 @@ DRIVE_FAULTS = {
 class Drives(Protocol):
     """What the tick needs of ``drives.group.Group``."""
 
-    drives: Sequence[Any]
-    positions: Sequence[int]
     sync_seen: bool
     syncs_seen: int
+
+    @property
+    def drives(self) -> Sequence[Any]: ...
+    @property
+    def positions(self) -> Sequence[int]: ...
 
     def receive(self, now_s: float) -> None: ...
     def sync(self, now_s: float) -> bool: ...

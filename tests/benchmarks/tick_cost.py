@@ -48,6 +48,7 @@ from drives.drive import Drive  # noqa: E402
 from drives.group import Group  # noqa: E402
 from drives.settings import MasterSettings, NodeSettings  # noqa: E402
 
+KEEPALIVE_TICKS = 10
 OPERATION_ENABLED = 0x1237  # with voltage, remote and "follows command"
 
 
@@ -92,7 +93,8 @@ class Rig:
                 4, "little", signed=True
             )
             self.far.send(pdo.frame(pdo.TPDO1 + node, data))
-        self.plan.send(PieceMessage(self.sequence, 0.0))
+        if self.cycle.tick % KEEPALIVE_TICKS == 0:
+            self.plan.send(PieceMessage(self.sequence, 0.0))
 
     def empty(self) -> None:
         """Takes what the tick sent; drives move to their setpoints."""

@@ -1,0 +1,137 @@
+"""Motion laws as polynomials: the closed form between rests, and laws through planned nodes.
+
+Rows of coefficients are c0 .. c5 of s(t) = sum c_k t^k, t from the start of the piece.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.handoff import Law, Quintic
+
+Array = npt.NDArray[np.float64]
+
+
+def straight(length: float, velocity: float, acceleration: float, jerk: float) -> Law:
+    """The fastest law over ``length`` from rest to rest with constant limits: up to seven phases.
+
+          ______________
+         /              \\          v
+    ____/                \\____
+    +j  0  -j     0     -j  0  +j   jerk
+    """
+    # Ramp to v: either the acceleration limit is met (a trapezoid of a) or not (a triangle).
+    v = velocity
+    if v * jerk < acceleration**2:
+        ramp = math.sqrt(v / jerk) * 2.0
+    else:
+        ramp = v / acceleration + acceleration / jerk
+    if v * ramp > length:
+        v = _peak_speed(length, acceleration, jerk)
+    t_j = math.sqrt(v / jerk) if v * jerk < acceleration**2 else acceleration / jerk
+    t_a = max(0.0, v / (jerk * t_j) - t_j)
+    t_v = max(0.0, length / v - (2.0 * t_j + t_a))
+    phases = [(t_j, jerk), (t_a, 0.0), (t_j, -jerk), (t_v, 0.0), (t_j, -jerk), (t_a, 0.0), (t_j, jerk)]
+    return _phases(length, phases)
+
+
+def _peak_speed(length: float, a: float, j: float) -> float:
+    """Speed reached when there is no room for an even part: v (2 t_j + t_a) = length."""
+    v = math.cbrt((length * math.sqrt(j) / 2.0) ** 2)
+    if v * j <= a * a:
+        return v
+    b = a * a / j
+    return 0.5 * (math.sqrt(b * b + 4.0 * a * length) - b)
+
+
+def _phases(length: float, phases: Sequence[tuple[float, float]]) -> Law:
+    knots = [0.0]
+    coefficients: list[Quintic] = []
+    s = v = a = 0.0
+    for t, j in phases:
+        if t <= 0.0:
+            continue
+        coefficients.append((s, v, a / 2.0, j / 6.0, 0.0, 0.0))
+        knots.append(knots[-1] + t)
+        s, v, a = s + t * (v + t * (a / 2.0 + t * j / 6.0)), v + t * (a + t * j / 2.0), a + t * j
+    # Rounding of a few 1e-16: the last place must be the end itself.
+    stretch = length / s
+    scaled = [
+        (a * stretch, b * stretch, c * stretch, d * stretch, 0.0, 0.0) for a, b, c, d, _, _ in coefficients
+    ]
+    return Law(tuple(knots), tuple(scaled))
+
+
+def through(s: Array, v: Array, a: Array) -> tuple[Array, Array]:
+    """Times (2n + 1,) and coefficients (2n, 6) of the C2 law through s, v, a at n + 1 nodes.
+
+    Between two nodes the jerk is j1 for half of the time and j2 for the other half; that
+    and the duration 2h are just what s, v and a at the far node determine:
+
+        ds = (v0 + v1) h - (a1 - a0) h^2 / 3
+        j1 = (v1 - v0 - 2 a0 h - (a1 - a0) h / 2) / h^2,   j2 = (a1 - a0) / h - j1
+
+    A polynomial through the same values would overshoot where the jerk changes sign.
+    """
+    ds, mean, da = np.diff(s), v[1:] + v[:-1], np.diff(a)
+    h = 2.0 * ds / (mean + np.sqrt(np.maximum(mean * mean - 4.0 / 3.0 * da * ds, 0.0)))
+    v0, a0 = v[:-1], a[:-1]
+    j1 = (np.diff(v) - 2.0 * a0 * h - 0.5 * da * h) / h**2
+    j2 = da / h - j1
+    # An even piece is even to the last bit, not to rounding.
+    even = (v0 == v[1:]) & (a0 == 0.0) & (a[1:] == 0.0)
+    j1[even], j2[even] = 0.0, 0.0
+    s1, v1, a1 = s[:-1] + h * (v0 + h * (a0 / 2 + h * j1 / 6)), v0 + h * (a0 + h * j1 / 2), a0 + h * j1
+    none = np.zeros_like(h)
+    first = np.stack([s[:-1], v0, 0.5 * a0, j1 / 6, none, none], axis=1)
+    second = np.stack([s1, v1, 0.5 * a1, j2 / 6, none, none], axis=1)
+    pieces = np.stack([first, second], axis=1).reshape(-1, 6)
+    return np.concatenate([[0.0], np.cumsum(np.repeat(h, 2))]), pieces
+
+
+def at_share(times: Array, pieces: Array, share: float) -> tuple[Array, Array, Array, Array]:
+    """s, v, a and jerk at a share of every piece."""
+    t = share * np.diff(times)
+    c = pieces.T
+    s = c[0] + t * (c[1] + t * (c[2] + t * (c[3] + t * (c[4] + t * c[5]))))
+    v = c[1] + t * (2 * c[2] + t * (3 * c[3] + t * (4 * c[4] + t * 5 * c[5])))
+    a = 2 * c[2] + t * (6 * c[3] + t * (12 * c[4] + t * 20 * c[5]))
+    return s, v, a, 6 * c[3] + t * (24 * c[4] + t * 60 * c[5])
+
+
+def value(row: Sequence[float], t: float) -> float:
+    return row[0] + t * (row[1] + t * (row[2] + t * (row[3] + t * (row[4] + t * row[5]))))
+
+
+def time_of(row: Sequence[float], s: float, longest: float) -> float:
+    """The time within a piece at which it passes ``s``; s grows, so bisection cannot fail."""
+    low, high = 0.0, longest
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if value(row, middle) < s else (low, middle)
+    return high
+
+
+def shifted(row: Sequence[float], t: float, s: float) -> Quintic:
+    """The same cubic with its clock ``t`` later and ``s`` taken off."""
+    c0, c1, c2, c3 = (float(c) for c in row[:4])
+    start = c0 + t * (c1 + t * (c2 + t * c3)) - s
+    return (start, c1 + t * (2.0 * c2 + t * 3.0 * c3), c2 + 3.0 * t * c3, c3, 0.0, 0.0)
+
+
+def joined(knots: Sequence[float], rows: Sequence[Quintic]) -> Law:
+    """A law with neighbouring pieces of the same even speed made one."""
+    kept_knots = [knots[0]]
+    kept: list[Quintic] = []
+    for i, row in enumerate(rows):
+        last = kept[-1] if kept else None
+        if last and not any(row[2:]) and not any(last[2:]) and row[1] == last[1]:
+            kept_knots[-1] = knots[i + 1]
+            continue
+        kept.append(row)
+        kept_knots.append(knots[i + 1])
+    return Law(tuple(kept_knots), tuple(kept))

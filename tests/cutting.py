@@ -1,0 +1,122 @@
+"""Runs programs on the stepped machine and measures them, for the acceptance tests."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from controller import config
+from controller.handoff import COLUMN
+from controller.kinematics import Kinematics
+from controller.machine import Machine
+from controller.plan import blocks, path
+from controller.plan.path import Stretch
+from controller.session.events import Event
+from controller.session.stepped import Run, SteppedMachine
+from controller.verify import trace
+
+SHIPPED = ("trunnion", "fig4b", "fig4c", "fig4d", "table_head", "head_head", "oblique45")
+T2 = "G21 G90 G54 G61\nT2 M6\nS12000 M3\n{side}\n{cuts}\nM5\nM30\n"
+
+
+def shipped(name: str = "trunnion", **changes: object) -> Machine:
+    """A shipped machine that warns where the cutter gouges."""
+    return replace(config.load(name), **{"gouge": "warn", **changes})  # type: ignore[arg-type]
+
+
+def program(name: str, feed: str | None = None) -> str:
+    """Text of a shipped program; ``feed`` takes the place of its F word's value."""
+    text = config.shipped_program(name).read_text()
+    if feed is None:
+        return text
+    for old in ("f100000", "f10000", "F100."):
+        text = text.replace(old, f"F{feed}")
+    return text
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """A finished run with everything to judge it."""
+
+    stepped: SteppedMachine
+    run: Run
+    trace: trace.Trace
+    rows: np.ndarray  # of the recorder, the same as the trace's
+
+    @property
+    def machine(self) -> Machine:
+        return self.stepped.machine
+
+    @property
+    def kinematics(self) -> Kinematics:
+        return self.stepped.kinematics
+
+    @property
+    def stretches(self) -> dict[int, Stretch]:
+        return self.stepped.planner.stretches
+
+    @property
+    def joints(self) -> np.ndarray:
+        """The commanded joints (N, 5) in mm and rad."""
+        first = COLUMN["joint_command_0"]
+        return self.rows[:, first : first + 5]
+
+    def column(self, name: str) -> np.ndarray:
+        return self.rows[:, COLUMN[name]]
+
+
+def cut(
+    text: str,
+    machine: Machine | None = None,
+    events: Sequence[Event] = (),
+    stepped: SteppedMachine | None = None,
+    **how: object,
+) -> Cut:
+    """Come up, read, trace and run ``text``; ``how`` goes to the SteppedMachine."""
+    if stepped is None:
+        stepped = SteppedMachine(machine or shipped(), **how)  # type: ignore[arg-type]
+        stepped.come_up()
+    known = blocks.read(text.encode(), stepped.machine, "part.ngc")
+    traced = path.trace(known, stepped.machine, stepped.kinematics, stepped.joints)
+    run = stepped.run(traced, events)
+    made = trace.from_rows(run.rows, stepped.machine, stepped.kinematics, stepped.planner.stretches)
+    return Cut(stepped, run, made, run.rows[len(run.rows) - len(made.time_s) :])
+
+
+def shares(joints: np.ndarray, machine: Machine) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """First, second and third differences of joints (N, 5) as shares of the limits, (N - k, 5)."""
+    T, limits = machine.period_s, [axis.limits for axis in machine.axes]
+    bounds = (
+        [x.velocity * T for x in limits],
+        [x.acceleration * T**2 for x in limits],
+        [x.jerk * T**3 for x in limits],
+    )
+    first, second, third = (np.abs(np.diff(joints, k, axis=0)) / b for k, b in enumerate(bounds, 1))
+    return first, second, third
+
+
+def largest(joints: np.ndarray, machine: Machine) -> tuple[float, float, float]:
+    """The largest share of velocity, acceleration and jerk of any axis."""
+    first, second, third = (float(share.max()) for share in shares(joints, machine))
+    return first, second, third
+
+
+def off_the_plan(done: Cut, rows: np.ndarray | None = None) -> float:
+    """Largest distance (mm) of the commanded tip from the stretch its row names, table frame."""
+    worst = 0.0
+    joints, ids, s = done.joints, done.column("motion_id"), done.column("s")
+    length = max((tool.length_mm for tool in done.machine.tools), default=0.0)
+    for i in range(len(joints)) if rows is None else rows:
+        if ids[i] < 0:
+            continue
+        stretch = done.stretches[int(ids[i])]
+        a, b = done.machine.rotary()
+        near = (float(joints[i, a]), float(joints[i, b]))
+        wanted = stretch.motion.joints(float(s[i]), near, done.kinematics)
+        assert wanted is not None
+        tip = done.kinematics.forward(tuple(map(float, joints[i])), length).tip
+        there = done.kinematics.forward(wanted, length).tip
+        worst = max(worst, float(np.linalg.norm(np.subtract(tip, there))))
+    return worst
