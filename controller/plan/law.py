@@ -5,6 +5,7 @@ Rows of coefficients are c0 .. c5 of s(t) = sum c_k t^k, t from the start of the
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 
@@ -135,3 +136,17 @@ def joined(knots: Sequence[float], rows: Sequence[Quintic]) -> Law:
         kept.append(row)
         kept_knots.append(knots[i + 1])
     return Law(tuple(kept_knots), tuple(kept))
+
+
+def sampled(law: Law, per_piece: int = 8, even_step_s: float = 0.02) -> tuple[Array, Array, Array]:
+    """Times, s and ds/dt at samples of a law: some per piece, and more on long pieces."""
+    times = []
+    for t0, t1 in itertools.pairwise(law.knots_s):
+        n = max(per_piece, int((t1 - t0) / even_step_s))
+        times.append(t0 + (t1 - t0) * np.arange(n) / n)
+    t = np.concatenate([*times, [law.duration_s]])
+    knots, c = np.array(law.knots_s), np.array(law.coefficients)
+    index = np.clip(np.searchsorted(knots, t, side="right") - 1, 0, len(c) - 1)
+    x, row = t - knots[index], c[index].T
+    s = row[0] + x * (row[1] + x * (row[2] + x * row[3]))
+    return t, s, row[1] + x * (2 * row[2] + x * 3 * row[3])

@@ -3,50 +3,59 @@
 from __future__ import annotations
 
 import contextlib
-import multiprocessing
-import os
 import socket
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from multiprocessing.process import BaseProcess
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from controller.handoff import Recorder, Snapshot, SnapshotBoard, piece_pair, request_pair, send_request
-from controller.machine import Machine
-from controller.session import processes
+from controller.handoff import (
+    COLUMN,
+    Recorder,
+    Snapshot,
+    SnapshotBoard,
+    piece_pair,
+    request_pair,
+    send_request,
+)
+from controller.machine import Bus, Machine
+from controller.session import children
+from controller.session.children import Child, Job
 from controller.session.startup import SessionError
 from controller.state import FAULTS, Mode, Request
 
 Rows = npt.NDArray[np.float64]
 
-HUB_S = 20.0  # for a hub to be there, a process to publish
-READY_S = 90.0  # for commissioning, homing and enabling
+HUB_S = 20.0  # for a hub to be there, for a start to be taken
+READY_S = 600.0  # for all of the start-up; each step of it has its own limit and sentence
 LOOK_S = 0.05
-HUB_PRIORITY = 40  # of SCHED_FIFO, below the tick's
+
+SELF_STOP = "The drives stop by their own supervision; start again and home."
 
 
 @dataclass(slots=True)
 class Live:
     """Handles on a running live machine."""
 
-    machine: Machine
-    tick: BaseProcess
-    plan: BaseProcess
+    machine: Machine  # with the paths of the hubs as channels
+    tick: Child
+    plan: Child
     board: SnapshotBoard
     recorder: Recorder
     operator: socket.socket
-    sync_stamps_s: dict[str, Rows]  # by virtual bus, when SYNC left the wire; filled at the end
+    hubs: dict[str, Child] = field(default_factory=dict)  # by virtual bus
+    sync_stamps_s: dict[str, Rows] = field(default_factory=dict)  # when SYNC left the wire; there at the end
 
     def request(self, request: Request, value: float = 0.0) -> None:
-        """What an operator asks for."""
-        send_request(self.operator, request, value)
+        """What an operator asks for. Raises SessionError when the tick is gone."""
+        try:
+            send_request(self.operator, request, value)
+        except OSError as error:
+            raise SessionError(self._ended(self.tick, request.name)) from error
 
     def wait_for(self, done: Callable[[Snapshot], bool], longest_s: float, what: str) -> Snapshot:
         """The first snapshot that is ``done``. SessionError on a dead process, a fault, or time over."""
@@ -55,14 +64,12 @@ class Live:
             now = self.board.read()
             if now is not None and done(now):
                 return now
+            for child in (self.tick, self.plan):
+                if not child.is_alive():
+                    raise SessionError(self._ended(child, what))
             if now is not None and now.mode is Mode.FAULT:
                 row = FAULTS[now.fault]
                 raise SessionError(f"While waiting for {what}: {row.text} {row.remedy}")
-            for name, process in (("tick", self.tick), ("plan", self.plan)):
-                if not process.is_alive():
-                    raise SessionError(
-                        f"The {name} process ended while waiting for {what}; see its message above."
-                    )
             if time.monotonic() > give_up_s:
                 raise SessionError(f"Waited {longest_s:.0f} s for {what} in vain; is the computer very busy?")
             time.sleep(LOOK_S)
@@ -74,22 +81,43 @@ class Live:
         )
 
     def run(self, progress: Callable[[Snapshot], None] = lambda _: None) -> tuple[Rows, Snapshot]:
-        """Cycle start to the program's end or a fault at rest: recorder rows and the last snapshot."""
+        """Cycle start to the program's end or a fault at rest: recorder rows and the last snapshot.
+
+        Raises SessionError when the tick is gone, or the plan before all of the program was sent.
+        """
         rows = [self.recorder.drain()[:0]]
+        began = False
+        give_up_s = time.monotonic() + HUB_S
         self.request(Request.START)
-        self.wait_for(lambda now: now.mode is not Mode.READY, HUB_S, "the start")
         while True:
             time.sleep(LOOK_S)
+            now = self._in_progress()
             rows.append(self.recorder.drain())
-            now = self.board.read()
-            if now is None or not self.tick.is_alive():
-                raise SessionError(
-                    "The tick process ended in the middle of the cut; the drives stopped by themselves."
-                )
+            # A program without motion is over between two looks: only the rows have seen it run.
+            began = began or bool(np.any(rows[-1][:, COLUMN["mode"]] != Mode.READY))
             progress(now)
-            if now.at_rest and now.mode not in (Mode.RUNNING, Mode.STOPPING, Mode.HOLD):
-                rows.append(self.recorder.drain())
+            if began and now.at_rest and now.mode not in (Mode.RUNNING, Mode.STOPPING, Mode.HOLD):
                 return np.concatenate(rows), now
+            if not began and time.monotonic() > give_up_s:
+                raise SessionError("The machine did not take the start; is the computer very busy?")
+
+    def _in_progress(self) -> Snapshot:
+        """The newest snapshot. SessionError when nothing will come of it any more."""
+        alive, planning = self.tick.is_alive(), self.plan.is_alive()
+        now = self.board.read()
+        if now is None or not alive:
+            raise SessionError(f"{self._ended(self.tick, 'the end of the program')} {SELF_STOP}")
+        starved = now.mode is Mode.RUNNING and now.at_rest and now.plan_time_s >= now.queue_end_s
+        if starved and not planning:
+            raise SessionError(self._ended(self.plan, "the end of the program"))
+        return now
+
+    def _ended(self, child: Child, what: str) -> str:
+        """Why a process is gone: its own sentence, or that of the other one, which may be the cause."""
+        for one in (child, self.tick, self.plan):
+            if not one.is_alive() and (words := one.last_words()):
+                return words
+        return f"The {child.role} process ended while waiting for {what}."
 
 
 @contextlib.contextmanager
@@ -99,71 +127,65 @@ def started(machine: Machine, program: bytes, name: str) -> Iterator[Live]:
     Virtual buses get a hub with simulated drives each, other buses are what they are.
     Raises SessionError.
     """
-    with tempfile.TemporaryDirectory(prefix="directrix-") as folder, contextlib.ExitStack() as ending:
+    with tempfile.TemporaryDirectory(prefix="directrix-") as text, contextlib.ExitStack() as ending:
+        folder = Path(text)
         stamps_s: dict[str, Rows] = {}
-        machine = _with_hubs(machine, Path(folder), ending, stamps_s)
+        hubs: dict[str, Child] = {}
+        machine = _with_hubs(machine, folder, ending, hubs, stamps_s)
         plan_end, piece_end = piece_pair()
         operator, request_end = request_pair()
-        board = SnapshotBoard(str(Path(folder) / "snapshot"))
-        recorder = Recorder(str(Path(folder) / "recorder"))
-        to_tick = processes.Wires(piece_end, request_end, str(board.block.path), str(recorder.block.path))
-        to_plan = processes.Wires(plan_end, operator, str(board.block.path), str(recorder.block.path))
-        spawn = multiprocessing.get_context("spawn")
-        tick = spawn.Process(target=processes.tick_main, args=(machine, to_tick), daemon=True)
-        plan = spawn.Process(target=processes.plan_main, args=(machine, to_plan, program, name), daemon=True)
-        for process in (tick, plan):
-            process.start()
-            ending.callback(_end, process)
-        # The children have their own ends; ours would hide that the other one is gone.
-        for end in (plan_end, piece_end, request_end):
-            end.close()
         ending.callback(operator.close)
-        yield Live(machine, tick, plan, board, recorder, operator, stamps_s)
-
-
-def _end(process: BaseProcess) -> None:
-    process.terminate()
-    process.join(5.0)
-    if process.is_alive():
-        process.kill()
-        process.join()
+        board = SnapshotBoard(str(folder / "snapshot"))
+        recorder = Recorder(str(folder / "recorder"))
+        shared = (str(folder / "snapshot"), str(folder / "recorder"))
+        to_tick = Job(machine, piece_end.fileno(), request_end.fileno(), *shared)
+        to_plan = Job(machine, plan_end.fileno(), operator.fileno(), *shared, program, name)
+        # The children have their own ends; ours would hide that the other one is gone.
+        with plan_end, piece_end, request_end:
+            tick = children.start("tick", to_tick, folder)
+            ending.callback(tick.end)
+            plan = children.start("plan", to_plan, folder)
+            ending.callback(plan.end)
+        yield Live(machine, tick, plan, board, recorder, operator, hubs, stamps_s)
 
 
 def _with_hubs(
-    machine: Machine, folder: Path, ending: contextlib.ExitStack, stamps_s: dict[str, Rows]
+    machine: Machine,
+    folder: Path,
+    ending: contextlib.ExitStack,
+    hubs: dict[str, Child],
+    stamps_s: dict[str, Rows],
 ) -> Machine:
     """Start a hub with drives for each virtual bus; the machine with their paths as channels."""
     buses = []
     for bus in machine.buses:
         if bus.interface == "virtual":
-            path, log = folder / f"{bus.name}.hub", folder / f"{bus.name}.sync.npy"
+            log = folder / f"{bus.name}.sync.npy"
+            bus = replace(bus, channel=str(folder / f"{bus.name}.hub"))
             nodes = [str(axis.node) for axis in machine.axes if axis.bus == bus.name]
-            bus = replace(bus, channel=str(path))
-            ending.callback(_end_hub, _hub(path, nodes, bus.bit_rate, log), bus.name, log, stamps_s)
+            hub = _hub(bus, nodes, log, folder)
+            hubs[bus.name] = hub
+            ending.callback(_end_hub, hub, bus.name, log, stamps_s)
+            _wait_for_hub(hub, Path(bus.channel))
         buses.append(bus)
     return replace(machine, buses=tuple(buses))
 
 
-def _hub(path: Path, nodes: list[str], bit_rate: int, log: Path) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "drives.simulated", str(path), "--bit-rate", str(bit_rate)]
-    hub = subprocess.Popen([*command, "--sync-log", str(log), "--nodes", *nodes])
-    with contextlib.suppress(OSError):  # a simulated bus that is late is no bus; not permitted: it may be
-        os.sched_setscheduler(hub.pid, os.SCHED_FIFO, os.sched_param(HUB_PRIORITY))
+def _hub(bus: Bus, nodes: list[str], log: Path, folder: Path) -> Child:
+    options = [bus.channel, "--bit-rate", str(bus.bit_rate), "--sync-log", str(log), "--nodes", *nodes]
+    return Child("hub", options, folder / f"{bus.name}.words")
+
+
+def _wait_for_hub(hub: Child, path: Path) -> None:
     give_up_s = time.monotonic() + HUB_S
     while not path.exists():
-        if hub.poll() is not None or time.monotonic() > give_up_s:
-            hub.kill()
+        if not hub.is_alive() or time.monotonic() > give_up_s:
             raise SessionError("The virtual bus did not start; see its message above.")
         time.sleep(LOOK_S)
-    return hub
 
 
-def _end_hub(hub: subprocess.Popen[bytes], name: str, log: Path, stamps_s: dict[str, Rows]) -> None:
+def _end_hub(hub: Child, name: str, log: Path, stamps_s: dict[str, Rows]) -> None:
     """The hub writes its log at the end; read it before the folder goes."""
-    hub.terminate()
-    try:
-        hub.wait(5.0)
-    except subprocess.TimeoutExpired:
-        hub.kill()
+    hub.end()
     if log.exists():
         stamps_s[name] = np.load(log)

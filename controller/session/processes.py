@@ -7,12 +7,14 @@ stops on the path; without the tick the drives stop by their own supervision.
 
 from __future__ import annotations
 
-import ctypes
+import pickle
 import signal
 import socket
 import threading
 import time
-from dataclasses import dataclass
+import traceback
+from collections.abc import Callable
+from pathlib import Path
 
 from controller import config
 from controller.handoff import (
@@ -26,36 +28,51 @@ from controller.handoff import (
     send_request,
 )
 from controller.kinematics import Kinematics
-from controller.machine import Machine
+from controller.machine import Joints, Machine
 from controller.plan import blocks, path
 from controller.plan.planner import Planner
-from controller.session.startup import StartUp
+from controller.plan.program import ProgramError
+from controller.session import children
+from controller.session.children import Job
+from controller.session.startup import SessionError, StartUp
 from controller.state import Fault, Mode, Request
 from controller.tick import loop
 from controller.tick.cycle import Cycle
 from drives import bus, commission, pdo
+from drives.cia402 import State, Wanted
 from drives.drive import Drive
 from drives.group import Group
 
-PR_SET_NAME = 15
 PLAN_TURN_S = 0.010
 KEEPALIVE_S = 0.025
-COME_UP_S = 30.0
+COME_UP_S = 150.0  # longer than the tick itself waits for a drive to home
+STAND_DOWN_S = 1.0  # for each of: stop on the path, drives off
+SAME_PLACE = 1e-9  # mm or rad
+
+EXPECTED = (ProgramError, SessionError, commission.CommissionError, bus.BusError)
 
 
-@dataclass(frozen=True, slots=True)
-class Wires:
-    """What one process is given of the door: its end of each socket, and where shared memory is."""
+def run(role: str, job_file: Path) -> int:
+    """Runs ``tick`` or ``plan``; the exit code. Whatever ends it too early is one sentence beside the job."""
+    job: Job = pickle.loads(job_file.read_bytes())
+    try:
+        (tick_main if role == "tick" else plan_main)(job)
+    except EXPECTED as error:
+        children.words_of(job_file).write_text(str(error))
+    except Exception as error:  # the top of a process: its parent tells the operator
+        children.words_of(job_file).write_text(_own_error(role, error))
+    else:
+        return 0
+    return 1
 
-    pieces: socket.socket
-    requests: socket.socket
-    snapshot_path: str
-    recorder_path: str
+
+def _own_error(role: str, error: Exception) -> str:
+    place = traceback.extract_tb(error.__traceback__)[-1]
+    what = f"{type(error).__name__}: {error} ({Path(place.filename).name}, line {place.lineno})"
+    return f"The {role} process met an error of its own; report this: {what}"
 
 
-def name_process(name: str) -> None:
-    """The name that ``ps`` shows (15 characters)."""
-    ctypes.CDLL(None).prctl(PR_SET_NAME, name.encode(), 0, 0, 0)
+# --- tick ------------------------------------------------------------------------
 
 
 class Asked:
@@ -70,11 +87,9 @@ class Asked:
         self.yes = True
 
 
-def tick_main(machine: Machine, wires: Wires) -> None:
-    """The real-time process: opens the buses and ticks until SIGTERM."""
-    name_process("directrix-tick")
-    asked = Asked()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the operator's; the parent ends us in order
+def tick_main(job: Job) -> None:
+    """The real-time process: opens the buses and ticks until SIGTERM. Raises BusError."""
+    machine = job.machine
     ports = {settings.name: bus.open(settings, pdo.TICK_FILTERS) for settings in config.bus_settings(machine)}
     group = Group(
         [Drive(node) for node in config.node_settings(machine)], ports, config.master_settings(machine)
@@ -82,30 +97,58 @@ def tick_main(machine: Machine, wires: Wires) -> None:
     cycle = Cycle(
         machine,
         group,
-        PieceInbox(wires.pieces),
-        RequestInbox(wires.requests),
-        SnapshotBoard(wires.snapshot_path, create=False),
-        Recorder(wires.recorder_path, create=False),
+        PieceInbox(children.joined(job.pieces, socket.SOCK_SEQPACKET)),
+        RequestInbox(children.joined(job.requests, socket.SOCK_DGRAM)),
+        SnapshotBoard(job.snapshot_path, create=False),
+        Recorder(job.recorder_path, create=False),
         time.monotonic,
     )
     group.start()
     loop.prepare()
-    filenos = [port.fileno() for port in ports.values() if hasattr(port, "fileno")]
-    loop.Loop(cycle, loop.WallClock(), filenos).run(lambda: not asked.yes)
+    asked = Asked()
+    filenos = [port.fileno() for port in ports.values() if port.fileno() >= 0]
+    turning = loop.Loop(cycle, loop.WallClock(), filenos)
+    turning.run(lambda: not asked.yes)
+    if turning.error is None:
+        _stand_down(turning, cycle)
     group.stop_sync()
     group.close()
+    if turning.error is not None:
+        raise turning.error
 
 
-def plan_main(machine: Machine, wires: Wires, program: bytes, name: str) -> None:
-    """The plan's process: brings the machine up, then keeps the queue full until SIGTERM."""
-    name_process("directrix-plan")
-    asked = Asked()
-    plan = _Plan(machine, wires)
+def _stand_down(turning: loop.Loop, cycle: Cycle) -> None:
+    """Asked to end, perhaps in a cut: to rest on the path, then the drives off, brakes first."""
+    group = cycle.group
+    cycle.modes.request(Request.STOP, 0.0, cycle.follow.at_rest)
+    _turn_while(turning, cycle, lambda: not cycle.follow.at_rest)
+    group.want(Wanted.OFF)
+    _turn_while(turning, cycle, lambda: any(d.state is State.OPERATION_ENABLED for d in group.drives))
+
+
+def _turn_while(turning: loop.Loop, cycle: Cycle, going: Callable[[], bool]) -> None:
+    left = iter(range(round(STAND_DOWN_S / cycle.machine.period_s)))
+    turning.run(lambda: going() and next(left, None) is not None)
+
+
+# --- plan ------------------------------------------------------------------------
+
+
+def plan_main(job: Job) -> None:
+    """The plan's process: brings the machine up, then keeps the queue full until SIGTERM.
+
+    A program that cannot be run is refused before anything moves. Raises what ``EXPECTED`` lists.
+    """
+    plan = _Plan(job)
+    program = blocks.read(job.program, job.machine, job.name)
+    home = _home(job.machine)
+    traced = path.trace(program, job.machine, plan.kinematics, home)
     plan.start_up()
     now = plan.snapshot()
-    traced = path.trace(blocks.read(program, machine, name), machine, plan.kinematics, _five(now.joints))
+    if max(abs(a - b) for a, b in zip(now.joints, home, strict=True)) > SAME_PLACE:
+        traced = path.trace(program, job.machine, plan.kinematics, _five(now.joints))
     plan.planner.load(traced, now.queue_end_s)
-    while not asked.yes:
+    while not plan.alone:
         plan.planner.work(plan.snapshot())
         plan.flush()
         time.sleep(PLAN_TURN_S)
@@ -114,58 +157,76 @@ def plan_main(machine: Machine, wires: Wires, program: bytes, name: str) -> None
 class _Plan:
     """Planner, keepalive and start-up at the plan's end of the door."""
 
-    def __init__(self, machine: Machine, wires: Wires) -> None:
-        self.kinematics = Kinematics(machine)
-        self._machine, self._wires = machine, wires
-        self._board = SnapshotBoard(wires.snapshot_path, create=False)
-        self._outbox = PieceOutbox(wires.pieces)
+    def __init__(self, job: Job) -> None:
+        self.kinematics = Kinematics(job.machine)
+        self.alone = False  # the tick is gone
+        self._machine = job.machine
+        self._board = SnapshotBoard(job.snapshot_path, create=False)
+        self._outbox = PieceOutbox(children.joined(job.pieces, socket.SOCK_SEQPACKET))
+        self._requests = children.joined(job.requests, socket.SOCK_DGRAM)
         self._lock = threading.Lock()  # a keepalive must not come between the packets of a message
-        self.planner = Planner(machine, self.kinematics, self._send)
+        self.planner = Planner(job.machine, self.kinematics, self._send)
         threading.Thread(target=self._keep_alive, daemon=True).start()
 
     def _send(self, message: PieceMessage) -> bool:
+        """False while packets wait, and when nobody is there to take them."""
         with self._lock:
-            return self._outbox.send(message)
+            try:
+                return self._outbox.send(message)
+            except OSError:
+                self.alone = True
+                return False
 
     def flush(self) -> None:
         """Send on what did not fit into the socket."""
         with self._lock:
-            self._outbox.flush()
+            try:
+                self._outbox.flush()
+            except OSError:
+                self.alone = True
 
     def _keep_alive(self) -> None:
         """A chain may take a second to plan; the tick must know meanwhile that somebody does."""
-        while True:
+        while not self.alone:
             self._send(PieceMessage(0, 0.0))
             time.sleep(KEEPALIVE_S)
 
     def snapshot(self) -> Snapshot:
-        """The newest snapshot, waiting for the first."""
+        """The newest snapshot, waiting for the first. Raises SessionError when the tick is gone."""
         while (now := self._board.read()) is None:
+            if self.alone:
+                raise SessionError("The tick process ended before its first tick.")
             time.sleep(PLAN_TURN_S)
         return now
 
     def start_up(self) -> None:
+        """Commission, home, enable. Raises BusError, CommissionError, SessionError."""
         networks = {}
         for settings in config.bus_settings(self._machine):
             port = bus.open(settings, pdo.SERVICE_FILTERS)
-            pump = commission.wall_pump(port.fileno() if hasattr(port, "fileno") else -1)
-            networks[settings.name] = commission.Network(port, pump)
+            networks[settings.name] = commission.Network(port, commission.wall_pump(port.fileno()))
         start_up = StartUp(self._machine, networks, self._ask)
         start_up.commission()
         start_up.come_up()
 
     def _ask(self, request: Request, value: float, wanted: Mode) -> tuple[Mode, Fault]:
-        before = self.snapshot().tick
-        send_request(self._wires.requests, request, value)
+        """Homing begins and ends in OFF: there it is the axes homed that tell that it is over."""
+        send_request(self._requests, request, value)
+        mask = int(value) if request is Request.HOME else 0
         give_up_s = time.monotonic() + COME_UP_S
         while True:
             now = self.snapshot()
-            arrived = now.tick > before + 2 and now.mode in (wanted, Mode.FAULT)
-            if arrived or time.monotonic() > give_up_s:
+            arrived = now.mode is wanted and now.homed & mask == mask
+            if arrived or now.mode is Mode.FAULT or self.alone or time.monotonic() > give_up_s:
                 return now.mode, now.fault
             time.sleep(PLAN_TURN_S)
 
 
-def _five(values: tuple[float, ...]) -> tuple[float, float, float, float, float]:
+def _home(machine: Machine) -> Joints:
+    a, b, c, d, e = (axis.homing.position for axis in machine.axes)
+    return (a, b, c, d, e)
+
+
+def _five(values: tuple[float, ...]) -> Joints:
     a, b, c, d, e = values
     return (a, b, c, d, e)

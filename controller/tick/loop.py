@@ -111,6 +111,7 @@ class Loop:
             self._poll.register(fileno, select.POLLIN)
         self._start_s = clock.now_s()
         self._n = 0
+        self.error: Exception | None = None  # of our own, that ended ``run``
 
     def tick(self) -> bool:
         """Waits for the next deadline and runs the cycle; True if SYNC went out."""
@@ -144,7 +145,8 @@ class Loop:
         try:
             while go_on():
                 self.tick()
-        except Exception:  # the one place: whatever it was, the drives must stop
+        except Exception as error:  # the one place: whatever it was, the drives must stop
+            self.error = error
             self._stop_drives()
             return Fault.INTERNAL
         return Fault.NONE

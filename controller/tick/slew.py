@@ -42,6 +42,7 @@ ACCELERATION_SHARE = 0.999  # of the limit, in the exact check of a step
 ROOM_SHARE = 0.98  # of the acceleration, in the look ahead: the grid rounds peaks off
 JERK_SHARE = 0.68  # of the jerk, for q_tau r'' ...
 CROSS_SHARE = 0.28  # ... and for 3 q_tautau r r', where it adds to the levelling out
+FEWEST_TICKS = 5  # to the steepest slope: where the rate halves in a tick, derivatives say nothing
 LEAST_SHARE = 0.1  # of the jerk is taken for the levelling out even where the plan uses all of it
 STILL = 1e-12  # mm or rad: no motion
 
@@ -55,6 +56,7 @@ class Slew:
         self._period_s = period_s
         self._evaluate = evaluate
         self._rotary = rotary
+        self._most_bend = (FEWEST_TICKS * period_s) ** -2
         self._grid_s = max(GRID_S, 2.0 * period_s)
         # Largest differences of the commanded joints between ticks: first, second, third.
         self._first = tuple(x.velocity * period_s for x in limits)
@@ -157,7 +159,7 @@ class Slew:
 
         Levelling out ends at the target, where the plan's own jerk counts target^3.
         """
-        build = level = math.inf
+        build = level = self._most_bend
         cube = sign * target**3
         for rates, _, kinks in self._slopes:
             for jerk, rate, kink in zip(self._jerk, rates, kinks, strict=True):

@@ -1,0 +1,107 @@
+"""Ticks that come late: SYNCs keep their distance, steps stay single, drives do not trip."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from cutting import Cut, cut, largest, off_the_plan, program, shipped
+
+from controller.session.stepped import SteppedMachine
+from controller.state import Fault
+from drives.simulated.parameters import LostSync
+
+ACCELERATION = 1.002
+FIRST = 400  # waits before anything is late: coming up is over by then
+
+
+class Listener(SteppedMachine):
+    """Writes down when each SYNC left and what each drive was then told."""
+
+    def __init__(self, *given: object, **how: object) -> None:
+        super().__init__(*given, **how)  # type: ignore[arg-type]
+        self.syncs: list[float] = []
+        sync = self._group.sync
+
+        def heard(now_s: float) -> bool:
+            sent = sync(now_s)
+            if sent:
+                self.syncs.append(now_s)
+            return bool(sent)
+
+        self._group.sync = heard  # type: ignore[method-assign]
+
+
+def run_late(lateness: Callable[[int], float], lost_sync: LostSync, feed: str = "1000.") -> tuple[Cut, Listener]:
+    stepped = Listener(shipped(), lateness=lateness, lost_sync=lost_sync)
+    stepped.come_up()
+    return cut(program("example2_ready.ngc", feed), stepped=stepped), stepped
+
+
+def assert_syncs_apart(listener: Listener) -> None:
+    T = listener.machine.period_s
+    assert np.diff(listener.syncs).min() >= 0.75 * T - 1e-9
+
+
+def assert_single_steps(done: Cut) -> None:
+    """Joints move at SYNCs only, and no faster than any tick of an undisturbed run may."""
+    still = done.column("sync_sent")[1:] == 0.0
+    assert not np.abs(np.diff(done.joints, axis=0))[still].any()
+    moved = done.joints[done.column("sync_sent") != 0.0]
+    first, second, third = largest(moved, done.machine)
+    print(f"\nvelocity {first:.4f}, acceleration {second:.4f}, jerk {third:.3f}, skips {done.run.skips}")
+    assert first <= 1.0005 and second <= ACCELERATION
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", list(LostSync))
+@pytest.mark.parametrize("share", [0.1, 0.2, 0.26, 0.5, 0.9, 1.0, 1.3, 2.5, 5.0])
+def test_single_late_ticks_of_any_length(kind: LostSync, share: float) -> None:
+    rng = random.Random(round(share * 100))
+    late = {FIRST + k * 400 + rng.randrange(100) for k in range(10)}
+    done, listener = run_late(lambda n: share * 0.002 if n in late else 0.0, kind)
+    assert_syncs_apart(listener)
+    assert_single_steps(done)
+    assert off_the_plan(done) < 1e-6
+    if share < 2.0 or kind is not LostSync.FAULT:
+        assert done.run.result == "completed", (kind, share, done.run.fault_text)
+    else:
+        # Two SYNCs in a row are missing: these drives trip, and the fault says so.
+        assert done.run.fault in (Fault.NONE, Fault.EMCY, Fault.STATE_LOST)
+
+
+@pytest.mark.parametrize("kind", list(LostSync))
+def test_one_skip_at_full_feed_trips_no_drive_and_exceeds_no_limit(kind: LostSync) -> None:
+    done, listener = run_late(lambda n: 0.001 if n == 1900 else 0.0, kind, "3000.")
+    assert done.run.result == "completed" and done.run.fault is Fault.NONE, done.run.fault_text
+    assert done.run.skips == 1
+    skipped = np.flatnonzero(done.column("sync_sent") == 0.0)
+    assert len(skipped) == 1 and done.trace.cutting[skipped[0]]
+    assert done.trace.feed_mm_s[skipped[0]] > 40.0
+    assert_syncs_apart(listener)
+    assert_single_steps(done)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", list(LostSync))
+@pytest.mark.parametrize("seed", range(3))
+def test_random_lateness_keeps_syncs_apart_whatever_comes(kind: LostSync, seed: int) -> None:
+    rng = random.Random(seed)
+    table = [0.002 * rng.choice((0.0,) * 20 + (0.1, 0.24, 0.3, 0.6, 1.1)) for _ in range(200_000)]
+    done, listener = run_late(lambda n: table[n] if n > FIRST else 0.0, kind)
+    assert_syncs_apart(listener)
+    assert_single_steps(done)
+    assert off_the_plan(done) < 1e-6
+    print(kind.value, done.run.result, done.run.fault.name)
+    assert done.run.result == "completed" or done.run.fault in (Fault.TOO_MANY_SKIPS, Fault.EMCY, Fault.STATE_LOST)
+
+
+@pytest.mark.slow
+def test_too_many_late_ticks_stop_the_machine_on_the_path() -> None:
+    done, listener = run_late(lambda n: 0.0012 if n > 2000 and n % 3 == 0 else 0.0, LostSync.HOLD)
+    assert done.run.result == "fault" and done.run.fault is Fault.TOO_MANY_SKIPS
+    assert off_the_plan(done) < 1e-6
+    assert_syncs_apart(listener)
+    assert_single_steps(done)
