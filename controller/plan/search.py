@@ -23,6 +23,7 @@ from controller.machine import Machine
 from controller.plan import barrier, mesh
 from controller.plan.law import at_share, joined, shifted, through, time_of, value
 from controller.plan.limits import Derivatives, JointLimits, derivatives, ramp_length
+from controller.plan.mesh import BELL_NODES
 from controller.plan.path import Stretch
 
 Array = npt.NDArray[np.float64]
@@ -31,9 +32,11 @@ MARGIN = 0.998  # of each limit, for what differences on nodes do not see
 TIGHTEN_ROUNDS = 8
 TIGHTEN_POWER = 1.2
 WARM_GAP = 0.05  # of the time, where a search starts from the last one
-FINE_ACCELERATION, FINE_JERK = 1.0005, 1.015  # of the limits: good enough between nodes
+FINE_VELOCITY, FINE_ACCELERATION, FINE_JERK = 1.0002, 1.0005, 1.015  # good enough between nodes
 SPACING = 0.2  # of the even nodes, mm; ramps have their own
 NODES_EVEN = (60, 400)  # at least and at most
+FINE_SPACING = 0.03  # of the samples that look for narrow places, mm
+MOST_NARROW = 12  # of these get nodes of their own
 ONSET_NODES = 80
 RELAX = 1.02  # a limit that the old law meets is given this much room to begin with
 TINY = 1e-30
@@ -74,6 +77,23 @@ class _Node:
     local: Array
 
 
+@dataclass(frozen=True, slots=True)
+class Excess:
+    """Largest share of each limit about each node, per joint, (n + 1, 5); 1.0 is the limit itself."""
+
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+
+    def slowing(self) -> float:
+        """Factor on time that would bring everything inside; at most 1.0 where nothing is exceeded."""
+        return max(
+            float(self.velocity.max()) / FINE_VELOCITY,
+            math.sqrt(float(self.acceleration.max()) / FINE_ACCELERATION),
+            float(np.cbrt(self.jerk.max() / FINE_JERK)),
+        )
+
+
 class Search:
     """The search for the fastest law over stretches that run through."""
 
@@ -103,10 +123,10 @@ class Search:
         w = barrier.solve(rows, barrier.start(rows))
         times, pieces = through(self.mesh.s, *self._speeds(w))
         for _ in range(TIGHTEN_ROUNDS):
-            over_a, over_j = self._excess(times, pieces)
-            if float(over_a.max()) <= FINE_ACCELERATION and float(over_j.max()) <= FINE_JERK:
+            excess = self._excess(times, pieces)
+            if excess.slowing() <= 1.0:
                 break
-            rows = _tightened(rows, over_a, over_j)
+            rows = _tightened(rows, excess)
             w = barrier.solve(rows, barrier.feasible(rows, w, 0.9), WARM_GAP)
             times, pieces = through(self.mesh.s, *self._speeds(w))
         times, pieces = self._slowed(times, pieces)
@@ -124,10 +144,10 @@ class Search:
             w = _slowed_further_on(rows, old)
             found = barrier.solve(_relaxed(rows, w), w)
             times, pieces = through(self.mesh.s, *self._speeds(found))
-            over_a, over_j = self._excess(times, pieces)
-            if float(over_a.max()) <= FINE_ACCELERATION and float(over_j.max()) <= FINE_JERK:
+            excess = self._excess(times, pieces)
+            if excess.slowing() <= 1.0:
                 return self._split(times, pieces)
-            rows = _tightened(rows, over_a, over_j)
+            rows = _tightened(rows, excess)
         return None
 
     def _old_law(self) -> Array:
@@ -145,7 +165,8 @@ class Search:
 
     def _make_mesh(self) -> mesh.Mesh:
         first = self._begin.s if self._begin else 0.0
-        samples = np.linspace(first, self.length, 200)
+        left = self.length - first
+        samples = np.linspace(first, self.length, int(min(max(left / FINE_SPACING, 200), 4000)))
         d = self._derive(samples)
         limits = self.limits[0]
         speed = np.minimum(limits.path_speed(d), self.feeds[self._nodes(samples).index])
@@ -155,8 +176,8 @@ class Search:
         def ramp(at: int) -> float:
             return max(ramp_length(float(speed[at]), float(jerk[at])), 1e-6 * self.length)
 
-        left = self.length - first
-        bells = [
+        bells = _narrow_places(samples - first, speed)
+        bells += [
             bell
             for at, low in zip(self.starts[1:-1] - first, self.junctions, strict=True)
             if low < 3.0 * typical and at > 0.0
@@ -237,35 +258,43 @@ class Search:
         with np.errstate(invalid="ignore"):
             met = v >= feed * (1.0 - 3e-5)
         v = np.where(met, feed, v)
-        even = met.copy()
-        even[1:-1] = met[1:-1] & met[:-2] & met[2:]
-        a = np.where(even & (m.s_x > 0.0), 0.0, a)
+        # Where the feed is met the speed has come to its highest: a = 0, also at the first such node.
+        a = np.where(met & (m.s_x > 0.0), 0.0, a)
+        a = self._without_overshoot(v, a, met)
         if self._begin:
             v[0], a[0] = self._begin.v, self._begin.a
         return v, a
 
+    def _without_overshoot(self, v: Array, a: Array, met: npt.NDArray[np.bool_]) -> Array:
+        """Beside a node that meets the feed, no more acceleration than can end there: 2 dv / dt."""
+        step = np.diff(self.mesh.s)
+        most = 2.0 * np.abs(np.diff(v)) * np.maximum(v[1:], v[:-1]) / step
+        a = a.copy()
+        into, out = met[1:] & ~met[:-1], met[:-1] & ~met[1:]
+        a[:-1][into] = np.clip(a[:-1][into], -most[into], most[into])
+        a[1:][out] = np.clip(a[1:][out], -most[out], most[out])
+        return a
+
     # --- the check between nodes
 
-    def _excess(self, times: Array, pieces: Array) -> tuple[Array, Array]:
-        """How far acceleration and jerk exceed their limits between the nodes: factor per node and joint."""
-        over = [np.zeros((len(pieces), 5)) for _ in range(2)]
+    def _excess(self, times: Array, pieces: Array) -> Excess:
+        """How far each limit is exceeded between the nodes: factors per node and joint."""
+        most = [np.zeros((len(pieces), 5)) for _ in range(3)]
         for share in (0.0, 0.5, 1.0):
             s, v, a, j = at_share(times, pieces, share)
             d = self._derive(np.clip(s, 0.0, self.length))
-            ratio_a = np.abs(d.acceleration(v, a)) / self._by_node(s, "acceleration")
-            ratio_j = np.abs(d.jerk(v, a, j)) / self._by_node(s, "jerk")
-            over = [np.maximum(over[0], ratio_a), np.maximum(over[1], ratio_j)]
+            asked = (d.velocity(v), d.acceleration(v, a), d.jerk(v, a, j))
+            for k, which in enumerate(("velocity", "acceleration", "jerk")):
+                most[k] = np.maximum(most[k], np.abs(asked[k]) / self._by_node(s, which))
         at_nodes = []
-        for o in over:
-            between = np.maximum(o[0::2], o[1::2])
+        for over in most:
+            between = np.maximum(over[0::2], over[1::2])
             rim = np.zeros((1, 5))
             at_nodes.append(MARGIN * np.maximum(np.vstack([between, rim]), np.vstack([rim, between])))
-        return at_nodes[0], at_nodes[1]
+        return Excess(*at_nodes)
 
     def _slowed(self, times: Array, pieces: Array) -> tuple[Array, Array]:
-        over_a, over_j = self._excess(times, pieces)
-        worst_a, worst_j = float(over_a.max()) / FINE_ACCELERATION, float(over_j.max()) / FINE_JERK
-        factor = max(math.sqrt(worst_a), float(np.cbrt(worst_j)))
+        factor = self._excess(times, pieces).slowing()
         if factor <= 1.0:
             return times, pieces
         return times * factor, pieces / factor ** np.arange(6)[None, :]
@@ -293,7 +322,7 @@ class Search:
         return laws
 
 
-def _tightened(rows: barrier.Rows, over_a: Array, over_j: Array) -> barrier.Rows:
+def _tightened(rows: barrier.Rows, excess: Excess) -> barrier.Rows:
     """Limits lowered where they were exceeded, and at the neighbours, to which the excess would move."""
 
     def less(over: Array) -> Array:
@@ -302,8 +331,25 @@ def _tightened(rows: barrier.Rows, over_a: Array, over_j: Array) -> barrier.Rows
         wide[:-1] = np.maximum(wide[:-1], over[1:] ** 0.5)
         return np.asarray(wide**TIGHTEN_POWER)
 
-    a, j = rows.acceleration / less(over_a), rows.jerk / less(over_j)
-    return replace(rows, acceleration=a, jerk=j)
+    return replace(
+        rows,
+        acceleration=rows.acceleration / less(excess.acceleration),
+        jerk=rows.jerk / less(excess.jerk),
+        cap=rows.cap / less(excess.velocity).max(axis=1) ** 2,
+    )
+
+
+def _narrow_places(s: Array, speed: Array) -> list[mesh.Bell]:
+    """Bells at the deepest local minima of the speed limit, as wide as the limit stays within a fifth."""
+    inner = np.flatnonzero((speed[1:-1] < speed[:-2]) & (speed[1:-1] <= speed[2:])) + 1
+    deepest = inner[np.argsort(speed[inner])][:MOST_NARROW]
+    bells = []
+    for i in deepest:
+        above = np.abs(s[speed > 1.2 * speed[i]] - s[i])
+        width = float(above.min()) if len(above) else math.inf
+        if width < SPACING * BELL_NODES:
+            bells.append(mesh.Bell(float(s[i]), max(width, FINE_SPACING)))
+    return bells
 
 
 def _slowed_further_on(rows: barrier.Rows, w: Array) -> Array:

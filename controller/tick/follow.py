@@ -17,6 +17,7 @@ from controller.tick.slew import Slew
 
 SAME_TIME_S = 1e-9  # plan and tick sum up the same durations; this much is rounding
 SAME_PLACE = 1e-6  # mm or rad: a queue that begins elsewhere by more (and by a count) is refused
+REST_SPEED = 1e-6  # mm/s or deg/s of the law: at rest
 
 
 class Step(IntEnum):
@@ -73,6 +74,7 @@ class Follow:
         self._motions: dict[int, Motion] = {}
         self._queue: list[Entry] = []
         self._now = 0  # index in the queue of the entry under the clock
+        self._rest_s = -1.0  # the plan's next standstill, while the clock is being stopped
         self._horizon_s = 0.0  # the clock goes no further: a program stop, or the queue's end
         self._slew = Slew([a.limits for a in machine.axes], machine.period_s, self._rotary, self._evaluate)
         self._base: Joints = (0.0, 0.0, 0.0, 0.0, 0.0)  # where the queue begins
@@ -119,6 +121,7 @@ class Follow:
         self._motions.clear()
         self._slew.forget()
         self._slew.slope = 0.0
+        self._rest_s = -1.0
         self._now = 0
         self._base = self.joints
         self._before = (self.joints, self.joints)
@@ -147,6 +150,7 @@ class Follow:
         self.queue_end_s = entries[-1].end_s
         self._motions.update(message.motions)
         self._slew.forget()
+        self._rest_s = -1.0
         self._prune()
         self._set_horizon()
         return True
@@ -243,6 +247,7 @@ class Follow:
     def step(self, target: float) -> Step:
         """Moves the clock by one tick toward the rate ``target``; joints, s and feed are new."""
         slope = self._slew.slope
+        self._stay_before_rest(target)
         rate, joints = self._next(target)
         if joints is None:
             return Step.LOST
@@ -267,6 +272,24 @@ class Follow:
         if horizon_s != self._horizon_s:
             self._slew.forget()
         self._horizon_s = horizon_s
+
+    def _stay_before_rest(self, target: float) -> None:
+        """A hold does not pass the next standstill of the plan: there the clock stops for nothing."""
+        if target == 0.0 and self.rate > 0.0:
+            if self._rest_s < self.tau:
+                self._rest_s = self._next_rest()
+            if self._rest_s < self._horizon_s:
+                self._slew.forget()
+                self._horizon_s = self._rest_s
+        elif self._rest_s >= 0.0:
+            self._rest_s = -1.0
+            self._set_horizon()
+
+    def _next_rest(self) -> float:
+        for entry in self._queue[self._now :]:
+            if entry.end_s >= self.tau and abs(entry.at(entry.end_s)[1]) < REST_SPEED:
+                return entry.end_s
+        return self.queue_end_s
 
     def _next(self, target: float) -> tuple[float, Joints | None]:
         if not self._queue or (self.rate == target == 0.0):

@@ -42,6 +42,8 @@ ACCELERATION_SHARE = 0.999  # of the limit, in the exact check of a step
 ROOM_SHARE = 0.98  # of the acceleration, in the look ahead: the grid rounds peaks off
 JERK_SHARE = 0.68  # of the jerk, for q_tau r'' ...
 CROSS_SHARE = 0.28  # ... and for 3 q_tautau r r', where it adds to the levelling out
+LEVEL_SHARE = 0.95  # of the jerk, for the last levelling out to rest
+LEAST_STEP = 1e-5  # of the rate, in the first tick of a slew, where the plan leaves no room for more
 FEWEST_TICKS = 5  # to the steepest slope: where the rate halves in a tick, derivatives say nothing
 LEAST_SHARE = 0.1  # of the jerk is taken for the levelling out even where the plan uses all of it
 STILL = 1e-12  # mm or rad: no motion
@@ -227,11 +229,33 @@ class Slew:
         moved = self._evaluate(tau + other * self._period_s, near)
         if steady is None or moved is None or span == 0.0:
             return other, moved
-        share = self._fit(wanted / span, steady, moved, history)
+        share = wanted / span
+        if target == 0.0:
+            least = LEAST_STEP / span if rate == 1.0 else 0.0
+            share = min(share, max(self._levelling(steady, moved, history), least))
+        share = self._fit(share, steady, moved, history)
         if share == 1.0:
             return other, moved
         new = min(max(rate + share * (other - rate), 0.0), 1.0)
         return new, self._evaluate(tau + new * self._period_s, near)
+
+    def _levelling(self, steady: Joints, moved: Joints, history: tuple[Joints, Joints, Joints]) -> float:
+        """Largest share of the way to ``moved`` from which the joints can still level out to rest.
+
+        Near a standstill of the plan the derivatives change faster than the grid sees. The
+        joint that needs its jerk most is looked at itself: slowing by s per tick it needs
+        s + (s - j) + (s - 2j) ... = s (s + j) / (2 j) of speed, j being the jerk's third difference.
+        """
+        q0, q1, _ = history
+        i = max(range(5), key=lambda k: abs(q0[k] - q1[k]) / self._third[k])
+        gain, speed, j = moved[i] - steady[i], q0[i] - q1[i], LEVEL_SHARE * self._third[i]
+        most = 0.5 * (math.sqrt(j * j + 8.0 * j * abs(speed)) - j)
+        if speed < 0.0:
+            gain = -gain
+        if gain > -STILL:
+            return math.inf  # this joint is not slowed down by the clock
+        slowing = (speed - (steady[i] - q0[i])) * (1.0 if speed > 0.0 else -1.0)
+        return (most - slowing) / -gain
 
     def _fit(
         self, wanted: float, steady: Joints, moved: Joints, history: tuple[Joints, Joints, Joints]

@@ -202,7 +202,7 @@ def assert_unseen(seeds: range) -> None:
 
 
 def test_random_compound_surfaces_keep_all_limits() -> None:
-    assert_unseen(range(300, 304))
+    assert_unseen(range(300, 302))
 
 
 @pytest.mark.slow
@@ -210,6 +210,7 @@ def test_many_random_compound_surfaces_keep_all_limits() -> None:
     assert_unseen(range(310, 350))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("period_s", [0.0005, 0.001, 0.005])
 def test_the_limits_hold_at_other_periods(period_s: float) -> None:
     machine = shipped(period_s=period_s)
