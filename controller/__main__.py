@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import asdict, replace
@@ -13,11 +14,11 @@ from typing import Annotated, Any, NoReturn
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 from controller import config
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
+from controller.motions import SurfaceCut
 from controller.plan import blocks, survey
 from controller.plan import path as paths
 from controller.plan.path import Chain, Stretch
@@ -26,8 +27,15 @@ from controller.session import events as event_files
 from controller.session.startup import SessionError
 from controller.state import FAULTS, Fault
 from controller.toml_table import ConfigError
+from controller.verify import tables
 
-app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__)
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="A five-axis controller that cuts ruled surfaces themselves.",
+)
+USAGE: Any = typer.BadParameter.__mro__[1]  # click's UsageError, wherever this typer keeps it
 tell = Console(stderr=True, highlight=False, soft_wrap=True)  # sentences, progress
 show = Console(highlight=False)  # results
 
@@ -35,7 +43,7 @@ ProgramFile = Annotated[Path, typer.Argument(help="The part program.")]
 MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 Gouge = Annotated[str, typer.Option("--gouge", help="'refuse' or 'warn'; default: the machine file's.")]
-PeriodMs = Annotated[float, typer.Option("--period-ms", help="Another period than the machine file's.")]
+PeriodMs = Annotated[float | None, typer.Option("--period-ms", help="Instead of the machine file's period.")]
 
 PARTS = {"cone": "example1_ready", "ruled": "example2_ready"}
 
@@ -49,8 +57,15 @@ class Refused(Exception):
 
 
 def main() -> None:
-    """Entry point of ``directrix``."""
-    app()
+    """Entry point of ``directrix``; a script that asks for JSON gets it for a wrong option too."""
+    if "--json" not in sys.argv[1:]:
+        app()
+    try:
+        sys.exit(app(standalone_mode=False))
+    except USAGE as error:
+        sentence = f"{error.format_message().rstrip('.')}; see --help for what is allowed."
+        print(json.dumps({"ok": False, "error": sentence}))
+        sys.exit(2)
 
 
 @contextlib.contextmanager
@@ -63,8 +78,21 @@ def _refusals(as_json: bool) -> Iterator[None]:
         _refuse(as_json, str(error), {**place, "sentence": error.sentence})
     except Refused as error:
         _refuse(as_json, str(error), error.facts)
-    except (ConfigError, SessionError, event_files.EventError, OSError) as error:
+    except (ConfigError, SessionError, event_files.EventError) as error:
         _refuse(as_json, str(error), {})
+    except OSError as error:
+        name = f"{error.filename}: " if error.filename else ""
+        _refuse(as_json, f"{name}{error.strerror}; check path, permission and space.", {})
+    except _errors_of_drives() as error:
+        _refuse(as_json, str(error), {})
+
+
+def _errors_of_drives() -> tuple[type[Exception], ...]:
+    """Imported where they are needed: ``check`` does without drives."""
+    from drives.bus import BusError
+    from drives.commission import CommissionError
+
+    return BusError, CommissionError
 
 
 def _refuse(as_json: bool, sentence: str, facts: dict[str, Any]) -> NoReturn:
@@ -78,12 +106,18 @@ def _refuse(as_json: bool, sentence: str, facts: dict[str, Any]) -> NoReturn:
 # --- what several commands need ------------------------------------------------
 
 
-def _machine(file: str, gouge: str = "", period_ms: float = 0.0) -> Machine:
+def _machine(file: str, gouge: str = "", period_ms: float | None = None) -> Machine:
     machine = config.load(file)
     if gouge not in ("", "refuse", "warn"):
         raise Refused(f"--gouge {gouge} is not known; allowed are refuse and warn.")
     machine = replace(machine, gouge=gouge) if gouge else machine
-    return config.with_period(machine, period_ms / 1e3) if period_ms else machine
+    return machine if period_ms is None else config.with_period(machine, period_ms / 1e3)
+
+
+def _notes(path: paths.Path, machine: Machine) -> dict[str, Any]:
+    """What ``check`` and ``simulate`` say with --json of a program and of its machine."""
+    notes = [{"line": note.place.line, "note": note.sentence} for note in path.notes]
+    return {"notes": notes, "warnings": config.warnings(machine)}
 
 
 def _budget_or_refuse(machine: Machine) -> None:
@@ -102,8 +136,20 @@ def _budget_or_refuse(machine: Machine) -> None:
 
 def _read(file: Path) -> bytes:
     if not file.is_file():
-        raise Refused(f"{file}: there is no such file; give the path of a part program.")
+        what = "this is a folder" if file.is_dir() else "there is no such file"
+        raise Refused(f"{file}: {what}; give the path of a part program.")
     return file.read_bytes()
+
+
+def _writable(*files: Path | None) -> None:
+    """Refuse, before anything runs, what could not be written after it. Raises OSError."""
+    for file in files:
+        if file is not None:
+            new = not file.exists()
+            with open(file, "ab"):
+                pass
+            if new:
+                file.unlink()
 
 
 def _trace(text: bytes, name: str, machine: Machine, kinematics: Kinematics, start: Joints) -> paths.Path:
@@ -124,11 +170,19 @@ def _stretches(path: paths.Path) -> dict[int, Stretch]:
     return dict(enumerate(stretch for chain in chains for stretch in chain.stretches))
 
 
+def _length_mm(stretches: dict[int, Stretch]) -> float:
+    """Length of the first tool that cuts: its tip is what the path error is about."""
+    lengths = (s.motion.length_mm for s in stretches.values() if isinstance(s.motion, SurfaceCut))
+    return next(lengths, 0.0)
+
+
 @contextlib.contextmanager
 def _bar(title: str, quiet: bool) -> Iterator[Any]:
     """A progress bar on stderr; the block gets a function of the share done."""
     columns = (TextColumn("{task.description}"), BarColumn(None), TextColumn("{task.percentage:3.0f} %"))
-    with Progress(*columns, TimeElapsedColumn(), console=tell, disable=quiet, transient=True) as bar:
+    with Progress(
+        *columns, TimeElapsedColumn(), console=tell, disable=quiet or not tell.is_terminal, transient=True
+    ) as bar:
         task = bar.add_task(title, total=1.0)
         yield lambda share: bar.update(task, completed=min(share, 1.0))
 
@@ -144,40 +198,26 @@ def check(
     with _refusals(as_json):
         made = _machine(machine, gouge)
         kinematics = Kinematics(made)
-        path = _trace(_read(program), program.name, made, kinematics, _home(made))
+        path = _trace(_read(program), str(program), made, kinematics, _home(made))
         with _bar("planning", as_json) as progress:
             found = survey.survey(path, made, kinematics, progress)
-        notes = [{"line": note.place.line, "note": note.sentence} for note in path.notes]
         if as_json:
-            print(json.dumps({"ok": True, "program": str(program), **found.to_dict(), "notes": notes}))
+            facts = {**found.to_dict(), **_notes(path, made)}
+            print(json.dumps({"ok": True, "program": str(program), **facts}))
             return
-        _show_notes(path, program.name)
-        show.print(_joint_table(found))
-        show.print(
-            f"{program.name} can run on {made.name}: {found.duration_s:.1f} s in all, of which "
-            f"{found.cut_time_s:.2f} s cut {found.cut_length_mm:.4f} mm of C1."
-        )
+        _show_notes(path, str(program), made)
+        if found.joints:
+            show.print(tables.joints(found))
+        cut = f"{found.cut_time_s:.2f} s cut {found.cut_length_mm:.4f} mm of C1"
+        part = f"of which {cut}" if found.cuts_mm else "nothing is cut"
+        show.print(f"{program.name} can run on {made.name}:\n{found.duration_s:.1f} s in all, {part}.")
 
 
-def _show_notes(path: paths.Path, name: str) -> None:
+def _show_notes(path: paths.Path, name: str, machine: Machine) -> None:
+    for sentence in config.warnings(machine):
+        tell.print(sentence, markup=False)
     for note in path.notes:
         tell.print(f"{name}:{note.place.line}:{note.place.column}: {note.sentence}", markup=False)
-
-
-def _joint_table(found: survey.Survey) -> Table:
-    table = Table(title="Joints over the whole path, mm and degrees")
-    for head in ("axis", "from", "to", "travel", "velocity", "acceleration", "jerk"):
-        table.add_column(head, justify="left" if head == "axis" else "right")
-    for use in found.joints:
-        shares = (use.velocity_share, use.acceleration_share, use.jerk_share)
-        table.add_row(
-            use.name,
-            f"{use.lowest:.3f}",
-            f"{use.highest:.3f}",
-            f"{use.travel[0]:g} .. {use.travel[1]:g}",
-            *(f"{100 * share:.1f} %" for share in shares),
-        )
-    return table
 
 
 # --- simulate ------------------------------------------------------------------
@@ -187,7 +227,7 @@ def _joint_table(found: survey.Survey) -> Table:
 def simulate(
     program: ProgramFile,
     machine: MachineFile = "trunnion",
-    period_ms: PeriodMs = 0.0,
+    period_ms: PeriodMs = None,
     gouge: Gouge = "",
     trace_file: Annotated[Path | None, typer.Option("--trace", help="Write every tick (.npz).")] = None,
     events: Annotated[Path | None, typer.Option("--events", help="Requests at ticks (JSON lines).")] = None,
@@ -203,39 +243,40 @@ def simulate(
         _budget_or_refuse(made)
         planned_events = event_files.read(events) if events else ()
         text = _read(program)
+        _writable(trace_file, plot)
         kinematics = Kinematics(made)
-        path = _trace(text, program.name, made, kinematics, _home(made))
+        path = _trace(text, str(program), made, kinematics, _home(made))
         if not as_json:
-            _show_notes(path, program.name)
-        began_s = time.perf_counter()
+            _show_notes(path, str(program), made)
         bench = SteppedMachine(made)
         bench.come_up()
+        began_s = time.perf_counter()
         with _bar("simulating", as_json) as progress:
             run = bench.run(path, planned_events, lambda s: progress(s / (s + 10.0)))
         took_s = time.perf_counter() - began_s
-        trace = traces.from_rows(
-            run.rows, made, kinematics, bench.planner.stretches, first_tick=run.first_tick
-        )
+        stretches = bench.planner.stretches
+        trace = traces.from_rows(run.rows, made, kinematics, stretches, first_tick=run.first_tick)
         figures = {
             "program": str(program),
             "machine": made.name,
             "period_s": made.period_s,
             "result": run.result,
             "fault": run.fault.name if run.fault is not Fault.NONE else None,
-            **traces.summary(trace, made, kinematics).to_dict(),
+            **traces.summary(trace, made, kinematics, _length_mm(stretches)).to_dict(),
             "skips": run.skips,
             "assumed_resumes": run.assumed_resumes,
+            "events_left": run.events_left,
             "wall_time_s": took_s,
             "times_real_time": len(trace.time_s) * made.period_s / took_s,
-            "notes": [{"line": note.place.line, "note": note.sentence} for note in path.notes],
+            **_notes(path, made),
         }
-        _write(trace, made, bench.planner.stretches, trace_file, plot)
+        _write(trace, made, stretches, trace_file, plot)
         if run.result == "fault":
             raise Refused(run.fault_text, **figures)
         if as_json:
             print(json.dumps({"ok": True, **figures}))
         else:
-            show.print(_figures_table("Simulated on the stepped clock", figures))
+            show.print(tables.figures("Simulated on the stepped clock", figures))
 
 
 def _write(
@@ -247,33 +288,6 @@ def _write(
         from controller.verify import plots
 
         plots.cut_picture(trace, machine, stretches, plot)
-
-
-def _figures_table(title: str, figures: dict[str, Any]) -> Table:
-    table = Table(title=title, show_header=False)
-    table.add_column()
-    table.add_column(justify="right")
-    errors = figures["following_error"]
-    rows = [
-        ("program", Path(figures["program"]).name),
-        ("result", figures["result"] if not figures["fault"] else f"{figures['result']}: {figures['fault']}"),
-        ("motion in all", f"{figures['duration_s']:.2f} s, {figures['ticks']} ticks"),
-        ("cut", f"{figures['cut_time_s']:.2f} s, {figures['cut_length_mm']:.4f} mm of C1"),
-        ("largest following error", ", ".join(f"{k} {v:.3f}" for k, v in errors.items()) + " mm, deg"),
-        ("largest path error", f"{1e3 * figures['path_error_mm']:.3f} um"),
-        ("largest axis error", f"{figures['axis_error_deg']:.2e} deg"),
-        ("skipped ticks", f"{figures['skips']}"),
-    ]
-    if "times_real_time" in figures:
-        rows.append(("speed", f"{figures['times_real_time']:.1f} times real time"))
-    for bus, sync in figures.get("sync", {}).items():
-        ms = ("p50_s", "p99_s", "p999_s", "max_s")
-        rows.append((f"SYNC intervals on {bus}", "p50 / p99 / p99.9 / max"))
-        rows.append(("", " / ".join(f"{1e3 * sync[key]:.3f}" for key in ms) + " ms"))
-        rows.append(("outside 1 +- 1/4 T", f"{100 * sync['outside_share']:.3f} % of {sync['count']}"))
-    for name, value in rows:
-        table.add_row(name, value)
-    return table
 
 
 # --- demo ----------------------------------------------------------------------
@@ -294,6 +308,9 @@ def demo(
             raise Refused(f"--part {part} is not known; allowed are {' and '.join(PARTS)}.")
         made = config.load("trunnion")
         file = config.shipped_program(PARTS[part])
+        out.mkdir(parents=True, exist_ok=True)
+        picture, trace_file = out / f"{part}.png", out / f"{part}.npz"
+        _writable(picture, trace_file)
         text, kinematics = file.read_bytes(), Kinematics(made)
         path = _trace(text, file.name, made, kinematics, _home(made))
         expected_s = survey.survey(path, made, kinematics).duration_s
@@ -311,8 +328,6 @@ def demo(
         syncs = {
             name: asdict(traces.sync_intervals(s, made.period_s)) for name, s in machine.sync_stamps_s.items()
         }
-        out.mkdir(parents=True, exist_ok=True)
-        picture, trace_file = out / f"{part}.png", out / f"{part}.npz"
         _write(trace, made, stretches, trace_file, picture)
         figures = {
             "program": str(file),
@@ -320,7 +335,7 @@ def demo(
             "period_s": made.period_s,
             "result": "fault" if last.fault is not Fault.NONE else "completed",
             "fault": last.fault.name if last.fault is not Fault.NONE else None,
-            **traces.summary(trace, made, kinematics).to_dict(),
+            **traces.summary(trace, made, kinematics, _length_mm(stretches)).to_dict(),
             "skips": last.skips,
             "sync": syncs,
             "picture": str(picture),
@@ -331,7 +346,7 @@ def demo(
         if as_json:
             print(json.dumps({"ok": True, **figures}))
         else:
-            show.print(_figures_table("Cut in real time on the virtual bus", figures))
+            show.print(tables.figures("Cut in real time on the virtual bus", figures))
             show.print(f"Picture: {picture}   Trace: {trace_file}", markup=False)
 
 
@@ -344,7 +359,7 @@ def _five(values: tuple[float, ...]) -> Joints:
 
 
 @app.command("bus")
-def bus_budget(machine: MachineFile = "trunnion", period_ms: PeriodMs = 0.0, as_json: Json = False) -> None:
+def bus_budget(machine: MachineFile = "trunnion", period_ms: PeriodMs = None, as_json: Json = False) -> None:
     """The bus budget: every frame of a tick at its worst length, per bus."""
     from drives import budget
 
@@ -363,26 +378,8 @@ def bus_budget(machine: MachineFile = "trunnion", period_ms: PeriodMs = 0.0, as_
             return
         if not as_json:
             for one in found:
-                show.print(_budget_table(one, made))
+                show.print(tables.budget(one, made.max_bus_share))
         _budget_or_refuse(made)
-
-
-def _budget_table(one: Any, machine: Machine) -> Table:
-    table = Table(title=f"{one.bus}: {one.bit_rate} bit/s, tick of {one.period_us:g} us")
-    for head in ("frame", "id", "bytes", "per tick", "worst us", "typical us"):
-        table.add_column(head, justify="left" if head == "frame" else "right")
-    for row in (*one.cyclic, *one.background):
-        table.add_row(
-            row.what,
-            f"{row.can_id:03X}h",
-            str(row.data_bytes),
-            f"{row.per_tick:g}",
-            f"{row.worst_us:.0f}",
-            f"{row.typical_us:.0f}",
-        )
-    share = f"{100 * one.share:.1f} % of the tick; allowed {100 * machine.max_bus_share:.0f} %"
-    table.caption = f"every tick at its worst {one.total_us:.0f} us, {share}; typical {one.typical_us:.0f} us"
-    return table
 
 
 # --- paper ---------------------------------------------------------------------

@@ -60,8 +60,10 @@ class Drive:
     ``homing_error``, ``lost`` (TPDOs lost since start), ``malformed`` (frames of wrong length).
     """
 
-    def __init__(self, settings: NodeSettings) -> None:
+    def __init__(self, settings: NodeSettings, lost_after: int = LOST_IN_A_ROW) -> None:
+        """``lost_after``: feedback owed so many times in a row and not come is a fault."""
         self.settings = settings
+        self._lost_after = lost_after
         self.wanted = Wanted.OFF
         self.statusword = 0
         self.state = State.UNKNOWN
@@ -161,7 +163,7 @@ class Drive:
             else:
                 self._missed += 1
                 self.lost += 1
-                if self._missed >= LOST_IN_A_ROW:
+                if self._missed >= self._lost_after:
                     self._feedback_lost = True
         self._arrived = False
 

@@ -6,6 +6,7 @@ grid. Slow and plain on purpose; nothing of ``controller`` is used.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -19,7 +20,7 @@ def casteljau(points: Points, u: np.ndarray) -> np.ndarray:
     rows = [np.broadcast_to(np.asarray(p, dtype=float), (len(u), 3)) for p in points]
     t = u[:, None]
     while len(rows) > 1:
-        rows = [(1.0 - t) * a + t * b for a, b in zip(rows, rows[1:], strict=False)]
+        rows = [(1.0 - t) * a + t * b for a, b in itertools.pairwise(rows)]
     return rows[0]
 
 
@@ -44,7 +45,7 @@ class Ruled:
         return float(self._s[-1])
 
     def s_at(self, u: np.ndarray) -> np.ndarray:
-        """Arc length of the lower curve up to ``u``: the grid's, and Simpson's rule for the rest of a cell."""
+        """Arc length of the lower curve up to ``u``: the grid's, and Simpson's rule within a cell."""
         cell = np.clip((u * GRID).astype(int), 0, GRID - 1)
         low = self._u[cell]
         places = [derivative(self.lower, low + share * (u - low)) for share in (0.0, 0.5, 1.0)]

@@ -9,8 +9,10 @@ import numpy as np
 Pair = tuple[np.ndarray, np.ndarray]  # four upper and four lower control points
 
 
-def pair(rng: random.Random, start: np.ndarray, heading: float, lean: np.ndarray) -> tuple[Pair, float, np.ndarray]:
-    """One surface from ``start`` along ``heading`` (rad), ruling ``lean`` at its start; its heading and lean at the end."""
+def pair(
+    rng: random.Random, start: np.ndarray, heading: float, lean: np.ndarray
+) -> tuple[Pair, float, np.ndarray]:
+    """One surface from ``start`` along ``heading`` (rad) with the ruling ``lean``; heading and lean at its end."""
     size = rng.uniform(5.0, 14.0)
     turn = [heading, heading + rng.uniform(-0.5, 0.5)]
     turn.append(turn[1] + rng.uniform(-0.5, 0.5))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -50,7 +51,10 @@ def trace(program: Program, machine: Machine, kinematics: Kinematics, start: Joi
         else:
             for block in group:
                 tracer.block(block)
-    return tracer.path()
+    path = tracer.path()
+    if program.blocks and not path.items:  # every move ends where it starts: a run of no length
+        path = replace(path, items=(Pause(program.blocks[-1].place, program.blocks[-1].modal),))
+    return path
 
 
 class _Tracer:

@@ -37,8 +37,10 @@ def read(path: Path) -> tuple[Event, ...]:
     """The events of a file in the order of their ticks. Raises EventError."""
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise EventError(f"{path}: cannot be read as text ({error}); give a file of JSON lines.") from error
+    except UnicodeDecodeError as error:
+        raise EventError(f"{path}: byte {error.start} is not UTF-8; give a file of JSON lines.") from error
+    except OSError as error:
+        raise EventError(f"{path}: {error.strerror}; give a file of JSON lines.") from error
     found = [_event(f"{path}:{n}", line) for n, line in enumerate(lines, 1) if line.strip()]
     return tuple(sorted(found, key=lambda event: event.tick))
 
@@ -46,8 +48,9 @@ def read(path: Path) -> tuple[Event, ...]:
 def _event(where: str, line: str) -> Event:
     try:
         data = json.loads(line)
-    except json.JSONDecodeError as error:
-        raise EventError(f"{where}: this is not JSON ({error.msg}); write one object per line.") from error
+    except (ValueError, RecursionError) as error:  # also numbers of thousands of digits
+        said = error.msg if isinstance(error, json.JSONDecodeError) else "too long"
+        raise EventError(f"{where}: this is not JSON ({said}); write one object per line.") from error
     if not isinstance(data, dict) or (unknown := set(data) - {"tick", "request", "value"}):
         named = f"unknown key {sorted(unknown)[0]!r}" if isinstance(data, dict) else "no object"
         raise EventError(f'{where}: {named}; allowed are "tick", "request" and "value".')
@@ -57,7 +60,7 @@ def _event(where: str, line: str) -> Event:
             f'{where}: "tick" is {tick!r}; it must be a whole number from 0, counted from cycle start.'
         )
     request = data.get("request")
-    if request not in REQUESTS:
+    if not isinstance(request, str) or request not in REQUESTS:
         raise EventError(f'{where}: "request" is {request!r}; allowed are {", ".join(REQUESTS)}.')
     return Event(tick, REQUESTS[request], _share(where, request, data))
 
@@ -65,7 +68,7 @@ def _event(where: str, line: str) -> Event:
 def _share(where: str, request: str, data: dict[str, Any]) -> float:
     if request not in WITH_VALUE:
         return 0.0
-    value = data.get("value")
+    value = data.get("value", "missing")
     most = MOST_OVERRIDE * 100.0
     if not isinstance(value, int | float) or isinstance(value, bool) or not 0.0 <= value <= most:
         raise EventError(f'{where}: "value" is {value!r}; {request} takes 0 to {most:.0f} (percent).')

@@ -93,8 +93,7 @@ class Live:
             time.sleep(LOOK_S)
             now = self._in_progress()
             rows.append(self.recorder.drain())
-            # A program without motion is over between two looks: only the rows have seen it run.
-            began = began or bool(np.any(rows[-1][:, COLUMN["mode"]] != Mode.READY))
+            began = began or _began(rows[-1])
             progress(now)
             if began and now.at_rest and now.mode not in (Mode.RUNNING, Mode.STOPPING, Mode.HOLD):
                 return np.concatenate(rows), now
@@ -118,6 +117,11 @@ class Live:
             if not one.is_alive() and (words := one.last_words()):
                 return words
         return f"The {child.role} process ended while waiting for {what}."
+
+
+def _began(rows: Rows) -> bool:
+    """Whether the clock has run. A program without motion is over in one tick: only its rate tells."""
+    return bool(np.any((rows[:, COLUMN["mode"]] != Mode.READY) | (rows[:, COLUMN["rate"]] > 0.0)))
 
 
 @contextlib.contextmanager

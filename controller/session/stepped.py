@@ -39,8 +39,9 @@ from drives.group import Group
 from drives.simulated.parameters import LostSync
 from drives.simulated.rig import rig
 
-PLAN_EVERY = 16  # ticks between two turns of the planner
+PLAN_EVERY_S = 0.032  # between two turns of the planner, in whole ticks; the tick bears 0.1 of silence
 DRAIN_EVERY = 4096  # ticks between two looks at the recorder
+STANDING_WORDS = (Request.HOLD, Request.RESUME, Request.STOP)
 LONGEST_WAIT = 30_000  # ticks for enabling or homing
 
 Rows = npt.NDArray[np.float64]
@@ -57,6 +58,7 @@ class Run:
     first_tick: int
     skips: int
     assumed_resumes: int  # program stops (M0) after which an operator's resume was assumed
+    events_left: int  # requests whose tick the run did not reach
 
     @property
     def fault_text(self) -> str:
@@ -155,26 +157,42 @@ class SteppedMachine:
         first = self.cycle.tick + 1
         waiting = list(events)
         resumes, n = 0, 0
+        plan_every = max(1, round(PLAN_EVERY_S / self.machine.period_s))
         while True:
             while waiting and waiting[0].tick <= n:
                 self._send(waiting.pop(0))
-            if n % PLAN_EVERY == 0:
+            if n % plan_every == 0:
                 self._plan()
             self.tick()
             n += 1
             if n % DRAIN_EVERY == 0:
                 self._rows.append(self.recorder.drain())
                 progress(n * self.machine.period_s)
-            mode = self.cycle.modes.mode
-            if mode is Mode.RUNNING or not self.cycle.follow.at_rest:
+            if not self._stands(waiting):
                 continue
-            if mode is Mode.HOLD and waiting:
-                continue
-            if mode is Mode.HOLD and self.cycle.follow.pending and not self._was_asked(events, n):
-                resumes += 1
-                self.request(Request.RESUME)
-                continue
-            return self._ended(first, resumes, events, n)
+            if self.cycle.modes.mode is Mode.HOLD:
+                asked = self._was_asked(events, n)
+                if self._goes_on(waiting, asked):
+                    continue
+                if not asked:
+                    resumes += 1
+                    self.request(Request.RESUME)
+                    continue
+            return self._ended(first, resumes, len(waiting), events, n)
+
+    def _stands(self, waiting: Sequence[Event]) -> bool:
+        """Whether nothing moves any more, or will before a request comes."""
+        modes, follow = self.cycle.modes, self.cycle.follow
+        if modes.mode is not Mode.RUNNING:
+            return follow.at_rest and modes.mode is not Mode.STOPPING  # READY comes with the next tick
+        # With an override of 0 the path clock itself stands, and only a request can move it.
+        stopped = follow.rate == 0.0 == follow.target(True, modes.override, modes.rapid_override)
+        return stopped and follow.at_rest and not waiting
+
+    def _goes_on(self, waiting: Sequence[Event], asked: bool) -> bool:
+        """Whether the operator will still end this hold; of a program stop, by the next word at all."""
+        words = [event.request for event in waiting if event.request in STANDING_WORDS]
+        return any(word is not Request.HOLD for word in (words if asked else words[:1]))
 
     def _plan(self) -> None:
         now = self.board.read()
@@ -192,12 +210,12 @@ class SteppedMachine:
         asked = [e.request for e in events if e.tick <= n and e.request in (Request.HOLD, Request.RESUME)]
         return bool(asked) and asked[-1] is Request.HOLD
 
-    def _ended(self, first: int, resumes: int, events: Sequence[Event], n: int) -> Run:
+    def _ended(self, first: int, resumes: int, left: int, events: Sequence[Event], n: int) -> Run:
         self._rows.append(self.recorder.drain())
         modes = self.cycle.modes
         if modes.mode is Mode.FAULT:
             result = "fault"
-        elif modes.mode is Mode.HOLD:
+        elif modes.mode in (Mode.HOLD, Mode.RUNNING):  # running with an override of 0
             result = "held"
         else:
             stopped = any(e.request is Request.STOP and e.tick < n for e in events)
@@ -210,4 +228,5 @@ class SteppedMachine:
             first,
             self.cycle.skips,
             resumes,
+            left,
         )

@@ -30,6 +30,7 @@ NEAREST_SHARE = 0.75  # of the period: no two SYNCs are closer
 ROUNDING_S = 1e-9
 MOST_REQUESTS = 8  # taken in one tick
 LOST_ECHOES = 3  # of the kernel's SYNC, in a row
+LOST_BUS_S = 0.1  # without a SYNC that can be sent: nothing that is commanded reaches a drive
 
 
 class Cycle:
@@ -66,6 +67,8 @@ class Cycle:
         self._skip_level = 0.0  # a bucket that skips fill and ticks drain
         self._skip_limit = max(machine.skip_limit_per_s, 1.0)
         self._echoes_missed = 0
+        self._unsent = 0  # SYNCs in a row that the bus did not take
+        self._most_unsent = round(LOST_BUS_S / machine.period_s)
         self._states = [0] * len(machine.axes)
         self.tick = -1
         self.skips = 0
@@ -93,8 +96,9 @@ class Cycle:
         self._take_requests()
         self._take_pieces(ticks)
         self._supervise(now_s, ticks)
-        if sent:
+        if sent or not self.modes.on_path:
             self._move()
+        if sent:
             self.group.command(self._encoder.setpoints, now_s)
         self.publish()
         self._record(lateness_s, sent)
@@ -110,6 +114,7 @@ class Cycle:
             return False
         sent = self.group.sync(now_s)
         self._synced_s = self._now()
+        self._unsent = 0 if sent else self._unsent + 1
         return sent
 
     def _count(self, sent: bool, ticks: int, lateness_s: float) -> None:
@@ -156,6 +161,10 @@ class Cycle:
 
     def _supervise(self, now_s: float, ticks: int) -> None:
         self.modes.watch(now_s)
+        if self._unsent > self._most_unsent and self.modes.on_path:
+            # A path that no drive hears of has no end: the drives stop by their own supervision.
+            self.modes.fail(Fault.SEND_FAILED, -1)
+            self.modes.quick_stop()
         self.modes.progress(ticks, self.follow.at_rest)
         if self.modes.dropped:
             self.modes.dropped = False

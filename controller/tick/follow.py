@@ -13,10 +13,12 @@ from controller.handoff import STANDSTILL, Piece, PieceMessage, commit_lead_s
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.motions import Motion, Rotaries
-from controller.tick.slew import Slew
+from controller.tick.slew import LEAST_STEP, Slew
 
 SAME_TIME_S = 1e-9  # plan and tick sum up the same durations; this much is rounding
 SAME_PLACE = 1e-6  # mm or rad: a queue that begins elsewhere by more (and by a count) is refused
+COAST_TICKS = 4.0  # this close to a standstill of the plan, a hold runs into it ...
+COAST_STEADY_TICKS = 12.0  # ... and this close if the rate has not begun to fall
 REST_SPEED = 1e-6  # mm/s or deg/s of the law: at rest
 
 
@@ -256,7 +258,7 @@ class Follow:
         self.joints = joints
         self.rate = rate
         self.tau = min(self.tau + rate * self._period_s, self._horizon_s)
-        return self._arrive()
+        return self._arrive(target > 0.0)
 
     def revert(self) -> None:
         """Takes the last step back: its joints must not be sent."""
@@ -291,6 +293,11 @@ class Follow:
                 return entry.end_s
         return self.queue_end_s
 
+    def _coasts(self) -> bool:
+        """Whether the plan stands so soon that slowing it down would only disturb its own end."""
+        ticks = COAST_TICKS if abs(self._slew.slope) * self._period_s > LEAST_STEP else COAST_STEADY_TICKS
+        return self._rest_s - self.tau <= ticks * self.rate * self._period_s
+
     def _next(self, target: float) -> tuple[float, Joints | None]:
         if not self._queue or (self.rate == target == 0.0):
             return target, self.joints
@@ -298,19 +305,29 @@ class Follow:
             self._slew.slope = 0.0
             tau = self.tau + target * self._period_s
             return target, self._evaluate(tau, self._rotaries(self.joints))
+        if target == 0.0 and self._coasts():
+            self._slew.slope = 0.0  # the plan itself is about to stand: its own end is the smoothest
+            rate = min(self.rate, 1.0 - LEAST_STEP) if self.tau < self._rest_s else 0.0
+            return rate, self._evaluate(self.tau + rate * self._period_s, self._rotaries(self.joints))
         rate, joints = self._slew.step(self.tau, self.rate, target, (self.joints, *self._before))
         if rate == target:
             self._slew.forget()
         return rate, joints
 
-    def _arrive(self) -> Step:
-        """Moves the pointer to the entry under the clock; says which mark was passed."""
+    def _arrive(self, wanted: bool) -> Step:
+        """Moves the pointer to the entry under the clock; says which mark was passed.
+
+        A mark is passed only when motion is ``wanted``: a machine that is not started yet, or
+        is held, finds it when it goes on.
+        """
         queue, result = self._queue, Step.MOVED
         while self._now < len(queue):
             entry = queue[self._now]
             if self.tau < entry.end_s:
                 break
             if entry.piece.stop or entry.piece.end:
+                if not wanted:
+                    break
                 result = Step.END if entry.piece.end else Step.STOP
                 entry.piece = entry.piece._replace(stop=False, end=False)
                 self._set_horizon()

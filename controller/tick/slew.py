@@ -178,24 +178,29 @@ class Slew:
     def _slope_cap(self, tau: float, rate: float, sign: float, bend: float) -> float:
         """Largest abs(r') (1/s) that leaves every joint room, now and ahead.
 
-        Room for acceleration; and for jerk where the plan slows a joint down, for there
-        3 q_tautau r r' has the sign of the levelling out. A point further ahead counts
-        less: until it is reached, r' can fall by r'' t.
+        Room for acceleration; and for jerk, of which 3 q_tautau r r' takes its share where the
+        plan slows a joint down (there it has the sign of the levelling out) and where the
+        plan's own jerk has the same sign. A point further ahead counts less: until it is
+        reached, r' can fall by r'' t.
         """
         cap = math.inf
         square = rate * rate
         ahead_s = (self._cell + 1) * self._grid_s - tau
-        for rates, bends, _ in self._slopes:
+        cube = square * rate
+        for rates, bends, kinks in self._slopes:
             spare = bend * ahead_s if ahead_s > 0.0 else 0.0
-            for room, jerk, q_tau, q_tautau in zip(self._room, self._jerk, rates, bends, strict=True):
+            for room, jerk, q_tau, q_tautau, kink in zip(
+                self._room, self._jerk, rates, bends, kinks, strict=True
+            ):
                 speed = abs(q_tau)
                 if speed > STILL:
                     pull = q_tautau * square
                     left = room - (pull if q_tau * sign > 0.0 else -pull)
                     cap = min(cap, max(left, 0.0) / speed + spare)
-                    if q_tau * q_tautau < 0.0:
-                        cross = 3.0 * abs(q_tautau) * max(rate, LEAST_SHARE)
-                        cap = min(cap, CROSS_SHARE * jerk / cross + spare)
+                    own = kink * cube * (sign if q_tautau > 0.0 else -sign)
+                    if q_tau * q_tautau < 0.0 or own > 0.0:
+                        free = min(CROSS_SHARE * jerk, max(jerk - own, LEAST_SHARE * jerk))
+                        cap = min(cap, free / (3.0 * abs(q_tautau) * max(rate, LEAST_SHARE) + STILL) + spare)
             ahead_s += self._grid_s
         return cap
 
@@ -233,7 +238,7 @@ class Slew:
         if target == 0.0:
             least = LEAST_STEP / span if rate == 1.0 else 0.0
             share = min(share, max(self._levelling(steady, moved, history), least))
-        share = self._fit(share, steady, moved, history)
+        share = self._fit(share, sign * self.slope * self._period_s / span, steady, moved, history)
         if share == 1.0:
             return other, moved
         new = min(max(rate + share * (other - rate), 0.0), 1.0)
@@ -258,9 +263,18 @@ class Slew:
         return (most - slowing) / -gain
 
     def _fit(
-        self, wanted: float, steady: Joints, moved: Joints, history: tuple[Joints, Joints, Joints]
+        self,
+        wanted: float,
+        last: float,
+        steady: Joints,
+        moved: Joints,
+        history: tuple[Joints, Joints, Joints],
     ) -> float:
-        """The share of the way from ``steady`` to ``moved`` nearest ``wanted`` that the limits allow."""
+        """The share of the way from ``steady`` to ``moved`` nearest ``wanted`` that the limits allow.
+
+        For the sake of jerk alone the slope never grows beyond the ``last`` one: where the plan
+        bends, more slope asks for more jerk, and that would run away.
+        """
         low, high = -math.inf, math.inf  # velocity and acceleration
         soft_low, soft_high = -math.inf, math.inf  # jerk
         for i in range(5):
@@ -277,7 +291,7 @@ class Slew:
             a, b = (-self._third[i] - third) / gain, (self._third[i] - third) / gain
             soft_low, soft_high = max(soft_low, min(a, b)), min(soft_high, max(a, b))
         if soft_low <= soft_high:
-            wanted = min(max(wanted, soft_low), soft_high)
+            wanted = min(max(wanted, soft_low), soft_high, max(wanted, last))
         if low <= high:
             return min(max(wanted, low), high)
         return min(max(0.0, high), low)  # a constant rate, as near as rounding lets it

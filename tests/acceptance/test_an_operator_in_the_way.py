@@ -1,4 +1,4 @@
-"""Holds, stops, overrides and a planner that dies: the tool stays on the path and the joints in their limits."""
+"""Holds, stops, overrides, a planner that dies: the tool stays on the path and the joints in their limits."""
 
 from __future__ import annotations
 
@@ -39,7 +39,9 @@ def assert_in_limits(done: Cut, label: object) -> None:
     first, second, third = largest(done.joints, done.machine)
     cutting = done.trace.cutting
     in_cut = float(shares(done.joints, done.machine)[2][cutting[3:]].max()) if cutting[3:].any() else 0.0
-    print(f"\n{label}: velocity {first:.4f}, acceleration {second:.4f}, jerk {third:.3f}, in the cut {in_cut:.3f}")
+    print(
+        f"\n{label}: velocity {first:.4f}, acceleration {second:.4f}, jerk {third:.3f}, in the cut {in_cut:.3f}"
+    )
     assert first <= VELOCITY and second <= ACCELERATION, label
 
 
@@ -61,7 +63,7 @@ def _interpolated(u: np.ndarray, tips: np.ndarray, at: np.ndarray) -> np.ndarray
 
 
 def with_holds(ticks: list[int]) -> list[Event]:
-    """Hold at each of ``ticks`` of the undisturbed run (nearly: each hold shifts what follows), then go on."""
+    """Hold at each of ``ticks`` of the undisturbed run (nearly: a hold shifts what follows), then go on."""
     events, shift = [], 0
     for tick in ticks:
         events += [Event(tick + shift, Request.HOLD), Event(tick + shift + STAND, Request.RESUME)]
@@ -92,7 +94,7 @@ def hold_run(seed: int, count: int) -> None:
 
 
 def test_holds_at_random_ticks_of_the_cut_leave_the_tool_on_the_path() -> None:
-    hold_run(1, 8)
+    hold_run(1, 4)
 
 
 @pytest.mark.slow
@@ -123,7 +125,7 @@ def test_a_stop_ends_in_standstill_on_the_path_and_the_machine_is_ready_again(se
     assert off_the_plan(done, np.flatnonzero(done.column("mode") != Mode.READY)) < 1e-6
     assert_in_limits(done, f"stop at {tick}")
     # From here another program runs.
-    again = cut("G0 Z260.\nM30\n", stepped=done.stepped)
+    again = cut("G0 Z140.\nM30\n", stepped=done.stepped)
     assert again.run.result == "completed", again.run.fault_text
     assert_in_limits(again, "the program after the stop")
 
@@ -145,9 +147,9 @@ def test_override_steps_between_0_and_200_percent_keep_the_path_and_the_limits(s
     assert_in_limits(done, f"override steps, seed {seed}")
     rate = done.column("rate")
     for event in events:
-        before, wanted = rate[event.tick - 1], min(1.0, event.value)
-        if abs(before - wanted) > 0.05 and before == rate[event.tick - 2]:
-            assert (rate[event.tick + 1] - before) * (wanted - before) > 0.0, event.tick
+        k = event.tick
+        if k + 1 < len(rate) and rate[k - 2] == rate[k - 1] and event.value < 0.95 * rate[k - 1]:
+            assert rate[k + 1] < rate[k - 1], k  # it leaves the plan within two ticks
 
 
 @pytest.mark.slow
@@ -169,8 +171,8 @@ def test_a_rapid_override_acts_on_rapids_only(share: float) -> None:
 @pytest.mark.slow
 def test_an_override_raised_again_is_followed_within_the_cut() -> None:
     """50 % before the start, 100 % in the middle of the cut: the feed comes up while cutting."""
-    first, last = cutting_span()
-    events = [Event(0, Request.OVERRIDE, 0.5), Event(first + 400, Request.OVERRIDE, 1.0)]
+    first, _ = cutting_span()
+    events = [Event(0, Request.OVERRIDE, 0.5), Event(first + 1200, Request.OVERRIDE, 1.0)]
     done = cut(text(), events=events)
     feed = done.trace.feed_mm_s[done.trace.cutting] * 60.0
     assert feed[300] == pytest.approx(500.0, rel=0.01)

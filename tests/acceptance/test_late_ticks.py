@@ -34,7 +34,9 @@ class Listener(SteppedMachine):
         self._group.sync = heard  # type: ignore[method-assign]
 
 
-def run_late(lateness: Callable[[int], float], lost_sync: LostSync, feed: str = "1000.") -> tuple[Cut, Listener]:
+def run_late(
+    lateness: Callable[[int], float], lost_sync: LostSync, feed: str = "1000."
+) -> tuple[Cut, Listener]:
     stepped = Listener(shipped(), lateness=lateness, lost_sync=lost_sync)
     stepped.come_up()
     return cut(program("example2_ready.ngc", feed), stepped=stepped), stepped
@@ -95,7 +97,11 @@ def test_random_lateness_keeps_syncs_apart_whatever_comes(kind: LostSync, seed: 
     assert_single_steps(done)
     assert off_the_plan(done) < 1e-6
     print(kind.value, done.run.result, done.run.fault.name)
-    assert done.run.result == "completed" or done.run.fault in (Fault.TOO_MANY_SKIPS, Fault.EMCY, Fault.STATE_LOST)
+    assert done.run.result == "completed" or done.run.fault in (
+        Fault.TOO_MANY_SKIPS,
+        Fault.EMCY,
+        Fault.STATE_LOST,
+    )
 
 
 @pytest.mark.slow

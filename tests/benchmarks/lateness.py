@@ -85,7 +85,13 @@ def tick_process(
     recorder = Recorder(rows=1 << 17)
     clock = loop.WallClock()
     cycle = Cycle(
-        machine, group, PieceInbox(piece_end), RequestInbox(request_end), SnapshotBoard(), recorder, clock.now_s
+        machine,
+        group,
+        PieceInbox(piece_end),
+        RequestInbox(request_end),
+        SnapshotBoard(),
+        recorder,
+        clock.now_s,
     )
     send_request(operator, Request.ENABLE)
     granted = loop.prepare(priority)
@@ -180,7 +186,9 @@ def main() -> None:
     if wanted.json:
         print(json.dumps({"sync": ours, "cyclictest": theirs, "skips": skips, "granted": granted}))
         return
-    print(f"period {wanted.period_ms} ms, {wanted.rounds} x {wanted.seconds} s each, priority {wanted.priority}")
+    print(
+        f"period {wanted.period_ms} ms, {wanted.rounds} x {wanted.seconds} s each, priority {wanted.priority}"
+    )
     print(f"privileges {granted}, cpus {os.cpu_count()}, skips {skips}")
     print_table(ours, theirs)
 

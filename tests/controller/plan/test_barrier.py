@@ -15,7 +15,9 @@ def dense(d0: np.ndarray, d1: np.ndarray, d2: np.ndarray) -> np.ndarray:
     return np.diag(d0) + upper + upper.T
 
 
-def straight_rows(n: int = 40, acceleration: float = 1e3, jerk: float = 1e4, cap: float = 1e6) -> barrier.Rows:
+def straight_rows(
+    n: int = 40, acceleration: float = 1e3, jerk: float = 1e4, cap: float = 1e6
+) -> barrier.Rows:
     """Joint 0 goes evenly along x, the others stand: q_x = 1."""
     q_x = np.zeros((n + 1, 5))
     q_x[:, 0] = 1.0
@@ -31,7 +33,9 @@ def random_rows(rng: np.random.Generator, n: int = 60) -> barrier.Rows:
     q_xx, q_xxx = speed * np.cos(speed * x + phase) / n, -(speed**2) * q_x / n**2
     full = np.ones_like(q_x)
     limits = rng.uniform(50.0, 500.0), rng.uniform(500.0, 50000.0)
-    return barrier.Rows(q_x, q_xx, q_xxx, limits[0] * full, limits[1] * full, np.full(n + 1, rng.uniform(10.0, 1e4)))
+    return barrier.Rows(
+        q_x, q_xx, q_xxx, limits[0] * full, limits[1] * full, np.full(n + 1, rng.uniform(10.0, 1e4))
+    )
 
 
 def excess(rows: barrier.Rows, w: np.ndarray) -> float:
@@ -130,7 +134,10 @@ def test_newtons_step_is_downhill_and_solves_its_own_linear_system() -> None:
         root = np.sqrt(at)[:, None]
         rooms = [rows.cap - at]
         for sign in (1.0, -1.0):
-            rooms += [rows.acceleration - sign * barrier.apply(a, at), rows.jerk / root - sign * barrier.apply(j, at)]
+            rooms += [
+                rows.acceleration - sign * barrier.apply(a, at),
+                rows.jerk / root - sign * barrier.apply(j, at),
+            ]
         return float((weight / np.sqrt(at)).sum()) - mu * sum(float(np.log(room).sum()) for room in rooms)
 
     assert 0.0 < share <= 1.0

@@ -24,7 +24,9 @@ from controller.surfaces import RuledSurface, Surface
 KINDS = ("fig4a", "fig4b", "fig4c", "fig4d", "table_head", "head_head", "oblique")
 
 
-def cut_of(surface: Surface, built: Machine, kinematics: Kinematics, offset: float, length: float) -> Stretch | None:
+def cut_of(
+    surface: Surface, built: Machine, kinematics: Kinematics, offset: float, length: float
+) -> Stretch | None:
     """The surface as a stretch on the first branch that reaches both of its ends."""
     arc = ArcLength.of(surface.lower)
     motion = SurfaceCut(surface, arc, offset, length, Frame((30.0, -20.0, 60.0)))
@@ -68,7 +70,9 @@ def assert_agree(stretch: Stretch, kinematics: Kinematics, label: object) -> Non
     s = np.linspace(0.2, 0.8, 13) * stretch.motion.end
     exact = limits.derivatives(stretch, s, kinematics)
     found = differences(stretch, s, kinematics, 0.001 * stretch.motion.end)
-    for mine, theirs, share in zip((exact.first, exact.second, exact.third), found, (1e-6, 1e-5, 1e-3), strict=True):
+    for mine, theirs, share in zip(
+        (exact.first, exact.second, exact.third), found, (1e-6, 1e-5, 1e-3), strict=True
+    ):
         scale = np.abs(theirs).max(axis=0) + 1e-5 * np.abs(theirs).max() + 1e-9
         assert (np.abs(mine - theirs) <= share * scale + 1e-6).all(), label
 
@@ -93,7 +97,11 @@ def test_derivatives_of_a_cut_are_those_of_the_joints_on_random_oblique_machines
         tilts = np.array([pair for pairs in reach for pair in pairs])
         if np.isnan(tilts).any():
             continue  # out of reach of this machine
-        gaps = [abs(math.remainder(p[0][0] - p[1][0], math.tau)) + abs(math.remainder(p[0][1] - p[1][1], math.tau)) for p in reach]
+        gaps = [
+            abs(math.remainder(p[0][0] - p[1][0], math.tau))
+            + abs(math.remainder(p[0][1] - p[1][1], math.tau))
+            for p in reach
+        ]
         stretch = cut_of(surface, built, kinematics, 1.5, 30.0)
         if stretch is None or min(gaps) < 0.3:
             continue  # beside a place where both branches meet differences are rough
@@ -121,7 +129,9 @@ def test_derivatives_of_a_line_are_constant_and_those_of_an_arc_turn() -> None:
     kinematics = Kinematics(built)
     s = np.linspace(0.0, 10.0, 5)
     line = JointMove(Line((0, 0, 0), (6.0, 8.0, 0.0)), 10.0, (0.0, 0.0), (1.0, -2.0), kinematics.order)
-    arc = JointMove(Arc((0, 0, 0), (5.0, 0, 0), (0, 5.0, 0), 2.0, (0, 0, 0)), 10.0, (0, 0), (0, 0), kinematics.order)
+    arc = JointMove(
+        Arc((0, 0, 0), (5.0, 0, 0), (0, 5.0, 0), 2.0, (0, 0, 0)), 10.0, (0, 0), (0, 0), kinematics.order
+    )
     rows = [Stretch(m, Place(1, 1), 10.0, False, (0,) * 5, (0,) * 5, True, "line") for m in (line, arc)]
     straight, curved = (limits.derivatives(row, s, kinematics) for row in rows)
     values = [(0.6, 0.8, 0.0, 0.1, -0.2)[i] for i in kinematics.order]
@@ -146,11 +156,15 @@ def test_joint_motion_is_what_a_law_in_time_makes_of_the_derivatives() -> None:
 
     t, h = 0.5, 1e-3
     s, v, a, j = s_of(t), 0.7 - 0.8 * t + 0.6 * t * t, -0.8 + 1.2 * t, 1.2
-    one = [np.atleast_2d(x) for x in (c[1] + 2 * s * c[2] + 3 * s * s * c[3], 2 * c[2] + 6 * s * c[3], 6 * c[3])]
+    one = [
+        np.atleast_2d(x) for x in (c[1] + 2 * s * c[2] + 3 * s * s * c[3], 2 * c[2] + 6 * s * c[3], 6 * c[3])
+    ]
     d, at = Derivatives(*one), [np.array([x]) for x in (v, a, j)]
     f = [q(s_of(t + k * h)) for k in (-2, -1, 0, 1, 2)]
     np.testing.assert_allclose(d.velocity(at[0])[0], (f[3] - f[1]) / (2 * h), rtol=1e-4, atol=1e-4)
-    np.testing.assert_allclose(d.acceleration(at[0], at[1])[0], (f[3] - 2 * f[2] + f[1]) / h**2, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(
+        d.acceleration(at[0], at[1])[0], (f[3] - 2 * f[2] + f[1]) / h**2, rtol=1e-4, atol=1e-4
+    )
     third = (f[4] - 2 * f[3] + 2 * f[1] - f[0]) / (2 * h**3)
     np.testing.assert_allclose(d.jerk(*at)[0], third, rtol=1e-3, atol=1e-3)
 
@@ -180,9 +194,15 @@ def test_a_jump_of_the_rates_passed_at_junction_speed_keeps_sampled_limits() -> 
         v = limit.junction_speed(before, after, T)
         t = T * (np.arange(-3, 4) + rng.uniform())[:, None]
         s = v * t
-        jump = np.where(s < 0.0, before.first * s + before.second * s * s / 2, after.first * s + after.second * s * s / 2)
-        own = np.maximum(np.abs(before.second), np.abs(after.second)) * v * v  # the law's own share, not the jump's
-        assert (np.abs(np.diff(jump, 2, axis=0)) <= (limit.acceleration * limits.JUMP_SHARE + own) * T * T * 1.001).all()
+        jump = np.where(
+            s < 0.0, before.first * s + before.second * s * s / 2, after.first * s + after.second * s * s / 2
+        )
+        own = (
+            np.maximum(np.abs(before.second), np.abs(after.second)) * v * v
+        )  # the law's own share, not the jump's
+        assert (
+            np.abs(np.diff(jump, 2, axis=0)) <= (limit.acceleration * limits.JUMP_SHARE + own) * T * T * 1.001
+        ).all()
         assert (np.abs(np.diff(jump, 3, axis=0)) <= 2.5 * limit.jerk * limits.JUMP_SHARE * T**3).all()
 
 

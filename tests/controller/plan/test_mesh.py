@@ -15,7 +15,10 @@ def random_mesh(seed: int) -> tuple[mesh.Mesh, float]:
     rng = random.Random(seed)
     length = 10.0 ** rng.uniform(0.0, 2.0)
     ramps = [rng.choice((None, length * 10.0 ** rng.uniform(-4.0, 0.3))) for _ in range(2)]
-    bells = [Bell(rng.uniform(0.1, 0.9) * length, length * rng.uniform(0.003, 0.2)) for _ in range(rng.randrange(3))]
+    bells = [
+        Bell(rng.uniform(0.1, 0.9) * length, length * rng.uniform(0.003, 0.2))
+        for _ in range(rng.randrange(3))
+    ]
     return mesh.make(length, length / rng.uniform(60, 400), ramps[0], ramps[1], bells), length
 
 

@@ -138,7 +138,9 @@ def test_a_new_path_after_a_drop_starts_at_the_queue_it_is_given() -> None:
 
 
 @pytest.mark.parametrize("override", [0.5, 1.5])
-def test_feeds_are_planned_at_the_override_where_it_is_more_than_programmed_and_rapids_never_are(override: float) -> None:
+def test_feeds_are_planned_at_the_override_where_it_is_more_than_programmed_and_rapids_never_are(
+    override: float,
+) -> None:
     desk = Desk("G0 X100.\nG1 F600. X200.\nM30\n")
     for _ in range(8):
         desk.planner.work(now(desk.end_s, override))

@@ -22,7 +22,7 @@ from controller.plan.path import Chain, Stretch
 from controller.plan.program import ProgramError
 from controller.plan.stretch import rotaries_of
 
-OVERSHOOT = 1e-3  # of the feed, between nodes where the speed has just come up to it
+OVERSHOOT = 1e-9  # of the feed: rounding
 
 # --- straight moves
 
@@ -166,7 +166,9 @@ def assert_limits(chain: Chain, machine: Machine, label: object) -> tuple[float,
 
 
 @pytest.mark.parametrize(("feed", "least"), [("1000.", 0.9), ("3000.", 0.4)])
-def test_example_2_keeps_all_limits_at_any_feed_and_its_feed_wherever_they_allow(feed: str, least: float) -> None:
+def test_example_2_keeps_all_limits_at_any_feed_and_its_feed_wherever_they_allow(
+    feed: str, least: float
+) -> None:
     machine = shipped()
     for chain in chains(program("example2.ngc", feed), machine):
         _, share = assert_limits(chain, machine, feed)
@@ -183,7 +185,9 @@ def test_example_2_at_its_own_feed_keeps_it_nearly_everywhere() -> None:
 
 def unseen(seed: int) -> tuple[list[Chain], Machine, float] | None:
     rng = random.Random(seed)
-    machine = shipped(rng.choice(("trunnion", "fig4b", "fig4c", "fig4d", "table_head", "head_head", "oblique45")))
+    machine = shipped(
+        rng.choice(("trunnion", "fig4b", "fig4c", "fig4d", "table_head", "head_head", "oblique45"))
+    )
     feed = rng.choice((100.0, 1000.0, 3000.0, 10000.0))
     try:
         return chains(text(compound(seed, rng.choice((1, 2, 3))), feed), machine), machine, feed
@@ -202,7 +206,7 @@ def assert_unseen(seeds: range) -> None:
 
 
 def test_random_compound_surfaces_keep_all_limits() -> None:
-    assert_unseen(range(300, 302))
+    assert_unseen(range(300, 301))
 
 
 @pytest.mark.slow
@@ -270,7 +274,9 @@ def best_time(run: tuple[Stretch, ...], machine: Machine) -> float:
 
         constraints = [
             toppra.constraint.JointVelocityConstraint(np.stack([-limit.velocity, limit.velocity], axis=1)),
-            toppra.constraint.JointAccelerationConstraint(np.stack([-limit.acceleration, limit.acceleration], axis=1)),
+            toppra.constraint.JointAccelerationConstraint(
+                np.stack([-limit.acceleration, limit.acceleration], axis=1)
+            ),
             Feed(stretch.feed_mm_s or 1e6),
         ]
         x = np.linspace(0.0, 1.0, 1201)
@@ -300,4 +306,3 @@ def test_the_cut_is_within_a_few_percent_of_a_bound_that_knows_no_jerk(feed: str
     bound = best_time(cuts, machine)
     print(f"\n{feed} mm/min: {ours:.3f} s, bound by velocity, acceleration and feed {bound:.3f} s")
     assert bound * 0.999 <= ours <= bound * {"100.": 1.02, "1000.": 1.08, "3000.": 1.35}[feed]
-

@@ -62,6 +62,17 @@ def until(done: Callable[[], Any]) -> Any:
     return found
 
 
+def run(running: Live, look: Callable[[Snapshot], None] = lambda _: None) -> tuple[np.ndarray, Snapshot]:
+    """``Live.run`` that does not wait forever."""
+    give_up_s = time.monotonic() + HANGS_S
+
+    def guarded(now: Snapshot) -> None:
+        assert time.monotonic() < give_up_s, f"waited in vain: {now}"
+        look(now)
+
+    return running.run(guarded)
+
+
 def at(running: Live, plan_time_s: float, act: Callable[[], None]) -> Callable[[Snapshot], None]:
     """For ``Live.run``: does something once when the path clock comes to ``plan_time_s``, to the tick."""
     left = [act]
@@ -168,7 +179,7 @@ def test_a_cut_in_real_time_completes_on_the_path_in_two_processes_and_a_hub() -
 
     with session(text, machine) as running:
         start = running.ready()
-        rows, last = running.run(look)
+        rows, last = run(running, look)
         end = _now(running)
     assert (last.mode, last.fault) == (Mode.READY, Fault.NONE)
     assert seen == {"names": ["directrix-plan", "directrix-tick", "virtual-bus"], "threads": 1}
@@ -210,7 +221,7 @@ def test_leaving_a_session_in_the_middle_of_a_cut_stops_on_the_path_and_switches
 def test_a_program_without_motion_is_over_at_once_and_told_as_completed() -> None:
     with session("G21 G90\nM3 S1000\nM5\nM30\n") as running:
         running.ready()
-        _, last = running.run()
+        _, last = run(running)
     assert (last.mode, last.fault) == (Mode.READY, Fault.NONE)
 
 
@@ -246,7 +257,7 @@ def test_without_its_planner_the_machine_holds_on_the_path(
 
     with session(EXAMPLE_2, machine) as running:
         start = running.ready()
-        rows, last = running.run(at(running, instant_s, strike))
+        rows, last = run(running, at(running, instant_s, strike))
         if how is signal.SIGSTOP:  # it comes back with all that it had to say
             os.kill(running.plan.pid, signal.SIGCONT)
         until(lambda: _now(running).tick > last.tick + 150)
@@ -268,9 +279,9 @@ def test_without_its_planner_the_machine_holds_on_the_path(
 @pytest.mark.slow
 def test_a_planner_that_dies_of_an_error_of_its_own_says_so_in_one_sentence() -> None:
     bad = replace(shipped(), retract_mm="high")  # type: ignore[arg-type]
-    with pytest.raises(SessionError, match=r"^The \w+ process met an error of its own; .*\.py, line \d+\)$"):
-        with session(EXAMPLE_2, bad) as running:
-            running.ready()
+    sentence = r"^The \w+ process met an error of its own; .*\.py, line \d+\)$"
+    with pytest.raises(SessionError, match=sentence), session(EXAMPLE_2, bad) as running:
+        running.ready()
 
 
 # ---- the tick is gone ------------------------------------------------------------------
@@ -324,7 +335,7 @@ def test_without_the_tick_the_drives_stop_by_their_own_supervision() -> None:
                 running.tick.process.wait()
 
         with pytest.raises(SessionError) as refused:
-            running.run(strike)
+            run(running, strike)
         sentence = str(refused.value)
         assert "tick process was killed by signal SIGKILL" in sentence and "start again" in sentence
 
@@ -355,7 +366,7 @@ def test_without_the_tick_the_drives_stop_by_their_own_supervision() -> None:
         until(lambda: beats() >= begun + 24)
         assert [listener.read(node, 0x6064) for node in nodes] == first
         for node in nodes:
-            state = cia402.state_of(listener.read(node, 0x6041) & 0xFFFF)
+            state = cia402.state(listener.read(node, 0x6041) & 0xFFFF)
             assert state not in (State.OPERATION_ENABLED, State.QUICK_STOP_ACTIVE)
     assert gone([running.tick.pid, running.plan.pid, *(hub.pid for hub in running.hubs.values())])
 
@@ -373,13 +384,13 @@ def test_without_the_bus_the_tick_names_the_fault_and_comes_to_rest() -> None:
             if now.cutting and hub.is_alive():
                 os.kill(hub.pid, signal.SIGKILL)
 
-        rows, last = running.run(strike)
+        rows, last = run(running, strike)
         assert last.mode is Mode.FAULT
         assert last.fault in (Fault.BUS_ERROR, Fault.SEND_FAILED, Fault.FEEDBACK_LOST)
         assert running.tick.is_alive()
     bad = rows[:, COLUMN["fault"]] != 0.0
     lost = int(np.flatnonzero(bad)[0])
-    assert rows[lost, COLUMN["rate"]] > 0.0  # it was moving
+    assert rows[lost - 1, COLUMN["rate"]] > 0.0  # it was moving
     assert running.tick.process.returncode == 0
 
 

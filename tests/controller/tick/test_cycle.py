@@ -141,6 +141,53 @@ def test_a_lost_bus_quick_stops_the_group_at_once(drive_fault: DriveFault) -> No
     bench.close()
 
 
+@pytest.mark.parametrize("first", [DriveFault.FEEDBACK_LOST, DriveFault.SEND_FAILED])
+def test_a_bus_that_takes_no_sync_comes_to_rest_whatever_was_noticed_first(first: DriveFault) -> None:
+    bench = moving()
+    bench.group.failure = (first, 0)
+    bench.group.sync = lambda now_s: False  # type: ignore[method-assign]
+    bench.until(Mode.FAULT, 60)
+    bench.until_rest(60)
+    bench.tick(3)
+    assert bench.snapshot.fault.name == first.name
+    assert bench.snapshot.at_rest
+    assert bench.group.wanted is Wanted.QUICK_STOP
+    bench.close()
+
+
+def test_a_program_without_motion_waits_for_the_start_and_then_ends() -> None:
+    bench = Bench()
+    bench.enable()
+    bench.send([dwell(0.0)], {})
+    bench.tick(3)
+    bench.send([dwell(0.0, end=True)], {})
+    bench.tick(3)
+    bench.ask(Request.START)
+    bench.rows()
+    bench.tick(2)
+    assert bench.snapshot.mode is Mode.READY
+    assert bench.rows()[0, COLUMN["rate"]] == 1.0  # all of it in one tick
+    bench.ask(Request.START)  # nothing is left: it runs, and waits for pieces
+    bench.tick(5)
+    assert bench.snapshot.mode is Mode.RUNNING
+    bench.close()
+
+
+@pytest.mark.parametrize(("stop", "then"), [(True, Mode.HOLD), (False, Mode.READY)])
+def test_a_mark_reached_while_held_is_still_there_after_resume(stop: bool, then: Mode) -> None:
+    bench = Bench()
+    bench.enable()
+    bench.send([dwell(0.010), dwell(0.0, stop=stop, end=not stop)], {})
+    bench.ask(Request.START)
+    bench.tick()
+    bench.ask(Request.HOLD)
+    bench.tick(20)
+    assert bench.snapshot.mode is Mode.HOLD
+    bench.ask(Request.RESUME)
+    bench.until(then, 20)
+    bench.close()
+
+
 def test_a_setpoint_outside_of_travel_is_not_sent() -> None:
     built = machine()
     x = replace(built.axes[0], travel_max=50.0)
@@ -248,4 +295,5 @@ def test_an_error_of_our_own_stops_the_drives_and_is_named() -> None:
     bench.cycle._take_requests = broken  # type: ignore[method-assign]
     assert bench.loop.run(lambda: True) is Fault.INTERNAL
     assert bench.group.wanted is Wanted.QUICK_STOP and bench.snapshot.fault is Fault.INTERNAL
+    assert bench.loop.error is not None  # kept, so that the process can say what it was
     bench.close()
