@@ -179,9 +179,11 @@ class Kinematics:
         for t1, t2 in solutions:
             q1, q2 = t1 * self._sign1, t2 * self._sign2
             if m is math:
-                q2 = kept if lost and not math.isnan(t1) else q2
+                if lost:  # a pole out of reach, as straight down under an oblique head, has no place at all
+                    q2 = t1 if math.isnan(t1) else kept
             elif np.any(lost):
-                q2 = _kept(q2, lost & ~np.isnan(_value(t1)), kept)
+                out = np.isnan(_value(t1))
+                q2 = _kept(_kept(q2, lost & ~out, kept), lost & out, math.nan)
             pairs.append((q2, q1) if self._work_first else (q1, q2))
         return pairs
 

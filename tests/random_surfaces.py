@@ -12,7 +12,7 @@ Pair = tuple[np.ndarray, np.ndarray]  # four upper and four lower control points
 def pair(
     rng: random.Random, start: np.ndarray, heading: float, lean: np.ndarray
 ) -> tuple[Pair, float, np.ndarray]:
-    """One surface from ``start`` along ``heading`` (rad) with the ruling ``lean``; heading and lean at its end."""
+    """One surface from ``start`` along ``heading`` (rad) with the ruling ``lean``; and both at its end."""
     size = rng.uniform(5.0, 14.0)
     turn = [heading, heading + rng.uniform(-0.5, 0.5)]
     turn.append(turn[1] + rng.uniform(-0.5, 0.5))

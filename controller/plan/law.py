@@ -150,3 +150,35 @@ def sampled(law: Law, per_piece: int = 8, even_step_s: float = 0.02) -> tuple[Ar
     x, row = t - knots[index], c[index].T
     s = row[0] + x * (row[1] + x * (row[2] + x * row[3]))
     return t, s, row[1] + x * (2 * row[2] + x * 3 * row[3])
+
+
+def split(times: Array, pieces: Array, starts: Array) -> list[Law]:
+    """A law over several stretches, (n + 1,) and (n, 6), as one law per stretch with its own s.
+
+    ``starts`` are the places where stretches begin, and the end of the last. Laws are
+    given from the stretch on in which the first piece begins.
+    """
+    laws = []
+    knots = [0.0]
+    rows: list[Quintic] = []
+    k = int(np.clip(np.searchsorted(starts, pieces[0][0], side="right") - 1, 0, len(starts) - 2))
+    base = 0.0
+    for i in range(len(pieces)):
+        row, t0, t1 = _quintic(pieces[i]), float(times[i]), float(times[i + 1])
+        while k < len(starts) - 2 and value(row, t1 - t0) > starts[k + 1]:
+            cut = time_of(row, float(starts[k + 1]), t1 - t0)
+            if cut > 0.0:
+                rows.append(shifted(row, 0.0, float(starts[k])))
+                knots.append(t0 + cut - base)
+            laws.append(joined(knots, rows))
+            row, t0 = shifted(row, cut, 0.0), t0 + cut
+            k, base, knots, rows = k + 1, t0, [0.0], []
+        rows.append(shifted(row, 0.0, float(starts[k])))
+        knots.append(t1 - base)
+    laws.append(joined(knots, rows))
+    return laws
+
+
+def _quintic(row: Array) -> Quintic:
+    a, b, c, d, e, f = (float(x) for x in row)
+    return (a, b, c, d, e, f)

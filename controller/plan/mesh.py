@@ -33,13 +33,28 @@ class Bell:
 
 
 @dataclass(frozen=True, slots=True)
-class Mesh:
-    """Nodes of a chain: s(x) at x = 0 .. n with its first three derivatives, each (n + 1,)."""
+class Places:
+    """s(x) at places of a mesh, with its first three derivatives."""
 
     s: Array
     s_x: Array
     s_xx: Array
     s_xxx: Array
+
+    def moved(self, s: float) -> Places:
+        return Places(self.s + s, self.s_x, self.s_xx, self.s_xxx)
+
+
+@dataclass(frozen=True, slots=True)
+class Mesh:
+    """A path's nodes x = 0 .. n, and its joints x = 0, 1/2, 3/2 .. n - 1/2, n between their intervals."""
+
+    nodes: Places
+    joints: Places
+
+    def moved(self, s: float) -> Mesh:
+        """The same mesh, ``s`` farther along."""
+        return Mesh(self.nodes.moved(s), self.joints.moved(s))
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,12 +147,13 @@ def make(
     whole = float(rough.count(np.array([length]))[0])
     n = max(16, int(np.ceil(whole)))
     density = rough.scaled(n / whole)
-    s = density.place(np.arange(n + 1, dtype=float))
-    s[0], s[-1] = 0.0, length
-    return _derive(density, s)
+    nodes = np.arange(n + 1, dtype=float)
+    joints = np.concatenate([[0.0], nodes[:-1] + 0.5, [float(n)]])
+    return Mesh(_derive(density, density.place(nodes)), _derive(density, density.place(joints)))
 
 
-def _derive(density: _Density, s: Array) -> Mesh:
+def _derive(density: _Density, s: Array) -> Places:
+    s[0], s[-1] = 0.0, density.length
     safe = s.copy()  # at a rest the density has no bound; its limit is put in below
     for at, cluster in ((0, density.start), (-1, density.end)):
         safe[at] = 0.5 * density.length if cluster else s[at]
@@ -147,4 +163,4 @@ def _derive(density: _Density, s: Array) -> Mesh:
     for at, cluster in ((0, density.start), (-1, density.end)):
         if cluster:  # s = (x / 3c)^3 there
             s_x[at], s_xx[at], s_xxx[at] = 0.0, 0.0, 6.0 / (3.0 * cluster.strength) ** 3
-    return Mesh(s, s_x, s_xx, s_xxx)
+    return Places(s, s_x, s_xx, s_xxx)

@@ -21,7 +21,7 @@ from controller.handoff import Law
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import JointMove
-from controller.plan.law import sampled, straight, through
+from controller.plan.law import sampled, split, straight, through
 from controller.plan.limits import derivatives
 from controller.plan.path import Chain, Stretch
 from controller.plan.search import TINY, Begin, Search, feed_of, junction_speed, limits_of
@@ -60,10 +60,10 @@ def runs(chain: Chain, machine: Machine, kinematics: Kinematics, override: float
 
 def plan_run(run: Run, machine: Machine, kinematics: Kinematics, override: float = 1.0) -> list[Law]:
     """The laws of stretches that run through, from rest to rest."""
-    closed = None
-    if len(run) == 1:
-        closed = _straight_run(run[0], machine, override) or _even_run(run[0], machine, kinematics, override)
-    return [closed] if closed else Search(run, machine, kinematics, override).laws()
+    if len(run) == 1 and (law := _straight_run(run[0], machine, override)):
+        return [law]
+    even = _even_run(run, machine, kinematics, override)
+    return even or Search(run, machine, kinematics, override).laws()
 
 
 def faster(
@@ -126,16 +126,32 @@ def _straight_run(stretch: Stretch, machine: Machine, override: float) -> Law | 
     )
 
 
-def _even_run(stretch: Stretch, machine: Machine, kinematics: Kinematics, override: float) -> Law | None:
-    """The closed form for a curved stretch on which the feed alone costs little of any limit.
+def _even_run(run: Run, machine: Machine, kinematics: Kinematics, override: float) -> list[Law] | None:
+    """The closed form for curved stretches on which the feed alone costs little of any limit.
 
-    With v = F throughout and the largest derivatives of the stretch, what is left of A and
+    With v = F throughout and the largest derivatives of each stretch, what is left of A and
     J is a constant path acceleration and jerk for both ramps. None where less than
-    ``EVEN_SHARE`` of a limit is left: there the search gains time.
+    ``EVEN_SHARE`` of a limit is left, a junction wants less than F, or the feed changes:
+    there the search gains time.
     """
-    feed, limits = feed_of(stretch, override), limits_of(stretch, machine)
-    if not math.isfinite(feed):
+    feed = feed_of(run[0], override)
+    junctions = (junction_speed(a, b, machine, kinematics) for a, b in itertools.pairwise(run))
+    if not math.isfinite(feed) or any(low < feed for low in junctions):
         return None
+    ramps = [_even_ramp(stretch, feed, machine, kinematics) for stretch in run]
+    if any(ramp is None or feed_of(s, override) != feed for ramp, s in zip(ramps, run, strict=True)):
+        return None
+    starts = np.concatenate([[0.0], np.cumsum([stretch.motion.end for stretch in run])])
+    found = [ramp for ramp in ramps if ramp is not None]
+    law = straight(float(starts[-1]), feed, min(a for a, _ in found), min(j for _, j in found))
+    return split(np.array(law.knots_s), np.array(law.coefficients), starts)
+
+
+def _even_ramp(
+    stretch: Stretch, feed: float, machine: Machine, kinematics: Kinematics
+) -> tuple[float, float] | None:
+    """Path acceleration and jerk that are left anywhere on the stretch at ``feed``; None if too little is."""
+    limits = limits_of(stretch, machine)
     d = derivatives(stretch, np.linspace(0.0, stretch.motion.end, EVEN_SAMPLES), kinematics)
     m1, m2, m3 = (np.abs(q).max(axis=0) + TINY for q in (d.first, d.second, d.third))
     room_a = limits.acceleration - m2 * feed**2
@@ -144,21 +160,4 @@ def _even_run(stretch: Stretch, machine: Machine, kinematics: Kinematics, overri
     tight = (m1 * feed > limits.velocity).any() or (room_a < EVEN_SHARE * limits.acceleration).any()
     if tight or (room_j < EVEN_SHARE * limits.jerk).any():
         return None
-    return straight(stretch.motion.end, feed, acceleration, float((room_j / m1).min()))
-
-
-# --- runs of a chain ----------------------------------------------------------
-
-
-def _runs(
-    chain: Chain, machine: Machine, kinematics: Kinematics, override: float
-) -> list[tuple[Stretch, ...]]:
-    """The chain cut at junctions so sharp that passing them is no faster than stopping."""
-    runs: list[list[Stretch]] = [[chain.stretches[0]]]
-    for before, after in itertools.pairwise(chain.stretches):
-        speed = junction_speed(before, after, machine, kinematics)
-        if speed < STOP_SHARE * min(feed_of(before, override), feed_of(after, override), 1e6):
-            runs.append([after])
-        else:
-            runs[-1].append(after)
-    return [tuple(run) for run in runs]
+    return acceleration, float((room_j / m1).min())

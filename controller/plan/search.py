@@ -21,7 +21,7 @@ from controller.handoff import Law, Quintic
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.plan import barrier, mesh
-from controller.plan.law import at_share, joined, shifted, through, time_of, value
+from controller.plan.law import at_share, split, through
 from controller.plan.limits import Derivatives, JointLimits, derivatives, ramp_length
 from controller.plan.mesh import BELL_NODES
 from controller.plan.path import Stretch
@@ -33,6 +33,7 @@ TIGHTEN_ROUNDS = 8
 TIGHTEN_POWER = 1.2
 WARM_GAP = 0.05  # of the time, where a search starts from the last one
 FINE_VELOCITY, FINE_ACCELERATION, FINE_JERK = 1.0002, 1.0005, 1.015  # good enough between nodes
+RESIDUAL_JERK = 1.10  # at single places after all rounds, rather than leave the feed
 SPACING = 0.2  # of the even nodes, mm; ramps have their own
 NODES_EVEN = (60, 400)  # at least and at most
 FINE_SPACING = 0.03  # of the samples that look for narrow places, mm
@@ -85,12 +86,12 @@ class Excess:
     acceleration: Array
     jerk: Array
 
-    def slowing(self) -> float:
+    def slowing(self, jerk: float = FINE_JERK) -> float:
         """Factor on time that would bring everything inside; at most 1.0 where nothing is exceeded."""
         return max(
             float(self.velocity.max()) / FINE_VELOCITY,
             math.sqrt(float(self.acceleration.max()) / FINE_ACCELERATION),
-            float(np.cbrt(self.jerk.max() / FINE_JERK)),
+            float(np.cbrt(self.jerk.max() / jerk)),
         )
 
 
@@ -116,21 +117,21 @@ class Search:
             junction_speed(before, after, machine, kinematics) for before, after in itertools.pairwise(run)
         ]
         self.mesh = self._make_mesh()
-        self.at_nodes = self._derive(self.mesh.s)
+        self.at_nodes = self._derive(self.mesh.nodes.s)
 
     def laws(self) -> list[Law]:
         rows = self._rows()
         w = barrier.solve(rows, barrier.start(rows))
-        times, pieces = through(self.mesh.s, *self._speeds(w))
+        best: tuple[float, Array, Array] = (math.inf, w, w)
         for _ in range(TIGHTEN_ROUNDS):
+            times, pieces = self._law(rows, w)
             excess = self._excess(times, pieces)
-            if excess.slowing() <= 1.0:
+            best = min(best, (excess.slowing(), times, pieces), key=lambda one: one[0])
+            if best[0] <= 1.0:
                 break
             rows = _tightened(rows, excess)
             w = barrier.solve(rows, barrier.feasible(rows, w, 0.9), WARM_GAP)
-            times, pieces = through(self.mesh.s, *self._speeds(w))
-        times, pieces = self._slowed(times, pieces)
-        return self._split(times, pieces)
+        return split(*self._slowed(*best[1:]), self.starts)
 
     def laws_from_motion(self) -> list[Law] | None:
         """Laws from ``begin`` on; None where the old law cannot be left smoothly.
@@ -143,16 +144,16 @@ class Search:
         for _ in range(TIGHTEN_ROUNDS):
             w = _slowed_further_on(rows, old)
             found = barrier.solve(_relaxed(rows, w), w)
-            times, pieces = through(self.mesh.s, *self._speeds(found))
+            times, pieces = self._law(rows, found)
             excess = self._excess(times, pieces)
             if excess.slowing() <= 1.0:
-                return self._split(times, pieces)
+                return split(times, pieces, self.starts)
             rows = _tightened(rows, excess)
         return None
 
     def _old_law(self) -> Array:
         """w of the law so far; its first two nodes carry exactly the speed and acceleration of ``begin``."""
-        begin, m = self._begin, self.mesh
+        begin, m = self._begin, self.mesh.nodes
         assert begin is not None
         v = np.maximum(begin.speed_at(m.s), TINY)
         w = np.where(m.s_x > 0.0, (v / np.maximum(m.s_x, TINY)) ** 2, 0.0)
@@ -187,7 +188,7 @@ class Search:
             bells.append(mesh.Bell(0.0, min(ramp(0), left / 4.0)))
         even = min(max(left / SPACING, NODES_EVEN[0]), NODES_EVEN[1])
         made = mesh.make(left, left / even, None if self._begin else ramp(0), ramp(-1), bells)
-        return replace(made, s=made.s + first)
+        return made.moved(first)
 
     def _bells(self, at: float, low: float, typical: float, jerk: float) -> list[mesh.Bell]:
         """Nodes about a slow place: from the whole ramp down to where the speed is near ``low``.
@@ -222,7 +223,7 @@ class Search:
         return np.asarray(np.array([getattr(limit, which) for limit in self.limits])[self._nodes(s).index])
 
     def _rows(self) -> barrier.Rows:
-        m, d = self.mesh, self.at_nodes
+        m, d = self.mesh.nodes, self.at_nodes
         s_x, s_xx, s_xxx = m.s_x[:, None], m.s_xx[:, None], m.s_xxx[:, None]
         q_x = d.first * s_x
         q_xx = d.second * s_x**2 + d.first * s_xx
@@ -243,31 +244,48 @@ class Search:
 
     def _feed_at_nodes(self) -> Array:
         """The feed at each node; a node beside a junction keeps to the lower of both feeds."""
-        index = self._nodes(self.mesh.s).index
+        index = self._nodes(self.mesh.nodes.s).index
         feed = self.feeds[index]
         before, after = np.concatenate([index[:1], index[:-1]]), np.concatenate([index[1:], index[-1:]])
         return np.asarray(np.minimum(feed, np.minimum(self.feeds[before], self.feeds[after])))
 
-    def _speeds(self, w: Array) -> tuple[Array, Array]:
-        """v and a at the nodes; where the feed is reached it is met exactly."""
-        m = self.mesh
-        w_x = np.zeros_like(w)
-        w_x[1:-1] = 0.5 * (w[2:] - w[:-2])
-        v, a = m.s_x * np.sqrt(w), m.s_xx * w + 0.5 * m.s_x * w_x
-        feed = self._feed_at_nodes()
-        with np.errstate(invalid="ignore"):
-            met = v >= feed * (1.0 - 3e-5)
-        v = np.where(met, feed, v)
-        # Where the feed is met the speed has come to its highest: a = 0, also at the first such node.
-        a = np.where(met & (m.s_x > 0.0), 0.0, a)
+    def _law(self, rows: barrier.Rows, w: Array) -> tuple[Array, Array]:
+        """Times and pieces of the law that ``w`` stands for.
+
+        Read as coefficients of a quadratic spline over the intervals i - 1/2 .. i + 1/2, w has
+        in each interval just the w_xx of its row, so the law jerks where and as much as the
+        search allowed it. At the joints, w is the mean of its neighbours and w_x their difference.
+        """
+        m, feed = self.mesh.joints, self._feed_at_nodes()
+        inner = m.s_x[1:-1]
+        mean, slope = 0.5 * (w[1:] + w[:-1]), np.diff(w)
+        v, a = np.zeros(len(m.s)), np.zeros(len(m.s))
+        v[1:-1] = inner * np.sqrt(mean)
+        a[1:-1] = m.s_xx[1:-1] * mean + 0.5 * inner * slope
+        lower = np.minimum(feed[1:], feed[:-1])
+        at_feed = self._at_feed(w, feed)
+        met, edge = np.zeros((2, len(v)), dtype=bool)
+        met[1:-1] = at_feed[1:] & at_feed[:-1]
+        edge[1:-1] = at_feed[1:] ^ at_feed[:-1]
+        # Beside an even stretch v^2 is the function that is smooth there, not w.
+        nodes = self.mesh.nodes
+        squares = nodes.s_x**2 * w
+        v[edge] = np.sqrt(0.5 * (squares[1:] + squares[:-1]))[edge[1:-1]]
+        a[edge] = (0.5 * np.diff(squares) / np.diff(nodes.s))[edge[1:-1]]
+        v[1:-1] = np.where(met[1:-1], lower, np.minimum(v[1:-1], lower))
+        a[met] = 0.0
         a = self._without_overshoot(v, a, met)
         if self._begin:
             v[0], a[0] = self._begin.v, self._begin.a
-        return v, a
+        return through(m.s, v, a)
+
+    def _at_feed(self, w: Array, feed: Array) -> npt.NDArray[np.bool_]:
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.mesh.nodes.s_x * np.sqrt(w) >= feed * (1.0 - 3e-5))
 
     def _without_overshoot(self, v: Array, a: Array, met: npt.NDArray[np.bool_]) -> Array:
-        """Beside a node that meets the feed, no more acceleration than can end there: 2 dv / dt."""
-        step = np.diff(self.mesh.s)
+        """Beside a joint that meets the feed, no more acceleration than can end there: 2 dv / dt."""
+        step = np.diff(self.mesh.joints.s)
         most = 2.0 * np.abs(np.diff(v)) * np.maximum(v[1:], v[:-1]) / step
         a = a.copy()
         into, out = met[1:] & ~met[:-1], met[:-1] & ~met[1:]
@@ -278,7 +296,7 @@ class Search:
     # --- the check between nodes
 
     def _excess(self, times: Array, pieces: Array) -> Excess:
-        """How far each limit is exceeded between the nodes: factors per node and joint."""
+        """How far each limit is exceeded within the nodes' intervals: factors per node and joint."""
         most = [np.zeros((len(pieces), 5)) for _ in range(3)]
         for share in (0.0, 0.5, 1.0):
             s, v, a, j = at_share(times, pieces, share)
@@ -286,40 +304,15 @@ class Search:
             asked = (d.velocity(v), d.acceleration(v, a), d.jerk(v, a, j))
             for k, which in enumerate(("velocity", "acceleration", "jerk")):
                 most[k] = np.maximum(most[k], np.abs(asked[k]) / self._by_node(s, which))
-        at_nodes = []
-        for over in most:
-            between = np.maximum(over[0::2], over[1::2])
-            rim = np.zeros((1, 5))
-            at_nodes.append(MARGIN * np.maximum(np.vstack([between, rim]), np.vstack([rim, between])))
-        return Excess(*at_nodes)
+        # Two pieces to an interval, an interval to a node.
+        return Excess(*(MARGIN * np.maximum(over[0::2], over[1::2]) for over in most))
 
     def _slowed(self, times: Array, pieces: Array) -> tuple[Array, Array]:
-        factor = self._excess(times, pieces).slowing()
+        """The last resort: everything slower, until velocity and acceleration fit, and jerk nearly does."""
+        factor = self._excess(times, pieces).slowing(RESIDUAL_JERK)
         if factor <= 1.0:
             return times, pieces
         return times * factor, pieces / factor ** np.arange(6)[None, :]
-
-    # --- laws of the stretches
-
-    def _split(self, times: Array, pieces: Array) -> list[Law]:
-        laws = []
-        knots = [0.0]
-        rows: list[Quintic] = []
-        k, base = int(self._nodes(self.mesh.s[:1]).index[0]), 0.0
-        for i in range(len(pieces)):
-            row, t0, t1 = _quintic(pieces[i]), float(times[i]), float(times[i + 1])
-            while k < len(self.run) - 1 and value(row, t1 - t0) > self.starts[k + 1]:
-                cut = time_of(row, float(self.starts[k + 1]), t1 - t0)
-                if cut > 0.0:
-                    rows.append(shifted(row, 0.0, float(self.starts[k])))
-                    knots.append(t0 + cut - base)
-                laws.append(joined(knots, rows))
-                row, t0 = shifted(row, cut, 0.0), t0 + cut
-                k, base, knots, rows = k + 1, t0, [0.0], []
-            rows.append(shifted(row, 0.0, float(self.starts[k])))
-            knots.append(t1 - base)
-        laws.append(joined(knots, rows))
-        return laws
 
 
 def _tightened(rows: barrier.Rows, excess: Excess) -> barrier.Rows:

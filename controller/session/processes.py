@@ -13,7 +13,6 @@ import socket
 import threading
 import time
 import traceback
-from collections.abc import Callable
 from pathlib import Path
 
 from controller import config
@@ -39,7 +38,6 @@ from controller.state import Fault, Mode, Request
 from controller.tick import loop
 from controller.tick.cycle import Cycle
 from drives import bus, commission, pdo
-from drives.cia402 import State, Wanted
 from drives.drive import Drive
 from drives.group import Group
 
@@ -49,7 +47,6 @@ KEEPALIVE_S = 0.025
 # heartbeats judge. On a real bus two lost feedbacks in a row are a fault.
 VIRTUAL_PATIENCE_S = 0.150
 COME_UP_S = 150.0  # longer than the tick itself waits for a drive to home
-STAND_DOWN_S = 1.0  # for each of: stop on the path, drives off
 SAME_PLACE = 1e-9  # mm or rad
 
 EXPECTED = (ProgramError, SessionError, commission.CommissionError, bus.BusError)
@@ -111,28 +108,11 @@ def tick_main(job: Job) -> None:
     turning = loop.Loop(cycle, loop.WallClock(), filenos)
     turning.run(lambda: not asked.yes)
     if turning.error is None:
-        _stand_down(turning, cycle)
+        turning.stand_down()
     group.stop_sync()
     group.close()
     if turning.error is not None:
         raise turning.error
-
-
-def _stand_down(turning: loop.Loop, cycle: Cycle) -> None:
-    """Asked to end, perhaps in a cut: to rest on the path, then the drives off, brakes first."""
-    group = cycle.group
-    cycle.modes.request(Request.STOP, 0.0, cycle.follow.at_rest)
-    _turn_while(turning, cycle, lambda: not cycle.follow.at_rest)
-    group.want(Wanted.OFF)
-    _turn_while(turning, cycle, lambda: any(d.state is State.OPERATION_ENABLED for d in group.drives))
-
-
-def _turn_while(turning: loop.Loop, cycle: Cycle, going: Callable[[], bool]) -> None:
-    left = iter(range(round(STAND_DOWN_S / cycle.machine.period_s)))
-    turning.run(lambda: going() and next(left, None) is not None)
-
-
-# --- plan ------------------------------------------------------------------------
 
 
 def _drives(machine: Machine) -> list[Drive]:
@@ -141,6 +121,9 @@ def _drives(machine: Machine) -> list[Drive]:
     if all(bus.interface == "virtual" for bus in machine.buses):
         return [Drive(node, round(VIRTUAL_PATIENCE_S / machine.period_s)) for node in nodes]
     return [Drive(node) for node in nodes]
+
+
+# --- plan ------------------------------------------------------------------------
 
 
 def plan_main(job: Job) -> None:

@@ -112,6 +112,7 @@ class SteppedMachine:
         self._offset_s = self.rig.now_s
         self.planner = Planner(machine, self.kinematics, PieceOutbox(self._plan_end).send)
         self._rows: list[Rows] = []
+        self._skips_before = 0  # while coming up
 
     def _advance(self, now_s: float) -> None:
         self.rig.advance(now_s + self._offset_s)
@@ -154,7 +155,7 @@ class SteppedMachine:
         self.planner.load(path, self.cycle.follow.queue_end_s)
         self._plan()
         self.request(Request.START)
-        first = self.cycle.tick + 1
+        first, self._skips_before = self.cycle.tick + 1, self.cycle.skips
         waiting = list(events)
         resumes, n = 0, 0
         plan_every = max(1, round(PLAN_EVERY_S / self.machine.period_s))
@@ -226,7 +227,7 @@ class SteppedMachine:
             modes.fault,
             modes.fault_axis,
             first,
-            self.cycle.skips,
+            self.cycle.skips - self._skips_before,
             resumes,
             left,
         )

@@ -25,10 +25,13 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from controller.state import Fault
+from controller.state import Fault, Request
 from controller.tick.cycle import Cycle
+from drives.cia402 import State, Wanted
 
-SPIN_S = 200e-6  # woken this long before the deadline; longer than most wake-ups are late
+SPIN_S = 300e-6  # woken this long before the deadline: a late wake-up and the drain of the buses fit in
+SPIN_SHARE = 0.2  # of the period at most
+STAND_DOWN_S = 1.0  # for each step of an orderly end
 LAST_TICKS_S = 0.5  # after an error of our own the drives are still told to stop for this long
 
 _PR_SET_TIMERSLACK = 29
@@ -39,8 +42,8 @@ class Clock(Protocol):
     """What the loop asks of time; seconds since an arbitrary origin, never set back."""
 
     def now_s(self) -> float: ...
-    def wake(self, deadline_s: float) -> None:
-        """Returns shortly before ``deadline_s``, or late."""
+    def wake(self, deadline_s: float, early_s: float) -> None:
+        """Returns ``early_s`` before ``deadline_s``, or late."""
 
     def spin(self, deadline_s: float) -> float:
         """Returns the time, which is ``deadline_s`` or later."""
@@ -49,13 +52,10 @@ class Clock(Protocol):
 class WallClock:
     """Monotonic time of this computer."""
 
-    def __init__(self, spin_s: float = SPIN_S) -> None:
-        self._spin_s = spin_s
-
     now_s = staticmethod(time.monotonic)
 
-    def wake(self, deadline_s: float) -> None:
-        left = deadline_s - self._spin_s - time.monotonic()
+    def wake(self, deadline_s: float, early_s: float) -> None:
+        left = deadline_s - early_s - time.monotonic()
         if left > 0.0:
             time.sleep(left)
 
@@ -86,7 +86,7 @@ class SteppedClock:
     def now_s(self) -> float:
         return self._now_s
 
-    def wake(self, deadline_s: float) -> None:
+    def wake(self, deadline_s: float, early_s: float) -> None:
         late = self._lateness(self.waits) if self._lateness is not None else 0.0
         self.waits += 1
         self._now_s = max(deadline_s + late, self._now_s)
@@ -105,6 +105,7 @@ class Loop:
         self._cycle = cycle
         self._clock = clock
         self._period_s = cycle.machine.period_s
+        self._early_s = min(SPIN_S, SPIN_SHARE * self._period_s)
         self._kernel_sync = cycle.machine.sync == "kernel" and len(filenos) > 0
         self._poll = select.poll()
         for fileno in filenos[:1]:
@@ -119,7 +120,7 @@ class Loop:
             return self._echo_tick()
         n = self._n + 1
         deadline_s = self._start_s + n * self._period_s
-        self._clock.wake(deadline_s)
+        self._clock.wake(deadline_s, self._early_s)
         self._cycle.receive(self._clock.now_s())
         now_s = self._clock.spin(deadline_s)
         reached = max(n, int((now_s - self._start_s) / self._period_s))
@@ -151,6 +152,18 @@ class Loop:
             return Fault.INTERNAL
         return Fault.NONE
 
+    def stand_down(self) -> None:
+        """Asked to end, perhaps in a cut: to rest on the path, then the drives off, brakes first."""
+        cycle, group = self._cycle, self._cycle.group
+        cycle.modes.request(Request.STOP, 0.0, cycle.follow.at_rest)
+        self._run_while(lambda: not cycle.follow.at_rest)
+        group.want(Wanted.OFF)
+        self._run_while(lambda: any(drive.state is State.OPERATION_ENABLED for drive in group.drives))
+
+    def _run_while(self, going: Callable[[], bool]) -> None:
+        left = iter(range(round(STAND_DOWN_S / self._period_s)))
+        self.run(lambda: going() and next(left, None) is not None)
+
     def _stop_drives(self) -> None:
         """Quick stop for all, with as little of ours as possible between it and the bus."""
         cycle, group = self._cycle, self._cycle.group
@@ -159,7 +172,7 @@ class Loop:
         for _ in range(round(LAST_TICKS_S / self._period_s)):
             with contextlib.suppress(Exception):
                 self._n += 1
-                self._clock.wake(self._start_s + self._n * self._period_s)
+                self._clock.wake(self._start_s + self._n * self._period_s, self._early_s)
                 now_s = self._clock.spin(self._start_s + self._n * self._period_s)
                 group.receive(now_s)
                 group.sync(now_s)

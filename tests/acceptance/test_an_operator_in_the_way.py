@@ -39,9 +39,8 @@ def assert_in_limits(done: Cut, label: object) -> None:
     first, second, third = largest(done.joints, done.machine)
     cutting = done.trace.cutting
     in_cut = float(shares(done.joints, done.machine)[2][cutting[3:]].max()) if cutting[3:].any() else 0.0
-    print(
-        f"\n{label}: velocity {first:.4f}, acceleration {second:.4f}, jerk {third:.3f}, in the cut {in_cut:.3f}"
-    )
+    jerk = f"jerk {third:.3f}, in the cut {in_cut:.3f}"
+    print(f"\n{label}: velocity {first:.4f}, acceleration {second:.4f}, {jerk}")
     assert first <= VELOCITY and second <= ACCELERATION, label
 
 

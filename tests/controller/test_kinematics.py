@@ -171,6 +171,15 @@ def test_slip_4_the_positive_root_of_figure_4d_tips_the_table_over():
 # ---- poles ---------------------------------------------------------------------------
 
 
+def test_a_pole_out_of_reach_is_as_lost_as_any_other_axis():
+    down = Kinematics(machine("oblique")).branches((0.0, 0.0, -1.0), keep=(0.3, 0.3))
+    assert all(math.isnan(q) for pair in down for q in pair), down
+    many = (np.array([0.0, 0.6, 0.0]), np.zeros(3), np.array([-1.0, -0.8, 1.0]))
+    for pair in Kinematics(machine("oblique")).branches(many, np):
+        for angles in pair:
+            assert np.isnan(angles).tolist() == [True, True, False]
+
+
 def cut(surface, radius=3.0, part=PART):
     return SurfaceCut(surface, ArcLength.of(surface.lower), radius, 0.0, part)
 

@@ -89,3 +89,12 @@ def test_an_axis_out_of_reach_is_lost_at_its_place() -> None:
 
 def _lowered(upper: Bezier) -> Bezier:
     return Bezier(tuple((x, y, z - 0.3 * x) for x, y, z in upper.points))
+
+
+def test_a_cutter_straight_down_from_above_is_lost_to_a_head_that_tilts_to_the_level_only():
+    hanging = RuledSurface(
+        Bezier(tuple((10.0 * k, 0.0, 0.0) for k in range(4))),
+        Bezier(tuple((10.0 * k, 0.0, 10.0) for k in range(4))),
+    )
+    with pytest.raises(BranchLost, match="no position"):
+        field(cut(hanging), Kinematics(machine("oblique")))
