@@ -20,13 +20,11 @@ Every message ends in a standstill, so whatever is lost afterwards, the queue do
 
 from __future__ import annotations
 
-import contextlib
 import mmap
 import os
 import pickle
 import socket
 import struct
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -248,10 +246,10 @@ class RequestInbox:
                 length = self._socket.recv_into(self._buffer)
             except OSError:  # nothing there (BlockingIOError), or nobody any more
                 return None
-            if length != _REQUEST.size:
-                return None if length == 0 else self.take()
+            if length == 0:
+                return None
             code, value = _REQUEST.unpack(self._buffer)
-            if code in _REQUESTS:
+            if length == _REQUEST.size and code in _REQUESTS:
                 return _REQUESTS[code], value
 
 
@@ -274,10 +272,6 @@ class SharedBlock:
             self.memory = mmap.mmap(descriptor, size)
         finally:
             os.close(descriptor)
-
-    def close(self) -> None:
-        with contextlib.suppress(BufferError):
-            self.memory.close()
 
 
 class Snapshot(NamedTuple):
@@ -404,8 +398,3 @@ class Recorder:
         self._read = written
         ring = np.frombuffer(self._memory, dtype="<f8", offset=_COUNTER.size).reshape(self.rows, len(ROW))
         return np.asarray(ring[np.arange(first, written) % self.rows], dtype=np.float64)
-
-
-def motions_used(pieces: Iterable[Piece]) -> set[int]:
-    """Identities of the motions that ``pieces`` need."""
-    return {piece.motion_id for piece in pieces if piece.motion_id != STANDSTILL}

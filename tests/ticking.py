@@ -87,6 +87,7 @@ class FakeGroup:
         self.syncs_seen = 1
         self.failure: tuple[DriveFault, int] = (DriveFault.NONE, -1)
         self.wanted = Wanted.OFF
+        self.sync_stopped = False
         self.syncs: list[float] = []
         self.commands: list[tuple[float, tuple[int, ...]]] = []
 
@@ -94,6 +95,8 @@ class FakeGroup:
         self.positions[:] = [drive.position for drive in self.drives]
 
     def sync(self, now_s: float) -> bool:
+        if not self.sync_seen:  # sync = "kernel": no echo came
+            return False
         self.syncs.append(now_s)
         for drive in self.drives:
             drive.step()
@@ -115,6 +118,9 @@ class FakeGroup:
 
     def fault(self, now_s: float) -> tuple[DriveFault, int]:
         return self.failure
+
+    def stop_sync(self) -> None:
+        self.sync_stopped = True
 
 
 class Bench:

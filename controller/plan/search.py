@@ -141,15 +141,17 @@ class Search:
         a little room, so that it is feasible strictly.
         """
         old, rows = self._old_law(), self._rows()
+        best: tuple[float, Array, Array] = (math.inf, old, old)
         for _ in range(TIGHTEN_ROUNDS):
             w = _slowed_further_on(rows, old)
-            found = barrier.solve(_relaxed(rows, w), w)
-            times, pieces = self._law(rows, found)
+            times, pieces = self._law(rows, barrier.solve(_relaxed(rows, w), w))
             excess = self._excess(times, pieces)
-            if excess.slowing() <= 1.0:
-                return split(times, pieces, self.starts)
+            best = min(best, (excess.slowing(), times, pieces), key=lambda one: one[0])
+            if best[0] <= 1.0:
+                break
             rows = _tightened(rows, excess)
-        return None
+        fits = self._excess(*best[1:]).slowing(RESIDUAL_JERK) <= 1.0
+        return split(*best[1:], self.starts) if fits else None
 
     def _old_law(self) -> Array:
         """w of the law so far; its first two nodes carry exactly the speed and acceleration of ``begin``."""
@@ -272,7 +274,8 @@ class Search:
         squares = nodes.s_x**2 * w
         v[edge] = np.sqrt(0.5 * (squares[1:] + squares[:-1]))[edge[1:-1]]
         a[edge] = (0.5 * np.diff(squares) / np.diff(nodes.s))[edge[1:-1]]
-        v[1:-1] = np.where(met[1:-1], lower, np.minimum(v[1:-1], lower))
+        met[1:-1] |= v[1:-1] >= lower * (1.0 - 3e-5)
+        v[1:-1] = np.where(met[1:-1], lower, v[1:-1])
         a[met] = 0.0
         a = self._without_overshoot(v, a, met)
         if self._begin:

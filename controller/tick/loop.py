@@ -178,6 +178,8 @@ class Loop:
                 group.sync(now_s)
                 group.command(group.positions, now_s)
                 cycle.publish()
+        with contextlib.suppress(Exception):
+            group.stop_sync()  # the kernel's SYNC would go on without us
 
 
 class Granted(dict[str, bool]):
