@@ -146,8 +146,7 @@ def _writable(*files: Path | None) -> None:
     for file in files:
         if file is not None:
             new = not file.exists()
-            with open(file, "ab"):
-                pass
+            file.open("ab").close()
             if new:
                 file.unlink()
 
@@ -160,8 +159,7 @@ def _trace(text: bytes, name: str, machine: Machine, kinematics: Kinematics, sta
 
 
 def _home(machine: Machine) -> Joints:
-    a, b, c, d, e = (axis.homing.position for axis in machine.axes)
-    return (a, b, c, d, e)
+    return _five(tuple(axis.homing.position for axis in machine.axes))
 
 
 def _stretches(path: paths.Path) -> dict[int, Stretch]:
@@ -355,7 +353,7 @@ def _five(values: tuple[float, ...]) -> Joints:
     return (a, b, c, d, e)
 
 
-# --- bus -----------------------------------------------------------------------
+# --- bus, paper -----------------------------------------------------------------
 
 
 @app.command("bus")
@@ -380,9 +378,6 @@ def bus_budget(machine: MachineFile = "trunnion", period_ms: PeriodMs = None, as
             for one in found:
                 show.print(tables.budget(one, made.max_bus_share))
         _budget_or_refuse(made)
-
-
-# --- paper ---------------------------------------------------------------------
 
 
 @app.command("paper")

@@ -236,7 +236,11 @@ def test_the_concave_radius_agrees_with_a_section_cut_through_the_surface():
         radius, u = concave_radius(surface, side)
         if math.isinf(radius):
             continue
-        assert _section_radius(surface, u) == pytest.approx(radius, rel=1e-3), f"seed {seed}"
+        # At an end the section's three points lie inside, where the radius is a little another.
+        near_end = min(u, 1.0 - u) < 2e-3
+        assert _section_radius(surface, u) == pytest.approx(radius, rel=0.03 if near_end else 2e-3), (
+            f"seed {seed}"
+        )
 
 
 def _section_radius(surface, u, h=1e-3):

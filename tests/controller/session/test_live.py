@@ -6,164 +6,44 @@ waiting are there so that a test that hangs fails.
 
 from __future__ import annotations
 
-import contextlib
 import os
 import random
 import signal
-import subprocess
-import sys
-import time
-from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from cutting import program, shares, shipped
+from cutting import program, shipped
+from living import (
+    Listener,
+    assert_within_limits,
+    at,
+    gone,
+    home,
+    now_of,
+    off_path,
+    processes,
+    run,
+    session,
+    traced,
+    until,
+)
 
 from controller import config
 from controller.handoff import COLUMN, Snapshot
 from controller.kinematics import Kinematics
-from controller.machine import Joints, Machine
-from controller.motions import JointMove
-from controller.plan import blocks, path, survey
-from controller.plan.path import Chain, Stretch
+from controller.machine import Machine
+from controller.plan import survey
 from controller.plan.path import Path as TracedPath
-from controller.session import live
-from controller.session.live import Live
 from controller.session.startup import SessionError
 from controller.state import FAULTS, Fault, Mode, Request
-from drives import bus, cia402, pdo
+from drives import cia402, pdo
 from drives.cia402 import State
 
-ROOT = Path(__file__).resolve().parents[3]
-HANGS_S = 120.0  # no test is meant to come near
 SEED = int(os.environ.get("DIRECTRIX_TEST_SEED", random.SystemRandom().randrange(10**6)))
 ON_PATH_MM = 1e-6
 DRY = "G21 G90 G54 G0 X5.\nM30\n"
-
-
-# ---- what the tests are made of ----------------------------------------------------
-
-
-@contextlib.contextmanager
-def session(text: str, machine: Machine | None = None) -> Iterator[Live]:
-    with live.started(machine or shipped(), text.encode(), "part.ngc") as running:
-        yield running
-
-
-def until(done: Callable[[], Any]) -> Any:
-    """Waits for something to become true, and gives it."""
-    give_up_s = time.monotonic() + HANGS_S
-    while not (found := done()):
-        assert time.monotonic() < give_up_s, "waited in vain"
-        time.sleep(0.001)
-    return found
-
-
-def run(running: Live, look: Callable[[Snapshot], None] = lambda _: None) -> tuple[np.ndarray, Snapshot]:
-    """``Live.run`` that does not wait forever."""
-    give_up_s = time.monotonic() + HANGS_S
-
-    def guarded(now: Snapshot) -> None:
-        assert time.monotonic() < give_up_s, f"waited in vain: {now}"
-        look(now)
-
-    return running.run(guarded)
-
-
-def at(running: Live, plan_time_s: float, act: Callable[[], None]) -> Callable[[Snapshot], None]:
-    """For ``Live.run``: does something once when the path clock comes to ``plan_time_s``, to the tick."""
-    left = [act]
-
-    def look(now: Snapshot) -> None:
-        if left and now.plan_time_s > plan_time_s - 0.2:
-            until(lambda: _now(running).plan_time_s >= plan_time_s or _now(running).mode is not Mode.RUNNING)
-            left.pop()()
-
-    return look
-
-
-def _now(running: Live) -> Snapshot:
-    now = running.board.read()
-    assert now is not None
-    return now
-
-
-def traced(text: str, machine: Machine, start: tuple[float, ...]) -> TracedPath:
-    a, b, c, d, e = start
-    return path.trace(
-        blocks.read(text.encode(), machine, "part.ngc"), machine, Kinematics(machine), (a, b, c, d, e)
-    )
-
-
-def home(machine: Machine) -> tuple[float, ...]:
-    return tuple(axis.homing.position for axis in machine.axes)
-
-
-def off_path(rows: np.ndarray, of: TracedPath, machine: Machine) -> np.ndarray:
-    """Distance (mm) of each row's commanded tip from the exact path, on the table; dwells left out."""
-    kinematics = Kinematics(machine)
-    chains = (item for item in of.items if isinstance(item, Chain))
-    stretches = [stretch for chain in chains for stretch in chain.stretches]
-    moving = rows[rows[:, COLUMN["motion_id"]] >= 0]
-    return np.array([_off(row, stretches[int(row[COLUMN["motion_id"]])], kinematics) for row in moving])
-
-
-def _off(row: np.ndarray, stretch: Stretch, kinematics: Kinematics) -> float:
-    joints = _joints(row)
-    s = float(row[COLUMN["s"]])
-    motion = stretch.motion
-    if isinstance(motion, JointMove):
-        wanted = motion.joints(s, (0.0, 0.0), kinematics)
-        assert wanted is not None
-        there = kinematics.forward(wanted, 0.0).tip
-        here = kinematics.forward(joints, 0.0).tip
-    else:
-        # The surface itself says where the tip belongs: C1 + r n, no inverse kinematics in between.
-        there = motion.part.to_parent(motion.pose(s).tip)
-        here = kinematics.forward(joints, motion.length_mm).tip
-    return float(np.linalg.norm(np.subtract(here, there)))
-
-
-def _joints(row: np.ndarray) -> Joints:
-    first = COLUMN["joint_command_0"]
-    a, b, c, d, e = map(float, row[first : first + 5])
-    return (a, b, c, d, e)
-
-
-def assert_within_limits(rows: np.ndarray, machine: Machine) -> None:
-    """First and second differences of the commanded joints, from SYNC to SYNC."""
-    sent = rows[rows[:, COLUMN["sync_sent"]] != 0.0]
-    first = COLUMN["joint_command_0"]
-    velocity, acceleration, _ = shares(sent[:, first : first + 5], machine)
-    assert velocity.max() <= 1.0 + 1e-6
-    assert acceleration.max() <= 1.001  # the tick's own check allows as much
-
-
-def processes(of_parent: int) -> dict[int, str]:
-    """Names of the living children of a process, by pid."""
-    found = {}
-    for entry in Path("/proc").iterdir():
-        with contextlib.suppress(OSError, ValueError):
-            pid = int(entry.name)
-            name, _, rest = (entry / "stat").read_text().partition("(")[2].rpartition(")")
-            state, parent, *_ = rest.split()
-            if int(parent) == of_parent and state != "Z":
-                found[pid] = name
-    return found
-
-
-def gone(pids: list[int]) -> bool:
-    return not any(_alive(pid) for pid in pids)
-
-
-def _alive(pid: int) -> bool:
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
 
 
 # ---- a cut -------------------------------------------------------------------------
@@ -184,7 +64,7 @@ def test_a_cut_in_real_time_completes_on_the_path_in_two_processes_and_a_hub() -
     with session(text, machine) as running:
         start = running.ready()
         rows, last = run(running, look)
-        end = _now(running)
+        end = now_of(running)
     assert (last.mode, last.fault) == (Mode.READY, Fault.NONE)
     assert seen == {"names": ["directrix-plan", "directrix-tick", "virtual-bus"], "threads": 1}
     assert off_path(rows, traced(text, machine, start.joints), machine).max() <= ON_PATH_MM
@@ -211,8 +91,8 @@ def test_leaving_a_session_in_the_middle_of_a_cut_stops_on_the_path_and_switches
         start = running.ready()
         running.recorder.drain()
         running.request(Request.START)
-        until(lambda: _now(running).cutting and _now(running).rate == 1.0)
-    rows, end = running.recorder.drain(), _now(running)
+        until(lambda: now_of(running).cutting and now_of(running).rate == 1.0)
+    rows, end = running.recorder.drain(), now_of(running)
     assert end.at_rest
     assert State.OPERATION_ENABLED not in end.drive_states
     moving = rows[rows[:, COLUMN["rate"]] > 0.0]
@@ -256,15 +136,15 @@ def test_without_its_planner_the_machine_holds_on_the_path(
 
     def strike() -> None:
         os.kill(running.plan.pid, how)
-        struck.append(_now(running))
+        struck.append(now_of(running))
 
     with session(EXAMPLE_2, machine) as running:
         start = running.ready()
         rows, last = run(running, at(running, instant_s, strike))
         if how is signal.SIGSTOP:  # it comes back with all that it had to say
             os.kill(running.plan.pid, signal.SIGCONT)
-        until(lambda: _now(running).tick > last.tick + 150)
-        later = _now(running)
+        until(lambda: now_of(running).tick > last.tick + 150)
+        later = now_of(running)
     assert start.joints == home(machine)
     assert struck[0].mode is Mode.RUNNING
     assert (last.mode, last.fault) == (Mode.FAULT, Fault.PLANNER_GONE)
@@ -293,38 +173,6 @@ def test_a_planner_that_dies_of_an_error_of_its_own_says_so_in_one_sentence() ->
 
 
 # ---- the tick is gone ------------------------------------------------------------------
-
-
-class Listener:
-    """A passive client of the virtual bus: every frame in the order of the bus."""
-
-    def __init__(self, machine: Machine) -> None:
-        (settings,) = config.bus_settings(machine)
-        self._port = bus.open(settings)
-        self._buffer = bytearray(pdo.FRAME_BYTES)
-        self.frames: list[tuple[int, bytes]] = []
-
-    def listen(self) -> None:
-        while self._port.receive_into(self._buffer):
-            can_id, data = pdo.unpack(self._buffer)
-            self.frames.append((can_id, bytes(data)))
-
-    def count(self, can_id: int, after: int = 0) -> int:
-        return sum(heard == can_id for heard, _ in self.frames[after:])
-
-    def last_sync(self) -> int:
-        return max(i for i, (heard, _) in enumerate(self.frames) if heard == pdo.SYNC)
-
-    def read(self, node: int, index: int) -> int:
-        """SDO upload (CiA 301, 7.2.4.3.5) of up to four bytes."""
-        asked = len(self.frames)
-        self._port.send(pdo.frame(0x600 + node, bytes([0x40, index & 0xFF, index >> 8, 0, 0, 0, 0, 0])))
-
-        def answer() -> list[bytes]:
-            self.listen()
-            return [data for heard, data in self.frames[asked:] if heard == 0x580 + node]
-
-        return int.from_bytes(until(answer)[0][4:], "little", signed=True)
 
 
 @pytest.mark.slow
@@ -412,7 +260,7 @@ def test_a_refused_program_ends_the_session_with_its_sentence_before_anything_mo
         session("G52 X0 Y0\nM30\n") as running,
     ):
         running.ready()
-    assert running.board.read() is None or _now(running).homed == 0
+    assert running.board.read() is None or now_of(running).homed == 0
     assert processes(os.getpid()) == before
 
 
@@ -424,56 +272,3 @@ def test_a_bus_that_cannot_be_opened_ends_the_session_with_one_sentence() -> Non
         running.ready()
     assert "\n" not in str(refused.value)
     assert processes(os.getpid()) == before
-
-
-# ---- the command, interrupted -----------------------------------------------------------------
-
-
-@contextlib.contextmanager
-def demo(out: Path) -> Iterator[subprocess.Popen[str]]:
-    command = [sys.executable, "-m", "controller", "demo", "--out", str(out)]
-    running = subprocess.Popen(
-        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
-    )
-    try:
-        yield running
-    finally:
-        running.kill()
-        running.communicate()
-
-
-def named(parent: int, name: str) -> dict[int, str]:
-    children = processes(parent)
-    return children if name in children.values() else {}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("stage", "wait_ticks"),
-    [("virtual-bus", 0), ("directrix-tick", 0), ("directrix-plan", 0), ("directrix-plan", 2500)],
-)
-def test_ctrl_c_ends_the_demo_without_a_traceback_and_without_orphans(
-    stage: str, wait_ticks: int, tmp_path: Path
-) -> None:
-    with demo(tmp_path) as running:
-        children = until(lambda: named(running.pid, stage))
-        if wait_ticks:  # on the bus: well into the cut
-            time.sleep(wait_ticks * 0.002)
-        children |= processes(running.pid)
-        os.killpg(running.pid, signal.SIGINT)
-        _, told = running.communicate(timeout=HANGS_S)
-        assert running.returncode not in (0, None)
-        assert "Traceback" not in told and "Error" not in told
-        assert gone(list(children))
-        assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
-def test_no_process_outlives_a_parent_that_is_killed(how: signal.Signals, tmp_path: Path) -> None:
-    with demo(tmp_path) as running:
-        children = until(lambda: named(running.pid, "directrix-plan"))
-        assert len(children) == 3
-        running.send_signal(how)
-        running.wait(HANGS_S)
-        until(lambda: gone(list(children)))
