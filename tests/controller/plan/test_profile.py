@@ -288,7 +288,7 @@ def best_time(run: tuple[Stretch, ...], machine: Machine) -> float:
 
 
 def _fastest_through(planner: object, grid: np.ndarray) -> float:
-    """Time with free end speeds: the controllable sets alone bound the speed from above."""
+    """Time with free end speeds at the largest speed feasible at each place by itself: a lower bound."""
     upper = planner.compute_feasible_sets()[:, 1]  # type: ignore[attr-defined]
     speed = np.sqrt(np.maximum(upper, 1e-12))
     return float((2.0 * np.diff(grid) / (speed[1:] + speed[:-1])).sum())
