@@ -17,7 +17,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from controller import config
 from controller.kinematics import Kinematics
-from controller.machine import Joints, Machine
+from controller.machine import Joints, Machine, five
 from controller.motions import SurfaceCut
 from controller.plan import blocks, survey
 from controller.plan import path as paths
@@ -159,7 +159,7 @@ def _trace(text: bytes, name: str, machine: Machine, kinematics: Kinematics, sta
 
 
 def _home(machine: Machine) -> Joints:
-    return _five(tuple(axis.homing.position for axis in machine.axes))
+    return five(tuple(axis.homing.position for axis in machine.axes))
 
 
 def _stretches(path: paths.Path) -> dict[int, Stretch]:
@@ -318,7 +318,7 @@ def demo(
             )
         with live.started(made, text, file.name) as machine:
             now = machine.ready()
-            path = _trace(text, file.name, made, kinematics, _five(now.joints))
+            path = _trace(text, file.name, made, kinematics, five(now.joints))
             with _bar(f"cutting ({expected_s:.0f} s)", as_json) as progress:
                 rows, last = machine.run(lambda now: progress(now.plan_time_s / expected_s))
         stretches = _stretches(path)
@@ -346,11 +346,6 @@ def demo(
         else:
             show.print(tables.figures("Cut in real time on the virtual bus", figures))
             show.print(f"Picture: {picture}   Trace: {trace_file}", markup=False)
-
-
-def _five(values: tuple[float, ...]) -> Joints:
-    a, b, c, d, e = values
-    return (a, b, c, d, e)
 
 
 # --- bus, paper -----------------------------------------------------------------

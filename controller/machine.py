@@ -17,6 +17,12 @@ from controller.geometry import Frame, Vector
 Joints = tuple[float, float, float, float, float]
 
 
+def five(values: Sequence[float]) -> Joints:
+    """Five values as joints; raises ValueError where there are not five."""
+    a, b, c, d, e = values
+    return (a, b, c, d, e)
+
+
 class Kind(Enum):
     """Where an axis stands: a linear slide, a rotary under the work, a rotary in the head."""
 

@@ -145,11 +145,18 @@ def sampled(law: Law, per_piece: int = 8, even_step_s: float = 0.02) -> tuple[Ar
         n = max(per_piece, int((t1 - t0) / even_step_s))
         times.append(t0 + (t1 - t0) * np.arange(n) / n)
     t = np.concatenate([*times, [law.duration_s]])
+    s, v, _, _ = along(law, t)
+    return t, s, v
+
+
+def along(law: Law, times: Array) -> tuple[Array, Array, Array, Array]:
+    """s, ds/dt and the two further derivatives of a law of cubics at many times at once."""
     knots, c = np.array(law.knots_s), np.array(law.coefficients)
-    index = np.clip(np.searchsorted(knots, t, side="right") - 1, 0, len(c) - 1)
-    x, row = t - knots[index], c[index].T
+    index = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(c) - 1)
+    x, row = times - knots[index], c[index].T
     s = row[0] + x * (row[1] + x * (row[2] + x * row[3]))
-    return t, s, row[1] + x * (2 * row[2] + x * 3 * row[3])
+    v = row[1] + x * (2 * row[2] + x * 3 * row[3])
+    return s, v, 2 * row[2] + x * 6 * row[3], 6 * row[3]
 
 
 def split(times: Array, pieces: Array, starts: Array) -> list[Law]:

@@ -14,6 +14,7 @@ from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import SurfaceCut
 from controller.plan import profile
+from controller.plan.law import along
 from controller.plan.limits import derivatives
 from controller.plan.path import Chain, Path, Stretch, joints_along
 
@@ -79,7 +80,7 @@ def survey(
 def _measure(stretch: Stretch, law: Law, machine: Machine, kinematics: Kinematics) -> tuple[Array, Array]:
     """Joints at samples of the law, (N, 5), and the largest shares of the three limits, (3, 5)."""
     times = np.linspace(0.0, law.duration_s, SAMPLES)
-    s, v, a, j = _along(law, times)
+    s, v, a, j = along(law, times)
     s = np.clip(s, 0.0, stretch.motion.end)
     d = derivatives(stretch, s, kinematics)
     limits = [axis.limits for axis in machine.axes]
@@ -92,19 +93,6 @@ def _measure(stretch: Stretch, law: Law, machine: Machine, kinematics: Kinematic
         )
     ]
     return joints_along(stretch, s, kinematics), np.array(shares)
-
-
-def _along(law: Law, times: Array) -> tuple[Array, Array, Array, Array]:
-    knots = np.array(law.knots_s)
-    index = np.clip(np.searchsorted(knots, times, side="right") - 1, 0, len(law.coefficients) - 1)
-    c = np.array(law.coefficients)[index].T
-    t = times - knots[index]
-    return (
-        c[0] + t * (c[1] + t * (c[2] + t * c[3])),
-        c[1] + t * (2 * c[2] + t * 3 * c[3]),
-        2 * c[2] + t * 6 * c[3],
-        6 * c[3],
-    )
 
 
 def _uses(joints: list[Array], shares: list[Array], machine: Machine) -> tuple[JointUse, ...]:

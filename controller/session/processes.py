@@ -27,7 +27,7 @@ from controller.handoff import (
     send_request,
 )
 from controller.kinematics import Kinematics
-from controller.machine import Joints, Machine
+from controller.machine import Joints, Machine, five
 from controller.plan import blocks, path
 from controller.plan.planner import Planner
 from controller.plan.program import ProgramError
@@ -138,7 +138,7 @@ def plan_main(job: Job) -> None:
     plan.start_up()
     now = plan.snapshot()
     if max(abs(a - b) for a, b in zip(now.joints, home, strict=True)) > SAME_PLACE:
-        traced = path.trace(program, job.machine, plan.kinematics, _five(now.joints))
+        traced = path.trace(program, job.machine, plan.kinematics, five(now.joints))
     plan.planner.load(traced, now.queue_end_s)
     while not plan.alone:
         plan.planner.work(plan.snapshot())
@@ -216,9 +216,4 @@ class _Plan:
 
 def _home(machine: Machine) -> Joints:
     a, b, c, d, e = (axis.homing.position for axis in machine.axes)
-    return (a, b, c, d, e)
-
-
-def _five(values: tuple[float, ...]) -> Joints:
-    a, b, c, d, e = values
     return (a, b, c, d, e)
