@@ -2,6 +2,7 @@
 
 from drives.simulated.drive import SimulatedDrive
 from drives.simulated.parameters import LostSync, Parameters
+from drives.simulated.plant import PlantParameters
 from drives.simulated.rig import Rig, rig
 
-__all__ = ["LostSync", "Parameters", "Rig", "SimulatedDrive", "rig"]
+__all__ = ["LostSync", "Parameters", "PlantParameters", "Rig", "SimulatedDrive", "rig"]

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from pathlib import Path
 
+from drives.simulated.data_sheet import EDS
 from drives.simulated.parameters import LostSync
 from drives.simulated.serve import serve
 
@@ -18,6 +20,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--soft", metavar="NODE=FACTOR", nargs="*", default=[], help="position loop gains, e.g. 3=0.95"
     )
+    parser.add_argument("--eds", type=Path, default=EDS, help="data sheet the drives answer by")
     parser.add_argument("--sync-log", metavar="FILE.npy", help="times of SYNC on the bus, written at the end")
     chosen = parser.parse_args(arguments)
     pairs = (item.split("=") for item in chosen.soft)
@@ -27,6 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         bit_rate=chosen.bit_rate,
         stiffness={int(node): float(factor) for node, factor in pairs},
         lost_sync=LostSync(chosen.lost_sync),
+        eds=chosen.eds,
         sync_log=chosen.sync_log,
     )
 

@@ -1,110 +1,100 @@
 """The application side of a simulated drive: CiA 402 states, modes, demand and faults.
 
 It knows no frames. The drive around it (drive.py) hands in controlwords and targets,
-calls ``step`` once per interpolation period, and gives it two ways out: an emergency
-message and an alarm at a later time.
+calls ``step`` once per interpolation period, and lends it its station: dictionary,
+alarms, emergencies.
 
 The drive's own clock is locked to SYNC: each SYNC ends one interpolation period
-whatever its jitter, so motion depends on the setpoints only.
+whatever its jitter, so motion depends on the setpoints only. Where the axis moves by
+itself (profiles, homing, stops) it says so (``alive``) and periods pass without SYNC too.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from drives.settings import INT32_MAX, INT32_MIN
-from drives.simulated import motion
-from drives.simulated.dictionary import Abort, Code, Dictionary, key
+from drives.simulated.aborts import Abort, Code
+from drives.simulated.brake import Brake
+from drives.simulated.emergency import Emergencies
 from drives.simulated.machine402 import POWERED, Command, Power, command, following
-from drives.simulated.parameters import LostSync, Parameters
+from drives.simulated.modes import HALT, HALTABLE, HOMING, MODES, REACHED, CyclicPosition, Mode
+from drives.simulated.motion import Demand
+from drives.simulated.parameters import LostSync
+from drives.simulated.plant import Plant
+from drives.simulated.published import publish
+from drives.simulated.sensors import Sensors
 from drives.simulated.servo import Servo
-
-CSP, HOMING = 8, 6
-MODES = (0, HOMING, CSP)
+from drives.simulated.station import Station
+from drives.simulated.stops import Stops
 
 REMOTE, VOLTAGE = 1 << 9, 1 << 4
-REACHED, LIMIT, FOLLOWS, DEVIATES = 1 << 10, 1 << 11, 1 << 12, 1 << 13
-HOMING_RUNS, HOMING_IDLE, HOMING_DONE, HOMING_FAILED = 0, REACHED, REACHED | FOLLOWS, REACHED | DEVIATES
-START_HOMING = 1 << 4
-
-FOLLOWING_FAULT = 0x8611
+LIMIT, DEVIATES = 1 << 11, 1 << 13
+MODE_BITS = 0x0270  # controlword bits 4 .. 6 and 9
+FOLLOWING_FAULT, LIMIT_SWITCH_FAULT, EXTERNAL_FAULT = 0x8611, 0x8612, 0x9000
 MOST_GUESSES = 2
+OFF = 0xFFFF_FFFF  # 6065h: no check
 
-Emergency = Callable[[int, float], None]  # code, now_s; code 0 = error gone
-Alarm = Callable[[str, float, Callable[[float], None]], None]  # name, at_s, what
+Moment = Callable[[float], None]  # called with the time
 
 
 class Axis:
-    """One motor with its power stage."""
+    """One motor with its power stage. ``alive``: periods must pass; ``faulted``: it has tripped."""
 
-    def __init__(
-        self, dictionary: Dictionary, parameters: Parameters, emergency: Emergency, alarm: Alarm
-    ) -> None:
-        self._dictionary = dictionary
-        self._parameters = parameters
-        self._emergency = emergency
-        self._alarm = alarm
-        self.servo = Servo(parameters.position_counts)
-        self.power = Power.DISABLED
+    def __init__(self, station: Station, emergencies: Emergencies, alive: Moment, faulted: Moment) -> None:
+        self.station = station
+        self.dictionary = station.dictionary
+        self.parameters = nature = station.parameters
+        self._emergencies = emergencies
+        self._alive = alive
+        self._faulted = faulted
+        plant = nature.plant
+        self.servo = Plant(nature.position_counts, plant) if plant else Servo(nature.position_counts)
+        self.brake = Brake(station, self.servo)
+        self.stops = Stops(self)
+        self.sensors = Sensors(station, self.servo, self.brake, self._overrun)
+        self.sensors.interlock = lambda: self.sto
+        self.power = Power.NOT_READY
         self.mode = 0
+        self._law: Mode = Mode(self)
         self.controlword = 0
         self.unsettled = True  # the state has changed since the controlword was looked at
         self.powered = False
         self.statusword = 0
-        self.target = parameters.position_counts
+        self.target = nature.position_counts
         self.causes: set[int] = set()  # injected errors that are still there: no fault reset
+        self._errors: set[int] = set()  # what the present fault is made of
+        self.sto = False  # safe torque off
+        self.offsets_mapped = False  # 60B0h or 60B1h comes by RPDO
         self.period_s = 0.0
-        self._generator: Callable[[], float] | None = None
-        self._homing = HOMING_IDLE
-        self.limit = self._deviates = 0
-        self._counted = 0.0  # present counting minus power-on counting
+        self.generator: Demand | None = None
+        self.limit = self._clamped = self._deviates = self._halted = 0
         self._lagging_s: float | None = None
         self.guesses = 0
-        self._enabling = False
-        self.now_s = 0.0
-        self._publish()
+        publish(self)
         self.configure()
-        self._refresh()
+        self.refresh()
 
     # -- the dictionary
 
-    def _publish(self) -> None:
-        """Live objects, and objects whose writing does something."""
-        readers: dict[int, Callable[[], int]] = {
-            0x6040: lambda: self.controlword,
-            0x6041: lambda: self.statusword,
-            0x6061: lambda: self.mode,
-            0x6062: lambda: round(self.servo.start),
-            0x6064: self.actual,
-            0x606C: lambda: round(self.servo.velocity),
-            0x607A: lambda: self.target,
-            0x60F4: lambda: round(self.servo.start - self.servo.position),
-        }
-        writers: dict[int, Callable[[int], None]] = {
-            0x6040: lambda word: self.command(word, self.now_s),
-            0x607A: self.aim,
-            0x6060: self._ask_mode,
-            0x6098: _known_method,
-        }
-        self._dictionary.readers.update({key(index): reader for index, reader in readers.items()})
-        self._dictionary.writers.update({key(index): writer for index, writer in writers.items()})
-
     def configure(self) -> None:
         """Take over what may have been written."""
-        get = self._dictionary.get
+        get = self.dictionary.get
         self.low, self.high = get(0x607D, 1), get(0x607D, 2)
         window = get(0x6065)
-        self._window = float("inf") if window == 0xFFFF_FFFF else float(window)
-        period_s = get(0x60C2, 1) * 10.0 ** get(0x60C2, 2)
+        self._window = math.inf if window == OFF else float(window)
+        period_s = (get(0x60C2, 1) or 1) * 10.0 ** get(0x60C2, 2)
         if period_s != self.period_s:
             self.period_s = period_s
-            nature = self._parameters
+            nature = self.parameters
             frequency_hz = nature.frequency_hz * nature.stiffness
             self.servo.tune(period_s, frequency_hz, nature.damping, nature.feed_forward)
-
-    def tell_time(self, now_s: float) -> None:
-        """The time at which the dictionary is being written."""
-        self.now_s = now_s
+        law = self._law
+        if isinstance(law, CyclicPosition) and self.follows and law.limits != (self.generator is not None):
+            self.generator = law.begin()
+        self.sensors.period_s = period_s
+        self.sensors.watch()
 
     def actual(self) -> int:
         """Position actual value, 6064h."""
@@ -114,226 +104,273 @@ class Axis:
 
     def aim(self, target: int) -> None:
         """A new target position; outside of 607Dh it is held there and bit 11 says so."""
-        if self.low <= target <= self.high:
-            self.target = target
-            limit = 0
-        else:
-            self.target = max(self.low, min(self.high, target))
-            limit = LIMIT
+        self.target = self.within(target)
+        limit = 0 if self.target == target else LIMIT
         if limit != self.limit:
             self.limit = limit
-            self._refresh()
+            self.refresh()
         self.guesses = 0
+
+    def within(self, target: float) -> int:
+        """A position inside of the software limits."""
+        return round(max(self.low, min(self.high, target)))
+
+    def bounded(self, demand: float) -> float:
+        """A demand inside of the software limits; bit 11 says when it was not."""
+        inside = max(self.low, min(self.high, demand))
+        self.say_limit(inside != demand)
+        return inside
+
+    def say_limit(self, active: bool) -> None:
+        """Statusword bit 11 for a limit that the demand, not the target, meets."""
+        clamped = LIMIT if active else 0
+        if clamped != self._clamped:
+            self._clamped = clamped
+            self.refresh()
 
     def guess(self) -> None:
         """No new target came for the next period."""
-        if self._parameters.lost_sync is LostSync.EXTRAPOLATE and self.guesses < MOST_GUESSES:
+        if self.parameters.lost_sync is LostSync.EXTRAPOLATE and self.guesses < MOST_GUESSES:
             self.guesses += 1
             self.target = round(2.0 * self.servo.end - self.servo.start)
 
     def step(self, now_s: float) -> None:
         """One interpolation period ends, the next one begins."""
         servo = self.servo
-        servo.step(self.target if self._generator is None else self._generator())
+        if self.generator is None:
+            servo.step(self.target)
+        else:
+            self.station.now_s = now_s
+            servo.step(self.generator())
         lag = servo.start - servo.position
         if lag > self._window or lag < -self._window:
             self._lag_too_far(now_s)
         elif self._lagging_s is not None:
             self._lagging_s = None
+        if self.sensors.watches:
+            for look in self.sensors.watches:
+                look(now_s)
 
     @property
-    def moves_by_itself(self) -> bool:
-        """A ramp or a homing run is under way: it needs no SYNC to go on."""
-        return self._generator is not None
+    def needs_periods(self) -> bool:
+        """It moves by itself: periods must pass, SYNC or not."""
+        return self.powered and self.generator is not None and not (self.follows and self._law.cyclic)
+
+    @property
+    def follows(self) -> bool:
+        """The demand is the mode's, and no stop's."""
+        return self.power is Power.ENABLED and self.stops.leaving is None and not self._halted
+
+    @property
+    def cyclic(self) -> bool:
+        return self._law.cyclic
+
+    def moves_by_itself(self) -> None:
+        self._alive(self.station.now_s)
 
     def _lag_too_far(self, now_s: float) -> None:
         """6065h is exceeded; after 6066h milliseconds that is a fault."""
         if self._lagging_s is None:
             self._lagging_s = now_s
-        if now_s - self._lagging_s >= self._dictionary.get(0x6066) * 1e-3 and self.power is Power.ENABLED:
+        if now_s - self._lagging_s >= self.dictionary.get(0x6066) * 1e-3 and self.power is Power.ENABLED:
             self._deviates = DEVIATES
             self.fail(FOLLOWING_FAULT, now_s)
 
+    def _overrun(self, now_s: float) -> None:
+        """Further onto a pressed limit switch is a fault; homing may."""
+        if self.mode != HOMING and self.power is Power.ENABLED:
+            self.fail(LIMIT_SWITCH_FAULT, now_s)
+
     # -- states
+
+    def boot(self) -> None:
+        """Transition 1."""
+        self.enter(Power.DISABLED)
 
     def command(self, word: int, now_s: float) -> None:
         """Act on a controlword."""
+        self.station.now_s = now_s
         before, self.controlword = self.controlword, word
         self.unsettled = False
-        if self.mode == HOMING and self.power is Power.ENABLED and (word ^ before) & START_HOMING:
-            self._switch_homing(bool(word & START_HOMING))
+        if self.power is Power.ENABLED and word != before:
+            self._command_mode(word, before)
         asked = command(word, before)
-        state = following(self.power, asked) if asked is not None else None
-        if state is None or asked is None:
+        if self.stops.leaving is not None and asked is Command.ENABLE:
+            self.stops.stay()
             return
+        state = following(self.power, asked) if asked is not None else None
+        if state is not None and asked is not None:
+            self._go(state, asked, now_s)
+
+    def _command_mode(self, word: int, before: int) -> None:
+        if (word ^ before) & HALT and self.mode in HALTABLE:
+            if word & HALT:
+                self.stops.halt()
+                self._halted = HALT
+            else:
+                self._halted = 0
+                self.resume()
+        elif (word ^ before) & MODE_BITS and not self._halted:
+            self._law.word(word, before)
+            if self.needs_periods:
+                self._alive(self.station.now_s)
+
+    def _go(self, state: Power, asked: Command, now_s: float) -> None:
+        """A transition that the standard draws."""
         if state is Power.ENABLED:
             self._ask_enable(now_s)
         elif asked is Command.RESET:
             self._reset(now_s)
         elif state is Power.QUICK_STOP:
-            self.quick_stop(now_s)
-        else:
-            self._enter(state)
+            self.stops.quick_stop()
+        elif self.power is Power.ENABLED and asked is not Command.DISABLE_VOLTAGE:
+            self.stops.leave(state, now_s)
+        elif state is not Power.READY or not self.sto:
+            self.enter(state)
 
     def _ask_enable(self, now_s: float) -> None:
         """The brake takes its time; from a quick stop only 605Ah = 5 .. 8 lets the drive go on."""
         if self.power is Power.QUICK_STOP:
-            if self._dictionary.get(0x605A) >= 5:
-                self._enter(Power.ENABLED)
-        elif not self._enabling:
-            self._enabling = True
-            self._alarm("enable", now_s + self._parameters.enable_delay_s, self._enable)
+            if self.dictionary.get(0x605A) >= 5:
+                self.enter(Power.ENABLED)
+        elif not self.station.waiting("enable"):
+            self.brake.release(now_s, self._enable)
 
-    def _enable(self, _now_s: float) -> None:
-        self._enabling = False
+    def _enable(self, now_s: float) -> None:
+        self.station.now_s = now_s
         asked = command(self.controlword, self.controlword)
         if self.power is Power.SWITCHED_ON and asked is Command.ENABLE:
-            self._enter(Power.ENABLED)
+            self.enter(Power.ENABLED)
+        else:
+            self.brake.close(now_s)
 
     def _reset(self, now_s: float) -> None:
         if self.causes:
             return
         self._deviates = 0
-        self._enter(Power.DISABLED)
-        self._emergency(0, now_s)
+        self.enter(Power.DISABLED)
+        self._emergencies.reset(self._errors, now_s)
+        self._errors.clear()
 
-    def _enter(self, state: Power) -> None:
+    def enter(self, state: Power) -> None:
+        """A state, with all that begins and ends with it."""
+        was_powered = self.powered
         self.power = state
         self.unsettled = True
         self.powered = state in POWERED
+        self.stops.leaving = None
+        self._halted = 0
+        if self.powered and not was_powered:
+            self.brake.current = True
+            self._alive(self.station.now_s)
         if not self.powered or state is Power.ENABLED:
-            self._stand()
-        self._refresh()
+            self.stand()
+        if was_powered and not self.powered:
+            self.brake.current_gone(self.station.now_s)
+        self.refresh()
 
-    def _stand(self) -> None:
+    def stand(self) -> None:
         """The demand is where the motor is; in CSP the next target leads on from there."""
         self.servo.rest()
         self.target = self.actual()
         self._lagging_s = None
-        self._generator = None if self.mode == CSP else self._hold
-        if not self.powered:
-            self._generator = None
-        if self._homing == HOMING_RUNS:
-            self._homing = HOMING_IDLE
+        self._clamped = 0
+        self.generator = None
+        if self.power is Power.ENABLED:
+            self.resume()
 
-    def _hold(self) -> float:
+    def resume(self) -> None:
+        """The demand is the mode's again."""
+        self.generator = self._law.begin()
+        self.refresh()
+        if self.needs_periods:
+            self._alive(self.station.now_s)
+
+    def hold(self) -> float:
         return self.servo.end
 
-    def _refresh(self) -> None:
+    def halted(self) -> None:
+        """The ramp of a halt has ended."""
+        self.generator = self.hold
+        self._halted |= REACHED
+        self.refresh()
+
+    def refresh(self) -> None:
         """The statusword, which changes with events only."""
-        word = self.power.value | REMOTE | VOLTAGE | self.limit | self._deviates
-        if self.power is Power.ENABLED and self.mode == CSP:
-            word |= FOLLOWS
-        elif self.power is Power.ENABLED and self.mode == HOMING:
-            word |= self._homing
-        elif self.power is Power.QUICK_STOP and self._generator == self._hold:
+        word = self.power.value | self.limit | self._clamped | self._deviates
+        word |= 0 if self.sto else VOLTAGE
+        word |= 0 if self.dictionary.local_control else REMOTE
+        if self.power is Power.ENABLED and self.stops.leaving is None:
+            word |= self._halted & REACHED if self._halted else self._law.bits
+        elif self.power is Power.QUICK_STOP and self.generator == self.hold:
             word |= REACHED
         self.statusword = word
-
-    # -- stopping
 
     def switch_off(self) -> None:
         """As after power-on; the motor stays where it is."""
         self.causes.clear()
+        self._errors.clear()
         self._deviates = self.limit = 0
-        self._enabling = False
-        self.mode, self.controlword = 0, 0
-        self._enter(Power.DISABLED)
+        self.station.cancel("enable")
+        self.mode, self._law, self.controlword = 0, Mode(self), 0
+        self.sensors.probes.forget()
+        self.enter(Power.NOT_READY)
 
-    def quick_stop(self, _now_s: float) -> None:
-        """Quick stop by 605Ah: 0 current off; 1, 2 ramp, then off; 5, 6 ramp and stay."""
-        option = self._dictionary.get(0x605A)
-        if option == 0 or not self.powered:
-            self._enter(Power.DISABLED)
-            return
-        self._enter(Power.QUICK_STOP)
-        self._ramp(slow=option in (1, 5), then=Power.QUICK_STOP if option >= 5 else Power.DISABLED)
+    # -- faults and what comes from outside
 
     def fail(self, code: int, now_s: float) -> None:
         """An error: emergency message and the fault reaction."""
-        self._emergency(code, now_s)
-        self.trip()
-
-    def trip(self) -> None:
-        """Fault reaction by 605Eh: 0 current off; 1 slow, 2 quick ramp; then FAULT."""
-        if self.power in (Power.FAULT, Power.FAULT_REACTION):
-            return
-        option = self._dictionary.get(0x605E)
-        if option == 0 or not self.powered:
-            self._enter(Power.FAULT)
-            return
-        self._enter(Power.FAULT_REACTION)
-        self._ramp(slow=option == 1, then=Power.FAULT)
+        self.station.now_s = now_s
+        self._errors.add(code)
+        self._emergencies.report(code, now_s)
+        self.stops.trip()
+        self._faulted(now_s)
 
     def lose_connection(self, now_s: float) -> None:
-        """Abort connection option, 6007h: 0 nothing, 1 fault, 2 disable voltage, 3 quick stop."""
-        option = self._dictionary.get(0x6007)
-        if option == 1:
-            self.trip()
-        elif option == 2 and self.power not in (Power.FAULT, Power.FAULT_REACTION):
-            self._enter(Power.DISABLED)
-        elif option == 3 and self.power is Power.ENABLED:
-            self.quick_stop(now_s)
+        """Abort connection option, 6007h."""
+        self.station.now_s = now_s
+        self.stops.connection_lost()
 
-    def _ramp(self, slow: bool, then: Power) -> None:
-        def stopped() -> None:
-            if then is not self.power:
-                self._enter(then)
-            else:
-                self._generator = self._hold
-                self._refresh()
+    def set_sto(self, active: bool, now_s: float) -> None:
+        """Safe torque off: the current is gone at once, and none can be had."""
+        self.station.now_s = now_s
+        self.sto = active
+        if not active:
+            self._emergencies.gone(EXTERNAL_FAULT, now_s)
+        else:
+            self._emergencies.report(EXTERNAL_FAULT, now_s)
+            if self.power not in (Power.NOT_READY, Power.FAULT, Power.FAULT_REACTION):
+                self.enter(Power.DISABLED)
+            elif self.power is Power.FAULT_REACTION:
+                self.enter(Power.FAULT)
+        self.refresh()
 
-        deceleration = self._dictionary.get(0x6084 if slow else 0x6085)
-        self._generator = motion.ramp_down(self.servo, deceleration, self.period_s, stopped)
+    def quick_stop_input(self, now_s: float) -> None:
+        """A quick stop ordered by a digital input."""
+        self.station.now_s = now_s
+        if self.power is Power.ENABLED:
+            self.stops.quick_stop()
 
-    # -- modes and homing
+    # -- modes and counting
 
-    def _ask_mode(self, mode: int) -> None:
+    def ask_mode(self, mode: int) -> None:
         if mode not in MODES:
             raise Abort(Code.VALUE)
-        self._alarm("mode", self.now_s + self._parameters.mode_delay_s, lambda _now_s: self._set_mode(mode))
+        at_s = self.station.now_s + self.parameters.mode_delay_s
+        self.station.alarm("mode", at_s, lambda now_s: self._set_mode(mode, now_s))
 
-    def _set_mode(self, mode: int) -> None:
+    def _set_mode(self, mode: int, now_s: float) -> None:
+        self.station.now_s = now_s
         if mode == self.mode:
             return
-        self.mode = mode
-        self._homing = HOMING_IDLE
+        self.mode, self._law = mode, MODES[mode](self)
+        self._halted = 0
         if self.power is Power.ENABLED:
-            self._stand()
-        self._refresh()
+            self.stand()
+        self.refresh()
 
-    def _switch_homing(self, start: bool) -> None:
-        """Controlword bit 4 starts homing on its rising edge and breaks it off on its falling one."""
-        if not start:
-            if self._homing == HOMING_RUNS:
-                self._stand()
-            self._refresh()
-            return
-        method = self._dictionary.get(0x6098)
-        self._homing = HOMING_RUNS
-        if method in motion.HERE:
-            self._homed(self.servo.position)
-        else:
-            self._search(motion.SWITCH_SIDE[method])
-        self._refresh()
-
-    def _search(self, side: int) -> None:
-        get = self._dictionary.get
-        switch = self._parameters.switches[side > 0] + self._counted
-        how = motion.Search(side, switch, get(0x6099, 1), get(0x6099, 2), get(0x609A))
-        self._generator = motion.search(self.servo, how, self.period_s, self._homed)
-
-    def _homed(self, edge: float) -> None:
-        """``edge`` (present counting) becomes 607Ch."""
-        counts = self._dictionary.get(0x607C) - edge
+    def recount(self, counts: float) -> None:
+        """Move the origin of the counting (homing)."""
         self.servo.shift(counts)
-        self._counted += counts
+        self.sensors.moved += counts
         self.target = self.actual()
-        self._generator = self._hold
-        self._homing = HOMING_DONE
-        self._refresh()
-
-
-def _known_method(method: int) -> None:
-    if method not in motion.METHODS:
-        raise Abort(Code.VALUE)

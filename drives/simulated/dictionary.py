@@ -7,128 +7,62 @@ writer; both are given by the drive.
 
 from __future__ import annotations
 
-import configparser
 from collections.abc import Callable
-from dataclasses import dataclass
-from enum import IntEnum
-from functools import lru_cache
 from pathlib import Path
 
-EDS = Path(__file__).parents[2] / "config" / "eds" / "simulated_drive.eds"
+from drives.simulated.aborts import Abort, Code
+from drives.simulated.data_sheet import (
+    EDS,
+    READABLE,
+    WRITABLE,
+    Variable,
+    defaults,
+    dummies,
+    key,
+    load,
+    number,
+)
 
-# CiA 301 data types: size in bytes and sign; all else is a string of bytes.
-INTEGERS = {
-    1: (1, False),
-    2: (1, True),
-    3: (2, True),
-    4: (4, True),
-    5: (1, False),
-    6: (2, False),
-    7: (4, False),
-}
-READABLE = {"ro", "rw", "rww", "rwr", "const"}
-WRITABLE = {"wo", "rw", "rww", "rwr"}
+__all__ = ["EDS", "Abort", "Code", "Dictionary", "Variable", "key"]
 
-
-class Code(IntEnum):
-    """SDO abort codes (CiA 301, table 22)."""
-
-    TOGGLE = 0x0503_0000
-    COMMAND = 0x0504_0001
-    WRITE_ONLY = 0x0601_0001
-    READ_ONLY = 0x0601_0002
-    NO_OBJECT = 0x0602_0000
-    NOT_MAPPABLE = 0x0604_0041
-    PDO_LENGTH = 0x0604_0042
-    TOO_LONG = 0x0607_0012
-    TOO_SHORT = 0x0607_0013
-    NO_SUB_INDEX = 0x0609_0011
-    VALUE = 0x0609_0030
-    TOO_HIGH = 0x0609_0031
-    TOO_LOW = 0x0609_0032
-    DEVICE_STATE = 0x0800_0022
-
-
-class Abort(Exception):
-    """An access that the drive refuses."""
-
-    def __init__(self, code: Code) -> None:
-        super().__init__(f"SDO abort {code:#010x} ({code.name})")
-        self.code = code
-
-
-@dataclass(frozen=True, slots=True)
-class Variable:
-    """One line of the data sheet; ``size`` 0 = string."""
-
-    name: str
-    size: int
-    signed: bool
-    access: str
-    default: str
-    low: str
-    high: str
-    mappable: bool
-
-
-def key(index: int, sub: int = 0) -> int:
-    return index << 8 | sub
-
-
-@lru_cache(maxsize=8)
-def load(path: Path = EDS) -> dict[int, Variable]:
-    """Read a data sheet: variables by key. Raises OSError or configparser.Error."""
-    parser = configparser.ConfigParser(interpolation=None, strict=False)
-    with open(path, encoding="latin-1") as file:
-        parser.read_file(file)
-    variables = {}
-    for section in parser.sections():
-        index, _, sub = section.partition("sub")
-        if len(index) == 4 and set(index) <= set("0123456789ABCDEFabcdef") and "DataType" in parser[section]:
-            variables[key(int(index, 16), int(sub or "0", 16))] = _variable(parser[section])
-    return variables
-
-
-def _variable(section: configparser.SectionProxy) -> Variable:
-    size, signed = INTEGERS.get(int(section["DataType"], 0), (0, False))
-    return Variable(
-        name=section["ParameterName"],
-        size=size,
-        signed=signed,
-        access=section.get("AccessType", "ro").lower(),
-        default=section.get("DefaultValue", "0"),
-        low=section.get("LowLimit", ""),
-        high=section.get("HighLimit", ""),
-        mappable=section.get("PDOMapping", "0").strip() == "1",
-    )
-
-
-def number(text: str, node: int) -> int:
-    """A data sheet's number, possibly relative to the node id ("$NODEID+0x200")."""
-    head, _, rest = text.upper().partition("$NODEID")
-    return int(head or "0", 0) + (node + int(rest.lstrip("+") or "0", 0) if "$" in text else 0)
+MEMORY_BYTES = 65536  # the longest string or domain the drive can hold
+PROFILE_AT = 0x2000 << 8  # from here on the application's objects
 
 
 class Dictionary:
-    """Values of one drive. Raises Abort for every access the standard refuses."""
+    """Values of one drive. Raises Abort for every access the standard refuses.
+
+    With another drive's data sheet the bus sees that one's objects only; what the
+    simulation needs besides keeps the values of its own sheet.
+    """
 
     def __init__(self, node: int, path: Path = EDS) -> None:
+        self._path = path
         self.variables = load(path)
-        self._node = node
+        self.dummies = dummies(path)
+        self.node = node
         self._indexes = {k >> 8 for k in self.variables}
         self.values: dict[int, int] = {}
         self.strings: dict[int, bytes] = {}
         self.readers: dict[int, Callable[[], int]] = {}
         self.writers: dict[int, Callable[[int], None]] = {}  # called before the value is stored
+        self.guards: dict[int, Callable[[], None]] = {}  # called before a read; may refuse it
+        self.refusals: dict[int, Code] = {}  # injected: every access to this key fails so
+        self.missing = False  # injected: the drive could not build its dictionary
+        self.local_control = False  # a panel or tool at the drive has it: no writing from the bus
         self.reset(0x0000, 0xFFFF)
 
     def reset(self, first: int, last: int) -> None:
         """Defaults for the indexes first .. last (NMT reset node, reset communication)."""
+        low, high = key(first), key(last, 0xFF)
+        numbers = defaults(self._path, self.node)
+        self.values.update({where: value for where, value in numbers.items() if low <= where <= high})
         for where, variable in self.variables.items():
-            if first <= where >> 8 <= last and variable.size:
-                self.values[where] = number(variable.default, self._node)
-            elif not variable.size:
+            if low <= where <= high and not variable.size:
                 self.strings[where] = variable.default.encode()
+
+    def has(self, index: int, sub: int = 0) -> bool:
+        return key(index, sub) in self.variables
 
     def get(self, index: int, sub: int = 0) -> int:
         """A value as the drive itself sees it: no access check."""
@@ -148,17 +82,20 @@ class Dictionary:
         variable = self._find(index, sub)
         if variable.access not in READABLE:
             raise Abort(Code.WRITE_ONLY)
+        where = key(index, sub)
+        if where in self.guards:
+            self.guards[where]()
         if not variable.size:
-            return self.strings[key(index, sub)]
+            return self.strings[where]
         value = self.get(index, sub) & (1 << 8 * variable.size) - 1
         return value.to_bytes(variable.size, "little")
 
     def write(self, index: int, sub: int, data: bytes) -> None:
         """Download."""
-        variable = self._find(index, sub)
-        if variable.access not in WRITABLE:
-            raise Abort(Code.READ_ONLY)
+        variable = self.writable(index, sub)
         if not variable.size:
+            if len(data) > MEMORY_BYTES:
+                raise Abort(Code.MEMORY)
             self.strings[key(index, sub)] = data
             return
         if len(data) != variable.size:
@@ -167,14 +104,27 @@ class Dictionary:
         self._check_range(variable, value)
         self.put(key(index, sub), value)
 
+    def writable(self, index: int, sub: int) -> Variable:
+        """The variable of a download that may begin. Raises Abort."""
+        variable = self._find(index, sub)
+        if variable.access not in WRITABLE:
+            raise Abort(Code.READ_ONLY)
+        if self.local_control and key(index, sub) >= PROFILE_AT:
+            raise Abort(Code.LOCAL_CONTROL)
+        return variable
+
     def _check_range(self, variable: Variable, value: int) -> None:
-        if variable.low and value < number(variable.low, self._node):
+        if variable.low and value < number(variable.low, self.node):
             raise Abort(Code.TOO_LOW)
-        if variable.high and value > number(variable.high, self._node):
+        if variable.high and value > number(variable.high, self.node):
             raise Abort(Code.TOO_HIGH)
 
     def _find(self, index: int, sub: int) -> Variable:
+        if self.missing:
+            raise Abort(Code.NO_DICTIONARY)
         variable = self.variables.get(key(index, sub))
         if variable is None:
             raise Abort(Code.NO_SUB_INDEX if index in self._indexes else Code.NO_OBJECT)
+        if self.refusals and key(index, sub) in self.refusals:
+            raise Abort(self.refusals[key(index, sub)])
         return variable

@@ -1,7 +1,8 @@
 """The CiA 402 state machine as the device sees it: two tables.
 
 (CiA 402-2, figure "power drive system finite state automaton" and the table of
-controlword commands; the transition numbers are the standard's.)
+controlword commands; the transition numbers are the standard's.) Transitions 0, 1, 13
+and 14 happen by themselves: power-on, initialised, error, fault reaction done.
 """
 
 from __future__ import annotations

@@ -1,71 +1,29 @@
-"""Motion that a simulated drive makes by itself, as demand period by period: homing and ramps.
+"""Motion that a simulated drive makes by itself, as demand period by period: ramps and profiles.
 
-Homing (CiA 402-2, mode 6), methods
-
-    17 / 18   to the negative / positive limit switch, back off slowly, zero at its edge
-    35 / 37   here and now
-
-At the homed point the actual position becomes 607Ch. (Vendors differ in the sign of
-607Ch; this is the reading of maxon, Elmo and others: the value is the position.)
+A demand function gives the position demand for the end of the next period at each call.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from drives.simulated.servo import Servo
 
-HERE = (35, 37)
-SWITCH_SIDE = {17: -1, 18: +1}
-METHODS = (*HERE, *SWITCH_SIDE)
-# An axis that finds no switch within this many counts has none.
-LONGEST_SEARCH = 2.0**32
+Demand = Callable[[], float]
 
 
 @dataclass(frozen=True, slots=True)
-class Search:
-    """How a homing run moves: counts, counts/s, counts/s^2."""
+class Profile:
+    """Limits of a motion, counts and seconds."""
 
-    side: int
-    switch: float  # edge of the limit switch in the drive's present counting
-    fast: float
-    slow: float
+    speed: float
     acceleration: float
+    deceleration: float
 
 
-def search(servo: Servo, how: Search, period_s: float, found: Callable[[float], None]) -> Callable[[], float]:
-    """The demand of a switch homing, one value per call; ``found(edge)`` is called once at the end.
-
-    fast towards the switch ---> slowly off it ---> stand still, edge known
-    """
-    speed = 0.0
-    phase = 0
-    begun = servo.position
-
-    def demand() -> float:
-        nonlocal speed, phase
-        pressed = (servo.position - how.switch) * how.side >= 0.0
-        if phase == 0 and pressed:
-            phase = 1
-        elif phase == 1 and not pressed and speed * how.side < 0.0:
-            phase = 2
-        elif phase == 2 and speed == 0.0 and abs(servo.end - servo.position) < 1.0:
-            phase = 3
-            found(how.switch)
-        wanted = (how.fast, -how.slow, 0.0, 0.0)[phase] * how.side
-        change = how.acceleration * period_s
-        speed += max(-change, min(change, wanted - speed))
-        if abs(servo.position - begun) > LONGEST_SEARCH:
-            phase = 2
-        return servo.end + speed * period_s
-
-    return demand
-
-
-def ramp_down(
-    servo: Servo, deceleration: float, period_s: float, stopped: Callable[[], None]
-) -> Callable[[], float]:
+def ramp_down(servo: Servo, deceleration: float, period_s: float, stopped: Callable[[], None]) -> Demand:
     """Demand that brings the present demand speed to zero; ``stopped()`` is called once when it is there."""
     speed = (servo.end - servo.start) / period_s
     standing = False
@@ -80,3 +38,34 @@ def ramp_down(
         return servo.end + speed * period_s
 
     return demand
+
+
+class Speed:
+    """A speed that follows a wish within acceleration and deceleration."""
+
+    def __init__(self, servo: Servo, period_s: float) -> None:
+        self._servo = servo
+        self._period_s = period_s
+        self.now = (servo.end - servo.start) / period_s
+
+    def towards(self, wanted: float, profile: Profile) -> float:
+        """One period on: the new speed. Away from zero is acceleration, back to it deceleration."""
+        speeds_up = abs(wanted) > abs(self.now) and wanted * self.now >= 0.0
+        most = (profile.acceleration if speeds_up else profile.deceleration) * self._period_s
+        self.now += max(-most, min(most, wanted - self.now))
+        return self.now
+
+    def to_position(self, target: float, profile: Profile) -> float:
+        """One period on the way to a target; the demand for its end.
+
+        The speed from which the rest can be braked, one period from now:
+        v T + v^2 / 2 d = distance.
+        """
+        t, d = self._period_s, profile.deceleration
+        distance = target - self._servo.end
+        possible = d * (math.sqrt(t * t + 2.0 * abs(distance) / d) - t)
+        self.towards(math.copysign(min(profile.speed, possible), distance), profile)
+        if abs(distance) <= max(1.0, abs(self.now) * t) and abs(self.now) <= d * t + possible:
+            self.now = 0.0
+            return target
+        return self._servo.end + self.now * t

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from drives.simulated.plant import PlantParameters
 from drives.simulated.servo import DAMPING, NATURAL_FREQUENCY_HZ
 
 
@@ -24,17 +25,25 @@ class LostSync(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """One simulated drive's nature."""
+    """One simulated drive's nature. Positions are in power-on counting."""
 
     frequency_hz: float = NATURAL_FREQUENCY_HZ
     damping: float = DAMPING
     feed_forward: float = 0.0  # share of the velocity; 1 = no lag at constant speed
     stiffness: float = 1.0  # factor on the position loop's gain (speed / following error)
+    plant: PlantParameters | None = None  # friction, backlash, encoder; None = none of them
     lost_sync: LostSync = LostSync.HOLD
     position_counts: int = 0  # at power-on
-    switches: tuple[float, float] = (-1e8, 1e8)  # limit switches for homing, in power-on counting
+    switches: tuple[float, float] = (-1e8, 1e8)  # limit switches, pressed beyond these
+    limit_fault: bool = False  # whether running onto a limit switch trips the drive (8612h)
+    home_switch: tuple[float, float] = (0.0, 1e8)  # where it is pressed
+    index_counts: float = 10_000.0  # from one index pulse of the encoder to the next
+    index_offset: float = 0.0  # position of one of them
     enable_delay_s: float = 0.02  # brake release, SWITCHED ON -> OPERATION ENABLED
+    brake_close_s: float = 0.0  # from the brake's command until it holds
+    gravity: float = 0.0  # counts/s^2 at which the axis falls without current and brake
     mode_delay_s: float = 0.003  # 6060h -> 6061h
     boot_s: float = 0.02
     sdo_delay_s: float = 0.0004
+    sdo_patience_s: float = 2.0  # silence in an SDO transfer after which it is aborted
     tpdo_delay_s: float = 0.0001  # after the end of SYNC

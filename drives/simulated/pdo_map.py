@@ -1,24 +1,35 @@
 """Process data objects of a simulated drive: from the dictionary's 14xxh .. 1Axxh to packing rules.
 
-Any mapping of up to four objects works; the two that the controller writes
+Any mapping of up to eight objects works; the two that the controller writes
 (6040h + 607Ah in, 6041h + 6064h out) are recognised, because the drive has a
-faster way for them.
+faster way for them. Rules of change are CiA 301's, 7.5.2.35 - 7.5.2.38.
 """
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
+from functools import partial
 
 from drives.pdo import DATA_AT, FRAME
-from drives.simulated.dictionary import Abort, Code, Dictionary, key
+from drives.simulated import identifiers
+from drives.simulated.aborts import Abort, Code
+from drives.simulated.data_sheet import key
+from drives.simulated.dictionary import Dictionary
+from drives.simulated.identifiers import BIT_30, IDENTIFIER, INVALID
 
-COUNT = 2  # RPDOs and TPDOs each
-INVALID = 0x8000_0000  # COB-ID bit 31: the PDO does not exist
+COUNT = 4  # RPDOs and TPDOs each, at most
 RPDO_AT, RPDO_MAP_AT = 0x1400, 0x1600
 TPDO_AT, TPDO_MAP_AT = 0x1800, 0x1A00
 FAST_IN = (0x6040_0010, 0x607A_0020)
 FAST_OUT = (0x6041_0010, 0x6064_0020)
+ENTRIES = 8
+LONGEST = 8  # bytes
 LAST_SYNCHRONOUS = 240  # transmission types 0 .. 240 act on SYNC
+SYNCHRONOUS_REMOTE, REMOTE = 252, 253  # sampled at SYNC, or when asked
+RESERVED_TO_TPDO, RESERVED_TO_RPDO = range(241, 252), range(241, 254)
+SKIPPED = -1  # key of a dummy entry
+INHIBIT_S, EVENT_S = 1e-4, 1e-3  # units of sub-indexes 3 and 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,85 +41,159 @@ class Pdo:
     entries: tuple[int, ...]
     fields: tuple[tuple[int, int, bool], ...]
     length: int
+    inhibit_s: float = 0.0
+    event_s: float = 0.0  # TPDO: sent at the latest after this; RPDO: must come within it
+    start: int = 0  # SYNC counter that counts as the first one
+    remote: bool = True  # may be asked for
 
     @property
     def synchronous(self) -> bool:
         return self.kind <= LAST_SYNCHRONOUS
 
+    @property
+    def event_driven(self) -> bool:
+        return self.kind >= 254
+
     def take(self, dictionary: Dictionary, frame: bytes) -> None:
         """Write a received frame's objects."""
         at = DATA_AT
         for where, size, signed in self.fields:
-            dictionary.put(where, int.from_bytes(frame[at : at + size], "little", signed=signed))
+            if where != SKIPPED:
+                dictionary.put(where, int.from_bytes(frame[at : at + size], "little", signed=signed))
             at += size
 
-    def give(self, dictionary: Dictionary) -> bytes:
-        """A frame with the objects' present values."""
+    def data(self, dictionary: Dictionary) -> bytes:
+        """The objects' present values."""
         data = b""
         for where, size, _ in self.fields:
             value = dictionary.get(where >> 8, where & 0xFF) & (1 << 8 * size) - 1
             data += value.to_bytes(size, "little")
+        return data
+
+    def frame(self, data: bytes) -> bytes:
         return FRAME.pack(self.can_id, self.length, data)
 
 
 def active(dictionary: Dictionary, parameters_at: int, map_at: int) -> list[Pdo]:
-    """The PDOs of one direction that are switched on."""
+    """The PDOs of one direction that are switched on and have something mapped.
+
+    A data sheet's default mapping may be of objects that are not in it; such a PDO is none.
+    """
     found = []
     for n in range(COUNT):
-        can_id = dictionary.values[key(parameters_at + n, 1)]
-        if not can_id & INVALID:
-            entries = _entries(dictionary, map_at + n)
-            fields = tuple(_field(dictionary, entry) for entry in entries)
-            kind = dictionary.values[key(parameters_at + n, 2)]
-            found.append(Pdo(can_id & 0x7FF, kind, entries, fields, sum(size for _, size, _ in fields)))
+        can_id = dictionary.values.get(key(parameters_at + n, 1), INVALID)
+        if not can_id & INVALID and dictionary.values[key(map_at + n)]:
+            with contextlib.suppress(Abort):
+                found.append(_pdo(dictionary, can_id, parameters_at + n, map_at + n))
     return found
 
 
-def guard(dictionary: Dictionary) -> None:
-    """Put CiA 301's rules of remapping on the dictionary: off, count 0, entries, count, on."""
-    for parameters_at, map_at in ((RPDO_AT, RPDO_MAP_AT), (TPDO_AT, TPDO_MAP_AT)):
-        for n in range(COUNT):
-            _guard_one(dictionary, key(parameters_at + n, 1), map_at + n)
+def _pdo(dictionary: Dictionary, can_id: int, parameters: int, mapping: int) -> Pdo:
+    values = dictionary.values
+    inward = mapping < TPDO_MAP_AT
+    count = values[key(mapping)]
+    entries = tuple(values[key(mapping, n + 1)] for n in range(count))
+    fields = tuple(field(dictionary, entry, inward) for entry in entries)
+    return Pdo(
+        can_id=can_id & IDENTIFIER,
+        kind=values[key(parameters, 2)],
+        entries=entries,
+        fields=fields,
+        length=sum(size for _, size, _ in fields),
+        inhibit_s=values.get(key(parameters, 3), 0) * INHIBIT_S,
+        event_s=values.get(key(parameters, 5), 0) * EVENT_S,
+        start=values.get(key(parameters, 6), 0),
+        remote=not can_id & BIT_30,
+    )
 
 
-def _guard_one(dictionary: Dictionary, can_id_key: int, index: int) -> None:
-    def switched_off() -> bool:
-        return bool(dictionary.values[can_id_key] & INVALID)
-
-    def write_count(count: int) -> None:
-        if not switched_off():
-            raise Abort(Code.DEVICE_STATE)
-        entries = [dictionary.values[key(index, n + 1)] for n in range(count)]
-        if sum(_field(dictionary, entry)[1] for entry in entries) > 8:
-            raise Abort(Code.PDO_LENGTH)
-
-    def write_entry(entry: int) -> None:
-        if not switched_off() or dictionary.values[key(index)]:
-            raise Abort(Code.DEVICE_STATE)
-        if entry:
-            _field(dictionary, entry)
-
-    def write_can_id(can_id: int) -> None:
-        # An identifier may change only on the way through "off".
-        if not (can_id & INVALID or switched_off() or can_id == dictionary.values[can_id_key]):
-            raise Abort(Code.VALUE)
-
-    dictionary.writers[can_id_key] = write_can_id
-    dictionary.writers[key(index)] = write_count
-    for n in range(1, 5):
-        dictionary.writers[key(index, n)] = write_entry
-
-
-def _entries(dictionary: Dictionary, index: int) -> tuple[int, ...]:
-    return tuple(dictionary.values[key(index, n + 1)] for n in range(dictionary.values[key(index)]))
-
-
-def _field(dictionary: Dictionary, entry: int) -> tuple[int, int, bool]:
-    """Key, bytes and sign of a mapping entry (index << 16 | sub << 8 | bits)."""
-    where = entry >> 8
+def field(dictionary: Dictionary, entry: int, inward: bool) -> tuple[int, int, bool]:
+    """Key, bytes and sign of a mapping entry (index << 16 | sub << 8 | bits). Raises Abort."""
+    where, bits = entry >> 8, entry & 0xFF
+    if bits // 8 > LONGEST:
+        raise Abort(Code.PDO_LENGTH)
     variable = dictionary.variables.get(where)
     if variable is None:
-        raise Abort(Code.NO_OBJECT)
-    if not variable.mappable or variable.size * 8 != entry & 0xFF:
+        return _dummy(dictionary, where >> 8, bits, inward)
+    fits = variable.to_rpdo if inward else variable.to_tpdo
+    if not fits or variable.size * 8 != bits:
         raise Abort(Code.NOT_MAPPABLE)
     return where, variable.size, variable.signed
+
+
+def _dummy(dictionary: Dictionary, data_type: int, bits: int, inward: bool) -> tuple[int, int, bool]:
+    """A data type in place of an object: received and thrown away."""
+    if not 0 < data_type < 0x20:
+        raise Abort(Code.NO_OBJECT)
+    if not inward or data_type not in dictionary.dummies or bits % 8 or not bits:
+        raise Abort(Code.NOT_MAPPABLE)
+    return SKIPPED, bits // 8, False
+
+
+class Rules:
+    """What may be written to one PDO: off, type and times, count 0, entries, count, on."""
+
+    def __init__(self, dictionary: Dictionary, parameters: int, mapping: int) -> None:
+        self._dictionary = dictionary
+        self._parameters = parameters
+        self._mapping = mapping
+        self._inward = mapping < TPDO_MAP_AT
+        writers = dictionary.writers
+        writers[key(parameters, 1)] = self._can_id
+        writers[key(parameters, 2)] = self._kind
+        writers[key(parameters, 3)] = partial(self._while_off, 3)
+        writers[key(parameters, 6)] = partial(self._while_off, 6)
+        writers[key(mapping)] = self._count
+        for n in range(1, ENTRIES + 1):
+            writers[key(mapping, n)] = self._entry
+
+    @property
+    def _off(self) -> bool:
+        return bool(self._dictionary.values[key(self._parameters, 1)] & INVALID)
+
+    def _can_id(self, value: int) -> None:
+        before = self._dictionary.values[key(self._parameters, 1)]
+        identifiers.check_change(before, value, not self._off)
+        if not value & INVALID and not self._dictionary.values[key(self._mapping)]:
+            raise Abort(Code.VALUE)  # with nothing mapped there is no PDO to switch on
+
+    def _kind(self, kind: int) -> None:
+        if kind in (RESERVED_TO_RPDO if self._inward else RESERVED_TO_TPDO):
+            raise Abort(Code.VALUE)
+
+    def _while_off(self, sub: int, value: int) -> None:
+        """Inhibit time and SYNC start value: not while the PDO exists."""
+        if not self._off and value != self._dictionary.values[key(self._parameters, sub)]:
+            raise Abort(Code.VALUE)
+
+    def _count(self, count: int) -> None:
+        if not self._off:
+            raise Abort(Code.ACCESS)
+        if count > ENTRIES:
+            raise Abort(Code.PDO_LENGTH)
+        entries = [self._dictionary.values[key(self._mapping, n + 1)] for n in range(count)]
+        if sum(field(self._dictionary, entry, self._inward)[1] for entry in entries) > LONGEST:
+            raise Abort(Code.PDO_LENGTH)
+
+    def _entry(self, entry: int) -> None:
+        if not self._off or self._dictionary.values[key(self._mapping)]:
+            raise Abort(Code.ACCESS)
+        if entry:
+            field(self._dictionary, entry, self._inward)
+
+
+def guard(dictionary: Dictionary) -> None:
+    """Put the rules on every PDO of the dictionary."""
+    for parameters_at, map_at in ((RPDO_AT, RPDO_MAP_AT), (TPDO_AT, TPDO_MAP_AT)):
+        for n in range(COUNT):
+            if dictionary.has(parameters_at + n, 1):
+                Rules(dictionary, parameters_at + n, map_at + n)
+
+
+def is_fast_in(mapped: Pdo) -> bool:
+    """The controller's own RPDO, with nothing that needs a second look."""
+    return mapped.entries == FAST_IN and mapped.synchronous and not mapped.event_s
+
+
+def is_fast_out(mapped: Pdo) -> bool:
+    return mapped.entries == FAST_OUT and mapped.kind == 1 and not mapped.start

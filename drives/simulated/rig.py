@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from drives.settings import BusSettings, NodeSettings
+from drives.simulated.data_sheet import EDS
 from drives.simulated.drive import SimulatedDrive
 from drives.simulated.parameters import LostSync, Parameters
 from drives.virtual_bus import Filters, Port, SteppedBus
@@ -43,13 +45,14 @@ def rig(
 ) -> Rig:
     """Stepped buses with a simulated drive per node, from power-on at ``start_s``.
 
+    A drive has the object dictionary of its node's data sheet.
     ``stiffness`` is a factor on the position loop gain by axis name (0.95 = 5 % softer).
-    Raises KeyError for a node on a bus that is not there.
+    Raises KeyError for a node on a bus that is not there, OSError for a data sheet that is not.
     """
     stepped = {bus.name: SteppedBus(bus.bit_rate, start_s) for bus in buses}
     drives = {}
     for node in nodes:
         nature = replace(parameters, stiffness=(stiffness or {}).get(node.name, 1.0), lost_sync=lost_sync)
-        drives[node.name] = SimulatedDrive(node.node, nature)
+        drives[node.name] = SimulatedDrive(node.node, nature, Path(node.eds) if node.eds else EDS)
         stepped[node.bus].attach(drives[node.name])
     return Rig(stepped, drives)

@@ -8,9 +8,11 @@ import os
 import signal
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from drives.hub import Hub
 from drives.settings import NodeSettings
+from drives.simulated.data_sheet import EDS
 from drives.simulated.drive import SimulatedDrive
 from drives.simulated.parameters import LostSync, Parameters
 
@@ -25,13 +27,15 @@ def serve(
     stiffness: Mapping[int, float] | None = None,
     lost_sync: LostSync = LostSync.HOLD,
     parameters: Parameters = Parameters(),  # noqa: B008 (frozen)
+    eds: Path = EDS,
     sync_log: str | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> None:
     """Run a hub at ``path`` with one simulated drive per node until SIGTERM or SIGINT (or ``stop()``).
 
-    ``stiffness``: factor on the position loop gain by node id. ``sync_log``: .npy file for
-    the times (CLOCK_MONOTONIC, s) at which SYNC left the wire, written at the end.
+    ``eds``: data sheet of nodes given by number. ``stiffness``: factor on the position loop
+    gain by node id. ``sync_log``: .npy file for the times (CLOCK_MONOTONIC, s) at which SYNC
+    left the wire, written at the end.
     Must run in the main thread unless ``stop`` is given (it installs signal handlers).
     Raises OSError when the path cannot be bound.
     """
@@ -39,7 +43,8 @@ def serve(
     for node in nodes:
         number = node if isinstance(node, int) else node.node
         nature = replace(parameters, stiffness=(stiffness or {}).get(number, 1.0), lost_sync=lost_sync)
-        hub.bus.attach(SimulatedDrive(number, nature))
+        sheet = eds if isinstance(node, int) or not node.eds else Path(node.eds)
+        hub.bus.attach(SimulatedDrive(number, nature, sheet))
     _hurry()
     gc.freeze()  # nothing made so far will become garbage: the collector need not look at it
     try:

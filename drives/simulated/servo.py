@@ -8,6 +8,7 @@ next (60C2h), and position x follows demand r as
 
 For a linear demand r = r0 + v t the solution is  x = r - lag v + (decaying part),
 lag = 2 d (1 - f) / w, and the decaying part is one constant 2 x 2 matrix per period.
+A velocity v' that the controller sends (60B1h) leads: x = r - lag v + 2 d v' / w.
 
 Why 60 Hz and d = 1/sqrt(2): position loops of machine-tool servos reach some 40 to
 80 Hz. Equal lags on all axes only delay a path, they bend it from the second order
@@ -27,13 +28,27 @@ DAMPING = math.sqrt(0.5)
 class Servo:
     """Position and velocity (counts, counts/s) of one motor; ``step`` moves it by one period."""
 
-    __slots__ = ("_a11", "_a12", "_a21", "_a22", "_lag_s", "_per_s", "end", "position", "start", "velocity")
+    __slots__ = (
+        "_a11",
+        "_a12",
+        "_a21",
+        "_a22",
+        "_lag_s",
+        "_lead_s",
+        "_per_s",
+        "end",
+        "lead",
+        "position",
+        "start",
+        "velocity",
+    )
 
     def __init__(self, position: float = 0.0) -> None:
         self.position = position
         self.velocity = 0.0
         self.start = position  # demand now ...
         self.end = position  # ... and at the end of the period that runs
+        self.lead = 0.0  # counts by which a velocity offset leads
 
     def tune(self, period_s: float, frequency_hz: float, damping: float, feed_forward: float) -> None:
         """Precompute a period. Raises ValueError for a damping outside of 0 < d < 1."""
@@ -47,14 +62,15 @@ class Servo:
         self._a12 = gain * sin / swing
         self._a21 = -gain * w * w / swing * sin
         self._a22 = gain * (cos - decay / swing * sin)
-        self._lag_s = 2.0 * damping / w * (1.0 - feed_forward)
+        self._lead_s = 2.0 * damping / w
+        self._lag_s = self._lead_s * (1.0 - feed_forward)
         self._per_s = 1.0 / period_s
 
     def step(self, next_end: float) -> None:
         """Follow the running period's demand to its end; the next one leads to ``next_end``."""
         start, end = self.start, self.end
         speed = (end - start) * self._per_s
-        behind = self._lag_s * speed
+        behind = self._lag_s * speed - self.lead
         offset = self.position - start + behind
         slip = self.velocity - speed
         self.position = end - behind + self._a11 * offset + self._a12 * slip
@@ -62,9 +78,13 @@ class Servo:
         self.start = end
         self.end = next_end
 
+    def offset_velocity(self, counts_s: float) -> None:
+        """Velocity offset, 60B1h."""
+        self.lead = counts_s * self._lead_s
+
     def rest(self) -> None:
         """Stand still where the motor is: power off, brake on."""
-        self.velocity = 0.0
+        self.velocity = self.lead = 0.0
         self.start = self.end = self.position
 
     def shift(self, counts: float) -> None:
@@ -72,3 +92,9 @@ class Servo:
         self.position += counts
         self.start += counts
         self.end += counts
+
+    def drop(self, acceleration: float, taken_s: float) -> None:
+        """Fall freely for a while; the demand goes along."""
+        self.position += self.velocity * taken_s + 0.5 * acceleration * taken_s * taken_s
+        self.velocity += acceleration * taken_s
+        self.start = self.end = self.position

@@ -92,8 +92,8 @@ def test_a_period_that_cannot_be_told_is_refused() -> None:
 
 def test_a_mode_the_drive_does_not_know_is_refused() -> None:
     bench = Bench()
-    with pytest.raises(CommissionError, match="6060h:00 refuses 7"):
-        commission.set_mode(bench.network, bench.nodes[0], 7)
+    with pytest.raises(CommissionError, match="6060h:00 refuses 4"):
+        commission.set_mode(bench.network, bench.nodes[0], 4)
 
 
 def test_two_buses_are_commissioned_one_by_one() -> None:

@@ -246,7 +246,7 @@ def test_mapping_is_refused_while_the_pdo_is_on_and_for_what_cannot_be_mapped() 
     bench = Bench()
     drive = commission.Drive(bench.network, bench.nodes[0])
     why = "this test wants it"
-    with pytest.raises(commission.CommissionError, match="0x08000022"):
+    with pytest.raises(commission.CommissionError, match="0x06010000"):
         drive.write(commission.Setting(0x1600, 0, 0, why))
     drive.write(commission.Setting(0x1400, 1, 0x8000_0201, why))
     drive.write(commission.Setting(0x1600, 0, 0, why))

@@ -1,0 +1,281 @@
+"""Modes of operation of a simulated drive (CiA 402-2): what the demand follows, and three status bits.
+
+    1 pp   to 607Ah by a profile        7 ip   60C1h, one position per SYNC
+    3 pv   at 60FFh by a profile        8 csp  607Ah, one position per SYNC
+    6 hm   homing, see homing.py        9 csv  60FFh, one speed per SYNC
+
+A mode lives while it is selected. ``begin`` is called when the drive is enabled in it
+or goes on after a stop, ``word`` when the controlword's upper bits change; ``bits``
+are statusword bits 10, 12 and 13, asked for when something has changed.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+from drives.simulated.homing import HERE, Pace, Search
+from drives.simulated.motion import Demand, Profile, Speed
+
+if TYPE_CHECKING:
+    from drives.simulated.axis import Axis
+
+PP, PV, HOMING, IP, CSP, CSV = 1, 3, 6, 7, 8, 9
+BIT_4, BIT_5, BIT_6, HALT = 1 << 4, 1 << 5, 1 << 6, 1 << 8
+REACHED, BIT_12, BIT_13 = 1 << 10, 1 << 12, 1 << 13
+ENDLESS = 0xFFFF_FFFF
+
+
+class Mode:
+    """No mode: the demand stands."""
+
+    number = 0
+    cyclic: ClassVar[bool] = False  # the demand comes with every SYNC
+    bits = 0
+
+    def __init__(self, axis: Axis) -> None:
+        self.axis = axis
+
+    def begin(self) -> Demand | None:
+        """The demand, period by period; None = the axis's target as it is."""
+        return self.axis.hold
+
+    def word(self, word: int, before: int) -> None:
+        """Bits 4 .. 6 and 9 of the controlword have changed."""
+
+    def set_bits(self, bits: int) -> None:
+        if bits != self.bits:
+            self.bits = bits
+            self.axis.refresh()
+
+    def profile(self, speed: float) -> Profile:
+        """Acceleration and deceleration of profile motion within 60C5h and 60C6h; 0 is as good as none."""
+        get = self.axis.dictionary.get
+        up = min(get(0x6083) or ENDLESS, get(0x60C5) or ENDLESS)
+        down = min(get(0x6084) or ENDLESS, get(0x60C6) or ENDLESS)
+        return Profile(min(speed, get(0x607F)), up, down)
+
+
+class CyclicPosition(Mode):
+    """csp. Bit 12: the target is followed."""
+
+    number = CSP
+    cyclic = True
+    bits = BIT_12
+
+    def begin(self) -> Demand | None:
+        self._speed = Speed(self.axis.servo, self.axis.period_s)
+        return self._limited if self.limits else None
+
+    @property
+    def limits(self) -> bool:
+        """Whether anything stands between target and demand: 607Fh, 60C5h, 60C6h, 60B0h, 60B1h."""
+        get = self.axis.dictionary.get
+        endless = get(0x607F) == get(0x60C5) == get(0x60C6) == ENDLESS
+        return not endless or self.axis.offsets_mapped or bool(get(0x60B0) or get(0x60B1))
+
+    def _limited(self) -> float:
+        axis = self.axis
+        get = axis.dictionary.get
+        wanted = axis.within(axis.target + get(0x60B0))
+        axis.servo.offset_velocity(get(0x60B1))
+        speed = (wanted - axis.servo.end) / axis.period_s
+        most = get(0x607F)
+        allowed = max(-most, min(most, speed))
+        reached = self._speed.towards(allowed, Profile(most, get(0x60C5), get(0x60C6)))
+        axis.say_limit(reached != speed or wanted != axis.target + get(0x60B0))
+        return wanted if reached == speed else axis.servo.end + reached * axis.period_s
+
+
+class CyclicVelocity(Mode):
+    """csv: 60FFh plus 60B1h; the position demand is its integral, kept within 607Dh."""
+
+    number = CSV
+    cyclic = True
+    bits = BIT_12
+
+    def begin(self) -> Demand | None:
+        self._speed = Speed(self.axis.servo, self.axis.period_s)
+        return self._demand
+
+    def _demand(self) -> float:
+        axis = self.axis
+        get = axis.dictionary.get
+        most = get(0x607F)
+        wanted = max(-most, min(most, get(0x60FF) + get(0x60B1)))
+        self._speed.towards(wanted, Profile(most, get(0x60C5), get(0x60C6)))
+        return axis.bounded(axis.servo.end + self._speed.now * axis.period_s)
+
+
+class Interpolated(Mode):
+    """ip, linear, no buffer: controlword bit 4 switches it on, bit 12 says that it is."""
+
+    number = IP
+    cyclic = True
+
+    def begin(self) -> Demand | None:
+        self.axis.dictionary.values[0x60C1_01] = self.axis.actual()
+        self._switch(self.axis.controlword)
+        return self._demand
+
+    def word(self, word: int, before: int) -> None:
+        if (word ^ before) & BIT_4:
+            self._switch(word)
+
+    def _switch(self, word: int) -> None:
+        self.set_bits(BIT_12 if word & BIT_4 else 0)
+
+    def _demand(self) -> float:
+        axis = self.axis
+        if not self.bits & BIT_12:
+            return axis.servo.end
+        return axis.bounded(axis.dictionary.values[0x60C1_01])
+
+
+class ProfilePosition(Mode):
+    """pp: bit 4 takes 607Ah over (bit 6: relative), bit 5 at once, else after the one that runs.
+
+    Status bit 12 acknowledges, and stays while the one place for a next target is taken;
+    bit 10: the target is reached, within 6067h for 6068h.
+    """
+
+    number = PP
+
+    def begin(self) -> Demand | None:
+        axis = self.axis
+        self._goal = axis.servo.end
+        self._next: float | None = None
+        self._near_s = 0.0
+        self._speed = Speed(axis.servo, axis.period_s)
+        return self._demand
+
+    def word(self, word: int, before: int) -> None:
+        if word & BIT_4 and not before & BIT_4:
+            self._take(word)
+        elif before & BIT_4 and not word & BIT_4 and self._next is None:
+            self.set_bits(self.bits & ~BIT_12)
+
+    def _take(self, word: int) -> None:
+        axis = self.axis
+        if self._next is not None and not word & BIT_5:
+            return  # no room: not acknowledged anew
+        target = axis.target + (self._goal if word & BIT_6 else 0.0)
+        target = axis.within(target)
+        if word & BIT_5 or self._arrived():
+            self._goal, self._next = target, None
+        else:
+            self._next = target
+        self._near_s = 0.0
+        self.set_bits(BIT_12)
+
+    def _arrived(self) -> bool:
+        return self.axis.servo.end == self._goal
+
+    def _demand(self) -> float:
+        axis = self.axis
+        if self._arrived() and self._next is not None:
+            self._goal, self._next = self._next, None
+            self.set_bits(BIT_12 if axis.controlword & BIT_4 else 0)
+        self._look()
+        speed = axis.dictionary.get(0x6081)
+        return axis.bounded(self._speed.to_position(self._goal, self.profile(speed)))
+
+    def _look(self) -> None:
+        """Bit 10."""
+        axis = self.axis
+        near = self._arrived() and abs(axis.servo.position - self._goal) <= axis.dictionary.get(0x6067)
+        self._near_s = self._near_s + axis.period_s if near else 0.0
+        reached = near and self._near_s >= axis.dictionary.get(0x6068) * 1e-3
+        self.set_bits(self.bits & ~REACHED | (REACHED if reached else 0))
+
+
+class ProfileVelocity(Mode):
+    """pv. Bit 10: 60FFh within 606Dh for 606Eh; bit 12: standing, below 606Fh for 6070h."""
+
+    number = PV
+
+    def begin(self) -> Demand | None:
+        self._speed = Speed(self.axis.servo, self.axis.period_s)
+        self._near_s = self._slow_s = 0.0
+        return self._demand
+
+    def _demand(self) -> float:
+        axis = self.axis
+        most = axis.dictionary.get(0x607F)
+        wanted = max(-most, min(most, axis.dictionary.get(0x60FF)))
+        self._speed.towards(wanted, self.profile(most))
+        self._look(wanted)
+        return axis.bounded(axis.servo.end + self._speed.now * axis.period_s)
+
+    def _look(self, wanted: float) -> None:
+        get, servo, period_s = self.axis.dictionary.get, self.axis.servo, self.axis.period_s
+        near = abs(servo.velocity - wanted) <= get(0x606D)
+        slow = abs(servo.velocity) <= get(0x606F)
+        self._near_s = self._near_s + period_s if near else 0.0
+        self._slow_s = self._slow_s + period_s if slow else 0.0
+        bits = REACHED if near and self._near_s >= get(0x606E) * 1e-3 else 0
+        bits |= BIT_12 if slow and self._slow_s >= get(0x6070) * 1e-3 else 0
+        self.set_bits(bits)
+
+
+class Homing(Mode):
+    """hm: bit 4 starts on its rising edge and breaks off on its falling one."""
+
+    number = HOMING
+    RUNS, IDLE, DONE, FAILED = 0, REACHED, REACHED | BIT_12, REACHED | BIT_13
+    bits = REACHED
+
+    def begin(self) -> Demand | None:
+        if self.bits == self.RUNS:
+            self.bits = self.IDLE
+        return self.axis.hold
+
+    def word(self, word: int, before: int) -> None:
+        if not (word ^ before) & BIT_4:
+            return
+        if word & BIT_4:
+            self._start()
+        elif self.bits == self.RUNS:
+            self.axis.stand()
+        self.axis.refresh()
+
+    def _start(self) -> None:
+        axis = self.axis
+        self.bits = self.RUNS
+        method = axis.dictionary.get(0x6098)
+        if method in HERE:
+            self._found(axis.servo.position)
+            return
+        get = axis.dictionary.get
+        pace = Pace(get(0x6099, 1), get(0x6099, 2), get(0x609A))
+        search = Search(
+            method, axis.servo, axis.sensors.ground(), pace, axis.period_s, self._found, self._failed
+        )
+        axis.generator = search.demand
+
+    def _found(self, point: float) -> None:
+        """``point`` (present counting) becomes 607Ch."""
+        axis = self.axis
+        axis.recount(axis.dictionary.get(0x607C) - point)
+        self._end(self.DONE)
+
+    def _failed(self) -> None:
+        self._end(self.FAILED)
+
+    def _end(self, bits: int) -> None:
+        self.axis.generator = self.axis.hold
+        self.set_bits(bits)
+
+
+MODES: dict[int, type[Mode]] = {
+    mode.number: mode
+    for mode in (
+        Mode,
+        ProfilePosition,
+        ProfileVelocity,
+        Homing,
+        Interpolated,
+        CyclicPosition,
+        CyclicVelocity,
+    )
+}
+HALTABLE = frozenset({PP, PV, HOMING})

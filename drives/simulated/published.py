@@ -1,0 +1,58 @@
+"""Objects of the drive profile that are live, and those whose writing does something."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
+
+from drives.simulated import homing
+from drives.simulated.aborts import Abort, Code
+from drives.simulated.data_sheet import key
+from drives.simulated.dictionary import Dictionary
+
+if TYPE_CHECKING:
+    from drives.simulated.axis import Axis
+
+RANGE_AT = 0x607B
+LOW, HIGH = 1, 2
+
+
+def publish(axis: Axis) -> None:
+    """Bind an axis to its drive's dictionary."""
+    dictionary, servo, station = axis.dictionary, axis.servo, axis.station
+    readers: dict[int, Callable[[], int]] = {
+        0x6040: lambda: axis.controlword,
+        0x6041: lambda: axis.statusword,
+        0x6061: lambda: axis.mode,
+        0x6062: lambda: round(servo.start),
+        0x6063: axis.actual,
+        0x6064: axis.actual,
+        0x606B: lambda: round((servo.end - servo.start) / axis.period_s),
+        0x606C: lambda: round(servo.velocity),
+        0x607A: lambda: axis.target,
+        0x60F4: lambda: round(servo.start - servo.position),
+    }
+    writers: dict[int, Callable[[int], None]] = {
+        0x6040: lambda word: axis.command(word, station.now_s),
+        0x607A: axis.aim,
+        0x6060: axis.ask_mode,
+        0x6098: _known_method,
+    }
+    dictionary.readers.update({key(index): reader for index, reader in readers.items()})
+    dictionary.writers.update({key(index): writer for index, writer in writers.items()})
+    for sub in (LOW, HIGH):
+        dictionary.writers[key(RANGE_AT, sub)] = partial(_check_range, dictionary, sub)
+
+
+def _check_range(dictionary: Dictionary, sub: int, value: int) -> None:
+    """607Bh: the maximum may not be below the minimum; 0, 0 = no range, and 0 may be first to go."""
+    low = value if sub == LOW else dictionary.get(RANGE_AT, LOW)
+    high = value if sub == HIGH else dictionary.get(RANGE_AT, HIGH)
+    if low > high and dictionary.get(RANGE_AT, LOW + HIGH - sub):
+        raise Abort(Code.MAX_BELOW_MIN)
+
+
+def _known_method(method: int) -> None:
+    if method not in homing.KNOWN:
+        raise Abort(Code.VALUE)

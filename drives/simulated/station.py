@@ -1,0 +1,67 @@
+"""What the parts of one simulated device share: its way to the bus, its timers, its NMT state.
+
+A station owns no clock: the bus calls ``timer`` when ``due_s`` is reached.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+from drives import pdo
+from drives.pdo import FRAME
+from drives.simulated.dictionary import Dictionary
+from drives.simulated.parameters import Parameters
+from drives.virtual_bus import Link
+
+INITIALISING, STOPPED = pdo.NMT_BOOT_UP, pdo.NMT_STOPPED
+OPERATIONAL, PRE_OPERATIONAL = pdo.NMT_OPERATIONAL, pdo.NMT_PRE_OPERATIONAL
+
+Alarm = Callable[[float], None]  # called with the time
+
+
+class Station:
+    """The common part of a device on the virtual bus."""
+
+    def __init__(self, node: int, parameters: Parameters, eds: Path) -> None:
+        self.node = node
+        self.parameters = parameters
+        self.dictionary = Dictionary(node, eds)
+        self.nmt = INITIALISING
+        self.due_s = math.inf
+        self.now_s = 0.0  # when the device was last spoken to
+        self.link: Link | None = None
+        self._alarms: dict[str, tuple[float, Alarm]] = {}
+
+    def timer(self, now_s: float) -> None:
+        """Run the alarms that are due."""
+        for name, alarm in list(self._alarms.items()):
+            at_s, what = alarm
+            # An alarm that ran before may have taken this one back or set it anew.
+            if at_s <= now_s and self._alarms.get(name) is alarm:
+                del self._alarms[name]
+                what(now_s)
+        self.due_s = min((at_s for at_s, _ in self._alarms.values()), default=math.inf)
+
+    def alarm(self, name: str, at_s: float, what: Alarm) -> None:
+        """Call ``what`` at a time; a name has one alarm, the newest."""
+        self._alarms[name] = (at_s, what)
+        if at_s < self.due_s:
+            self.due_s = at_s
+        if self.link is not None:
+            self.link.wake(at_s)
+
+    def waiting(self, name: str) -> bool:
+        return name in self._alarms
+
+    def cancel(self, name: str) -> None:
+        self._alarms.pop(name, None)
+
+    def cancel_all(self) -> None:
+        self._alarms.clear()
+
+    def send(self, at_s: float, can_id: int, data: bytes) -> None:
+        """Put a frame up for arbitration; ``at_s`` may lie ahead."""
+        if self.link is not None:
+            self.link.send(at_s, can_id, FRAME.pack(can_id, len(data), data))

@@ -1,0 +1,217 @@
+"""The canopen package's own client, as it comes, against a simulated drive.
+
+Once on the stepped bus, and once through the hub by the python-can plugin, where a
+thread of the client receives and time is the wall's. No time is asserted.
+"""
+
+from __future__ import annotations
+
+import random
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import canopen
+import pytest
+from canopen.sdo.exceptions import SdoAbortedError
+from lone_drive import Lone
+from stepped_drives import EDS
+
+from drives.hub_bus import HubBus
+
+ROOT = Path(__file__).parents[2]
+NODE = 5
+TEN_KB = random.Random(10).randbytes(10_000)
+SCRATCH = 0x2002
+COMMANDS = {0x1010, 0x1011, 0x1003, 0x2001}  # what is written there is no value to be kept
+BLOCK_S, FRAME_S = 0.03, 0.002
+
+
+class Stepped(canopen.Network):
+    """canopen's network on a stepped bus: time passes with every frame that is sent."""
+
+    def __init__(self, lone: Lone) -> None:
+        super().__init__()
+        self._lone = lone
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        sends_a_block = can_id == 0x600 + NODE and data[0] in (0xA2, 0xA3)
+        for heard, answer in self._lone.put(can_id, bytes(data), BLOCK_S if sends_a_block else FRAME_S):
+            self.notify(heard, bytearray(answer), self._lone.bus.now_s)
+
+    def pause(self) -> None:
+        before = len(self._lone.heard)
+        self._lone.wait(0.01)
+        for heard, answer in self._lone.heard[before:]:
+            self.notify(heard, bytearray(answer), self._lone.bus.now_s)
+
+
+class Hubbed(canopen.Network):
+    """canopen's network on the hub, joined by the plugin."""
+
+    def pause(self) -> None:
+        time.sleep(0.01)
+
+
+Net = Stepped | Hubbed
+
+
+def wait_for(network: Net, done: Callable[[], bool]) -> None:
+    for _ in range(1000):
+        if done():
+            return
+        network.pause()
+    raise AssertionError("it never came")
+
+
+@pytest.fixture(scope="module")
+def hubbed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hubbed]:
+    path = str(tmp_path_factory.mktemp("hub") / "can")
+    served = subprocess.Popen(
+        [sys.executable, "-m", "drives.simulated", path, "--nodes", str(NODE)], cwd=ROOT
+    )
+    while not Path(path).exists():
+        assert served.poll() is None
+        time.sleep(0.01)
+    joined = Hubbed(bus=HubBus(path))
+    joined.connect()
+    yield joined
+    joined.disconnect()
+    served.kill()
+    served.wait()
+
+
+@pytest.fixture(params=["stepped", "hub"])
+def network(request: pytest.FixtureRequest) -> Net:
+    """A drive as after power-on."""
+    if request.param == "stepped":
+        return Stepped(Lone(node=NODE))
+    joined: Hubbed = request.getfixturevalue("hubbed")
+    booted: list[int] = []
+    joined.subscribe(0x700 + NODE, lambda _can_id, data, _at_s: booted.append(data[0]))
+    joined.send_message(0, bytes([0x81, NODE]))
+    wait_for(joined, lambda: 0 in booted)
+    return joined
+
+
+@pytest.fixture
+def node(network: Net) -> canopen.RemoteNode:
+    made = canopen.RemoteNode(NODE, EDS)
+    network.add_node(made)
+    made.sdo.RESPONSE_TIMEOUT = 5.0
+    if isinstance(network, Hubbed):
+        made.sdo.MAX_RETRIES = 5
+    return made
+
+
+def test_it_reads_every_object_and_writes_back_every_parameter(node: canopen.RemoteNode) -> None:
+    for parameters in range(4):
+        for base in (0x1400, 0x1800):
+            number = node.sdo[base + parameters][1]
+            number.raw = number.raw | 0x8000_0000
+    counts = {}
+    for mapping in [base + n for base in (0x1600, 0x1A00) for n in range(4)]:
+        counts[mapping] = node.sdo[mapping][0].raw
+        node.sdo[mapping][0].raw = 0
+    read = written = 0
+    for entry in node.object_dictionary.values():
+        for variable in entry.values() if hasattr(entry, "subindices") else [entry]:
+            if variable.readable and entry.index >= 0x1000 and entry.index not in COMMANDS:
+                data = node.sdo.upload(variable.index, variable.subindex)
+                read += 1
+                if variable.writable and data:
+                    node.sdo.download(variable.index, variable.subindex, data)
+                    written += 1
+                    assert node.sdo.upload(variable.index, variable.subindex) == data
+    for mapping, count in counts.items():
+        node.sdo[mapping][0].raw = count
+    assert read > 250
+    assert written > 150
+
+
+@pytest.mark.parametrize("block", [False, True], ids=["segments", "blocks"])
+def test_ten_kilobytes_go_down_and_come_up_unchanged(node: canopen.RemoteNode, block: bool) -> None:
+    with node.sdo.open(SCRATCH, 0, "wb", size=len(TEN_KB), block_transfer=block, buffering=7000) as file:
+        file.write(TEN_KB)
+    with node.sdo.open(SCRATCH, 0, "rb", block_transfer=block, buffering=0 if block else 7000) as file:
+        got = b""
+        while part := file.read(7 if block else -1):
+            got += part
+    assert got == TEN_KB
+
+
+def test_it_remaps_process_data_and_uses_them(network: Net, node: canopen.RemoteNode) -> None:
+    node.rpdo.read()
+    node.tpdo.read()
+    incoming, outgoing = node.rpdo[3], node.tpdo[3]
+    incoming.clear()
+    incoming.add_variable(0x60FF)
+    incoming.add_variable(0x6060)
+    incoming.cob_id, incoming.trans_type, incoming.enabled = 0x400 + NODE, 1, True
+    incoming.save()
+    outgoing.clear()
+    outgoing.add_variable(0x6061)
+    outgoing.add_variable(0x6041)
+    outgoing.add_variable(0x6064)
+    outgoing.cob_id, outgoing.trans_type, outgoing.enabled = 0x380 + NODE, 1, True
+    outgoing.save()
+    node.nmt.state = "OPERATIONAL"
+    incoming[0].raw, incoming[1].raw = 12345, 3
+    incoming.transmit()
+
+    def shown() -> bool:
+        network.sync.transmit()
+        network.pause()
+        return bool(outgoing[0].raw == 3)
+
+    wait_for(network, shown)
+    assert node.sdo[0x60FF].raw == 12345
+    assert outgoing[1].raw & 0x4F == 0x40
+
+
+def test_it_leads_a_node_through_every_state(network: Net, node: canopen.RemoteNode) -> None:
+    """NOT READY is before the boot-up message: no SDO answers there."""
+    sdo = node.sdo
+    sdo[0x605A].raw, sdo[0x605E].raw = 6, 1
+    sdo[0x6060].raw = 3
+    sdo[0x6084].raw = 100_000
+
+    def reach(mask: int, value: int) -> None:
+        wait_for(network, lambda: sdo[0x6041].raw & mask == value)
+
+    reach(0x4F, 0x40)
+    for word, mask, value in ((0x06, 0x6F, 0x21), (0x07, 0x6F, 0x23), (0x0F, 0x6F, 0x27)):
+        sdo[0x6040].raw = word
+        reach(mask, value)
+    sdo[0x6040].raw = 0x02
+    reach(0x6F, 0x07)
+    sdo[0x6040].raw = 0x0F
+    reach(0x6F, 0x27)
+    sdo[0x60FF].raw = 200_000
+    wait_for(network, lambda: sdo[0x606C].raw > 190_000)
+    sdo[0x2001].raw = 0x7305
+    reach(0x4F, 0x0F)
+    sdo[0x6084].raw = 200_000_000
+    wait_for(network, lambda: sdo[0x6041].raw & 0x4F == 0x08)
+    sdo[0x6040].raw = 0x00
+    sdo[0x6040].raw = 0x80
+    reach(0x4F, 0x40)
+
+
+def test_what_the_drive_refuses_arrives_as_canopens_error(node: canopen.RemoteNode) -> None:
+    for index, code in ((0x5000, 0x06020000), (0x2001, 0x06010001)):
+        with pytest.raises(SdoAbortedError) as refused:
+            node.sdo.upload(index, 0)
+        assert refused.value.code == code
+
+
+def test_heartbeat_and_emergency_reach_the_client(network: Net, node: canopen.RemoteNode) -> None:
+    node.sdo[0x1017].raw = 20
+    wait_for(network, lambda: node.nmt.state == "PRE-OPERATIONAL")
+    node.nmt.send_command(0x01)
+    wait_for(network, lambda: node.nmt.state == "OPERATIONAL")
+    node.sdo[0x2001].raw = 0x4310
+    wait_for(network, lambda: bool(node.emcy.log))
+    assert (node.emcy.log[0].code, node.emcy.log[0].register) == (0x4310, 0x09)
