@@ -86,12 +86,12 @@ class Bezier:
         object.__setattr__(self, "_hodographs", tuple(rows))
 
     def at(self, u: Number, m: ModuleType = math) -> Vector:
-        return bernstein(self.points, u)
+        return bernstein(self.points, u, 1.0 - u)
 
     def derivative(self, u: Number, order: int = 1, m: ModuleType = math) -> Vector:
         if order >= len(self._hodographs):
             return ZERO
-        return bernstein(self._hodographs[order], u)
+        return bernstein(self._hodographs[order], u, 1.0 - u)
 
     def raised(self, degree: int) -> Bezier:
         """The same curve with the control points of a higher degree."""
@@ -103,9 +103,8 @@ class Bezier:
         return Bezier(points)
 
 
-def bernstein(points: Points, u: Number) -> Vector:
-    """Sum of ``points[i]`` weighted by the Bernstein polynomials of their degree."""
-    w = 1.0 - u
+def bernstein(points: Points, u: Number, w: Number) -> Vector:
+    """Sum of ``points[i]`` weighted by the Bernstein polynomials of their degree; ``w`` is 1 - u."""
     if len(points) == 4:  # every G52: written out, for the tick
         (ax, ay, az), (bx, by, bz), (cx, cy, cz), (dx, dy, dz) = points
         uu, ww = u * u, w * w
@@ -177,40 +176,6 @@ class Arc:
         (fx, fy, fz), (sx, sy, sz) = self.first, self.second
         value = (fx * c + sx * s, fy * c + sy * s, fz * c + sz * s)
         return add(value, self.rise) if order == 1 else value
-
-
-@dataclass(frozen=True, slots=True)
-class Difference:
-    """``upper(u) - lower(u)`` of two curves that have no common form."""
-
-    upper: Curve
-    lower: Curve
-
-    def at(self, u: Number, m: ModuleType = math) -> Vector:
-        return subtract(self.upper.at(u, m), self.lower.at(u, m))
-
-    def derivative(self, u: Number, order: int = 1, m: ModuleType = math) -> Vector:
-        return subtract(self.upper.derivative(u, order, m), self.lower.derivative(u, order, m))
-
-
-def difference(upper: Curve, lower: Curve) -> Curve:
-    """The curve ``upper(u) - lower(u)``, from differences of coefficients where there is a common form."""
-    if isinstance(upper, Polynomial) and isinstance(lower, Polynomial):
-        n = max(len(upper.coefficients), len(lower.coefficients))
-        a, b = (c.coefficients + (ZERO,) * (n - len(c.coefficients)) for c in (upper, lower))
-        return Polynomial(tuple(map(subtract, a, b)))
-    first, second = _as_bezier(upper), _as_bezier(lower)
-    if first is None or second is None:
-        return Difference(upper, lower)
-    degree = max(len(first.points), len(second.points)) - 1
-    pairs = zip(first.raised(degree).points, second.raised(degree).points, strict=True)
-    return Bezier(tuple(subtract(a, b) for a, b in pairs))
-
-
-def _as_bezier(curve: Curve) -> Bezier | None:
-    if isinstance(curve, Line):
-        return Bezier((curve.start, curve.end))
-    return curve if isinstance(curve, Bezier) else None
 
 
 def _speed(curve: Curve, u: Array) -> Array:
@@ -304,7 +269,9 @@ def _panels(curve: Curve, tolerance: float) -> Iterator[tuple[float, float, tupl
     Where C' = 0 at an end, u goes like a root of s and no polynomial fits: there the
     halves shrink geometrically until what is left is shorter than the tolerance.
     """
-    open_ends, start, count = [1.0], 0.0, 0
+    # The polynomials do not reach over a knot, where the curve's own polynomials change.
+    knots = getattr(curve, "breaks", (0.0, 1.0))
+    open_ends, start, count = [*reversed(knots[1:])], 0.0, 0
     while open_ends:
         end = open_ends[-1]
         length = float(_length(curve, start, end))

@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.curves import Arc, Curve, difference
+from controller.curves import Arc, Curve
 from controller.geometry import Number, Pose, Vector, add, cross, dot, norm, scale, subtract, unit
+from controller.rulings import difference
 
 Array = NDArray[np.float64]
 
@@ -180,6 +181,7 @@ class Cone(Surface):
 
 ZERO_MM = 1e-6  # lengths below are no lengths: ten thousandths of a BLU
 SAMPLES = 2001
+SAMPLES_PER_SPAN = 33  # of a B-spline, whose knots may stand close
 
 
 class DefectKind(Enum):
@@ -211,8 +213,19 @@ def defect(surface: Surface) -> Defect | None:
     return None
 
 
-def _grid() -> Array:
-    return np.linspace(0.0, 1.0, SAMPLES)
+def _breaks(surface: Surface) -> Array:
+    """Where spans of the directrices begin, and 1."""
+    curves = (surface.upper, surface.lower)
+    return np.unique(np.concatenate([getattr(curve, "breaks", (0.0, 1.0)) for curve in curves]))
+
+
+def _grid(surface: Surface) -> Array:
+    breaks = _breaks(surface)
+    even = np.linspace(0.0, 1.0, SAMPLES)
+    if len(breaks) <= 2:
+        return even
+    spans = np.linspace(breaks[:-1], breaks[1:], SAMPLES_PER_SPAN)
+    return np.unique(np.concatenate([even, spans.ravel()]))
 
 
 def _column(value: Vector, u: Array) -> Vector:
@@ -220,9 +233,8 @@ def _column(value: Vector, u: Array) -> Vector:
     return x, y, z
 
 
-def _lowest(value: Callable[[Array], Array]) -> tuple[float, float]:
-    """(u, value) of the lowest value over 0 <= u <= 1: every dip of the samples is zoomed into."""
-    u = _grid()
+def _lowest(value: Callable[[Array], Array], u: Array) -> tuple[float, float]:
+    """(u, value) of the lowest value over 0 <= u <= 1: every dip of the samples ``u`` is zoomed into."""
     f = np.nan_to_num(value(u), nan=np.inf)
     padded = np.concatenate(([np.inf], f, [np.inf]))
     dips = np.flatnonzero((f <= padded[:-2]) & (f <= padded[2:]) & (f < np.inf))
@@ -248,9 +260,9 @@ def _zero_ruling(surface: Surface) -> Defect | None:
     def length(u: Array) -> Array:
         return np.asarray(norm(_column(surface.ruling(u, np), u), np))
 
-    if float(np.max(length(_grid()))) <= ZERO_MM:
+    if float(np.max(length(_grid(surface)))) <= ZERO_MM:
         return Defect(DefectKind.COINCIDENT, 0.0)
-    u, least = _lowest(length)
+    u, least = _lowest(length, _grid(surface))
     if least > ZERO_MM:
         return None
     inside = 1e-6 < u < 1.0 - 1e-6
@@ -265,7 +277,7 @@ def _standstill(surface: Surface) -> Defect | None:
         return np.where((u > 1e-6) & (u < 1.0 - 1e-6), share, np.inf)
 
     # Speed over distance from the nearer end: does not dip towards an end that stands still.
-    u, least = _lowest(speed)
+    u, least = _lowest(speed, _grid(surface))
     return Defect(DefectKind.STANDSTILL, u) if least <= ZERO_MM else None
 
 
@@ -287,7 +299,7 @@ def _fold(surface: Surface) -> Defect | None:
             turned = np.where(height <= 1e-9 * size, 1.0, dot(top, bottom) / (height * width))
         return np.where(width <= 1e-9 * size, -2.0, turned)
 
-    u, least = _lowest(cosine)
+    u, least = _lowest(cosine, _grid(surface))
     if least > 1e-9:
         return None
     top, bottom, _ = normals(np.array([u]))
@@ -305,7 +317,7 @@ def _as_fast_as(limit: Vector, tangent: Vector) -> Vector:
 
 def _crossing(surface: Surface) -> Defect | None:
     """A point both directrices have in common, at whatever parameters, inside both."""
-    u = np.linspace(0.0, 1.0, 201)
+    u = np.linspace(0.0, 1.0, max(201, min(801, 8 * len(_breaks(surface)))))
     upper = np.array(_column(surface.upper.at(u, np), u))
     lower = np.array(_column(surface.lower.at(u, np), u))
     squares = ((upper[:, :, None] - lower[:, None, :]) ** 2).sum(axis=0)
@@ -348,6 +360,6 @@ def concave_radius(surface: Surface, side_sign: float) -> tuple[float, float]:
             hollow = dot(surface.lower.derivative(u, 2, np), normal) - 2.0 * along * turn
             return np.asarray(-side_sign * hollow / dot(across, across))
 
-    u, least = _lowest(bend)
+    u, least = _lowest(bend, _grid(surface))
     # Radii beyond a kilometre are rounding of straight lines.
     return (-1.0 / least, u) if least < -1e-6 else (math.inf, math.nan)

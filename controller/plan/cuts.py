@@ -1,19 +1,25 @@
-"""From a G51 or G52 block to the motion of its cut, and the audit of its surface."""
+"""From a G51, G52 or G6.2 block to the motions of its cut, and the audit of its surface.
+
+A surface between B-splines becomes several cuts that join: one for each part over
+which the joints change smoothly, as two G52 blocks would.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 from controller.curves import ArcLength, Bezier
-from controller.geometry import Vector, add, cross, dot, norm, scale, subtract, unit
+from controller.geometry import Number, Vector, add, cross, dot, norm, scale, subtract, unit
 from controller.machine import Machine, Tool
 from controller.motions import SurfaceCut
-from controller.plan.program import CutCone, CutRuled
+from controller.plan.program import CutBlock, CutCone, CutRuled
 from controller.plan.stretch import Voice
+from controller.rulings import smooth_parts
 from controller.surfaces import Cone, Defect, DefectKind, RuledSurface, Surface, concave_radius, defect
-
-CutBlock = CutCone | CutRuled
 
 # What is wrong at u (and v), and what to do.
 DEFECTS = {
@@ -43,6 +49,13 @@ DEFECTS = {
 }
 
 
+# A check builds every block twice: to choose the branches of the whole program, and to trace it.
+REMEMBERED = 256
+_defect = lru_cache(REMEMBERED)(defect)
+_concave_radius = lru_cache(REMEMBERED)(concave_radius)
+_arc: Callable[[Any], ArcLength] = lru_cache(REMEMBERED)(ArcLength.of)
+
+
 @dataclass(frozen=True, slots=True)
 class Edge:
     """One end of a cut in the table frame: where the cutter stands and which way it goes."""
@@ -56,21 +69,26 @@ class Edge:
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """One G51 or G52 block, ready to be followed."""
+    """One G51 or G52 block, or a smooth part of a G6.2 block, ready to be followed."""
 
     block: CutBlock
     tool: Tool
     motion: SurfaceCut
     start: Edge
     end: Edge
+    part: tuple[float, float] = (0.0, 1.0)  # which part of the block, in its u
+
+    def block_u(self, u: Number) -> Number:
+        """The block's parameter at the cut's own."""
+        return self.part[0] + (self.part[1] - self.part[0]) * u
 
     @property
     def side(self) -> float:
         return self.block.modal.side.value
 
 
-def build(block: CutBlock, machine: Machine, voice: Voice) -> Cut:
-    """The cut of one block; refuses a surface that its cutter cannot cut."""
+def build(block: CutBlock, machine: Machine, voice: Voice) -> tuple[Cut, ...]:
+    """The cuts of one block, in order; refuses a surface that its cutter cannot cut."""
     tool = machine.tool(block.modal.tool)
     if tool is None:
         known = ", ".join(f"T{t.number}" for t in machine.tools)
@@ -79,28 +97,46 @@ def build(block: CutBlock, machine: Machine, voice: Voice) -> Cut:
             f"T{block.modal.tool} is not in the tool table, which has {known}; add it or take one",
         )
     surface = _surface(block)
-    found = defect(surface)
+    found = _defect(surface)
     if found is not None:
-        voice.refuse(block.place, f"{_code(block)}: {_describe(found)}")
+        voice.refuse(block.place, f"{code(block)}: {_describe(found)}")
     _audit_radius(block, surface, tool, machine, voice)
     try:
-        arc = ArcLength.of(surface.lower)
+        return tuple(_cut(block, part, at, tool, machine) for part, at in _parts(block, surface))
     except ValueError as error:
-        voice.refuse(block.place, f"{_code(block)}: the lower directrix cannot be travelled: {error}")
-    part = machine.offsets[block.modal.offset]
+        voice.refuse(block.place, f"{code(block)}: the lower directrix cannot be travelled: {error}")
+
+
+def _cut(block: CutBlock, surface: Surface, part: tuple[float, float], tool: Tool, machine: Machine) -> Cut:
     offset = tool.radius_mm * block.modal.side.value
-    motion = SurfaceCut(surface, arc, offset, tool.length_mm, part)
-    return Cut(block, tool, motion, edge(motion, 0.0), edge(motion, 1.0))
+    frame = machine.offsets[block.modal.offset]
+    motion = SurfaceCut(surface, _arc(surface.lower), offset, tool.length_mm, frame)
+    return Cut(block, tool, motion, edge(motion, 0.0), edge(motion, 1.0), part)
 
 
-def _code(block: CutBlock) -> str:
-    return "G51" if isinstance(block, CutCone) else "G52"
+def code(block: CutBlock) -> str:
+    """The code that a block was written with."""
+    if isinstance(block, CutCone):
+        return "G51"
+    return "G52" if isinstance(block, CutRuled) else "G6.2"
 
 
 def _surface(block: CutBlock) -> Surface:
+    if isinstance(block, CutCone):
+        return Cone(block.start, block.centre, block.height_mm, block.upper_radius_mm, block.sweep_rad)
     if isinstance(block, CutRuled):
         return RuledSurface(upper=Bezier(block.upper), lower=Bezier(block.lower))
-    return Cone(block.start, block.centre, block.height_mm, block.upper_radius_mm, block.sweep_rad)
+    return RuledSurface(upper=block.upper, lower=block.lower)
+
+
+def _parts(block: CutBlock, surface: Surface) -> Iterator[tuple[Surface, tuple[float, float]]]:
+    """The smooth parts of a block's surface, each with the share of the block that it is."""
+    if isinstance(block, CutCone | CutRuled):
+        yield surface, (0.0, 1.0)
+        return
+    upper, lower = block.upper.snapped(block.lower.breaks), block.lower
+    for start, end in smooth_parts(upper, lower):
+        yield RuledSurface(upper.between(start, end), lower.between(start, end)), (start, end)
 
 
 def _describe(found: Defect) -> str:
@@ -110,10 +146,10 @@ def _describe(found: Defect) -> str:
 def _audit_radius(block: CutBlock, surface: Surface, tool: Tool, machine: Machine, voice: Voice) -> None:
     """A cutter that does not fit into the hollow of its side cuts away what it must leave (gouge)."""
     side = block.modal.side
-    radius, u = concave_radius(surface, side.value)
+    radius, u = _concave_radius(surface, side.value)
     if tool.radius_mm > radius * (1.0 + 1e-9):
         gouge(
-            f"{_code(block)}: the cutter T{tool.number} of radius {tool.radius_mm:.3f} mm does not fit into "
+            f"{code(block)}: the cutter T{tool.number} of radius {tool.radius_mm:.3f} mm does not fit into "
             f"the hollow of radius {radius:.3f} mm at u = {u:.4f} on its {side.name.lower()} side",
             f"take a cutter of at most {radius:.3f} mm or the other side",
             block,

@@ -49,13 +49,13 @@ def _not_a_ruled(line: Line, word: Word, found: str) -> ProgramError:
 def cone(ask: Ask, state: State, machine: Machine) -> CutCone:
     """The cone of a line with G51 (mm, radians, part frame)."""
     word, given = ask.codes["motion"][1], ask.words
-    if missing := _missing(given, CONE_WORDS):
-        raise _not_a_cone(ask.line, word, missing)
-    start, centre = _point(given, "XYZ", state), _point(given, "IJK", state)
+    if lacking := missing(given, CONE_WORDS):
+        raise _not_a_cone(ask.line, word, lacking)
+    start, centre = point_of(given, "XYZ", state), point_of(given, "IJK", state)
     _check_cone(ask, start, centre)
     sweep = given["D"].value if given["D"].point else given["D"].value / BLU_PER_DEGREE
     height, radius = _length_mm(given["H"], state), _length_mm(given["R"], state)
-    feed = _feed(ask, "G51", word, state, machine)
+    feed = feed_of(ask, "G51", word, state, machine)
     return CutCone(ask.place(word), state.modal, start, centre, height, radius, math.radians(sweep), feed)
 
 
@@ -78,18 +78,18 @@ def _check_cone(ask: Ask, start: Vector, centre: Vector) -> None:
 def ruled(ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> CutRuled:
     """The ruled surface of a line with G52; takes its other seven points from ``lines`` (mm)."""
     word, given = ask.codes["motion"][1], ask.words
-    if missing := _missing(given, "XYZ"):
-        raise _not_a_ruled(ask.line, word, missing)
+    if lacking := missing(given, "XYZ"):
+        raise _not_a_ruled(ask.line, word, lacking)
     if "stop" in ask.codes:
         raise _not_a_ruled(ask.line, ask.codes["stop"][1], f"found {ask.code('stop')}")
-    p = [_point(given, "XYZ", state)]
+    p = [point_of(given, "XYZ", state)]
     while len(p) < 8:
         line = next(lines, None)
         if line is None:
             raise _not_a_ruled(ask.line, word, f"the program ends after {len(p)} of the 8 points")
         due = f"point {len(p) + 1} of the G52 on line {ask.line.number}"
-        p.append(_point(_point_words(line, due), "XYZ", state))
-    feed = _feed(ask, "G52", word, state, machine)
+        p.append(point_of(_point_words(line, due), "XYZ", state))
+    feed = feed_of(ask, "G52", word, state, machine)
     upper, lower = (p[0], p[1], p[2], p[3]), (p[4], p[5], p[6], p[7])
     return CutRuled(ask.place(word), state.modal, upper, lower, feed)
 
@@ -101,12 +101,12 @@ def _point_words(line: Line, due: str) -> dict[str, Word]:
         if found.letter not in "XYZ" or found.letter in given:
             raise _not_a_ruled(line, found, f"found {found.text} where {due} is due")
         given[found.letter] = found
-    if missing := _missing(given, "XYZ"):
-        raise _not_a_ruled(line, line.words[0], f"{missing} in {due}")
+    if lacking := missing(given, "XYZ"):
+        raise _not_a_ruled(line, line.words[0], f"{lacking} in {due}")
     return given
 
 
-def _missing(given: dict[str, Word], needed: str) -> str:
+def missing(given: dict[str, Word], needed: str) -> str:
     lacking = [letter for letter in needed if letter not in given]
     return f"{' '.join(lacking)} missing" if lacking else ""
 
@@ -116,12 +116,12 @@ def _length_mm(word: Word, state: State) -> float:
     return word.value * state.mm_per_unit if word.point else word.value / BLU_PER_MM
 
 
-def _point(given: dict[str, Word], letters: str, state: State) -> Vector:
+def point_of(given: dict[str, Word], letters: str, state: State) -> Vector:
     x, y, z = (_length_mm(given[letter], state) for letter in letters)
     return x, y, z
 
 
-def _feed(ask: Ask, code: str, word: Word, state: State, machine: Machine) -> float:
+def feed_of(ask: Ask, code: str, word: Word, state: State, machine: Machine) -> float:
     """The feed in mm/s, once all that a surface needs of the state is there."""
     modal = state.modal
     if not state.absolute:

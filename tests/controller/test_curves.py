@@ -9,8 +9,9 @@ import pytest
 from surfaces_of_the_paper import equation_7, example_1, example_2
 
 from controller import jets
-from controller.curves import Arc, ArcLength, Bezier, Difference, Line, Polynomial, difference
+from controller.curves import Arc, ArcLength, Bezier, Line, Polynomial
 from controller.geometry import norm, subtract
+from controller.rulings import Difference, difference
 
 CUBIC = Bezier(((0.0, 0.0, 0.0), (1.0, 5.0, 2.0), (7.0, -3.0, 1.0), (9.0, 4.0, 6.0)))
 QUINTIC = Bezier(tuple((float(i), float(i * i % 7), float((3 * i) % 5)) for i in range(6)))
