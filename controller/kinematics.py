@@ -106,6 +106,16 @@ class Kinematics:
         a, b, _ = self._across_work(axis)
         return bool(a * a + b * b < NEAR_POLE * NEAR_POLE)
 
+    @property
+    def work(self) -> int:
+        """Which of the two rotaries (0 or 1) stands next to the work: at a pole it is free."""
+        return 0 if self._work_first else 1
+
+    def off_pole(self, axis: Vector, m: ModuleType = math) -> Number:
+        """Sine of the angle between the tool axis and the axis of the rotary next to the work."""
+        a, b, _ = self._across_work(axis)
+        return m.sqrt(a * a + b * b)
+
     def _solve(
         self, axis: Vector, m: ModuleType, inside: Vector | None
     ) -> tuple[tuple[Number, Number], tuple[Number, Number], Number]:

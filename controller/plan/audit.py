@@ -16,6 +16,7 @@ from controller.plan.cuts import Cut
 Array = npt.NDArray[np.float64]
 
 ROUNDING = 1e-9  # mm or rad by which a joint may pass its travel
+MOVE = "move the part (work offset) or the block"  # what helps against a joint outside of its travel
 POINTS_PER_CUT = (161, 7)  # along and across, for the gouge check of leads
 MOST_POINTS = 20000
 
@@ -48,11 +49,13 @@ def extremes(x: Array, values: Array) -> tuple[Array, Array, Array, Array]:
     return low[i, columns], i, high[j, columns], j
 
 
-def outside(machine: Machine, x: Array, joints: Array) -> Excess | None:
-    """The joint that leaves its travel most, in shares of nothing but its own unit; None inside."""
+def outside(machine: Machine, x: Array, joints: Array, rotary: bool = True) -> Excess | None:
+    """The joint (of all, or of the linear ones) that leaves its travel most, each in its own unit."""
     low, i, high, j = extremes(x, joints)
     found = []
     for n, axis in enumerate(machine.axes):
+        if axis.is_rotary and not rotary:
+            continue
         under, over = axis.travel_min - float(low[n]), float(high[n]) - axis.travel_max
         found.append(Excess(n, int(i[n]), float(low[n]), under))
         found.append(Excess(n, int(j[n]), float(high[n]), over))
@@ -69,21 +72,21 @@ def outside_at(machine: Machine, joints: Joints) -> Excess | None:
     return None
 
 
-def describe(axis: Axis, excess: Excess, where: str) -> str:
+def describe(axis: Axis, excess: Excess, where: str, advice: str = MOVE) -> str:
     """One sentence: which axis, where, how far, what is allowed and what to do."""
     unit = "deg" if axis.is_rotary else "mm"
     k = axis.shown_per_unit
     low, high = sorted((axis.travel_min * k, axis.travel_max * k))
     return (
         f"{axis.name} would reach {excess.value * k:.3f} {unit}{where}, {abs(excess.by * k):.3f} {unit} "
-        f"beyond its travel of {low:.3f} to {high:.3f} {unit}; move the part (work offset) or the block"
+        f"beyond its travel of {low:.3f} to {high:.3f} {unit}; {advice}"
     )
 
 
 def at_place(cut: Cut, u: float) -> str:
     """Where on a block, for a sentence: its parameter and the contact, part frame."""
     x, y, z = cut.motion.surface.contact(u)
-    return f" at u = {u:.4f} (part X {x:.3f} Y {y:.3f} Z {z:.3f} mm)"
+    return f" at u = {cut.block_u(u):.4f} (part X {x:.3f} Y {y:.3f} Z {z:.3f} mm)"
 
 
 # ---- gouging ---------------------------------------------------------------------

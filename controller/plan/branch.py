@@ -16,16 +16,13 @@ import numpy.typing as npt
 
 from controller.geometry import Vector, scale
 from controller.kinematics import Kinematics
-from controller.motions import JointMove, Rotaries, SurfaceCut
+from controller.motions import JointMove, Rotaries, SurfaceCut, ToolLine, ToolSpline
+from controller.plan import tool_paths
 from controller.plan.stretch import Stretch, rotaries_of
+from controller.plan.turns import JUMP_RAD, NAN, SAME_AXIS_RAD, TURN, wrapped
 from controller.surfaces import Cone
 
 Array = npt.NDArray[np.float64]
-
-TURN = 2.0 * math.pi
-JUMP_RAD = 0.5  # largest change between two samples that needs no further halving
-SAME_AXIS_RAD = 1e-8  # two tool axes nearer than this are one: what jumps there, jumps
-NAN = (math.nan, math.nan)
 
 
 class BranchLost(Exception):
@@ -34,11 +31,6 @@ class BranchLost(Exception):
     def __init__(self, u: float, reason: str) -> None:
         super().__init__(reason)
         self.u, self.reason = u, reason
-
-
-def wrapped(angle: Array) -> Array:
-    """Angles in (-pi, pi]."""
-    return np.asarray(angle - TURN * np.round(angle / TURN))
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,6 +161,10 @@ def joints_along(stretch: Stretch, s: Array, kinematics: Kinematics) -> Array:
     motion = stretch.motion
     if isinstance(motion, JointMove):
         return _along_move(motion, s)
+    if isinstance(motion, ToolLine):
+        return tool_paths.joints_along_line(motion, s, kinematics)
+    if isinstance(motion, ToolSpline):
+        return tool_paths.joints_along_spline(motion, s, kinematics)
     u = motion.arc.u_along(s)
     found = field(motion, kinematics, u)
     rotaries = found.follow(rotaries_of(stretch.start, kinematics))

@@ -12,7 +12,6 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import NoReturn
 
 import numpy as np
 import numpy.typing as npt
@@ -20,11 +19,13 @@ import numpy.typing as npt
 from controller.kinematics import Kinematics
 from controller.machine import Kind, Machine
 from controller.motions import Rotaries
-from controller.plan import audit
-from controller.plan.branch import TURN, BranchLost, Field, field, joints_on, wrapped
+from controller.plan import audit, unwind, winding
+from controller.plan.branch import BranchLost, Field, field, joints_on
 from controller.plan.cuts import Cut, apart, turned
 from controller.plan.program import ProgramError
 from controller.plan.stretch import Voice
+from controller.plan.turns import wrapped
+from controller.plan.winding import Way
 
 Array = npt.NDArray[np.float64]
 
@@ -46,8 +47,12 @@ class Meeting(Enum):
 def meet(before: Cut, after: Cut, voice: Voice) -> Meeting:
     """Whether two blocks run through, pivot or need a departure; refuses a concave corner."""
     meeting, sentence = _meeting(before, after, voice)
-    line = before.block.place.line
-    voice.tell(after.block.place, sentence.format(f"the block of line {line}"))
+    name = f"the block of line {before.block.place.line}"
+    if before.block is after.block:
+        if meeting is Meeting.JOIN:
+            return meeting
+        name = f"its own part before u = {after.part[0]:.4f}"
+    voice.tell(after.block.place, sentence.format(name))
     return meeting
 
 
@@ -85,11 +90,17 @@ def _corner(before: Cut, after: Cut, voice: Voice) -> tuple[Meeting, str]:
     if after.side * angle < 0.0 and radius * (1.0 - math.cos(angle)) > FLAT_MM:
         voice.refuse(
             after.block.place,
-            f"this block meets the one of line {before.block.place.line} in a concave corner of "
+            f"{_where(before, after)} in a concave corner of "
             f"{degrees:.4f} degrees; a cutter of radius {radius:.3f} mm would cut into one of the two; "
             "blend the corner with a surface of a larger radius, or cut on the other side",
         )
     return Meeting.PIVOT, f"Pivots by {degrees:.4f} degrees about the ruling it shares with {{}}."
+
+
+def _where(before: Cut, after: Cut) -> str:
+    if before.block is after.block:
+        return f"the two parts of this block meet at u = {after.part[0]:.4f}"
+    return f"this block meets the one of line {before.block.place.line}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,78 +120,124 @@ class Leg:
     def end(self) -> Rotaries:
         return float(self.rotaries[-1, 0]), float(self.rotaries[-1, 1])
 
-    def shifted(self, machine: Machine, turns: Sequence[int]) -> Leg:
-        """The same leg in other whole turns of the two rotaries."""
-        by = TURN * np.array(turns, dtype=float)
+    def shifted(self, machine: Machine, by: Rotaries) -> Leg:
+        """The same leg in other whole turns (rad) of the two rotaries."""
         joints = self.joints.copy()
-        joints[:, machine.rotary()] += by
-        return Leg(self.cut, self.u, self.rotaries + by, joints)
+        joints[:, machine.rotary()] += np.array(by)
+        return Leg(self.cut, self.u, self.rotaries + np.array(by), joints)
+
+
+class Fields:
+    """Both branches of each cut of a train, solved when they are first asked for."""
+
+    def __init__(self, cuts: Sequence[Cut], kinematics: Kinematics) -> None:
+        self.cuts, self.kinematics = cuts, kinematics
+        self._known: dict[int, Field] = {}
+
+    def of(self, i: int) -> Field:
+        """Of the i-th cut; raises BranchLost."""
+        if i not in self._known:
+            self._known[i] = field(self.cuts[i].motion, self.kinematics)
+        return self._known[i]
+
+    @property
+    def free(self) -> bool:
+        """Whether a rotary may begin the train wherever it stands (a tool axis on the pole)."""
+        return bool(np.isnan(self.of(0).pairs[:, 0]).any())
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """A train followed on one branch, in some whole turn."""
+
+    legs: tuple[Leg, ...]
+    way: Way
+
+    def shifted(self, machine: Machine, by: Rotaries) -> list[Leg]:
+        return [leg.shifted(machine, by) for leg in self.legs]
 
 
 def choose(
-    cuts: Sequence[Cut], machine: Machine, kinematics: Kinematics, now: Rotaries, voice: Voice
-) -> list[Leg]:
-    """The legs of a train on the branch and turns DESIGN section 1 asks for, all joints inside travel.
-
-    Least rotary travel of the train with its approach from ``now``, then positive
-    tilt, then smaller abs(rotary), then positive rotary; of these the first that
-    keeps all five joints inside their travel over the whole train.
-    """
-    options = _options(cuts, kinematics, now, voice)
-    shifted = [legs for option in options for legs in _in_turns(option, machine, now)]
-    shifted.sort(key=lambda legs: _rank(legs, machine, now))
-    for legs in shifted:
-        if all(audit.outside(machine, leg.u, leg.joints) is None for leg in legs):
-            return legs
-    _refuse_travel(shifted[0], machine, voice)
-
-
-def _refuse_travel(legs: Sequence[Leg], machine: Machine, voice: Voice) -> NoReturn:
-    for leg in legs:
-        excess = audit.outside(machine, leg.u, leg.joints)
-        if excess is not None:
-            where = audit.at_place(leg.cut, float(leg.u[excess.sample]))
-            voice.refuse(leg.cut.block.place, audit.describe(machine.axes[excess.axis], excess, where))
-    raise AssertionError("a train was refused for its travel but is inside")
-
-
-def _options(cuts: Sequence[Cut], kinematics: Kinematics, now: Rotaries, voice: Voice) -> list[list[Leg]]:
-    """The train followed from each branch of its start; refuses where neither can be followed."""
-    options: list[list[Leg]] = []
-    refusal: ProgramError | None = None
-    fields: dict[int, Field] = {}
-    for branch in (0, 1):
-        try:
-            options.append(_followed(cuts, branch, fields, kinematics, now, voice))
-        except ProgramError as error:
-            refusal = refusal or error
-    if not options and refusal is not None:
-        raise refusal
-    return options
-
-
-def _followed(
     cuts: Sequence[Cut],
-    branch: int,
-    fields: dict[int, Field],
+    machine: Machine,
     kinematics: Kinematics,
     now: Rotaries,
     voice: Voice,
+    wanted: Rotaries | None = None,
 ) -> list[Leg]:
-    legs: list[Leg] = []
-    near = now
-    for i, cut in enumerate(cuts):
+    """The legs of a train from the rotaries ``wanted``, which were chosen over the whole program.
+
+    Without them, or where they do not fit, as DESIGN section 1 asks for the train alone:
+    least rotary travel with its approach from ``now``, then positive tilt, then smaller
+    abs(rotary), then positive rotary; of these the first that keeps all joints in travel.
+    """
+    fields = Fields(cuts, kinematics)
+    if wanted is not None:
+        for option in options(fields, machine, wanted, voice):
+            for by in option.way.shifts(machine, wanted):
+                if (
+                    option.way.inside
+                    and winding.apart(winding.moved(option.way.start, by), wanted) < SAME_ROTARY_RAD
+                ):
+                    return option.shifted(machine, by)
+    found = options(fields, machine, now, voice)
+    fitting = [(o, by) for o in found if o.way.inside for by in o.way.shifts(machine, now)]
+    if not fitting:
+        unwind.refuse(found, machine, now, voice)
+    option, by = min(fitting, key=lambda pair: pair[0].way.rank(pair[1], now).key)
+    return option.shifted(machine, by)
+
+
+def options(fields: Fields, machine: Machine, near: Rotaries, voice: Voice) -> list[Option]:
+    """The train followed from each branch of its start; refuses where neither can be followed."""
+    found: list[Option] = []
+    refusal: ProgramError | None = None
+    for branch in (0, 1):
         try:
-            found = fields.get(i) or field(cut.motion, kinematics)
-            fields[i] = found
+            legs = _followed(fields, branch, near, voice)
+            found.append(Option(tuple(legs), _way(legs, machine)))
+        except ProgramError as error:
+            refusal = refusal or error
+    if not found and refusal is not None:
+        raise refusal
+    return found
+
+
+def _followed(fields: Fields, branch: int, near: Rotaries, voice: Voice) -> list[Leg]:
+    legs: list[Leg] = []
+    for i, cut in enumerate(fields.cuts):
+        try:
+            found = fields.of(i)
             start = _start(found.pairs[branch if i == 0 else slice(None), 0], near)
             rotaries = found.follow(start)
         except BranchLost as lost:
             sentence = f"{lost.reason}{audit.at_place(cut, lost.u)}; tilt the part or split the block there"
             voice.refuse(cut.block.place, sentence)
-        legs.append(Leg(cut, found.u, rotaries, joints_on(cut.motion, found.u, rotaries, kinematics)))
+        joints = joints_on(cut.motion, found.u, rotaries, fields.kinematics)
+        legs.append(Leg(cut, found.u, rotaries, joints))
         near = legs[-1].end
     return legs
+
+
+def _way(legs: Sequence[Leg], machine: Machine) -> Way:
+    tilt = tilt_of(machine)
+    travel, place = 0.0, legs[0].rotaries[0]
+    for leg in legs:
+        travel += float(np.abs(leg.rotaries[0] - place).sum() + np.abs(np.diff(leg.rotaries, axis=0)).sum())
+        place = leg.rotaries[-1]
+    ends = [audit.extremes(leg.u, leg.rotaries) for leg in legs]
+    low, high = np.min([e[0] for e in ends], axis=0), np.max([e[2] for e in ends], axis=0)
+    tilts = legs[0].rotaries[:, tilt]
+    return Way(
+        start=legs[0].start,
+        end=legs[-1].end,
+        low=(float(low[0]), float(low[1])),
+        high=(float(high[0]), float(high[1])),
+        travel=travel,
+        negative=bool(tilts[np.argmax(np.abs(tilts))] < -1e-9),
+        inside=all(audit.outside(machine, leg.u, leg.joints, rotary=False) is None for leg in legs),
+        tilt=tilt,
+    )
 
 
 def _start(pairs: Array, near: Rotaries) -> Rotaries:
@@ -190,37 +247,21 @@ def _start(pairs: Array, near: Rotaries) -> Rotaries:
     return near[0] + float(first), near[1] + float(second)
 
 
-def _in_turns(legs: Sequence[Leg], machine: Machine, now: Rotaries) -> Iterator[list[Leg]]:
-    """The same train in the whole turns that matter: nearest to ``now`` and inside travel."""
-    choices = []
-    for k, index in enumerate(machine.rotary()):
-        axis = machine.axes[index]
-        ends = [audit.extremes(leg.u, leg.rotaries[:, k : k + 1]) for leg in legs]
-        low, high = min(float(e[0][0]) for e in ends), max(float(e[2][0]) for e in ends)
-        first = math.ceil((axis.travel_min - low - audit.ROUNDING) / TURN)
-        last = math.floor((axis.travel_max - high + audit.ROUNDING) / TURN)
-        if first > last:  # too long for the travel in any turn: shown where it is least too long
-            choices.append({round((axis.travel_min + axis.travel_max - low - high) / (2.0 * TURN))})
-            continue
-        nearest = (now[k] - legs[0].start[k]) / TURN
-        choices.append({min(max(n, first), last) for n in (math.floor(nearest), math.ceil(nearest))})
-    for turns in itertools.product(*choices):
-        yield [leg.shifted(machine, turns) for leg in legs]
-
-
-def _rank(legs: Sequence[Leg], machine: Machine, now: Rotaries) -> tuple[float, bool, float, bool]:
-    tilt = tilt_of(machine)
-    travel, place = 0.0, np.array(now)
-    for leg in legs:
-        travel += float(np.abs(leg.rotaries[0] - place).sum() + np.abs(np.diff(leg.rotaries, axis=0)).sum())
-        place = leg.rotaries[-1]
-    tilts = legs[0].rotaries[:, tilt]
-    rotary = legs[0].start[1 - tilt]
-    negative = bool(tilts[np.argmax(np.abs(tilts))] < -1e-9)
-    return round(travel, 9), negative, round(abs(rotary), 9), rotary < 0.0
-
-
 def tilt_of(machine: Machine) -> int:
     """Which rotary of the pair (0 or 1) stands next to the tool: it tilts, the other one turns."""
     _, second = machine.rotary()
     return 1 if machine.axes[second].kind is Kind.HEAD else 0
+
+
+def trains(ready: Sequence[Cut], voice: Voice) -> Iterator[tuple[list[Cut], list[Meeting]]]:
+    """Rows of cuts that run through, with how each follows the one before."""
+    members, meetings = [ready[0]], list[Meeting]()
+    for before, after in itertools.pairwise(ready):
+        meeting = meet(before, after, voice)
+        if meeting is Meeting.APART:
+            yield members, meetings
+            members, meetings = [after], []
+        else:
+            members.append(after)
+            meetings.append(meeting)
+    yield members, meetings
