@@ -73,6 +73,7 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
         retract_mm=general.number("retract_mm"),
         rapid_share=general.number("rapid_share", 0.01, 1.0, default=1.0),
         gouge=general.text("gouge", ("refuse", "warn"), "refuse"),
+        tool_lines=general.text("tool_lines", ("great_circle", "joints"), "great_circle"),
         max_bus_share=general.number("max_bus_share", 0.01, 1.0, default=0.8),
         skip_limit_per_s=general.number("skip_limit_per_s", 0.0, default=25.0),
         axes=tuple(_axis(table, buses, folder) for table in top.tables("axis")),

@@ -137,6 +137,7 @@ class Machine:
     offsets: tuple[Frame, ...]  # G54 .. G59: the part frame seen from the table frame at zero
     spindle: Spindle | None
     text: str
+    tool_lines: str = "great_circle"  # or "joints": how the axis goes between rotary words under G43.4
 
     def linear(self) -> tuple[int, int, int]:
         """Indices of X, Y and Z in ``axes``."""

@@ -1,26 +1,30 @@
 """Words to blocks: what each line asks for, under the modal state it stands in.
 
 The language is RS-274/NGC as far as DESIGN section 1 names it, with the paper's G51
-(cone) and G52 (ruled surface). Codes of one line run in the order of RS-274/NGC
-section 3.8: F S T M6 M3-5 M7-9 G4, the modal G codes, the motion, M0-M30. Only the
-unit comes first, so that G20 holds for the F beside it. A line changes nothing until
-all of it has been found sound: state is replaced, never edited.
+(cone) and G52 (ruled surface) and G6.2 (ruled surface between NURBS curves). Codes of
+one line run in the order of RS-274/NGC section 3.8: F S T M6 M3-5 M7-9 G4, the modal G
+codes, the motion, M0-M30. Only the unit comes first, so that G20 holds for the F beside
+it. A line changes nothing until all of it has been found sound: state is replaced,
+never edited.
 
-Length words are millimetres or inches as G21/G20 say. The words of G51 and G52 alone
+Length words are millimetres or inches as G21/G20 say. The words of G51, G52 and G6.2
 follow the paper: without a decimal point they count in BLU (0.01 mm, 0.001 degree,
 0.01 mm/min), with one in the active unit.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from types import MappingProxyType
 
+from controller.geometry import Vector
 from controller.machine import Machine
-from controller.plan import codes, modal, surface_words, words
+from controller.plan import codes, modal, nurbs_words, surface_words, words
 from controller.plan.codes import CONE_WORDS, GROUP_OF, SURFACES, Ask
-from controller.plan.modal import State
+from controller.plan.modal import TIPS, State
+from controller.plan.plain import PlainLines
 from controller.plan.program import (
     Act,
     Action,
@@ -30,8 +34,12 @@ from controller.plan.program import (
     Program,
     ProgramError,
     Targets,
+    Tip,
+    TipLine,
 )
 from controller.plan.words import Line, Word
+
+SHORTEST_VECTOR = 1e-6  # of I J K; shorter ones have no sure direction
 
 # Plane axes so that first x second = normal: counter-clockwise is the right hand about the normal.
 _PLANES = MappingProxyType({"G17": (0, 1, 2), "G18": (2, 0, 1), "G19": (1, 2, 0)})
@@ -44,17 +52,28 @@ def read(data: bytes, machine: Machine, name: str, block_delete: bool = False) -
     not looked at, beyond being text. ``block_delete`` skips lines that begin with /.
     Raises ProgramError with file, line, column and one sentence; nothing is kept then.
     """
+    return Program(name, tuple(stream(data, machine, name, block_delete)))
+
+
+def stream(data: bytes, machine: Machine, name: str, block_delete: bool = False) -> Iterator[Block]:
+    """As ``read``, block by block: what comes before a line that is refused has been given by then."""
     lines = words.read(data, name, block_delete)
-    state = modal.power_on()
-    blocks: list[Block] = []
+    return _blocks(lines, machine)
+
+
+def _blocks(lines: Iterator[Line], machine: Machine) -> Iterator[Block]:
+    state, plain = modal.power_on(), PlainLines(machine)
     for line in lines:
+        if (quick := plain.read(line, state)) is not None:
+            block, state = quick
+            yield block
+            continue
         turn = _Turn(codes.sort(line, machine), state, machine, lines)
         turn.run()
         state = turn.state
-        blocks += turn.made
+        yield from turn.made
         if turn.ended:
             break
-    return Program(name, tuple(blocks))
 
 
 class _Turn:
@@ -89,11 +108,18 @@ class _Turn:
 
     def _takers(self) -> list[tuple[str, str]]:
         """The codes that run on this line, with the letters each takes."""
-        letters = {"G4": "P", "G64": "PQ", "G43": "H", "G51": CONE_WORDS, "G52": "XYZ"}
-        letters |= {"G0": self._axes, "G1": self._axes}
+        letters = {"G4": "P", "G64": "PQ"} | dict.fromkeys(TIPS, "H")
+        letters |= {"G51": CONE_WORDS, "G52": "XYZ", "G6.2": "PQ"}
+        letters |= dict.fromkeys(("G0", "G1"), "XYZIJK" if self._vectors() else self._axes)
         letters |= dict.fromkeys(("G2", "G3"), self._axes + "IJKRP")
         running = [code for code, _ in self.ask.codes.values() if GROUP_OF[code] != "motion"]
         return [(code, letters.get(code, "")) for code in [*running, self._motion]]
+
+    def _vectors(self) -> bool:
+        """Whether G0 and G1 of this line take tool vectors: G43.5, but for machine positions."""
+        code = self.ask.code("length")
+        tip = TIPS.get(code, Tip.OFF) if code else self.state.modal.tip
+        return tip is Tip.VECTORS and self.ask.code("one-line") != "G53"
 
     def _check_words(self) -> None:
         """Every word belongs to exactly one code."""
@@ -110,18 +136,32 @@ class _Turn:
                 )
 
     def _unowned(self, word: Word) -> ProgramError:
+        if self._motion == "G6.2":
+            return nurbs_words.refusal(self.ask.line, word, f"found {word.text}")
         if self._motion in SURFACES:
             return surface_words.surplus(self.ask, self._motion, word)
-        if word.letter in self._axes and not self._motion:
+        if word.letter in self._axes + "K" and not self._motion:
             return self.ask.refusal(
                 word,
-                f"{word.text} has no motion: {self.state.cleared}; write G0, G1, G2, G3, G51 or G52 with it, "
+                f"{word.text} has no motion: {self.state.cleared}; write G0 to G3, G51, G52 or G6.2 with it, "
                 "or remove the line",
+            )
+        if word.letter in self._axes and self._vectors():
+            return self.ask.refusal(
+                word,
+                f"{word.text} is a rotary position under G43.5, where I J K along the tool axis say how the "
+                "tool stands; write I J K, or G43.4 for rotary words",
+            )
+        if word.letter in "IJK" and self._motion in ("G0", "G1"):
+            return self.ask.refusal(
+                word,
+                f"no code on this line takes {word.text}: {self._motion} has tool vectors I J K under G43.5 "
+                "only, and arcs with I J K are G2 and G3; write G43.5 or remove the word",
             )
         return self.ask.refusal(
             word,
-            f"no code on this line takes {word.text}: P belongs to G4, G64, G2, G3, Q to G64, H to G43 and "
-            "G51, I J K R to G2, G3 and G51, D to G51; add the code or remove the word",
+            f"no code on this line takes {word.text}: P belongs to G4, G64, G2, G3, G6.2, Q to G64, G6.2, H "
+            "to G43 and G51, I J K R to G2, G3 and G51, D to G51; add the code or remove the word",
         )
 
     def _check_frame(self) -> None:
@@ -137,16 +177,20 @@ class _Turn:
             return surface_words.cone(self.ask, self.state, self._machine)
         if self._motion == "G52":
             return surface_words.ruled(self.ask, self.state, self._machine, self._lines)
+        if self._motion == "G6.2":
+            return nurbs_words.surface(self.ask, self.state, self._machine, self._lines)
         return self._line() if self._motion in ("G0", "G1") else self._arc()
 
     def _keep_motion(self) -> None:
-        """G0 to G3 stay; G51, G52 and G80 leave no motion mode."""
+        """G0 to G3 stay; G51, G52, G6.2 and G80 leave no motion mode."""
         named, number = self.ask.code("motion"), self.ask.line.number
         why = {
             "G51": f"it is surplus after the whole cone of G51 on line {number}, which clears the "
             "motion mode",
             "G52": f"it is a surplus point, as G52 needs 8 points of X Y Z, the G52 of line {number} has "
             "them and clears the motion mode",
+            "G6.2": f"it is surplus after the two whole curves of G6.2 on line {number}, which clears the "
+            "motion mode",
             "G80": f"G80 on line {number} cleared the motion mode",
         }
         if named in why:
@@ -165,7 +209,7 @@ class _Turn:
             raise self.ask.refusal(
                 word,
                 f"{self._motion} runs under {self.state.side}: G41 and G42 choose the side of the cutter on "
-                "G51 and G52 only, and G1 to G3 are not offset for now; write G40 before it",
+                "G51, G52 and G6.2 only, and G1 to G3 are not offset for now; write G40 before it",
             )
 
     def _targets(self) -> Targets:
@@ -183,18 +227,67 @@ class _Turn:
 
     def _line(self) -> Block:
         word, state = self._word_of_motion(), self.state
-        feed = None
+        feed = time = None
         if self._motion == "G1":
             self._check_side(word)
-            feed = state.feed(self.ask, "G1", word, turning_only=not self.ask.has("XYZ"))
+            time = state.time(self.ask, "G1", word)
+            turning = not self.ask.has("XYZ")
+            feed = 0.0 if time else state.feed(self.ask, "G1", word, turning_only=turning)
         machine_frame = self.ask.code("one-line") == "G53"
         relative = not state.absolute and not machine_frame
         place = self.ask.place(word)
-        return JointLine(place, state.modal, self._targets(), relative, machine_frame, feed)
+        if state.modal.tip is Tip.OFF or machine_frame:
+            return JointLine(place, state.modal, self._targets(), relative, machine_frame, feed, time)
+        x, y, z, first, second = self._tip_targets()
+        degrees = feed if feed is None else state.feed_deg_s or 0.0
+        mm = feed if feed is None else state.modal.feed_mm_s or 0.0
+        return TipLine(
+            place, state.modal, (x, y, z), (first, second), self._axis(), relative, mm, degrees, time
+        )
+
+    def _tip_targets(self) -> Targets:
+        """Tip and rotaries as G43.4 and G43.5 take them: X Y Z, first and second rotary."""
+        targets = self._targets()
+        return tuple(targets[i] for i in (*self._machine.linear(), *self._machine.rotary()))
+
+    def _axis(self) -> Vector | None:
+        """I J K along the tool axis (G43.5): all of them or none."""
+        given = [self.ask.words.get(letter) for letter in "IJK"]
+        here = [word for word in given if word is not None]
+        if not here:
+            return None
+        found = " ".join(word.text for word in here)
+        if len(here) < 3:
+            raise self.ask.refusal(
+                here[0],
+                f"{found} is not a whole tool vector: under G43.5 I J K stand together, from the tip to the "
+                "spindle in the part frame, or none of them; write all three",
+            )
+        if not self.state.absolute:
+            raise self.ask.refusal(
+                here[0], f"{found} is a direction and no distance: tool vectors need G90; write G90 before it"
+            )
+        i, j, k = (word.value for word in here)
+        if math.sqrt(i * i + j * j + k * k) < SHORTEST_VECTOR:
+            raise self.ask.refusal(
+                here[0],
+                f"{found} has no length: a tool vector points from the tip to the spindle and may have any "
+                f"length from {SHORTEST_VECTOR:g} up; correct I J K",
+            )
+        return i, j, k
 
     def _arc(self) -> Block:
         word = self._word_of_motion()
         self._check_side(word)
+        if self.state.modal.tip is not Tip.OFF:
+            code = "G43.4" if self.state.modal.tip is Tip.ROTARIES else "G43.5"
+            raise self.ask.refusal(
+                word,
+                f"{self._motion} under {code} is not done: arcs of the tool tip with a turning axis have no "
+                "agreed meaning; write the arc as G1 lines (with G64 P they become one smooth path), or G49 "
+                "before it",
+            )
+        time = self.state.time(self.ask, self._motion, word)
         centre, radius = self._centre(word)
         return JointArc(
             self.ask.place(word),
@@ -206,7 +299,8 @@ class _Turn:
             centre,
             radius,
             self._turns(),
-            self.state.feed(self.ask, self._motion, word),
+            0.0 if time else self.state.feed(self.ask, self._motion, word),
+            time,
         )
 
     def _turns(self) -> int:

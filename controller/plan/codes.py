@@ -14,21 +14,21 @@ from controller.machine import Machine
 from controller.plan.program import Place, ProgramError
 from controller.plan.words import Line, Word
 
-SURFACES = ("G51", "G52")
+SURFACES = ("G51", "G52", "G6.2")
 CONE_WORDS = "XYZIJKHRD"
 GROUPS = MappingProxyType(
     {
-        "motion": ("G0", "G1", "G2", "G3", "G51", "G52", "G80"),
+        "motion": ("G0", "G1", "G2", "G3", "G51", "G52", "G6.2", "G80"),
         "one-line": ("G4", "G53"),
         "plane": ("G17", "G18", "G19"),
         "unit": ("G20", "G21"),
         "side": ("G40", "G41", "G42"),
-        "length": ("G43", "G49"),
+        "length": ("G43", "G43.4", "G43.5", "G49"),
         "offset": ("G54", "G55", "G56", "G57", "G58", "G59"),
         "path": ("G61", "G64"),
         "distance": ("G90", "G91"),
         "centre": ("G91.1",),
-        "feed": ("G94",),
+        "feed": ("G93", "G94"),
         "stop": ("M0", "M1", "M2", "M30"),
         "spindle": ("M3", "M4", "M5"),
         "tool change": ("M6",),
@@ -38,12 +38,10 @@ GROUPS = MappingProxyType(
 GROUP_OF = MappingProxyType({code: group for group, codes in GROUPS.items() for code in codes})
 _HINTS = MappingProxyType(
     {
-        "G43.4": "tool-centre control of G0 to G3 is not done yet, and G51 and G52 have it by themselves",
         "G50": "scaling is not done here, so there is none to cancel",
         "G90.1": "arc centres I J K are always distances from the start (G91.1)",
         "G92": "use a work offset G54 to G59 of the machine file",
-        "G93": "feeds are per minute (G94)",
-        "G95": "feeds are per minute (G94)",
+        "G95": "feeds are per minute (G94) or inverse times (G93)",
     }
 )
 

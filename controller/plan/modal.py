@@ -6,12 +6,14 @@ State is replaced, never edited: a line that is refused leaves the old one as it
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 from controller.machine import Machine
 from controller.plan.codes import GROUPS, SURFACES, Ask
-from controller.plan.program import Act, Action, Block, Dwell, Modal, Side
+from controller.plan.program import Act, Action, Block, Dwell, Modal, Side, Tip
 from controller.plan.words import Word
 
+TIPS = MappingProxyType({"G43": Tip.OFF, "G43.4": Tip.ROTARIES, "G43.5": Tip.VECTORS})
 BLU_PER_MM = 100.0  # the paper's basic length unit is 0.01 mm (and 0.01 mm/min)
 
 
@@ -30,9 +32,27 @@ class State:
     speed_rev_min: float = 0.0  # S
     turning: int = 0  # M3: 1, M4: -1, M5: 0
     feed_deg_s: float | None = None  # the modal F as moves of rotaries alone read it
+    inverse: bool = False  # G93: F is one over the minutes that its line takes
+
+    def time(self, ask: Ask, code: str, word: Word) -> float | None:
+        """Seconds that a feed motion takes under G93, None under G94; ProgramError for G93 without F."""
+        if not self.inverse:
+            return None
+        if "F" not in ask.words:
+            raise ask.refusal(
+                word,
+                f"{code} under G93 without F: in inverse time each line of G1 to G3 needs its own F, one "
+                "over the minutes that it takes; write F, or G94 and the feed per minute",
+            )
+        return 60.0 / ask.words["F"].value
 
     def feed(self, ask: Ask, code: str, word: Word, turning_only: bool = False) -> float:
         """The modal F for a motion, mm/s or (rotaries only) deg/s; ProgramError where there is none."""
+        if self.inverse and code in SURFACES:
+            raise ask.refusal(
+                word,
+                f"{code} takes its feed per minute: inverse time (G93) is for G1 to G3; write G94 before it",
+            )
         feed = self.feed_deg_s if turning_only else self.modal.feed_mm_s
         if feed is None:
             raise ask.refusal(
@@ -68,6 +88,7 @@ class _Settings:
 
     def run(self) -> None:
         self._units()
+        self._feed_mode()
         self._feed()
         self._speed()
         self._select_tool()
@@ -89,10 +110,19 @@ class _Settings:
         if code := self.ask.code("unit"):
             self.state = replace(self.state, mm_per_unit=25.4 if code == "G20" else 1.0)
 
+    def _feed_mode(self) -> None:
+        """Between G93 and G94 no feed survives: what F means has changed."""
+        code = self.ask.code("feed")
+        if code and (code == "G93") != self.state.inverse:
+            self.state = replace(self.state, inverse=code == "G93", feed_deg_s=None)
+            self._set_modal(replace(self.state.modal, feed_mm_s=None))
+
     def _feed(self) -> None:
         word = self.ask.words.get("F")
         if word is None:
             return
+        if self.state.inverse and word.value > 0.0:
+            return  # counts for this line only
         in_blu = self._motion in SURFACES and not word.point
         per_min = word.value / BLU_PER_MM if in_blu else word.value
         mm_s = per_min * (1.0 if in_blu else self.state.mm_per_unit) / 60.0
@@ -180,11 +210,14 @@ class _Settings:
             self.state = replace(self.state, side=code, modal=replace(self.state.modal, side=side))
 
     def _length(self) -> None:
-        """G43 adds the length of the tool in the spindle, or of tool H; H0 is none."""
+        """G43 adds the length of the tool in the spindle, or of tool H; H0 is none.
+
+        G43.4 and G43.5 take the same length and make X Y Z places of the tip.
+        """
         code = self.ask.code("length")
         if code == "G49":
-            self._set_modal(replace(self.state.modal, length_mm=0.0))
-        if code != "G43":
+            self._set_modal(replace(self.state.modal, length_mm=0.0, tip=Tip.OFF))
+        if code not in TIPS:
             return
         word = self.ask.words.get("H")
         if word is None:
@@ -192,7 +225,7 @@ class _Settings:
             length = tool.length_mm if tool is not None else 0.0
         else:
             length = 0.0 if word.value == 0.0 else self._known_tool(word)
-        self._set_modal(replace(self.state.modal, length_mm=length))
+        self._set_modal(replace(self.state.modal, length_mm=length, tip=TIPS[code]))
 
     def _plane_offset_path_distance(self) -> None:
         ask, state = self.ask, self.state

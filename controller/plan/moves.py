@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from controller.curves import Arc
 from controller.geometry import Frame, Vector, add, norm, scale, subtract, unit
@@ -21,7 +22,13 @@ TANGENT_RAD = 1e-6
 def line(block: JointLine, machine: Machine, kinematics: Kinematics, now: Joints) -> Stretch | None:
     """The stretch of a G0 or G1; None where nothing moves."""
     end = target(block, machine, now)
-    return straight("line", block.place, now, end, block.feed_mm_s, kinematics)
+    found = straight("line", block.place, now, end, block.feed_mm_s, kinematics)
+    return found if found is None or block.time_s is None else timed(found, block.time_s)
+
+
+def timed(stretch: Stretch, time_s: float) -> Stretch:
+    """The same stretch at the feed with which it takes ``time_s`` (G93)."""
+    return replace(stretch, feed_mm_s=stretch.motion.end / time_s)
 
 
 def target(block: JointLine | JointArc, machine: Machine, now: Joints) -> Joints:
@@ -93,8 +100,11 @@ def arc(
     vectors = (frame.turn((v[0], v[1], v[2])) for v in (first, second, rise))
     f, s, r = vectors
     if radius * sweep < SAME_MM:
-        return straight("line", block.place, now, end, block.feed_mm_s, kinematics)
-    return round_arc("arc", block.place, now, end, Arc(middle, f, s, sweep, r), block.feed_mm_s, kinematics)
+        flat = straight("line", block.place, now, end, block.feed_mm_s, kinematics)
+        return flat if flat is None or block.time_s is None else timed(flat, block.time_s)
+    bow = Arc(middle, f, s, sweep, r)
+    found = round_arc("arc", block.place, now, end, bow, block.feed_mm_s, kinematics)
+    return found if block.time_s is None else timed(found, block.time_s)
 
 
 def _sweep(centre: tuple[float, float], chord: tuple[float, float], way: float) -> float:

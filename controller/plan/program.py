@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from controller.geometry import Vector
+from controller.splines import BSpline
 
 
 class ProgramError(Exception):
@@ -31,6 +32,14 @@ class Side(Enum):
     LEFT = -1.0  # G41
 
 
+class Tip(Enum):
+    """What X Y Z of G0 and G1 mean, and how the tool axis is given."""
+
+    OFF = 0  # positions of the machine's axes plus work offset
+    ROTARIES = 1  # G43.4: the tool tip in the part frame; words of the rotary axes
+    VECTORS = 2  # G43.5: the tool tip in the part frame; I J K along the tool axis
+
+
 @dataclass(frozen=True, slots=True)
 class Modal:
     """The modal state in which a block runs."""
@@ -47,6 +56,7 @@ class Modal:
     feed_mm_s: float | None  # modal F as lengths read it
     spindle_rev_min: float  # signed; 0 = off
     coolant: int  # 0 off, 1 mist, 2 flood, 3 both
+    tip: Tip = Tip.OFF
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +84,17 @@ class CutRuled:
     feed_mm_s: float
 
 
+@dataclass(frozen=True, slots=True)
+class CutNurbs:
+    """G6.2: upper and lower rational B-spline, absolute part-frame coordinates in mm."""
+
+    place: Place
+    modal: Modal
+    upper: BSpline
+    lower: BSpline
+    feed_mm_s: float
+
+
 # A target per axis of the machine: None keeps the axis where it is, otherwise a
 # program value in mm or radians (carried sense) and whether it is a distance (G91)
 # or a machine position (G53, no offset).
@@ -93,6 +114,26 @@ class JointLine:
     relative: bool
     machine_frame: bool
     feed_mm_s: float | None
+    time_s: float | None = None  # G93: what the whole block takes; feed_mm_s is 0 then
+
+
+@dataclass(frozen=True, slots=True)
+class TipLine:
+    """G0 or G1 under G43.4 or G43.5: the tip to a place of the part frame, the tool axis with it.
+
+    None keeps a value where it is; ``axis`` is as written, not of unit length. Both
+    feeds None: rapid. ``feed_deg_s`` counts where only the axis turns.
+    """
+
+    place: Place
+    modal: Modal
+    tip: tuple[float | None, float | None, float | None]  # mm
+    rotaries: tuple[float | None, float | None]  # rad, carried sense; not under G43.5
+    axis: Vector | None  # not under G43.4
+    relative: bool  # tip and rotaries are distances (G91)
+    feed_mm_s: float | None
+    feed_deg_s: float | None
+    time_s: float | None = None  # G93
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +150,7 @@ class JointArc:
     radius_mm: float | None  # R form; negative = the long way
     turns: int  # P: 1 is the arc itself, each more adds a whole turn
     feed_mm_s: float
+    time_s: float | None = None  # as JointLine
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +182,8 @@ class Action:
     act: Act
 
 
-Block = CutCone | CutRuled | JointLine | JointArc | Dwell | Action
+CutBlock = CutCone | CutRuled | CutNurbs
+Block = CutBlock | JointLine | TipLine | JointArc | Dwell | Action
 
 
 @dataclass(frozen=True, slots=True)

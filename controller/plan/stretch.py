@@ -12,14 +12,36 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NoReturn
 
+import numpy as np
+import numpy.typing as npt
+
 from controller.curves import Arc, Line
 from controller.geometry import Vector, norm, subtract
 from controller.kinematics import Kinematics
 from controller.machine import Joints
-from controller.motions import JointMove, Motion, Rotaries
+from controller.motions import JointMove, Motion, Rotaries, ToolLine, ToolSpline
 from controller.plan.program import Act, Modal, Place, ProgramError
 
+Array = npt.NDArray[np.float64]
+
 STILL_MM = 1e-9  # moves below (also in degrees) are no moves
+
+
+LEAST_TIP_RATE = 1e-3  # where the tip all but stands the rotaries alone set the speed
+
+
+def tip_rate(motion: Motion, s: Array) -> Array:
+    """Millimetres that the tip moves per unit of s at the places ``s`` (N,); 1 for all but tool lines."""
+    if isinstance(motion, ToolLine):
+        return np.full(np.shape(s), max(motion.tip_rate, LEAST_TIP_RATE))
+    if not isinstance(motion, ToolSpline):
+        return np.ones(np.shape(s))
+    knots = np.frombuffer(motion.knots)
+    i = np.clip(np.searchsorted(knots, s, side="right") - 1, 0, len(knots) - 2)
+    c = np.frombuffer(motion.spans).reshape(-1, 5, 4)[i, :3]
+    h = (s - knots[i])[:, None]
+    rate = c[..., 1] + h * (2.0 * c[..., 2] + h * (3.0 * c[..., 3]))
+    return np.asarray(np.maximum(np.sqrt((rate * rate).sum(axis=1)), LEAST_TIP_RATE))
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,13 +56,36 @@ class Stretch:
     end: Joints
     exact: bool  # G61
     name: str  # 'retract', 'position', 'down', 'plunge', 'lead in', 'cut', 'pivot', 'swivel', ...
+    # (s from which it holds, feed mm/s) in rising order, where the feed changes inside the
+    # motion; ``feed_mm_s`` is then the first of them. Empty: one feed.
+    feed_steps: tuple[tuple[float, float], ...] = ()
+
+    def feed_at(self, s: Array) -> Array:
+        """Programmed speed in the unit of s per second at the places ``s`` (N,); inf on rapids.
+
+        F is the feed of the tip: where the tip moves by other than 1 mm per unit of s
+        (corners that a spline cuts), s runs that much faster or slower.
+        """
+        if self.feed_mm_s is None:
+            return np.full(np.shape(s), math.inf)
+        if self.feed_steps:
+            starts, feeds = np.array(self.feed_steps).T
+            feed = feeds[np.clip(np.searchsorted(starts, s, side="right") - 1, 0, None)]
+        else:
+            feed = np.full(np.shape(s), self.feed_mm_s)
+        return np.asarray(feed / tip_rate(self.motion, s))
 
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """Stretches run through without a planned stop; at rest before and after."""
+    """Stretches run through without a planned stop; at rest before and after.
+
+    ``runs_on``: the next chain goes on without a rest; so an endless row of program
+    lines comes in parts.
+    """
 
     stretches: tuple[Stretch, ...]
+    runs_on: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,9 +12,11 @@ import math
 import operator
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
+from controller.plan.line import PLAIN, Line, Word
 from controller.plan.program import ProgramError
+
+__all__ = ["LARGEST", "Line", "Word", "read"]
 
 # No machine and no feed needs more; far below what squares and cubes could overflow.
 LARGEST = 1e9
@@ -31,29 +33,6 @@ _NUMBER = re.compile(r"[+-]?[ \t]*(?:[0-9][0-9 \t]*(?:\.[0-9 \t]*)?|\.[ \t]*[0-9
 _OPERATOR = re.compile(r"\*\*|[*/+-]|mod|and|or|xor")
 
 
-@dataclass(frozen=True, slots=True)
-class Word:
-    """A letter with its value; ``point``: a decimal point was written, or the value was computed."""
-
-    letter: str
-    value: float
-    point: bool
-    column: int
-    text: str  # as written, without spaces, in capitals
-
-
-@dataclass(frozen=True, slots=True)
-class Line:
-    """The words of one text line, N and parameter settings taken off."""
-
-    name: str
-    number: int
-    words: tuple[Word, ...]
-
-    def refusal(self, word: Word, sentence: str) -> ProgramError:
-        return ProgramError(self.name, self.number, word.column, sentence)
-
-
 def read(data: bytes, name: str, block_delete: bool = False) -> Iterator[Line]:
     """The lines of ``data`` that have words, in order, up to the closing ``%`` or the end.
 
@@ -61,7 +40,16 @@ def read(data: bytes, name: str, block_delete: bool = False) -> Iterator[Line]:
     Raises ProgramError at once for bytes that are no text, and while iterating for
     text that is no word, or when the end comes before any word.
     """
-    return _lines(_NEWLINE.split(_decode(data, name)), name, block_delete)
+    return _lines(_decode(data, name), name, block_delete)
+
+
+def _texts(text: str) -> Iterator[str]:
+    """The lines of ``text``, one at a time: a long program is not held twice."""
+    start = 0
+    for end in _NEWLINE.finditer(text):
+        yield text[start : end.start()]
+        start = end.end()
+    yield text[start:]
 
 
 def _decode(data: bytes, name: str) -> str:
@@ -82,10 +70,14 @@ def _unreadable(before: str, name: str, found: str) -> ProgramError:
     return ProgramError(name, len(lines), len(lines[-1]) + 1, sentence)
 
 
-def _lines(texts: list[str], name: str, block_delete: bool) -> Iterator[Line]:
+def _lines(whole: str, name: str, block_delete: bool) -> Iterator[Line]:
     parameters: dict[int, float] = {}
     opened = found = False
-    for number, raw in enumerate(texts, start=1):
+    for number, raw in enumerate(_texts(whole), start=1):
+        if plain := PLAIN.fullmatch(raw):
+            opened = found = True
+            yield Line(name, number, (), plain, _plain_words)
+            continue
         text = _without_comments(raw, name, number)
         bare = text.strip(_GAPS)
         if not bare or (block_delete and bare[0] == "/"):
@@ -101,10 +93,14 @@ def _lines(texts: list[str], name: str, block_delete: bool) -> Iterator[Line]:
             found = True
             yield Line(name, number, words)
     if not found:
-        what = "only blank lines and comments" if any(text.strip() for text in texts) else "nothing"
+        what = "only blank lines and comments" if whole.strip() else "nothing"
         raise ProgramError(
             name, 1, 1, f"the file holds {what}: a program needs at least one word; send the whole program"
         )
+
+
+def _plain_words(text: str, name: str, number: int) -> tuple[Word, ...]:
+    return _Scanner(text, name, number, {}).words()
 
 
 def _without_comments(raw: str, name: str, number: int) -> str:

@@ -293,7 +293,7 @@ def test_actions_and_dwells_come_at_rest_in_their_order() -> None:
 
 
 def test_g64_is_run_as_g61_and_noted_once() -> None:
-    traced = trace("G64 P0.1\nG1 X10. F600.\nX20. Y5.\n")
+    traced = trace("G64\nG1 X10. F600.\nX20. Y5.\n")
     assert sentences(traced).count("G64 is run as G61") == 1
 
 
