@@ -8,14 +8,17 @@ Four things pass through it, and nothing else:
 * the flight recorder, tick -> slow side: a ring of rows in shared memory.
 
 Plan time is the path clock: seconds of planned motion since the queue began. It
-advances by ``rate`` times the period at every SYNC sent, and stands while the rate
-is zero. A message of pieces says from which plan time on it replaces the queue:
+advances by one period at every SYNC sent, or stands. A message of pieces says from
+which plan time on it replaces the queue:
 
 ```
    plan time   |-- past --|now|-- at least 20 ms --|commit|-- may be replaced --|queue end, at rest
                                                     ^ replace_from_s >= commit
 ```
 Every message ends in a standstill, so whatever is lost afterwards, the queue does too.
+To stop earlier, the tick leaves the plan by a stop that the message brought along
+(``StopTable``); once at rest it empties the queue, counts ``epoch`` up, and the plan begins
+anew from the motion and s at which it stands.
 """
 
 from __future__ import annotations
@@ -25,99 +28,52 @@ import os
 import pickle
 import socket
 import struct
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from controller.motions import Motion
+from controller.pieces import STANDSTILL, STILL, Law, Piece, PieceMessage, Quintic, StopTable, dwell
 from controller.state import Fault, Mode, Request
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+__all__ = [
+    "AXES",
+    "COLUMN",
+    "COMMIT_LEAD_S",
+    "PLANNER_SILENCE_S",
+    "ROW",
+    "STANDSTILL",
+    "STILL",
+    "Law",
+    "Piece",
+    "PieceInbox",
+    "PieceMessage",
+    "PieceOutbox",
+    "Quintic",
+    "Recorder",
+    "RequestInbox",
+    "SharedBlock",
+    "Snapshot",
+    "SnapshotBoard",
+    "StopTable",
+    "commit_lead_s",
+    "dwell",
+    "encode",
+    "piece_pair",
+    "request_pair",
+    "send_request",
+]
+
 AXES = 5
-STANDSTILL = -1  # motion id of a dwell: no motion, the joints stay
 COMMIT_LEAD_S = 0.020  # the commit point is at least this far ahead of the path clock ...
 COMMIT_LEAD_TICKS = 3  # ... and at least this many ticks
 PLANNER_SILENCE_S = 0.100  # longer silence while moving: hold on the path
-
-Quintic = tuple[float, float, float, float, float, float]
 
 
 def commit_lead_s(period_s: float) -> float:
     """How far ahead of the path clock the queue can no longer be changed (s)."""
     return max(COMMIT_LEAD_S, COMMIT_LEAD_TICKS * period_s)
-
-
-@dataclass(frozen=True, slots=True)
-class Law:
-    """Distance along a motion over time: s(t) = sum c_k (t - knot_i)^k between knots.
-
-    ``knots_s`` has n + 1 rising times from 0.0; ``coefficients`` n rows c0 .. c5 in
-    units of ``s`` and seconds.
-    """
-
-    knots_s: tuple[float, ...]
-    coefficients: tuple[Quintic, ...]
-
-    @property
-    def duration_s(self) -> float:
-        return self.knots_s[-1]
-
-    def at(self, t: float) -> tuple[float, float, float]:
-        """(s, ds/dt, d2s/dt2) at ``t``, clamped to the law's own time."""
-        index = 0
-        while index < len(self.coefficients) - 1 and t >= self.knots_s[index + 1]:
-            index += 1
-        c0, c1, c2, c3, c4, c5 = self.coefficients[index]
-        x = min(max(t, 0.0), self.knots_s[-1]) - self.knots_s[index]
-        return (
-            c0 + x * (c1 + x * (c2 + x * (c3 + x * (c4 + x * c5)))),
-            c1 + x * (2 * c2 + x * (3 * c3 + x * (4 * c4 + x * 5 * c5))),
-            2 * c2 + x * (6 * c3 + x * (12 * c4 + x * 20 * c5)),
-        )
-
-
-STILL = Law((0.0, 0.0), ((0.0, 0.0, 0.0, 0.0, 0.0, 0.0),))
-
-
-class Piece(NamedTuple):
-    """A stretch of one motion with its law; starts where the piece before it ends.
-
-    ``override`` is the share of F (of the rapid speed, for rapids) at which it was
-    planned; the tick slows by (wanted / planned) and never goes faster than planned.
-    """
-
-    motion_id: int  # STANDSTILL for a dwell
-    line: int  # 1-based line of the text, 0 = none
-    law: Law
-    duration_s: float
-    cutting: bool = False
-    rapid: bool = False
-    override: float = 1.0
-    stop: bool = False  # M0 after it: HOLD until RESUME
-    end: bool = False  # the program ends with it: READY
-    spindle_rev_min: float = 0.0  # signed
-    coolant: int = 0
-
-
-def dwell(seconds: float, line: int = 0, stop: bool = False, end: bool = False) -> Piece:
-    """A piece that stands still for ``seconds`` (0.0 only carries ``stop`` or ``end``)."""
-    return Piece(STANDSTILL, line, STILL, seconds, stop=stop, end=end)
-
-
-@dataclass(frozen=True, slots=True)
-class PieceMessage:
-    """Everything from ``replace_from_s`` on, to a standstill. No pieces and no motions: a keepalive."""
-
-    sequence: int  # counts up from 1
-    replace_from_s: float  # plan time
-    motions: dict[int, Motion] = field(default_factory=dict)  # those the tick has not had yet
-    pieces: tuple[Piece, ...] = ()
-
-    @property
-    def is_keepalive(self) -> bool:
-        return not self.pieces
 
 
 # ---- pieces on the wire: packets of (sequence, part, parts) + a slice of the pickle.
@@ -284,7 +240,7 @@ class Snapshot(NamedTuple):
     plan_time_s: float
     commit_s: float
     queue_end_s: float
-    rate: float
+    rate: float  # 1 on the plan, 0 standing; while stopping ds/dt over that of the plan where it was left
     override: float
     rapid_override: float
     s: float
@@ -303,9 +259,14 @@ class Snapshot(NamedTuple):
     coolant: int
     refused_request: int  # the last request that the table refused, 0 = none
     at_rest: bool
+    epoch: int  # queues given up so far
+    stopping: bool  # leaving the plan by a stop; at its end ``epoch`` counts up
+    limited_by: int  # what binds: see state.Binding
+    single_block: bool
+    optional_stop: bool
 
 
-_SNAPSHOT = struct.Struct("<q3i7d4i5d5d5iid2Idii?")
+_SNAPSHOT = struct.Struct("<q3i7d4i5d5d5iid2Idii?I?i??")
 _COUNTER = struct.Struct("<Q")
 _SLOT = (_SNAPSHOT.size + 7) // 8 * 8
 
@@ -362,6 +323,7 @@ ROW: tuple[str, ...] = (
     "lateness_s",
     "sync_sent",
     "accepted",
+    "limited_by",
 )
 COLUMN = {name: i for i, name in enumerate(ROW)}
 _ROW = struct.Struct(f"<{len(ROW)}d")

@@ -23,6 +23,7 @@ selects cyclic position again, and asks for ENABLE.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -53,9 +54,11 @@ class Request(IntEnum):
     HOME = 9  # value: bit mask of the axes, bit i = i-th [[axis]]
     RESET = 10
     ESTOP = 11
+    SINGLE_BLOCK = 12  # value: 1 = stop at the end of each block, 0 = run through
+    OPTIONAL_STOP = 13  # value: 1 = M1 stops, 0 = it does not
 
 
-# (mode, request) -> mode that follows at once. OVERRIDE and RAPID_OVERRIDE are allowed
+# (mode, request) -> mode that follows at once. Overrides and switches are allowed
 # in every mode and change none; ESTOP makes a fault and is allowed everywhere.
 TRANSITIONS: dict[tuple[Mode, Request], Mode] = {
     (Mode.OFF, Request.ENABLE): Mode.OFF,  # READY comes when all drives follow
@@ -83,7 +86,15 @@ PROGRESS: dict[Mode, frozenset[Mode]] = {
     Mode.HOMING: frozenset({Mode.OFF, Mode.FAULT}),
 }
 
-ALWAYS = frozenset({Request.OVERRIDE, Request.RAPID_OVERRIDE, Request.ESTOP})
+ALWAYS = frozenset(
+    {
+        Request.OVERRIDE,
+        Request.RAPID_OVERRIDE,
+        Request.ESTOP,
+        Request.SINGLE_BLOCK,
+        Request.OPTIONAL_STOP,
+    }
+)
 
 
 def follows(mode: Mode, request: Request) -> Mode | None:
@@ -91,6 +102,34 @@ def follows(mode: Mode, request: Request) -> Mode | None:
     if request in ALWAYS:
         return mode
     return TRANSITIONS.get((mode, request))
+
+
+class Binding(IntEnum):
+    """What holds the speed down at a place; the limits of axis i follow from ``AXIS`` on."""
+
+    NOTHING = 0  # a ramp, or a standstill
+    FEED = 1
+    CORNER = 2
+    TIP_ACCELERATION = 3
+    AXIS_ANGULAR_SPEED = 4
+    AXIS = 10  # + 3 * axis + 0, 1, 2: velocity, acceleration, jerk
+
+
+AXIS_KINDS = ("velocity", "acceleration", "jerk")
+_BINDINGS = ("nothing", "feed", "corner", "tip acceleration", "angular speed of the tool axis")
+
+
+def axis_binding(axis: int, order: int) -> int:
+    """The code of an axis' velocity (order 0), acceleration (1) or jerk (2)."""
+    return Binding.AXIS + 3 * axis + order
+
+
+def binding_text(code: int, axes: Sequence[str]) -> str:
+    """A code in words, for instance 'C acceleration'; ``axes`` are the names in the joints' order."""
+    if code < Binding.AXIS:
+        return _BINDINGS[code]
+    axis, order = divmod(code - Binding.AXIS, 3)
+    return f"{axes[axis]} {AXIS_KINDS[order]}"
 
 
 class Fault(IntEnum):

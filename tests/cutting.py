@@ -105,7 +105,12 @@ def largest(joints: np.ndarray, machine: Machine) -> tuple[float, float, float]:
 
 def off_the_plan(done: Cut, rows: np.ndarray | None = None) -> float:
     """Largest distance (mm) of the commanded tip from the stretch its row names, table frame."""
-    worst = 0.0
+    return off_the_path(done, rows)[0]
+
+
+def off_the_path(done: Cut, rows: np.ndarray | None = None) -> tuple[float, float]:
+    """Largest distance of the commanded tip (mm) and axis (degrees) from the stretch its row names."""
+    far = turned = 0.0
     joints, ids, s = done.joints, done.column("motion_id"), done.column("s")
     length = max((tool.length_mm for tool in done.machine.tools), default=0.0)
     for i in range(len(joints)) if rows is None else rows:
@@ -116,7 +121,8 @@ def off_the_plan(done: Cut, rows: np.ndarray | None = None) -> float:
         near = (float(joints[i, a]), float(joints[i, b]))
         wanted = stretch.motion.joints(float(s[i]), near, done.kinematics)
         assert wanted is not None
-        tip = done.kinematics.forward(tuple(map(float, joints[i])), length).tip
-        there = done.kinematics.forward(wanted, length).tip
-        worst = max(worst, float(np.linalg.norm(np.subtract(tip, there))))
-    return worst
+        here = done.kinematics.forward(tuple(map(float, joints[i])), length)
+        there = done.kinematics.forward(wanted, length)
+        far = max(far, float(np.linalg.norm(np.subtract(here.tip, there.tip))))
+        turned = max(turned, float(np.degrees(np.linalg.norm(np.subtract(here.axis, there.axis)))))
+    return far, turned

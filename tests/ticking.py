@@ -23,6 +23,7 @@ from controller.handoff import (
     RequestInbox,
     Snapshot,
     SnapshotBoard,
+    StopTable,
     piece_pair,
     request_pair,
     send_request,
@@ -30,11 +31,14 @@ from controller.handoff import (
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.motions import JointMove, Motion, SurfaceCut
+from controller.plan.law import straight as closed_form
 from controller.state import Mode, Request
 from controller.tick.cycle import Cycle
 from controller.tick.loop import Loop, SteppedClock
 from drives.cia402 import State, Wanted
 from drives.drive import DriveFault
+
+Stops = Callable[[Piece, float, float], StopTable]  # of a piece that begins at a plan time; period
 
 
 class FakeDrive:
@@ -164,10 +168,23 @@ class Bench:
     def ask(self, request: Request, value: float = 0.0) -> None:
         send_request(self.requests, request, value)
 
-    def send(self, pieces: Sequence[Piece], motions: dict[int, Motion], at_s: float | None = None) -> None:
+    def send(
+        self,
+        pieces: Sequence[Piece],
+        motions: dict[int, Motion],
+        at_s: float | None = None,
+        stops: Stops | None = None,
+        epoch: int | None = None,
+    ) -> None:
+        """A message for the queue's end, or for ``at_s``; with ``stops`` out of its first piece."""
         self.sequence += 1
-        start = self.cycle.follow.queue_end_s if at_s is None else at_s
-        assert self.outbox.send(PieceMessage(self.sequence, start, motions, tuple(pieces)))
+        follow = self.cycle.follow
+        start = follow.queue_end_s if at_s is None else at_s
+        tables = () if stops is None else (stops(pieces[0], start, self.machine.period_s),)
+        message = PieceMessage(
+            self.sequence, start, motions, tuple(pieces), tables, follow.epoch if epoch is None else epoch
+        )
+        assert self.outbox.send(message)
 
     def tick(self, count: int = 1) -> None:
         for _ in range(count):
@@ -269,3 +286,45 @@ def part_tip(cut: SurfaceCut, joints: Joints, kinematics: Kinematics) -> tuple[f
     pose = kinematics.forward(joints, cut.length_mm)
     tip: tuple[float, float, float] = Frame.from_parent(cut.part, pose.tip)
     return tip
+
+
+def gentle_stop(v: float, a: float, acceleration: float, jerk: float, T: float) -> list[float]:
+    """Jerks, one a tick, that bring (v, a) to rest: the least squares over ticks enough."""
+    n = 2
+    while n < 5000:
+        left = n - np.arange(n) - 0.5
+        # The jerks are even + slope (left - mean): their sums must take a and v away.
+        even, mean = -a / (n * T), left.mean()
+        slope = ((-v - n * T * a) / T**2 - even * left.sum()) / max(((left - mean) ** 2).sum(), 0.5)
+        jerks = even + slope * (left - mean)
+        if np.abs(jerks).max() <= jerk and np.abs(a + T * np.cumsum(jerks)).max() <= acceleration:
+            return [float(x) for x in jerks]
+        n += 1 + n // 16
+    raise AssertionError("no stop")
+
+
+def stops(acceleration: float, jerk: float) -> Stops:
+    """Stops out of a piece every second tick; none where it ends sooner by itself."""
+
+    def table(piece: Piece, start_s: float, T: float) -> StopTable:
+        rows = []
+        for i in range(int(piece.duration_s / (2.0 * T))):
+            s, v, a = piece.law.at(2 * i * T)
+            row = gentle_stop(v, a, acceleration, jerk, T) if v > 1e-6 else []
+            place, speed, slope = s, v, a
+            for j in row:
+                place += T * (speed + T * (slope / 2.0 + T * j / 6.0))
+                speed, slope = speed + T * (slope + T * j / 2.0), slope + T * j
+            rows.append(row if place < piece.law.at(piece.duration_s)[0] else [])
+        return StopTable.of(start_s, 2.0 * T, T, rows)
+
+    return table
+
+
+def rest_of(piece: Piece, s: float, speed: float, acceleration: float, jerk: float) -> Piece:
+    """The piece's motion from rest at ``s`` to where the piece ends."""
+    end = piece.law.at(piece.duration_s)[0]
+    law = closed_form(end - s, speed, acceleration, jerk)
+    rows = tuple((row[0] + s, *row[1:]) for row in law.coefficients)
+    law = Law(law.knots_s, rows)
+    return piece._replace(law=law, duration_s=law.duration_s)

@@ -1,251 +1,263 @@
-"""Keeps the tick's queue full: takes the traced path run by run, plans it, sends it.
+"""Keeps the tick's queue full: walks along the path, plans it window by window, sends it.
 
-Every message is one chain or pause, complete to a standstill. Normally it is appended at
-the queue's end. When the override is raised above what the running piece was planned
-for, the rest of its run is planned again at the higher feed and replaces the queue from
-a place ahead of the commit point on; lowering needs no plan, the tick's path clock does it.
-So the queue always ends at rest and an interrupted planner leaves nothing half said.
-What is planned depends on the path and the overrides alone, never on the clock; the
-clock only decides when.
+A window is a part of a course with a law that ends at rest. Where the course goes on, the
+end of the window is not meant to be reached: from its seam on the next window replaces it.
+
+```
+    speed  ____________________
+          /          :         \\        the first window ...
+         /           :____________________
+                     :                    \\      ... and the next one, from the seam on
+                    seam
+```
+So the queue always ends at rest, and an interrupted planner leaves nothing half said.
+What the operator changes (overrides, single block) is planned from a place a little
+ahead of the commit point on, out of the motion that is there. After a stop the tick
+stands with an empty queue and another ``epoch``, and the path is planned from there.
+
+What is planned depends on the path, the operator and the tick's plan time alone, never on a clock.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import NamedTuple
 
-from controller.handoff import STILL, Law, Piece, PieceMessage, Snapshot, dwell
+from controller.handoff import PieceMessage, Snapshot
 from controller.kinematics import Kinematics
 from controller.machine import Machine
-from controller.plan import profile
-from controller.plan.path import Chain, Path, Pause, Stretch
-from controller.plan.program import Act
+from controller.plan.path import Chain, Pause, Stretch
+from controller.plan.program import ProgramError
+from controller.plan.track import Track
+from controller.plan.window import Orders, Place, Sent, Windows
+from controller.state import Mode
 
-AHEAD_S = 4.0  # of motion that is planned before the tick needs it
-REPLAN_AHEAD_S = 1.0  # beyond the commit point: the time that planning again may take
-REPLAN_MOST_S = 8.0  # after refusals by a tick that was quicker
-SAME = 1e-9
-
-
-@dataclass(frozen=True, slots=True)
-class _Sent:
-    """A run that the tick has: where it stands in the path and in plan time."""
-
-    item: int
-    run: profile.Run
-    laws: list[Law]
-    first: int  # index of the first stretch that the laws are of
-    start_s: float
-    override: float
-
-    @property
-    def end_s(self) -> float:
-        return self.start_s + sum(law.duration_s for law in self.laws)
+AHEAD_S = 2.5  # of motion that is not to be replaced, before the tick needs it
+BUNDLE_S = 0.5  # short runs and pauses go together, up to this
+REPLAN_LEAD_S = 0.05  # ahead of the commit point, where planning takes no time ...
+MOST_LEAD_S = 2.0
+RETRY_S = 0.1  # where there is no way on from a state of motion, one this much later is tried ...
+PATIENCE_S = 0.05  # ... after so much plan time
+SAME_S = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
-class _Asked:
-    """A replacement that the tick has not answered yet, and what holds if it refuses."""
+class _Held(NamedTuple):
+    """What holds until the tick has answered a message, and again if it refuses it."""
 
     sequence: int
-    sent: list[_Sent]
-    following: int
+    sent: list[Sent]
+    next: Place
     queue_end_s: float
+    moving: bool  # the message began in motion: a refusal means that it came too late
 
 
 class Planner:
     """Plans one path; ``send`` hands a message to the tick and says whether it went out."""
 
     def __init__(
-        self, machine: Machine, kinematics: Kinematics, send: Callable[[PieceMessage], bool]
+        self,
+        machine: Machine,
+        kinematics: Kinematics,
+        send: Callable[[PieceMessage], bool],
+        remember: bool = False,
+        clock: Callable[[], float] | None = None,
     ) -> None:
+        """``remember`` keeps all motions for traces; ``clock`` measures how long planning takes."""
         self._machine, self._kinematics, self._send = machine, kinematics, send
+        self._remember, self._clock = remember, clock
+        self._windows = Windows(machine, kinematics)
         self._sequence = 0
-        self._items: tuple[Chain | Pause, ...] = ()
-        self._following = 0  # index of the item that is planned next
+        self._epoch = 0
+        self._track = Track((), machine, kinematics)
+        self._next = Place(0, 0.0)  # where the path goes on after what was sent
         self._queue_end_s = 0.0
         self._dropped = False
-        self._sent: list[_Sent] = []
-        self._asked: _Asked | None = None
-        self._replan_ahead_s = REPLAN_AHEAD_S
-        self._motion_ids: dict[int, int] = {}  # id() of a stretch -> motion id
+        self._sent: list[Sent] = []
+        self._held: _Held | None = None
+        self._lead_s = REPLAN_LEAD_S
+        self._retry_s = -math.inf  # plan time of the next state of motion that may be tried ...
+        self._wait_s = -math.inf  # ... when the tick has come to this one
         self.stretches: dict[int, Stretch] = {}  # by motion id, in the order of the path
+
+    # --- what is to be planned
+
+    def load(self, items: Iterable[Chain | Pause], queue_end_s: float, epoch: int = 0) -> None:
+        """Take a path; the first message goes out with the next ``work``."""
+        self._begin(Track(items, self._machine, self._kinematics), Place(0, 0.0), queue_end_s, epoch)
+        self._dropped = False
+        self.stretches.clear()
+
+    def drop(self) -> None:
+        """Forget what has not been sent: the operator stopped the program."""
+        nothing = Track((), self._machine, self._kinematics)
+        self._begin(nothing, Place(0, 0.0), self._queue_end_s, self._epoch)
+        self._dropped = True
+
+    def _begin(self, track: Track, place: Place, queue_end_s: float, epoch: int) -> None:
+        self._track, self._next, self._queue_end_s, self._epoch = track, place, queue_end_s, epoch
+        self._sent.clear()
+        self._held, self._retry_s, self._wait_s = None, -math.inf, -math.inf
 
     @property
     def finished(self) -> bool:
         """Everything of the path has been sent."""
-        return self._following >= len(self._items)
+        going_on = bool(self._sent) and self._sent[-1].seam_s is not None
+        return not going_on and self._track.at(self._next.unit) is None
 
     @property
     def finished_path(self) -> bool:
-        """Everything has been sent, and not because the rest was dropped."""
-        return self.finished and not self._dropped
+        """Everything has been sent, and not because the rest was dropped or refused."""
+        return self.finished and not self._dropped and self._track.error is None
 
-    def load(self, path: Path, queue_end_s: float) -> None:
-        """Take a path; the first message goes out with the next ``work``."""
-        self._items, self._following = path.items, 0
-        self._dropped, self._asked = False, None
-        self._sent.clear()
-        self._queue_end_s = queue_end_s
-        self._motion_ids.clear()
-        self.stretches.clear()
-        for item in path.items:
-            for stretch in item.stretches if isinstance(item, Chain) else ():
-                self._motion_ids[id(stretch)] = len(self.stretches)
-                self.stretches[len(self.stretches)] = stretch
+    @property
+    def error(self) -> ProgramError | None:
+        """What ended the path before its end; the queue still ends at rest, on the path."""
+        return self._track.error
 
-    def drop(self) -> None:
-        """Forget what has not been sent: the operator stopped the program."""
-        self._items, self._following = (), 0
-        self._dropped, self._asked = True, None
-        self._sent.clear()
+    # --- one turn
 
-    def work(self, now: Snapshot) -> None:
-        """Send what the queue lacks; at most one item or one replacement a call."""
-        if self._asked is not None and not self._answered(self._asked, now):
-            return
-        self._sent = [sent for sent in self._sent if sent.end_s > now.plan_time_s]
-        if self._replace(now):
-            return
-        if not self.finished and self._queue_end_s - now.plan_time_s < AHEAD_S:
-            self._append(self._following, _planned_for(now))
-            self._following += 1
+    def work(self, now: Snapshot) -> bool:
+        """Send what the queue lacks, at most one message a call; True if one went out."""
+        if self._held is not None and not self._answered(self._held, now):
+            return False
+        if now.stopping:
+            return False
+        if now.epoch != self._epoch:
+            self._restart(now)
+        self._forget(now)
+        orders = Orders(now.override, min(now.rapid_override, 1.0), now.single_block)
+        began_s = self._clock() if self._clock else 0.0
+        tries = now.plan_time_s >= self._wait_s
+        sent = (tries and self._replan(now, orders)) or self._further(now, orders, tries)
+        if sent and self._clock:
+            took_s = self._clock() - began_s
+            self._lead_s = min(max(REPLAN_LEAD_S, 1.5 * took_s, 0.8 * self._lead_s), MOST_LEAD_S)
+        return sent
 
     def keepalive(self) -> None:
         """Tell the tick that the planner lives."""
-        self._tell(self._queue_end_s, ())
+        self._send(PieceMessage(self._sequence, self._queue_end_s))
+
+    def _answered(self, held: _Held, now: Snapshot) -> bool:
+        """Whether the tick has taken or refused the last message; a refusal puts back what was."""
+        if now.accepted < held.sequence and now.rejected < held.sequence:
+            return False
+        self._held = None
+        if now.accepted < held.sequence:
+            self._sent, self._next, self._queue_end_s = held.sent, held.next, held.queue_end_s
+            if held.moving:
+                self._lead_s = min(2.0 * self._lead_s, MOST_LEAD_S)
+        return True
+
+    def _restart(self, now: Snapshot) -> None:
+        """The tick gave the queue up. In the middle of a program it goes on from where it stands."""
+        number = self._track.number_of(now.motion_id)
+        if now.mode not in (Mode.HOLD, Mode.RUNNING) or number is None:
+            self.drop()
+            self._epoch, self._queue_end_s = now.epoch, now.queue_end_s
+        else:
+            self._begin(self._track, Place(number, now.s), now.queue_end_s, now.epoch)
+
+    def _forget(self, now: Snapshot) -> None:
+        while len(self._sent) > 1 and self._sent[0].end_s < now.plan_time_s - SAME_S:
+            del self._sent[0]
+        self._track.forget(self._sent[0].first if self._sent else self._next.unit)
+
+    def _earliest(self, now: Snapshot) -> float:
+        """The first tick from which on the queue may still be changed when the message has come."""
+        if now.commit_s <= now.plan_time_s + SAME_S:
+            return now.plan_time_s
+        period_s = self._machine.period_s
+        ahead = math.ceil((now.commit_s - now.plan_time_s + self._lead_s) / period_s - 1e-6)
+        return now.plan_time_s + ahead * period_s
 
     # --- appending
 
-    def _append(self, item: int, override: float) -> None:
-        begin_s = self._queue_end_s
-        self._tell(begin_s, self._pieces_of(item, override))
+    def _further(self, now: Snapshot, orders: Orders, tries: bool) -> bool:
+        """The next window at a seam, or what comes after the queue's end."""
+        last = self._sent[-1] if self._sent else None
+        if last is not None and last.seam_s is not None:
+            if last.seam_s - now.plan_time_s > AHEAD_S:
+                return False
+            from_s = max(last.seam_s, self._earliest(now), self._retry_s)
+            if from_s < last.end_s:
+                return tries and self._from_motion(now, len(self._sent) - 1, from_s, orders)
+        if self._queue_end_s - now.plan_time_s > AHEAD_S:
+            return False
+        return self._append(orders)
 
-    def _pieces_of(self, index: int, override: float) -> list[Piece]:
-        """Plan one item from rest to rest, at the queue's end."""
-        item = self._items[index]
-        last = index == len(self._items) - 1
-        if isinstance(item, Pause):
-            rest = dwell(item.seconds, item.place.line, stop=item.act is Act.STOP, end=last)
-            modal = item.modal
-            return self._queued([rest._replace(spindle_rev_min=modal.spindle_rev_min, coolant=modal.coolant)])
-        pieces: list[Piece] = []
-        for run in profile.runs(item, self._machine, self._kinematics, override):
-            laws = profile.plan_run(run, self._machine, self._kinematics, override)
-            pieces += self._add(_Sent(index, run, laws, 0, self._queue_end_s, override))
-        return pieces + self._end(last)
+    def _append(self, orders: Orders) -> bool:
+        """Runs and pauses from rest, at the queue's end."""
+        held, added = self._hold(False), list[Sent]()
+        start_s = self._queue_end_s
+        while self._queue_end_s - start_s < (BUNDLE_S if held.sent else SAME_S) or not added:
+            made = self._windows.from_rest(
+                self._track, self._next, self._queue_end_s, orders, soon=not held.sent
+            )
+            if made is None:
+                break
+            self._note(made, added)
+            if made.seam_s is not None:
+                break
+        return self._tell(held, start_s, added, known=None)
 
-    def _add(self, sent: _Sent) -> list[Piece]:
-        """Pieces of a planned run, noted as sent."""
-        self._sent.append(sent)
-        return self._queued(
-            [
-                self._piece(stretch, law, sent.override)
-                for stretch, law in zip(sent.run[sent.first :], sent.laws, strict=True)
-            ]
-        )
-
-    def _piece(self, stretch: Stretch, law: Law, override: float) -> Piece:
-        rapid = stretch.feed_mm_s is None
-        return Piece(
-            self._motion_ids[id(stretch)],
-            stretch.place.line,
-            law,
-            law.duration_s,
-            cutting=stretch.cutting,
-            rapid=rapid,
-            override=1.0 if rapid else override,
-        )
-
-    def _end(self, last: bool) -> list[Piece]:
-        return [Piece(-1, 0, STILL, 0.0, end=True)] if last else []
-
-    def _queued(self, pieces: list[Piece]) -> list[Piece]:
-        self._queue_end_s += sum(piece.duration_s for piece in pieces)
-        return pieces
-
-    def _tell(self, from_s: float, pieces: Sequence[Piece]) -> None:
-        self._sequence += 1
-        motions = {p.motion_id: self.stretches[p.motion_id].motion for p in pieces if p.motion_id >= 0}
-        self._send(PieceMessage(self._sequence, from_s, motions, tuple(pieces)))
+    def _note(self, made: Sent, added: list[Sent]) -> None:
+        added.append(made)
+        self._sent.append(made)
+        self._next, self._queue_end_s = made.after, made.end_s
 
     # --- replacing
 
-    def _answered(self, asked: _Asked, now: Snapshot) -> bool:
-        """Whether the tick has taken or refused a replacement; a refusal puts back what was."""
-        if now.accepted >= asked.sequence:
-            self._asked, self._replan_ahead_s = None, REPLAN_AHEAD_S
-            return True
-        if now.rejected >= asked.sequence:
-            self._sent, self._following, self._queue_end_s = asked.sent, asked.following, asked.queue_end_s
-            self._asked = None
-            self._replan_ahead_s = min(2.0 * self._replan_ahead_s, REPLAN_MOST_S)
-            return True
+    def _replan(self, now: Snapshot, orders: Orders) -> bool:
+        """Plan again, from a little ahead on, what was planned for other orders; True if it was."""
+        from_s = max(self._earliest(now), self._retry_s)
+        for i, sent in enumerate(self._sent):
+            if sent.end_s > from_s + SAME_S and sent.is_other(orders):
+                if sent.is_blocked(orders):
+                    return False  # the tick stops there by itself, and then it is planned anew
+                return self._from_motion(now, i, max(from_s, sent.start_s), orders, soon=True)
         return False
 
-    def _replace(self, now: Snapshot) -> bool:
-        """Plan again from where the override lies above what was planned; True if a message went out."""
-        override = _planned_for(now)
-        from_s = now.commit_s + self._replan_ahead_s
-        behind = [s for s in self._sent if s.end_s > from_s and _has_feed(s.run)]
-        slow = [s for s in behind if s.override < override - SAME]
-        if not slow:
+    def _from_motion(
+        self, now: Snapshot, index: int, from_s: float, orders: Orders, soon: bool = False
+    ) -> bool:
+        """The rest of a window from ``from_s`` on, out of the motion that it has there."""
+        sent = self._sent[index]
+        made = self._windows.from_motion(self._track, sent, from_s, orders, soon)
+        if made is None:
+            self._retry_s, self._wait_s = from_s + RETRY_S, now.plan_time_s + PATIENCE_S
             return False
-        before = _Asked(self._sequence + 1, list(self._sent), self._following, self._queue_end_s)
-        first = slow[0]
-        pieces, start_s = self._again(first, max(from_s, first.start_s), override)
-        if not pieces:
-            self._sent, self._following, self._queue_end_s = before.sent, before.following, before.queue_end_s
-            # Nothing faster from there: do not try again before the next run.
-            self._sent = [_with(s, override) if s is first else s for s in self._sent]
+        held = self._hold(True)
+        self._sent = [*self._sent[:index], replace(sent, end_s=from_s, seam_s=None)]
+        if from_s <= sent.start_s + SAME_S:
+            del self._sent[-1]
+        added: list[Sent] = []
+        self._note(made, added)
+        return self._tell(held, from_s, added, known=sent.motion_at(from_s))
+
+    # --- sending
+
+    def _hold(self, moving: bool) -> _Held:
+        return _Held(self._sequence + 1, list(self._sent), self._next, self._queue_end_s, moving)
+
+    def _tell(self, held: _Held, from_s: float, added: list[Sent], known: int | None) -> bool:
+        """Send windows as one message; the motion ``known`` is under the tick's eyes already."""
+        if not added:
             return False
-        self._tell(start_s, pieces)
-        self._asked = before
+        self._sequence += 1
+        motions = {name: stretch for sent in added for name, stretch in sent.stretches.items()}
+        if self._remember:
+            self.stretches.update(motions)
+        message = PieceMessage(
+            self._sequence,
+            from_s,
+            {name: stretch.motion for name, stretch in motions.items() if name != known},
+            tuple(piece for sent in added for piece in sent.pieces),
+            tuple(sent.stops for sent in added if sent.stops is not None),
+            self._epoch,
+        )
+        self._held = held
+        self._send(message)
         return True
-
-    def _again(self, first: _Sent, from_s: float, override: float) -> tuple[list[Piece], float]:
-        """The rest of ``first`` from ``from_s`` on, and of its chain; later items are appended again."""
-        kept = [s for s in self._sent if s.start_s < first.start_s - SAME]
-        item = self._items[first.item]
-        assert isinstance(item, Chain)
-        after = _position(item, first.run[-1]) + 1
-        if from_s <= first.start_s + SAME:
-            self._sent, self._queue_end_s = kept, first.start_s
-            start_s = first.start_s
-            laws = profile.plan_run(first.run, self._machine, self._kinematics, override)
-            pieces = self._add(_Sent(first.item, first.run, laws, 0, start_s, override))
-        else:
-            begun = first.run[first.first :]
-            found = profile.faster(
-                begun, first.laws, from_s - first.start_s, self._machine, self._kinematics, override
-            )
-            if found is None:
-                return [], from_s
-            k, laws = found
-            start_s = from_s
-            done = _Sent(first.item, first.run, first.laws, first.first, first.start_s, override)
-            self._sent, self._queue_end_s = [*kept, done], from_s
-            pieces = self._add(_Sent(first.item, first.run, laws, first.first + k, from_s, override))
-        if rest := item.stretches[after:]:
-            for run in profile.runs(Chain(rest), self._machine, self._kinematics, override):
-                laws = profile.plan_run(run, self._machine, self._kinematics, override)
-                pieces += self._add(_Sent(first.item, run, laws, 0, self._queue_end_s, override))
-        self._following = first.item + 1
-        return pieces + self._end(first.item == len(self._items) - 1), start_s
-
-
-def _planned_for(now: Snapshot) -> float:
-    """Below 100 % the path clock slows; the plan stays at 100 %, so that coming back needs none."""
-    return max(1.0, now.override)
-
-
-def _has_feed(run: profile.Run) -> bool:
-    return any(stretch.feed_mm_s is not None for stretch in run)
-
-
-def _position(chain: Chain, stretch: Stretch) -> int:
-    return next(i for i, one in enumerate(chain.stretches) if one is stretch)
-
-
-def _with(sent: _Sent, override: float) -> _Sent:
-    return _Sent(sent.item, sent.run, sent.laws, sent.first, sent.start_s, override)

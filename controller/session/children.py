@@ -19,8 +19,12 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from controller.machine import Machine
+
+if TYPE_CHECKING:
+    from controller.plan.stored import Stored
 
 END_S = 5.0  # to stand down; then it is killed
 
@@ -42,6 +46,8 @@ class Job:
     recorder_path: str
     program: bytes = b""  # the plan's
     name: str = ""  # of the program
+    check: Stored | None = None  # of the program
+    unchecked: bool = False  # starts without one
 
 
 class Child:

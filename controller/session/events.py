@@ -16,8 +16,11 @@ REQUESTS = {
     "stop": Request.STOP,
     "override": Request.OVERRIDE,
     "rapid_override": Request.RAPID_OVERRIDE,
+    "single_block": Request.SINGLE_BLOCK,
+    "optional_stop": Request.OPTIONAL_STOP,
 }
-WITH_VALUE = ("override", "rapid_override")
+OVERRIDES = ("override", "rapid_override")
+SWITCHES = ("single_block", "optional_stop")
 
 
 class EventError(Exception):
@@ -26,7 +29,7 @@ class EventError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """``request`` reaches the tick of trace row ``tick``; ``value`` is a share (1.0 = 100 %)."""
+    """``request`` reaches the tick of trace row ``tick``; ``value`` is a share (1.0 = 100 %) or a switch."""
 
     tick: int
     request: Request
@@ -62,14 +65,19 @@ def _event(where: str, line: str) -> Event:
     request = data.get("request")
     if not isinstance(request, str) or request not in REQUESTS:
         raise EventError(f'{where}: "request" is {request!r}; allowed are {", ".join(REQUESTS)}.')
-    return Event(tick, REQUESTS[request], _share(where, request, data))
+    return Event(tick, REQUESTS[request], _value(where, request, data))
 
 
-def _share(where: str, request: str, data: dict[str, Any]) -> float:
-    if request not in WITH_VALUE:
-        return 0.0
+def _value(where: str, request: str, data: dict[str, Any]) -> float:
     value = data.get("value", "missing")
-    most = MOST_OVERRIDE * 100.0
-    if not isinstance(value, int | float) or isinstance(value, bool) or not 0.0 <= value <= most:
-        raise EventError(f'{where}: "value" is {value!r}; {request} takes 0 to {most:.0f} (percent).')
-    return float(value) / 100.0
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if request in OVERRIDES:
+        most = MOST_OVERRIDE * 100.0
+        if not number or not 0.0 <= value <= most:
+            raise EventError(f'{where}: "value" is {value!r}; {request} takes 0 to {most:.0f} (percent).')
+        return float(value) / 100.0
+    if request in SWITCHES:
+        if not number or value not in (0, 1):
+            raise EventError(f'{where}: "value" is {value!r}; {request} takes 0 (off) or 1 (on).')
+        return float(value)
+    return 0.0

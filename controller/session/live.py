@@ -23,6 +23,7 @@ from controller.handoff import (
     send_request,
 )
 from controller.machine import Bus, Machine
+from controller.plan.stored import Stored
 from controller.session import children
 from controller.session.children import Child, Job
 from controller.session.startup import SessionError
@@ -125,9 +126,12 @@ def _began(rows: Rows) -> bool:
 
 
 @contextlib.contextmanager
-def started(machine: Machine, program: bytes, name: str) -> Iterator[Live]:
+def started(
+    machine: Machine, program: bytes, name: str, check: Stored | None = None, unchecked: bool = False
+) -> Iterator[Live]:
     """A live machine that has ``program`` loaded; everything ends with the block.
 
+    Without a ``check`` the whole program is read before anything moves, unless ``unchecked``.
     Virtual buses get a hub with simulated drives each, other buses are what they are.
     Raises SessionError.
     """
@@ -143,7 +147,7 @@ def started(machine: Machine, program: bytes, name: str) -> Iterator[Live]:
         recorder = Recorder(str(folder / "recorder"))
         shared = (str(folder / "snapshot"), str(folder / "recorder"))
         to_tick = Job(machine, piece_end.fileno(), request_end.fileno(), *shared)
-        to_plan = Job(machine, plan_end.fileno(), operator.fileno(), *shared, program, name)
+        to_plan = Job(machine, plan_end.fileno(), operator.fileno(), *shared, program, name, check, unchecked)
         # The children have their own ends; ours would hide that the other one is gone.
         with plan_end, piece_end, request_end:
             tick = children.start("tick", to_tick, folder)

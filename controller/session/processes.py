@@ -13,6 +13,7 @@ import socket
 import threading
 import time
 import traceback
+from dataclasses import replace
 from pathlib import Path
 
 from controller import config
@@ -27,11 +28,10 @@ from controller.handoff import (
     send_request,
 )
 from controller.kinematics import Kinematics
-from controller.machine import Joints, Machine, five
-from controller.plan import blocks, path
+from controller.machine import Machine, five
 from controller.plan.planner import Planner
 from controller.plan.program import ProgramError
-from controller.session import children
+from controller.session import checked, children
 from controller.session.children import Job
 from controller.session.startup import SessionError, StartUp
 from controller.state import Fault, Mode, Request
@@ -132,18 +132,26 @@ def plan_main(job: Job) -> None:
     A program that cannot be run is refused before anything moves. Raises what ``EXPECTED`` lists.
     """
     plan = _Plan(job)
-    program = blocks.read(job.program, job.machine, job.name)
-    home = _home(job.machine)
-    traced = path.trace(program, job.machine, plan.kinematics, home)
+    task = checked.task(job.program, job.name, job.machine)
+    walk = checked.walk_of(task, job.check, job.unchecked)
     plan.start_up()
     now = plan.snapshot()
-    if max(abs(a - b) for a, b in zip(now.joints, home, strict=True)) > SAME_PLACE:
-        traced = path.trace(program, job.machine, plan.kinematics, five(now.joints))
-    plan.planner.load(traced, now.queue_end_s)
+    if max(abs(a - b) for a, b in zip(now.joints, task.start, strict=True)) > SAME_PLACE:
+        task = replace(task, start=five(now.joints))
+        walk = checked.walk_of(task, job.check, job.unchecked)
+    plan.planner.load(walk.items, now.queue_end_s, now.epoch)
     while not plan.alone:
-        plan.planner.work(plan.snapshot())
+        now = plan.snapshot()
+        plan.planner.work(now)
         plan.flush()
+        if plan.planner.error is not None and _stands_before_it(now, plan.planner):
+            raise plan.planner.error
         time.sleep(PLAN_TURN_S)
+
+
+def _stands_before_it(now: Snapshot, planner: Planner) -> bool:
+    """Whether a program that is refused on the way has been run up to there."""
+    return planner.finished and now.at_rest and now.plan_time_s >= now.queue_end_s
 
 
 class _Plan:
@@ -157,7 +165,7 @@ class _Plan:
         self._outbox = PieceOutbox(children.joined(job.pieces, socket.SOCK_SEQPACKET))
         self._requests = children.joined(job.requests, socket.SOCK_DGRAM)
         self._lock = threading.Lock()  # a keepalive must not come between the packets of a message
-        self.planner = Planner(job.machine, self.kinematics, self._send)
+        self.planner = Planner(job.machine, self.kinematics, self._send, clock=time.monotonic)
         threading.Thread(target=self._keep_alive, daemon=True).start()
 
     def _send(self, message: PieceMessage) -> bool:
@@ -212,8 +220,3 @@ class _Plan:
             if arrived or now.mode is Mode.FAULT or self.alone or time.monotonic() > give_up_s:
                 return now.mode, now.fault
             time.sleep(PLAN_TURN_S)
-
-
-def _home(machine: Machine) -> Joints:
-    a, b, c, d, e = (axis.homing.position for axis in machine.axes)
-    return (a, b, c, d, e)

@@ -7,14 +7,16 @@ give the same setpoints, as fast as the computer can.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from controller import config
 from controller.handoff import (
+    COLUMN,
     PieceInbox,
     PieceOutbox,
     Recorder,
@@ -26,7 +28,7 @@ from controller.handoff import (
 )
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
-from controller.plan.path import Path
+from controller.plan.path import Chain, Pause
 from controller.plan.planner import Planner
 from controller.session.events import Event
 from controller.session.startup import StartUp
@@ -39,7 +41,8 @@ from drives.group import Group
 from drives.simulated.parameters import LostSync
 from drives.simulated.rig import rig
 
-PLAN_EVERY_S = 0.032  # between two turns of the planner, in whole ticks; the tick bears 0.1 of silence
+PLAN_EVERY_S = 0.008  # between two turns of the planner, in whole ticks: an override shows soon
+IDLE_TICKS = 100  # at rest with nothing to do, while the planner has had many turns: nothing will come
 DRAIN_EVERY = 4096  # ticks between two looks at the recorder
 STANDING_WORDS = (Request.HOLD, Request.RESUME, Request.STOP)
 LONGEST_WAIT = 30_000  # ticks for enabling or homing
@@ -64,6 +67,19 @@ class Run:
     def fault_text(self) -> str:
         row = FAULTS[self.fault]
         return "" if self.fault is Fault.NONE else f"{row.text} {row.remedy}"
+
+
+def _end_of_program(rows: Rows) -> int:
+    """The first of the READY rows at the end; what stands behind it is only the looking whether it stands."""
+    others = np.flatnonzero(rows[:, COLUMN["mode"]] != Mode.READY)
+    return int(others[-1]) + 1 if len(others) else 0
+
+
+class Items(Protocol):
+    """A path as a whole, or one that is read as it is walked."""
+
+    @property
+    def items(self) -> Iterable[Chain | Pause]: ...
 
 
 class SteppedMachine:
@@ -110,8 +126,9 @@ class SteppedMachine:
         self._group.start()
         self._loop = Loop(self.cycle, self.clock)
         self._offset_s = self.rig.now_s
-        self.planner = Planner(machine, self.kinematics, PieceOutbox(self._plan_end).send)
+        self.planner = Planner(machine, self.kinematics, PieceOutbox(self._plan_end).send, remember=True)
         self._rows: list[Rows] = []
+        self._idle = 0  # ticks in which nothing moved, and nothing was there that would
         self._skips_before = 0  # while coming up
 
     def _advance(self, now_s: float) -> None:
@@ -147,21 +164,26 @@ class SteppedMachine:
     # --- a program
 
     def run(
-        self, path: Path, events: Sequence[Event] = (), progress: Callable[[float], None] = lambda _: None
+        self,
+        path: Items,
+        events: Sequence[Event] = (),
+        progress: Callable[[float], None] = lambda _: None,
     ) -> Run:
-        """Run a traced path to its end, or to where the events or a fault leave it at rest."""
+        """Run a path to its end, or to where the events, a fault or a refused block leave it at rest."""
         self.recorder.drain()
         self._rows.clear()
-        self.planner.load(path, self.cycle.follow.queue_end_s)
+        follow = self.cycle.follow
+        self.planner.load(path.items, follow.queue_end_s, follow.epoch)
         self._plan()
         self.request(Request.START)
         first, self._skips_before = self.cycle.tick + 1, self.cycle.skips
-        waiting = list(events)
+        waiting, self._idle = list(events), 0
         resumes, n = 0, 0
         plan_every = max(1, round(PLAN_EVERY_S / self.machine.period_s))
         while True:
             while waiting and waiting[0].tick <= n:
                 self._send(waiting.pop(0))
+                self._idle = 0
             if n % plan_every == 0:
                 self._plan()
             self.tick()
@@ -169,7 +191,7 @@ class SteppedMachine:
             if n % DRAIN_EVERY == 0:
                 self._rows.append(self.recorder.drain())
                 progress(n * self.machine.period_s)
-            if not self._stands(waiting):
+            if not self._stands(waiting) and not self._at_program_stop(events, n):
                 continue
             if self.cycle.modes.mode is Mode.HOLD:
                 asked = self._was_asked(events, n)
@@ -185,10 +207,17 @@ class SteppedMachine:
         """Whether nothing moves any more, or will before a request comes."""
         modes, follow = self.cycle.modes, self.cycle.follow
         if modes.mode is not Mode.RUNNING:
-            return follow.at_rest and modes.mode is not Mode.STOPPING  # READY comes with the next tick
-        # With an override of 0 the path clock itself stands, and only a request can move it.
-        stopped = follow.rate == 0.0 == follow.target(True, modes.override, modes.rapid_override)
-        return stopped and follow.at_rest and not waiting
+            # READY comes a tick after the standstill.
+            return follow.at_rest and not follow.stopping and modes.mode is not Mode.STOPPING
+        # An override of 0, or a program that was refused on the way: only a request can change that.
+        goes = follow.pending and follow.goes(True, modes.override, modes.rapid_override)
+        self._idle = 0 if goes or follow.stopping or not follow.at_rest else self._idle + 1
+        return self._idle > IDLE_TICKS and not waiting
+
+    def _at_program_stop(self, events: Sequence[Event], n: int) -> bool:
+        """At M0 the plan itself is at rest: a resume that is assumed costs no time."""
+        held = self.cycle.modes.mode is Mode.HOLD and not self.cycle.follow.stopping
+        return held and not self._was_asked(events, n)
 
     def _goes_on(self, waiting: Sequence[Event], asked: bool) -> bool:
         """Whether the operator will still end this hold; of a program stop, by the next word at all."""
@@ -221,8 +250,11 @@ class SteppedMachine:
         else:
             stopped = any(e.request is Request.STOP and e.tick < n for e in events)
             result = "stopped" if stopped and not self.planner.finished_path else "completed"
+        rows = np.concatenate(self._rows)
+        if result == "completed":
+            rows = rows[: _end_of_program(rows) + 1]
         return Run(
-            np.concatenate(self._rows),
+            rows,
             result,
             modes.fault,
             modes.fault_axis,

@@ -177,7 +177,8 @@ class Cycle:
             self._encoder.encode(self.follow.joints)
             return
         modes, follow = self.modes, self.follow
-        step = follow.step(follow.target(modes.running, modes.override, modes.rapid_override))
+        follow.single_block, follow.optional_stop = modes.single_block, modes.optional_stop
+        step = follow.step(follow.goes(modes.running, modes.override, modes.rapid_override))
         fault, axis = self._judge(step)
         if fault is not Fault.NONE:
             self._refuse(fault, axis, step)
@@ -197,11 +198,11 @@ class Cycle:
         return fault, axis
 
     def _refuse(self, fault: Fault, axis: int, step: Step) -> None:
-        """Slow down on the path instead; if even that cannot be sent, the drives stop by themselves."""
+        """Stop on the path instead; if even that cannot be sent, the drives stop by themselves."""
         self.modes.fail(fault, axis)
         if step is not Step.LOST:
             self.follow.revert()
-        again = self.follow.step(0.0)
+        again = self.follow.step(False)
         if self._judge(again)[0] is not Fault.NONE:
             if again is not Step.LOST:
                 self.follow.revert()
@@ -238,7 +239,7 @@ class Cycle:
             modes.rapid_override,
             follow.s,
             piece.motion_id if piece else STANDSTILL,
-            piece.line if piece else 0,
+            follow.line,
             piece.cutting if piece else False,
             modes.homed,
             *follow.joints,
@@ -252,6 +253,11 @@ class Cycle:
             piece.coolant if piece else 0,
             modes.refused,
             follow.at_rest,
+            follow.epoch,
+            follow.stopping,
+            follow.limited_by,
+            modes.single_block,
+            modes.optional_stop,
         )
 
     def _record(self, lateness_s: float, sent: bool) -> None:
@@ -262,7 +268,7 @@ class Cycle:
             modes.mode,
             modes.fault,
             piece.motion_id if piece else STANDSTILL,
-            piece.line if piece else 0,
+            follow.line,
             piece.cutting if piece else False,
             follow.tau,
             follow.s,
@@ -274,4 +280,5 @@ class Cycle:
             lateness_s,
             sent,
             self._accepted_now,
+            follow.limited_by,
         )

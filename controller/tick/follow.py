@@ -1,8 +1,15 @@
 """Following the plan: the queue of pieces, the path clock, and the joints of the next tick.
 
 The clock counts SYNCs sent, never time: ``step`` is called once for each SYNC and moves
-plan time by rate x period. A skipped tick therefore never doubles a step, and the same
-events give the same setpoints bit for bit.
+plan time by one period, or not at all. A skipped tick therefore never doubles a step, and
+the same events give the same setpoints bit for bit.
+
+```
+   on the plan --- not to go on, a stop begins here ---> stopping ---> at rest, queue empty, epoch + 1
+        |                                                                     |
+        +--- not to go on, the plan itself rests here ---> standing           +--- new pieces ---> on the plan
+```
+Where no stop begins, the plan is followed: to the next one, or to the queue's end, which is at rest.
 """
 
 from __future__ import annotations
@@ -13,59 +20,22 @@ from controller.handoff import STANDSTILL, Piece, PieceMessage, commit_lead_s
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.motions import Motion, Rotaries
-from controller.tick.slew import LEAST_STEP, Slew
+from controller.tick.queue import SAME_TIME_S, Brake, Entry, Stops
 
-SAME_TIME_S = 1e-9  # plan and tick sum up the same durations; this much is rounding
 SAME_PLACE = 1e-6  # mm or rad: a queue that begins elsewhere by more (and by a count) is refused
-COAST_TICKS = 4.0  # this close to a standstill of the plan, a hold runs into it ...
-COAST_STEADY_TICKS = 12.0  # ... and this close if the rate has not begun to fall
-REST_SPEED = 1e-6  # mm/s or deg/s of the law: at rest
 
 
 class Step(IntEnum):
     """What came of one step."""
 
     MOVED = 0
-    STOP = 1  # reached a program stop (M0)
+    STOP = 1  # reached a program stop (M0), or one that the operator's switches ask for
     END = 2  # reached the end of the program
     LOST = 3  # the rotaries cannot reach the next tool axis; nothing has changed
 
 
-class Entry:
-    """One piece in the queue, with its place in plan time."""
-
-    __slots__ = ("coefficients", "end_s", "index", "knots", "last", "motion", "piece", "start_s")
-
-    def __init__(self, piece: Piece, motion: Motion | None, start_s: float) -> None:
-        self.piece = piece
-        self.motion = motion
-        self.start_s = start_s
-        self.end_s = start_s + piece.duration_s
-        self.knots = piece.law.knots_s
-        self.coefficients = piece.law.coefficients
-        self.last = len(self.coefficients) - 1
-        self.index = 0  # polynomial of the last look-up: the next is this or a neighbour
-
-    def at(self, tau: float) -> tuple[float, float]:
-        """(s, ds/dtau) at plan time ``tau``, clamped to the law."""
-        t, knots, i = tau - self.start_s, self.knots, self.index
-        if t > knots[-1]:
-            t = knots[-1]
-        elif t < 0.0:
-            t = 0.0
-        while i < self.last and t >= knots[i + 1]:
-            i += 1
-        while i > 0 and t < knots[i]:
-            i -= 1
-        self.index = i
-        x = t - knots[i]
-        c0, c1, c2, c3, c4, c5 = self.coefficients[i]
-        s = c0 + x * (c1 + x * (c2 + x * (c3 + x * (c4 + x * c5))))
-        return s, c1 + x * (2.0 * c2 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))
-
-
 class Follow:
-    """The queue and the clock. Read: ``tau``, ``rate``, ``joints``, ``s``, ``piece``, ``feed``."""
+    """The queue and the clock. Read: ``tau``, ``rate``, ``joints``, ``s``, ``piece``, ``feed``, ``epoch``."""
 
     def __init__(self, machine: Machine, kinematics: Kinematics) -> None:
         self._period_s = machine.period_s
@@ -75,27 +45,32 @@ class Follow:
         self._same = tuple(max(SAME_PLACE, 1.0 / abs(a.counts_per_unit)) for a in machine.axes)
         self._motions: dict[int, Motion] = {}
         self._queue: list[Entry] = []
+        self._stops = Stops()
+        self._brake = Brake(machine.period_s)
         self._now = 0  # index in the queue of the entry under the clock
-        self._rest_s = -1.0  # the plan's next standstill, while the clock is being stopped
-        self._horizon_s = 0.0  # the clock goes no further: a program stop, or the queue's end
-        self._slew = Slew([a.limits for a in machine.axes], machine.period_s, self._rotary, self._evaluate)
+        self._origin_s, self._ticks = 0.0, 0  # tau is their sum: no rounding piles up
+        self._goes = False  # the clock was to run in the last step
         self._base: Joints = (0.0, 0.0, 0.0, 0.0, 0.0)  # where the queue begins
         self.joints = self._base
         self._before = (self._base, self._base)
-        self._saved = (self._base, self._before, 0.0, 0.0, 0.0, 0)
+        self._saved = (self._base, self._before, 0.0, 0, 0.0, 0, self._brake.save())
         self.tau = 0.0
         self.queue_end_s = 0.0
         self.rate = 0.0
         self.s = 0.0
         self.feed = 0.0  # ds/dt, mm/s while cutting
         self.piece: Piece | None = None
+        self.line = 0  # of the program
+        self.limited_by = 0
+        self.epoch = 0  # queues given up so far
+        self.optional_stop = self.single_block = False  # the operator's switches: which marks count
 
     # -- state
 
     @property
     def commit_s(self) -> float:
         """From here on the queue may be replaced (plan time, s)."""
-        return min(self.queue_end_s, self.tau + self._lead_s)
+        return min(self.queue_end_s, self.tau + self._lead_s) if self._goes else self.tau
 
     @property
     def at_rest(self) -> bool:
@@ -112,6 +87,11 @@ class Follow:
         """Whether planned motion lies ahead of the clock."""
         return self.tau < self.queue_end_s
 
+    @property
+    def stopping(self) -> bool:
+        """Whether the plan has been left and rest is not reached, or not told yet."""
+        return self._brake.active
+
     def set_joints(self, joints: Joints) -> None:
         """Takes a position over (drives enabled, homed): no motion, no queue."""
         self.joints = joints
@@ -119,42 +99,47 @@ class Follow:
 
     def clear(self) -> None:
         """Drops the queue where the clock stands; only at standstill."""
+        if self._queue or self.piece is not None:
+            self.epoch += 1
+        self._empty()
+        self._before = (self.joints, self.joints)
+        self.piece, self.s, self.line = None, 0.0, 0
+
+    def _empty(self) -> None:
         self._queue.clear()
         self._motions.clear()
-        self._slew.forget()
-        self._slew.slope = 0.0
-        self._rest_s = -1.0
+        self._stops.clear()
+        self._brake.active = self._goes = False
         self._now = 0
         self._base = self.joints
-        self._before = (self.joints, self.joints)
-        self.queue_end_s = self._horizon_s = self.tau
-        self.rate = self.feed = self.s = 0.0
-        self.piece = None
+        self.queue_end_s = self.tau
+        self.rate = self.feed = 0.0
+        self.limited_by = 0
 
     # -- taking pieces
 
     def accept(self, message: PieceMessage) -> bool:
         """Takes a message whole, or not at all (False).
 
-        It must begin between the commit point and the queue's end, know its motions, and
-        go on where the queue is.
+        It must be made for this queue (epoch), begin between the commit point and the queue's end,
+        know its motions, and go on where the queue is.
         """
         start = message.replace_from_s
-        appended = start >= self.queue_end_s - SAME_TIME_S
+        if message.epoch != self.epoch or self._brake.active:
+            return False
         if start < self.commit_s - SAME_TIME_S or start > self.queue_end_s + SAME_TIME_S:
             return False
+        appended = start >= self.queue_end_s - SAME_TIME_S
         entries = self._entries(message, self.queue_end_s if appended else start)
-        if entries is None or not self._continues(entries[0], appended):
+        if entries is None or not self._continues(entries[0]):
             return False
         if not appended:
             self._truncate(start)
         self._queue += entries
         self.queue_end_s = entries[-1].end_s
         self._motions.update(message.motions)
-        self._slew.forget()
-        self._rest_s = -1.0
+        self._stops.add(message.stops, start, self.tau)
         self._prune()
-        self._set_horizon()
         return True
 
     def _entries(self, message: PieceMessage, start_s: float) -> list[Entry] | None:
@@ -167,12 +152,12 @@ class Follow:
             start_s = entries[-1].end_s
         return entries or None
 
-    def _continues(self, first: Entry, appended: bool) -> bool:
+    def _continues(self, first: Entry) -> bool:
         """Whether the first new piece begins where the queue is at that time."""
         if first.motion is None:
             return True
-        near = self._rotaries(self.joints)
-        if appended and not self.pending:
+        if first.start_s <= self.tau + SAME_TIME_S:
+            near = self._rotaries(self.joints)
             new = first.motion.joints(first.at(first.start_s)[0], near, self._kinematics)
             return new is not None and self._same_place(new, self.joints)
         old = self._entry_at(first.start_s)
@@ -189,12 +174,13 @@ class Follow:
     def _truncate(self, start_s: float) -> None:
         """Drops what begins at ``start_s`` or later and cuts the piece that lies across it."""
         queue = self._queue
-        while queue and queue[-1].start_s > start_s - SAME_TIME_S and len(queue) - 1 > self._now:
+        while queue and queue[-1].start_s > start_s - SAME_TIME_S:
             queue.pop()
-        if queue and queue[-1].end_s > start_s:
+        self._now = max(0, min(self._now, len(queue) - 1))
+        if queue and queue[-1].end_s > start_s + SAME_TIME_S:
             cut = queue[-1]
             cut.end_s = start_s
-            cut.piece = cut.piece._replace(stop=False, end=False)
+            cut.piece = cut.piece._replace(stop=False, optional_stop=False, block_end=False, end=False)
 
     def _prune(self) -> None:
         """Forgets entries behind the clock; a dwell keeps the motion before it, where it stands."""
@@ -212,15 +198,11 @@ class Follow:
     def _rotaries(self, q: Joints) -> Rotaries:
         return q[self._rotary[0]], q[self._rotary[1]]
 
-    def _evaluate(self, tau: float, near: Rotaries) -> Joints | None:
-        """Joints of the plan at ``tau`` (clamped to the horizon), on the branch near ``near``."""
+    def _evaluate(self, tau: float) -> Joints | None:
+        """Joints of the plan at ``tau``, on the branch of the present joints."""
         queue, i = self._queue, self._now
-        if tau > self._horizon_s:
-            tau = self._horizon_s
-        while i < len(queue) - 1 and tau >= queue[i].end_s and queue[i].end_s < self._horizon_s:
+        while i < len(queue) - 1 and tau >= queue[i].end_s - SAME_TIME_S:
             i += 1
-        while i > 0 and tau < queue[i].start_s:
-            i -= 1
         while i >= 0 and queue[i].motion is None:
             i -= 1  # a dwell stands where the motion before it ended
         if i < 0:
@@ -229,90 +211,84 @@ class Follow:
         motion = entry.motion
         if motion is None:
             return self._base
-        s, _ = entry.at(tau if tau < entry.end_s else entry.end_s)
-        return motion.joints(s, near, self._kinematics)
+        s = entry.at(tau if tau < entry.end_s else entry.end_s)[0]
+        return motion.joints(s, self._rotaries(self.joints), self._kinematics)
+
+    def _plan_rests(self) -> bool:
+        """Whether the plan stands where the clock is, so that the clock may just stand, too."""
+        return not self._queue or self._queue[self._now].rests_at(self.tau)
 
     # -- one tick
 
-    def target(self, running: bool, override: float, rapid_override: float) -> float:
-        """The rate that is wanted now: 0 on a hold, else wanted over planned override, never above 1."""
-        if not running:
-            return 0.0
-        if not self._queue:
-            return 1.0
-        piece = self._queue[self._now].piece
-        if piece.motion_id == STANDSTILL:
-            return 1.0
-        wanted = rapid_override if piece.rapid else override
-        return min(1.0, wanted / piece.override) if piece.override > 0.0 else 1.0
+    def goes(self, running: bool, override: float, rapid_override: float) -> bool:
+        """Whether the clock is to run; an override of 0 stops what it is for."""
+        piece = self._queue[self._now].piece if self._queue else self.piece
+        if not running or piece is None or piece.motion_id == STANDSTILL:
+            return running
+        return (rapid_override if piece.rapid else override) > 0.0
 
-    def step(self, target: float) -> Step:
-        """Moves the clock by one tick toward the rate ``target``; joints, s and feed are new."""
-        slope = self._slew.slope
-        self._stay_before_rest(target)
-        rate, joints = self._next(target)
-        if joints is None:
-            return Step.LOST
-        self._saved = (self.joints, self._before, self.tau, self.rate, slope, self._now)
-        self._before = (self.joints, self._before[0])
-        self.joints = joints
-        self.rate = rate
-        self.tau = min(self.tau + rate * self._period_s, self._horizon_s)
-        return self._arrive(target > 0.0)
+    def step(self, go: bool) -> Step:
+        """One tick: along the plan, along a stop, or standing; joints, s and feed are new."""
+        if self._brake.active and self._brake.over:
+            self._settle()
+        self._save()
+        self._goes = go
+        if not go and not self._brake.active and not self._plan_rests():
+            self._leave()
+        if self._brake.active:
+            return self._brake_on()
+        if (go and self._queue) or not self._plan_rests():
+            return self._run(go)
+        self._take(self.joints, 1.0 if go else 0.0)
+        self.feed = 0.0
+        return Step.MOVED
 
     def revert(self) -> None:
         """Takes the last step back: its joints must not be sent."""
-        self.joints, self._before, self.tau, self.rate, self._slew.slope, self._now = self._saved
+        self.joints, self._before, self._origin_s, self._ticks, self.rate, self._now, brake = self._saved
+        self.tau = self._origin_s + self._ticks * self._period_s
+        self._brake.restore(brake)
 
-    def _set_horizon(self) -> None:
-        """The clock does not pass the queue's end, nor a program stop before it is resumed."""
-        horizon_s = self.queue_end_s
-        for entry in self._queue[self._now :]:
-            if entry.piece.stop or entry.piece.end:
-                horizon_s = entry.end_s
-                break
-        if horizon_s != self._horizon_s:
-            self._slew.forget()
-        self._horizon_s = horizon_s
+    def _save(self) -> None:
+        clock = (self._origin_s, self._ticks)
+        self._saved = (self.joints, self._before, *clock, self.rate, self._now, self._brake.save())
 
-    def _stay_before_rest(self, target: float) -> None:
-        """A hold does not pass the next standstill of the plan: there the clock stops for nothing."""
-        if target == 0.0 and self.rate > 0.0:
-            if self._rest_s < self.tau:
-                self._rest_s = self._next_rest()
-            if self._rest_s < self._horizon_s:
-                self._slew.forget()
-                self._horizon_s = self._rest_s
-        elif self._rest_s >= 0.0:
-            self._rest_s = -1.0
-            self._set_horizon()
+    def _take(self, joints: Joints, rate: float) -> None:
+        self._before = (self.joints, self._before[0])
+        self.joints = joints
+        self.rate = rate
 
-    def _next_rest(self) -> float:
-        for entry in self._queue[self._now :]:
-            if entry.end_s >= self.tau and abs(entry.at(entry.end_s)[1]) < REST_SPEED:
-                return entry.end_s
-        return self.queue_end_s
+    # -- along the plan
 
-    def _coasts(self) -> bool:
-        """Whether the plan stands so soon that slowing it down would only disturb its own end."""
-        ticks = COAST_TICKS if abs(self._slew.slope) * self._period_s > LEAST_STEP else COAST_STEADY_TICKS
-        return self._rest_s - self.tau <= ticks * self.rate * self._period_s
+    def _run(self, go: bool) -> Step:
+        tau = self._reached(self.tau + self._period_s)
+        joints = self._evaluate(tau)
+        if joints is None:
+            return Step.LOST
+        self._take(joints, 1.0)
+        if tau < self.tau + self._period_s - SAME_TIME_S:
+            self._origin_s, self._ticks = tau, 0
+        else:
+            self._ticks += 1
+        self.tau = self._origin_s + self._ticks * self._period_s
+        return self._arrive(go)
 
-    def _next(self, target: float) -> tuple[float, Joints | None]:
-        if not self._queue or (self.rate == target == 0.0):
-            return target, self.joints
-        if self.rate == target:
-            self._slew.slope = 0.0
-            tau = self.tau + target * self._period_s
-            return target, self._evaluate(tau, self._rotaries(self.joints))
-        if target == 0.0 and self._coasts():
-            self._slew.slope = 0.0  # the plan itself is about to stand: its own end is the smoothest
-            rate = min(self.rate, 1.0 - LEAST_STEP) if self.tau < self._rest_s else 0.0
-            return rate, self._evaluate(self.tau + rate * self._period_s, self._rotaries(self.joints))
-        rate, joints = self._slew.step(self.tau, self.rate, target, (self.joints, *self._before))
-        if rate == target:
-            self._slew.forget()
-        return rate, joints
+    def _reached(self, tau: float) -> float:
+        """The clock goes to ``tau``, but not past a mark that counts, nor past the queue's end."""
+        queue, i = self._queue, self._now
+        while i < len(queue) and queue[i].end_s < tau - SAME_TIME_S:
+            if self._halts(queue[i].piece) or i == len(queue) - 1:
+                return queue[i].end_s
+            i += 1
+        return tau
+
+    def _halts(self, piece: Piece) -> bool:
+        return (
+            piece.stop
+            or piece.end
+            or (piece.optional_stop and self.optional_stop)
+            or (piece.block_end and self.single_block)
+        )
 
     def _arrive(self, wanted: bool) -> Step:
         """Moves the pointer to the entry under the clock; says which mark was passed.
@@ -323,14 +299,15 @@ class Follow:
         queue, result = self._queue, Step.MOVED
         while self._now < len(queue):
             entry = queue[self._now]
-            if self.tau < entry.end_s:
+            if self.tau < entry.end_s - SAME_TIME_S:
                 break
-            if entry.piece.stop or entry.piece.end:
+            if self._halts(entry.piece):
                 if not wanted:
                     break
                 result = Step.END if entry.piece.end else Step.STOP
-                entry.piece = entry.piece._replace(stop=False, end=False)
-                self._set_horizon()
+                entry.piece = entry.piece._replace(
+                    stop=False, optional_stop=False, block_end=False, end=False
+                )
             if result is not Step.MOVED or self._now == len(queue) - 1:
                 break
             self._now += 1
@@ -338,9 +315,51 @@ class Follow:
         return result
 
     def _describe(self) -> None:
-        if not self._queue:
-            return
         entry = self._queue[self._now]
         self.piece = entry.piece
-        self.s, speed = entry.at(self.tau)
-        self.feed = speed * self.rate if self.tau < entry.end_s else 0.0
+        self.s, speed, _ = entry.at(self.tau)
+        self.feed = speed if self.tau < entry.end_s - SAME_TIME_S else 0.0
+        self.line, self.limited_by = entry.line_at(self.s), entry.binding_at(self.tau)
+
+    # -- along a stop
+
+    def _leave(self) -> None:
+        """Leaves the plan, if a stop begins here."""
+        found = self._stops.row_at(self.tau)
+        if found is not None:
+            self._brake.begin(*found, self._queue[self._now].at(self.tau))
+
+    def _brake_on(self) -> Step:
+        brake = self._brake
+        brake.step()
+        entry = self._entry_under_stop()
+        if entry.motion is None:
+            return Step.LOST
+        joints = entry.motion.joints(brake.s, self._rotaries(self.joints), self._kinematics)
+        if joints is None:
+            self.revert()
+            return Step.LOST
+        self._take(joints, brake.v / brake.left_at if brake.left_at > 0.0 else 0.0)
+        self.piece, self.s, self.feed = entry.piece, brake.s, brake.v
+        self.line, self.limited_by = entry.line_at(brake.s), 0
+        return Step.MOVED
+
+    def _entry_under_stop(self) -> Entry:
+        """The entry in which the stop has come to; its s runs on from motion to motion, but past no rest."""
+        queue, brake = self._queue, self._brake
+        entry = queue[self._now]
+        while entry.motion is not None and brake.s > entry.motion.end:
+            i = self._now + 1
+            while i < len(queue) and queue[i].piece.motion_id == entry.piece.motion_id:
+                i += 1
+            if i == len(queue) or queue[i - 1].rests_at(queue[i - 1].end_s):
+                brake.s = entry.motion.end  # by rounding
+                break
+            brake.s -= entry.motion.end
+            self._now, entry = i, queue[i]
+        return entry
+
+    def _settle(self) -> None:
+        """At rest out of a stop: the queue is void, the plan begins anew from ``piece`` and ``s``."""
+        self.epoch += 1
+        self._empty()

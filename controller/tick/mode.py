@@ -65,6 +65,8 @@ class Modes:
         self.reaction = Reaction.NONE
         self.override = 1.0
         self.rapid_override = 1.0
+        self.single_block = False
+        self.optional_stop = False
         self.homed = 0
         self.refused = 0  # the last request that the table refused
         self.dropped = False  # the queue is void: its owner clears it and this flag
@@ -102,7 +104,17 @@ class Modes:
     def _always(self, request: Request, value: float) -> None:
         if request is Request.ESTOP:
             self.fail(Fault.EMERGENCY_STOP, -1)
-        elif not 0.0 <= value <= MOST_OVERRIDE:
+        elif request in (Request.OVERRIDE, Request.RAPID_OVERRIDE):
+            self._set_override(request, value)
+        elif value not in (0.0, 1.0):
+            self.refused = request
+        elif request is Request.SINGLE_BLOCK:
+            self.single_block = value == 1.0
+        else:
+            self.optional_stop = value == 1.0
+
+    def _set_override(self, request: Request, value: float) -> None:
+        if not 0.0 <= value <= MOST_OVERRIDE:
             self.refused = request
         elif request is Request.OVERRIDE:
             self.override = value

@@ -35,8 +35,9 @@ THERE = (100.0, 0.0, 0.0, 0.0, 0.0)
 
 def snapshot_values(tick: int) -> tuple[object, ...]:
     head = (tick, Mode.HOLD, Fault.NONE, -1, 1.5, 1.6, 9.0, 0.25, 1.0, 0.5, 12.0, 7, 42, True, 3)
+    tail = (4, True, 17, True, False)
     joints, actual, states = (1.0, 2.0, 3.0, 4.0, 5.0), (0.1,) * 5, (5,) * 5
-    return (*head, *joints, *actual, *states, 2, 1e-4, 8, 6, 1200.0, 1, Request.START, False)
+    return (*head, *joints, *actual, *states, 2, 1e-4, 8, 6, 1200.0, 1, Request.START, False, *tail)
 
 
 def test_a_law_gives_place_speed_and_acceleration_and_clamps_its_time() -> None:

@@ -119,7 +119,7 @@ def example_2() -> tuple[Machine, TracedPath, float]:
     """The machine, the path from where it homes, and the seconds that all of it takes."""
     machine = shipped()
     whole = traced(EXAMPLE_2, machine, home(machine))
-    return machine, whole, survey.survey(whole, machine, Kinematics(machine)).duration_s
+    return machine, whole, survey.survey(whole.items, machine, Kinematics(machine)).duration_s
 
 
 @pytest.mark.slow

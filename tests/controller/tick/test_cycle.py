@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from machines import machine
-from ticking import Bench, commands, excess, s_curve, straight
+from ticking import Bench, commands, excess, s_curve, stops, straight
 
 from controller.handoff import COLUMN, Law, dwell
 from controller.machine import Joints
@@ -27,7 +27,7 @@ def moving(lateness: Callable[[int], float] | None = None, ticks: int = 100, **c
     bench = Bench(machine(**changes), lateness=lateness)
     bench.enable()
     piece, move = straight(HERE, THERE, lambda n: s_curve(n, 170.0, 1900.0, 48000.0))
-    bench.send([piece, dwell(0.0, end=True)], {0: move})
+    bench.send([piece, dwell(0.0, end=True)], {0: move}, stops=stops(1900.0, 48000.0))
     bench.tick()
     bench.ask(Request.START)
     bench.tick(ticks)
@@ -201,13 +201,13 @@ def test_a_setpoint_outside_of_travel_is_not_sent() -> None:
     bench.close()
 
 
-def test_a_plan_that_asks_too_much_is_slowed_on_the_path_and_named() -> None:
+def test_a_plan_that_asks_too_much_is_stopped_on_the_path_and_named() -> None:
     bench = Bench()
     bench.enable()
     # A law with a jump of the speed at half way: no axis can do that.
-    law = Law((0.0, 0.5, 1.0), ((0, 0, 40.0, 0, 0, 0), (10.0, 200.0, -100.0, 0, 0, 0)))
+    law = Law((0.0, 0.501, 1.0), ((0, 0, 40.0, 0, 0, 0), (10.0, 200.0, -100.0, 0, 0, 0)))
     piece, move = straight(HERE, THERE, lambda _: law)
-    bench.send([piece], {0: move})
+    bench.send([piece], {0: move}, stops=stops(1900.0, 48000.0))
     bench.tick()
     bench.ask(Request.START)
     bench.until(Mode.FAULT)
@@ -277,8 +277,7 @@ def test_the_same_events_give_the_same_setpoints_bit_for_bit() -> None:
         bench.tick(60)
         bench.ask(Request.HOLD)
         bench.tick(80)
-        bench.ask(Request.RESUME)
-        bench.ask(Request.OVERRIDE, 1.0)
+        bench.ask(Request.STOP)
         bench.until(Mode.READY)
         rows: bytes = bench.rows().tobytes()
         bench.close()

@@ -1,0 +1,128 @@
+"""The path as the planner walks along it: numbered motions and pauses, read as they are needed.
+
+Of each unit it is known whether the machine rests after it, whether the program's block
+ends with it, and whether it is the last; that takes one unit of foresight. What lies
+behind can be forgotten, so the length of a program costs no memory.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+from controller.kinematics import Kinematics
+from controller.machine import Machine
+from controller.motions import ToolSpline
+from controller.plan import profile
+from controller.plan.program import ProgramError
+from controller.plan.stretch import Chain, Pause, Stretch
+
+STANDS = -1  # motion id of a pause
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A stretch, or a pause, of the path."""
+
+    what: Stretch | Pause
+    motion_id: int  # counted along the path; STANDS for a pause
+    rests: bool = True  # after it; False: it runs into the next
+    block_end: bool = True  # a block of the program ends with it
+    last: bool = True
+
+    @property
+    def line(self) -> int:
+        return self.what.place.line
+
+    @property
+    def last_line(self) -> int:
+        """The line of the program with which it ends; a spline is many lines."""
+        motion = self.what.motion if isinstance(self.what, Stretch) else None
+        return motion.line_at(motion.end) if isinstance(motion, ToolSpline) else self.line
+
+    @property
+    def lines_end(self) -> Sequence[float]:
+        """Places inside its motion where a line ends and the next begins."""
+        motion = self.what.motion if isinstance(self.what, Stretch) else None
+        return [s for s in motion.lines_s if 0.0 < s < motion.end] if isinstance(motion, ToolSpline) else ()
+
+    @property
+    def length(self) -> float:
+        return self.what.motion.end if isinstance(self.what, Stretch) else 0.0
+
+
+class Track:
+    """Units by their number along the path, from 0."""
+
+    def __init__(self, items: Iterable[Chain | Pause], machine: Machine, kinematics: Kinematics) -> None:
+        self._machine, self._kinematics = machine, kinematics
+        self._ahead = self._units(items)
+        self._kept: deque[Unit] = deque()
+        self._first = 0  # number of the first unit kept
+        self._all = False
+        self.error: ProgramError | None = None  # that ended the path before its end
+
+    def at(self, number: int) -> Unit | None:
+        """A unit that is not forgotten; None beyond the end of the path."""
+        while number >= self._first + len(self._kept) and not self._all:
+            self._read()
+        return self._kept[number - self._first] if number - self._first < len(self._kept) else None
+
+    def number_of(self, motion_id: int) -> int | None:
+        """Of the unit with that motion, if it is known."""
+        for i, unit in enumerate(self._kept):
+            if unit.motion_id == motion_id:
+                return self._first + i
+        return None
+
+    def forget(self, before: int) -> None:
+        """What lies before that number is not asked for any more."""
+        while self._kept and self._first < before:
+            self._kept.popleft()
+            self._first += 1
+
+    def _read(self) -> None:
+        """The next unit. A program that is refused on the way ends here: what was read stays sound."""
+        try:
+            unit = next(self._ahead, None)
+        except ProgramError as error:
+            self.error, unit = error, None
+        if unit is None:
+            self._all = True
+        else:
+            self._kept.append(unit)
+
+    def _units(self, items: Iterable[Chain | Pause]) -> Iterator[Unit]:
+        before: Unit | None = None
+        try:
+            for unit, joined in self._numbered(items):
+                if before is not None:
+                    yield self._before(before, unit, joined)
+                before = unit
+        except ProgramError:
+            if before is not None:  # the way ends behind it, but not the program
+                yield replace(before, last=False)
+            raise
+        if before is not None:
+            yield before
+
+    def _numbered(self, items: Iterable[Chain | Pause]) -> Iterator[tuple[Unit, bool]]:
+        """Units with whether they are joined to the one before without a rest by the path's own word."""
+        count, joined = 0, False
+        for item in items:
+            if isinstance(item, Pause):
+                yield Unit(item, STANDS), False
+                joined = False
+                continue
+            for stretch in item.stretches:
+                yield Unit(stretch, count), joined
+                count, joined = count + 1, True
+            joined = item.runs_on
+
+    def _before(self, unit: Unit, after: Unit, joined: bool) -> Unit:
+        rests = not joined
+        if isinstance(unit.what, Stretch) and isinstance(after.what, Stretch) and joined:
+            pair = (unit.what, after.what)
+            rests = len(profile.split_at_stops(pair, self._machine, self._kinematics, 1.0)) > 1
+        return replace(unit, rests=rests, block_end=unit.last_line != after.line, last=False)

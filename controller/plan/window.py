@@ -1,0 +1,371 @@
+"""Windows: the next part of a path, planned to a standstill, with pieces and stops for the tick.
+
+Out of rest, or out of the motion of the window before. How far a window reaches depends on the
+path alone: ``WINDOW_S`` of motion at the feed, or at what the velocity limits leave of it, or
+the whole course where that is little more.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.handoff import STILL, Law, Piece, StopTable, dwell
+from controller.kinematics import Kinematics
+from controller.machine import Machine
+from controller.plan import binding, profile, stops
+from controller.plan.course import Course
+from controller.plan.path import Pause, Stretch
+from controller.plan.profile import Profile, State
+from controller.plan.program import Act
+from controller.plan.track import Track, Unit
+
+FIRST_S = 2.5  # of motion in a window that must be ready soon ...
+WINDOW_S = 6.0  # ... and in others
+WHOLE_SHARE = 1.6  # of a window: a course no longer than this is planned in one
+TAIL_S = 1.5  # at a window's end, where it would brake: replaced by the next window ...
+TAIL_SHARE = 0.6  # ... but never more of it than this
+STOPS_BEYOND_S = 0.5  # the seam: should the next window be late
+STOP_STEP_S = 0.004  # between two stops; two ticks at most
+PACE_PLACES = 17
+NEXT_TO_NOTHING = 1e-9  # of s left: the place is the end
+BLOCKS_TO_STOP_IN = 4  # program blocks within which single block must have stopped a motion
+SHORTENED = (1.0, 0.5, 0.25, 0.1)  # shares of a window that are tried where it cannot be planned
+
+
+class Orders(NamedTuple):
+    """What the operator's switches say of the feed."""
+
+    override: float = 1.0
+    rapid_override: float = 1.0
+    single_block: bool = False
+
+    @property
+    def scales(self) -> tuple[float, float]:
+        """Factors on feeds and rapids; what an override of 0 is for is not planned at all."""
+        return self.override or 1.0, self.rapid_override or 1.0
+
+
+class Place(NamedTuple):
+    """Unit of the track, and s in its motion."""
+
+    unit: int
+    s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """A window, or a pause, at its place in plan time."""
+
+    first: int  # number of the unit at which its course begins, or of the pause
+    start_s: float  # plan time
+    end_s: float  # plan time up to which it holds: its rest, or where the next window replaces it
+    seam_s: float | None  # plan time from which on the next window is to replace it; None: it ends for good
+    after: Place  # where the path goes on after its rest
+    orders: Orders
+    pieces: tuple[Piece, ...]
+    course: Course | None = None  # None: a pause
+    profile: Profile | None = None
+    stops: StopTable | None = None
+    stretches: dict[int, Stretch] = field(default_factory=dict)  # of its motions, by id
+    is_split: bool = False  # a block of the program ends inside
+    is_short: bool = False  # it ends with a block of the program where the course would go on
+
+    def is_other(self, orders: Orders) -> bool:
+        """Whether other orders would have made it another one."""
+        if self.course is None or orders == self.orders:
+            return False
+        single = self.is_split if orders.single_block else self.is_short
+        return (
+            (orders.override != self.orders.override and _has_feed(self.course))
+            or (orders.rapid_override != self.orders.rapid_override and _has_rapid(self.course))
+            or (orders.single_block != self.orders.single_block and single)
+        )
+
+    def is_blocked(self, orders: Orders) -> bool:
+        """Whether an override of nothing forbids it."""
+        return self.course is not None and _blocked(self.course, orders)
+
+    def motion_at(self, plan_s: float) -> int | None:
+        """Id of the motion in which it is at a plan time."""
+        if self.course is None or self.profile is None:
+            return None
+        s = self.profile.at(plan_s - self.start_s).s
+        return list(self.stretches)[int(self.course.index(np.array([s]))[0])]
+
+
+class _Reach(NamedTuple):
+    """Units of a window, and where on their course it ends (None: at its end)."""
+
+    units: list[Unit]
+    until: float | None
+    rests: bool  # for good: it is not to be replaced by the next window
+    marked: bool  # a block of the program ends there
+
+
+class Windows:
+    """Plans windows of a track."""
+
+    def __init__(self, machine: Machine, kinematics: Kinematics) -> None:
+        self._machine, self._kinematics = machine, kinematics
+        self._period_s = machine.period_s
+        self._paces: dict[int, float] = {}
+
+    # --- what others ask for
+
+    def from_rest(
+        self, track: Track, place: Place, start_s: float, orders: Orders, soon: bool = False
+    ) -> Sent | None:
+        """The next window or pause from rest; None at the end, and where an override of 0 forbids it."""
+        unit = track.at(place.unit)
+        if unit is None:
+            return None
+        if isinstance(unit.what, Pause):
+            return self._pause(unit, unit.what, place, start_s, orders)
+        if place.s >= unit.length - NEXT_TO_NOTHING:
+            if not unit.rests:
+                return self.from_rest(track, Place(place.unit + 1, 0.0), start_s, orders, soon)
+            mark = dwell(0.0, unit.line, end=unit.last)._replace(block_end=unit.block_end)
+            after = Place(place.unit + 1, 0.0)
+            return Sent(place.unit, start_s, start_s, None, after, orders, (mark,))
+        begin = State(place.s, 0.0, 0.0)
+        seconds = FIRST_S if soon else WINDOW_S
+        reaches = [self._reach(track, place, orders, share * seconds, 0) for share in SHORTENED]
+        if self._forbidden(reaches[0], orders):
+            return None
+        for reach in [*reaches, _first_of(reaches[-1])]:
+            made = self._window(reach, place, begin, None, start_s, orders)
+            if made is not None:
+                return made
+        raise RuntimeError(f"Line {unit.line}: no way was found to move from rest within the limits.")
+
+    def from_motion(
+        self, track: Track, sent: Sent, plan_s: float, orders: Orders, soon: bool = False
+    ) -> Sent | None:
+        """The path from a sent window's state at ``plan_s`` on; None where there is no way on."""
+        if sent.course is None or sent.profile is None:
+            return None
+        t = plan_s - sent.start_s
+        state = sent.profile.at(t)
+        if t >= sent.profile.duration_s:
+            return None
+        k = int(sent.course.index(np.array([state.s]))[0])
+        offset = float(sent.course.starts[k])
+        place = Place(sent.first + k, state.s - offset)
+        begin = State(place.s, state.v, state.a)
+        guess = _tail(sent.profile, t, offset)
+        skips = range(BLOCKS_TO_STOP_IN if orders.single_block else 1)
+        reaches = [self._reach(track, place, orders, FIRST_S if soon else WINDOW_S, n) for n in skips]
+        if self._forbidden(reaches[0], orders):
+            return None
+        if len(reaches[-1].units) > 1:
+            reaches.append(_first_of(reaches[-1]))
+        for reach in reaches:
+            made = self._window(reach, place, begin, guess, plan_s, orders)
+            if made is not None:
+                return made
+        return None
+
+    # --- how far
+
+    def _reach(self, track: Track, place: Place, orders: Orders, seconds: float, skipped: int) -> _Reach:
+        """Units from ``place`` on that take about ``seconds``, or the course where it takes little more.
+
+        With single block the course ends with a block of the program, after ``skipped`` others.
+        """
+        units: list[Unit] = []
+        takes: list[float] = []
+        number, s, start = place.unit, place.s, 0.0
+        while (unit := track.at(number)) is not None and isinstance(unit.what, Stretch):
+            units.append(unit)
+            takes.append(self._takes_s(unit.what, s, orders))
+            inner = (
+                [end for end in unit.lines_end if end > s + NEXT_TO_NOTHING] if orders.single_block else []
+            )
+            if len(inner) > max(skipped, 0):
+                return _Reach(units, start + inner[max(skipped, 0)], rests=True, marked=True)
+            skipped -= len(inner)
+            if sum(takes) > WHOLE_SHARE * seconds:
+                return self._cut(units, takes, place.s, seconds)
+            if unit.rests or (orders.single_block and unit.block_end and skipped <= 0):
+                return _Reach(units, None, rests=True, marked=unit.block_end)
+            skipped -= unit.block_end
+            number, s, start = number + 1, 0.0, start + unit.length
+        return _Reach(units, None, rests=True, marked=False)  # the path was refused further on
+
+    def _cut(self, units: list[Unit], takes: list[float], s: float, seconds: float) -> _Reach:
+        """A window of just ``seconds``."""
+        start, left = 0.0, seconds
+        for i, (unit, takes_s) in enumerate(zip(units, takes, strict=True)):
+            if takes_s >= left:
+                until = start + s + (unit.length - s) * left / takes_s
+                return _Reach(units[: i + 1], until, rests=False, marked=False)
+            left -= takes_s
+            start, s = start + unit.length, 0.0
+        return _Reach(units, None, rests=True, marked=False)
+
+    def _takes_s(self, stretch: Stretch, from_s: float, orders: Orders) -> float:
+        """Seconds from ``from_s`` to the end at the feed, or at what the velocity limits leave of it."""
+        if (orders.rapid_override if stretch.feed_mm_s is None else orders.override) <= 0.0:
+            return 0.0  # it is not to move at all
+        course = Course([stretch], self._machine, self._kinematics, *orders.scales)
+        places = np.linspace(from_s, course.length, PACE_PLACES)
+        places = 0.5 * (places[1:] + places[:-1])
+        rates = np.abs(course.derivatives(places).first)
+        with np.errstate(divide="ignore"):
+            most = (course.limit(places, "velocity") / rates).min(axis=1)
+        speed = np.minimum(course.feed(places), most)
+        return float(np.sum((course.length - from_s) / len(places) / speed))
+
+    def _forbidden(self, reach: _Reach, orders: Orders) -> bool:
+        feeds = [isinstance(u.what, Stretch) and u.what.feed_mm_s is not None for u in reach.units]
+        return (orders.override <= 0.0 and any(feeds)) or (orders.rapid_override <= 0.0 and not all(feeds))
+
+    # --- one window
+
+    def _window(
+        self,
+        reach: _Reach,
+        place: Place,
+        begin: State,
+        guess: Profile | None,
+        start_s: float,
+        orders: Orders,
+    ) -> Sent | None:
+        units = reach.units
+        stretches = [unit.what for unit in units if isinstance(unit.what, Stretch)]
+        course = Course(stretches, self._machine, self._kinematics, *orders.scales)
+        found = profile.plan(course, begin, reach.until, guess)
+        if found is None:
+            return None
+        made = Sent(
+            place.unit,
+            start_s,
+            start_s + self._on_grid(found.duration_s),
+            None if reach.rests else start_s + self._seam(found),
+            self._after(reach, place, course),
+            orders,
+            (),
+            course,
+            found,
+            stretches={unit.motion_id: s for unit, s in zip(units, stretches, strict=True)},
+            is_split=any(unit.block_end for unit in units[:-1]) or any(unit.lines_end for unit in units),
+            is_short=reach.marked and not (units[-1].rests and reach.until is None),
+        )
+        return replace(made, pieces=self._pieces(made, units, reach), stops=self._stops(made))
+
+    def _on_grid(self, seconds: float) -> float:
+        """Rounded up to whole periods."""
+        return math.ceil(seconds / self._period_s - 1e-6) * self._period_s
+
+    def _seam(self, found: Profile) -> float:
+        """Time of a profile at which the next window is to replace it."""
+        keep = max(found.duration_s - TAIL_S, (1.0 - TAIL_SHARE) * found.duration_s)
+        return self._on_grid(keep)
+
+    def _after(self, reach: _Reach, place: Place, course: Course) -> Place:
+        last = len(reach.units) - 1
+        if reach.until is None:
+            return Place(place.unit + last + 1, 0.0)
+        return Place(place.unit + last, reach.until - float(course.starts[last]))
+
+    def _pieces(self, made: Sent, units: list[Unit], reach: _Reach) -> tuple[Piece, ...]:
+        assert made.profile is not None and made.course is not None
+        pieces, laws = [], made.profile.laws(made.course)
+        for (k, law), binds in zip(laws, binding.marks(made.course, laws), strict=True):
+            stretch, orders = made.course.stretches[k], made.orders
+            rapid = stretch.feed_mm_s is None
+            pieces.append(
+                Piece(
+                    units[k].motion_id,
+                    units[k].line,
+                    law,
+                    law.duration_s,
+                    cutting=stretch.cutting,
+                    rapid=rapid,
+                    override=orders.rapid_override if rapid else orders.override,
+                    binds=binds,
+                )
+            )
+        rest_s = made.end_s - made.start_s - sum(piece.duration_s for piece in pieces)
+        last = pieces[-1]
+        pieces[-1] = last._replace(law=_rested(last.law, rest_s), duration_s=last.duration_s + rest_s)
+        ends = units[-1].last and reach.until is None
+        pieces[-1] = pieces[-1]._replace(block_end=reach.marked, end=ends)
+        return tuple(pieces)
+
+    def _stops(self, made: Sent) -> StopTable | None:
+        """Stops for the part that is meant to be followed, and a little more."""
+        assert made.profile is not None and made.course is not None
+        last_s = made.profile.duration_s
+        if made.seam_s is not None:
+            last_s = min(last_s, made.seam_s - made.start_s + STOPS_BEYOND_S)
+        step_s = (1 if self._period_s > 0.75 * STOP_STEP_S else 2) * self._period_s
+        return stops.stops(made.course, made.profile, 0.0, last_s, step_s).shifted(made.start_s)
+
+    # --- pauses
+
+    def _pause(self, unit: Unit, pause: Pause, place: Place, start_s: float, orders: Orders) -> Sent:
+        piece = Piece(
+            unit.motion_id,
+            unit.line,
+            STILL,
+            self._on_grid(pause.seconds),
+            stop=pause.act is Act.STOP,
+            optional_stop=pause.act is Act.OPTIONAL_STOP,
+            block_end=unit.block_end,
+            end=unit.last,
+            spindle_rev_min=pause.modal.spindle_rev_min,
+            coolant=pause.modal.coolant,
+        )
+        end_s, after = start_s + piece.duration_s, Place(place.unit + 1, 0.0)
+        return Sent(place.unit, start_s, end_s, None, after, orders, (piece,))
+
+
+def _first_of(reach: _Reach) -> _Reach:
+    """Only the first unit, to a rest at its end: where no way is found to run on into the next."""
+    if len(reach.units) == 1:
+        return reach
+    return _Reach(reach.units[:1], None, rests=True, marked=reach.units[0].block_end)
+
+
+def _has_feed(course: Course) -> bool:
+    return any(stretch.feed_mm_s is not None for stretch in course.stretches)
+
+
+def _has_rapid(course: Course) -> bool:
+    return any(stretch.feed_mm_s is None for stretch in course.stretches)
+
+
+def _blocked(course: Course, orders: Orders) -> bool:
+    return (orders.override <= 0.0 and _has_feed(course)) or (
+        orders.rapid_override <= 0.0 and _has_rapid(course)
+    )
+
+
+def _tail(found: Profile, t: float, offset: float) -> Profile:
+    """A profile from its time ``t`` on, with ``offset`` taken off its places."""
+    i = int(np.clip(np.searchsorted(found.times, t, side="right") - 1, 0, len(found.pieces) - 1))
+    times, pieces = found.times[i:] - t, found.pieces[i:].copy()
+    x = -float(times[0])
+    times[0] = 0.0
+    c0, c1, c2, c3 = (float(c) for c in pieces[0, :4])
+    pieces[0, :4] = (
+        c0 + x * (c1 + x * (c2 + x * c3)),
+        c1 + x * (2.0 * c2 + x * 3.0 * c3),
+        c2 + 3.0 * x * c3,
+        c3,
+    )
+    pieces[:, 0] -= offset
+    return Profile(times, pieces)
+
+
+def _rested(law: Law, seconds: float) -> Law:
+    """A law that stands at its end for some time more."""
+    if seconds <= 0.0:
+        return law
+    end = law.at(law.duration_s)[0]
+    return Law((*law.knots_s, law.duration_s + seconds), (*law.coefficients, (end, 0.0, 0.0, 0.0, 0.0, 0.0)))

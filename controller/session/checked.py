@@ -1,0 +1,147 @@
+"""A program checked as a whole, and the check kept: what a start stands on.
+
+check(...)   reads, plans and audits everything, keeps what it found
+find(...)    the kept check of the same program, machine, tools and offsets, if there is one
+path_of(...) the path again, block by block, with the choices of the check
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from controller.kinematics import Kinematics
+from controller.machine import Joints, Machine, five
+from controller.motions import Rotaries
+from controller.plan import blocks, choices, path, stored, survey
+from controller.plan.program import Block, ProgramError
+from controller.plan.stored import Stored
+from controller.plan.stretch import Chain, Note, Pause, Stretch
+from controller.plan.survey import BlockUse, Survey
+
+NOTHING = "The program has no block that does anything; nothing to run."
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What is to be run, and from where."""
+
+    text: bytes
+    name: str
+    machine: Machine
+    kinematics: Kinematics
+    start: Joints
+
+    @property
+    def key(self) -> str:
+        return stored.key(self.text, self.machine, self.start)
+
+
+@dataclass(slots=True)
+class Walk:
+    """A path that is read as it is walked; notes come as they are made."""
+
+    items: Iterable[Chain | Pause]
+    notes: list[Note] = field(default_factory=list)
+    choices: Mapping[int, Rotaries] = field(default_factory=dict)
+
+
+def task(text: bytes, name: str, machine: Machine) -> Task:
+    """A program to be run from the homed position."""
+    home = five(tuple(axis.homing.position for axis in machine.axes))
+    return Task(text, name, machine, Kinematics(machine), home)
+
+
+def path_of(asked: Task, chosen: Mapping[int, Rotaries] | None = None) -> Walk:
+    """The path block by block, as ``chosen`` over the whole program, or as the blocks come.
+
+    What it walks over raises ProgramError where a block is refused.
+    """
+    tracer = path.Tracer(asked.name, asked.machine, asked.kinematics, asked.start, chosen or {})
+    read = _Read(blocks.stream(asked.text, asked.machine, asked.name))
+    return Walk(_whole(tracer.items(read), read, asked.name), tracer.notes, chosen or {})
+
+
+class _Read:
+    """Blocks, with the last one that was given."""
+
+    def __init__(self, blocks: Iterator[Block]) -> None:
+        self._blocks = blocks
+        self.last: Block | None = None
+
+    def __iter__(self) -> Iterator[Block]:
+        for block in self._blocks:
+            self.last = block
+            yield block
+
+
+def _whole(items: Iterator[Chain | Pause], read: _Read, name: str) -> Iterator[Chain | Pause]:
+    """A program without a block is refused; one whose moves all end where they start is a pause."""
+    empty = True
+    for item in items:
+        empty = False
+        yield item
+    if read.last is None:
+        raise ProgramError(name, 1, 1, NOTHING)
+    if empty:
+        yield Pause(read.last.place, read.last.modal)
+
+
+def chosen_for(asked: Task) -> dict[int, Rotaries]:
+    """Branch and turns over the whole program: a pass of its own over its blocks."""
+    read = blocks.stream(asked.text, asked.machine, asked.name)
+    return choices.choices(read, asked.machine, asked.kinematics, asked.start, asked.name)
+
+
+def walk_of(asked: Task, kept: Stored | None, unchecked: bool) -> Walk:
+    """The path of a start: by its stored check; else read to its end first, so that nothing
+    begins that will be refused; else, ``unchecked``, refused only where the walk comes to it.
+    """
+    if kept is None and not unchecked:
+        whole = path_of(asked, chosen_for(asked))
+        for _ in whole.items:
+            pass
+        return _noted(path_of(asked, whole.choices), whole.notes)
+    return _noted(path_of(asked, kept.choices if kept else None), kept.notes if kept else ())
+
+
+def _noted(walk: Walk, notes: Sequence[Note]) -> Walk:
+    if notes:
+        walk.notes = list(notes)
+    return walk
+
+
+def stretches(walk: Walk) -> dict[int, Stretch]:
+    """All stretches of a path by motion id: the planner counts them in the order of the path."""
+    chains = (item for item in walk.items if isinstance(item, Chain))
+    return dict(enumerate(stretch for chain in chains for stretch in chain.stretches))
+
+
+def check(
+    asked: Task,
+    where: Path,
+    tell: Callable[[BlockUse], None] = lambda _: None,
+    progress: Callable[[int], None] = lambda _: None,
+) -> tuple[Survey, Stored, str]:
+    """Look at the whole program and keep what was found: survey, check, and a warning or "".
+
+    ``tell`` and ``progress`` are those of ``survey.survey``. Raises ProgramError.
+    """
+    walk = path_of(asked, chosen_for(asked))
+    found = survey.survey(walk.items, asked.machine, asked.kinematics, tell, progress)
+    kept = Stored(found.ticks, found.duration_s, found.blocks, walk.choices, tuple(walk.notes))
+    try:
+        stored.save(kept, asked.key, where)
+    except OSError as error:
+        return (
+            found,
+            kept,
+            f"{where}: the check could not be stored ({error.strerror}); a start checks again.",
+        )
+    return found, kept, ""
+
+
+def find(asked: Task, where: Path) -> tuple[Stored | None, str]:
+    """The kept check, and a warning or "" where there is none to be used."""
+    return stored.load(asked.key, where)
