@@ -6,28 +6,28 @@ import contextlib
 import json
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 from controller import config
-from controller.kinematics import Kinematics
-from controller.machine import Joints, Machine, five
+from controller.machine import Machine, five
 from controller.motions import SurfaceCut
-from controller.plan import blocks, survey
-from controller.plan import path as paths
-from controller.plan.path import Chain, Stretch
-from controller.plan.program import ProgramError
+from controller.plan import stored
+from controller.plan.path import Stretch
+from controller.plan.stretch import Note
+from controller.plan.survey import Survey
+from controller.session import checked
 from controller.session import events as event_files
 from controller.session.startup import SessionError
 from controller.state import FAULTS, Fault
 from controller.toml_table import ConfigError
 from controller.verify import tables
+from controller.verify.console import Refused, bar, refusals, show, tell
+from controller.verify.rows import Rows
 
 app = typer.Typer(
     add_completion=False,
@@ -36,8 +36,6 @@ app = typer.Typer(
     help="A five-axis controller that cuts ruled surfaces themselves.",
 )
 USAGE: Any = typer.BadParameter.__mro__[1]  # click's UsageError, wherever this typer keeps it
-tell = Console(stderr=True, highlight=False, soft_wrap=True)  # sentences, progress
-show = Console(highlight=False)  # results
 
 ProgramFile = Annotated[Path, typer.Argument(help="The part program.")]
 MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
@@ -45,15 +43,15 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and no
 Gouge = Annotated[str, typer.Option("--gouge", help="'refuse' or 'warn'; default: the machine file's.")]
 PeriodMs = Annotated[float | None, typer.Option("--period-ms", help="Instead of the machine file's period.")]
 
+Store = Annotated[
+    Path | None, typer.Option("--store", help="Folder of stored checks; default: the user's state folder.")
+]
+Unchecked = Annotated[
+    bool, typer.Option("--unchecked", help="Start with the first blocks; refuse later ones on the way.")
+]
+
+STOPPED = "The tool stands on the path before that block."
 PARTS = {"cone": "example1_ready", "ruled": "example2_ready"}
-
-
-class Refused(Exception):
-    """Ends a command with exit code 1; the sentence goes to stderr, or into the JSON object."""
-
-    def __init__(self, sentence: str, **facts: Any) -> None:
-        super().__init__(sentence)
-        self.facts = facts
 
 
 def main() -> None:
@@ -68,39 +66,17 @@ def main() -> None:
         sys.exit(2)
 
 
-@contextlib.contextmanager
-def _refusals(as_json: bool) -> Iterator[None]:
+def _refusals(as_json: bool) -> contextlib.AbstractContextManager[None]:
     """Turns what a user can mend into one sentence and exit code 1."""
-    try:
-        yield
-    except ProgramError as error:
-        place = {"file": error.file, "line": error.line, "column": error.column}
-        _refuse(as_json, str(error), {**place, "sentence": error.sentence})
-    except Refused as error:
-        _refuse(as_json, str(error), error.facts)
-    except (ConfigError, SessionError, event_files.EventError) as error:
-        _refuse(as_json, str(error), {})
-    except OSError as error:
-        name = f"{error.filename}: " if error.filename else ""
-        _refuse(as_json, f"{name}{error.strerror}; check path, permission and space.", {})
-    except _errors_of_drives() as error:
-        _refuse(as_json, str(error), {})
+    return refusals(as_json, _expected)
 
 
-def _errors_of_drives() -> tuple[type[Exception], ...]:
-    """Imported where they are needed: ``check`` does without drives."""
+def _expected() -> tuple[type[Exception], ...]:
+    """Drives are imported where they are needed: ``check`` does without."""
     from drives.bus import BusError
     from drives.commission import CommissionError
 
-    return BusError, CommissionError
-
-
-def _refuse(as_json: bool, sentence: str, facts: dict[str, Any]) -> NoReturn:
-    if as_json:
-        print(json.dumps({"ok": False, "error": sentence, **facts}))
-    else:
-        tell.print(sentence, markup=False)
-    raise typer.Exit(1)
+    return ConfigError, SessionError, event_files.EventError, BusError, CommissionError
 
 
 # --- what several commands need ------------------------------------------------
@@ -114,10 +90,10 @@ def _machine(file: str, gouge: str = "", period_ms: float | None = None) -> Mach
     return machine if period_ms is None else config.with_period(machine, period_ms / 1e3)
 
 
-def _notes(path: paths.Path, machine: Machine) -> dict[str, Any]:
+def _notes(notes: Sequence[Note], machine: Machine) -> dict[str, Any]:
     """What ``check`` and ``simulate`` say with --json of a program and of its machine."""
-    notes = [{"line": note.place.line, "note": note.sentence} for note in path.notes]
-    return {"notes": notes, "warnings": config.warnings(machine)}
+    told = [{"line": note.place.line, "note": note.sentence} for note in notes]
+    return {"notes": told, "warnings": config.warnings(machine)}
 
 
 def _budget_or_refuse(machine: Machine) -> None:
@@ -151,21 +127,16 @@ def _writable(*files: Path | None) -> None:
                 file.unlink()
 
 
-def _trace(text: bytes, name: str, machine: Machine, kinematics: Kinematics, start: Joints) -> paths.Path:
-    program = blocks.read(text, machine, name)
-    if not program.blocks:
-        raise ProgramError(name, 1, 1, "The program has no block that does anything; nothing to run.")
-    return paths.trace(program, machine, kinematics, start)
+def _task(program: Path, machine: Machine) -> checked.Task:
+    return checked.task(_read(program), str(program), machine)
 
 
-def _home(machine: Machine) -> Joints:
-    return five(tuple(axis.homing.position for axis in machine.axes))
-
-
-def _stretches(path: paths.Path) -> dict[int, Stretch]:
-    """Stretches by motion id: the planner counts them in the order of the path."""
-    chains = (item for item in path.items if isinstance(item, Chain))
-    return dict(enumerate(stretch for chain in chains for stretch in chain.stretches))
+def _kept(task: checked.Task, store: Path | None, as_json: bool) -> stored.Stored | None:
+    """The stored check of what is to be run, if there is a sound one."""
+    kept, warning = checked.find(task, store or stored.folder())
+    if warning and not as_json:
+        tell.print(warning, markup=False)
+    return kept
 
 
 def _length_mm(stretches: dict[int, Stretch]) -> float:
@@ -174,48 +145,50 @@ def _length_mm(stretches: dict[int, Stretch]) -> float:
     return next(lengths, 0.0)
 
 
-@contextlib.contextmanager
-def _bar(title: str, quiet: bool) -> Iterator[Any]:
-    """A progress bar on stderr; the block gets a function of the share done."""
-    columns = (TextColumn("{task.description}"), BarColumn(None), TextColumn("{task.percentage:3.0f} %"))
-    with Progress(
-        *columns, TimeElapsedColumn(), console=tell, disable=quiet or not tell.is_terminal, transient=True
-    ) as bar:
-        task = bar.add_task(title, total=1.0)
-        yield lambda share: bar.update(task, completed=min(share, 1.0))
-
-
 # --- check ---------------------------------------------------------------------
 
 
 @app.command()
 def check(
-    program: ProgramFile, machine: MachineFile = "trunnion", gouge: Gouge = "", as_json: Json = False
+    program: ProgramFile,
+    machine: MachineFile = "trunnion",
+    gouge: Gouge = "",
+    store: Store = None,
+    as_json: Json = False,
 ) -> None:
-    """Read, plan and audit a program over its whole path; no bus, nothing moves."""
+    """Read, plan and audit a program over its whole path, and store the check; nothing moves."""
     with _refusals(as_json):
-        made = _machine(machine, gouge)
-        kinematics = Kinematics(made)
-        path = _trace(_read(program), str(program), made, kinematics, _home(made))
-        with _bar("planning", as_json) as progress:
-            found = survey.survey(path, made, kinematics, progress)
+        task = _task(program, _machine(machine, gouge))
+        rows = Rows()
+        found, kept, warning = _checked(task, store, rows, as_json)
         if as_json:
-            facts = {**found.to_dict(), **_notes(path, made)}
-            print(json.dumps({"ok": True, "program": str(program), **facts}))
+            facts = {"ok": True, "program": str(program), **found.to_dict()}
+            key = None if warning else task.key
+            rows.write({**facts, **_notes(kept.notes, task.machine), "stored": key}, sys.stdout)
             return
-        _show_notes(path, str(program), made)
+        _show_notes(kept.notes, task)
+        if rows.longest:
+            show.print(tables.blocks(rows))
         if found.joints:
             show.print(tables.joints(found))
-        cut = f"{found.cut_time_s:.2f} s cut {found.cut_length_mm:.4f} mm of C1"
-        part = f"of which {cut}" if found.cuts_mm else "nothing is cut"
-        show.print(f"{program.name} can run on {made.name}:\n{found.duration_s:.1f} s in all, {part}.")
+        if warning:
+            tell.print(warning, markup=False)
+        show.print(tables.whole(found, program.name, task.machine.name), markup=False)
 
 
-def _show_notes(path: paths.Path, name: str, machine: Machine) -> None:
-    for sentence in config.warnings(machine):
+def _checked(
+    task: checked.Task, store: Path | None, rows: Rows, quiet: bool
+) -> tuple[Survey, stored.Stored, str]:
+    lines = max(1, task.text.count(b"\n"))
+    with bar("planning", quiet) as progress:
+        return checked.check(task, store or stored.folder(), rows.take, lambda line: progress(line / lines))
+
+
+def _show_notes(notes: Sequence[Note], task: checked.Task) -> None:
+    for sentence in config.warnings(task.machine):
         tell.print(sentence, markup=False)
-    for note in path.notes:
-        tell.print(f"{name}:{note.place.line}:{note.place.column}: {note.sentence}", markup=False)
+    for note in notes:
+        tell.print(f"{task.name}:{note.place.line}:{note.place.column}: {note.sentence}", markup=False)
 
 
 # --- simulate ------------------------------------------------------------------
@@ -230,6 +203,8 @@ def simulate(
     trace_file: Annotated[Path | None, typer.Option("--trace", help="Write every tick (.npz).")] = None,
     events: Annotated[Path | None, typer.Option("--events", help="Requests at ticks (JSON lines).")] = None,
     plot: Annotated[Path | None, typer.Option("--plot", help="Draw the cut (.png).")] = None,
+    store: Store = None,
+    unchecked: Unchecked = False,
     as_json: Json = False,
 ) -> None:
     """Run a program on the stepped clock, with bus and simulated drives, as fast as it can."""
@@ -240,41 +215,62 @@ def simulate(
         made = _machine(machine, gouge, period_ms)
         _budget_or_refuse(made)
         planned_events = event_files.read(events) if events else ()
-        text = _read(program)
+        task = _task(program, made)
         _writable(trace_file, plot)
-        kinematics = Kinematics(made)
-        path = _trace(text, str(program), made, kinematics, _home(made))
+        kept = None if unchecked else _kept(task, store, as_json)
+        walk = checked.walk_of(task, kept, unchecked)
         if not as_json:
-            _show_notes(path, str(program), made)
+            _show_notes(walk.notes, task)
         bench = SteppedMachine(made)
         bench.come_up()
         began_s = time.perf_counter()
-        with _bar("simulating", as_json) as progress:
-            run = bench.run(path, planned_events, lambda s: progress(s / (s + 10.0)))
+        with bar("simulating", as_json) as progress:
+            run = bench.run(walk, planned_events, lambda s: progress(_share(s, kept)))
         took_s = time.perf_counter() - began_s
         stretches = bench.planner.stretches
-        trace = traces.from_rows(run.rows, made, kinematics, stretches, first_tick=run.first_tick)
+        trace = traces.from_rows(run.rows, made, task.kinematics, stretches, first_tick=run.first_tick)
+        refusal = bench.planner.error
         figures = {
-            "program": str(program),
-            "machine": made.name,
-            "period_s": made.period_s,
-            "result": run.result,
-            "fault": run.fault.name if run.fault is not Fault.NONE else None,
-            **traces.summary(trace, made, kinematics, _length_mm(stretches)).to_dict(),
+            **_figures(task, "refused" if refusal else run.result, run.fault, unchecked),
+            **traces.summary(trace, made, task.kinematics, _length_mm(stretches)).to_dict(),
+            "binds": [bound.to_dict() for bound in tables.bound_in(run.rows, made)],
             "skips": run.skips,
             "assumed_resumes": run.assumed_resumes,
             "events_left": run.events_left,
             "wall_time_s": took_s,
             "times_real_time": len(trace.time_s) * made.period_s / took_s,
-            **_notes(path, made),
+            **_notes(walk.notes, made),
         }
         _write(trace, made, stretches, trace_file, plot)
         if run.result == "fault":
             raise Refused(run.fault_text, **figures)
-        if as_json:
-            print(json.dumps({"ok": True, **figures}))
-        else:
-            show.print(tables.figures("Simulated on the stepped clock", figures))
+        if refusal is not None:
+            raise Refused(f"{refusal} {STOPPED}", **figures, line=refusal.line, column=refusal.column)
+        _end("Simulated on the stepped clock", figures, as_json)
+
+
+def _figures(task: checked.Task, result: str, fault: Fault, unchecked: bool) -> dict[str, Any]:
+    """The first figures of a run, of whatever clock."""
+    return {
+        "program": task.name,
+        "machine": task.machine.name,
+        "period_s": task.machine.period_s,
+        "result": result,
+        "fault": fault.name if fault is not Fault.NONE else None,
+        "checked": not unchecked,
+    }
+
+
+def _end(title: str, figures: dict[str, Any], as_json: bool) -> None:
+    if as_json:
+        print(json.dumps({"ok": True, **figures}))
+    else:
+        show.print(tables.figures(title, figures))
+
+
+def _share(seconds: float, kept: stored.Stored | None) -> float:
+    """Of a run: exact where the duration is known from the check."""
+    return seconds / max(kept.duration_s, 1e-3) if kept else seconds / (seconds + 10.0)
 
 
 def _write(
@@ -295,11 +291,14 @@ def _write(
 def demo(
     part: Annotated[str, typer.Option("--part", help="'cone' (Example 1) or 'ruled' (Example 2).")] = "cone",
     out: Annotated[Path, typer.Option("--out", help="Folder for picture and trace.")] = Path("demo"),
+    store: Store = None,
+    unchecked: Unchecked = False,
     as_json: Json = False,
 ) -> None:
     """Cut one of the paper's parts in real time on the virtual bus, with simulated drives."""
     from controller.session import live
     from controller.verify import trace as traces
+    from controller.verify.live_line import LiveLine
 
     with _refusals(as_json):
         if part not in PARTS:
@@ -309,31 +308,34 @@ def demo(
         out.mkdir(parents=True, exist_ok=True)
         picture, trace_file = out / f"{part}.png", out / f"{part}.npz"
         _writable(picture, trace_file)
-        text, kinematics = file.read_bytes(), Kinematics(made)
-        path = _trace(text, file.name, made, kinematics, _home(made))
-        expected_s = survey.survey(path, made, kinematics).duration_s
+        task = checked.task(file.read_bytes(), file.name, made)
+        kept = None if unchecked else _kept(task, store, as_json)
+        if kept is None and not unchecked:
+            kept = _checked(task, store, Rows(), as_json)[1]
         if not as_json:
             tell.print(
                 f"Starting the virtual bus, five simulated drives, plan and tick; {file.name} on {made.name}."
             )
-        with live.started(made, text, file.name) as machine:
+        with live.started(made, task.text, file.name, kept, unchecked) as machine:
             now = machine.ready()
-            path = _trace(text, file.name, made, kinematics, five(now.joints))
-            with _bar(f"cutting ({expected_s:.0f} s)", as_json) as progress:
-                rows, last = machine.run(lambda now: progress(now.plan_time_s / expected_s))
-        stretches = _stretches(path)
-        trace = traces.from_rows(rows, made, kinematics, stretches)
+            task = replace(task, start=five(now.joints))
+            stretches = checked.stretches(checked.walk_of(task, kept, unchecked))
+            line = LiveLine(made, stretches)
+            title = f"cutting ({kept.duration_s:.0f} s)" if kept else "cutting"
+            with bar(title, as_json) as progress:
+                rows, last = machine.run(lambda now: progress(_share(now.plan_time_s, kept), line.of(now)))
+        trace = traces.from_rows(rows, made, task.kinematics, stretches)
         syncs = {
             name: asdict(traces.sync_intervals(s, made.period_s)) for name, s in machine.sync_stamps_s.items()
         }
         _write(trace, made, stretches, trace_file, picture)
+        result = "fault" if last.fault is not Fault.NONE else "completed"
         figures = {
+            **_figures(task, result, last.fault, unchecked),
             "program": str(file),
-            "machine": made.name,
-            "period_s": made.period_s,
-            "result": "fault" if last.fault is not Fault.NONE else "completed",
-            "fault": last.fault.name if last.fault is not Fault.NONE else None,
-            **traces.summary(trace, made, kinematics, _length_mm(stretches)).to_dict(),
+            **traces.summary(trace, made, task.kinematics, _length_mm(stretches)).to_dict(),
+            "binds": [bound.to_dict() for bound in tables.bound_in(rows, made)],
+            "planned_s": kept.duration_s if kept else None,
             "skips": last.skips,
             "sync": syncs,
             "picture": str(picture),
@@ -341,10 +343,8 @@ def demo(
         }
         if last.fault is not Fault.NONE:
             raise Refused(f"{FAULTS[last.fault].text} {FAULTS[last.fault].remedy}", **figures)
-        if as_json:
-            print(json.dumps({"ok": True, **figures}))
-        else:
-            show.print(tables.figures("Cut in real time on the virtual bus", figures))
+        _end("Cut in real time on the virtual bus", figures, as_json)
+        if not as_json:
             show.print(f"Picture: {picture}   Trace: {trace_file}", markup=False)
 
 

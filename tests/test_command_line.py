@@ -11,7 +11,8 @@ from typer.testing import CliRunner
 
 from controller import __main__ as command_line
 from controller import config
-from controller.session import stepped
+from controller.plan import stored
+from controller.session import checked, stepped
 
 PROGRAMS = Path(__file__).parent / "programs"
 SHIPPED = ("example1", "example2", "example1_ready", "example2_ready")
@@ -192,6 +193,8 @@ EVENTS = [
     ('{"tick": 1, "request": "override"}', "override takes 0 to 200"),
     ('{"tick": 1, "request": "override", "value": 300}', "override takes 0 to 200"),
     ('{"tick": 1, "request": "rapid_override", "value": NaN}', "rapid_override takes 0 to 200"),
+    ('{"tick": 1, "request": "single_block", "value": 2}', "single_block takes 0 (off) or 1 (on)"),
+    ('{"tick": 1, "request": "optional_stop"}', "optional_stop takes 0 (off) or 1 (on)"),
 ]  # fmt: skip
 
 
@@ -261,7 +264,7 @@ def test_a_hold_without_resume_ends_held_and_the_trace_is_written(at_work):
     figures, trace = simulate("G0 X90\n", (50, "hold"), (10**9, "override", 50))
     assert (figures["result"], figures["fault"], figures["events_left"]) == ("held", None, 1)
     last = trace["joint_command"]
-    assert np.array_equal(last[-1], last[-3]) and 0.0 < last[-1][0] < 98.0
+    assert np.array_equal(last[-1], last[-2]) and 0.0 < last[-1][0] < 98.0
 
 
 def test_a_hold_with_resume_comes_to_the_same_end(at_work):
@@ -284,7 +287,7 @@ def test_an_override_of_zero_stands_and_is_held_until_it_is_raised(at_work, whic
 def test_an_override_that_was_lowered_can_be_raised_again_within_the_block(at_work):
     _, trace = simulate("G1 X60 F1200\n", (0, "override", 10), (500, "override", 100))
     feed = trace["feed_mm_s"]
-    assert feed[:500].max() == pytest.approx(2.0) and feed.max() == pytest.approx(20.0)
+    assert feed[100:500].max() == pytest.approx(2.0) and feed[500:].max() == pytest.approx(20.0)
 
 
 def test_a_program_stop_assumes_a_resume_and_says_so(at_work):
@@ -340,6 +343,127 @@ def test_what_is_printed_for_people_fits_80_columns(at_work):
 def test_bus_as_json_is_the_budget_of_the_design():
     code, answer = as_json("bus")
     assert code == 0 and answer["buses"][0]["total_us"] == pytest.approx(1205.0)
+
+
+# ---- the table of check and stored checks ----------------------------------------------------
+
+
+def test_the_table_of_check_has_a_row_per_block_and_names_what_binds(at_work):
+    text = "G0 X20\nG1 X60 F60000\nG4 P0.5\n" + CONE.replace("F1000.", "F100.")
+    code, out, _ = run("check", program(text))
+    assert code == 0 and max(map(len, out.splitlines())) <= 80
+    what = ("rapid", "line", "dwell", "cone", "approach", "departure")
+    for words in (*what, "X velocity", "feed", " of 100 "):
+        assert words in out, words
+
+
+SLOW = [("example1_ready", 8, "C velocity"), ("example2_ready", 10, "Y velocity")]
+
+
+@pytest.mark.parametrize("name, line, binds", SLOW, ids=["cone", "ruled"])
+def test_at_low_limits_the_check_of_the_papers_parts_names_what_binds(at_work, name, line, binds):
+    text = config.shipped_program(name).read_text().replace("F100.", "F1000.")
+    words = ("check", program(text), "--machine", "xyzac_linuxcnc")
+    code, out, _ = run(*words)
+    assert code == 0 and binds in out
+    _, found = as_json(*words)
+    (cut,) = (block for block in found["blocks"] if block["line"] == line)
+    assert cut["feed_mm_min"] == 1000.0 > 1.2 * cut["feed_mean_mm_min"]
+    most = cut["binds"][0]
+    assert most["what"] == binds and most["share"] > 0.5
+    assert most["what"] == f"{most['axis']} {most['kind']}"
+    assert cut["max_ratio"][most["axis"]][most["kind"]] == pytest.approx(0.998, abs=0.01)
+    assert any(one["what"] == binds and one["to_s"] > one["from_s"] for one in cut["where"])
+
+
+def test_the_duration_of_check_is_that_of_simulate(at_work):
+    text = "G0 X20\nM0\nG4 P0.0303\n" + CONE + "M0\nM30\n"
+    _, found = as_json("check", program(text))
+    figures, trace = simulate(text)
+    assert found["ticks"] == figures["ticks"] == len(trace["time_s"])
+    assert found["duration_s"] == pytest.approx(figures["duration_s"], abs=1e-9)
+
+
+def test_programs_of_many_blocks_show_the_longest_in_the_table_and_all_in_json(at_work):
+    text = "".join(f"G1 X{10 + i % 7} Y{i} F5000\n" for i in range(60))
+    _, out, _ = run("check", program(text))
+    assert "20 more with --json" in out and out.count("line ") <= 42
+    _, found = as_json("check", "part.ngc")
+    assert [block["line"] for block in found["blocks"]] == list(range(1, 61)) and len(found["blocks"]) == 60
+
+
+@pytest.fixture
+def no_second_look(monkeypatch):
+    """From now on nobody may look at a whole program."""
+
+    def never(*_, **__):
+        raise AssertionError("the program was checked again")
+
+    def forbid():
+        monkeypatch.setattr(checked, "chosen_for", never)
+        monkeypatch.setattr(checked.survey, "survey", never)
+
+    return forbid
+
+
+def test_a_stored_check_is_all_that_a_start_needs(at_work, no_second_look):
+    text = "G0 X10\n" + CONE
+    _, found = as_json("check", program(text))
+    _, before = simulate(text)
+    assert found["stored"] and len(list(stored.folder().iterdir())) == 1
+    no_second_look()
+    figures, trace = simulate(text)
+    assert figures["checked"] is True and np.array_equal(before["joint_command"], trace["joint_command"])
+    with pytest.raises(AssertionError, match="checked again"):
+        simulate(text + "G0 X11\n")
+
+
+def test_checks_are_stored_where_they_are_asked_for(at_work, no_second_look):
+    assert as_json("check", program(CONE), "--store", "shop")[0] == 0
+    (file,) = Path("shop").iterdir()
+    no_second_look()
+    assert as_json("simulate", "part.ngc", "--store", "shop")[0] == 0
+    with pytest.raises(AssertionError, match="checked again"):
+        as_json("simulate", "part.ngc")
+    assert json.loads(file.read_text())["ticks"] > 0
+
+
+def test_a_damaged_check_is_one_warning_and_checked_again(at_work):
+    run("check", program("G0 X10\n"))
+    (file,) = stored.folder().iterdir()
+    file.write_text("{")
+    code, out, err = run("simulate", "part.ngc")
+    assert code == 0 and "completed" in out
+    assert err.count("is not a stored check of this program; it is checked again.") == 1
+
+
+def test_a_check_that_cannot_be_stored_is_sound_and_says_so(at_work):
+    Path("full").write_text("")
+    code, out, err = run("check", program("G0 X10\n"), "--store", "full")
+    assert code == 0 and "can run" in out and "could not be stored" in err
+    assert as_json("check", "part.ngc", "--store", "full")[1]["stored"] is None
+
+
+def test_a_refused_program_is_not_stored(at_work):
+    refused("check", program("G0 X500\n"))
+    assert not stored.folder().exists()
+
+
+def test_unchecked_starts_at_once_and_stops_on_the_path_before_a_refused_block(at_work, no_second_look):
+    no_second_look()
+    text = program("G0 X10\nG1 X40 F3000\nG1 X60\n(there)\nG0 X500\nG0 X0\n")
+    code, answer = as_json("simulate", text, "--unchecked", "--trace", "t.npz")
+    assert (code, answer["ok"], answer["result"], answer["line"]) == (1, False, "refused", 5)
+    assert "part.ngc:5:1: X would reach" in answer["error"] and "stands on the path" in answer["error"]
+    with np.load("t.npz") as file:
+        joints = file["joint_command"]
+    assert joints[-1][0] == pytest.approx(68.0) and np.array_equal(joints[-1], joints[-2])
+
+
+def test_unchecked_runs_a_sound_program_to_its_end(at_work, no_second_look):
+    no_second_look()
+    code, figures = as_json("simulate", program("G0 X10\n" + CONE), "--unchecked")
+    assert (code, figures["result"], figures["checked"]) == (0, "completed", False)
 
 
 # ---- all that is shipped -------------------------------------------------------------------

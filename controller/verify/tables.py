@@ -2,15 +2,86 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from rich.table import Table
 
-from controller.plan.survey import Survey
+from controller.handoff import COLUMN
+from controller.machine import Machine
+from controller.plan.binding import NUMBER_OF_CODES
+from controller.plan.survey import BlockUse, Survey
+from controller.plan.tally import Bound, Part, bounds
+from controller.verify.rows import Rows as Blocks
 
 Rows = Iterator[tuple[str, str]]
+
+
+LEAST_SHARE = 0.005  # of the time; what binds for less is not worth a word in a table
+MOST_BINDS = 3  # in one row
+
+
+def blocks(rows: Blocks) -> Table:
+    """What ``check`` found out about every block, or about those that take longest."""
+    table = Table(title="Blocks: mm, s, mean feed of the programmed (mm/min), and what binds")
+    for head in ("line", "what", "length", "time", "feed of F", "binds"):
+        table.add_column(
+            head, justify="left" if head in ("what", "binds") else "right", no_wrap=head != "binds"
+        )
+    for block in rows.longest:
+        line = f"{block.line}" if block.lines == 1 else f"{block.line}-{block.last_line}"
+        for what, part in _parts(block):
+            table.add_row(
+                line,
+                what,
+                f"{part.length_mm:.2f}",
+                f"{part.time_s:.2f}",
+                _feed(part),
+                "\n".join(told(part.binds)),
+            )
+            line = ""
+    if rows.left_out:
+        table.caption = f"The {len(rows.longest)} that take longest; {rows.left_out} more with --json."
+    return table
+
+
+def _parts(block: BlockUse) -> Iterator[tuple[str, Part]]:
+    what = block.what if block.lines == 1 else f"{block.lines} {block.what}s"
+    for name, part in (("approach", block.approach), (what, block.own), ("departure", block.departure)):
+        if part and part.time_s > 0.0:
+            yield name, part
+
+
+def _feed(part: Part) -> str:
+    if part.length_mm == 0.0:
+        return ""
+    return f"{part.feed_mean:.0f}" + (f" of {part.feed:.0f}" if part.feed else "")
+
+
+def told(found: Sequence[Bound]) -> list[str]:
+    """What binds most, in words: 'feed 54 %', 'C acceleration 43 %'."""
+    worth = [bound for bound in found if bound.share >= LEAST_SHARE][:MOST_BINDS]
+    return [f"{bound.what} {100 * bound.share:.0f} %" for bound in worth]
+
+
+def whole(found: Survey, program: str, machine: str) -> str:
+    """The last lines of ``check``."""
+    cut = f"{found.cut_time_s:.2f} s cut {found.cut_length_mm:.4f} mm of C1"
+    part = f"of which {cut}" if found.cuts_mm else "nothing is cut"
+    limits = told(found.cut_binds)
+    slow = f"\nWhere a feed is programmed, it is limited by {', '.join(limits)}." if limits else ""
+    return f"{program} can run on {machine}:\n{found.duration_s:.3f} s in all, {part}.{slow}"
+
+
+def bound_in(rows: NDArray[np.float64], machine: Machine) -> tuple[Bound, ...]:
+    """What limited a run that was recorded, as shares of the time in which it moved."""
+    moving = rows[rows[:, COLUMN["motion_id"]] >= 0.0]
+    codes = moving[:, COLUMN["limited_by"]].astype(int)
+    ticks = np.bincount(codes, minlength=NUMBER_OF_CODES)
+    return bounds(ticks.astype(np.float64), machine)
 
 
 def joints(found: Survey) -> Table:
@@ -44,8 +115,11 @@ def _run(values: Mapping[str, Any]) -> Rows:
     fault = f": {values['fault']}" if values["fault"] else ""
     yield "program", Path(values["program"]).name
     yield "result", values["result"] + fault
-    yield "motion in all", f"{values['duration_s']:.2f} s, {values['ticks']} ticks"
+    yield "motion in all", f"{values['duration_s']:.3f} s, {values['ticks']} ticks"
     yield "cut", f"{values['cut_time_s']:.2f} s, {values['cut_length_mm']:.4f} mm of C1"
+    if limits := values.get("binds"):
+        names = ("limited by", "", "")
+        yield from zip(names, told([Bound(**one) for one in limits]), strict=False)
     if resumes := values.get("assumed_resumes"):
         yield "program stops (M0)", f"{resumes}, a resume was assumed after each"
     if left := values.get("events_left"):

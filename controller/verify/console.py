@@ -1,0 +1,70 @@
+"""Where the command line speaks: results on standard output, sentences and progress on standard error."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Callable, Iterator
+from typing import Any, NoReturn
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from controller.plan.program import ProgramError
+
+tell = Console(stderr=True, highlight=False, soft_wrap=True)  # sentences, progress
+show = Console(highlight=False)  # results
+
+Told = Callable[..., None]  # (share done, what is going on now)
+
+
+@contextlib.contextmanager
+def bar(title: str, quiet: bool) -> Iterator[Told]:
+    """A progress bar on stderr; the block gets a function of the share done and of a few live words."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(24),
+        TextColumn("{task.percentage:3.0f} %"),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[live]}"),
+    )
+    with Progress(*columns, console=tell, disable=quiet or not tell.is_terminal, transient=True) as shown:
+        task = shown.add_task(title, total=1.0, live="")
+        yield lambda share, live="": shown.update(task, completed=min(share, 1.0), live=live)
+
+
+class Refused(Exception):
+    """Ends a command with exit code 1; the sentence goes to stderr, or into the JSON object."""
+
+    def __init__(self, sentence: str, **facts: Any) -> None:
+        super().__init__(sentence)
+        self.facts = facts
+
+
+@contextlib.contextmanager
+def refusals(as_json: bool, expected: Callable[[], tuple[type[Exception], ...]]) -> Iterator[None]:
+    """Turns what a user can mend into one sentence and exit code 1.
+
+    ``expected`` names further errors whose words are such a sentence.
+    """
+    try:
+        yield
+    except ProgramError as error:
+        place = {"file": error.file, "line": error.line, "column": error.column}
+        _refuse(as_json, str(error), {**place, "sentence": error.sentence})
+    except Refused as error:
+        _refuse(as_json, str(error), error.facts)
+    except OSError as error:
+        name = f"{error.filename}: " if error.filename else ""
+        _refuse(as_json, f"{name}{error.strerror}; check path, permission and space.", {})
+    except expected() as error:
+        _refuse(as_json, str(error), {})
+
+
+def _refuse(as_json: bool, sentence: str, facts: dict[str, Any]) -> NoReturn:
+    if as_json:
+        print(json.dumps({"ok": False, "error": sentence, **facts}))
+    else:
+        tell.print(sentence, markup=False)
+    raise typer.Exit(1)
