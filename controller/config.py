@@ -1,10 +1,8 @@
 """TOML to ``Machine``: the edge where degrees, counts and the configured sense end.
 
-``load(name_or_path)`` is the verb. Everything in a machine file is in millimetres,
-degrees and seconds, and a rotary's numbers (travel, homing position, counts) are in
-its configured ``sense``; only ``direction`` is geometry: the right-hand axis about
-which the carried body turns for positive *carried* angles.
-
+``load(name_or_path)`` is the verb. Everything in a machine file is in millimetres, degrees and seconds;
+a rotary's travel, homing position and counts are in its configured ``sense``; only ``direction`` is geometry:
+the right-hand axis about which the carried body turns for positive *carried* angles.
 Every refusal is a ``ConfigError`` in the form of ``toml_table``.
 """
 
@@ -82,6 +80,8 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
         offsets=_offsets(top.table("offsets", "[offsets]", optional=True)),
         spindle=_spindle(top.table("spindle", "[spindle]")) if top.has("spindle") else None,
         text=text,
+        tip_acceleration_mm_s2=general.positive_or_none("tip_acceleration_mm_s2"),
+        axis_speed_rad_s=general.positive_or_none("axis_speed_deg_s", math.radians(1.0)),
     )
     for table in (general, tools, top):
         table.finish()

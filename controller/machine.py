@@ -138,6 +138,8 @@ class Machine:
     spindle: Spindle | None
     text: str
     tool_lines: str = "great_circle"  # or "joints": how the axis goes between rotary words under G43.4
+    tip_acceleration_mm_s2: float | None = None  # largest of the tool's tip in the part frame, on feed moves
+    axis_speed_rad_s: float | None = None  # largest angular speed of the tool's axis there
 
     def linear(self) -> tuple[int, int, int]:
         """Indices of X, Y and Z in ``axes``."""

@@ -89,6 +89,10 @@ class Table:
             self.refuse(key, "is not true or false", "true or false", "write it without quotes")
         return value
 
+    def positive_or_none(self, key: str, unit: float = 1.0) -> float | None:
+        """A number above zero times ``unit``, or None where the key is absent."""
+        return self.positive(key) * unit if self.has(key) else None
+
     def numbers(self, key: str, count: int, default: Sequence[float] | None = None) -> tuple[float, ...]:
         allowed = f"{count} numbers in brackets"
         value = self.get(key, allowed, default)

@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 LEAVES = {"machine", "state", "geometry"}
-SHAPES = {"jets", "curves", "surfaces", "kinematics", "motions"}
+SHAPES = {"jets", "curves", "splines", "rulings", "surfaces", "kinematics", "motions"}
 
 # Part of controller -> parts of controller it may import. A file of a folder counts as
 # the folder, and every part may import itself.
@@ -20,10 +20,13 @@ ARROWS: dict[str, set[str]] = {
     "state": set(),
     "jets": set(),
     "curves": {"geometry", "jets"},
-    "surfaces": LEAVES | {"jets", "curves"},
+    "splines": {"geometry", "jets", "curves"},
+    "rulings": {"geometry", "curves", "splines"},
+    "surfaces": LEAVES | {"jets", "curves", "splines", "rulings"},
     "kinematics": LEAVES | {"jets", "curves"},
     "motions": LEAVES | {"curves", "surfaces", "kinematics"},
-    "handoff": LEAVES | {"motions", "curves", "surfaces"},
+    "pieces": {"motions"},  # values of the hand-over
+    "handoff": LEAVES | {"pieces", "motions", "curves", "surfaces"},
     "toml_table": {"geometry"},  # reads tables for config, knows no machine
     "config": {"machine", "geometry", "toml_table"},
     "plan": LEAVES | SHAPES | {"handoff"},

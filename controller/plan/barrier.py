@@ -1,20 +1,24 @@
-"""The fastest w(x) under all limits: Newton's method on a logarithmic barrier.
+"""The fastest z(s) = v^2 under all limits: an interior-point method on a quadratic spline.
 
-Time is the sum over nodes of w^(-1/2), a convex function. In w(x) the limits are
+z has coefficients c[0] .. c[m + 1] over m intervals, three to an interval, so that all
+limits are linear forms of three neighbours:
 
-    acceleration   | q_xx w + q_x w_x / 2 |                                <=  A
-    jerk           | q_xxx w + 3/2 q_xx w_x + 1/2 q_x w_xx |  w^(1/2)      <=  J
+    acceleration   | q'' z + q' z' / 2 |                      <=  A
+    jerk           | q''' z + 3/2 q'' z' + q' z'' / 2 |       <=  J z^(-1/2)
 
-with plain central differences for w_x and w_xx: each touches three neighbours, so
-Newton's matrix has five diagonals and a step costs time proportional to the nodes.
-Acceleration is linear. Jerk, written as |linear| <= J w^(-1/2), is not convex, but
-J w^(-1/2) is a convex function and lies above its tangent: with the tangent in its
-place every step stays feasible, and the tangent moves along with the iterate.
+Time, the integral of z^(-1/2), is convex. Jerk is not a convex limit, but J z^(-1/2) is
+a convex function and lies above its tangent; with the tangent in its place no step leaves
+what is allowed, and the tangent moves along with the iterate.
+
+Every limit is elastic: it may be exceeded at a price that is far above what any time gained
+is worth. So every start is a start, also one from a motion that a limit just touches,
+and what cannot be helped (a feed that was lowered while moving) is done as quickly as can be.
+
+Newton's matrix has five diagonals, and a step costs time proportional to the intervals.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,159 +28,264 @@ Array = npt.NDArray[np.float64]
 
 GAP = 1e-5  # share of the time that may be left on the table when the search ends
 MAX_STEPS = 150
+PRICE = 10.0  # of exceeding one limit by its whole size in one interval, in times of the law
+STEP_OF_NOTHING, MOST_IDLE = 2e-3, 6  # share of a step that is none, and how many of them in a row
+SOFT = 1.0  # the same of all of a cap that is exceeded to begin with
+MOST_CHANGE = 0.15  # of z in one step, while the walls may come nearer
+FLOOR = 3.0  # weight of keeping z positive, among all limits
+MOST_GROWTH = 3.0  # of z in one step
+TO_WALL = 0.95  # of the way to the nearest wall that a step may go
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
-    """Limits at the nodes: q_x, q_xx, q_xxx and A, J as (n + 1, 5), the cap on w as (n + 1,).
+class Form:
+    """Coefficients of c[i], c[i + 1], c[i + 2] in interval i; arrays (..., m)."""
 
-    ``held`` nodes at the start keep their w (the state a new plan takes over).
+    low: Array
+    mid: Array
+    high: Array
+
+    def of(self, c: Array) -> Array:
+        return self.low * c[:-2] + self.mid * c[1:-1] + self.high * c[2:]
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What the spline must keep; all limits are scaled to 1 where they are linear.
+
+    ``straight`` (R, m) and ``jerk`` (K, m) are one-sided: straight(c) <= 1, jerk(c) <= ``most`` z^(-1/2)
+    with z = ``at``(c), (K, m). ``cap`` (m + 2,) bounds the coefficients themselves; inf = no bound.
     """
 
-    q_x: Array
-    q_xx: Array
-    q_xxx: Array
-    acceleration: Array
-    jerk: Array
+    time: Form  # z at places of each interval, (P, m): time is the sum of width z^(-1/2)
+    width: Array  # (m,) that each place stands for
+    straight: Form
+    jerk: Form
+    at: Form
+    most: Array
     cap: Array
-    held: int = 0
+    cap_price: Array  # (m + 2,) of exceeding it: PRICE, or less where it cannot be helped
+    first: float | None  # c[0] = first * c[1]; None: c[0] and c[1] are held
+    last: float  # c[m + 1] = last * c[m]
 
 
-Stencil = tuple[Array, Array, Array]  # coefficients of w[i-1], w[i], w[i+1]
+@dataclass(slots=True)
+class Point:
+    """An iterate: coefficients, excesses and prices of all limits, rows of intervals and of the cap."""
+
+    c: Array
+    excess: Array
+    price: Array
+    cap_excess: Array
+    cap_price: Array
+    steps: int = 0
+    gap: float = 1.0
+    stuck: bool = False  # no step leads on
 
 
-def stencils(rows: Rows) -> tuple[Stencil, Stencil]:
-    """The linear forms of acceleration and jerk; nothing reaches past the first and last node."""
-    inner = np.ones((len(rows.cap), 1))
-    inner[0] = inner[-1] = 0.0
-    quarter, half = 0.25 * rows.q_x * inner, 0.5 * rows.q_x * inner
-    bend = 0.75 * rows.q_xx * inner
-    return (-quarter, rows.q_xx, quarter), (half - bend, rows.q_xxx - 2.0 * half, half + bend)
+def solve(limits: Limits, c: Array, before: Point | None = None, gap: float = GAP) -> Point:
+    """The fastest coefficients, from any positive ones; ``before`` is a solution under similar limits."""
+    return _Solver(limits).run(c, before, gap)
 
 
-def apply(stencil: Stencil, w: Array) -> Array:
-    """The linear form at every node, (n + 1, 5)."""
-    before, after = np.empty_like(w), np.empty_like(w)
-    before[1:], before[0] = w[:-1], 0.0
-    after[:-1], after[-1] = w[1:], 0.0
-    return stencil[0] * before[:, None] + stencil[1] * w[:, None] + stencil[2] * after[:, None]
-
-
-def start(rows: Rows) -> Array:
-    """A feasible w to begin with: constant, half of what the tightest limit allows."""
-    return feasible(rows, np.ones(len(rows.cap)), 0.5)
-
-
-def feasible(rows: Rows, w: Array, share: float) -> Array:
-    """``w`` scaled evenly to ``share`` of what the tightest limit allows it."""
-    acceleration, jerk = stencils(rows)
-    tightest = min(
-        float((rows.cap / w).min()),
-        float((rows.acceleration / (np.abs(apply(acceleration, w)) + 1e-300)).min()),
-        float(((rows.jerk / (np.abs(apply(jerk, w)) * np.sqrt(w)[:, None] + 1e-300)) ** (2 / 3)).min()),
+def inside(limits: Limits, c: Array) -> Array:
+    """Coefficients of a law from rest, scaled evenly to where every limit leaves room."""
+    jerk = limits.jerk.of(c) * np.sqrt(limits.at.of(c)) / limits.most
+    most = max(
+        float(limits.straight.of(c).max()),
+        float(jerk.max()) ** (2.0 / 3.0),
+        float((c[1:-1] / limits.cap[1:-1]).max()),
     )
-    return share * tightest * w
+    return np.asarray(c * (0.7 / max(most, 0.7)))
 
 
-def solve(rows: Rows, w: Array, gap: float = 1.0) -> Array:
-    """The fastest w from a strictly feasible one.
+class _Solver:
+    def __init__(self, limits: Limits) -> None:
+        self.l = limits
+        s, j = limits.straight, limits.jerk
+        self.forms = Form(
+            *(np.concatenate(pair) for pair in ((s.low, j.low), (s.mid, j.mid), (s.high, j.high)))
+        )
+        self.rows = len(s.low)
+        self.free = np.ones(len(limits.cap), dtype=bool)
+        self.free[[0, -1]] = False
+        if limits.first is None:
+            self.free[1] = False
+        self.capped = np.flatnonzero(self.free & np.isfinite(limits.cap))
+        self.cap, self.cap_most = limits.cap[self.capped], limits.cap_price[self.capped]
+        self.count = self.forms.low.size + len(self.capped)
 
-    ``gap`` is about how much time that start gives away, as a share; the search stops
-    where no more than ``GAP`` is.
-    """
-    acceleration, jerk = stencils(rows)
-    weight = np.ones(len(w))
-    weight[0] = weight[-1] = 0.5
-    constraints = 20 * len(w) + len(w)
-    mu = gap * float((weight / np.sqrt(w)).sum()) / constraints
-    for _ in range(MAX_STEPS):
-        step, share = _newton(rows, acceleration, jerk, weight, w, mu)
-        w = w + share * step
-        if share < 0.2:
-            mu *= 2.0  # too near a wall: back towards the middle first
-        elif share > 0.5:
-            if mu * constraints < GAP * float((weight / np.sqrt(w)).sum()):
+    def closed(self, c: Array) -> Array:
+        """The coefficients with those at both ends as they depend on their neighbours."""
+        if self.l.first is not None:
+            c[0] = self.l.first * c[1]
+        c[-1] = self.l.last * c[-2]
+        return c
+
+    def room(self, c: Array) -> tuple[Array, Array]:
+        """What is left of each limit, without its excess."""
+        found = -self.forms.of(c)
+        found[: self.rows] += 1.0
+        found[self.rows :] += self.l.most / np.sqrt(self.l.at.of(c))
+        return found, 1.0 - c[self.capped] / self.cap
+
+    def start(self, c: Array, before: Point | None) -> Point:
+        c = self.closed(c.copy())
+        room, cap_room = self.room(c)
+        self.unit = float((self.l.width / np.sqrt(self.l.time.of(c))).sum())
+        self.mu = (0.5 if before is None else 0.02) / self.count
+        excess, price = self.centred(room, before.price if before else None, PRICE)
+        cap_excess, cap_price = self.centred(cap_room, before.cap_price if before else None, self.cap_most)
+        return Point(c, excess, price, cap_excess, cap_price)
+
+    def centred(self, room: Array, price: Array | None, most: Array | float) -> tuple[Array, Array]:
+        """Excess and price of limits: small where there is room, what it takes where there is none."""
+        out = room < 0.02
+        excess = np.where(out, np.maximum(1.5 * np.abs(room), 0.04), self.mu / most)
+        own = np.where(out, 0.5 * most, np.minimum(self.mu / (np.maximum(room, 0.02) + excess), 0.5 * most))
+        if price is not None:
+            excess = np.maximum(2e-3 - room, self.mu / most)
+            own = np.clip(price, np.minimum(self.mu / (room + excess), 0.5 * most), 0.999 * most)
+        return excess, own
+
+    def run(self, c: Array, before: Point | None, gap: float) -> Point:
+        p, idle = self.start(c, before), 0
+        for p.steps in range(1, MAX_STEPS + 1):
+            share, change = self.step(p)
+            idle = idle + 1 if share < STEP_OF_NOTHING else 0
+            if idle >= MOST_IDLE:
+                p.stuck = True
                 break
-            mu *= 0.5 if share > 0.9 else 0.7
-    return w
+            aim = gap * float((self.l.width / np.sqrt(self.l.time.of(p.c))).sum()) / self.unit
+            if share > 0.7 and p.gap < aim and change < 1e-3:
+                break
+            if change < MOST_CHANGE:
+                fall = 0.2 if share > 0.9 else 0.4 if share > 0.5 else 1.0
+                self.mu = max(self.mu * fall, 0.2 * aim / self.count)
+        return p
+
+    def step(self, p: Point) -> tuple[float, float]:
+        """One Newton step; the share of it that was taken, and the largest relative change of z."""
+        room, cap_room = self.room(p.c)
+        slack, cap_slack = room + p.excess, cap_room + p.cap_excess
+        low, mid, high = self.gradients(p.c)
+        weight, push = _weights(slack, p.excess, p.price, PRICE, self.mu)
+        cap_weight, cap_push = _weights(cap_slack, p.cap_excess, p.cap_price, self.cap_most, self.mu)
+        band, right = self.time(p)
+        _add(band, right, weight, p.price + push, low, mid, high)
+        band[2, self.capped] += cap_weight / self.cap**2
+        right[self.capped] -= (p.cap_price + cap_push) / self.cap
+        # z is positive: a barrier of its own keeps steps from running into the wall.
+        band[2] += FLOOR * self.mu / p.c**2
+        right += FLOOR * self.mu / p.c
+        dc = self.newton(band, right)
+        forward = low * dc[:-2] + mid * dc[1:-1] + high * dc[2:]
+        cap_forward = -dc[self.capped] / self.cap
+        return self.move(
+            p, dc, (slack, weight, push, forward), (cap_slack, cap_weight, cap_push, cap_forward)
+        )
+
+    def gradients(self, c: Array) -> tuple[Array, Array, Array]:
+        """Of what is left of each limit, with respect to the three coefficients."""
+        low, mid, high = -self.forms.low, -self.forms.mid, -self.forms.high
+        at = self.l.at
+        tangent = -0.5 * self.l.most * at.of(c) ** -1.5
+        for value, form in ((low, at.low), (mid, at.mid), (high, at.high)):
+            value[self.rows :] += tangent * form
+        return low, mid, high
+
+    def time(self, p: Point) -> tuple[Array, Array]:
+        """Band and right-hand side of the time alone, in units of the first law's time."""
+        z = self.l.time.of(p.c)
+        width = self.l.width / self.unit
+        slope, bend = -0.5 * width * z**-1.5, 0.75 * width * z**-2.5
+        band, right = np.zeros((3, len(p.c))), np.zeros(len(p.c))
+        form = self.l.time
+        _add(band, right, bend, -slope, form.low, form.mid, form.high)
+        return band, right
+
+    def newton(self, band: Array, right: Array) -> Array:
+        """Solves for the free coefficients; those at the ends follow."""
+        from scipy.linalg import solveh_banded
+
+        first, last = self.l.first, self.l.last
+        # c[0] = first c[1] and c[-1] = last c[-2] put into the quadratic form.
+        if first is not None:
+            right[1] += first * right[0]
+            band[2, 1] += first * first * band[2, 0] + 2.0 * first * band[1, 1]
+            band[1, 2] += first * band[0, 2]
+        right[-2] += last * right[-1]
+        band[2, -2] += last * last * band[2, -1] + 2.0 * last * band[1, -1]
+        band[1, -2] += last * band[0, -1]
+        fixed = ~self.free
+        right[fixed] = 0.0
+        band[2, fixed] = 1.0
+        band[1, fixed] = band[0, fixed] = 0.0
+        after = np.flatnonzero(fixed)
+        band[1, after[after + 1 < len(right)] + 1] = 0.0
+        band[0, after[after + 2 < len(right)] + 2] = 0.0
+        scale = 1.0 / np.sqrt(band[2])
+        band[2] = 1.0
+        band[1, 1:] *= scale[1:] * scale[:-1]
+        band[0, 2:] *= scale[2:] * scale[:-2]
+        band[2] += 1e-13
+        dc = scale * solveh_banded(band, scale * right, overwrite_ab=True, check_finite=False)
+        if first is not None:
+            dc[0] = first * dc[1]
+        dc[-1] = last * dc[-2]
+        return np.asarray(dc)
+
+    def move(
+        self, p: Point, dc: Array, rows: tuple[Array, ...], cap: tuple[Array, ...]
+    ) -> tuple[float, float]:
+        moves = []
+        primal, dual = max(float((-dc / p.c).max()), float((dc / p.c).max()) / MOST_GROWTH), 0.0
+        for (slack, weight, push, forward), excess, price, most in (
+            (rows, p.excess, p.price, PRICE),
+            (cap, p.cap_excess, p.cap_price, self.cap_most),
+        ):
+            dprice = push - weight * forward
+            dslack = self.mu / price - slack - slack / price * dprice
+            dexcess = (self.mu + excess * dprice) / (most - price) - excess
+            primal = max(primal, (-dslack / slack).max(initial=0.0), (-dexcess / excess).max(initial=0.0))
+            dual = max(
+                dual,
+                (-dprice / price).max(initial=0.0),
+                (dprice / (most - price)).max(initial=0.0),
+            )
+            moves.append((dexcess, dprice))
+        primal = min(1.0, TO_WALL / max(primal, 1e-12))
+        dual = min(1.0, TO_WALL / max(dual, 1e-12))
+        p.c = self.closed(p.c + primal * dc)
+        p.excess, p.cap_excess = p.excess + primal * moves[0][0], p.cap_excess + primal * moves[1][0]
+        p.price, p.cap_price = p.price + dual * moves[0][1], p.cap_price + dual * moves[1][1]
+        room, cap_room = self.room(p.c)
+        p.cap_excess = np.maximum(p.cap_excess, 1e-12 - cap_room)
+        p.excess = np.maximum(p.excess, 1e-12 - room)
+        p.gap = float(((room + p.excess) * p.price + p.excess * (PRICE - p.price)).sum())
+        held = (cap_room + p.cap_excess) * p.cap_price + p.cap_excess * (self.cap_most - p.cap_price)
+        p.gap += float(held.sum())
+        return min(primal, dual), primal * float(np.abs(dc / p.c).max())
 
 
-def _newton(
-    rows: Rows, acceleration: Stencil, jerk: Stencil, weight: Array, w: Array, mu: float
-) -> tuple[Array, float]:
-    """One Newton step and the share of it that keeps every slack positive."""
-    root = np.sqrt(w)
-    gradient = -0.5 * weight / (w * root)
-    d0 = 0.75 * weight / (w * w * root)
-    d1, d2 = np.zeros_like(w), np.zeros_like(w)
-    tangent = (0.5 * rows.jerk) / (w * root)[:, None]
-    lin_a, lin_j = apply(acceleration, w), apply(jerk, w)
-    room_j = rows.jerk / root[:, None]
-    slacks: list[tuple[Array, Stencil]] = []
-    for sign in (1.0, -1.0):
-        a, j = acceleration, jerk
-        slacks.append((rows.acceleration - sign * lin_a, (sign * a[0], sign * a[1], sign * a[2])))
-        slacks.append((room_j - sign * lin_j, (sign * j[0], sign * j[1] + tangent, sign * j[2])))
-    for slack, form in slacks:
-        _add(form, mu / slack, gradient, d0, d1, d2, 1.0 / slack)
-    over_cap = mu / (rows.cap - w)
-    gradient += over_cap
-    d0 += over_cap / (rows.cap - w)
-    _hold(rows.held, gradient, d0, d1, d2)
-    step = pentadiagonal(d0, d1[:-1], d2[:-2], -gradient)
-    return step, _share(slacks, rows.cap - w, w, step)
+def _weights(
+    slack: Array, excess: Array, price: Array, most: Array | float, mu: float
+) -> tuple[Array, Array]:
+    """Weight of each limit in Newton's matrix, and how its price moves before the step is known."""
+    spare = most - price
+    weight = 1.0 / (slack / price + excess / spare)
+    return weight, weight * (mu / price - slack - mu / spare + excess)
 
 
-def _add(form: Stencil, push: Array, g: Array, d0: Array, d1: Array, d2: Array, per_slack: Array) -> None:
-    """Adds the barrier's gradient and curvature of one family of limits to the five diagonals."""
-    low, mid, high = form
-    g[:-1] += (push * low).sum(axis=1)[1:]
-    g += (push * mid).sum(axis=1)
-    g[1:] += (push * high).sum(axis=1)[:-1]
-    curve = push * per_slack
-    heavy_low, heavy_mid, heavy_high = curve * low, curve * mid, curve * high
-    d0[:-1] += (heavy_low * low).sum(axis=1)[1:]
-    d0 += (heavy_mid * mid).sum(axis=1)
-    d0[1:] += (heavy_high * high).sum(axis=1)[:-1]
-    d1[:-1] += (heavy_low * mid).sum(axis=1)[1:] + (heavy_mid * high).sum(axis=1)[:-1]
-    d2[:-2] += (heavy_low * high).sum(axis=1)[1:-1]
-
-
-def _hold(held: int, gradient: Array, d0: Array, d1: Array, d2: Array) -> None:
-    """Takes the first ``held`` nodes out of the system."""
-    if held:
-        gradient[:held], d0[:held], d1[:held], d2[:held] = 0.0, 1.0, 0.0, 0.0
-
-
-def _share(slacks: Sequence[tuple[Array, Stencil]], cap_slack: Array, w: Array, step: Array) -> float:
-    worst = max(float((step / cap_slack).max()), float((-step / w).max()), 1e-12)
-    for slack, form in slacks:
-        worst = max(worst, float((apply(form, step) / slack).max()))
-    return min(1.0, 0.95 / worst)
-
-
-def pentadiagonal(d0: Array, d1: Array, d2: Array, right: Array) -> Array:
-    """Solves the symmetric positive definite system with diagonals d0 (n), d1 (n-1), d2 (n-2).
-
-    L D L' in plain floats: for some thousand nodes this is as quick as loading a
-    linear algebra library would be.
-    """
-    diagonal, one, two, y = d0.tolist(), [*d1.tolist(), 0.0], [*d2.tolist(), 0.0, 0.0], right.tolist()
-    n = len(diagonal)
-    first, second = [0.0] * n, [0.0] * n  # the two lower diagonals of L
-    d_1 = d_2 = 1.0  # D one and two rows up
-    l_1 = m_1 = m_2 = y_1 = y_2 = 0.0
-    for i in range(n):
-        d = diagonal[i] - l_1 * l_1 * d_1 - m_2 * m_2 * d_2
-        value = y[i] - l_1 * y_1 - m_2 * y_2
-        nxt = (one[i] - m_1 * l_1 * d_1) / d
-        far = two[i] / d
-        diagonal[i], y[i], first[i], second[i] = d, value, nxt, far
-        d_2, d_1, y_2, y_1 = d_1, d, y_1, value
-        m_2, m_1, l_1 = m_1, far, nxt
-    x_1 = x_2 = 0.0
-    for i in range(n - 1, -1, -1):
-        x = y[i] / diagonal[i] - first[i] * x_1 - second[i] * x_2
-        y[i] = x
-        x_2, x_1 = x_1, x
-    return np.array(y)
+def _add(band: Array, right: Array, weight: Array, push: Array, low: Array, mid: Array, high: Array) -> None:
+    """Adds weight g g' to the upper band and push g to the right-hand side, over rows and intervals."""
+    wl, wm = weight * low, weight * mid
+    right[:-2] += np.einsum("rm,rm->m", push, low)
+    right[1:-1] += np.einsum("rm,rm->m", push, mid)
+    right[2:] += np.einsum("rm,rm->m", push, high)
+    band[2, :-2] += np.einsum("rm,rm->m", wl, low)
+    band[2, 1:-1] += np.einsum("rm,rm->m", wm, mid)
+    band[2, 2:] += np.einsum("rm,rm,rm->m", weight, high, high)
+    band[1, 1:-1] += np.einsum("rm,rm->m", wl, mid)
+    band[1, 2:] += np.einsum("rm,rm->m", wm, high)
+    band[0, 2:] += np.einsum("rm,rm->m", wl, high)

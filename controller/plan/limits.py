@@ -28,8 +28,10 @@ from controller import jets
 from controller.geometry import Number
 from controller.kinematics import Kinematics
 from controller.machine import Machine
-from controller.motions import JointMove, SurfaceCut
-from controller.plan.path import Stretch, joints_along
+from controller.motions import JointMove, SurfaceCut, ToolLine, ToolSpline
+from controller.plan import tool_paths
+from controller.plan.branch import joints_along
+from controller.plan.stretch import Stretch
 
 Array = npt.NDArray[np.float64]
 
@@ -65,6 +67,10 @@ def derivatives(stretch: Stretch, s: Array, kinematics: Kinematics) -> Derivativ
     """Exact derivatives of the five joints with respect to s at the places ``s`` (N,)."""
     if isinstance(stretch.motion, JointMove):
         return _derivatives_of_move(stretch.motion, s)
+    if isinstance(stretch.motion, ToolLine):
+        return Derivatives(*tool_paths.derivatives_of_line(stretch.motion, s, kinematics))
+    if isinstance(stretch.motion, ToolSpline):
+        return Derivatives(*tool_paths.derivatives_of_spline(stretch.motion, s, kinematics))
     return _derivatives_of_cut(stretch, stretch.motion, s, kinematics)
 
 
@@ -151,19 +157,6 @@ class JointLimits:
     def path_jerk(self, d: Derivatives) -> Array:
         """Jerk along a straight start from rest that every joint's jerk limit allows (N,)."""
         return np.asarray((self.jerk / (np.abs(d.first) + 1e-30)).min(axis=1))
-
-    def junction_speed(self, before: Derivatives, after: Derivatives, period_s: float) -> float:
-        """Speed at which the jump of q' and q'' between two stretches fits every limit in one tick.
-
-        A jump of q' is a step of velocity: in samples, dq'v/T of acceleration and
-        dq'v/T^2 of jerk. A jump of q'' is a step of acceleration: dq''v^2/T of jerk.
-        """
-        rate = np.abs(after.first[0] - before.first[-1])
-        curve = np.abs(after.second[0] - before.second[-1])
-        step = np.minimum(self.acceleration * period_s, self.jerk * period_s**2)
-        by_rate = JUMP_SHARE * step / (rate + 1e-30)
-        by_curve = np.sqrt(JUMP_SHARE * self.jerk * period_s / (curve + 1e-30))
-        return float(min(by_rate.min(), by_curve.min()))
 
 
 def ramp_length(speed: float, jerk: float) -> float:

@@ -1,18 +1,18 @@
-"""Motion laws: how far along each stretch at which time, as fast as every limit allows.
+"""Motion laws on a course: how far along at which time, as fast as every limit allows.
 
-    plan(chain)            a law per stretch, from rest to rest
-    runs(chain)            the chain cut where it must stop anyway; plan_run(run) its laws
-    faster(run, laws, t)   the rest of a run at a higher feed, from the state that it is in
+    profile = plan(course)                      from rest at its beginning to rest at its end
+    plan(course, State(s, v, a), until)         from a state of motion (or rest) to rest at ``until``
+    split_at_stops(stretches, ...)              where a row of stretches must stop anyway
 
-A straight move with constant limits has the classic closed form, and so has a curve on
-which the feed costs little of any limit. Everything else is searched for (``search``).
+A straight move with constant limits has the classic closed form; everything else is
+searched for (``search``).
 """
 
 from __future__ import annotations
 
-import itertools
-import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -21,143 +21,183 @@ from controller.handoff import Law
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import JointMove
-from controller.plan.law import sampled, split, straight, through
-from controller.plan.limits import derivatives
-from controller.plan.path import Chain, Stretch
-from controller.plan.search import TINY, Begin, Search, feed_of, junction_speed, limits_of
-
-__all__ = ["Run", "faster", "plan", "plan_run", "runs", "straight", "through"]
+from controller.plan import search
+from controller.plan.course import Course, slowest
+from controller.plan.law import split, straight
+from controller.plan.stretch import Stretch
+from controller.plan.tool_limits import has_limits
 
 Array = npt.NDArray[np.float64]
 Run = tuple[Stretch, ...]
 
 STOP_SHARE = 0.03  # a junction that must be passed slower than this share of the feed is a stop
-EVEN_SHARE = 0.8  # of each limit left for the ramps of a curved stretch at even feed
-EVEN_SAMPLES = 400
-LEAST_SPEED_SHARE = 0.05  # of the feed; slower than that there is nothing to go on from
+FAST = 1e6  # in place of the feed that rapids do not have, unit of s per second
+WAITS_S = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
+NOTHING = 1e-9  # of s: no way to go
+SAME = 1e-8  # of s: two places that are one
+SAME_SPEED = 1e-6  # unit of s per second
 
 
-def plan(chain: Chain, machine: Machine, kinematics: Kinematics, override: float = 1.0) -> list[Law]:
-    """One law for each stretch of a chain, from rest to rest.
+class State(NamedTuple):
+    """Place on a course, speed along it and acceleration along it (unit of s, seconds)."""
 
-    ``override`` scales the feeds (1.0 = as programmed), not the limits.
+    s: float
+    v: float
+    a: float
+
+
+REST = State(0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Profile:
+    """A motion along a course: s(t) = c0 + c1 x + c2 x^2 + c3 x^3 with x = t - times[i] on piece i.
+
+    ``times`` (n + 1,) rise from 0.0; ``pieces`` (n, 6) rows c0 .. c5 in the course's
+    coordinate and seconds, c4 = c5 = 0. The last piece ends at rest.
     """
-    parts = runs(chain, machine, kinematics, override)
-    return [law for run in parts for law in plan_run(run, machine, kinematics, override)]
+
+    times: Array
+    pieces: Array
+
+    @property
+    def duration_s(self) -> float:
+        return float(self.times[-1])
+
+    @property
+    def start_s(self) -> float:
+        """Place on the course where it begins."""
+        return float(self.pieces[0, 0])
+
+    @property
+    def end_s(self) -> float:
+        """Place on the course where it comes to rest."""
+        return self.at(self.duration_s).s
+
+    @property
+    def joins(self) -> bool:
+        """Whether every piece begins where, and as fast as, the one before it ends."""
+        x, c = np.diff(self.times)[:-1], self.pieces[:-1].T
+        s = c[0] + x * (c[1] + x * (c[2] + x * c[3]))
+        v = c[1] + x * (2.0 * c[2] + x * 3.0 * c[3])
+        after = self.pieces[1:, 0], self.pieces[1:, 1]
+        gaps = [np.abs(a - b).max(initial=0.0) for a, b in zip((s, v), after, strict=True)]
+        return bool(gaps[0] <= SAME * max(1.0, abs(self.start_s)) and gaps[1] <= SAME_SPEED)
+
+    def at(self, t: float) -> State:
+        """The state at a time, clamped to the profile's own."""
+        s, v, a, _ = self.along(np.array([t]))
+        return State(float(s[0]), float(v[0]), float(a[0]))
+
+    def along(self, times: Array) -> tuple[Array, Array, Array, Array]:
+        """s, v, a and jerk at many times (N,), clamped to the profile's own."""
+        times = np.clip(times, 0.0, self.times[-1])
+        index = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, len(self.pieces) - 1)
+        x, c = times - self.times[index], self.pieces[index].T
+        s = c[0] + x * (c[1] + x * (c[2] + x * c[3]))
+        return s, c[1] + x * (2.0 * c[2] + x * 3.0 * c[3]), 2.0 * c[2] + x * 6.0 * c[3], 6.0 * c[3]
+
+    def laws(self, course: Course) -> list[tuple[int, Law]]:
+        """(index of the stretch, its law in its own s) for each stretch that the profile passes, in order."""
+        first = int(course.index(self.pieces[:1, 0])[0])
+        return list(enumerate(split(self.times, self.pieces, course.starts), first))
+
+    def until(self, t: float) -> Profile:
+        """Its part before the time ``t``, not at rest in the end."""
+        n = int(np.searchsorted(self.times, t, side="left"))
+        return Profile(np.append(self.times[:n], t), self.pieces[:n])
+
+    def followed_by(self, other: Profile) -> Profile:
+        """``other``, which begins where this one ends, behind it."""
+        times = np.concatenate([self.times, self.duration_s + other.times[1:]])
+        return Profile(times, np.concatenate([self.pieces, other.pieces]))
+
+    def time_of(self, s: float) -> float:
+        """The first time at which the place ``s`` is reached; clamped to the profile's ends."""
+        low, high = 0.0, self.duration_s
+        ends = np.append(self.pieces[:, 0], self.end_s)
+        i = int(np.searchsorted(ends, s)) - 1
+        if i < 0:
+            return 0.0
+        if i >= len(self.pieces):
+            return self.duration_s
+        low, high = float(self.times[i]), float(self.times[i + 1])
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if self.at(middle).s < s else (low, middle)
+        return high
 
 
-def runs(chain: Chain, machine: Machine, kinematics: Kinematics, override: float = 1.0) -> list[Run]:
-    """The chain cut at junctions so sharp that passing them is no faster than stopping."""
-    found: list[list[Stretch]] = [[chain.stretches[0]]]
-    for before, after in itertools.pairwise(chain.stretches):
-        speed = junction_speed(before, after, machine, kinematics)
-        if speed < STOP_SHARE * min(feed_of(before, override), feed_of(after, override), 1e6):
+def plan(
+    course: Course, begin: State = REST, until: float | None = None, guess: Profile | None = None
+) -> Profile | None:
+    """The fastest motion from ``begin`` to rest at ``until`` (the course's end).
+
+    A motion that begins faster than the feed brakes as quickly as the limits allow. ``guess`` is the
+    motion so far from the same state, at other overrides perhaps: where it touches limits so
+    that the state leaves no choice, it goes on for a while first. None where ``begin`` cannot be
+    continued within the limits, or there is nowhere to go.
+    """
+    last = course.length if until is None else until
+    if last - begin.s <= NOTHING * max(1.0, last):
+        return None
+    if begin.v == 0.0 and begin.a == 0.0 and (even := _straight(course, begin.s, last)):
+        return even
+    found = _searched(course, begin, last)
+    return _after(course, guess, last) if found is None and guess is not None else found
+
+
+def _searched(course: Course, begin: State, last: float) -> Profile | None:
+    """What the search finds; None where it finds nothing, or what does not join."""
+    law = search.Search(course, *begin, last).law()
+    found = Profile(*law) if law is not None else None
+    return found if found is not None and found.joins else None
+
+
+def _after(course: Course, before: Profile, last: float) -> Profile | None:
+    """Goes on with ``before`` for a while, where it touches limits so that there is no other way."""
+    for wait_s in WAITS_S:
+        if wait_s >= before.duration_s or before.at(wait_s).s >= last:
+            break
+        found = _searched(course, before.at(wait_s), last)
+        if found is not None:
+            return before.until(wait_s).followed_by(found)
+    return before if abs(before.end_s - last) <= NOTHING * max(1.0, last) else None
+
+
+def _straight(course: Course, first: float, last: float) -> Profile | None:
+    """The closed form, where q' is constant over the whole way."""
+    ends = course.index(np.array([first, last - 1e-12 * last]))
+    move = course.stretches[ends[0]].motion
+    if has_limits(course) and course.stretches[ends[0]].feed_mm_s is not None:
+        return None
+    if ends[0] != ends[1] or not isinstance(move, JointMove) or len(course.stretches[ends[0]].feed_steps) > 1:
+        return None
+    if any(np.any(np.asarray(c) != 0.0) for c in move.curve.derivative(np.array([0.0, 1.0]), 2, np)):
+        return None
+    rate = np.abs(course.derivatives(np.array([first]), ends[:1]).first[0]) + 1e-30
+    limits = course.limits[ends[0]]
+    velocity = min(float(course.feed(np.array([first]), ends[:1])[0]), float((limits.velocity / rate).min()))
+    acceleration, jerk = float((limits.acceleration / rate).min()), float((limits.jerk / rate).min())
+    law = straight(last - first, velocity, acceleration, jerk)
+    pieces = np.array(law.coefficients)
+    pieces[:, 0] += first
+    return Profile(np.array(law.knots_s), pieces)
+
+
+def split_at_stops(
+    stretches: Sequence[Stretch],
+    machine: Machine,
+    kinematics: Kinematics,
+    override: float = 1.0,
+    rapid_override: float = 1.0,
+) -> list[Run]:
+    """Cut at junctions so sharp that passing them is no faster than stopping."""
+    course = Course(stretches, machine, kinematics, override, rapid_override)
+    found: list[list[Stretch]] = [[stretches[0]]]
+    for k, after in enumerate(stretches[1:]):
+        if course.junction(k) < STOP_SHARE * min(slowest(course, k), FAST):
             found.append([after])
         else:
             found[-1].append(after)
     return [tuple(run) for run in found]
-
-
-def plan_run(run: Run, machine: Machine, kinematics: Kinematics, override: float = 1.0) -> list[Law]:
-    """The laws of stretches that run through, from rest to rest."""
-    if len(run) == 1 and (law := _straight_run(run[0], machine, override)):
-        return [law]
-    even = _even_run(run, machine, kinematics, override)
-    return even or Search(run, machine, kinematics, override).laws()
-
-
-def faster(
-    run: Run, laws: Sequence[Law], t: float, machine: Machine, kinematics: Kinematics, override: float
-) -> tuple[int, list[Law]] | None:
-    """The rest of a run from its time ``t`` on at a higher feed: index of the first stretch, laws from there.
-
-    s of the first law begins where the run is at ``t``. None where the run is about to
-    rest, or nothing faster was found that goes on smoothly.
-    """
-    times, s, v = _history(run, laws)
-    k, start = 0, 0.0
-    while k < len(laws) - 1 and t >= start + laws[k].duration_s:
-        start, k = start + laws[k].duration_s, k + 1
-    here, speed, acceleration = laws[k].at(t - start)
-    if speed < LEAST_SPEED_SHARE * feed_of(run[k], 1.0):
-        return None
-    ahead = times >= t
-    begin = Begin(
-        sum(stretch.motion.end for stretch in run[:k]) + here,
-        speed,
-        acceleration,
-        lambda places: np.interp(places, s[ahead], v[ahead]),
-    )
-    found = Search(run, machine, kinematics, override, begin).laws_from_motion()
-    return (k, found) if found else None
-
-
-def _history(run: Run, laws: Sequence[Law]) -> tuple[Array, Array, Array]:
-    """Times, places along the run, and speeds of a planned run, sampled densely."""
-    times, places, speeds = [], [], []
-    start = base = 0.0
-    for stretch, law in zip(run, laws, strict=True):
-        t, s, v = sampled(law)
-        times.append(t + start)
-        places.append(s + base)
-        speeds.append(v)
-        start, base = start + law.duration_s, base + stretch.motion.end
-    return np.concatenate(times), np.concatenate(places), np.concatenate(speeds)
-
-
-# --- closed forms ---------------------------------------------------------
-
-
-def _straight_run(stretch: Stretch, machine: Machine, override: float) -> Law | None:
-    """The closed form, where q' is constant over the whole stretch."""
-    move = stretch.motion
-    if not isinstance(move, JointMove):
-        return None
-    ends = np.array([0.0, 1.0])
-    if any(np.any(np.asarray(c) != 0.0) for c in move.curve.derivative(ends, 2, np)):
-        return None
-    rate = np.abs(np.subtract(stretch.end, stretch.start)) / move.end + TINY
-    limits = limits_of(stretch, machine)
-    return straight(
-        move.end,
-        min(feed_of(stretch, override), float((limits.velocity / rate).min())),
-        float((limits.acceleration / rate).min()),
-        float((limits.jerk / rate).min()),
-    )
-
-
-def _even_run(run: Run, machine: Machine, kinematics: Kinematics, override: float) -> list[Law] | None:
-    """The closed form for curved stretches on which the feed alone costs little of any limit.
-
-    With v = F throughout and the largest derivatives of each stretch, what is left of A and
-    J is a constant path acceleration and jerk for both ramps. None where less than
-    ``EVEN_SHARE`` of a limit is left, a junction wants less than F, or the feed changes:
-    there the search gains time.
-    """
-    feed = feed_of(run[0], override)
-    junctions = (junction_speed(a, b, machine, kinematics) for a, b in itertools.pairwise(run))
-    if not math.isfinite(feed) or any(low < feed for low in junctions):
-        return None
-    ramps = [_even_ramp(stretch, feed, machine, kinematics) for stretch in run]
-    if any(ramp is None or feed_of(s, override) != feed for ramp, s in zip(ramps, run, strict=True)):
-        return None
-    starts = np.concatenate([[0.0], np.cumsum([stretch.motion.end for stretch in run])])
-    found = [ramp for ramp in ramps if ramp is not None]
-    law = straight(float(starts[-1]), feed, min(a for a, _ in found), min(j for _, j in found))
-    return split(np.array(law.knots_s), np.array(law.coefficients), starts)
-
-
-def _even_ramp(
-    stretch: Stretch, feed: float, machine: Machine, kinematics: Kinematics
-) -> tuple[float, float] | None:
-    """Path acceleration and jerk that are left anywhere on the stretch at ``feed``; None if too little is."""
-    limits = limits_of(stretch, machine)
-    d = derivatives(stretch, np.linspace(0.0, stretch.motion.end, EVEN_SAMPLES), kinematics)
-    m1, m2, m3 = (np.abs(q).max(axis=0) + TINY for q in (d.first, d.second, d.third))
-    room_a = limits.acceleration - m2 * feed**2
-    acceleration = float((room_a / m1).min())
-    room_j = limits.jerk - m3 * feed**3 - 3.0 * m2 * feed * acceleration
-    tight = (m1 * feed > limits.velocity).any() or (room_a < EVEN_SHARE * limits.acceleration).any()
-    if tight or (room_j < EVEN_SHARE * limits.jerk).any():
-        return None
-    return acceleration, float((room_j / m1).min())

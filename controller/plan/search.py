@@ -1,374 +1,280 @@
-"""The search for the fastest law over stretches that run through, from rest or from a state of motion.
+"""The search for the fastest law on a course, from rest or from a state of motion.
 
-Limits from exact derivatives on a mesh, the fastest w(x) on it (``barrier``), a law of
-constant jerks through the nodes, and then a dense check of that law. Where a limit is
-exceeded between nodes it is tightened there and the search runs again; what is left in
-the end is removed by slowing the whole law evenly, which scales velocity, acceleration
-and jerk by 1, 2 and 3 powers.
+Knots by an estimate of the speed, the fastest z = v^2 on them (``barrier``), finer knots by
+the times of that law, the fastest z again; then a law of constant jerks through the knots and a
+dense check of it. Where a limit is exceeded between knots it is tightened there
+and the search goes on from where it was.
 """
 
 from __future__ import annotations
 
-import itertools
-import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from controller.handoff import Law, Quintic
-from controller.kinematics import Kinematics
-from controller.machine import Machine
 from controller.plan import barrier, mesh
-from controller.plan.law import at_share, split, through
-from controller.plan.limits import Derivatives, JointLimits, derivatives, ramp_length
-from controller.plan.mesh import BELL_NODES
-from controller.plan.path import Stretch
+from controller.plan.bounds import INNER, Bounds, Grid, Shares
+from controller.plan.course import MARGIN, Course
+from controller.plan.law import straight, through
 
 Array = npt.NDArray[np.float64]
+Law = tuple[Array, Array]  # times (n + 1,) and pieces (n, 6)
 
-MARGIN = 0.998  # of each limit, for what differences on nodes do not see
-TIGHTEN_ROUNDS = 8
-TIGHTEN_POWER = 1.2
-WARM_GAP = 0.05  # of the time, where a search starts from the last one
-FINE_VELOCITY, FINE_ACCELERATION, FINE_JERK = 1.0002, 1.0005, 1.015  # good enough between nodes
-RESIDUAL_JERK = 1.10  # at single places after all rounds, rather than leave the feed
-SPACING = 0.2  # of the even nodes, mm; ramps have their own
-NODES_EVEN = (60, 400)  # at least and at most
-FINE_SPACING = 0.03  # of the samples that look for narrow places, mm
-MOST_NARROW = 12  # of these get nodes of their own
-ONSET_NODES = 80
-RELAX = 1.02  # a limit that the old law meets is given this much room to begin with
-TINY = 1e-30
-
-
-def feed_of(stretch: Stretch, override: float) -> float:
-    """The programmed feed at an override (1.0 = 100 %); a rapid has none."""
-    return math.inf if stretch.feed_mm_s is None else stretch.feed_mm_s * override
-
-
-def limits_of(stretch: Stretch, machine: Machine) -> JointLimits:
-    """What a stretch may use of the joints' limits."""
-    return JointLimits.of(machine, MARGIN * (machine.rapid_share if stretch.feed_mm_s is None else 1.0))
-
-
-def junction_speed(before: Stretch, after: Stretch, machine: Machine, kinematics: Kinematics) -> float:
-    """Speed at which the jump of rates between two stretches fits into one tick."""
-    left = derivatives(before, np.array([before.motion.end]), kinematics)
-    right = derivatives(after, np.array([0.0]), kinematics)
-    return limits_of(before, machine).junction_speed(left, right, machine.period_s)
-
-
-@dataclass(frozen=True, slots=True)
-class Begin:
-    """A state of motion to go on from: place in the run, speed, acceleration, and the law so far."""
-
-    s: float
-    v: float
-    a: float
-    speed_at: Callable[[Array], Array]  # of the law so far, at places from ``s`` to the run's end
-
-
-@dataclass(slots=True)
-class _Node:
-    """Which stretch each node of the mesh lies in, and how far along it."""
-
-    index: npt.NDArray[np.intp]
-    local: Array
+ROUNDS = 5
+TIGHTEN_POWER = 1.3
+PER_SWING = 12.0  # knots in the time that an axis needs to swing its acceleration up
+LEAST_KNOTS, MOST_KNOTS = 60, 4000
+COARSE = 4.0  # times fewer knots in the first search
+COARSE_GAP = 2e-2
+SMOOTHING = 1.5  # of the first estimate, in coarse steps
+FINE = (1.0018, 1.0025, 1.0135)  # of velocity, acceleration, jerk as the bounds allow them: good enough
+LAST = (1.0022, 1.0028, 1.0160)  # the same after all rounds
+LEEWAY = (1.0015, 1.0015, 1.008)  # the same, just behind a state of motion that may touch a limit ...
+LEEWAY_S = 0.15  # ... for so long
+AT_FEED = 3e-5  # closer to the feed than this share is the feed
 
 
 @dataclass(frozen=True, slots=True)
 class Excess:
-    """Largest share of each limit about each node, per joint, (n + 1, 5); 1.0 is the limit itself."""
+    """Largest share of each limit in each interval, (n,) and (n, 5); 1.0 is the limit itself."""
 
     velocity: Array
     acceleration: Array
     jerk: Array
+    tip: Array  # of its acceleration
 
-    def slowing(self, jerk: float = FINE_JERK) -> float:
-        """Factor on time that would bring everything inside; at most 1.0 where nothing is exceeded."""
-        return max(
-            float(self.velocity.max()) / FINE_VELOCITY,
-            math.sqrt(float(self.acceleration.max()) / FINE_ACCELERATION),
-            float(np.cbrt(self.jerk.max() / jerk)),
-        )
+    def over(self, fine: tuple[float, float, float]) -> float:
+        """At most 1.0 where everything is as ``fine`` as that."""
+        return max(float(use.max()) / most for use, most in zip(self._all(), fine, strict=True))
+
+    @property
+    def slowing(self) -> float:
+        """Factor on time that would bring everything inside."""
+        shares = [float(use.max()) / most for use, most in zip(self._all(), FINE, strict=True)]
+        return float(max(share ** (1.0 / (k + 1)) for k, share in enumerate(shares)))
+
+    def _all(self) -> tuple[Array, Array, Array]:
+        return self.velocity, np.append(self.acceleration, self.tip), self.jerk
 
 
 class Search:
-    """The search for the fastest law over stretches that run through."""
+    """The search for the fastest law from a state to rest."""
 
-    def __init__(
-        self,
-        run: tuple[Stretch, ...],
-        machine: Machine,
-        kinematics: Kinematics,
-        override: float,
-        begin: Begin | None = None,
-    ) -> None:
-        """From rest at the run's start, or from ``begin``."""
-        self._begin = begin
-        self.run, self.machine, self.kinematics = run, machine, kinematics
-        self.limits = [limits_of(stretch, machine) for stretch in run]
-        self.feeds = np.array([feed_of(stretch, override) for stretch in run])
-        self.starts = np.concatenate([[0.0], np.cumsum([stretch.motion.end for stretch in run])])
-        self.length = float(self.starts[-1])
-        self.junctions = [
-            junction_speed(before, after, machine, kinematics) for before, after in itertools.pairwise(run)
-        ]
-        self.mesh = self._make_mesh()
-        self.at_nodes = self._derive(self.mesh.nodes.s)
+    def __init__(self, course: Course, s: float, v: float, a: float, last: float) -> None:
+        self.course, self.v, self.a = course, v, a
+        self.parts = mesh.Parts.of(course, s, last)
+        self.samples = mesh.survey(self.parts, v, a)
+        self.from_rest = v == 0.0
 
-    def laws(self) -> list[Law]:
-        rows = self._rows()
-        w = barrier.solve(rows, barrier.start(rows))
-        best: tuple[float, Array, Array] = (math.inf, w, w)
-        for _ in range(TIGHTEN_ROUNDS):
-            times, pieces = self._law(rows, w)
-            excess = self._excess(times, pieces)
-            best = min(best, (excess.slowing(), times, pieces), key=lambda one: one[0])
-            if best[0] <= 1.0:
-                break
-            rows = _tightened(rows, excess)
-            w = barrier.solve(rows, barrier.feasible(rows, w, 0.9), WARM_GAP)
-        return split(*self._slowed(*best[1:]), self.starts)
+    def law(self) -> Law | None:
+        """None where the state of motion cannot be continued; from rest there is always a law."""
+        speed = mesh.estimate(self.parts, self.samples, self.v, self.a)
+        found = self._sought(speed)
+        if found is None and self.from_rest:
+            return self._sought(speed, slowly=True) or self._careful()
+        return found
 
-    def laws_from_motion(self) -> list[Law] | None:
-        """Laws from ``begin`` on; None where the old law cannot be left smoothly.
+    def _sought(self, speed: Array, slowly: bool = False) -> Law | None:
+        """``slowly``: from a law inside all limits, which takes more steps and cannot fail to lead on."""
+        step_s = COARSE * self._step(speed)
+        bounds = self._bounds(speed, step_s)
+        smooth = mesh.smoothed(self.samples, speed, self.a, SMOOTHING * step_s)
+        c = self._coefficients(bounds, np.minimum(smooth, speed) if self.from_rest else smooth)
+        limits = bounds.limits(Shares.full(len(bounds.feed)), c[1:-1])
+        found = barrier.solve(limits, barrier.inside(limits, c) if slowly else c, None, COARSE_GAP)
+        speed = self._speed(bounds, found.c)
+        bounds = self._bounds(speed, self._step(speed))
+        c = self._coefficients(bounds, speed)
+        if slowly:
+            c = barrier.inside(bounds.limits(Shares.full(len(bounds.feed)), c[1:-1]), c)
+        return self._refine(bounds, c)
 
-        The old law, a little slowed further on, is the feasible start that every search
-        needs. At the beginning it cannot be slowed; a limit that it meets there is given
-        a little room, so that it is feasible strictly.
-        """
-        old, rows = self._old_law(), self._rows()
-        best: tuple[float, Array, Array] = (math.inf, old, old)
-        for _ in range(TIGHTEN_ROUNDS):
-            w = _slowed_further_on(rows, old)
-            times, pieces = self._law(rows, barrier.solve(_relaxed(rows, w), w))
-            excess = self._excess(times, pieces)
-            best = min(best, (excess.slowing(), times, pieces), key=lambda one: one[0])
-            if best[0] <= 1.0:
-                break
-            rows = _tightened(rows, excess)
-        fits = self._excess(*best[1:]).slowing(RESIDUAL_JERK) <= 1.0
-        return split(*best[1:], self.starts) if fits else None
-
-    def _old_law(self) -> Array:
-        """w of the law so far; its first two nodes carry exactly the speed and acceleration of ``begin``."""
-        begin, m = self._begin, self.mesh.nodes
-        assert begin is not None
-        v = np.maximum(begin.speed_at(m.s), TINY)
-        w = np.where(m.s_x > 0.0, (v / np.maximum(m.s_x, TINY)) ** 2, 0.0)
-        w[-1] = w[-2]  # at rest w goes on evenly
-        w[0] = (begin.v / m.s_x[0]) ** 2
-        w[1] = w[0] + 2.0 * (begin.a - m.s_xx[0] * w[0]) / m.s_x[0]
-        return np.asarray(w)
-
-    # --- mesh and limits on it
-
-    def _make_mesh(self) -> mesh.Mesh:
-        first = self._begin.s if self._begin else 0.0
-        left = self.length - first
-        samples = np.linspace(first, self.length, int(min(max(left / FINE_SPACING, 200), 4000)))
-        d = self._derive(samples)
-        limits = self.limits[0]
-        speed = np.minimum(limits.path_speed(d), self.feeds[self._nodes(samples).index])
-        jerk = limits.path_jerk(d)
-        typical = float(np.median(speed))
-
-        def ramp(at: int) -> float:
-            return max(ramp_length(float(speed[at]), float(jerk[at])), 1e-6 * self.length)
-
-        bells = _narrow_places(samples - first, speed)
-        bells += [
-            bell
-            for at, low in zip(self.starts[1:-1] - first, self.junctions, strict=True)
-            if low < 3.0 * typical and at > 0.0
-            for bell in self._bells(float(at), low, typical, float(jerk.min()))
-        ]
-        if self._begin:
-            bells.append(mesh.Bell(0.0, min(ramp(0), left / 4.0)))
-        even = min(max(left / SPACING, NODES_EVEN[0]), NODES_EVEN[1])
-        made = mesh.make(left, left / even, None if self._begin else ramp(0), ramp(-1), bells)
-        return made.moved(first)
-
-    def _bells(self, at: float, low: float, typical: float, jerk: float) -> list[mesh.Bell]:
-        """Nodes about a slow place: from the whole ramp down to where the speed is near ``low``.
-
-        At constant jerk v grows from ``low`` with the square of time, so the lowest
-        speeds fill only low sqrt(2 low / j) of path and need bells of their own.
-        """
-        drop = max(typical - low, 0.05 * typical)
-        width = min(math.sqrt(drop / jerk) * (typical + low) / 2.0, self.length / 4.0)
-        least = min(low * math.sqrt(2.0 * low / jerk), width)
-        bells = [mesh.Bell(at, width)]
-        while width > least:
-            width /= 3.0
-            bells.append(mesh.Bell(at, width))
-        return bells
-
-    def _nodes(self, s: Array) -> _Node:
-        index = np.clip(np.searchsorted(self.starts, s, side="right") - 1, 0, len(self.run) - 1)
-        return _Node(index, s - self.starts[index])
-
-    def _derive(self, s: Array) -> Derivatives:
-        node = self._nodes(s)
-        found = [np.empty((len(s), 5)) for _ in range(3)]
-        for k, stretch in enumerate(self.run):
-            here = node.index == k
-            if here.any():
-                d = derivatives(stretch, np.clip(node.local[here], 0.0, stretch.motion.end), self.kinematics)
-                found[0][here], found[1][here], found[2][here] = d.first, d.second, d.third
-        return Derivatives(*found)
-
-    def _by_node(self, s: Array, which: str) -> Array:
-        return np.asarray(np.array([getattr(limit, which) for limit in self.limits])[self._nodes(s).index])
-
-    def _rows(self) -> barrier.Rows:
-        m, d = self.mesh.nodes, self.at_nodes
-        s_x, s_xx, s_xxx = m.s_x[:, None], m.s_xx[:, None], m.s_xxx[:, None]
-        q_x = d.first * s_x
-        q_xx = d.second * s_x**2 + d.first * s_xx
-        q_xxx = d.third * s_x**3 + 3.0 * d.second * s_x * s_xx + d.first * s_xxx
-        speed = np.minimum(
-            self._feed_at_nodes(), (self._by_node(m.s, "velocity") / (np.abs(d.first) + TINY)).min(axis=1)
+    def _careful(self) -> Law:
+        """The closed form for the worst place of all: each part of a limit's sum may use a share of it."""
+        d = self.parts.derivatives(self.samples.s, self.samples.part)
+        m1, m2, m3 = (np.abs(q).max(axis=0) + 1e-30 for q in (d.first, d.second, d.third))
+        some = [self.course.limits[k] for k in np.unique(self.parts.index)]
+        velocity, most_a, most_j = (
+            np.min([getattr(limit, which) for limit in some], axis=0)
+            for which in ("velocity", "acceleration", "jerk")
         )
-        acceleration, jerk = self._by_node(m.s, "acceleration"), self._by_node(m.s, "jerk")
-        for at, low in zip(self.starts[1:-1], self.junctions, strict=True):
-            near = np.abs(m.s - at) <= max(3.0 * low * self.machine.period_s, 0.0)
-            after = int(np.searchsorted(m.s, at))
-            near[after - 1 : after + 1] = True
-            speed[near] = np.minimum(speed[near], low)
-            jerk[near] *= 0.5
-        cap = np.where(m.s_x > 0.0, (speed / np.maximum(m.s_x, TINY)) ** 2, np.inf)
-        cap[np.isinf(cap)] = 1e3 * cap[np.isfinite(cap)].max()
-        return barrier.Rows(q_x, q_xx, q_xxx, acceleration, jerk, cap, held=2 if self._begin else 0)
+        inner = self.parts.index[:-1][np.diff(self.parts.index) != 0]
+        low = min((self.course.junction(int(k)) for k in inner), default=np.inf)
+        by_joints = np.minimum(
+            np.minimum(velocity / m1, np.sqrt(most_a / m2 / 2.0)), np.cbrt(most_j / m3 / 4.0)
+        )
+        v = float(min(by_joints.min(), self.samples.feed.min(), low))
+        a = float(np.minimum(most_a / m1 / 2.0, most_j / m2 / v / 12.0).min())
+        s = self.samples.s
+        made = straight(float(s[-1] - s[0]), v, a, float((most_j / m1).min()) / 4.0)
+        pieces = np.array(made.coefficients)
+        pieces[:, 0] += s[0]
+        return np.array(made.knots_s), pieces
 
-    def _feed_at_nodes(self) -> Array:
-        """The feed at each node; a node beside a junction keeps to the lower of both feeds."""
-        index = self._nodes(self.mesh.nodes.s).index
-        feed = self.feeds[index]
-        before, after = np.concatenate([index[:1], index[:-1]]), np.concatenate([index[1:], index[-1:]])
-        return np.asarray(np.minimum(feed, np.minimum(self.feeds[before], self.feeds[after])))
+    def _refine(self, bounds: Bounds, c: Array) -> Law | None:
+        shares = self._shares(bounds, c)
+        best: tuple[float, Law, Excess] | None = None
+        point, z = None, c[1:-1].copy()
+        for _ in range(ROUNDS):
+            point = barrier.solve(bounds.limits(shares, z), c, point)
+            if point.stuck:
+                break
+            c = point.c
+            law = self._law(bounds, c)
+            excess = self._excess(bounds, *law)
+            if best is None or excess.over(FINE) < best[0]:
+                best = (excess.over(FINE), law, excess)
+            if excess.over(FINE) <= 1.0:
+                break
+            _tighten(shares, excess)
+        if best is None:
+            return None
+        if best[2].over(LAST) <= 1.0:
+            return best[1]
+        return _slowed(best[1], best[2].slowing) if self.from_rest else None
 
-    def _law(self, rows: barrier.Rows, w: Array) -> tuple[Array, Array]:
-        """Times and pieces of the law that ``w`` stands for.
+    def _shares(self, bounds: Bounds, c: Array) -> Shares:
+        """All of every limit, and a little more just behind a state of motion."""
+        shares = Shares.full(len(bounds.feed))
+        if not self.from_rest:
+            s, v, _ = self._states(bounds, c)
+            near = mesh.times(s, v)[:-1] < LEEWAY_S
+            for share, more in zip((shares.velocity, shares.acceleration, shares.jerk), LEEWAY, strict=True):
+                share[near] *= more
+        return shares
 
-        Read as coefficients of a quadratic spline over the intervals i - 1/2 .. i + 1/2, w has
-        in each interval just the w_xx of its row, so the law jerks where and as much as the
-        search allowed it. At the joints, w is the mean of its neighbours and w_x their difference.
-        """
-        m, feed = self.mesh.joints, self._feed_at_nodes()
-        inner = m.s_x[1:-1]
-        mean, slope = 0.5 * (w[1:] + w[:-1]), np.diff(w)
-        v, a = np.zeros(len(m.s)), np.zeros(len(m.s))
-        v[1:-1] = inner * np.sqrt(mean)
-        a[1:-1] = m.s_xx[1:-1] * mean + 0.5 * inner * slope
-        lower = np.minimum(feed[1:], feed[:-1])
-        at_feed = self._at_feed(w, feed)
-        met, edge = np.zeros((2, len(v)), dtype=bool)
-        met[1:-1] = at_feed[1:] & at_feed[:-1]
-        edge[1:-1] = at_feed[1:] ^ at_feed[:-1]
-        # Beside an even stretch v^2 is the function that is smooth there, not w.
-        nodes = self.mesh.nodes
-        squares = nodes.s_x**2 * w
-        v[edge] = np.sqrt(0.5 * (squares[1:] + squares[:-1]))[edge[1:-1]]
-        a[edge] = (0.5 * np.diff(squares) / np.diff(nodes.s))[edge[1:-1]]
-        met[1:-1] |= v[1:-1] >= lower * (1.0 - 3e-5)
-        v[1:-1] = np.where(met[1:-1], lower, v[1:-1])
-        a[met] = 0.0
-        a = self._without_overshoot(v, a, met)
-        if self._begin:
-            v[0], a[0] = self._begin.v, self._begin.a
-        return through(m.s, v, a)
+    def _step(self, speed: Array) -> float:
+        """Time between knots."""
+        duration = float(mesh.times(self.samples.s, speed)[-1])
+        limits = [self.course.limits[k] for k in np.unique(self.parts.index)]
+        swing = min(float((limit.acceleration / limit.jerk).min()) for limit in limits)
+        return min(swing / PER_SWING, duration / LEAST_KNOTS)
 
-    def _at_feed(self, w: Array, feed: Array) -> npt.NDArray[np.bool_]:
-        with np.errstate(invalid="ignore"):
-            return np.asarray(self.mesh.nodes.s_x * np.sqrt(w) >= feed * (1.0 - 3e-5))
+    def _bounds(self, speed: Array, step_s: float) -> Bounds:
+        s, part = mesh.knots(self.samples, speed, step_s)
+        if len(s) > MOST_KNOTS:
+            s, part = mesh.knots(self.samples, speed, step_s * len(s) / MOST_KNOTS)
+        return Bounds(Grid.of(self.parts, s, part, self.from_rest))
 
-    def _without_overshoot(self, v: Array, a: Array, met: npt.NDArray[np.bool_]) -> Array:
-        """Beside a joint that meets the feed, no more acceleration than can end there: 2 dv / dt."""
-        step = np.diff(self.mesh.joints.s)
-        most = 2.0 * np.abs(np.diff(v)) * np.maximum(v[1:], v[:-1]) / step
-        a = a.copy()
-        into, out = met[1:] & ~met[:-1], met[:-1] & ~met[1:]
-        a[:-1][into] = np.clip(a[:-1][into], -most[into], most[into])
-        a[1:][out] = np.clip(a[1:][out], -most[out], most[out])
-        return a
+    def _coefficients(self, bounds: Bounds, speed: Array) -> Array:
+        """Coefficients of about ``speed`` at the samples."""
+        t = bounds.grid.knots
+        middles = np.concatenate([t[:1], 0.5 * (t[1:] + t[:-1]), t[-1:]])
+        c = np.maximum(np.interp(middles, self.samples.s, speed), 1e-6 * speed.max()) ** 2
+        if not self.from_rest:
+            c[0], c[1] = bounds.spline.held(self.v, self.a)
+        return np.asarray(c)
 
-    # --- the check between nodes
+    def _speed(self, bounds: Bounds, c: Array) -> Array:
+        """Speed at the samples of the law of ``c``; from and to rest v goes with s^(2/3)."""
+        at, s, f = self.samples.s, bounds.grid.s, bounds.spline
+        i = np.clip(np.searchsorted(bounds.grid.knots, at, side="right") - 1, 0, len(f.width) - 1)
+        x = at - bounds.grid.knots[i]
+        z = f.z_start.of(c)[i] + x * (f.slope_start.of(c)[i] + x * 0.5 * f.bend.of(c)[i])
+        found = np.sqrt(np.maximum(z, 0.0))
+        _, v, _ = self._states(bounds, c)
+        if self.from_rest:
+            near = at < s[1]
+            found[near] = v[1] * ((at[near] - s[0]) / (s[1] - s[0])) ** (2 / 3)
+        near = at > s[-2]
+        found[near] = v[-2] * ((s[-1] - at[near]) / (s[-1] - s[-2])) ** (2 / 3)
+        return found
 
-    def _excess(self, times: Array, pieces: Array) -> Excess:
-        """How far each limit is exceeded within the nodes' intervals: factors per node and joint."""
-        most = [np.zeros((len(pieces), 5)) for _ in range(3)]
-        for share in (0.0, 0.5, 1.0):
-            s, v, a, j = at_share(times, pieces, share)
-            d = self._derive(np.clip(s, 0.0, self.length))
-            asked = (d.velocity(v), d.acceleration(v, a), d.jerk(v, a, j))
-            for k, which in enumerate(("velocity", "acceleration", "jerk")):
-                most[k] = np.maximum(most[k], np.abs(asked[k]) / self._by_node(s, which))
-        # Two pieces to an interval, an interval to a node.
-        return Excess(*(MARGIN * np.maximum(over[0::2], over[1::2]) for over in most))
+    # --- the law
 
-    def _slowed(self, times: Array, pieces: Array) -> tuple[Array, Array]:
-        """The last resort: everything slower, until velocity and acceleration fit, and jerk nearly does."""
-        factor = self._excess(times, pieces).slowing(RESIDUAL_JERK)
-        if factor <= 1.0:
-            return times, pieces
-        return times * factor, pieces / factor ** np.arange(6)[None, :]
+    def _states(self, bounds: Bounds, c: Array) -> tuple[Array, Array, Array]:
+        """s, v and a at the knots."""
+        f, s = bounds.spline, bounds.grid.s
+        z = np.append(f.z_start.of(c), f.z_end.of(c)[-1])
+        slope = np.append(f.slope_start.of(c), f.slope_end.of(c)[-1])
+        v, a = np.sqrt(z), 0.5 * slope
+        if self.from_rest:
+            v, a = np.append(0.0, v), np.append(0.0, a)
+        else:
+            v[0], a[0] = self.v, self.a
+        return s, np.append(v, 0.0), np.append(a, 0.0)
+
+    def _law(self, bounds: Bounds, c: Array) -> Law:
+        """The law through the knots; where the feed is nearly met, it is met to the last bit."""
+        s, v, a = self._states(bounds, c)
+        feed = np.full(len(s), np.inf)
+        feed[1:] = bounds.feed
+        feed[:-1] = np.minimum(feed[:-1], bounds.feed)
+        even = np.append(True, np.isclose(bounds.feed[1:], bounds.feed[:-1], rtol=1e-12, atol=0.0))
+        met = (v >= feed * (1.0 - AT_FEED)) & (v <= feed * (1.0 + AT_FEED))
+        met[:-1] &= even
+        if not self.from_rest:
+            met[0] = False
+        v[met], a[met] = feed[met], 0.0
+        return through(s, v, _without_overshoot(s, v, a, met))
+
+    # --- the check between knots
+
+    def _excess(self, bounds: Bounds, times: Array, pieces: Array) -> Excess:
+        """How much of each limit the law uses: at both ends of each interval and inside it."""
+        grid = bounds.grid
+        most = [np.zeros((len(grid.part), 5)) for _ in range(3)]
+        limits = bounds.velocity, bounds.acceleration, bounds.jerk
+        width = np.diff(grid.s)
+        shares = (0.0, *INNER, 1.0)
+        for share, d in zip(shares, (grid.starts, *grid.inner, grid.ends), strict=True):
+            v, a, j = _at_place(times, pieces, grid.s[:-1] + share * width, share)
+            for k, asked in enumerate((d.velocity(v), d.acceleration(v, a), d.jerk(v, a, j))):
+                most[k] = np.maximum(most[k], np.abs(asked) / limits[k])
+        return Excess(most[0].max(axis=1), most[1], most[2], self._tip_use(bounds, times, pieces))
+
+    def _tip_use(self, bounds: Bounds, times: Array, pieces: Array) -> Array:
+        """The largest share of the tip's acceleration limit in each interval, (n,)."""
+        grid, limit = bounds.grid, self.course.machine.tip_acceleration_mm_s2
+        use = np.zeros(len(grid.part))
+        if limit is None:
+            return use
+        for share, tool in zip((0.0, *INNER, 1.0), grid.tool, strict=True):
+            v, a, _ = _at_place(times, pieces, grid.s[:-1] + share * np.diff(grid.s), share)
+            use = np.maximum(use, tool.tip_acceleration(v, a) / (MARGIN * limit))
+        return use
 
 
-def _tightened(rows: barrier.Rows, excess: Excess) -> barrier.Rows:
-    """Limits lowered where they were exceeded, and at the neighbours, to which the excess would move."""
+def _slowed(law: Law, factor: float) -> Law:
+    """Everything slower: scales velocity, acceleration and jerk by 1, 2 and 3 powers."""
+    times, pieces = law
+    return times * factor, pieces / factor ** np.arange(6)[None, :]
+
+
+def _without_overshoot(s: Array, v: Array, a: Array, met: npt.NDArray[np.bool_]) -> Array:
+    """Beside a knot that meets the feed, no more acceleration than can end there: 2 dv / dt."""
+    most = 2.0 * np.abs(np.diff(v)) * np.maximum(v[1:], v[:-1]) / np.diff(s)
+    a = a.copy()
+    into, out = met[1:] & ~met[:-1], met[:-1] & ~met[1:]
+    a[:-1][into] = np.clip(a[:-1][into], -most[into], most[into])
+    a[1:][out] = np.clip(a[1:][out], -most[out], most[out])
+    return a
+
+
+def _at_place(times: Array, pieces: Array, s: Array, share: float) -> tuple[Array, Array, Array]:
+    """v, a and jerk in each interval, two pieces each, at the place ``s``."""
+    second = np.full(len(s), share > 0.5) if share in (0.0, 1.0) else s >= pieces[1::2, 0]
+    row = np.where(second[:, None], pieces[1::2], pieces[0::2]).T
+    span = np.where(second, np.diff(times)[1::2], np.diff(times)[0::2])
+    t = span * share if share in (0.0, 1.0) else 0.5 * span
+    for _ in range(0 if share in (0.0, 1.0) else 7):
+        far = row[0] + t * (row[1] + t * (row[2] + t * row[3])) - s
+        speed = row[1] + t * (2.0 * row[2] + t * 3.0 * row[3])
+        t = np.clip(t - far / np.maximum(speed, 1e-30), 0.0, span)
+    return row[1] + t * (2 * row[2] + t * 3 * row[3]), 2 * row[2] + t * 6 * row[3], 6 * row[3]
+
+
+def _tighten(shares: Shares, excess: Excess) -> None:
+    """Limits lowered where they were exceeded, and a little at the neighbours, to which it would move."""
 
     def less(over: Array) -> Array:
         wide = np.maximum(over, 1.0)
-        wide[1:] = np.maximum(wide[1:], over[:-1] ** 0.5)
-        wide[:-1] = np.maximum(wide[:-1], over[1:] ** 0.5)
+        wide[1:] = np.maximum(wide[1:], over[:-1] ** 0.3)
+        wide[:-1] = np.maximum(wide[:-1], over[1:] ** 0.3)
         return np.asarray(wide**TIGHTEN_POWER)
 
-    return replace(
-        rows,
-        acceleration=rows.acceleration / less(excess.acceleration),
-        jerk=rows.jerk / less(excess.jerk),
-        cap=rows.cap / less(excess.velocity).max(axis=1) ** 2,
-    )
-
-
-def _narrow_places(s: Array, speed: Array) -> list[mesh.Bell]:
-    """Bells at the deepest local minima of the speed limit, as wide as the limit stays within a fifth."""
-    inner = np.flatnonzero((speed[1:-1] < speed[:-2]) & (speed[1:-1] <= speed[2:])) + 1
-    deepest = inner[np.argsort(speed[inner])][:MOST_NARROW]
-    bells = []
-    for i in deepest:
-        above = np.abs(s[speed > 1.2 * speed[i]] - s[i])
-        width = float(above.min()) if len(above) else math.inf
-        if width < SPACING * BELL_NODES:
-            bells.append(mesh.Bell(float(s[i]), max(width, FINE_SPACING)))
-    return bells
-
-
-def _slowed_further_on(rows: barrier.Rows, w: Array) -> Array:
-    """``w`` brought inside the limits by an even factor that sets in over the first nodes."""
-    onset = np.clip(np.arange(len(w)) / min(ONSET_NODES, len(w) // 3), 0.0, 1.0)
-    onset = onset**3 * (10.0 - 15.0 * onset + 6.0 * onset**2)
-    even = float(barrier.feasible(rows, w, 0.97).min() / w.min())
-    return np.asarray(w * (1.0 - onset * (1.0 - min(max(even, 0.3), 0.97))))
-
-
-def _relaxed(rows: barrier.Rows, w: Array) -> barrier.Rows:
-    """Limits no closer to ``w`` than ``RELAX`` allows."""
-    acceleration, jerk = barrier.stencils(rows)
-    a = RELAX * np.abs(barrier.apply(acceleration, w))
-    j = RELAX * np.abs(barrier.apply(jerk, w)) * np.sqrt(w)[:, None]
-    return replace(
-        rows,
-        acceleration=np.maximum(rows.acceleration, a),
-        jerk=np.maximum(rows.jerk, j),
-        cap=np.maximum(rows.cap, RELAX * w),
-    )
-
-
-def _quintic(row: Array) -> Quintic:
-    a, b, c, d, e, f = (float(x) for x in row)
-    return (a, b, c, d, e, f)
+    shares.velocity /= less(excess.velocity)
+    shares.acceleration /= less(excess.acceleration)
+    shares.jerk /= less(excess.jerk)
+    shares.tip /= less(excess.tip)

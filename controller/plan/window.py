@@ -33,6 +33,8 @@ STOP_STEP_S = 0.004  # between two stops; two ticks at most
 PACE_PLACES = 17
 NEXT_TO_NOTHING = 1e-9  # of s left: the place is the end
 BLOCKS_TO_STOP_IN = 4  # program blocks within which single block must have stopped a motion
+LONG_STOP_S = 0.3  # where no stop is known
+BRAKING_SHARE = 2.0  # of the length to brake in, for a window from motion
 SHORTENED = (1.0, 0.5, 0.25, 0.1)  # shares of a window that are tried where it cannot be planned
 
 
@@ -158,7 +160,8 @@ class Windows:
         begin = State(place.s, state.v, state.a)
         guess = _tail(sent.profile, t, offset)
         skips = range(BLOCKS_TO_STOP_IN if orders.single_block else 1)
-        reaches = [self._reach(track, place, orders, FIRST_S if soon else WINDOW_S, n) for n in skips]
+        seconds, least = FIRST_S if soon else WINDOW_S, BRAKING_SHARE * _braking(sent, plan_s, state.v)
+        reaches = [self._reach(track, place, orders, seconds, n, least) for n in skips]
         if self._forbidden(reaches[0], orders):
             return None
         if len(reaches[-1].units) > 1:
@@ -171,9 +174,13 @@ class Windows:
 
     # --- how far
 
-    def _reach(self, track: Track, place: Place, orders: Orders, seconds: float, skipped: int) -> _Reach:
+    def _reach(
+        self, track: Track, place: Place, orders: Orders, seconds: float, skipped: int, least: float = 0.0
+    ) -> _Reach:
         """Units from ``place`` on that take about ``seconds``, or the course where it takes little more.
 
+        At a feed that was lowered much, a few seconds may be too short to brake in: ``least`` is the
+        length that is needed.
         With single block the course ends with a block of the program, after ``skipped`` others.
         """
         units: list[Unit] = []
@@ -188,24 +195,21 @@ class Windows:
             if len(inner) > max(skipped, 0):
                 return _Reach(units, start + inner[max(skipped, 0)], rests=True, marked=True)
             skipped -= len(inner)
-            if sum(takes) > WHOLE_SHARE * seconds:
-                return self._cut(units, takes, place.s, seconds)
+            if sum(takes) > WHOLE_SHARE * seconds and start + unit.length - place.s > least:
+                return self._cut(units, takes, place.s, seconds, least)
             if unit.rests or (orders.single_block and unit.block_end and skipped <= 0):
                 return _Reach(units, None, rests=True, marked=unit.block_end)
             skipped -= unit.block_end
             number, s, start = number + 1, 0.0, start + unit.length
         return _Reach(units, None, rests=True, marked=False)  # the path was refused further on
 
-    def _cut(self, units: list[Unit], takes: list[float], s: float, seconds: float) -> _Reach:
-        """A window of just ``seconds``."""
-        start, left = 0.0, seconds
-        for i, (unit, takes_s) in enumerate(zip(units, takes, strict=True)):
-            if takes_s >= left:
-                until = start + s + (unit.length - s) * left / takes_s
-                return _Reach(units[: i + 1], until, rests=False, marked=False)
-            left -= takes_s
-            start, s = start + unit.length, 0.0
-        return _Reach(units, None, rests=True, marked=False)
+    def _cut(self, units: list[Unit], takes: list[float], s: float, seconds: float, least: float) -> _Reach:
+        """A window of just ``seconds``, and not below the ``least`` length."""
+        ends = np.cumsum([unit.length for unit in units])
+        until = np.interp(seconds, np.cumsum([0.0, *takes]), [s, *ends])
+        until = max(float(until), s + least)
+        last = int(np.searchsorted(ends, until))
+        return _Reach(units[: last + 1], until, rests=False, marked=False)
 
     def _takes_s(self, stretch: Stretch, from_s: float, orders: Orders) -> float:
         """Seconds from ``from_s`` to the end at the feed, or at what the velocity limits leave of it."""
@@ -344,6 +348,16 @@ def _blocked(course: Course, orders: Orders) -> bool:
     return (orders.override <= 0.0 and _has_feed(course)) or (
         orders.rapid_override <= 0.0 and _has_rapid(course)
     )
+
+
+def _braking(sent: Sent, plan_s: float, v: float) -> float:
+    """More than the length in which the sent motion can stop, by its own stops."""
+    table = sent.stops
+    if table is None or len(table) == 0:
+        return v * LONG_STOP_S
+    i = min(max(round((plan_s - table.start_s) / table.step_s), 0), len(table) - 1)
+    steps = table.first[i + 1] - table.first[i]
+    return v * (steps * table.jerk_step_s if steps else LONG_STOP_S)
 
 
 def _tail(found: Profile, t: float, offset: float) -> Profile:

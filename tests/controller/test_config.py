@@ -129,6 +129,15 @@ def test_a_spindle_is_read_where_there_is_one() -> None:
     assert spindle is not None and spindle.max_rev_min == 24000.0
 
 
+def test_limits_of_the_tool_itself_are_read_where_there_are_any() -> None:
+    machine = config.load("trunnion")
+    assert machine.tip_acceleration_mm_s2 is None and machine.axis_speed_rad_s is None
+    text = COMPLETE.replace("gouge =", "tip_acceleration_mm_s2 = 500\naxis_speed_deg_s = 90.0\ngouge =")
+    limited = config.read(text, "m.toml")
+    assert limited.tip_acceleration_mm_s2 == 500.0
+    assert limited.axis_speed_rad_s == pytest.approx(math.pi / 2)
+
+
 def test_another_period_is_taken_in_range_only() -> None:
     machine = config.load("trunnion")
     assert config.with_period(machine, 0.01).period_s == 0.01
@@ -187,6 +196,16 @@ REFUSED = [
     ("period_s = 0.002", "period_s = 2", "[machine]: period_s = 2: is out of range; .* 0.0005 to 0.01"),
     ("period_s = 0.002", 'period_s = "2 ms"', 'period_s = "2 ms": is not a finite number'),
     ("period_s = 0.002", "period_s = nan", "period_s = nan: is not a finite number"),
+    (
+        "gouge =",
+        "tip_acceleration_mm_s2 = 0\ngouge =",
+        "[machine]: tip_acceleration_mm_s2 = 0: is not above zero",
+    ),
+    (
+        "gouge =",
+        'axis_speed_deg_s = "fast"\ngouge =',
+        'axis_speed_deg_s = "fast": is not a finite number',
+    ),
     ('sync = "tick"', 'sync = "tik"', 'sync = "tik": .* allowed: "tick" or "kernel"; write \'tick\''),
     ('kind = "linear"', 'kind = "liner"', "[[axis]] X: kind = \"liner\": .*'linear'"),
     ("direction = [1, 0, 0]", "direction = [-1, 0, 0]", "X: direction = [-1.0, .*: X Y Z are the machine"),

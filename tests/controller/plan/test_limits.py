@@ -185,27 +185,6 @@ def test_path_speed_is_where_the_first_limit_is_met() -> None:
     np.testing.assert_allclose(worst, 1.0, rtol=1e-12)
 
 
-def test_a_jump_of_the_rates_passed_at_junction_speed_keeps_sampled_limits() -> None:
-    rng = np.random.default_rng(8)
-    limit, T = JointLimits.of(machine("fig4a")), 0.002
-    for _ in range(200):
-        size = 10.0 ** rng.uniform(-3.0, 1.0)
-        before, after = (Derivatives(*(size * rng.normal(size=(1, 5)) for _ in range(3))) for _ in range(2))
-        v = limit.junction_speed(before, after, T)
-        t = T * (np.arange(-3, 4) + rng.uniform())[:, None]
-        s = v * t
-        jump = np.where(
-            s < 0.0, before.first * s + before.second * s * s / 2, after.first * s + after.second * s * s / 2
-        )
-        own = (
-            np.maximum(np.abs(before.second), np.abs(after.second)) * v * v
-        )  # the law's own share, not the jump's
-        assert (
-            np.abs(np.diff(jump, 2, axis=0)) <= (limit.acceleration * limits.JUMP_SHARE + own) * T * T * 1.001
-        ).all()
-        assert (np.abs(np.diff(jump, 3, axis=0)) <= 2.5 * limit.jerk * limits.JUMP_SHARE * T**3).all()
-
-
 def test_a_ramp_takes_the_length_that_two_jerks_take() -> None:
     v, j = 12.0, 300.0
     t = math.sqrt(v / j)

@@ -1,0 +1,117 @@
+"""The shortest time of a path by toppra with velocity and acceleration limits alone: no controller beats it.
+
+Each smooth stretch from rest to rest, as the issue counts it. Near its ends the time
+of such a stretch lives in ever smaller steps, so the grid is refined there until the
+time is stable. Joints are sampled and splined; nothing of the planner is used but the
+motions themselves.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+import numpy as np
+import toppra
+from scipy.interpolate import PPoly, make_interp_spline
+
+from controller.kinematics import Kinematics
+from controller.machine import Kind, Limits, Machine
+from controller.plan.path import Stretch, joints_along
+
+STABLE = 1e-3
+FIRST_GRID = 400
+MOST_GRID = 26_000
+ENDS = 3.0  # how strongly samples and grid gather at both ends
+
+logging.getLogger("toppra").setLevel(logging.ERROR)
+
+
+def linuxcnc(machine: Machine) -> Machine:
+    """``machine`` with the limits that LinuxCNC ships for its xyzac simulation, jerk 30 a second of them."""
+    line, turn = Limits(20.0, 300.0, 9000.0), Limits(*(math.radians(x) for x in (30.0, 300.0, 9000.0)))
+    axes = (replace(axis, limits=line if axis.kind is Kind.LINEAR else turn) for axis in machine.axes)
+    return replace(machine, axes=tuple(axes))
+
+
+def seconds(stretches: Iterable[Stretch], machine: Machine, feed_mm_s: float | None = None) -> float:
+    """Sum of the shortest times of the stretches, each from rest to rest at no more than its feed."""
+    kinematics = Kinematics(machine)
+    return sum(_of_one(stretch, machine, kinematics, feed_mm_s) for stretch in stretches)
+
+
+def _of_one(stretch: Stretch, machine: Machine, kinematics: Kinematics, feed: float | None) -> float:
+    joints = sampled(stretch, kinematics)
+    feed = feed or stretch.feed_mm_s or 1e9
+    count, before = FIRST_GRID, math.inf
+    while True:
+        now = rest_to_rest(joints, stretch.motion.end, machine, feed, _gathered(count) * stretch.motion.end)
+        if now < math.inf and abs(now - before) <= STABLE * now:
+            return now
+        if count > MOST_GRID:
+            raise ValueError(f"toppra's time of the {stretch.name} is not stable: {before} s, then {now} s.")
+        count, before = 2 * count, now
+
+
+def _gathered(count: int) -> np.ndarray:
+    """0 to 1, close together at both ends: the steps there shrink with the count's third power."""
+    x = np.linspace(-1.0, 1.0, count + 1)
+    return 0.5 * (1.0 + np.sign(x) * (1.0 - (1.0 - np.abs(x)) ** ENDS))
+
+
+def sampled(stretch: Stretch, kinematics: Kinematics, count: int = 4000) -> PPoly:
+    """Joints over s as a quintic spline through samples that gather at both ends."""
+    s = 0.5 * (1.0 - np.cos(np.linspace(0.0, np.pi, count))) * stretch.motion.end
+    return make_interp_spline(s, np.asarray(joints_along(stretch, s, kinematics)), k=5)
+
+
+class _Path(toppra.interpolator.AbstractGeometricPath):  # type: ignore[misc, name-defined]
+    def __init__(self, joints: Callable[..., np.ndarray], end: float) -> None:
+        self._joints, self._end = joints, end
+
+    dof = 5
+
+    @property
+    def path_interval(self) -> np.ndarray:
+        return np.array([0.0, self._end])
+
+    def __call__(self, s: np.ndarray, order: int = 0) -> np.ndarray:
+        return self._joints(np.atleast_1d(np.asarray(s, dtype=float)), nu=order)
+
+
+class _Feed(toppra.constraint.LinearConstraint):  # type: ignore[misc, name-defined]
+    """The path speed is at most the feed."""
+
+    def __init__(self, feed: float) -> None:
+        super().__init__()
+        self._feed, self.identical = feed, False
+        self.discretization_type = toppra.constraint.DiscretizationType.Collocation
+
+    def compute_constraint_params(self, path: object, grid: np.ndarray) -> tuple[object, ...]:
+        return None, None, None, None, None, None, np.tile([0.0, self._feed**2], (len(grid), 1))
+
+
+def rest_to_rest(
+    joints: Callable[..., np.ndarray], end: float, machine: Machine, feed: float, grid: np.ndarray
+) -> float:
+    """Seconds of the time-optimal profile on one grid (M,) from 0 to ``end``; inf where toppra fails.
+
+    It does so on some grids by rounding and not on others; the next finer one is asked then.
+    """
+    velocity = np.array([axis.limits.velocity for axis in machine.axes])
+    acceleration = np.array([axis.limits.acceleration for axis in machine.axes])
+    constraints = [
+        toppra.constraint.JointVelocityConstraint(np.stack([-velocity, velocity], axis=1)),
+        toppra.constraint.JointAccelerationConstraint(np.stack([-acceleration, acceleration], axis=1)),
+        _Feed(feed),
+    ]
+    planner = toppra.algorithm.TOPPRA(
+        constraints, _Path(joints, end), gridpoints=grid, solver_wrapper="seidel"
+    )
+    _, speeds, _, _ = planner.compute_parameterization(0.0, 0.0, return_data=True)
+    if speeds is None:
+        return math.inf
+    v = np.asarray(speeds)
+    return float((2.0 * np.diff(grid) / (v[1:] + v[:-1])).sum())
