@@ -283,7 +283,7 @@ def knots(found: Samples, v: Array, step_s: float) -> tuple[Array, Index]:
 
 def _joined_at_rest(parts: Index) -> int:
     """How many of the first intervals go into the one after them."""
-    return int(min(FROM_REST - 1, np.count_nonzero(parts == parts[0]) - 3 if len(parts) > 3 else 0))
+    return int(np.clip(np.count_nonzero(parts == parts[0]) - 3, 0, FROM_REST - 1))
 
 
 def _count(found: Samples, v: Array, step_s: float) -> Array:

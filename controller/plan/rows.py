@@ -32,7 +32,7 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 WINDOW = 2000  # lines that are fitted together
-SPANS = 32  # of one motion at most
+SPANS = 128  # of one motion at most
 BLEND_DEG = 0.05  # G64 P without Q: the axis may leave its way by so much (17 um at 20 mm of flute)
 STANDING_DEG = 1.0  # turns of a standing tip that a row runs through
 TRAVEL_SAMPLES = 4  # of each span

@@ -81,11 +81,15 @@ class Search:
         bounds = self._bounds(speed, step_s)
         smooth = mesh.smoothed(self.samples, speed, self.a, SMOOTHING * step_s)
         c = self._coefficients(bounds, np.minimum(smooth, speed) if self.from_rest else smooth)
+        if not (c > 0.0).all():
+            return None  # it brakes so hard that it would stand before the first knot
         limits = bounds.limits(Shares.full(len(bounds.feed)), c[1:-1])
         found = barrier.solve(limits, barrier.inside(limits, c) if slowly else c, None, COARSE_GAP)
         speed = self._speed(bounds, found.c)
         bounds = self._bounds(speed, self._step(speed))
         c = self._coefficients(bounds, speed)
+        if not (c > 0.0).all():
+            return None
         if slowly:
             c = barrier.inside(bounds.limits(Shares.full(len(bounds.feed)), c[1:-1]), c)
         return self._refine(bounds, c)

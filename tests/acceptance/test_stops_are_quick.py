@@ -119,7 +119,7 @@ def test_the_independent_stop_finds_the_closed_form_on_a_straight_line() -> None
 
 
 def test_a_hold_in_the_cut_of_example_2_stops_nearly_as_fast_as_can_be() -> None:
-    assert judge(paper("example2_ready.ngc", "3000."), shipped(), [1500], "Example 2")
+    assert judge(paper("example2_ready.ngc", "3000."), shipped(), [1300], "Example 2")
 
 
 @pytest.mark.slow
