@@ -5,6 +5,7 @@ tell the share of every joint's every limit. The code of a moment (``state.Bindi
 
     feed       the speed is the programmed feed times override
     corner     a junction between two stretches is passed as fast as its jump allows
+    the tip    its acceleration, or how fast the tool axis turns, where the machine file bounds them
     an axis    of all axes and kinds the one that is used most, from ``BOUND`` of it on
     nothing    otherwise: a ramp on which no limit is used up, or a standstill
 
@@ -23,6 +24,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.handoff import Law
+from controller.plan import tool_limits
 from controller.plan.course import Course
 from controller.plan.law import along
 from controller.plan.limits import Derivatives
@@ -110,8 +112,29 @@ def codes(course: Course, motion: Motion, use: Array) -> Codes:
     most = share.argmax(axis=1)
     bound = share[np.arange(len(s)), most] >= BOUND
     found: Codes = np.where(bound, Binding.AXIS + most, Binding.NOTHING)
+    found = _by_tool(course, motion, found)
     found[_corners(course, motion)] = Binding.CORNER
     found[motion.v >= AT_FEED * course.feed(s)] = Binding.FEED
+    return found
+
+
+def _by_tool(course: Course, motion: Motion, found: Codes) -> Codes:
+    """The codes with the limits on the tip's acceleration and the axis' turning, where there are such."""
+    machine, index = course.machine, course.index(motion.s)
+    rates = tool_limits.rates_in(course, motion.s, index)
+    if rates is None:
+        return found
+    rapid = np.isinf(course.feed(motion.s))
+    if machine.tip_acceleration_mm_s2 is not None:
+        asked = rates.tip_acceleration(motion.v, motion.a)
+        found = np.where(
+            (asked >= BOUND * machine.tip_acceleration_mm_s2) & ~rapid, Binding.TIP_ACCELERATION, found
+        )
+    if machine.axis_speed_rad_s is not None:
+        asked = rates.turn * motion.v
+        found = np.where(
+            (asked >= BOUND * machine.axis_speed_rad_s) & ~rapid, Binding.AXIS_ANGULAR_SPEED, found
+        )
     return found
 
 

@@ -14,7 +14,7 @@ from traced import stretches, trace
 from controller.handoff import Law
 from controller.kinematics import Kinematics
 from controller.machine import Limits, Machine
-from controller.plan import binding
+from controller.plan import binding, profile
 from controller.plan.course import Course
 from controller.plan.law import straight
 from controller.state import Binding, axis_binding
@@ -130,3 +130,18 @@ def test_slices_cover_every_law_once() -> None:
         parts = [s for row in rows for s in row if s.stretch == k]
         assert parts[0].from_s == 0.0 and parts[-1].to_s == one.duration_s
         assert all(a.to_s == b.from_s for a, b in itertools.pairwise(parts))
+
+
+def test_the_limits_of_the_tool_itself_bind_where_the_machine_file_has_them() -> None:
+    built = machine(spindle=None)
+    kinematics = Kinematics(built)
+    ring = line("G0 X0 Y0\nG3 X20 Y0 I10 F3000\n", built)
+    tip = replace(built, tip_acceleration_mm_s2=90.0)
+    slow = Course(ring.stretches, tip, kinematics)
+    planned = profile.plan(slow)
+    assert planned is not None and planned.duration_s > ring.length / 30.0 * 0.99  # sqrt(90 * 10) = 30 mm/s
+    assert Binding.TIP_ACCELERATION in codes_of(slow, planned.laws(slow))
+    turn = line("G1 X5 C90 F3000\nG1 X10 A30 C180 F3000\n", built)
+    lazy = Course(turn.stretches, replace(built, axis_speed_rad_s=0.2), kinematics)
+    planned = profile.plan(lazy)
+    assert planned is not None and Binding.AXIS_ANGULAR_SPEED in codes_of(lazy, planned.laws(lazy))
