@@ -23,6 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import solveh_banded
 
 Array = npt.NDArray[np.float64]
 
@@ -206,8 +207,6 @@ class _Solver:
 
     def newton(self, band: Array, right: Array) -> Array:
         """Solves for the free coefficients; those at the ends follow."""
-        from scipy.linalg import solveh_banded
-
         first, last = self.l.first, self.l.last
         # c[0] = first c[1] and c[-1] = last c[-2] put into the quadratic form.
         if first is not None:

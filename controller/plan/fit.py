@@ -22,6 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import solveh_banded
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
@@ -244,8 +245,6 @@ class _Fit:
 
     def _banded(self, b: Array, f: Array, weight: Array, span: Index) -> Array:
         """Controls (n, 5) relative to the first kept one, those that stand already and the end given."""
-        from scipy.linalg import solveh_banded
-
         spans, n = len(self.x) - 1, len(self.x) + 2
         wb = b * weight[:, None]
         first = np.searchsorted(span, np.arange(spans))

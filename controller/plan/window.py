@@ -24,7 +24,7 @@ from controller.plan.program import Act
 from controller.plan.track import Track, Unit
 
 FIRST_S = 2.5  # of motion in a window that must be ready soon ...
-WINDOW_S = 6.0  # ... and in others
+WINDOW_S = 8.0  # ... and in others
 WHOLE_SHARE = 1.6  # of a window: a course no longer than this is planned in one
 TAIL_S = 1.5  # at a window's end, where it would brake: replaced by the next window ...
 TAIL_SHARE = 0.6  # ... but never more of it than this
