@@ -14,6 +14,8 @@ its rest as hard as it can, and a stop would end behind that rest.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -47,6 +49,9 @@ RAMPS = (
 RAMP_JERK, RAMP_LANDING = 1.0138, 0.95  # shares of the jerk that go with them
 RAMP_ROUNDS = 4
 SURE = 6  # steps of a landing that a second search trusts in
+LONGER = (1.0, 1.04, 1.08, 1.14, 1.2)  # times the plan's own last braking
+EVEN = 0.01  # of the speed per second: no braking yet
+BRAKING_LOOKS = 400
 AS_SOON = 1.15  # times a stop: a plan that rests so soon needs none
 BEYOND = 1e-9  # of the profile's rest, by which a stop may end behind it (unit of s)
 
@@ -69,6 +74,7 @@ def stops(course: Course, profile: Profile, first_s: float, last_s: float, step_
         until = min(profile.duration_s, last_s + horizon)
         seeker = _Seeker(Way(course, profile, first_s, until), start, h, profile.end_s)
         if seeker.seek(profile.duration_s - times) or until >= profile.duration_s:
+            seeker.brake_early(profile, times)
             return StopTable.of(first_s, step_s, h, seeker.rows())
         horizon *= 3.0
 
@@ -109,6 +115,30 @@ class _Seeker:
         if failed.any():
             self._again(moving[failed], found.stuck.of(failed))
         return True
+
+    def brake_early(self, profile: Profile, times: Array) -> None:
+        """Just before the plan's own last braking: that braking, begun at once and a little longer.
+
+        It is the quickest there is from that speed, and nothing that a search finds step by step comes
+        near it. Its accelerations at the steps' ends are scaled so that the speed vanishes with them.
+        """
+        left = profile.duration_s - times
+        speed, rate = self._start[1], self._start[2]
+        lanes = np.flatnonzero((self._steps == 0) & (speed > STANDSTILL) & (np.abs(rate) < EVEN * speed))
+        if not len(lanes):
+            return
+        begun_s = _braking_from(profile, float(left[lanes].max()), float(speed[lanes[-1]]))
+        for longer in LONGER:
+            rest = [lane for lane in lanes if self._steps[lane] == 0]
+            n = math.ceil((profile.duration_s - begun_s) * longer / self._h - 1e-9)
+            share = np.arange(n + 1) / n
+            a = profile.along(begun_s + share * (profile.duration_s - begun_s))[2]
+            a[0] = a[-1] = 0.0
+            falls = -self._h * float((0.5 * (a[1:] + a[:-1])).sum())
+            if not rest or falls <= 0.0:
+                return
+            found = _as_found(np.diff(a)[:, None] / self._h * speed[rest] / falls, n)
+            self._judged(np.array(rest), found)
 
     def rows(self) -> list[list[float]]:
         """The jerks of each stop."""
@@ -161,10 +191,15 @@ class _Seeker:
         """What was found for ``lanes`` with ``shares`` (3, N), whether it passes, or just ends too far."""
         begin = (self._start[0][lanes], self._start[1][lanes], self._start[2][lanes])
         found = search(self._way, begin, self._h, Shares(*shares), ramps, sure)
+        return found, *self._judged(lanes, found)
+
+    def _judged(self, lanes: Indices, found: Found) -> tuple[Flags, Flags]:
+        """Keeps what passes; tells which do, and which just end too far."""
+        begin = (self._start[0][lanes], self._start[1][lanes], self._start[2][lanes])
         good, ends = check(self._way, begin, self._h, found)
         inside = ends <= self._rest + BEYOND
         self._keep(lanes, found, good & inside)
-        return found, good & inside, good & ~inside
+        return good & inside, good & ~inside
 
     def _keep(self, lanes: Indices, found: Found, good: Flags) -> None:
         self._from.append(found.jerks)
@@ -173,6 +208,20 @@ class _Seeker:
             if self._steps[lane] == 0 or steps < self._steps[lane]:
                 self._steps[lane] = steps
                 self._place[:, lane] = len(self._from) - 1, column
+
+
+def _braking_from(profile: Profile, longest_s: float, speed: float) -> float:
+    """When the plan last leaves ``speed`` on its way to rest, no earlier than ``longest_s`` before that."""
+    t = profile.duration_s - longest_s * np.arange(BRAKING_LOOKS + 1) / BRAKING_LOOKS
+    as_fast = profile.along(t)[1] >= speed * (1.0 - 1e-9)
+    return float(t[int(np.argmax(as_fast))])
+
+
+def _as_found(jerks: Array, steps: int) -> Found:
+    """Stops that were not searched for, all of so many steps."""
+    none = np.zeros(jerks.shape[1])
+    stuck = Stuck(none.astype(np.intp), none, none)
+    return Found(jerks, np.full(len(none), steps, dtype=np.intp), stuck, none.astype(bool))
 
 
 def _more_ramps(ramps: Ramps, stuck: Stuck) -> Ramps:

@@ -206,7 +206,7 @@ def test_joints_on_a_tick_are_those_of_the_plan_and_cost_no_more_on_a_long_motio
     for stretch in splines(cam(1500, True)[0]):
         motion = stretch.motion
         assert isinstance(motion, ToolSpline)
-        assert len(motion.spans) == ROW * (len(motion.knots) - 1) <= ROW * 32
+        assert len(motion.spans) == ROW * (len(motion.knots) - 1) <= ROW * rows.SPANS
         s = np.linspace(0.0, motion.end, 50)
         found = joints_along(stretch, s, KINEMATICS)
         for at, row in zip(s.tolist(), found, strict=True):
