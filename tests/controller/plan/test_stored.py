@@ -44,7 +44,7 @@ def changes():
 
 
 @pytest.mark.parametrize(
-    "what, program, built, start", changes(), ids=lambda x: x if isinstance(x, str) else ""
+    "what, program, built, start", list(changes()), ids=lambda x: x if isinstance(x, str) else ""
 )
 def test_any_change_of_program_machine_tools_offsets_or_start_asks_for_a_new_check(
     what, program, built, start
