@@ -51,6 +51,8 @@ RAMP_ROUNDS = 4
 SURE = 6  # steps of a landing that a second search trusts in
 LONGER = (1.0, 1.04, 1.08, 1.14, 1.2)  # times the plan's own last braking
 EVEN = 0.01  # of the speed per second: no braking yet
+SLOWER = 1.0 - 1e-9  # times an even speed: the plan brakes
+LATER = 12  # starts whose stops are tried behind the plan's own braking
 BRAKING_LOOKS = 400
 AS_SOON = 1.15  # times a stop: a plan that rests so soon needs none
 BEYOND = 1e-9  # of the profile's rest, by which a stop may end behind it (unit of s)
@@ -75,6 +77,7 @@ def stops(course: Course, profile: Profile, first_s: float, last_s: float, step_
         seeker = _Seeker(Way(course, profile, first_s, until), start, h, profile.end_s)
         if seeker.seek(profile.duration_s - times) or until >= profile.duration_s:
             seeker.brake_early(profile, times)
+            seeker.brake_with_the_plan(profile, times)
             return StopTable.of(first_s, step_s, h, seeker.rows())
         horizon *= 3.0
 
@@ -120,25 +123,62 @@ class _Seeker:
         """Just before the plan's own last braking: that braking, begun at once and a little longer.
 
         It is the quickest there is from that speed, and nothing that a search finds step by step comes
-        near it. Its accelerations at the steps' ends are scaled so that the speed vanishes with them.
+        near it.
         """
-        left = profile.duration_s - times
-        speed, rate = self._start[1], self._start[2]
-        lanes = np.flatnonzero((self._steps == 0) & (speed > STANDSTILL) & (np.abs(rate) < EVEN * speed))
+        left, speed = profile.duration_s - times, self._start[1]
+        lanes = self._even_and_without()
         if not len(lanes):
             return
         begun_s = _braking_from(profile, float(left[lanes].max()), float(speed[lanes[-1]]))
         for longer in LONGER:
-            rest = [lane for lane in lanes if self._steps[lane] == 0]
+            lanes = lanes[self._steps[lanes] == 0]
             n = math.ceil((profile.duration_s - begun_s) * longer / self._h - 1e-9)
+            if not len(lanes) or n < 1:
+                return
             share = np.arange(n + 1) / n
             a = profile.along(begun_s + share * (profile.duration_s - begun_s))[2]
             a[0] = a[-1] = 0.0
-            falls = -self._h * float((0.5 * (a[1:] + a[:-1])).sum())
-            if not rest or falls <= 0.0:
-                return
-            found = _as_found(np.diff(a)[:, None] / self._h * speed[rest] / falls, n)
-            self._judged(np.array(rest), found)
+            self._try_braking(lanes, [a] * len(lanes))
+
+    def brake_with_the_plan(self, profile: Profile, times: Array) -> None:
+        """Just before the plan brakes for what lies ahead: that braking, begun at once, then a later stop.
+
+        Tried with the stops of the next few starts from which one was found.
+        """
+        for lane in self._even_and_without():
+            speed = float(self._start[1][lane])
+            later = np.flatnonzero(
+                (self._steps > 0) & (self._start[1] < speed * SLOWER) & (times > times[lane])
+            )
+            brakings: list[Array] = []
+            for other in later[:LATER]:
+                n = math.ceil((times[other] - times[lane]) / self._h - 1e-9)
+                speeds, rates = profile.along(times[other] - self._h * np.arange(n, -1.0, -1.0))[1:3]
+                before = rates[int(np.flatnonzero(speeds >= speed * SLOWER)[-1]) :]
+                behind = before[-1] + self._h * np.cumsum(self._row(int(other)))
+                brakings.append(np.concatenate([[0.0], before[1:], behind[:-1], [0.0]]))
+            if brakings:
+                self._try_braking(np.full(len(brakings), lane), brakings)
+
+    def _even_and_without(self) -> Indices:
+        """The starts at an even speed from which no stop was found."""
+        _, speed, rate = self._start
+        return np.flatnonzero((self._steps == 0) & (speed > STANDSTILL) & (np.abs(rate) < EVEN * speed))
+
+    def _try_braking(self, lanes: Indices, brakings: list[Array]) -> None:
+        """Try the accelerations at the steps' ends, zero at first and last, of each lane.
+
+        They are scaled so that the speed vanishes with them.
+        """
+        steps = np.array([len(a) - 1 for a in brakings])
+        jerks = np.zeros((steps.max(), len(lanes)))
+        for column, (lane, a) in enumerate(zip(lanes, brakings, strict=True)):
+            falls = -self._h * float(a.sum())
+            if falls > 0.0:
+                jerks[: steps[column], column] = np.diff(a) / self._h * (self._start[1][lane] / falls)
+            else:
+                steps[column] = 0
+        self._judged(lanes, _as_found(jerks, steps))
 
     def rows(self) -> list[list[float]]:
         """The jerks of each stop."""
@@ -213,15 +253,14 @@ class _Seeker:
 def _braking_from(profile: Profile, longest_s: float, speed: float) -> float:
     """When the plan last leaves ``speed`` on its way to rest, no earlier than ``longest_s`` before that."""
     t = profile.duration_s - longest_s * np.arange(BRAKING_LOOKS + 1) / BRAKING_LOOKS
-    as_fast = profile.along(t)[1] >= speed * (1.0 - 1e-9)
+    as_fast = profile.along(t)[1] >= speed * SLOWER
     return float(t[int(np.argmax(as_fast))])
 
 
-def _as_found(jerks: Array, steps: int) -> Found:
-    """Stops that were not searched for, all of so many steps."""
+def _as_found(jerks: Array, steps: Indices) -> Found:
+    """Stops that were not searched for."""
     none = np.zeros(jerks.shape[1])
-    stuck = Stuck(none.astype(np.intp), none, none)
-    return Found(jerks, np.full(len(none), steps, dtype=np.intp), stuck, none.astype(bool))
+    return Found(jerks, steps, Stuck(none.astype(np.intp), none, none), none.astype(bool))
 
 
 def _more_ramps(ramps: Ramps, stuck: Stuck) -> Ramps:
