@@ -17,6 +17,7 @@ from pathlib import Path
 from controller.geometry import ZERO, Frame, Vector, X, Y, Z, cross, norm, rotate, scale, subtract
 from controller.machine import Axis, Bus, Homing, Kind, Limits, Machine, Sense, Spindle, Tool
 from controller.toml_table import ConfigError, Table, parse, read_text, span
+from drives.profile import Profile
 from drives.settings import INT32_MAX, BusSettings, MasterSettings, NodeSettings
 
 SHIPPED = Path(__file__).resolve().parent.parent / "config"  # beside the package, installed or not
@@ -181,7 +182,7 @@ def _node(axis: Axis, period_s: float) -> NodeSettings:
         homing_position_counts=round(axis.homing.position * axis.counts_per_unit),
         period_s=period_s,
         brake=axis.brake,
-        profile=axis.profile,
+        profile=Profile(name=axis.profile),
     )
 
 

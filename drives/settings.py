@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from drives.profile import Profile
+
 INT32_MIN = -(2**31)
 INT32_MAX = 2**31 - 1
 
@@ -38,7 +40,38 @@ class NodeSettings:
     homing_position_counts: int = 0  # position at the homed point, 607Ch
     period_s: float = 0.002  # interpolation time, 60C2h; equals the tick
     brake: bool = False  # a gravity axis: braked before it is disabled
-    profile: str = "simulated"
+    profile: Profile = Profile()
+    feedback_every: int = 1  # transmission type of the feedback's TPDO: every so many SYNCs
+    feed_forward: bool = False  # the velocity goes with the target (60B1h); the controlword apart
+    enable_group: int = 0  # drives are enabled group by group, lowest first, and disabled in reverse
+    unsupervised: bool = False  # the operator accepts a drive that does not notice a dead controller
+
+
+@dataclass(frozen=True, slots=True)
+class SpindleSettings:
+    """A spindle drive in a velocity mode (CiA 402, 60FFh), not part of the path."""
+
+    name: str
+    bus: str
+    node: int
+    eds: str
+    counts_per_rev: float  # 60FFh in counts per second; its sign is the direction of M3
+    mode: int = 9  # 6060h: 9 cyclic synchronous velocity, 3 profile velocity
+    at_speed_share: float = 0.05  # at speed within this share of the wanted one
+    profile: Profile = Profile()
+
+
+@dataclass(frozen=True, slots=True)
+class IoSettings:
+    """A CiA 401 node: digital inputs 6000h by TPDO 1 on change, digital outputs 6200h by RPDO 1."""
+
+    name: str
+    bus: str
+    node: int
+    eds: str
+    inputs: int = 1  # bytes
+    outputs: int = 1
+    heartbeat_s: float = 0.05
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,7 +39,7 @@ ARROWS: dict[str, set[str]] = {
 
 # Who may import which part of drives ("*" = all).
 TO_DRIVES: dict[str, set[str]] = {
-    "config": {"settings", "budget"},
+    "config": {"settings", "profile", "budget"},
     "tick": {"settings", "scale", "cia402", "pdo", "drive", "group", "budget", "bus"},
     "session": {"settings", "pdo", "drive", "group", "bus", "commission", "simulated"},
     "__main__": {"*"},

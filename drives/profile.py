@@ -1,0 +1,62 @@
+"""How a family of drives is commissioned and driven: what its data sheet does not say by itself.
+
+A profile holds facts about a product (which supervision it has, which periods it takes,
+which option codes), never about a machine. ``config/drives/*.toml`` are the shipped ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class CyclicMode(Enum):
+    """Mode of operation in which setpoints come (CiA 402, 6060h)."""
+
+    CSP = 8  # cyclic synchronous position
+    IP = 7  # interpolated position, submode 0 (linear), for drives without CSP
+
+
+class Supervision(Enum):
+    """How a drive notices that the controller is silent."""
+
+    HEARTBEAT = "heartbeat"  # consumer heartbeat time, 1016h
+    GUARDING = "guarding"  # node guarding: 100Ch, 100Dh
+    NONE = "none"  # neither: the machine file must accept that with unsupervised = true
+
+
+@dataclass(frozen=True, slots=True)
+class Write:
+    """One object more that a drive is told at commissioning."""
+
+    index: int
+    sub: int
+    value: int
+    why: str  # completes "node 3: object 2xxxh: ..." in a sentence
+
+
+@dataclass(frozen=True, slots=True)
+class Profile:
+    """A family of CiA 402 drives."""
+
+    name: str = "generic"
+    eds: str = ""  # path of the data sheet that comes with it; "" = the machine file names one
+    mode: CyclicMode = CyclicMode.CSP
+    rpdo: int = 1  # number (1 .. 4) of the RPDO that carries controlword and target
+    tpdo: int = 1  # number of the TPDO that carries statusword and actual position
+    command_rpdo: int = 2  # with feed-forward: the event-driven RPDO that carries the controlword
+    takes_feed_forward: bool = True  # 60B1h can be mapped beside the target
+    most_feedback_every: int = 240  # largest transmission type of the TPDO that works
+    period_exponents: tuple[int, ...] = (-3, -4, -5, -6)  # what 60C2h:02 takes
+    period_step_s: float = 0.0001  # periods must be multiples of this
+    period_min_s: float = 0.0005
+    period_max_s: float = 0.02
+    supervision: Supervision = Supervision.HEARTBEAT
+    quick_stop_code: int = 2  # 605Ah; 2 = quick stop ramp, then switch on disabled; 6 = ramp, then stay
+    abort_code: int | None = 3  # 6007h; 3 = quick stop; None: the drive has no such object
+    error_behaviour: int | None = None  # 1029h:01; None = left alone
+    most_following_error: int = 0xFFFF_FFFF  # largest window that 6065h takes
+    homing_methods: tuple[int, ...] = (35, 37)  # what 6098h takes
+    optional: tuple[int, ...] = ()  # objects (index) that may be missing without harm
+    writes: tuple[Write, ...] = ()
+    quirks: tuple[str, ...] = ()  # sentences for the person who commissions it
