@@ -60,3 +60,6 @@ class Profile:
     optional: tuple[int, ...] = ()  # objects (index) that may be missing without harm
     writes: tuple[Write, ...] = ()
     quirks: tuple[str, ...] = ()  # sentences for the person who commissions it
+
+
+GENERIC = Profile()

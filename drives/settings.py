@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from drives.profile import Profile
+from drives.profile import GENERIC, Profile
 
 INT32_MIN = -(2**31)
 INT32_MAX = 2**31 - 1
@@ -40,7 +40,7 @@ class NodeSettings:
     homing_position_counts: int = 0  # position at the homed point, 607Ch
     period_s: float = 0.002  # interpolation time, 60C2h; equals the tick
     brake: bool = False  # a gravity axis: braked before it is disabled
-    profile: Profile = Profile()
+    profile: Profile = GENERIC
     feedback_every: int = 1  # transmission type of the feedback's TPDO: every so many SYNCs
     feed_forward: bool = False  # the velocity goes with the target (60B1h); the controlword apart
     enable_group: int = 0  # drives are enabled group by group, lowest first, and disabled in reverse
@@ -58,7 +58,7 @@ class SpindleSettings:
     counts_per_rev: float  # 60FFh in counts per second; its sign is the direction of M3
     mode: int = 9  # 6060h: 9 cyclic synchronous velocity, 3 profile velocity
     at_speed_share: float = 0.05  # at speed within this share of the wanted one
-    profile: Profile = Profile()
+    profile: Profile = GENERIC
 
 
 @dataclass(frozen=True, slots=True)
