@@ -25,11 +25,11 @@ def check(way: Way, start: Motion, h: float, found: Found) -> tuple[Flags, Array
     used = (step <= found.steps) & good
     lane = np.nonzero(used)[1]
     into, out = np.concatenate([j[:1], j])[used], np.concatenate([j, 0.0 * j[:1]])[used]
-    good[lane[~_within(way, (s[used], v[used], a[used]), (into, out), rapid[lane])]] = False
+    good[lane[~_within(way, (s[used], v[used], a[used]), (into, out), rapid[lane], s[-1][lane])]] = False
     used = (step[:-1] < found.steps) & good
     lane = np.nonzero(used)[1]
     middle = _after(s[:-1][used], v[:-1][used], a[:-1][used], j[used], 0.5 * h)
-    good[lane[~_within(way, middle, (j[used],), rapid[lane])]] = False
+    good[lane[~_within(way, middle, (j[used],), rapid[lane], s[-1][lane])]] = False
     return good, s[-1]
 
 
@@ -46,13 +46,13 @@ def _after(s: Array, v: Array, a: Array, j: Array, x: float) -> Motion:
     return s + x * (v + x * (a / 2.0 + x * j / 6.0)), v + x * (a + x * j / 2.0), a + x * j
 
 
-def _within(way: Way, motion: Motion, jerks: tuple[Array, ...], rapid: Array) -> Flags:
+def _within(way: Way, motion: Motion, jerks: tuple[Array, ...], rapid: Array, ends: Array) -> Flags:
     """Whether each of many states (N,) is within every joint's limits, with each of ``jerks`` (N,).
 
     A stop that begins at feed (``rapid`` 1.0) may end in a rapid with the limits of a feed.
     """
     s, v, a = motion
-    q, about = way.at(s)
+    q, about = way.at(s, ends)
     room = about * np.maximum(rapid / about[RAPID], 1.0)
     d = q.reshape(3, 5, -1)
     rest = v * (d[2] * (v * v) + 3.0 * a * d[1])

@@ -44,26 +44,32 @@ class Way:
         places = np.unique(np.concatenate([s, inner, inner - LEAST_STEP]))
         places, derived = self._refined(course, places, s, v)
         self._fill(places, derived)
-        rooms = _rooms(course, places, s, v)
+        rooms, before, ahead = _rooms(course, places, s, v)
         still = 1.0 / (np.abs(derived[:, :5]).max(axis=1) + TINY)
-        lower = np.minimum(*(np.vstack([rooms, still])[:, k : len(places) - 1 + k] for k in (0, 1)))
         speed = np.interp(places, s, v)
-        self._about = np.vstack([lower, np.maximum(speed[:-1], speed[1:])])
+        fastest = np.maximum(speed[:-1], speed[1:])
+        self._about = np.vstack([_lower(np.vstack([rooms, still])), fastest])
+        self._about_before = np.vstack([_lower(np.vstack([before, still])), fastest])
+        self._ahead = np.maximum(ahead[:-1], ahead[1:])
 
     @property
     def end(self) -> float:
         return float(self.s[-1])
 
-    def at(self, s: Array) -> tuple[Array, Array]:
+    def at(self, s: Array, ends: Array | None = None) -> tuple[Array, Array]:
         """q', q'', q''' of the joints over their jerk limits (15, N), and what holds about there (5, N).
 
         The latter are the shares of jerk and of acceleration that may be used, what of both
-        is the share of rapids, the largest jerk at no speed, and the speed of the plan.
+        is the share of rapids, the largest jerk at no speed, and the speed of the plan. A motion
+        that is known to end at ``ends`` (N,) leaves no room for the jump of a junction behind that.
         """
         i = self._cell(s)
         rows = self._rows[i]
         found = rows[:, :15] + (s - self.s[i])[:, None] * rows[:, 15:]
-        return np.ascontiguousarray(found.T), self._about[:, i]
+        about = self._about[:, i]
+        if ends is not None:
+            about = np.where(ends < self._ahead[i], self._about_before[:, i], about)
+        return np.ascontiguousarray(found.T), about
 
     def still(self, s: Array) -> Array:
         """Largest jerk along the path that the joints allow at no speed, (N,)."""
@@ -116,20 +122,31 @@ def _rising(s: Array, v: Array) -> tuple[Array, Array]:
     return s[keep], v[keep]
 
 
-def _rooms(course: Course, places: Array, s: Array, v: Array) -> Array:
+def _lower(nodes: Array) -> Array:
+    """Of each cell the lower of its two ends' values, (rows, nodes) to (rows, nodes - 1)."""
+    return np.minimum(nodes[:, :-1], nodes[:, 1:])
+
+
+def _rooms(course: Course, places: Array, s: Array, v: Array) -> tuple[Array, Array, Array]:
     """Shares of the jerk and acceleration limits that a stop may use, and the share of rapids in them.
 
     A junction's jump of rates is spread over one tick; at the speed that it allows it takes
-    JUMP_SHARE of the jerk, and of the acceleration what that jerk makes in a tick.
+    JUMP_SHARE of the jerk, and of the acceleration what that jerk makes in a tick. Also the same
+    for a stop that ends before the junction ahead, and where that one is; -inf where none is near.
     """
     period, limits = course.machine.period_s, JointLimits.of(course.machine)
     rapid = [course.machine.rapid_share if x.feed_mm_s is None else 1.0 for x in course.stretches]
     room = np.tile(np.array(rapid)[course.index(places)], (3, 1))
+    before, ahead = room.copy(), np.full(len(places), -np.inf)
     inner = course.starts[1:-1]
     for k in np.flatnonzero((inner >= s[0]) & (inner <= s[-1])):
         speed = float(np.interp(inner[k], s, v))
         taken = JUMP_SHARE * min(1.0, speed / max(course.junctions[k], TINY))
         near = np.abs(places - inner[k]) <= NEAR_TICKS * speed * period
-        room[0, near] *= 1.0 - taken
-        room[1, near] *= 1.0 - taken * min(1.0, float((limits.jerk * period / limits.acceleration).max()))
-    return room
+        behind = near & (places >= inner[k])
+        ahead[near & ~behind] = inner[k]
+        acceleration = taken * min(1.0, float((limits.jerk * period / limits.acceleration).max()))
+        for rows, where in ((room, near), (before, behind)):
+            rows[0, where] *= 1.0 - taken
+            rows[1, where] *= 1.0 - acceleration
+    return room, before, ahead

@@ -76,6 +76,7 @@ def stops(course: Course, profile: Profile, first_s: float, last_s: float, step_
         until = min(profile.duration_s, last_s + horizon)
         seeker = _Seeker(Way(course, profile, first_s, until), start, h, profile.end_s)
         if seeker.seek(profile.duration_s - times) or until >= profile.duration_s:
+            seeker.brake_as_before()
             seeker.brake_early(profile, times)
             seeker.brake_with_the_plan(profile, times)
             return StopTable.of(first_s, step_s, h, seeker.rows())
@@ -118,6 +119,20 @@ class _Seeker:
         if failed.any():
             self._again(moving[failed], found.stuck.of(failed))
         return True
+
+    def brake_as_before(self) -> None:
+        """As from the start before, at the same even speed: it may still end before a junction ahead.
+
+        The search leaves room for the jump of a junction as if it had to pass it.
+        """
+        same = self._start[1][:-1] * SLOWER < self._start[1][1:]
+        for lane in self._even_and_without():
+            if lane and same[lane - 1] and self._steps[lane - 1]:
+                self._judged(np.array([lane]), self._as_from(lane - 1))
+
+    def _as_from(self, lane: int) -> Found:
+        """The stop of another start."""
+        return _as_found(np.array(self._row(lane))[:, None], np.array([self._steps[lane]]))
 
     def brake_early(self, profile: Profile, times: Array) -> None:
         """Just before the plan's own last braking: that braking, begun at once and a little longer.
