@@ -108,7 +108,7 @@ def test_holds_at_random_ticks_of_the_cut_leave_the_tool_on_the_path() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("feed", ["100.", "1000.", "3000.", CONE])
-@pytest.mark.parametrize("seed", range(2, 5))
+@pytest.mark.parametrize("seed", [2])
 def test_holds_at_any_tick_of_the_program_leave_the_tool_on_the_path(seed: int, feed: str) -> None:
     hold_run(seed, 8, feed)
 
@@ -124,7 +124,7 @@ def test_a_hold_and_a_resume_in_quick_succession_do_no_harm(feed: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_a_stop_ends_in_standstill_on_the_path_and_the_machine_is_ready_again(seed: int) -> None:
     first, last = cutting_span()
     tick = random.Random(seed).randrange(first, last)
@@ -168,7 +168,7 @@ def override_steps(rng: random.Random, ticks: int, count: int, shares: list[floa
 
 @pytest.mark.slow
 @pytest.mark.parametrize("feed", ["1000.", "3000.", CONE])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0])
 def test_override_steps_at_any_tick_keep_the_path_and_the_limits(seed: int, feed: str) -> None:
     rng = random.Random(seed)
     shares = [0.1, 0.3, 0.5, 0.8, 1.0, 1.2, 1.5, 2.0]
@@ -309,7 +309,7 @@ def test_a_silent_planner_ends_in_standstill_on_the_path_and_is_named() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(8))
 def test_a_planner_silent_from_any_tick_on_ends_in_standstill_on_the_path(seed: int) -> None:
     first, last = cutting_span()
     assert_stands_on_the_path(random.Random(seed).randrange(first, last - 100))

@@ -59,7 +59,7 @@ def assert_single_steps(done: Cut) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", list(LostSync))
-@pytest.mark.parametrize("share", [0.1, 0.2, 0.26, 0.5, 0.9, 1.0, 1.3, 2.5, 5.0])
+@pytest.mark.parametrize("share", [0.2, 0.26, 0.9, 1.3, 5.0])
 def test_single_late_ticks_of_any_length(kind: LostSync, share: float) -> None:
     rng = random.Random(round(share * 100))
     late = {FIRST + k * 400 + rng.randrange(100) for k in range(10)}
@@ -88,7 +88,7 @@ def test_one_skip_at_full_feed_trips_no_drive_and_exceeds_no_limit(kind: LostSyn
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", list(LostSync))
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_random_lateness_keeps_syncs_apart_whatever_comes(kind: LostSync, seed: int) -> None:
     rng = random.Random(seed)
     table = [0.002 * rng.choice((0.0,) * 20 + (0.1, 0.24, 0.3, 0.6, 1.1)) for _ in range(200_000)]

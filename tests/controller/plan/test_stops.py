@@ -237,7 +237,7 @@ def test_stops_keep_the_limits_at_other_periods(period_s: float) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(700, 712))
+@pytest.mark.parametrize("seed", range(700, 706))
 def test_stops_on_many_unseen_surfaces_keep_the_limits(seed: int) -> None:
     feed = 10.0 ** random.Random(seed + 1).uniform(2.5, 4.0)
     try:
@@ -295,7 +295,7 @@ def test_stops_anywhere_on_example_2_are_hardly_longer_than_the_shortest(feed: s
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(700, 708))
+@pytest.mark.parametrize("seed", range(700, 704))
 def test_stops_on_unseen_surfaces_are_hardly_longer_than_the_shortest(seed: int) -> None:
     feed = 10.0 ** random.Random(seed + 1).uniform(2.5, 3.7)
     try:
