@@ -17,13 +17,17 @@ import socket
 import struct
 import time
 from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drives import pdo
+from drives.error_counters import overflow_frame
+from drives.fault_script import FaultScript
+from drives.hub_protocol import CYCLIC_SYNC, RESTART, lost_frame
 from drives.pdo import FRAME_BYTES
-from drives.virtual_bus import CYCLIC_SYNC, SteppedBus
+from drives.virtual_bus import SteppedBus
 
 SO_TIMESTAMPNS = 35
 TIME_STAMP = struct.Struct("qq")
@@ -57,16 +61,30 @@ class SyncLog:
         os.replace(unfinished, path)
 
 
+class Gateway(Protocol):
+    """A further way onto the hub's bus."""
+
+    def restart(self) -> None:
+        """A client wants to leave bus-off, and the bus behind this gateway may be where it is that."""
+
+    def close(self) -> None: ...
+
+
 class Client:
-    """One joined process."""
+    """One joined process; it has a CAN controller of its own."""
 
     def __init__(self, joined: socket.socket) -> None:
         self.socket = joined
         self.lost = 0  # frames its full receive queue refused
+        self.unsent = 0  # frames its full transmit queue refused
         self.source = -1
+        self._told = 0  # of the lost ones, by a frame of their own
 
     def put(self, frame: bytes, _at_s: float) -> None:
         try:
+            if self._told != self.lost:
+                self.socket.send(lost_frame(self.lost))
+                self._told = self.lost
             self.socket.send(frame)
         except BlockingIOError:
             self.lost += 1
@@ -75,38 +93,81 @@ class Client:
 
 
 class Hub:
-    """The server; ``turn`` does everything that is due and waits at most until ``until_s``."""
+    """The server; ``turn`` does everything that is due and waits at most until ``until_s``.
 
-    def __init__(self, path: str, bit_rate: int = 1_000_000, sync_log: bool = True) -> None:
+    ``faults`` happen by the bus' clock from the beginning of ``run``; ``log`` gets every
+    frame (a ``FrameLog``, a ``candump.Writer``). Gateways (``drives.gateways``) add their
+    descriptors by ``listen``.
+    """
+
+    def __init__(
+        self,
+        path: str,
+        bit_rate: int = 1_000_000,
+        sync_log: bool = True,
+        faults: FaultScript | None = None,
+        log: Callable[[bytes, float], None] | None = None,
+    ) -> None:
+        """Raises OSError when the path cannot be bound."""
         self.path = path
         self.bus = SteppedBus(bit_rate, start_s=time.monotonic())
         self.syncs = SyncLog(1_000_000 if sync_log else 0)
         self.bus.watch(pdo.SYNC, self.syncs)
+        if log is not None:
+            self.bus.watch_all(log)
+        self._faults = faults
         self._clients: dict[int, Client] = {}  # by file descriptor
+        self._gateways: list[Gateway] = []
         with contextlib.suppress(FileNotFoundError):
             os.unlink(path)
         self._server = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._server.bind(path)
         self._server.listen(16)
         self._server.setblocking(False)
+        self._readers: dict[int, Callable[[], None]] = {self._server.fileno(): self._accept}
         # The kernel stamps with CLOCK_REALTIME; the bus runs on CLOCK_MONOTONIC.
         self._offset_s = time.time() - time.monotonic()
+
+    # -- guests
+
+    def listen(self, descriptor: int, reader: Callable[[], None]) -> None:
+        """Call ``reader`` when ``descriptor`` has something to read."""
+        self._readers[descriptor] = reader
+
+    def forget(self, descriptor: int) -> None:
+        """End ``listen``."""
+        self._readers.pop(descriptor, None)
+
+    def open_gateway(self, gateway: Gateway) -> None:
+        """Keep a gateway until ``close``."""
+        self._gateways.append(gateway)
+
+    def plan_faults(self, faults: FaultScript) -> None:
+        """Have these faults happen from the beginning of ``run``."""
+        self._faults = faults
+
+    # -- time
 
     def turn(self, until_s: float) -> None:
         """Wait for a frame or the next event, then let the bus catch up with the clock."""
         event_s = self.bus.next_event_s() + PATIENCE_S
         wait_s = max(0.0, min(event_s, until_s) - time.monotonic())
         # select and not epoll: its time-out is in microseconds, epoll's in milliseconds.
-        readable, _, _ = select.select([self._server.fileno(), *self._clients], [], [], wait_s)
+        readable, _, _ = select.select(list(self._readers), [], [], wait_s)
         for one in readable:
-            if one == self._server.fileno():
-                self._accept()
-            else:
-                self._read(self._clients[one])
+            reader = self._readers.get(one)  # one reader may have closed another's descriptor
+            if reader is not None:
+                reader()
         self.bus.advance(max(self.bus.now_s, time.monotonic()))
 
     def run(self, stop: Callable[[], bool]) -> None:
-        """Serve until ``stop()`` says so (looked at ten times a second)."""
+        """Serve until ``stop()`` says so (looked at ten times a second).
+
+        Raises ScriptError for a fault of a node that is not here.
+        """
+        if self._faults is not None:
+            self._faults.inject(self.bus, self.bus.now_s)
+            self._faults = None
         while not stop():
             self._offset_s = time.time() - time.monotonic()
             until_s = time.monotonic() + 0.1
@@ -114,12 +175,16 @@ class Hub:
                 self.turn(until_s)
 
     def close(self) -> None:
+        for gateway in self._gateways:
+            gateway.close()
         for client in self._clients.values():
             client.socket.close()
         self._clients.clear()
         self._server.close()
         with contextlib.suppress(FileNotFoundError):
             os.unlink(self.path)
+
+    # -- clients
 
     def _accept(self) -> None:
         joined, _ = self._server.accept()
@@ -128,6 +193,7 @@ class Hub:
         client = Client(joined)
         client.source = self.bus.connect(client.put)
         self._clients[joined.fileno()] = client
+        self.listen(joined.fileno(), lambda: self._read(client))
 
     def _read(self, client: Client) -> None:
         """Everything a client has sent, up to its last packet."""
@@ -149,8 +215,21 @@ class Hub:
             can_id = int.from_bytes(frame[:4], "little")
             if can_id == CYCLIC_SYNC:
                 self.bus.cyclic_sync(client.source, int.from_bytes(frame[8:12], "little") * 1e-6)
-            elif frame[4] <= 8:
-                self.bus.submit(client.source, at_s, can_id, frame)
+            elif can_id == RESTART:
+                self._restart(client)
+            elif frame[4] <= 8 and not self.bus.submit(client.source, at_s, can_id, frame):
+                self._refuse(client, at_s)
+
+    def _refuse(self, client: Client, at_s: float) -> None:
+        """The client believes its frame to be sent: an error frame tells what ENOBUFS would have told."""
+        client.unsent += 1
+        if self.bus.errors.hears(client.source):
+            client.put(overflow_frame(), at_s)
+
+    def _restart(self, client: Client) -> None:
+        self.bus.errors.restart(self.bus.errors.of(client.source), self.bus.now_s)
+        for gateway in self._gateways:
+            gateway.restart()
 
     def _stamp(self, notes: list[tuple[int, int, bytes]]) -> float:
         """When the kernel took the packet; never before what the bus has already lived through."""
@@ -165,5 +244,6 @@ class Hub:
 
     def _drop(self, client: Client) -> None:
         self._clients.pop(client.socket.fileno(), None)
+        self.forget(client.socket.fileno())
         self.bus.disconnect(client.source)
         client.socket.close()

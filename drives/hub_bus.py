@@ -12,8 +12,8 @@ from typing import Any
 
 import can
 
+from drives.hub_protocol import LOST_FRAMES, connect
 from drives.pdo import ERROR_FLAG, EXTENDED_FLAG, FRAME, FRAME_BYTES, REMOTE_FLAG
-from drives.virtual_bus import connect
 
 ID_MASK = 0x1FFF_FFFF
 
@@ -46,6 +46,8 @@ class HubBus(can.BusABC):
         packet = self._socket.recv(FRAME_BYTES)
         if not packet:
             raise can.CanOperationError("the virtual bus has closed")
+        if int.from_bytes(packet[:4], "little") == LOST_FRAMES:
+            return None, False  # the hub's own word for a full queue; python-can has none
         return _message(packet), False
 
     def shutdown(self) -> None:

@@ -1,11 +1,13 @@
 import ctypes
 import socket
 import struct
+import time
 
 import can
 import pytest
 
-from drives import bus, pdo
+from drives import bus, can_socket, hub_protocol, pdo
+from drives.frame_log import FrameLog
 from drives.settings import BusSettings
 
 
@@ -115,6 +117,10 @@ def test_a_python_can_adapter_carries_the_same_frames():
         message = theirs.recv(1.0)
         assert message is not None
         assert (message.arbitration_id, bytes(message.data)) == (0x201, b"\x0f\x00\x01\x02\x03\x04")
+        assert ours.send(pdo.guard_frame(3))
+        asked = theirs.recv(1.0)
+        assert asked is not None
+        assert (asked.arbitration_id, asked.is_remote_frame, asked.dlc) == (0x703, True, 1)
         buffer = bytearray(16)
         assert not ours.receive_into(buffer)
         theirs.send(can.Message(arbitration_id=0x181, data=b"\x37\x12", is_extended_id=False))
@@ -135,3 +141,95 @@ def test_an_unknown_adapter_is_a_sentence():
 def test_a_missing_can_interface_is_a_sentence():
     with pytest.raises(bus.BusError, match=r"no CAN sockets|ip link set nonesuch0 up"):
         bus.open(BusSettings("can0", "socketcan", "nonesuch0", 1_000_000))
+
+
+def test_the_hubs_word_about_lost_frames_is_a_count_and_no_frame(hub_end):
+    port, theirs = hub_end
+    theirs.send(hub_protocol.lost_frame(7) + bytes(pdo.frame(0x181)))
+    buffer = bytearray(16)
+    assert port.receive_into(buffer)
+    assert pdo.unpack(buffer)[0] == 0x181
+    assert not port.receive_into(buffer)
+    assert port.overflows == 7
+
+
+def datagrams(receive_bytes):
+    """A CanSocket on a datagram socket of another family, whose queue overflows like a CAN socket's."""
+    ours = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    ours.bind(("127.0.0.1", 0))
+    port = bus.CanSocket(ours, "can0", "none")
+    ours.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_bytes)
+    theirs = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    theirs.connect(ours.getsockname())
+    return port, theirs
+
+
+def test_frames_that_the_kernels_queue_refuses_are_counted():
+    port, theirs = datagrams(4096)
+    assert port.overflows == 0
+    for n in range(500):
+        theirs.send(pdo.frame(n))
+    buffer, got = bytearray(16), 0
+    while port.receive_into(buffer):
+        got += 1
+    assert port.overflows == 500 - got > 0
+    theirs.close()
+    port.close()
+
+
+def test_a_frame_comes_with_the_kernels_time_stamp():
+    port, theirs = datagrams(1 << 16)
+    log, buffer = FrameLog(), bytearray(16)
+    assert port.receive_stamped(buffer) is None
+    before_s = time.time()
+    theirs.send(pdo.frame(0x181))
+    after_s = time.time()
+    for _ in range(20):
+        theirs.send(pdo.frame(0x182))
+    assert before_s - 0.01 <= port.receive_stamped(buffer) <= after_s + 0.01
+    assert pdo.unpack(buffer)[0] == 0x181
+    assert log.drain(port, 1000.0) == 20
+    assert [at_s for at_s, _ in log.frames()] == sorted(at_s for at_s, _ in log.frames())
+    assert max(at_s for at_s, _ in log.frames()) <= 1000.0
+    theirs.close()
+    port.close()
+
+
+class Interface:
+    """Stands for ioctl on an interface with a transmit queue."""
+
+    def __init__(self, length, changeable):
+        self.length, self.changeable = length, changeable
+
+    def __call__(self, _sock, request, packed):
+        name, length = struct.unpack("16si20x", packed)
+        assert name.rstrip(b"\0") == b"can0"
+        if request == 0x8942:
+            return struct.pack("16si20x", name, self.length)
+        if not self.changeable:
+            raise PermissionError(1, "Operation not permitted")
+        self.length = length
+        return packed
+
+
+@pytest.mark.parametrize(
+    ("length", "changeable", "after"), [(10, True, 128), (1000, False, 1000), (128, False, 128)]
+)
+def test_a_short_transmit_queue_is_lengthened_and_a_long_one_left_alone(
+    monkeypatch, length, changeable, after
+):
+    interface = Interface(length, changeable)
+    monkeypatch.setattr(can_socket.fcntl, "ioctl", interface)
+    can_socket._lengthen_queue(None, BusSettings("main", "socketcan", "can0", 1_000_000))
+    assert interface.length == after
+
+
+def test_a_short_transmit_queue_that_may_not_be_lengthened_is_a_sentence(monkeypatch):
+    monkeypatch.setattr(can_socket.fcntl, "ioctl", Interface(10, False))
+    sentence = "bus main: the transmit queue of can0 holds 10 frames, .* 'ip link set can0 txqueuelen 128'"
+    with pytest.raises(bus.BusError, match=sentence):
+        can_socket._lengthen_queue(None, BusSettings("main", "socketcan", "can0", 1_000_000))
+
+
+def test_a_filter_of_nothing_lets_every_kind_of_frame_through():
+    assert struct.unpack("=II", bus.kernel_filters([(0, 0)])) == (0, 0)

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from itertools import pairwise
 
+from stepped_drives import Bench
+
 from drives import pdo
-from drives.virtual_bus import QUEUE_LIMIT, Port, SteppedBus
+from drives.fault_script import FaultScript
+from drives.frame_log import FrameLog
+from drives.simulated import SimulatedDrive
+from drives.virtual_bus import PORT_LIMIT, QUEUE_LIMIT, Port, SteppedBus
 
 BIT_S = 1e-6
 
@@ -113,3 +118,103 @@ def test_cyclic_sync_keeps_exact_deadlines_comes_back_as_echo_and_ends_with_its_
     owner.close()
     bus.advance(1.0)
     assert len(times) <= 50
+
+
+def test_a_port_that_does_not_read_counts_what_it_has_lost() -> None:
+    bus = SteppedBus(bit_rate=0)
+    sender, listener = bus.port(), bus.port()
+    for n in range(PORT_LIMIT + 7):
+        assert sender.send(pdo.frame(n & 0x7FF))
+        bus.advance(bus.now_s)
+    assert listener.overflows == 7
+    assert len(received(listener)) == PORT_LIMIT
+    assert sender.overflows == 0
+
+
+def test_all_ports_of_one_bus_are_one_can_interface_and_a_connection_is_another() -> None:
+    bus = SteppedBus()
+    tick, service, filtered = bus.port(), bus.port(), bus.port([(0x580, 0x780)])
+    guest: list[int] = []
+    source = bus.connect(lambda frame, _at_s: guest.append(pdo.unpack(frame)[0]))
+    bus.errors.switch_off(bus.controller, 0.0)
+    for port in (tick, service, filtered):
+        assert received(port) == [pdo.ERROR_FLAG | 0x40]
+        assert not port.send(pdo.frame(0x80))
+    assert bus.submit(source, 0.0, 0x181, bytes(pdo.frame(0x181)))
+    bus.advance(0.1)
+    assert received(tick) == []
+    assert guest == []
+    bus.errors.restart(bus.controller, bus.now_s)
+    assert received(tick) == [pdo.ERROR_FLAG | 0x100]
+    assert tick.send(pdo.frame(0x80))
+    bus.advance(0.2)
+    assert guest == [0x80]
+
+
+def test_the_master_is_who_sent_sync_first_until_it_leaves() -> None:
+    bus = SteppedBus()
+    first, second = (bus.connect(lambda *_: None) for _ in range(2))
+    assert bus.masters is bus.controller
+    for source in (first, second):
+        bus.submit(source, bus.now_s, 0x80, bytes(pdo.frame(0x80)))
+        bus.advance(bus.now_s + 0.001)
+        assert bus.masters is bus.errors.of(first)
+    bus.disconnect(first)
+    bus.submit(second, bus.now_s, 0x80, bytes(pdo.frame(0x80)))
+    bus.advance(bus.now_s + 0.001)
+    assert bus.masters is bus.errors.of(second)
+
+
+def test_what_a_bus_off_controller_had_waiting_is_gone_and_others_go_on() -> None:
+    bus = SteppedBus()
+    port = bus.port()
+    heard: list[int] = []
+    other = bus.connect(lambda frame, _at_s: heard.append(pdo.unpack(frame)[0]))
+    for n in range(20):
+        port.send(pdo.frame(0x100 + n, bytes(8)))
+        bus.submit(other, 0.0, 0x200 + n, bytes(pdo.frame(0x200 + n)))
+    bus.advance(0.0005)
+    bus.errors.switch_off(bus.controller, bus.now_s)
+    frames_of_port = len(heard) + 1  # one is on the wire
+    bus.advance(1.0)
+    assert len(heard) == frames_of_port
+    assert bus.frames == frames_of_port + 20
+    bus.errors.restart(bus.controller, bus.now_s)
+    assert all(port.send(pdo.frame(0x100)) for _ in range(QUEUE_LIMIT))
+    assert not port.send(pdo.frame(0x100))
+
+
+def test_a_device_comes_back_by_itself_after_128_times_11_bits_and_a_port_when_it_is_told_to() -> None:
+    bus = SteppedBus()
+    port = bus.port()
+    drive = SimulatedDrive(5)
+    source = bus.attach(drive)
+    bus.advance(0.1)
+    bus.errors.switch_off(bus.errors.of(source), bus.now_s)
+    bus.errors.switch_off(bus.controller, bus.now_s)
+    bus.advance(0.1 + 1407e-6)
+    assert not bus.errors.hears(source)
+    bus.advance(0.1 + 1409e-6)
+    assert bus.errors.hears(source)
+    bus.advance(10.0)
+    assert not port.send(pdo.frame(0x80))
+    bus.errors.restart(bus.controller, bus.now_s)
+    bus.errors.restart_s = 0.1
+    bus.errors.switch_off(bus.controller, bus.now_s)
+    bus.advance(10.2)
+    assert port.send(pdo.frame(0x80))
+
+
+def test_the_same_run_with_faults_is_the_same_to_the_bit() -> None:
+    def run() -> list[tuple[float, bytes]]:
+        bench = Bench("XY")
+        log = FrameLog()
+        bus = bench.rig.buses["can"]
+        bus.watch_all(log)
+        script = "seed 5\nat 0 s: drop tpdo 1 for 1 s odds 0.2\nat 50 ms: corrupt sync x 3\n"
+        FaultScript.read(script + "at 0.1 s: babble 7F for 5 ms").inject(bus, bus.now_s)
+        for _ in range(200):
+            bench.tick()
+        return list(log.frames())
+
+    assert run() == run()

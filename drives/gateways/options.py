@@ -1,0 +1,99 @@
+"""The hub's options on a command line: faults, log and gateways, for every program that serves a hub."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Protocol, TypeVar
+
+from drives import candump
+from drives.bus import BusError
+from drives.fault_script import FaultScript, ScriptError
+from drives.gateways.host import Host
+from drives.gateways.serial import SerialAdapter
+from drives.gateways.slcan import SlcanTerminal
+from drives.gateways.socketcand import PORT, SocketcandServer
+from drives.hub import Gateway
+
+
+class Served(Host, Protocol):
+    """A hub, or a bridge to a CAN interface."""
+
+    path: str
+
+    def plan_faults(self, faults: FaultScript) -> None: ...
+
+    def open_gateway(self, gateway: Gateway) -> None: ...
+
+
+S = TypeVar("S", bound=Served)
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """--faults, --log, --socketcand, --slcan."""
+    parser.add_argument(
+        "--faults", metavar="FILE", type=Path, help="a script of faults; times from the start"
+    )
+    parser.add_argument("--log", metavar="FILE", help="write every frame as a candump log")
+    parser.add_argument(
+        "--socketcand",
+        metavar="PORT",
+        type=int,
+        nargs="?",
+        const=PORT,
+        help=f"serve socketcand on 127.0.0.1 ({PORT})",
+    )
+    parser.add_argument("--slcan", metavar="LINK", help="make a pseudo terminal that speaks slcan")
+    parser.add_argument(
+        "--serial",
+        metavar="PORT=BIT_RATE",
+        help="share a serial adapter that speaks slcan, e.g. /dev/ttyACM0=1000000; use --bit-rate 0 with it",
+    )
+
+
+@contextlib.contextmanager
+def equipped(
+    hub: S,
+    faults: Path | None = None,
+    log: str | None = None,
+    socketcand: int | None = None,
+    slcan: str | None = None,
+    serial: str | None = None,
+) -> Iterator[S]:
+    """The hub with these options, until the end of the block.
+
+    Raises OSError for a file, port or link that cannot be had, BusError for a serial adapter,
+    ScriptError with the file's name.
+    """
+    with contextlib.ExitStack() as stack:
+        if faults is not None:
+            hub.plan_faults(read_script(faults))
+        if log is not None:
+            writer = candump.Writer(log, Path(hub.path).name, time.time() - time.monotonic())
+            stack.callback(writer.close)
+            hub.bus.watch_all(writer)
+        if socketcand is not None:
+            hub.open_gateway(SocketcandServer(hub, socketcand))
+        if slcan is not None:
+            hub.open_gateway(SlcanTerminal(hub, slcan))
+        if serial is not None:
+            hub.open_gateway(_adapter(hub, serial))
+        yield hub
+
+
+def _adapter(host: Host, serial: str) -> SerialAdapter:
+    channel, _, rate = serial.rpartition("=")
+    if not channel or not rate.isdecimal():
+        raise BusError(f"{serial!r} is no serial adapter; write its port and bit rate: /dev/ttyACM0=1000000")
+    return SerialAdapter(host, channel, int(rate))
+
+
+def read_script(path: Path) -> FaultScript:
+    """Raises OSError, and ScriptError with the name of the file and the line."""
+    try:
+        return FaultScript.read(path.read_text())
+    except ScriptError as error:
+        raise ScriptError(f"{path}: {error}") from None

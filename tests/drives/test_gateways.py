@@ -1,0 +1,263 @@
+"""Tools that know other protocols on the virtual bus, with unmodified python-can. No time is asserted."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time
+import tomllib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import can
+import pytest
+
+from drives import bus, hub_protocol, pdo
+from drives.gateways import options
+from drives.gateways.slcan import SlcanTerminal
+from drives.gateways.socketcand import SocketcandServer
+from drives.hub import Hub
+from drives.hub_bus import HubBus
+from drives.settings import BusSettings
+
+ROOT = Path(__file__).parents[2]
+PATIENCE_S = 20.0
+
+
+class Served:
+    """A hub with both gateways, in a thread."""
+
+    def __init__(self, folder: Path) -> None:
+        self.path, self.link = str(folder / "hub"), str(folder / "tty")
+        self.hub = Hub(self.path)
+        self.tcp = SocketcandServer(self.hub, port=0)
+        self.terminal = SlcanTerminal(self.hub, self.link)
+        for gateway in (self.tcp, self.terminal):
+            self.hub.open_gateway(gateway)
+        self._ends = False
+        self._thread = threading.Thread(target=self.hub.run, args=(lambda: self._ends,))
+        self._thread.start()
+
+    def end(self) -> None:
+        self._ends = True
+        self._thread.join()
+        self.hub.close()
+
+    def socketcand(self) -> can.BusABC:
+        return can.Bus(interface="socketcand", host="127.0.0.1", port=self.tcp.port, channel="can0")
+
+    def slcan(self) -> can.BusABC:
+        return can.Bus(interface="slcan", channel=self.link, bitrate=1_000_000, sleep_after_open=0.0)
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[Served]:
+    made = Served(tmp_path)
+    yield made
+    made.end()
+
+
+MESSAGES = [
+    can.Message(arbitration_id=0x123, data=b"\x11\xff\x00", is_extended_id=False),
+    can.Message(arbitration_id=0x080, data=b"", is_extended_id=False),
+    can.Message(arbitration_id=0x1ABCDEF0, data=bytes(range(8)), is_extended_id=True),
+]
+
+
+def heard(listener: can.BusABC, count: int) -> list[can.Message]:
+    got: list[can.Message] = []
+    until_s = time.monotonic() + PATIENCE_S
+    while len(got) < count and time.monotonic() < until_s:
+        message = listener.recv(0.1)
+        if message is not None:
+            got.append(message)
+    return got
+
+
+def heard_at_once(listener: can.BusABC, talker: can.BusABC, message: can.Message) -> list[can.Message]:
+    talker.send(message)
+    got = listener.recv(0.1)
+    return [] if got is None else [got]
+
+
+def same(a: list[can.Message], b: list[can.Message]) -> bool:
+    return len(a) == len(b) and all(
+        x.equals(y, timestamp_delta=None, check_channel=False, check_direction=False)
+        for x, y in zip(a, b, strict=True)
+    )
+
+
+def installed(folder: Path) -> dict[str, str]:
+    """The environment of a process for which the package is installed, with the plugins it declares."""
+    plugins = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]
+    made = folder / "directrix-0.dist-info"
+    made.mkdir()
+    (made / "METADATA").write_text("Metadata-Version: 2.1\nName: directrix\nVersion: 0\n")
+    lines = [
+        f"[{group}]\n" + "".join(f"{k} = {v}\n" for k, v in ways.items()) for group, ways in plugins.items()
+    ]
+    (made / "entry_points.txt").write_text("\n".join(lines))
+    return {**os.environ, "PYTHONPATH": os.pathsep.join((str(folder), str(ROOT)))}
+
+
+def test_python_can_finds_the_virtual_bus_by_the_name_of_its_plugin(served: Served, tmp_path: Path) -> None:
+    tool = (
+        "import can, sys\n"
+        "bus = can.Bus(interface='directrix', channel=sys.argv[1], bitrate=1_000_000)\n"
+        "bus.send(can.Message(arbitration_id=0x123, data=b'\\x11', is_extended_id=False))\n"
+        "assert bus.recv(20.0).arbitration_id == 0x124\n"
+        "bus.shutdown()\n"
+    )
+    native = HubBus(served.path)
+    process = subprocess.Popen(
+        [sys.executable, "-c", tool, served.path], env=installed(tmp_path), cwd=tmp_path
+    )
+    assert [m.arbitration_id for m in heard(native, 1)] == [0x123]
+    native.send(can.Message(arbitration_id=0x124, is_extended_id=False))
+    assert process.wait(PATIENCE_S) == 0
+    native.shutdown()
+
+
+@pytest.mark.parametrize("interface", ["socketcand", "slcan"])
+def test_python_can_comes_in_by_a_gateway_and_hears_and_is_heard(served: Served, interface: str) -> None:
+    open_bus: Callable[[], can.BusABC] = getattr(served, interface)
+    guest, native = open_bus(), HubBus(served.path)
+    try:
+        time.sleep(0.3)  # socketcand's rawmode begins quietly
+        for message in MESSAGES:
+            guest.send(message)
+            assert same(heard(native, 1), [message])
+            native.send(message)
+            assert same(heard(guest, 1), [message])
+    finally:
+        native.shutdown()
+        guest.shutdown()
+
+
+def test_slcan_carries_remote_frames(served: Served) -> None:
+    guest, native = served.slcan(), HubBus(served.path)
+    remote = can.Message(arbitration_id=0x703, is_remote_frame=True, dlc=1, is_extended_id=False)
+    try:
+        guest.send(remote)
+        assert same(heard(native, 1), [remote])
+        native.send(remote)
+        assert same(heard(guest, 1), [remote])
+    finally:
+        native.shutdown()
+        guest.shutdown()
+
+
+def test_what_a_guest_says_that_makes_no_sense_is_answered_and_changes_nothing(served: Served) -> None:
+    with socket.create_connection(("127.0.0.1", served.tcp.port)) as guest:
+        guest.settimeout(PATIENCE_S)
+
+        def ask(text: bytes) -> bytes:
+            guest.sendall(text)
+            return guest.recv(256)
+
+        assert guest.recv(256) == b"< hi >"
+        assert ask(b"< send 123 1 11 >").startswith(b"< error send 123")
+        assert ask(b"< open can0 >") == b"< ok >"
+        assert ask(b"< rawmode >") == b"< ok >"
+        for nonsense in (b"< send 123 2 11 >", b"< send xyz 0 >", b"< send >", b"< send 123 1 1FF >"):
+            assert ask(nonsense).startswith(b"< error send")
+        assert ask(b"junk" * 100 + b"< echo >") == b"< echo >"
+    assert served.hub.bus.frames == 0
+
+
+def test_only_this_computer_can_come_in(served: Served) -> None:
+    assert served.tcp._server.getsockname()[0] == "127.0.0.1"
+
+
+def test_a_guest_that_leaves_is_forgotten(served: Served) -> None:
+    before = len(served.hub.bus._ports)
+    guest = served.socketcand()
+    guest.shutdown()
+    until_s = time.monotonic() + PATIENCE_S
+    while len(served.hub.bus._ports) != before and time.monotonic() < until_s:
+        time.sleep(0.01)
+    assert len(served.hub.bus._ports) == before
+
+
+def test_our_own_serial_adapter_port_speaks_with_the_terminal(served: Served) -> None:
+    port = bus.open(BusSettings("can0", "slcan", served.link, 1_000_000))
+    native = HubBus(served.path)
+    try:
+        assert port.send(pdo.frame(0x201, b"\x0f\x00") + pdo.frame(0x202, b"\x0f\x01"))
+        assert [m.arbitration_id for m in heard(native, 2)] == [0x201, 0x202]
+        native.send(can.Message(arbitration_id=0x181, data=b"\x37\x06", is_extended_id=False))
+        buffer = bytearray(16)
+        until_s = time.monotonic() + PATIENCE_S
+        while not port.receive_into(buffer) and time.monotonic() < until_s:
+            time.sleep(0.001)
+        assert pdo.unpack(buffer) == (0x181, b"\x37\x06")
+        assert port.overflows == 0
+    finally:
+        native.shutdown()
+        port.close()
+
+
+def test_an_adapter_of_python_can_takes_options_in_its_channel(served: Served) -> None:
+    channel = f"can0?host=127.0.0.1&port={served.tcp.port}"
+    port = bus.open(BusSettings("can0", "socketcand", channel, 1_000_000))
+    native = HubBus(served.path)
+    assert port.send(pdo.frame(0x201, b"\x0f\x00"))
+    assert [m.arbitration_id for m in heard(native, 1)] == [0x201]
+    native.shutdown()
+    port.close()
+
+
+def test_the_link_goes_with_the_hub_and_a_file_in_its_place_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    hub = Hub(str(tmp_path / "hub"))
+    with pytest.raises(OSError):
+        SlcanTerminal(hub, str(tmp_path / "file"))
+    terminal = SlcanTerminal(hub, str(tmp_path / "tty"))
+    terminal.close()
+    hub.close()
+    assert not (tmp_path / "tty").is_symlink()
+    assert (tmp_path / "file").read_text() == "mine"
+
+
+def test_a_serial_adapter_is_shared_by_a_hub(served: Served, tmp_path: Path) -> None:
+    shared = Hub(str(tmp_path / "shared"), bit_rate=0)
+    ends: list[bool] = []
+    with options.equipped(shared, serial=f"{served.link}=1000000"):
+        thread = threading.Thread(target=shared.run, args=(lambda: bool(ends),))
+        thread.start()
+        native, one, two = HubBus(served.path), HubBus(shared.path), HubBus(shared.path)
+        try:
+            native.send(MESSAGES[0])
+            assert same(heard(one, 1), MESSAGES[:1])
+            assert same(heard(two, 1), MESSAGES[:1])
+            one.send(MESSAGES[2])
+            assert same(heard(two, 1), MESSAGES[2:])
+            assert same(heard(native, 1), MESSAGES[2:])
+            far = served.hub.bus
+            opened = far.errors.of(served.terminal._source)
+            far.agenda.add(0.0, lambda now_s: far.errors.switch_off(opened, now_s))
+            (error,) = heard(two, 1)
+            assert error.is_error_frame
+            assert error.arbitration_id == 0x40
+            one._socket.send(hub_protocol.RESTART_FRAME)
+            until_s = time.monotonic() + PATIENCE_S
+            while not same(heard_at_once(native, one, MESSAGES[0]), MESSAGES[:1]):
+                assert time.monotonic() < until_s
+        finally:
+            for each in (native, one, two):
+                each.shutdown()
+            ends.append(True)
+            thread.join()
+            shared.close()
+
+
+@pytest.mark.parametrize("serial", ["/dev/ttyACM0", "=1000000", "/dev/ttyACM0=fast"])
+def test_a_serial_adapter_that_is_not_fully_named_is_a_sentence(tmp_path: Path, serial: str) -> None:
+    hub = Hub(str(tmp_path / "hub"))
+    refused = pytest.raises(bus.BusError, match="write its port and bit rate")
+    with refused, options.equipped(hub, serial=serial):
+        pass
+    hub.close()
