@@ -9,6 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+# Methods of CiA 402-2; 15, 16, 31, 32 are reserved, 36 was never given.
+STANDARD_HOMING = (*range(1, 15), *range(17, 31), 33, 34, 35, 37)
+
 
 class CyclicMode(Enum):
     """Mode of operation in which setpoints come (CiA 402, 6060h)."""
@@ -52,11 +55,14 @@ class Profile:
     period_min_s: float = 0.0005
     period_max_s: float = 0.02
     supervision: Supervision = Supervision.HEARTBEAT
-    quick_stop_code: int = 2  # 605Ah; 2 = quick stop ramp, then switch on disabled; 6 = ramp, then stay
+    quick_stop_code: int | None = 2  # 605Ah; 2 = ramp, then off; 6 = ramp, then stay; None: no such object
     abort_code: int | None = 3  # 6007h; 3 = quick stop; None: the drive has no such object
     error_behaviour: int | None = None  # 1029h:01; None = left alone
     most_following_error: int = 0xFFFF_FFFF  # largest window that 6065h takes
-    homing_methods: tuple[int, ...] = (35, 37)  # what 6098h takes
+    homing_methods: tuple[int, ...] = STANDARD_HOMING  # what 6098h takes; 0 = none: absolute encoder
+    home_offset: int | None = 0x607C  # object that holds the position at the homed point; None: there is none
+    vendor: int | None = None  # 1018h:01 and :02, where the data sheet does not say them
+    product: int | None = None
     optional: tuple[int, ...] = ()  # objects (index) that may be missing without harm
     writes: tuple[Write, ...] = ()
     quirks: tuple[str, ...] = ()  # sentences for the person who commissions it

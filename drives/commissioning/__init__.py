@@ -1,0 +1,1 @@
+"""The parts of commissioning over SDO; the verbs are in ``drives.commission``."""

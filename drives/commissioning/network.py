@@ -1,0 +1,158 @@
+"""canopen's network over one of our ports, without a thread and without a clock of its own.
+
+canopen is used for data sheets, SDO and NMT only. Whoever sends a request lives
+through the time until the answer by ``pump`` (waiting on the descriptor, or advancing
+the stepped bus). So there is no receiving thread and no other clock than the pump's.
+"""
+
+from __future__ import annotations
+
+import logging
+import select
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+import canopen
+
+from drives import pdo
+from drives.commissioning import sheet
+
+SDO_REQUEST, SDO_ANSWER_BEFORE = 0x600, 0x80
+CLIENT_ABORT = 0x80
+SEND_TRIES = 20
+
+# Everything it would log here is raised as well, with a better sentence.
+logging.getLogger("canopen.sdo.client").setLevel(logging.CRITICAL)
+
+Pump = Callable[[], float]  # lets a little time pass, gives the present one (s)
+Hearer = Callable[[int, bytes], None]  # called with identifier and data of everything that arrives
+
+
+class CommissionError(Exception):
+    """A drive is not there, is another one, or does not take a setting: drive, object, what to do."""
+
+
+class Port(Protocol):
+    """What is needed of a bus; see drives.bus."""
+
+    def send(self, frame: bytes | bytearray, /) -> bool: ...
+
+    def receive_into(self, buffer: bytearray, /) -> bool: ...
+
+
+class Stepped(Protocol):
+    """A stepped bus or rig."""
+
+    @property
+    def now_s(self) -> float: ...
+
+    def advance(self, now_s: float, /) -> None: ...
+
+
+class Node(Protocol):
+    """What any kind of node's settings tell of it."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def node(self) -> int: ...
+
+    @property
+    def eds(self) -> str: ...
+
+
+def wall_pump(fileno: int, slice_s: float = 0.01) -> Pump:
+    """Wait for a frame on a descriptor (-1: just wait a little); CLOCK_MONOTONIC."""
+
+    def pump() -> float:
+        if fileno >= 0:
+            select.select([fileno], [], [], slice_s)
+        else:
+            time.sleep(0.001)
+        return time.monotonic()
+
+    return pump
+
+
+def stepped_pump(stepped: Stepped, step_s: float = 0.0002) -> Pump:
+    """Advance the stepped bus; nobody else may advance it meanwhile (no tick runs yet)."""
+
+    def pump() -> float:
+        stepped.advance(stepped.now_s + step_s)
+        return stepped.now_s
+
+    return pump
+
+
+class Network(canopen.Network):
+    """One bus as commissioning sees it."""
+
+    def __init__(self, port: Port, pump: Pump, patience_s: float = 1.0) -> None:
+        super().__init__()
+        self._port = port
+        self._pump = pump
+        self._buffer = bytearray(pdo.FRAME_BYTES)
+        self._awaited = -1
+        self._joined: dict[tuple[int, str], canopen.RemoteNode] = {}
+        self.patience_s = patience_s
+        self.nmt_states: dict[int, int] = {}  # by node, as its newest heartbeat says
+        self.hearer: Hearer | None = None  # hears along
+
+    def join(self, settings: Node) -> canopen.RemoteNode:
+        """The node as canopen sees it with the data sheet of its settings. Raises CommissionError."""
+        wanted = settings.node, settings.eds
+        node = self._joined.get(wanted)
+        if node is None:
+            try:
+                dictionary = sheet.load(settings.eds, settings.node).dictionary
+            except sheet.SheetError as error:
+                raise CommissionError(f"drive {settings.name} (node {settings.node}): {error}") from error
+            node = self._joined[wanted] = canopen.RemoteNode(settings.node, dictionary)
+            node.sdo.RESPONSE_TIMEOUT = 0  # the answer is there before canopen looks for it
+        if self.nodes.get(settings.node) is not node:
+            self[settings.node] = node
+        return node
+
+    def post(self, can_id: int, data: bytes = b"") -> None:
+        """Send and do not wait. Raises CommissionError."""
+        frame = pdo.frame(can_id, bytes(data))
+        for _ in range(SEND_TRIES):
+            if self._port.send(frame):
+                return
+            self._pump()  # its queue may be short, and full
+        raise CommissionError("the bus does not take frames; see that it is up and that somebody is on it")
+
+    def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
+        """Send; an SDO request returns when its answer has come or the patience has ended."""
+        # Heartbeats fill an unread queue in seconds, and a full one would lose the answer.
+        self.receive()
+        self.post(can_id | pdo.REMOTE_FLAG if remote else can_id, data)
+        if SDO_REQUEST < can_id < SDO_REQUEST + 0x80 and data[0] != CLIENT_ABORT:
+            self._awaited = can_id - SDO_ANSWER_BEFORE
+            self.wait(lambda: self._awaited < 0)
+
+    def wait(self, done: Callable[[], bool], patience_s: float | None = None) -> bool:
+        """Let time pass until ``done()``; False when the patience ends first."""
+        self.receive()
+        deadline_s = self._pump() + (self.patience_s if patience_s is None else patience_s)
+        self.receive()
+        while not done():
+            if self._pump() > deadline_s:
+                self.receive()
+                return done()
+            self.receive()
+        return True
+
+    def receive(self) -> None:
+        """Hand over everything that has arrived."""
+        while self._port.receive_into(self._buffer):
+            can_id, data = pdo.unpack(self._buffer)
+            if can_id == self._awaited:
+                self._awaited = -1
+            elif can_id & pdo.GROUP_MASK == pdo.HEARTBEAT and data:
+                self.nmt_states[can_id & 0x7F] = data[0] & 0x7F
+            if self.hearer is not None:
+                self.hearer(can_id, data)
+            self.notify(can_id, bytearray(data), 0.0)

@@ -1,0 +1,247 @@
+"""A drive's data sheet (EDS or DCF, CiA 306-1) as canopen reads it, mended where it cannot.
+
+Makers' files have empty numbers (``VendorNumber=``), sections that appear twice, entries
+without a data type, another spelling of ``sub``, umlauts in Latin-1. What such a line wanted
+to say is unknown, so it is left out; what remains must be readable, or the sheet is refused.
+"""
+
+from __future__ import annotations
+
+import configparser
+import contextlib
+import io
+import re
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+
+import canopen
+from canopen.objectdictionary import ODVariable
+
+SECTION = re.compile(r"([0-9A-Fa-f]{4})(?:sub([0-9A-Fa-f]+))?", re.IGNORECASE)
+VARIABLE, DOMAIN = 0x7, 0x2
+# As canopen wants them written; CiA 306-1 does not care for case.
+KEYS = {
+    name.lower(): name
+    for name in (
+        "DeviceInfo",
+        "FileInfo",
+        "DummyUsage",
+        "ParameterName",
+        "ObjectType",
+        "DataType",
+        "AccessType",
+        "PDOMapping",
+        "LowLimit",
+        "HighLimit",
+        "DefaultValue",
+        "ParameterValue",
+        "CompactSubObj",
+        "VendorNumber",
+        "ProductNumber",
+        "RevisionNumber",
+        *(f"BaudRate_{rate}" for rate in (10, 20, 50, 125, 250, 500, 800, 1000)),
+    )
+}
+UNSIGNED8 = "0x0005"
+DUMMIES = tuple(f"Dummy{i:04d}" for i in range(1, 8))
+MANY = 254  # most sub-indices of an object
+NO_REMOTE = 0x4000_0000  # COB-ID bit 30: no remote frames for this TPDO
+
+# CiA 301 data types: bits and sign.
+INTEGERS = {
+    0x01: (1, False),
+    0x02: (8, True),
+    0x03: (16, True),
+    0x04: (32, True),
+    0x05: (8, False),
+    0x06: (16, False),
+    0x07: (32, False),
+    0x15: (64, True),
+    0x1B: (64, False),
+}
+
+
+class SheetError(Exception):
+    """A data sheet is not there or cannot be read; which, why, what to do."""
+
+
+class Sheet:
+    """What a data sheet says about objects."""
+
+    def __init__(self, name: str, dictionary: canopen.ObjectDictionary) -> None:
+        self.name = name
+        self.dictionary = dictionary
+
+    def find(self, index: int, sub: int = 0) -> ODVariable | None:
+        """The entry; exactly this one, while canopen makes up members of arrays."""
+        found = self.dictionary.indices.get(index)
+        if isinstance(found, ODVariable):
+            return found if sub == 0 else None
+        return None if found is None else found.subindices.get(sub)
+
+    def has(self, index: int, sub: int = 0) -> bool:
+        return self.find(index, sub) is not None
+
+    def holds(self, index: int) -> bool:
+        """Whether there is anything under this index."""
+        return index in self.dictionary.indices
+
+    def writable(self, index: int, sub: int = 0) -> bool:
+        found = self.find(index, sub)
+        return found is not None and found.writable
+
+    def default(self, index: int, sub: int = 0) -> int | None:
+        """As after power-on; None where the sheet does not say it."""
+        found = self.find(index, sub)
+        if found is None or not isinstance(found.default, int):
+            return None
+        bits, signed = INTEGERS.get(found.data_type or 0, (64, False))
+        # "-1" is written as 0xFFFFFFFF as well.
+        return found.default - (1 << bits) if signed and found.default >> (bits - 1) == 1 else found.default
+
+    def identity(self, sub: int) -> int | None:
+        """1018h:01 to :03 as the head of the sheet, or the object itself, says it."""
+        about = self.dictionary.device_information
+        head = (about.vendor_number, about.product_number, about.revision_number)
+        return head[sub - 1] or self.default(0x1018, sub)
+
+    def subs(self, index: int) -> list[int]:
+        """The sub-indices of an object but 0."""
+        found = self.dictionary.indices.get(index)
+        return [] if found is None or isinstance(found, ODVariable) else sorted(set(found.subindices) - {0})
+
+
+@lru_cache(maxsize=64)
+def load(path: str, node: int) -> Sheet:
+    """The data sheet of a file, for a node id ("$NODEID"). Raises SheetError."""
+    return _read(_mended(path), Path(path).name, node)
+
+
+@lru_cache(maxsize=16)
+def _mended(path: str) -> str:
+    """The text of a file; once for all drives that have this sheet."""
+    try:
+        text = Path(path).read_bytes().decode("latin-1")
+    except OSError as error:
+        raise SheetError(
+            f"its data sheet {path} cannot be read: {error.strerror}; give the path of the maker's EDS file"
+        ) from error
+    with _refusals(Path(path).name):
+        return cleaned(text)
+
+
+def read(text: str, name: str, node: int = 1) -> Sheet:
+    """The data sheet of a text. Raises SheetError."""
+    with _refusals(name):
+        mended = cleaned(text)
+    return _read(mended, name, node)
+
+
+def _read(mended: str, name: str, node: int) -> Sheet:
+    with _refusals(name):
+        source = io.StringIO(mended)
+        source.name = "sheet.eds"  # canopen looks at the suffix
+        return Sheet(name, canopen.import_od(source, node))
+
+
+@contextlib.contextmanager
+def _refusals(name: str) -> Iterator[None]:
+    """Whatever a parser says of a file that is none of its kind, in one sentence."""
+    try:
+        yield
+    except (configparser.Error, canopen.ObjectDictionaryError, ValueError, KeyError, TypeError) as error:
+        reason = " ".join(str(error).split())
+        raise SheetError(
+            f"the data sheet {name} cannot be read as EDS or DCF (CiA 306-1): {reason}; get it from the maker"
+        ) from error
+
+
+def cleaned(text: str) -> str:
+    """The text without what canopen cannot read. Raises configparser.Error."""
+    parser = _parser(strict=False)
+    parser.read_string(text.removeprefix("\xef\xbb\xbf"))
+    kept = _parser(strict=True)
+    for section in parser.sections():
+        values = {
+            KEYS.get(key.lower(), key): value.strip()
+            for key, value in parser.items(section)
+            if value and value.strip()
+        }
+        _keep(kept, KEYS.get(section.lower(), section), values)
+    if not kept.has_section("DeviceInfo"):
+        kept["DeviceInfo"] = {}
+    written = io.StringIO()
+    kept.write(written)
+    if not any(SECTION.fullmatch(section) for section in kept.sections()):
+        raise ValueError("it has no objects")
+    return written.getvalue()
+
+
+def _parser(strict: bool) -> configparser.RawConfigParser:
+    parser = configparser.RawConfigParser(
+        strict=strict, inline_comment_prefixes=(";",), allow_no_value=True, delimiters=("=",)
+    )
+    parser.optionxform = str  # type: ignore[assignment,method-assign]
+    return parser
+
+
+def _keep(kept: configparser.RawConfigParser, section: str, values: dict[str, str]) -> None:
+    """One section, as canopen wants it; nothing of a section that says too little."""
+    match = SECTION.fullmatch(section)
+    if match is not None:
+        _keep_object(kept, match.group(1).upper(), match.group(2), values)
+    elif section == "DummyUsage":
+        kept["DummyUsage"] = {dummy: values.get(dummy, "0") for dummy in DUMMIES}
+    elif section in ("DeviceInfo", "FileInfo"):
+        kept[section] = {key: value for key, value in values.items() if _sound(key, value)}
+
+
+def _sound(key: str, value: str) -> bool:
+    """Texts may hold anything; numbers must be numbers."""
+    if key.endswith(("Name", "OrderCode")) or key in ("CreatedBy", "Description", "ModifiedBy"):
+        return True
+    return not key.startswith(
+        ("BaudRate", "VendorNumber", "ProductNumber", "Revision", "NrOf")
+    ) or _is_number(value)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        int(text, 0)
+    except ValueError:
+        return False
+    return True
+
+
+def _keep_object(
+    kept: configparser.RawConfigParser, index: str, sub: str | None, values: dict[str, str]
+) -> None:
+    section = index if sub is None else f"{index}sub{int(sub, 16):X}"
+    values.setdefault("ParameterName", section)
+    kind = values.get("ObjectType", "0x7")
+    if not _is_number(kind) or (sub is not None and not kept.has_section(index)):
+        return
+    single = sub is not None or int(kind, 0) in (VARIABLE, DOMAIN)
+    if single and not _is_number(values.get("DataType", "")):
+        return
+    count = values.pop("CompactSubObj", "")
+    if not single and _is_number(count) and int(count, 0) > 0:
+        _expand(kept, section, values, min(int(count, 0), MANY))
+        return
+    if single:
+        values.setdefault("AccessType", "ro")
+        if not _is_number(values.get("PDOMapping", "0")):
+            values.pop("PDOMapping")
+    kept[section] = values
+
+
+def _expand(kept: configparser.RawConfigParser, index: str, values: dict[str, str], count: int) -> None:
+    """An object that says ``CompactSubObj``: so many members like this one, and their number in sub 0."""
+    kept[index] = {"ParameterName": values["ParameterName"], "ObjectType": values["ObjectType"]}
+    number = {"DataType": UNSIGNED8, "AccessType": "ro", "DefaultValue": str(count)}
+    kept[f"{index}sub0"] = {"ParameterName": "Number of entries", **number}
+    member = {key: value for key, value in values.items() if key != "ObjectType"}
+    member.setdefault("AccessType", "ro")
+    for sub in range(1, count + 1):
+        kept[f"{index}sub{sub:X}"] = member

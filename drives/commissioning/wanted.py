@@ -1,0 +1,337 @@
+"""Everything a node is told at commissioning, in order, as values: nothing here speaks to a bus.
+
+A ``Step`` is what belongs together, so that a step that is already so is left alone:
+CiA 301's order of remapping goes through states (off, count 0) that must not be seen as
+settings of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+from drives import pdo
+from drives.commissioning.sheet import NO_REMOTE, Sheet
+from drives.profile import CyclicMode, Profile, Supervision
+from drives.settings import IoSettings, MasterSettings, NodeSettings, SpindleSettings
+
+Settings = NodeSettings | SpindleSettings | IoSettings
+
+OFF = 0x8000_0000  # COB-ID bit 31
+COB_ID_MASK = 0x8000_07FF
+GENERATES = 0x4000_0000  # of 1005h: the device sends SYNC itself
+CONTROLWORD, TARGET, SETPOINT = 0x6040_0010, 0x607A_0020, 0x60C1_0120
+VELOCITY_OFFSET, TARGET_VELOCITY = 0x60B1_0020, 0x60FF_0020
+STATUSWORD, POSITION, VELOCITY = 0x6041_0010, 0x6064_0020, 0x606C_0020
+PROBE_STATUS, PROBE_POSITION = 0x60B9_0010, 0x60BA_0020
+SYNCHRONOUS, ON_CHANGE = 1, 255  # transmission types
+RPDO, TPDO = (0x1400, 0x1600, pdo.RPDO1), (0x1800, 0x1A00, pdo.TPDO1)
+PREDEFINED = 4  # PDOs with an identifier of the pre-defined connection set
+LINEAR = 0  # 60C0h: linear interpolation
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """One object to write and read back."""
+
+    index: int
+    sub: int
+    value: int
+    why: str  # completes "... is needed"
+    optional: bool = False  # only where the data sheet has it
+    mask: int = -1  # what must agree when read back
+
+    @property
+    def place(self) -> tuple[int, int]:
+        return self.index, self.sub
+
+    @property
+    def where(self) -> str:
+        return f"object {self.index:04X}h:{self.sub:02X}"
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """Settings that are written together, in this order, unless all of their last values are there."""
+
+    settings: tuple[Setting, ...]
+
+    @property
+    def outcome(self) -> tuple[Setting, ...]:
+        """What must read so afterwards: the last word on every object."""
+        last = {setting.place: setting for setting in self.settings}
+        return tuple(last.values())
+
+
+def steps_of(settings: Settings, master: MasterSettings, sheet: Sheet) -> Iterator[Step]:
+    """All that a node is told, in order; process data off before it is changed."""
+    if isinstance(settings, NodeSettings):
+        yield from _axis(settings, master, sheet)
+    elif isinstance(settings, SpindleSettings):
+        yield from _spindle(settings, master, sheet)
+    else:
+        yield from _io(settings, master, sheet)
+
+
+def _axis(node: NodeSettings, master: MasterSettings, sheet: Sheet) -> Iterator[Step]:
+    used = [*axis_pdos(node)]
+    yield from _process_data(used, node.node, sheet)
+    yield from _interpolation(node.profile, node.period_s)
+    yield from _supervision(node.profile, master, sheet, node.unsupervised, node.brake)
+    yield from _limits(node)
+    yield from _homing(node)
+    for write in node.profile.writes:
+        yield _one(write.index, write.sub, write.value, write.why)
+
+
+def _spindle(node: SpindleSettings, master: MasterSettings, sheet: Sheet) -> Iterator[Step]:
+    yield from _process_data(spindle_pdos(node), node.node, sheet)
+    value, exponent = interpolation_time(master.period_s) or (0, 0)
+    if value:
+        why = "setpoints come with the tick"
+        yield Step(
+            (Setting(0x60C2, 1, value, why, optional=True), Setting(0x60C2, 2, exponent, why, optional=True))
+        )
+    yield from _supervision(node.profile, master, sheet, unsupervised=False)
+    for write in node.profile.writes:
+        yield _one(write.index, write.sub, write.value, write.why)
+
+
+def _io(node: IoSettings, master: MasterSettings, sheet: Sheet) -> Iterator[Step]:
+    yield from _process_data(io_pdos(node), node.node, sheet)
+    yield _one(0x6005, 0, 1, "inputs are sent when they change", optional=True)
+    for sub in range(1, node.outputs + 1):
+        why = "outputs go off when the controller falls silent"
+        yield _one(0x6206, sub, 0xFF, why, optional=True)
+        yield _one(0x6207, sub, 0, why, optional=True)
+    yield from _heartbeats(master, sheet, optional=False, produced_s=node.heartbeat_s)
+
+
+# --- process data ----------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Pdo:
+    """One process data object: which, how it is sent, and what is in it."""
+
+    kind: tuple[int, int, int]  # RPDO or TPDO: parameters, mapping, identifier of the first
+    number: int
+    transmission: int
+    entries: tuple[int, ...]
+    what: str
+    event_ms: int = 0  # event timer, sub 5
+
+    @property
+    def parameters(self) -> int:
+        return self.kind[0] + self.number - 1
+
+    @property
+    def mapping(self) -> int:
+        return self.kind[1] + self.number - 1
+
+    @property
+    def title(self) -> str:
+        return f"{'RPDO' if self.kind is RPDO else 'TPDO'} {self.number}"
+
+    def can_id(self, node: int) -> int:
+        return self.kind[2] + 0x100 * (self.number - 1) + node
+
+
+def axis_pdos(node: NodeSettings) -> Iterator[Pdo]:
+    """What goes to and comes from a drive that takes part in the path."""
+    profile = node.profile
+    target = TARGET if profile.mode is CyclicMode.CSP else SETPOINT
+    if node.feed_forward:
+        entries = (TARGET, VELOCITY_OFFSET)
+        yield Pdo(RPDO, profile.rpdo, SYNCHRONOUS, entries, f"setpoints come by RPDO {profile.rpdo}")
+        what = f"the controlword comes by RPDO {profile.command_rpdo}"
+        yield Pdo(RPDO, profile.command_rpdo, ON_CHANGE, (CONTROLWORD,), what)
+    else:
+        what = f"setpoints come by RPDO {profile.rpdo}"
+        yield Pdo(RPDO, profile.rpdo, SYNCHRONOUS, (CONTROLWORD, target), what)
+    what = f"feedback goes by TPDO {profile.tpdo}"
+    yield Pdo(TPDO, profile.tpdo, node.feedback_every, (STATUSWORD, POSITION), what)
+    if node.probe_tpdo:
+        entries = (PROBE_STATUS, PROBE_POSITION)
+        yield Pdo(
+            TPDO, node.probe_tpdo, ON_CHANGE, entries, f"the touch probe tells by TPDO {node.probe_tpdo}"
+        )
+
+
+def spindle_pdos(node: SpindleSettings) -> tuple[Pdo, ...]:
+    """What goes to and comes from the spindle's drive."""
+    out = f"the speed comes by RPDO {node.profile.rpdo}"
+    back = f"the actual speed goes by TPDO {node.profile.tpdo}"
+    return (
+        Pdo(RPDO, node.profile.rpdo, ON_CHANGE, (CONTROLWORD, TARGET_VELOCITY), out),
+        Pdo(TPDO, node.profile.tpdo, node.feedback_every, (STATUSWORD, VELOCITY), back),
+    )
+
+
+def io_pdos(node: IoSettings) -> tuple[Pdo, ...]:
+    """What goes to and comes from a node with inputs and outputs (CiA 401)."""
+    outputs = tuple(0x6200_0008 | sub << 8 for sub in range(1, node.outputs + 1))
+    inputs = tuple(0x6000_0008 | sub << 8 for sub in range(1, node.inputs + 1))
+    every_ms = round(node.inputs_every_s * 1e3)
+    return (
+        Pdo(RPDO, 1, ON_CHANGE, outputs, "outputs come by RPDO 1"),
+        Pdo(TPDO, 1, ON_CHANGE, inputs, "inputs go by TPDO 1", every_ms),
+    )
+
+
+def pdos_of(settings: Settings) -> tuple[Pdo, ...]:
+    """The process data of any kind of node."""
+    if isinstance(settings, NodeSettings):
+        return tuple(axis_pdos(settings))
+    return spindle_pdos(settings) if isinstance(settings, SpindleSettings) else io_pdos(settings)
+
+
+def _process_data(used: Iterable[Pdo], node: int, sheet: Sheet) -> Iterator[Step]:
+    """Every PDO that is not used goes off, then those that are used are mapped."""
+    used = tuple(used)
+    yield _one(0x1005, 0, pdo.SYNC, "SYNC comes from the controller", optional=True, mask=GENERATES | 0x7FF)
+    taken = {each.parameters for each in used}
+    for kind in (RPDO, TPDO):
+        for number in range(1, 0x201):
+            unused = Pdo(kind, number, 0, (), "process data that nobody uses would take bus time")
+            if sheet.holds(unused.parameters) and unused.parameters not in taken:
+                yield _switched_off(unused, node, sheet)
+    for each in used:
+        yield _mapped(each, node, sheet)
+
+
+def _switched_off(unused: Pdo, node: int, sheet: Sheet) -> Step:
+    """By its identifier; where that is fixed, by taking all objects out of it."""
+    if sheet.writable(unused.parameters, 1):
+        beyond = unused.number > PREDEFINED
+        can_id = sheet.default(unused.parameters, 1) or 0 if beyond else unused.can_id(node)
+        return _one(unused.parameters, 1, OFF | can_id, unused.what, mask=OFF)
+    return _one(unused.mapping, 0, 0, unused.what, optional=True)
+
+
+def _mapped(used: Pdo, node: int, sheet: Sheet) -> Step:
+    """CiA 301's order of remapping (7.5.2.36): off, type, count 0, entries, count, on."""
+    parameters, mapping, what = used.parameters, used.mapping, used.what
+    can_id = used.can_id(node)
+    remote = (sheet.default(parameters, 1) or 0) & NO_REMOTE if used.kind is TPDO else 0
+    settings = []
+    if sheet.writable(parameters, 1) or not sheet.has(parameters, 1):
+        settings.append(Setting(parameters, 1, OFF | remote | can_id, what, mask=COB_ID_MASK))
+    settings.append(Setting(parameters, 2, used.transmission, f"{what} {_when(used.transmission)}"))
+    if used.kind is TPDO:
+        # Left over times would hold feedback back, or send it between SYNCs.
+        settings.append(Setting(parameters, 3, 0, f"{what} without being held back", optional=True))
+        event = f"{what} again after {used.event_ms} ms" if used.event_ms else f"{what} at no other time"
+        settings.append(Setting(parameters, 5, used.event_ms, event, optional=not used.event_ms))
+    settings.append(Setting(mapping, 0, 0, what))
+    settings += [Setting(mapping, sub, entry, what) for sub, entry in enumerate(used.entries, 1)]
+    settings.append(Setting(mapping, 0, len(used.entries), what))
+    settings.append(Setting(parameters, 1, remote | can_id, what, mask=COB_ID_MASK))
+    return Step(tuple(settings))
+
+
+def _when(transmission: int) -> str:
+    if transmission == ON_CHANGE:
+        return "as soon as it changes"
+    return "with every SYNC" if transmission == 1 else f"with every {transmission}. SYNC"
+
+
+# --- the rest ----------------------------------------------------------------------
+
+
+def interpolation_time(
+    period_s: float, exponents: tuple[int, ...] = (-3, -4, -5, -6)
+) -> tuple[int, int] | None:
+    """A period as 60C2h wants it: (value 1 .. 255, power of ten), in the coarsest unit that is exact.
+
+    Many drives take milliseconds only. None for what has no such form.
+    """
+    for exponent in sorted(exponents, reverse=True):
+        value = period_s * 10.0**-exponent
+        if abs(value - round(value)) < 1e-6 and 1 <= round(value) <= 255:
+            return round(value), exponent
+    return None
+
+
+def _interpolation(profile: Profile, period_s: float) -> Iterator[Step]:
+    value, exponent = interpolation_time(period_s, profile.period_exponents) or (0, 0)
+    why = f"the drive interpolates over the tick of {period_s * 1e3:g} ms"
+    yield Step((Setting(0x60C2, 1, value, why), Setting(0x60C2, 2, exponent, why)))
+    if profile.mode is CyclicMode.IP:
+        # Clearing the buffer (60C4h:06) cannot be read back: it goes along when the mode is set up.
+        why = "the drive interpolates between setpoints on a line"
+        clear, enable = (Setting(0x60C4, 6, on, "its buffer must be empty", optional=True) for on in (0, 1))
+        yield Step((clear, Setting(0x60C0, 0, LINEAR, why), enable))
+
+
+def _supervision(
+    profile: Profile, master: MasterSettings, sheet: Sheet, unsupervised: bool, braked: bool = False
+) -> Iterator[Step]:
+    """The drive must stop by itself when the controller goes silent; by heartbeat or guarding, never both."""
+    why = "the drive must notice a dead controller"
+    if profile.supervision is Supervision.GUARDING:
+        yield _one(0x1017, 0, 0, "node guarding and heartbeat exclude each other", optional=True)
+        poll_ms, factor = guarding(master)
+        yield _one(0x100C, 0, poll_ms, why, optional=unsupervised)
+        yield _one(0x100D, 0, factor, why, optional=unsupervised)
+    else:
+        none = profile.supervision is Supervision.NONE
+        yield from _heartbeats(master, sheet, unsupervised or none, master.heartbeat_s)
+    if profile.abort_code is not None:
+        yield _one(0x6007, 0, profile.abort_code, f"{why} and stop", optional=unsupervised)
+    if profile.quick_stop_code is not None:
+        yield _one(0x605A, 0, *_quick_stop(profile.quick_stop_code, braked))
+    if profile.error_behaviour is not None:
+        yield _one(0x1029, 1, profile.error_behaviour, f"{why} and stay on the bus")
+
+
+def _quick_stop(code: int, braked: bool) -> tuple[int, str]:
+    """605Ah and why. Codes 1 .. 4 take the current at standstill while the brake is still closing;
+    5 .. 8 are the same ramps, and keep it: the controller then disables the drive in the orderly way.
+    """
+    if braked and 1 <= code <= 4:
+        return code + 4, "the axis falls if a quick stop takes its current before the brake holds"
+    return code, "it must be known what a quick stop does"
+
+
+def guarding(master: MasterSettings) -> tuple[int, int]:
+    """Guard time (ms, 100Ch) and life time factor (100Dh) that together are the consumer's time."""
+    poll_ms = round(master.heartbeat_s * 1e3)
+    return poll_ms, max(2, round(master.consumer_s / master.heartbeat_s))
+
+
+def _heartbeats(master: MasterSettings, sheet: Sheet, optional: bool, produced_s: float) -> Iterator[Step]:
+    silence = master.node_id << 16 | round(master.consumer_s * 1e3)
+    yield _one(0x1016, 1, silence, "the drive must notice a dead controller", optional=optional)
+    for sub in sheet.subs(0x1016):
+        if sub > 1:
+            yield _one(0x1016, sub, 0, "nobody else's heartbeat may stop it", optional=True)
+    for index in (0x100C, 0x100D):
+        yield _one(index, 0, 0, "node guarding and heartbeat exclude each other", optional=True)
+    yield _one(0x1017, 0, round(produced_s * 1e3), "the controller must notice a dead drive")
+
+
+def _limits(node: NodeSettings) -> Iterator[Step]:
+    yield _one(0x6065, 0, node.following_error_counts, "the drive must notice that it does not follow")
+    why = "the drive must know the axis's travel"
+    lower = Setting(0x607D, 1, node.counts_min, why, optional=True)
+    yield Step((lower, Setting(0x607D, 2, node.counts_max, why, optional=True)))
+
+
+def _homing(node: NodeSettings) -> Iterator[Step]:
+    """Not of a drive that knows its place: absolute by the machine file, or by its family (method 0)."""
+    if node.homing_method and not node.absolute:
+        yield _one(0x6098, 0, node.homing_method, "the machine file chooses how to home")
+        if node.profile.home_offset is not None:
+            yield _one(node.profile.home_offset, 0, node.homing_position_counts, "homing sets this position")
+    for index, sub, value, what in (
+        (0x6099, 1, node.homing_fast_counts_s, "the search for the switch"),
+        (0x6099, 2, node.homing_slow_counts_s, "the search for the zero"),
+        (0x609A, 0, node.homing_acceleration_counts_s2, "homing"),
+    ):
+        if value:
+            yield _one(index, sub, value, f"the machine file says how fast {what} is")
+
+
+def _one(index: int, sub: int, value: int, why: str, optional: bool = False, mask: int = -1) -> Step:
+    return Step((Setting(index, sub, value, why, optional, mask),))

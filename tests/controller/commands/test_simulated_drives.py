@@ -1,0 +1,76 @@
+"""``directrix drives simulate``: a family's drives on a bus, looked at with the other commands' means."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from controller.commands.drives import app
+from drives import bus, commission, pdo
+from drives.commissioning import survey
+from drives.settings import BusSettings
+
+ROOT = Path(__file__).parents[3]
+
+
+@contextmanager
+def simulated(path: Path, *options: str) -> Iterator[commission.Network]:
+    """The command in a process of its own, and a network on its bus."""
+    command = [sys.executable, "-m", "controller", "drives", "simulate", "--channel", str(path), *options]
+    process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL)
+    try:
+        while not path.exists():
+            assert process.poll() is None, "it ended"
+        port = bus.open(BusSettings("can", "virtual", str(path), 1_000_000), pdo.SERVICE_FILTERS)
+        yield commission.Network(port, commission.wall_pump(port.fileno()))
+        port.close()
+    finally:
+        process.send_signal(signal.SIGTERM)
+        assert process.wait() == 0
+
+
+def found(path: Path, *options: str) -> list[tuple[int, int]]:
+    """(node, device profile) of every node that answers."""
+    with simulated(path, *options) as network:
+        wanted = 0
+        while wanted < 3:  # nodes may still be starting up
+            nodes = survey.scan(network)
+            wanted = len(nodes) or wanted
+            if len(nodes) >= 3:
+                return [(node.node, node.device_type & 0xFFFF) for node in nodes]
+    raise AssertionError
+
+
+def test_drives_a_spindle_and_inputs_answer(tmp_path: Path) -> None:
+    options = ("--profile", "technosoft_ipos", "--nodes", "3", "--spindle", "10", "--io", "20")
+    assert found(tmp_path / "can", *options) == [(3, 402), (10, 402), (20, 401)]
+
+
+def refusal(*options: str) -> str:
+    done = CliRunner().invoke(app, ["simulate", *options])
+    assert done.exit_code == 1, done.output
+    return done.output + done.stderr
+
+
+REFUSALS: Sequence[tuple[Sequence[str], str]] = [
+    (("--nodes", "0-3"), "--nodes 0-3: not a list of node ids; allowed are 1 to 127"),
+    (("--io", "x"), "--io x: not a list of node ids"),
+    (("--nodes", "1-3", "--io", "2"), "node 2 is named twice"),
+    (("--nodes", ""), "no node is named"),
+    (("--profile", "epos"), "profile epos: there is no drive profile of this name"),
+    (("--machine", "trunnion", "--bus", "nobus"), "--bus nobus: there is no such bus"),
+    (("--channel", "a", "--socketcan", "b"), "one or the other"),
+    (("--socketcan", "nocan7"), "CAN interface nocan7"),
+]
+
+
+@pytest.mark.parametrize(("options", "sentence"), REFUSALS, ids=[" ".join(o) for o, _ in REFUSALS])
+def test_what_it_cannot_do_is_a_sentence(options: Sequence[str], sentence: str) -> None:
+    assert sentence in refusal(*options)

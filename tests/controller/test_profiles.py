@@ -1,0 +1,92 @@
+"""Drive profiles: TOML in, ``Profile`` out; every slip is one sentence with file, table and key."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from controller import profiles
+from controller.toml_table import ConfigError
+from drives.profile import CyclicMode, Supervision, Write
+
+LEAST = '[drive]\nsupervision = "heartbeat"\n'
+
+
+def read(text: str, folder: Path = Path()) -> object:
+    return profiles.read(text, "mine.toml", folder, "mine")
+
+
+@pytest.mark.parametrize("name", profiles.shipped())
+def test_a_shipped_profile_is_read_whole_and_bears_its_name(name: str) -> None:
+    assert profiles.load(name).name == name
+
+
+def test_six_families_are_shipped() -> None:
+    families = {"elmo", "generic", "maxon_epos4", "pilz_prbt", "simulated", "technosoft_ipos"}
+    assert set(profiles.shipped()) == families
+
+
+def test_only_the_simulated_drive_comes_with_its_data_sheet() -> None:
+    assert [name for name in profiles.shipped() if profiles.load(name).eds] == ["simulated"]
+    assert Path(profiles.load("simulated").eds).is_file()
+
+
+def test_what_the_makers_say_is_in_their_profiles() -> None:
+    epos, ipos, prbt = (profiles.load(name) for name in ("maxon_epos4", "technosoft_ipos", "pilz_prbt"))
+    assert (epos.mode, epos.quick_stop_code, epos.home_offset) == (CyclicMode.CSP, 6, 0x30B0)
+    assert (ipos.mode, ipos.supervision) == (CyclicMode.IP, Supervision.GUARDING)
+    assert (prbt.quick_stop_code, prbt.abort_code, prbt.homing_methods) == (None, None, (0,))
+
+
+def test_a_profile_beside_the_machine_file_is_named_by_its_path(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(LEAST + 'period_ms = [2, 8]\n[[write]]\nobject = "2210:01"\nvalue = -3\nwhy = "so"\n')
+    found = profiles.load(str(file))
+    assert (found.name, found.period_min_s, found.period_max_s) == (str(file), 0.002, 0.008)
+    assert found.writes == (Write(0x2210, 1, -3, "so"),)
+
+
+def test_a_data_sheet_is_looked_for_beside_the_profile(tmp_path: Path) -> None:
+    (tmp_path / "drive.eds").write_text("x")
+    found = profiles.read(LEAST + 'eds = "drive.eds"\n', "mine.toml", tmp_path, "mine")
+    assert found.eds == str((tmp_path / "drive.eds").resolve())
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", r"mine\.toml: top level: drive: is missing"),
+        ("[drive]\n", r"mine\.toml: \[drive\]: supervision: is missing; allowed: \"heartbeat\" or"),
+        (LEAST + "rpd = 2\n", r"rpd = 2: this key is not known; .* did you mean 'rpdo'"),
+        (LEAST + "[more]\n", r"top level: more = .* this key is not known"),
+        (LEAST + 'mode = "pp"\n', r'mode = "pp": is not known; allowed: "csp" or "ip"'),
+        (LEAST + "rpdo = 5\n", "rpdo = 5: is out of range or not whole; allowed: a whole number from 1 to 4"),
+        (LEAST + "rpdo = 2\n", "command_rpdo: RPDO 2 carries the target already"),
+        (LEAST + 'mode = "ip"\n', "feed_forward: in interpolated position mode there is no 60B1h"),
+        (LEAST + "period_ms = [4, 2]\n", r"period_ms = \[4, 2\]: is no range"),
+        (LEAST + "period_ms = [0, 2]\n", "is no range"),
+        (LEAST + "period_exponents = []\n", "period_exponents = .*: is not such a list"),
+        (LEAST + "period_exponents = [3]\n", "a list of whole numbers from -6 to -1"),
+        (LEAST + "quick_stop_code = 9\n", "quick_stop_code = 9: is out of range"),
+        (LEAST + 'quick_stop_code = "off"\n', "quick_stop_code = .*: is out of range or not whole"),
+        (LEAST + "homing_methods = [37.5]\n", "homing_methods = .*: is not such a list"),
+        (LEAST + 'home_offset = "hello"\n', 'home_offset = "hello": is no object'),
+        (LEAST + 'optional = ["60Z4"]\n', "optional = .*: is not a list of objects"),
+        (LEAST + "quirks = [3]\n", "quirks = .*: is not a list of texts"),
+        (LEAST + 'eds = "gone.eds"\n', "eds = .*there is no file .*gone.eds"),
+        (LEAST + '[[write]]\nobject = "22:1"\nvalue = 1\nwhy = "x"\n', r'object = "22:1": is no object'),
+        (LEAST + '[[write]]\nobject = "2210:01"\nvalue = 1.5\nwhy = "x"\n', "value = 1.5: is not a whole"),
+        (LEAST + '[[write]]\nobject = "2210:01"\nvalue = 1\n', "why: is missing"),
+        (LEAST + '[[write]]\nobject = "2210:01"\nvalue = 1\nwhy = "x"\nwhen = 1\n', "when = 1: this key"),
+        ("[drive\n", r"mine\.toml: is not TOML"),
+    ],
+)
+def test_a_slip_is_one_sentence(text: str, sentence: str) -> None:
+    with pytest.raises(ConfigError, match=sentence):
+        read(text)
+
+
+def test_an_unknown_name_is_answered_with_the_near_one() -> None:
+    with pytest.raises(ConfigError, match=r"maxon_epos5: there is no .*did you mean 'maxon_epos4'"):
+        profiles.load("maxon_epos5")
