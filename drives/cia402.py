@@ -40,7 +40,7 @@ class Wanted(Enum):
 WARNING = 1 << 7
 TARGET_REACHED = 1 << 10  # in QUICK_STOP_ACTIVE: the drive stands
 INTERNAL_LIMIT = 1 << 11
-FOLLOWS_COMMAND = 1 << 12  # in cyclic synchronous position: the target position is used
+FOLLOWS_COMMAND = 1 << 12  # cyclic synchronous position: the target is used; mode 7: interpolation is active
 HOMING_ATTAINED = 1 << 12  # the same bit, in homing mode
 FOLLOWING_ERROR = 1 << 13
 HOMING_ERROR = 1 << 13
@@ -52,6 +52,7 @@ SHUTDOWN = 0x06
 SWITCH_ON = 0x07  # from SWITCHED_ON upward; "disable operation" from above
 ENABLE_OPERATION = 0x0F
 START_HOMING = 1 << 4
+ENABLE_INTERPOLATION = 1 << 4  # the same bit, in interpolated position mode
 FAULT_RESET = 1 << 7
 
 STATUSWORDS: tuple[tuple[int, int, State], ...] = (
@@ -112,10 +113,15 @@ def state(statusword: int) -> State:
     return _STATES[statusword & 0x7F]
 
 
-def controlword(statusword: int, wanted: Wanted) -> int:
-    """The one step that a statusword earns on the way to what is wanted."""
+def controlword(statusword: int, wanted: Wanted, braked: bool = False) -> int:
+    """The one step that a statusword earns on the way to what is wanted.
+
+    ``braked``: an axis that falls without current. Quick-stop options 5 .. 8 of 605Ah stay
+    in QUICK_STOP_ACTIVE, with current, until told to leave. "Disable voltage" takes the
+    current while the brake is still closing, so a braked axis goes back to operation first
+    (transition 16) and leaves it by "disable operation", which waits for the brake.
+    """
     now = _STATES[statusword & 0x7F]
     if now is State.QUICK_STOP_ACTIVE and statusword & TARGET_REACHED and wanted is not Wanted.QUICK_STOP:
-        # Quick-stop options 5..8 of 605Ah stay here after the ramp until told to leave.
-        return DISABLE_VOLTAGE
+        return ENABLE_OPERATION if braked else DISABLE_VOLTAGE
     return CONTROLWORDS[wanted][now]

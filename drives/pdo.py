@@ -5,9 +5,15 @@ One layout on every descriptor, real or virtual, 16 bytes:
     0       4     5       8                      16
     | id    | len | 0 0 0 | data, len bytes used  |
 
-Our mapping is the same for every drive, so that one Struct serves all of them:
-RPDO1 = controlword 6040h u16, target position 607Ah i32; TPDO1 = statusword 6041h
-u16, actual position 6064h i32. Both synchronous (transmission type 1).
+One Struct serves every drive, whatever the number of its PDO (1 .. 4, `drives.profile`):
+
+    command     controlword 6040h u16, target 607Ah i32 (60C1h:01 in mode 7, 60FFh of a spindle)
+    feedback    statusword 6041h u16, actual position 6064h i32 (606Ch of a spindle)
+
+With velocity feed-forward the controlword has no room beside the target:
+
+    target      target 607Ah i32, velocity offset 60B1h i32
+    controlword 6040h u16, in an RPDO of its own, applied at once
 """
 
 from __future__ import annotations
@@ -22,6 +28,9 @@ HEADER = Struct("<IB")
 COMMAND = Struct("<Hi")
 FEEDBACK = Struct("<Hi")
 PDO_BYTES = 6
+TARGET = Struct("<ii")
+CONTROLWORD = Struct("<H")
+LATCH = Struct("<Hi")  # touch probe: status 60B9h u16, position at the rising edge 60BAh i32
 EMERGENCY = Struct("<HB5s")  # error code, error register 1001h, five bytes of the vendor
 
 # CiA 301, pre-defined connection set.
@@ -32,7 +41,9 @@ TPDO1 = 0x180
 RPDO1 = 0x200
 SDO_ANSWER = 0x580
 HEARTBEAT = 0x700
+LSS_ANSWER = 0x7E4  # CiA 305
 GROUP_MASK = 0x780  # the function code: identifier without the node
+NEXT_PDO = 0x100  # from PDO n of a node to its PDO n + 1
 
 EXTENDED_FLAG = 0x8000_0000
 REMOTE_FLAG = 0x4000_0000
@@ -45,7 +56,7 @@ NMT_PRE_OPERATIONAL = 127
 
 # (identifier, mask) pairs: what the tick wants to hear, and nothing else.
 TICK_FILTERS: Sequence[tuple[int, int]] = (
-    (TPDO1, GROUP_MASK),
+    *((TPDO1 + NEXT_PDO * n, GROUP_MASK) for n in range(4)),
     (EMCY, GROUP_MASK),  # holds SYNC too, which shares the function code with node 0
     (HEARTBEAT, GROUP_MASK),
 )
@@ -54,6 +65,7 @@ SERVICE_FILTERS: Sequence[tuple[int, int]] = (
     (SDO_ANSWER, GROUP_MASK),
     (EMCY, GROUP_MASK),
     (HEARTBEAT, GROUP_MASK),
+    (LSS_ANSWER, 0x7FF),
 )
 
 
@@ -68,6 +80,21 @@ def unpack(packed: bytes | bytearray | memoryview) -> tuple[int, bytes]:
     return can_id, data[:length]
 
 
-def command_frame(node: int) -> bytearray:
-    """RPDO1 of a node with nothing in it yet: controlword 0 (disable voltage), target 0."""
-    return frame(RPDO1 + node, COMMAND.pack(0, 0))
+def rpdo(number: int, node: int) -> int:
+    """Identifier of RPDO ``number`` (1 .. 4) of a node."""
+    return RPDO1 + NEXT_PDO * (number - 1) + node
+
+
+def tpdo(number: int, node: int) -> int:
+    """Identifier of TPDO ``number`` (1 .. 4) of a node."""
+    return TPDO1 + NEXT_PDO * (number - 1) + node
+
+
+def command_frame(node: int, number: int = 1) -> bytearray:
+    """The RPDO of a node with nothing in it yet: controlword 0 (disable voltage), target 0."""
+    return frame(rpdo(number, node), COMMAND.pack(0, 0))
+
+
+def guard_frame(node: int) -> bytearray:
+    """The remote frame of node guarding (CiA 301, 7.2.8.2.1); the answer has one byte."""
+    return frame(REMOTE_FLAG | HEARTBEAT + node, b"\0")

@@ -42,14 +42,24 @@ class NodeSettings:
     brake: bool = False  # a gravity axis: braked before it is disabled
     profile: Profile = GENERIC
     feedback_every: int = 1  # transmission type of the feedback's TPDO: every so many SYNCs
+    probe_tpdo: int = 0  # number of the event-driven TPDO with 60B9h and 60BAh; 0 = no touch probe
     feed_forward: bool = False  # the velocity goes with the target (60B1h); the controlword apart
     enable_group: int = 0  # drives are enabled group by group, lowest first, and disabled in reverse
     unsupervised: bool = False  # the operator accepts a drive that does not notice a dead controller
+    serial: int = 0  # 1018h:04 of the very drive that belongs here; 0 = any of its kind
+    absolute: bool = False  # the encoder knows its position after power-on; the axis is not homed
+    homing_fast_counts_s: int = 0  # 6099h:01; 0 = left as the drive has it
+    homing_slow_counts_s: int = 0  # 6099h:02
+    homing_acceleration_counts_s2: int = 0  # 609Ah
 
 
 @dataclass(frozen=True, slots=True)
 class SpindleSettings:
-    """A spindle drive in a velocity mode (CiA 402, 60FFh), not part of the path."""
+    """A spindle drive in a velocity mode (CiA 402), not part of the path.
+
+    Layout: RPDO ``profile.rpdo`` = 6040h u16 + 60FFh i32, type 255, sent on change and once
+    a heartbeat; TPDO ``profile.tpdo`` = 6041h u16 + 606Ch i32, type ``feedback_every``.
+    """
 
     name: str
     bus: str
@@ -59,11 +69,18 @@ class SpindleSettings:
     mode: int = 9  # 6060h: 9 cyclic synchronous velocity, 3 profile velocity
     at_speed_share: float = 0.05  # at speed within this share of the wanted one
     profile: Profile = GENERIC
+    feedback_every: int = 10  # SYNCs from one actual speed to the next
+    acceleration_rev_s2: float = 50.0  # of the wanted speed in mode 9; in mode 3 the drive has its own ramp
 
 
 @dataclass(frozen=True, slots=True)
 class IoSettings:
-    """A CiA 401 node: digital inputs 6000h by TPDO 1 on change, digital outputs 6200h by RPDO 1."""
+    """A CiA 401 node: digital inputs 6000h by TPDO 1 on change, digital outputs 6200h by RPDO 1.
+
+    Both type 255, ``inputs`` and ``outputs`` bytes long. The TPDO's event timer (1800h:05)
+    repeats the inputs every ``inputs_every_s``, so that a change whose frame was lost is
+    not lost; the RPDO goes out on change and once a heartbeat.
+    """
 
     name: str
     bus: str
@@ -72,6 +89,7 @@ class IoSettings:
     inputs: int = 1  # bytes
     outputs: int = 1
     heartbeat_s: float = 0.05
+    inputs_every_s: float = 0.05  # 0: the node has no event timer; the age of inputs is not judged then
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,6 +71,10 @@ DIFFERS: dict[str, dict[str, str]] = {
 }
 
 
+ONLY_THERE = "all requests are for objects that only the other device has"
+SKIPPED_THERE = "the tool left it out there: the log holds no request of it"
+
+
 @dataclass
 class Result:
     """How one case went."""
@@ -91,10 +95,15 @@ class Result:
             return "differs"
         return "same" if self.same else "not applicable"
 
+    @property
+    def reasons(self) -> str:
+        if self.verdict == "not applicable":
+            return ONLY_THERE if self.left_out else SKIPPED_THERE
+        return "; ".join(dict.fromkeys(DIFFERS.get(self.title, {}).values())) if self.different else ""
+
     def line(self) -> str:
-        reasons = "; ".join(dict.fromkeys(DIFFERS.get(self.title, {}).values())) if self.different else ""
         counts = f"{self.same} same, {len(self.different)} different, {self.left_out} not applicable"
-        return f"{self.title:<34}{self.verdict:<16}{counts}  {reasons}".rstrip()
+        return f"{self.title:<34}{self.verdict:<16}{counts}  {self.reasons}".rstrip()
 
 
 def like_the_other_device(folder: Path) -> Path:

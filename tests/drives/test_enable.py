@@ -166,4 +166,25 @@ def test_a_drive_restarted_under_way_is_lost(bench):
         bench.tick()
         seen.append(bench.fault)
     assert (DriveFault.FEEDBACK_LOST, 1) in seen
-    assert bench.fault in ((DriveFault.FEEDBACK_LOST, 1), (DriveFault.HEARTBEAT_LOST, 1))
+    assert bench.fault == (DriveFault.NODE_RESET, 1)
+
+
+def test_a_controller_that_was_bus_off_is_named_sends_nothing_and_joins_again_at_reset(bench):
+    bench.enable()
+    bench.tick(5)
+    errors = bench.bus.errors
+    errors.switch_off(bench.bus.masters, bench.now_s, restarts=False)
+    seen = set()
+    for _ in range(150):  # the drives stop by themselves meanwhile
+        bench.tick()
+        seen.add(bench.fault)
+    assert seen == {(DriveFault.BUS_OFF, 0)}
+    heard = []
+    bench.bus.watch(pdo.SYNC, lambda _frame, at_s: heard.append(at_s))
+    bench.group.want(Wanted.RESET)
+    bench.tick(1)
+    assert len(heard) <= 1  # what was queued meanwhile does not come out at once
+    bench.tick(50)
+    assert len(heard) >= 49
+    bench.enable()
+    assert bench.fault == (DriveFault.NONE, -1)

@@ -9,7 +9,9 @@ from drives import pdo
 from drives.cia402 import Wanted
 from drives.drive import Drive, DriveFault
 from drives.group import MOST_FRAMES, Group
-from drives.settings import MasterSettings, NodeSettings
+from drives.io_node import IoNode
+from drives.settings import IoSettings, MasterSettings, NodeSettings, SpindleSettings
+from drives.spindle import SpindleDrive
 
 OE_FOLLOWS = 0x1237
 T = 0.002
@@ -24,6 +26,8 @@ class ListPort:
         self.outgoing = []
         self.refuse = False
         self.cyclic_sync_s = None
+        self.overflows = 0
+        self.restarts = 0
 
     def send(self, frame):
         if self.refuse:
@@ -46,6 +50,9 @@ class ListPort:
 
     def close(self):
         pass
+
+    def restart(self):
+        self.restarts += 1
 
     def feedback(self, nodes, statusword=OE_FOLLOWS, position=100):
         for node in nodes:
@@ -149,20 +156,28 @@ def test_a_full_queue_is_a_fault_and_no_exception(packs):
     assert group.fault(T) == (DriveFault.NONE, -1)
 
 
-def test_a_second_sync_producer_is_a_bus_error():
+def test_a_second_sync_producer_is_named():
     port = ListPort()
     group = running(port)
     port.incoming.append(pdo.frame(0x80))
     group.receive(T)
-    assert group.fault(T) == (DriveFault.BUS_ERROR, 0)
+    assert group.fault(T) == (DriveFault.SYNC_FOREIGN, 0)
+    assert group.foreign_syncs == 1
 
 
 ERROR_FRAMES = [
-    (0x040, 0x00, True, "bus-off"),
-    (0x100, 0x00, True, "restarted"),
-    (0x004, 0x20, True, "error passive in sending"),
-    (0x004, 0x01, True, "receive overflow"),
-    (0x004, 0x0C, False, "error warnings"),
+    (0x040, 0x00, DriveFault.BUS_OFF, "bus-off"),
+    (0x100, 0x00, DriveFault.BUS_OFF, "restarted: it had been off"),
+    (0x044, 0x20, DriveFault.BUS_OFF, "bus-off and passive in one frame"),
+    (0x004, 0x20, DriveFault.BUS_ERROR, "error passive in sending"),
+    (0x004, 0x10, DriveFault.BUS_ERROR, "error passive in receiving"),
+    (0x204, 0x20, DriveFault.BUS_ERROR, "error passive, with counters"),
+    (0x004, 0x02, DriveFault.BUS_ERROR, "transmit overflow"),
+    (0x004, 0x01, DriveFault.RX_OVERFLOW, "the controller's receive overflow"),
+    (0x004, 0x0C, DriveFault.NONE, "error warnings"),
+    (0x004, 0x40, DriveFault.NONE, "error active again"),
+    (0x008, 0x00, DriveFault.NONE, "one violation on the wire: sent again by the controller"),
+    (0x002, 0x05, DriveFault.NONE, "lost arbitration"),
 ]
 
 
@@ -172,7 +187,94 @@ def test_error_frames_of_the_controller(kind, detail, fault, reason):
     group = running(port)
     port.incoming.append(pdo.frame(0x2000_0000 | kind, bytes([0, detail, 0, 0, 0, 0, 0, 0])))
     group.receive(T)
-    assert (group.fault(T)[0] is DriveFault.BUS_ERROR) is fault, reason
+    assert group.fault(T)[0] is fault, reason
+
+
+def error_frame(kind, detail=0):
+    return pdo.frame(0x2000_0000 | kind, bytes([0, detail, 0, 0, 0, 0, 0, 0]))
+
+
+def test_bus_off_outranks_the_error_passive_that_led_to_it():
+    port = ListPort()
+    group = running(port)
+    port.incoming += [error_frame(0x004, 0x20), error_frame(0x040)]
+    group.receive(T)
+    assert group.fault(T) == (DriveFault.BUS_OFF, 0)
+
+
+@pytest.mark.parametrize(
+    ("sign", "reason"),
+    [
+        (error_frame(0x100), "the controller says that it was restarted"),
+        (pdo.frame(0x701, b"\x05"), "a heartbeat comes in again"),
+    ],
+)
+def test_a_bus_that_is_off_gets_no_setpoints_that_would_come_out_at_its_restart(sign, reason):
+    port = ListPort()
+    group = running(port)
+    port.incoming.append(error_frame(0x040))
+    tick(group, port, T, answering=())
+    for i in range(2, 60):
+        assert not group.sync(i * T)
+        assert not group.command((1, 2, 3, 4, 5), i * T)
+    assert {can_id for can_id, _ in port.outgoing} == {0x77F}, "the heartbeat asks whether it is over"
+    port.incoming.append(sign)
+    group.receive(60 * T)
+    assert group.sync(60 * T), reason
+    assert group.command((1, 2, 3, 4, 5), 60 * T)
+    assert group.fault(60 * T) == (DriveFault.BUS_OFF, 0), "it stays the fault until reset"
+    group.want(Wanted.RESET)
+    group.want(Wanted.ENABLED)
+    assert group.fault(60 * T)[0] is not DriveFault.BUS_OFF
+
+
+def test_a_reset_asks_the_port_of_a_bus_that_is_off_to_join_again():
+    port = ListPort()
+    group = running(port)
+    group.want(Wanted.RESET)
+    assert port.restarts == 0
+    port.incoming.append(error_frame(0x040))
+    group.receive(T)
+    group.want(Wanted.RESET)
+    assert port.restarts == 1
+    assert group.sync(T)
+    group.want(Wanted.ENABLED)
+    port.incoming.append(error_frame(0x100))  # its word that it has done so
+    group.receive(2 * T)
+    assert group.fault(2 * T) == (DriveFault.NONE, -1)
+
+
+def test_frames_lost_in_the_receive_queue_are_named():
+    port = ListPort()
+    port.overflows = 7  # before the group was there
+    group = running(port)
+    assert group.fault(0.0) == (DriveFault.NONE, -1)
+    port.overflows += 1
+    group.receive(T)
+    assert group.fault(T) == (DriveFault.RX_OVERFLOW, 0)
+    group.want(Wanted.RESET)
+    group.want(Wanted.ENABLED)
+    group.receive(2 * T)
+    assert group.fault(2 * T) == (DriveFault.NONE, -1)
+
+
+def test_spindle_and_io_alone_on_a_bus_get_heartbeat_and_sync_there():
+    ports = {"can0": ListPort(packs=True), "can1": ListPort(packs=True)}
+    group = Group(
+        [Drive(NodeSettings("X", "can0", 1, ""))],
+        ports,
+        MasterSettings(period_s=T),
+        SpindleDrive(SpindleSettings("S", "can1", 10, "", 4000.0)),
+        [IoNode(IoSettings("panel", "can1", 20, ""))],
+    )
+    group.sync(0.0)
+    group.command((0,), 0.0)
+    assert [i for i, _ in ports["can0"].outgoing] == [0x80, 0x201, 0x77F]
+    assert [i for i, _ in ports["can1"].outgoing] == [0x80, 0x20A, 0x214, 0x77F]
+    group.want(Wanted.ENABLED)
+    ports["can1"].incoming.append(error_frame(0x040))
+    group.receive(T)
+    assert group.fault(T) == (DriveFault.BUS_OFF, -1)
 
 
 def test_frames_of_nobody_are_passed_over():
@@ -245,7 +347,7 @@ def test_two_buses_get_a_sync_each_and_their_own_drives():
     group.want(Wanted.ENABLED)
     ports["can1"].incoming.append(pdo.frame(0x2000_0040, bytes(8)))
     group.receive(T)
-    assert group.fault(T) == (DriveFault.BUS_ERROR, 1)
+    assert group.fault(T) == (DriveFault.BUS_OFF, 1)
 
 
 def test_a_tick_keeps_no_memory():
@@ -264,7 +366,8 @@ def test_a_tick_keeps_no_memory():
         after = tracemalloc.take_snapshot()
     finally:
         tracemalloc.stop()
-    ours = [tracemalloc.Filter(True, "*/drives/drive.py"), tracemalloc.Filter(True, "*/drives/group.py")]
+    files = ("drive", "group", "line", "power_stage", "supervised")
+    ours = [tracemalloc.Filter(True, f"*/drives/{file}.py") for file in files]
     grown = sum(
         s.size_diff for s in after.filter_traces(ours).compare_to(before.filter_traces(ours), "filename")
     )

@@ -79,6 +79,12 @@ def maximum_below_minimum(lone: Lone) -> None:
     lone.write(0x607B, 2, 400, 4)
 
 
+def full_buffer_of_records(lone: Lone) -> None:
+    lone.write(0x60C4, 2, 1, 4)
+    lone.write(0x60C1, 1, 100, 4)
+    lone.write(0x60C1, 1, 200, 4)
+
+
 def panel_has_control(lone: Lone) -> None:
     lone.drive.take_local_control(True)
     lone.write(0x6085, 0, 5, 4)
@@ -129,7 +135,7 @@ CAUSES: dict[Code, Callable[[Lone], object]] = {
     Code.TOO_HIGH: lambda lone: lone.write(0x605A, 0, 9, 2),
     Code.TOO_LOW: lambda lone: lone.write(0x60C2, 1, 0, 1),
     Code.MAX_BELOW_MIN: maximum_below_minimum,
-    Code.NO_RESOURCE: injected(Code.NO_RESOURCE),
+    Code.NO_RESOURCE: full_buffer_of_records,
     Code.GENERAL: injected(Code.GENERAL),
     Code.NOT_STORED: lambda lone: lone.write(0x1011, 1, int.from_bytes(b"laod", "little"), 4),
     Code.LOCAL_CONTROL: panel_has_control,

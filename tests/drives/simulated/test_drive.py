@@ -8,6 +8,7 @@ import pytest
 from stepped_drives import PERIOD_S, Bench
 
 from drives import commission, pdo
+from drives.profile import Profile
 from drives.settings import MasterSettings
 from drives.simulated import LostSync, Parameters, SimulatedDrive
 from drives.simulated.machine402 import Power
@@ -285,7 +286,12 @@ def test_homing_on_a_limit_switch_finds_its_edge_within_a_period_of_slow_search(
     method: int, side: int
 ) -> None:
     switches = (-90_000.0, 70_000.0)
-    bench = Bench(parameters=Parameters(switches=switches), homing_method=method, homing_position_counts=5000)
+    bench = Bench(
+        parameters=Parameters(switches=switches),
+        homing_method=method,
+        homing_position_counts=5000,
+        profile=Profile(homing_methods=(17, 18)),
+    )
     home(bench)
     axis = bench.drive.axis
     assert axis.servo.position - axis.servo.start == pytest.approx(0.0, abs=1.0)

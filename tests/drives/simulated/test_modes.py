@@ -7,6 +7,8 @@ from itertools import pairwise
 import pytest
 from lone_drive import PERIOD_S, START, Lone, Refused
 
+from drives.simulated import Parameters
+
 REACHED, BIT_12, FOLLOWING_ERROR = 0x400, 0x1000, 0x2000
 SPEED, UP, DOWN = 1_000_000, 20_000_000, 10_000_000
 
@@ -281,3 +283,25 @@ def test_periods_without_sync_are_lost_syncs_in_cyclic_modes_only() -> None:
     go(lone, 1_000)
     lone.wait(0.2)
     assert lone.drive.lost_syncs == 0
+
+
+@pytest.mark.parametrize(("index", "size"), [(0x607F, 4), (0x6080, 4)])
+def test_speed_is_limited_by_profile_and_motor(index: int, size: int) -> None:
+    lone = Lone()
+    lone.write(index, 0, 50_000, size)
+    lone.write(0x60FF, 0, 200_000, 4)
+    lone.enable(3)
+    lone.run(0.5)
+    assert lone.read(0x606C, signed=True) == pytest.approx(50_000, rel=0.001)
+
+
+def test_max_torque_limits_the_acceleration_and_the_actual_torque_shows_it() -> None:
+    lone = Lone(Parameters(torque_counts_s2=1000.0))
+    lone.write(0x6072, 0, 500, 2)
+    lone.write(0x60FF, 0, 1_000_000, 4)
+    lone.enable(3)
+    lone.run(0.4)
+    assert lone.read(0x606C, signed=True) == pytest.approx(500 * 1000.0 * 0.4, rel=0.05)
+    assert lone.read(0x6077, signed=True) == pytest.approx(500, rel=0.05)
+    lone.command(0)
+    assert lone.read(0x6077, signed=True) == 0

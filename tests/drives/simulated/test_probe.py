@@ -78,3 +78,18 @@ def test_nothing_is_looked_at_while_no_probe_is_on() -> None:
 def test_reserved_bits_are_refused() -> None:
     with pytest.raises(Refused, match="06090030"):
         Lone().write(0x60B8, 0, 0x80, 2)
+
+
+def test_the_source_may_be_chosen_by_60d0() -> None:
+    lone = Lone()
+    lone.write(0x60D0, 1, 5, 2)
+    lone.write(0x60B8, 0, 0x0019, 2)
+    probes = lone.drive.axis.sensors.probes
+    assert probes._by_index(0)
+    lone.write(0x60D0, 1, 1, 2)
+    assert not probes._by_index(0)
+    for sub, source in ((1, 2), (2, 1), (1, 9)):
+        with pytest.raises(Refused, match="06090030"):
+            lone.write(0x60D0, sub, source, 2)
+    with pytest.raises(Refused, match="06090030"):
+        lone.write(0x60B8, 0, 0x001D, 2)

@@ -1,0 +1,56 @@
+"""What can be wrong with drives and bus, as the group tells it, and what an emergency code means."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from drives.cia402 import FOLLOWING_ERROR, INTERNAL_LIMIT, State
+
+
+class DriveFault(Enum):
+    """Why the group cannot go on; the controller has the sentence and the remedy for each."""
+
+    NONE = "none"
+    FEEDBACK_LOST = "feedback lost"  # two TPDOs in a row did not come
+    STATE_LOST = "state lost"  # left OPERATION_ENABLED, or stopped following, without being told to
+    TORQUE_OFF = "torque off"  # dropped to SWITCH_ON_DISABLED without a fault: STO or the enable input
+    FOLLOWING_ERROR = "following error"  # emergency 8611h
+    LIMIT_SWITCH = "limit switch"  # emergency 8612h
+    EMCY = "emergency"  # the drive reported any other error; see emcy_code
+    HEARTBEAT_LOST = "heartbeat lost"  # silent for consumer_s, or node guarding is not answered
+    NODE_RESET = "node reset"  # a boot-up message, or NMT operational left without our doing
+    BUS_OFF = "bus off"  # our controller has left the bus, or was restarted after that
+    BUS_ERROR = "bus error"  # error passive, or our controller's own buffers overflowed
+    RX_OVERFLOW = "receive overflow"  # frames were lost because we did not take them in time
+    SYNC_FOREIGN = "foreign sync"  # somebody else sends SYNC too
+    SEND_FAILED = "send failed"  # a frame did not go out: queue full, bus gone, or setpoint no int32
+    IO_LOST = "i/o lost"  # the input and output node is silent, restarted or in error
+    SPINDLE_LOST = "spindle lost"  # the spindle's drive is silent, restarted, in error or not enabled
+
+
+# Error codes of emergency messages that name their cause (CiA 402-1; 9000h: CiA 301, "external
+# error", the one that drives use for a safe torque off). Every other one is EMCY.
+EMERGENCIES: dict[int, DriveFault] = {
+    0x8611: DriveFault.FOLLOWING_ERROR,
+    0x8612: DriveFault.LIMIT_SWITCH,
+    0x9000: DriveFault.TORQUE_OFF,
+}
+
+
+def of_emergency(code: int) -> DriveFault:
+    """What an error code other than 0000h means."""
+    return EMERGENCIES.get(code, DriveFault.EMCY)
+
+
+def of_statusword(state: State, statusword: int) -> DriveFault:
+    """Why a drive has left operation by itself, as far as its statusword tells.
+
+    An emergency message tells more and usually came before; here it was lost or inhibited.
+    """
+    if state is State.SWITCH_ON_DISABLED:
+        return DriveFault.TORQUE_OFF
+    if state in (State.FAULT, State.FAULT_REACTION_ACTIVE) and statusword & FOLLOWING_ERROR:
+        return DriveFault.FOLLOWING_ERROR
+    if statusword & INTERNAL_LIMIT and state is not State.OPERATION_ENABLED:
+        return DriveFault.LIMIT_SWITCH
+    return DriveFault.STATE_LOST

@@ -1,0 +1,64 @@
+"""canopen's own CiA 402 profile, as it comes, leads a simulated drive over the hub."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import canopen
+import pytest
+from canopen.profiles.p402 import BaseNode402
+from stepped_drives import EDS
+
+from drives.hub_bus import HubBus
+
+ROOT = Path(__file__).parents[2]
+NODE = 1
+
+
+@pytest.fixture
+def node(tmp_path: Path) -> Iterator[BaseNode402]:
+    path = tmp_path / "can"
+    served = subprocess.Popen(
+        [sys.executable, "-m", "drives.simulated", str(path), "--nodes", str(NODE)], cwd=ROOT
+    )
+    while not path.exists():
+        assert served.poll() is None
+    network = canopen.Network(bus=HubBus(str(path)))
+    network.connect()
+    made = BaseNode402(NODE, EDS)
+    network.add_node(made)
+    made.sdo.RESPONSE_TIMEOUT = 5.0
+    made.sdo.MAX_RETRIES = 5
+    yield made
+    network.sync.stop()
+    network.disconnect()
+    served.kill()
+    served.wait()
+
+
+def wait_for(done: Callable[[], bool]) -> None:
+    for _ in range(1000):
+        if done():
+            return
+        time.sleep(0.01)
+    raise AssertionError("it never came")
+
+
+def test_it_goes_through_the_states_by_process_data(node: BaseNode402) -> None:
+    node.nmt.state = "PRE-OPERATIONAL"
+    wait_for(lambda: node.sdo[0x1000].raw & 0xFFFF == 402)
+    node.setup_402_state_machine()
+    node.nmt.state = "OPERATIONAL"
+    node.network.sync.start(0.01)
+    node.op_mode = "PROFILED VELOCITY"
+    assert node.op_mode == "PROFILED VELOCITY"
+    for state in ("READY TO SWITCH ON", "SWITCHED ON", "OPERATION ENABLED", "SWITCH ON DISABLED"):
+        node.state = state
+        wait_for(lambda state=state: node.state == state)
+    node.sdo[0x2001].raw = 0x7305
+    wait_for(lambda: bool(node.is_faulted()))
+    assert node.emcy.log[-1].code == 0x7305
