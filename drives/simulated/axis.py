@@ -15,15 +15,18 @@ import math
 from collections.abc import Callable
 
 from drives.settings import INT32_MAX, INT32_MIN
+from drives.simulated import homing
 from drives.simulated.aborts import Abort, Code
 from drives.simulated.brake import Brake
 from drives.simulated.emergency import Emergencies
+from drives.simulated.inputs import Inputs
 from drives.simulated.machine402 import POWERED, Command, Power, command, following
 from drives.simulated.modes import HALT, HALTABLE, HOMING, MODES, REACHED, CyclicPosition, Mode
 from drives.simulated.motion import Demand
 from drives.simulated.parameters import LostSync
 from drives.simulated.plant import Plant
 from drives.simulated.published import publish
+from drives.simulated.records import Records
 from drives.simulated.sensors import Sensors
 from drives.simulated.servo import Servo
 from drives.simulated.station import Station
@@ -55,6 +58,8 @@ class Axis:
         self.stops = Stops(self)
         self.sensors = Sensors(station, self.servo, self.brake, self._overrun)
         self.sensors.interlock = lambda: self.sto
+        self.inputs = Inputs(self)
+        self.records = Records(self.dictionary)
         self.power = Power.NOT_READY
         self.mode = 0
         self._law: Mode = Mode(self)
@@ -66,7 +71,9 @@ class Axis:
         self.causes: set[int] = set()  # injected errors that are still there: no fault reset
         self._errors: set[int] = set()  # what the present fault is made of
         self.sto = False  # safe torque off
-        self.offsets_mapped = False  # 60B0h or 60B1h comes by RPDO
+        self.homing_methods = homing.KNOWN  # what 6098h takes
+        self.home_offset = 0x607C  # object with the position at the homed point; 0 = there is none
+        self.offsets_mapped = False  # 60B0h, 60B1h or 60B2h comes by RPDO
         self.period_s = 0.0
         self.generator: Demand | None = None
         self.limit = self._clamped = self._deviates = self._halted = 0
@@ -177,9 +184,14 @@ class Axis:
             self.fail(FOLLOWING_FAULT, now_s)
 
     def _overrun(self, now_s: float) -> None:
-        """Further onto a pressed limit switch is a fault; homing may."""
-        if self.mode != HOMING and self.power is Power.ENABLED:
+        """Further onto a pressed limit switch is a fault, or a quick stop; homing may."""
+        if self.mode == HOMING or self.power is not Power.ENABLED:
+            return
+        if self.parameters.limit_fault:
             self.fail(LIMIT_SWITCH_FAULT, now_s)
+        else:
+            self.quick_stop_input(now_s)
+            self.say_limit(True)
 
     # -- states
 
@@ -261,12 +273,15 @@ class Axis:
         self.stops.leaving = None
         self._halted = 0
         if self.powered and not was_powered:
-            self.brake.current = True
+            self.brake.current_comes()
             self._alive(self.station.now_s)
-        if not self.powered or state is Power.ENABLED:
+        speed = self.servo.velocity
+        if (was_powered and not self.powered) or state is Power.ENABLED:
             self.stand()
+        if self.powered and not was_powered:
+            self.servo.velocity = speed  # a motor that coasts is caught, not nailed down
         if was_powered and not self.powered:
-            self.brake.current_gone(self.station.now_s)
+            self.brake.current_gone(self.station.now_s, speed)
         self.refresh()
 
     def stand(self) -> None:
@@ -315,6 +330,13 @@ class Axis:
         self.mode, self._law, self.controlword = 0, Mode(self), 0
         self.sensors.probes.forget()
         self.enter(Power.NOT_READY)
+
+    def power_off(self, now_s: float) -> None:
+        """The supply is gone; only an absolute encoder knows afterwards where the axis is."""
+        self.station.now_s = now_s
+        self.enter(Power.NOT_READY)
+        if not self.parameters.absolute_encoder:
+            self.recount(-self.servo.position)
 
     # -- faults and what comes from outside
 

@@ -3,13 +3,15 @@
     release   ordered when operation is to be enabled; enabled when it is open
     close     ordered when the current is to go; it holds after its closing time
 
-Current without brake holds, brake without current holds, neither falls. Orderly ways
+Current without brake holds, brake without current holds; with neither the axis falls,
+or coasts on at the speed it had until friction or the brake has stopped it. Orderly ways
 out (605Bh, 605Ch, quick stop) keep the current until the brake holds; disabling the
 voltage and STO do not. 60FEh bit 0 (with its mask) sets the brake by hand.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from drives.simulated.data_sheet import key
@@ -41,6 +43,8 @@ class Brake:
 
     @property
     def holds(self) -> bool:
+        if not self._nature.brake:
+            return False
         values = self._station.dictionary.values
         if values[MASK_AT] & SET:
             return self.stuck or bool(values[OUTPUTS_AT] & SET)
@@ -73,19 +77,32 @@ class Brake:
         else:
             shut(now_s)
 
-    def current_gone(self, now_s: float) -> None:
-        """From now on only the brake holds."""
+    def current_comes(self) -> None:
+        """From now on the motor holds."""
+        self.current = True
+        self._station.cancel("fall")
+
+    def current_gone(self, now_s: float, speed: float) -> None:
+        """From now on only the brake holds; the motor turned at ``speed`` (counts/s)."""
         self.current = False
         self.close(now_s)
-        if self._nature.gravity and not self.holds:
+        if (self._nature.gravity or speed) and not self.holds:
+            self._servo.velocity = speed
             self._fallen_s = now_s
             self._station.alarm("fall", now_s + FALL_STEP_S, self._fall)
 
     def _fall(self, now_s: float) -> None:
-        if self.current or self.holds:
-            self._servo.rest()
-            return
+        servo = self._servo
         taken_s = now_s - self._fallen_s
         self._fallen_s = now_s
-        self._servo.drop(self._nature.gravity, taken_s)
+        if self.current or self.holds or self._stands(taken_s):
+            servo.rest()
+            return
+        friction = math.copysign(self._nature.coast_counts_s2, servo.velocity) if servo.velocity else 0.0
+        servo.drop(self._nature.gravity - friction, taken_s)
         self._station.alarm("fall", now_s + FALL_STEP_S, self._fall)
+
+    def _stands(self, taken_s: float) -> bool:
+        """Friction has taken the last of the speed, and gravity does not overcome it."""
+        friction = self._nature.coast_counts_s2
+        return abs(self._nature.gravity) <= friction and abs(self._servo.velocity) <= friction * taken_s

@@ -7,7 +7,7 @@ writer; both are given by the drive.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 from drives.simulated.aborts import Abort, Code
@@ -47,6 +47,7 @@ class Dictionary:
         self.readers: dict[int, Callable[[], int]] = {}
         self.writers: dict[int, Callable[[int], None]] = {}  # called before the value is stored
         self.guards: dict[int, Callable[[], None]] = {}  # called before a read; may refuse it
+        self.factory: dict[int, int] = {}  # defaults of this very device, over those of its sheet
         self.refusals: dict[int, Code] = {}  # injected: every access to this key fails so
         self.missing = False  # injected: the drive could not build its dictionary
         self.local_control = False  # a panel or tool at the drive has it: no writing from the bus
@@ -56,10 +57,16 @@ class Dictionary:
         """Defaults for the indexes first .. last (NMT reset node, reset communication)."""
         low, high = key(first), key(last, 0xFF)
         numbers = defaults(self._path, self.node)
-        self.values.update({where: value for where, value in numbers.items() if low <= where <= high})
+        for source in (numbers, self.factory):
+            self.values.update({where: value for where, value in source.items() if low <= where <= high})
         for where, variable in self.variables.items():
             if low <= where <= high and not variable.size:
                 self.strings[where] = variable.default.encode()
+
+    def leave_out(self, indexes: Collection[int]) -> None:
+        """The bus does not see these objects any more; the device keeps their values to itself."""
+        self.variables = {where: v for where, v in self.variables.items() if where >> 8 not in indexes}
+        self._indexes -= set(indexes)
 
     def has(self, index: int, sub: int = 0) -> bool:
         return key(index, sub) in self.variables

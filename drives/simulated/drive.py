@@ -1,8 +1,4 @@
-"""A CiA 402 servo drive on the virtual bus: CiA 301 around an ``Axis``.
-
-It owns no bus, thread or clock: the bus calls its handlers with a frame and the
-time, and its ``timer`` when ``due_s`` is reached. The same object steps with the
-stepped clock and runs behind the hub.
+"""A CiA 402 servo drive on the virtual bus: a CANopen ``Device`` around an ``Axis``.
 
 The way of SYNC is the hot one: with five drives at 2 ms and ten times real time it
 may cost 12 us per drive. So nothing is scheduled or looked up there that can be
@@ -16,36 +12,26 @@ import math
 from pathlib import Path
 from struct import Struct
 
-from drives import pdo
 from drives.pdo import COMMAND, DATA_AT, PDO_BYTES
 from drives.settings import INT32_MAX, INT32_MIN
-from drives.simulated import identifiers, lss, pdo_map
+from drives.simulated import pdo_map
 from drives.simulated.axis import Axis
 from drives.simulated.data_sheet import EDS, key
-from drives.simulated.emergency import Emergencies
-from drives.simulated.error_control import HeartbeatConsumer, HeartbeatProducer, NodeGuard
-from drives.simulated.lss import Lss
+from drives.simulated.device import APPLICATION, Device
 from drives.simulated.machine402 import POWERED
 from drives.simulated.parameters import LostSync, Parameters
 from drives.simulated.pdo_map import Pdo
-from drives.simulated.process_data import ProcessData
-from drives.simulated.sdo_server import SdoServer
-from drives.simulated.station import INITIALISING, OPERATIONAL, PRE_OPERATIONAL, STOPPED, Station
-from drives.simulated.storage import Storage
-from drives.simulated.sync import Sync
-from drives.virtual_bus import Handler, Link
+from drives.simulated.station import OPERATIONAL
+from drives.virtual_bus import Handler
 
-START, STOP, ENTER_PRE_OPERATIONAL, RESET_NODE, RESET_COMMUNICATION = 0x01, 0x02, 0x80, 0x81, 0x82
-STATES = {START: OPERATIONAL, STOP: STOPPED, ENTER_PRE_OPERATIONAL: PRE_OPERATIONAL}
-ERROR_STATES = {0: PRE_OPERATIONAL, 2: STOPPED}  # 1029h; 0 counts in OPERATIONAL only
-
-CONNECTION_LOST, SYNC_LOST = 0x8130, 0x8700
+SYNC_LOST = 0x8700
 FEEDBACK = Struct("<IB3xHi2x")
 LATEST_PERIODS = 2.5  # FAULT drives trip this long after the last SYNC
 MOST_CATCH_UP = 500  # periods made up for after a long silence; by then every ramp has ended
+OFFSETS = (key(0x60B0), key(0x60B1), key(0x60B2))
 
 
-class SimulatedDrive(Station):
+class SimulatedDrive(Device):
     """One drive; attach it to a ``SteppedBus``. Node 255: it waits for LSS to give it one."""
 
     def __init__(self, node: int, parameters: Parameters = Parameters(), eds: Path = EDS) -> None:  # noqa: B008
@@ -55,52 +41,13 @@ class SimulatedDrive(Station):
         self._sync_s = 0.0
         self._guessed = 0  # periods already made up for since the last SYNC
         self._received: bytes | None = None  # the newest standard RPDO, latched by SYNC
+        self._fast_in: list[Pdo] = []
         self._fast_out = 0  # identifier of the standard TPDO, if it is as the controller maps it
-        self._heard: dict[int, Handler] = {}
-        self._wanted: tuple[object, ...] = ()  # what the handlers were made for
-        self.emergencies = Emergencies(self)
-        self.axis = Axis(self, self.emergencies, self._alive, self._faulted)
-        self.process = ProcessData(self, self.emergencies)
         self._latched = self.process.latched  # one dict for ever: looked at with every SYNC
-        self.sync = Sync(self, self.emergencies, self._on_sync)
-        self.storage = Storage(self.dictionary, lambda: self.axis.power not in POWERED)
-        self.lss = Lss(self, self._get_node)
-        self._sdo = SdoServer(self.dictionary)
-        self._producer = HeartbeatProducer(self)
-        self._consumer = HeartbeatConsumer(self, self._connection_lost, self._connection_back)
-        self._guard = NodeGuard(self, self._connection_lost, self._connection_back)
-        identifiers.guard(self.dictionary)
-        pdo_map.guard(self.dictionary)
+        self.axis = Axis(self, self.emergencies, self._alive, self._faulted)
         self.dictionary.readers[key(0x2000)] = lambda: self.lost_syncs
         self.dictionary.writers[key(0x2001)] = lambda code: self.inject(code, self.now_s)
-        self._configure()
-
-    # -- the bus
-
-    def join(self, link: Link, now_s: float) -> None:
-        self.link = link
-        self.now_s = now_s
-        if self.node != lss.UNCONFIGURED:
-            self.alarm("boot", now_s + self.parameters.boot_s, self._boot)
-
-    def listens(self) -> dict[int, Handler]:
-        return self._heard
-
-    def _handlers(self) -> dict[int, Handler]:
-        heard: dict[int, Handler] = {pdo.NMT: self._on_nmt, lss.REQUEST: self.lss.on_frame}
-        if self.node == lss.UNCONFIGURED:
-            return heard
-        heard |= {0x600 + self.node: self._on_sdo}
-        heard |= self._consumer.listens() | self._guard.listens() | self.process.listens()
-        for mapped in self._fast_in:
-            heard[mapped.can_id] = self._on_standard_rpdo
-        return heard | self.sync.listens()
-
-    def timer(self, now_s: float) -> None:
-        """An alarm may change what an event-driven TPDO shows."""
-        super().timer(now_s)
-        if self.process.events:
-            self.process.look(now_s)
+        self.configure()
 
     # -- SYNC and process data
 
@@ -198,39 +145,15 @@ class SimulatedDrive(Station):
         if frame[4] == PDO_BYTES or self.process.long_enough(frame[4], PDO_BYTES, now_s):
             self._received = frame
 
-    # -- SDO
+    # -- what a drive adds to a device
 
-    def _on_sdo(self, frame: bytes, now_s: float) -> None:
-        if self.nmt in (INITIALISING, STOPPED) or frame[4] != 8:
-            return
-        self._live(now_s)
-        self.now_s = now_s
-        was_writing = self._sdo.writing
-        self._answer(self._sdo.answer(frame[DATA_AT:]), now_s)
-        if not self._sdo.writing and (was_writing or frame[DATA_AT] >> 5 in (0, 1)):
-            self._configure()  # a download may have changed anything
-        if self._sdo.busy:
-            self.alarm("sdo", now_s + self.parameters.sdo_patience_s, self._give_up)
-        else:
-            self.cancel("sdo")
-        if self.process.events:
-            self.process.look(now_s)
+    def _own_handlers(self) -> dict[int, Handler]:
+        return {mapped.can_id: self._on_standard_rpdo for mapped in self._fast_in}
 
-    def _give_up(self, now_s: float) -> None:
-        self._answer([self._sdo.give_up()], now_s)
-
-    def _answer(self, frames: list[bytes], now_s: float) -> None:
-        for data in frames:
-            self.send(now_s + self.parameters.sdo_delay_s, pdo.SDO_ANSWER + self.node, data)
-
-    def _configure(self) -> None:
-        """Take over what the dictionary says now."""
+    def _take_over(self, rpdos: list[Pdo], tpdos: list[Pdo]) -> None:
         axis = self.axis
-        rpdos = pdo_map.active(self.dictionary, pdo_map.RPDO_AT, pdo_map.RPDO_MAP_AT)
-        tpdos = pdo_map.active(self.dictionary, pdo_map.TPDO_AT, pdo_map.TPDO_MAP_AT)
         axis.offsets_mapped = any(where in OFFSETS for r in rpdos for where, _, _ in r.fields)
         axis.configure()
-        self.sync.configure()
         self._soonest_s = 0.5 * axis.period_s
         self._latest_s = 1.5 * axis.period_s
         self._tpdo_delay_s = self.parameters.tpdo_delay_s
@@ -238,103 +161,40 @@ class SimulatedDrive(Station):
         self._fast_in = [r for r in rpdos if plain and pdo_map.is_fast_in(r)][:1]
         fast = [t for t in tpdos if plain and pdo_map.is_fast_out(t)][:1]
         self._fast_out = fast[0].can_id if fast else 0
-        self.process.window_s = self.sync.window_s
         slow_in = [r for r in rpdos if r not in self._fast_in]
         self.process.configure(slow_in, tpdos, fast[0] if fast else None)
         self._slow_out = len(tpdos) > len(fast) or not plain
-        self._producer.configure()
-        self._listen(rpdos, tpdos)
 
-    def _listen(self, *pdos: list[Pdo]) -> None:
-        """Tell the bus when other identifiers or handlers than before are wanted."""
-        sync, guard = self.sync, self._guard.listens()
-        wanted = (self.node, *map(tuple, pdos), sync.shape, self._consumer.watched(), guard.keys())
-        if wanted != self._wanted:
-            self._wanted = wanted
-            self._heard = self._handlers()
-            if self.link is not None:
-                self.link.relisten()
-
-    # -- NMT
-
-    def _on_nmt(self, frame: bytes, now_s: float) -> None:
-        command, node = frame[DATA_AT], frame[DATA_AT + 1]
-        if node not in (0, self.node) or self.nmt == INITIALISING or frame[4] != 2:
-            return
-        if command in (RESET_NODE, RESET_COMMUNICATION):
-            self._restart(command, now_s)
-        elif command in STATES:
-            self._enter(STATES[command], now_s)
+    def _may_store(self) -> bool:
+        return self.axis.power not in POWERED
 
     def _enter(self, state: int, now_s: float) -> None:
-        """A drive that loses its process data while it moves acts on 6007h."""
-        before, self.nmt = self.nmt, state
-        self.now_s = now_s
-        if before == state:
-            return
-        self._received = None
-        self.process.stop()
-        if state != PRE_OPERATIONAL and state != OPERATIONAL:
-            self._sdo.forget()
-            self.cancel("sdo")
-        if before == OPERATIONAL:
-            self._live(now_s)
-            self.axis.lose_connection(now_s)
-        if state == OPERATIONAL:
-            self.process.start(now_s)
+        if state != self.nmt:
+            self._received = None
+        super()._enter(state, now_s)
 
-    def _restart(self, command: int, now_s: float) -> None:
-        """Reset node or communication: stored values, or defaults, come back."""
-        self._enter(INITIALISING, now_s)
-        self.cancel_all()
+    def _lose_connection(self, now_s: float) -> None:
+        """Abort connection option, 6007h."""
+        self.axis.lose_connection(now_s)
+
+    def _switch_off(self) -> None:
         self.axis.switch_off()
-        self.node = self.dictionary.node = self.lss.pending
-        self.lss.configuring = False
-        first, last = 0x1000, 0x1FFF if command == RESET_COMMUNICATION else 0xFFFF
-        self.dictionary.reset(first, last)
-        self.storage.restore(first, last)
-        for part in (self._consumer, self._guard, self.emergencies):
-            part.forget()
-        self._configure()
-        if self.node != lss.UNCONFIGURED:
-            self.alarm("boot", now_s + self.parameters.boot_s, self._boot)
 
-    def _get_node(self, now_s: float) -> None:
-        """LSS has given a drive without one its node id."""
-        self._restart(RESET_NODE, now_s)
+    def _power_off(self, now_s: float) -> None:
+        self._received = None
+        self.axis.power_off(now_s)
 
-    def _boot(self, now_s: float) -> None:
-        self.now_s = now_s
-        self.nmt = PRE_OPERATIONAL
+    def _booted(self, now_s: float) -> None:
         self._sync_s = now_s
         self._guessed = 0
         self.axis.boot()
-        self._configure()
-        self.send(now_s, pdo.HEARTBEAT + self.node, bytes([INITIALISING]))
         if self.parameters.lost_sync is LostSync.FAULT:
             self.alarm("sync", now_s, self._watch_sync)
 
     # -- faults
 
-    def _connection_lost(self, now_s: float) -> None:
-        """The master's heartbeat or guarding stays away: 6007h and 1029h:01."""
-        self.now_s = now_s
-        self._live(now_s)
-        self.emergencies.report(CONNECTION_LOST, now_s)
-        self.axis.lose_connection(now_s)
-        self._behave(1, now_s)
-
-    def _connection_back(self, now_s: float) -> None:
-        self.emergencies.gone(CONNECTION_LOST, now_s)
-
     def _faulted(self, now_s: float) -> None:
-        self._behave(2, now_s)
-
-    def _behave(self, sub: int, now_s: float) -> None:
-        """Error behaviour, 1029h: sub-index 1 communication, 2 drive."""
-        option = self.dictionary.values[key(0x1029, sub)]
-        if option in ERROR_STATES and (option != 0 or self.nmt == OPERATIONAL):
-            self._enter(ERROR_STATES[option], now_s)
+        self._behave(APPLICATION, now_s)
 
     def inject(self, code: int, now_s: float, lasting: bool = False) -> None:
         """Let the drive have an error (an emergency code); a lasting one refuses the fault reset."""
@@ -357,6 +217,3 @@ class SimulatedDrive(Station):
         self._live(now_s)
         self.axis.fail(SYNC_LOST, now_s)
         self.alarm("sync", now_s + 1.0, self._watch_sync)
-
-
-OFFSETS = (key(0x60B0), key(0x60B1))

@@ -43,6 +43,10 @@ class Method:
     index: bool
 
 
+# Of a vendor (maxon): the end stop, felt by its current, in place of the limit switch.
+END_STOPS = {-1: 2, -2: 1, -3: 18, -4: 17}
+
+
 def _table() -> dict[int, Method]:
     made = {
         17: Method(NEGATIVE, RIGHT, +1, -1, False),
@@ -69,12 +73,13 @@ def _table() -> dict[int, Method]:
         made[number + 16] = Method(HOME, edge, direction, first, False)
     made[1] = Method(NEGATIVE, RIGHT, +1, -1, True)
     made[2] = Method(POSITIVE, LEFT, -1, +1, True)
+    made |= {vendor: made[like] for vendor, like in END_STOPS.items()}
     return made
 
 
 METHODS = _table()
 INDEX_ONLY = (33, 34)
-KNOWN = frozenset(METHODS) | frozenset(HERE)
+KNOWN = frozenset(METHODS) - frozenset(END_STOPS) | frozenset(HERE)
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,9 @@
 
 A node id set here is used from the next reset of communication on; a drive without
 one (255) boots as soon as it has one and is told to leave the configuration state.
+A bit rate is used when the master has it activated, or after power-on if it was stored.
+A drive whose bit rate is not the bus's is deaf and silent here (a real one would
+disturb it with error frames); on a bus without bit timing every rate will do.
 """
 
 from __future__ import annotations
@@ -24,6 +27,7 @@ FASTSCAN, SCAN_RESET = 0x51, 0x80
 INQUIRE, INQUIRE_NODE = 0x5A, 0x5E
 OK, REFUSED = 0, 1
 WORD = Struct("<I")
+SWITCH_DELAY = Struct("<H")  # ms
 
 
 class Lss:
@@ -35,7 +39,8 @@ class Lss:
         self.configuring = False
         self.pending = station.node  # used after the next reset
         self.stored = station.node  # used after power-on
-        self.bit_rate = BIT_RATES[0]
+        self.bit_rate = BIT_RATES[0]  # used after the next activation
+        self.stored_rate = BIT_RATES[0]  # used after power-on
         self._selected: list[int] = []
         self._identified: list[int] = []
         self._scanned = 0  # which word of the identity fastscan is at
@@ -43,6 +48,7 @@ class Lss:
             SWITCH_GLOBAL: self._switch,
             NODE_ID: self._set_node,
             BIT_TIMING: self._set_rate,
+            ACTIVATE: self._activate_rate,
             STORE: self._store,
             WITHOUT_ID: self._without_id,
             FASTSCAN: self._scan,
@@ -51,6 +57,18 @@ class Lss:
         self._commands |= dict.fromkeys(range(SELECT, SELECT + 4), self._select)
         self._commands |= dict.fromkeys(range(IDENTIFY, IDENTIFY + 6), self._identify)
         self._commands |= dict.fromkeys(range(INQUIRE, INQUIRE + 4), self._tell_identity)
+
+    def power_off(self) -> None:
+        """What was not stored is forgotten."""
+        self.pending, self.bit_rate = self.stored, self.stored_rate
+        self.tune()
+
+    def tune(self) -> None:
+        """Use the bit rate that was set."""
+        link = self._station.link
+        if link is not None:
+            self._station.in_tune = not link.bit_rate or link.bit_rate == self.bit_rate
+            link.relisten()
 
     def on_frame(self, frame: bytes, now_s: float) -> None:
         """A request on 7E5h; LSS rests while the node is operational."""
@@ -111,10 +129,17 @@ class Lss:
         self.bit_rate = BIT_RATES[data[2]]
         return bytes([BIT_TIMING, OK])
 
+    def _activate_rate(self, data: bytes, now_s: float) -> None:
+        """All devices fall silent for the delay, change, and wait for it once more (not answered)."""
+        if self.configuring:
+            delay_s = SWITCH_DELAY.unpack_from(data, 1)[0] * 1e-3
+            self._station.in_tune = False
+            self._station.alarm("bit rate", now_s + 2.0 * delay_s, lambda _now_s: self.tune())
+
     def _store(self, _data: bytes, _now_s: float) -> bytes | None:
         if not self.configuring:
             return None
-        self.stored = self.pending
+        self.stored, self.stored_rate = self.pending, self.bit_rate
         return bytes([STORE, OK])
 
     def _tell_node(self, _data: bytes, _now_s: float) -> bytes | None:

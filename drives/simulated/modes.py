@@ -11,8 +11,10 @@ are statusword bits 10, 12 and 13, asked for when something has changed.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, ClassVar
 
+from drives.settings import INT32_MAX, INT32_MIN
 from drives.simulated.homing import HERE, Pace, Search
 from drives.simulated.motion import Demand, Profile, Speed
 
@@ -23,6 +25,8 @@ PP, PV, HOMING, IP, CSP, CSV = 1, 3, 6, 7, 8, 9
 BIT_4, BIT_5, BIT_6, HALT = 1 << 4, 1 << 5, 1 << 6, 1 << 8
 REACHED, BIT_12, BIT_13 = 1 << 10, 1 << 12, 1 << 13
 ENDLESS = 0xFFFF_FFFF
+UNLIMITED = 0xFFFF  # 6072h
+OFFSETS = (0x60B0, 0x60B1, 0x60B2)
 
 
 class Mode:
@@ -50,9 +54,37 @@ class Mode:
     def profile(self, speed: float) -> Profile:
         """Acceleration and deceleration of profile motion within 60C5h and 60C6h; 0 is as good as none."""
         get = self.axis.dictionary.get
-        up = min(get(0x6083) or ENDLESS, get(0x60C5) or ENDLESS)
-        down = min(get(0x6084) or ENDLESS, get(0x60C6) or ENDLESS)
-        return Profile(min(speed, get(0x607F)), up, down)
+        most = self.strongest
+        up = min(most, get(0x6083) or ENDLESS, get(0x60C5) or ENDLESS)
+        down = min(most, get(0x6084) or ENDLESS, get(0x60C6) or ENDLESS)
+        return Profile(min(speed, self.fastest), up, down)
+
+    @property
+    def strongest(self) -> float:
+        """Acceleration that the motor and 6072h (FFFFh = as much as it can) give."""
+        nature, thousandths = self.axis.parameters, self.axis.dictionary.get(0x6072)
+        limit = math.inf if thousandths == UNLIMITED else max(1, thousandths) * nature.torque_counts_s2
+        return min(nature.most_acceleration, limit)
+
+    @property
+    def fastest(self) -> int:
+        """Speed of profiles and of csv: 607Fh, and 6080h of the motor (in counts/s here)."""
+        get = self.axis.dictionary.get
+        return min(get(0x607F), get(0x6080))
+
+    def turned(self, speed: float) -> float:
+        """The demand one period on at a speed: within 607Dh, or for ever round where that is no limit."""
+        axis = self.axis
+        if axis.low != INT32_MIN or axis.high != INT32_MAX:
+            return axis.bounded(axis.servo.end + speed * axis.period_s)
+        if not INT32_MIN <= axis.servo.position <= INT32_MAX:
+            axis.recount(-math.copysign(2.0**32, axis.servo.position))
+        return axis.servo.end + speed * axis.period_s
+
+    def lead(self) -> None:
+        """Velocity and torque offset, 60B1h and 60B2h, act on the position loop."""
+        get = self.axis.dictionary.get
+        self.axis.servo.offset(get(0x60B1), get(0x60B2) * self.axis.parameters.torque_counts_s2)
 
 
 class CyclicPosition(Mode):
@@ -68,16 +100,16 @@ class CyclicPosition(Mode):
 
     @property
     def limits(self) -> bool:
-        """Whether anything stands between target and demand: 607Fh, 60C5h, 60C6h, 60B0h, 60B1h."""
+        """Whether anything stands between target and demand: 607Fh, 60C5h, 60C6h, 60B0h - 60B2h."""
         get = self.axis.dictionary.get
         endless = get(0x607F) == get(0x60C5) == get(0x60C6) == ENDLESS
-        return not endless or self.axis.offsets_mapped or bool(get(0x60B0) or get(0x60B1))
+        return not endless or self.axis.offsets_mapped or any(get(index) for index in OFFSETS)
 
     def _limited(self) -> float:
         axis = self.axis
         get = axis.dictionary.get
         wanted = axis.within(axis.target + get(0x60B0))
-        axis.servo.offset_velocity(get(0x60B1))
+        self.lead()
         speed = (wanted - axis.servo.end) / axis.period_s
         most = get(0x607F)
         allowed = max(-most, min(most, speed))
@@ -87,7 +119,7 @@ class CyclicPosition(Mode):
 
 
 class CyclicVelocity(Mode):
-    """csv: 60FFh plus 60B1h; the position demand is its integral, kept within 607Dh."""
+    """csv: 60FFh plus 60B1h, with 60B2h; the position demand is its integral, kept within 607Dh."""
 
     number = CSV
     cyclic = True
@@ -100,19 +132,26 @@ class CyclicVelocity(Mode):
     def _demand(self) -> float:
         axis = self.axis
         get = axis.dictionary.get
-        most = get(0x607F)
+        most, strongest = self.fastest, self.strongest
         wanted = max(-most, min(most, get(0x60FF) + get(0x60B1)))
-        self._speed.towards(wanted, Profile(most, get(0x60C5), get(0x60C6)))
-        return axis.bounded(axis.servo.end + self._speed.now * axis.period_s)
+        pace = Profile(most, min(strongest, get(0x60C5)), min(strongest, get(0x60C6)))
+        self._speed.towards(wanted, pace)
+        axis.servo.offset(0.0, get(0x60B2) * axis.parameters.torque_counts_s2)
+        return self.turned(self._speed.now)
 
 
 class Interpolated(Mode):
-    """ip, linear, no buffer: controlword bit 4 switches it on, bit 12 says that it is."""
+    """ip, linear: controlword bit 4 switches it on, bit 12 says that it is.
+
+    Without a buffer (60C4h:02 = 0) the newest 60C1h counts; with one, a record for each
+    period is taken from it, and an empty buffer holds the axis where it is.
+    """
 
     number = IP
     cyclic = True
 
     def begin(self) -> Demand | None:
+        self.axis.records.clear()
         self.axis.dictionary.values[0x60C1_01] = self.axis.actual()
         self._switch(self.axis.controlword)
         return self._demand
@@ -128,7 +167,11 @@ class Interpolated(Mode):
         axis = self.axis
         if not self.bits & BIT_12:
             return axis.servo.end
-        return axis.bounded(axis.dictionary.values[0x60C1_01])
+        self.lead()
+        if not axis.records.size:
+            return axis.bounded(axis.dictionary.values[0x60C1_01])
+        record = axis.records.take()
+        return axis.servo.end if record is None else axis.bounded(record)
 
 
 class ProfilePosition(Mode):
@@ -200,11 +243,11 @@ class ProfileVelocity(Mode):
 
     def _demand(self) -> float:
         axis = self.axis
-        most = axis.dictionary.get(0x607F)
+        most = self.fastest
         wanted = max(-most, min(most, axis.dictionary.get(0x60FF)))
         self._speed.towards(wanted, self.profile(most))
         self._look(wanted)
-        return axis.bounded(axis.servo.end + self._speed.now * axis.period_s)
+        return self.turned(self._speed.now)
 
     def _look(self, wanted: float) -> None:
         get, servo, period_s = self.axis.dictionary.get, self.axis.servo, self.axis.period_s
@@ -253,9 +296,10 @@ class Homing(Mode):
         axis.generator = search.demand
 
     def _found(self, point: float) -> None:
-        """``point`` (present counting) becomes 607Ch."""
+        """``point`` (present counting) becomes 607Ch, or what this family of drives has instead."""
         axis = self.axis
-        axis.recount(axis.dictionary.get(0x607C) - point)
+        home = axis.dictionary.get(axis.home_offset) if axis.home_offset else 0
+        axis.recount(home - point)
         self._end(self.DONE)
 
     def _failed(self) -> None:

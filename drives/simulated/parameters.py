@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 
@@ -32,13 +33,19 @@ class Parameters:
     feed_forward: float = 0.0  # share of the velocity; 1 = no lag at constant speed
     stiffness: float = 1.0  # factor on the position loop's gain (speed / following error)
     plant: PlantParameters | None = None  # friction, backlash, encoder; None = none of them
+    most_acceleration: float = math.inf  # counts/s^2 that the motor can give in velocity modes
+    torque_counts_s2: float = 1000.0  # acceleration by a thousandth of the rated torque (60B2h)
+    coast_counts_s2: float = 0.0  # deceleration by friction of a motor without current
     lost_sync: LostSync = LostSync.HOLD
     position_counts: int = 0  # at power-on
+    absolute_encoder: bool = False  # position and homing survive a loss of the supply
     switches: tuple[float, float] = (-1e8, 1e8)  # limit switches, pressed beyond these
     limit_fault: bool = False  # whether running onto a limit switch trips the drive (8612h)
     home_switch: tuple[float, float] = (0.0, 1e8)  # where it is pressed
     index_counts: float = 10_000.0  # from one index pulse of the encoder to the next
     index_offset: float = 0.0  # position of one of them
+    estop_delay_s: float = 0.5  # emergency stop input: quick stop, and torque off so much later (SS1)
+    brake: bool = True  # without one a motor without current coasts to its end
     enable_delay_s: float = 0.02  # brake release, SWITCHED ON -> OPERATION ENABLED
     brake_close_s: float = 0.0  # from the brake's command until it holds
     gravity: float = 0.0  # counts/s^2 at which the axis falls without current and brake

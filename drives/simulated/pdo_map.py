@@ -14,7 +14,7 @@ from functools import partial
 from drives.pdo import DATA_AT, FRAME
 from drives.simulated import identifiers
 from drives.simulated.aborts import Abort, Code
-from drives.simulated.data_sheet import key
+from drives.simulated.data_sheet import WRITABLE, key
 from drives.simulated.dictionary import Dictionary
 from drives.simulated.identifiers import BIT_30, IDENTIFIER, INVALID
 
@@ -55,11 +55,12 @@ class Pdo:
         return self.kind >= 254
 
     def take(self, dictionary: Dictionary, frame: bytes) -> None:
-        """Write a received frame's objects."""
+        """Write a received frame's objects; a value that the device refuses changes nothing."""
         at = DATA_AT
         for where, size, signed in self.fields:
             if where != SKIPPED:
-                dictionary.put(where, int.from_bytes(frame[at : at + size], "little", signed=signed))
+                with contextlib.suppress(Abort):
+                    dictionary.put(where, int.from_bytes(frame[at : at + size], "little", signed=signed))
             at += size
 
     def data(self, dictionary: Dictionary) -> bytes:
@@ -149,7 +150,10 @@ class Rules:
 
     @property
     def _off(self) -> bool:
-        return bool(self._dictionary.values[key(self._parameters, 1)] & INVALID)
+        """Also where the identifier is fixed: such drives are remapped with the count at 0 alone."""
+        can_id = key(self._parameters, 1)
+        fixed = self._dictionary.variables[can_id].access not in WRITABLE
+        return fixed or bool(self._dictionary.values[can_id] & INVALID)
 
     def _can_id(self, value: int) -> None:
         before = self._dictionary.values[key(self._parameters, 1)]

@@ -4,13 +4,15 @@ The probe input closes at a position (a wall that the axis runs into), is set by
 or is the encoder's index pulse. The latched position is where the motor was at that
 very moment, between two periods as well, as a real latch in hardware gives it.
 
-    60B8h   bit 0 on, 1 continuous, 2 source is the index pulse, 4 rising, 5 falling edge
+    60B8h   bit 0 on, 1 continuous, 2 source is the index pulse, 3 source is what 60D0h says,
+            4 rising, 5 falling edge
     60B9h   bit 0 on, 1 rising edge stored, 2 falling edge stored; probe 2: both from bit 8
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 from drives.simulated.aborts import Abort, Code
 from drives.simulated.data_sheet import key
@@ -20,10 +22,12 @@ from drives.simulated.servo import Servo
 
 FUNCTION_AT, STATUS_AT = key(0x60B8), key(0x60B9)
 LATCHES = ((key(0x60BA), key(0x60BB)), (key(0x60BC), key(0x60BD)))  # probe: rising, falling
-ON, CONTINUOUS, INDEX, RISING, FALLING = 0x01, 0x02, 0x04, 0x10, 0x20
+ON, CONTINUOUS, INDEX, CHOSEN, RISING, FALLING = 0x01, 0x02, 0x04, 0x08, 0x10, 0x20
+SOURCE_AT = key(0x60D0)
+INPUT_1, INPUT_2, INDEX_PULSE = 1, 2, 5  # 60D0h; the rest of the standard's list is not wired here
 STORED = (0x02, 0x04)
 SHIFT = 8  # probe 2's bits
-UNKNOWN = 0xFF ^ (ON | CONTINUOUS | INDEX | RISING | FALLING)
+UNKNOWN = 0xFF ^ (ON | CONTINUOUS | INDEX | CHOSEN | RISING | FALLING)
 
 
 class Probes:
@@ -38,6 +42,8 @@ class Probes:
         self.function = 0
         self.changed: Callable[[], None] = lambda: None
         dictionary.writers[FUNCTION_AT] = self._write
+        for probe in (0, 1):
+            dictionary.writers[SOURCE_AT + probe + 1] = partial(self._check_source, probe)
 
     @property
     def on(self) -> bool:
@@ -49,7 +55,8 @@ class Probes:
     def _write(self, function: int) -> None:
         """An edge, new or switched off, forgets what its probe has stored."""
         for probe in (0, 1):
-            if function >> SHIFT * probe & UNKNOWN:
+            part = function >> SHIFT * probe
+            if part & UNKNOWN or part & (INDEX | CHOSEN) == INDEX | CHOSEN:
                 raise Abort(Code.VALUE)
         before, status = self.function, self._values[STATUS_AT]
         for probe in (0, 1):
@@ -60,6 +67,17 @@ class Probes:
         self._before = self._servo.position
         self.function = function
         self.changed()
+
+    def _check_source(self, probe: int, source: int) -> None:
+        """Each probe has its own input, and the index pulse."""
+        if source not in (INPUT_1 if probe == 0 else INPUT_2, INDEX_PULSE):
+            raise Abort(Code.VALUE)
+
+    def _by_index(self, probe: int) -> bool:
+        """Whether the probe's source is the index pulse."""
+        function = self.function >> SHIFT * probe
+        chosen = function & CHOSEN and self._values.get(SOURCE_AT + probe + 1) == INDEX_PULSE
+        return bool(function & INDEX or chosen)
 
     def set_input(self, probe: int, closed: bool) -> None:
         """The input of probe 0 or 1 changes now."""
@@ -74,7 +92,7 @@ class Probes:
         if now == before:
             return
         for probe in (0, 1):
-            if self.function >> SHIFT * probe & INDEX:
+            if self._by_index(probe):
                 self._pass_index(probe, ground, before, now)
             else:
                 self._pass_wall(probe, before, now)

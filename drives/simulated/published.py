@@ -6,7 +6,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
-from drives.simulated import homing
 from drives.simulated.aborts import Abort, Code
 from drives.simulated.data_sheet import key
 from drives.simulated.dictionary import Dictionary
@@ -16,6 +15,7 @@ if TYPE_CHECKING:
 
 RANGE_AT = 0x607B
 LOW, HIGH = 1, 2
+MOST_TORQUE = 0x7FFF
 
 
 def publish(axis: Axis) -> None:
@@ -31,13 +31,14 @@ def publish(axis: Axis) -> None:
         0x606B: lambda: round((servo.end - servo.start) / axis.period_s),
         0x606C: lambda: round(servo.velocity),
         0x607A: lambda: axis.target,
+        0x6077: lambda: _torque(axis),
         0x60F4: lambda: round(servo.start - servo.position),
     }
     writers: dict[int, Callable[[int], None]] = {
         0x6040: lambda word: axis.command(word, station.now_s),
         0x607A: axis.aim,
         0x6060: axis.ask_mode,
-        0x6098: _known_method,
+        0x6098: lambda method: _known_method(axis, method),
     }
     dictionary.readers.update({key(index): reader for index, reader in readers.items()})
     dictionary.writers.update({key(index): writer for index, writer in writers.items()})
@@ -53,6 +54,14 @@ def _check_range(dictionary: Dictionary, sub: int, value: int) -> None:
         raise Abort(Code.MAX_BELOW_MIN)
 
 
-def _known_method(method: int) -> None:
-    if method not in homing.KNOWN:
+def _torque(axis: Axis) -> int:
+    """6077h, thousandths of the rated torque: what accelerates the motor, friction left out."""
+    if not axis.powered:
+        return 0
+    thousandths = round(axis.servo.acceleration / axis.parameters.torque_counts_s2)
+    return max(-MOST_TORQUE, min(MOST_TORQUE, thousandths))
+
+
+def _known_method(axis: Axis, method: int) -> None:
+    if method not in axis.homing_methods:
         raise Abort(Code.VALUE)

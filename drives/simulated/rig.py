@@ -4,21 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 
-from drives.settings import BusSettings, NodeSettings
-from drives.simulated.data_sheet import EDS
+from drives.settings import BusSettings, IoSettings, NodeSettings, SpindleSettings
+from drives.simulated import build
 from drives.simulated.drive import SimulatedDrive
+from drives.simulated.io_node import IoNode
 from drives.simulated.parameters import LostSync, Parameters
 from drives.virtual_bus import Filters, Port, SteppedBus
 
 
 class Rig:
-    """Stepped buses with simulated drives; ``advance`` moves all of them to one time."""
+    """Stepped buses with simulated devices; ``advance`` moves all of them to one time."""
 
     def __init__(self, buses: Mapping[str, SteppedBus], drives: Mapping[str, SimulatedDrive]) -> None:
         self.buses = dict(buses)  # by BusSettings.name
         self.drives = dict(drives)  # by NodeSettings.name
+        self.spindle: SimulatedDrive | None = None
+        self.io: dict[str, IoNode] = {}  # by IoSettings.name
 
     @property
     def now_s(self) -> float:
@@ -38,21 +40,29 @@ def rig(
     nodes: Sequence[NodeSettings],
     buses: Sequence[BusSettings],
     *,
+    spindle: SpindleSettings | None = None,
+    io: Sequence[IoSettings] = (),
     stiffness: Mapping[str, float] | None = None,
     lost_sync: LostSync = LostSync.HOLD,
     parameters: Parameters = Parameters(),  # noqa: B008 (frozen)
     start_s: float = 0.0,
 ) -> Rig:
-    """Stepped buses with a simulated drive per node, from power-on at ``start_s``.
+    """Stepped buses with a simulated device per node, from power-on at ``start_s``.
 
-    A drive has the object dictionary of its node's data sheet.
+    A device has the object dictionary of its node's data sheet.
     ``stiffness`` is a factor on the position loop gain by axis name (0.95 = 5 % softer).
     Raises KeyError for a node on a bus that is not there, OSError for a data sheet that is not.
     """
-    stepped = {bus.name: SteppedBus(bus.bit_rate, start_s) for bus in buses}
-    drives = {}
+    nature = replace(parameters, lost_sync=lost_sync)
+    made = Rig({bus.name: SteppedBus(bus.bit_rate, start_s) for bus in buses}, {})
     for node in nodes:
-        nature = replace(parameters, stiffness=(stiffness or {}).get(node.name, 1.0), lost_sync=lost_sync)
-        drives[node.name] = SimulatedDrive(node.node, nature, Path(node.eds) if node.eds else EDS)
-        stepped[node.bus].attach(drives[node.name])
-    return Rig(stepped, drives)
+        one = replace(nature, stiffness=(stiffness or {}).get(node.name, 1.0))
+        made.drives[node.name] = build.drive(node, one)
+        made.buses[node.bus].attach(made.drives[node.name])
+    if spindle is not None:
+        made.spindle = build.spindle(spindle, nature)
+        made.buses[spindle.bus].attach(made.spindle)
+    for settings in io:
+        made.io[settings.name] = build.inputs_and_outputs(settings, nature)
+        made.buses[settings.bus].attach(made.io[settings.name])
+    return made

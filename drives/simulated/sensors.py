@@ -18,6 +18,7 @@ from drives.simulated.probe import Probes
 from drives.simulated.servo import Servo
 from drives.simulated.station import Alarm, Station
 
+LIMITS = 3  # 60FDh: bit NEGATIVE and bit POSITIVE
 INTERLOCK, PROBE_1, PROBE_2 = 1 << 3, 1 << 16, 1 << 17  # 60FDh; bits 0 .. 2 are the switches
 
 
@@ -45,7 +46,7 @@ class Sensors:
         watches: list[Alarm] = []
         if self.probes.on:
             watches.append(lambda _now_s: self.probes.look(self.ground()))
-        if self._nature.limit_fault:
+        if self._nature.limit_fault or self.inputs & LIMITS:
             watches.append(self._look_at_switches)
         if self._brake.stuck or self._dictionary.values[MASK_AT] & SET:
             watches.append(self._look_at_brake)
@@ -72,7 +73,7 @@ class Sensors:
         servo = self._servo
         onto = POSITIVE if servo.velocity > 0.0 else NEGATIVE
         moving = abs(servo.velocity) * self.period_s >= 1.0
-        if moving and self.ground().pressed(onto, servo.position):
+        if moving and (self.inputs >> onto & 1 or self.ground().pressed(onto, servo.position)):
             self._overrun(now_s)
 
     def _look_at_brake(self, _now_s: float) -> None:

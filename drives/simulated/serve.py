@@ -1,4 +1,4 @@
-"""Hub and simulated drives in one process, in wall-clock time."""
+"""A bus with simulated devices in one process, in wall-clock time: the virtual bus, or a CAN interface."""
 
 from __future__ import annotations
 
@@ -11,17 +11,22 @@ from dataclasses import replace
 from pathlib import Path
 
 from drives.hub import Hub
-from drives.settings import NodeSettings
+from drives.simulated import build
+from drives.simulated.build import NodeLike
+from drives.simulated.can_bridge import CanBridge, open_interface
 from drives.simulated.data_sheet import EDS
 from drives.simulated.drive import SimulatedDrive
+from drives.simulated.io_node import IoNode
 from drives.simulated.parameters import LostSync, Parameters
 
 PRIORITY = 30  # SCHED_FIFO; below the tick's, which spins for a tenth of a millisecond only
 
+Server = Hub | CanBridge
+
 
 def serve(
     path: str,
-    nodes: Sequence[int | NodeSettings],
+    nodes: Sequence[int | NodeLike],
     *,
     bit_rate: int = 1_000_000,
     stiffness: Mapping[int, float] | None = None,
@@ -31,28 +36,54 @@ def serve(
     sync_log: str | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> None:
-    """Run a hub at ``path`` with one simulated drive per node until SIGTERM or SIGINT (or ``stop()``).
+    """Run a hub at ``path`` with one simulated device per node until SIGTERM or SIGINT (or ``stop()``).
 
-    ``eds``: data sheet of nodes given by number. ``stiffness``: factor on the position loop
+    ``eds``: data sheet of drives given by number. ``stiffness``: factor on the position loop
     gain by node id. ``sync_log``: .npy file for the times (CLOCK_MONOTONIC, s) at which SYNC
     left the wire, written at the end.
     Must run in the main thread unless ``stop`` is given (it installs signal handlers).
     Raises OSError when the path cannot be bound.
     """
-    hub = Hub(path, bit_rate, sync_log=sync_log is not None)
-    for node in nodes:
-        number = node if isinstance(node, int) else node.node
-        nature = replace(parameters, stiffness=(stiffness or {}).get(number, 1.0), lost_sync=lost_sync)
-        sheet = eds if isinstance(node, int) or not node.eds else Path(node.eds)
-        hub.bus.attach(SimulatedDrive(number, nature, sheet))
+    server = Hub(path, bit_rate, sync_log=sync_log is not None)
+    nature = replace(parameters, lost_sync=lost_sync)
+    devices = [_device(node, _softened(nature, node, stiffness), eds) for node in nodes]
+    run(server, devices, sync_log=sync_log, stop=stop)
+
+
+def run(
+    server: Server,
+    devices: Sequence[SimulatedDrive | IoNode],
+    *,
+    sync_log: str | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> None:
+    """Attach the devices and serve until told to stop; as ``serve``."""
+    for device in devices:
+        server.bus.attach(device)
     _hurry()
     gc.freeze()  # nothing made so far will become garbage: the collector need not look at it
     try:
-        hub.run(stop or _signalled())
+        server.run(stop or _signalled())
     finally:
-        hub.close()
+        server.close()
         if sync_log is not None:
-            hub.syncs.save(sync_log)
+            server.syncs.save(sync_log)
+
+
+def on_interface(channel: str, bit_rate: int = 0, sync_log: bool = False) -> CanBridge:
+    """A server on a CAN interface; give it to ``run``. Raises InterfaceError."""
+    return CanBridge(open_interface(channel), bit_rate, sync_log, channel)
+
+
+def _softened(nature: Parameters, node: int | NodeLike, stiffness: Mapping[int, float] | None) -> Parameters:
+    number = node if isinstance(node, int) else node.node
+    return replace(nature, stiffness=(stiffness or {}).get(number, 1.0))
+
+
+def _device(node: int | NodeLike, nature: Parameters, eds: Path) -> SimulatedDrive | IoNode:
+    if isinstance(node, int):
+        return SimulatedDrive(node, nature, eds)
+    return build.device(node, nature)
 
 
 def _hurry() -> None:

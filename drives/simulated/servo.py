@@ -8,7 +8,8 @@ next (60C2h), and position x follows demand r as
 
 For a linear demand r = r0 + v t the solution is  x = r - lag v + (decaying part),
 lag = 2 d (1 - f) / w, and the decaying part is one constant 2 x 2 matrix per period.
-A velocity v' that the controller sends (60B1h) leads: x = r - lag v + 2 d v' / w.
+A velocity v' that the controller sends (60B1h) leads: x = r - lag v + 2 d v' / w,
+and so does a torque (60B2h) that would accelerate by a': x = r - lag v + a' / w^2.
 
 Why 60 Hz and d = 1/sqrt(2): position loops of machine-tool servos reach some 40 to
 80 Hz. Equal lags on all axes only delay a path, they bend it from the second order
@@ -33,6 +34,7 @@ class Servo:
         "_a12",
         "_a21",
         "_a22",
+        "_bend_s2",
         "_lag_s",
         "_lead_s",
         "_per_s",
@@ -48,7 +50,7 @@ class Servo:
         self.velocity = 0.0
         self.start = position  # demand now ...
         self.end = position  # ... and at the end of the period that runs
-        self.lead = 0.0  # counts by which a velocity offset leads
+        self.lead = 0.0  # counts by which offsets of velocity and torque lead
 
     def tune(self, period_s: float, frequency_hz: float, damping: float, feed_forward: float) -> None:
         """Precompute a period. Raises ValueError for a damping outside of 0 < d < 1."""
@@ -63,6 +65,7 @@ class Servo:
         self._a21 = -gain * w * w / swing * sin
         self._a22 = gain * (cos - decay / swing * sin)
         self._lead_s = 2.0 * damping / w
+        self._bend_s2 = 1.0 / (w * w)
         self._lag_s = self._lead_s * (1.0 - feed_forward)
         self._per_s = 1.0 / period_s
 
@@ -78,9 +81,16 @@ class Servo:
         self.start = end
         self.end = next_end
 
-    def offset_velocity(self, counts_s: float) -> None:
-        """Velocity offset, 60B1h."""
-        self.lead = counts_s * self._lead_s
+    @property
+    def acceleration(self) -> float:
+        """What the law asks of the motor now, counts/s^2."""
+        speed = (self.end - self.start) * self._per_s
+        behind = self.position - self.start + self._lag_s * speed - self.lead
+        return -(behind + self._lead_s * (self.velocity - speed)) / self._bend_s2
+
+    def offset(self, counts_s: float, counts_s2: float) -> None:
+        """Velocity offset (60B1h) and the acceleration that a torque offset (60B2h) stands for."""
+        self.lead = counts_s * self._lead_s + counts_s2 * self._bend_s2
 
     def rest(self) -> None:
         """Stand still where the motor is: power off, brake on."""

@@ -1,0 +1,48 @@
+"""From what the bus side knows about a node to the simulated device that takes its place."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from drives.settings import IoSettings, NodeSettings, SpindleSettings
+from drives.simulated import families
+from drives.simulated.data_sheet import EDS
+from drives.simulated.drive import SimulatedDrive
+from drives.simulated.io_node import IO_EDS, IoNode
+from drives.simulated.parameters import Parameters
+
+NodeLike = NodeSettings | SpindleSettings | IoSettings
+SPINDLE_REV_S2 = 200.0  # a spindle motor's own limit, above what a controller asks of it
+
+
+def drive(settings: NodeSettings, parameters: Parameters) -> SimulatedDrive:
+    """A servo drive of its node's data sheet and profile. Raises OSError without the sheet.
+
+    An absolute encoder finds the axis where homing would have put it.
+    """
+    if settings.absolute:
+        at = settings.homing_position_counts
+        parameters = replace(parameters, position_counts=at, absolute_encoder=True)
+    made = SimulatedDrive(settings.node, parameters, Path(settings.eds) if settings.eds else EDS)
+    return families.restrict(made, settings.profile)
+
+
+def spindle(settings: SpindleSettings, parameters: Parameters) -> SimulatedDrive:
+    """A drive whose motor turns on and on: its position wraps, and its torque is limited."""
+    nature = replace(parameters, most_acceleration=SPINDLE_REV_S2 * settings.counts_per_rev)
+    made = SimulatedDrive(settings.node, nature, Path(settings.eds) if settings.eds else EDS)
+    return families.restrict(made, settings.profile)
+
+
+def inputs_and_outputs(settings: IoSettings, parameters: Parameters) -> IoNode:
+    return IoNode(settings.node, parameters, Path(settings.eds) if settings.eds else IO_EDS)
+
+
+def device(settings: NodeLike, parameters: Parameters) -> SimulatedDrive | IoNode:
+    """The device of any kind of node. Raises OSError where its data sheet is missing."""
+    if isinstance(settings, IoSettings):
+        return inputs_and_outputs(settings, parameters)
+    if isinstance(settings, SpindleSettings):
+        return spindle(settings, parameters)
+    return drive(settings, parameters)
