@@ -27,11 +27,19 @@ class LiveLine:
     def of(self, now: Snapshot) -> str:
         """For instance ``line 8: F 1000, actual 873 mm/min, limited by C acceleration``."""
         before, self._before = self._before, now
+        if now.mode is Mode.RUNNING and now.waiting:
+            return f"line {now.line}: waiting for {self._awaited(now)}"
         if now.mode is not Mode.RUNNING or now.motion_id not in self._stretches:
             return now.mode.name.lower()
         feed = self._stretches[now.motion_id].feed_mm_s
         wanted = "rapid" if feed is None else f"F {60.0 * feed * now.override:.0f}"
         return f"line {now.line}: {wanted}, actual {self._actual(before, now)}{self._limit(now)}"
+
+    def _awaited(self, now: Snapshot) -> str:
+        """What motion stands for."""
+        if now.spindle_at_speed:
+            return "coolant and clamps"
+        return f"the spindle: S {now.spindle_rev_min:.0f}, actual {now.spindle_actual_rev_min:.0f} 1/min"
 
     def _actual(self, before: Snapshot | None, now: Snapshot) -> str:
         if before is None or before.motion_id != now.motion_id or now.tick == before.tick:

@@ -144,18 +144,3 @@ def _syncs(values: Mapping[str, Any]) -> Rows:
         yield f"SYNC intervals on {bus}", "p50 / p99 / p99.9 / max"
         yield "", " / ".join(f"{1e3 * sync[key]:.3f}" for key in ms) + " ms"
         yield "outside 1 +- 1/4 T", f"{100 * sync['outside_share']:.3f} % of {sync['count']}"
-
-
-def budget(one: Any, max_share: float) -> Table:
-    """One bus of ``drives.budget``: every frame of a tick."""
-    table = Table(title=f"{one.bus}: {one.bit_rate} bit/s, tick of {one.period_us:g} us")
-    for head in ("frame", "id", "bytes", "per tick", "worst us", "typical us"):
-        table.add_column(head, justify="left" if head == "frame" else "right")
-    for row in (*one.cyclic, *one.background):
-        numbers = f"{row.per_tick:g}", f"{row.worst_us:.0f}", f"{row.typical_us:.0f}"
-        table.add_row(row.what, f"{row.can_id:03X}h", str(row.data_bytes), *numbers)
-    table.caption = (
-        f"every tick at its worst {one.total_us:.0f} us, typical {one.typical_us:.0f} us\n"
-        f"{100 * one.share:.1f} % of the tick at its worst; allowed {100 * max_share:.0f} %"
-    )
-    return table
