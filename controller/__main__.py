@@ -14,16 +14,18 @@ from typing import Annotated, Any
 import typer
 
 from controller import config
+from controller.commands import bus, drives, faults
 from controller.machine import Machine, five
 from controller.motions import SurfaceCut
 from controller.plan import stored
 from controller.plan.path import Stretch
 from controller.plan.stretch import Note
 from controller.plan.survey import Survey
-from controller.session import checked
+from controller.session import checked, recording
 from controller.session import events as event_files
+from controller.session.bus_load import overload
 from controller.session.startup import SessionError
-from controller.state import FAULTS, Fault
+from controller.state import Fault
 from controller.toml_table import ConfigError
 from controller.verify import tables
 from controller.verify.console import Refused, bar, refusals, show, tell
@@ -97,17 +99,8 @@ def _notes(notes: Sequence[Note], machine: Machine) -> dict[str, Any]:
 
 
 def _budget_or_refuse(machine: Machine) -> None:
-    from drives import budget
-
-    sentences = budget.advice(
-        config.node_settings(machine),
-        config.bus_settings(machine),
-        config.master_settings(machine),
-        machine.max_bus_share,
-        machine.period_s,
-    )
-    if sentences:
-        raise Refused(" ".join(sentences))
+    if sentence := overload(machine):
+        raise Refused(sentence)
 
 
 def _read(file: Path) -> bytes:
@@ -221,7 +214,7 @@ def simulate(
         walk = checked.walk_of(task, kept, unchecked)
         if not as_json:
             _show_notes(walk.notes, task)
-        bench = SteppedMachine(made)
+        bench = SteppedMachine(made, recordings=recording.folder())
         bench.come_up()
         began_s = time.perf_counter()
         with bar("simulating", as_json) as progress:
@@ -242,7 +235,7 @@ def simulate(
             **_notes(walk.notes, made),
         }
         _write(trace, made, stretches, trace_file, plot)
-        if run.result == "fault":
+        if run.fault is not Fault.NONE:  # also a hold that waits for somebody to close a door
             raise Refused(run.fault_text, **figures)
         if refusal is not None:
             raise Refused(f"{refusal} {STOPPED}", **figures, line=refusal.line, column=refusal.column)
@@ -316,7 +309,7 @@ def demo(
             tell.print(
                 f"Starting the virtual bus, five simulated drives, plan and tick; {file.name} on {made.name}."
             )
-        with live.started(made, task.text, file.name, kept, unchecked) as machine:
+        with live.started(made, task.text, file.name, kept, unchecked, recording.folder()) as machine:
             now = machine.ready()
             task = replace(task, start=five(now.joints))
             stretches = checked.stretches(checked.walk_of(task, kept, unchecked))
@@ -342,37 +335,13 @@ def demo(
             "trace": str(trace_file),
         }
         if last.fault is not Fault.NONE:
-            raise Refused(f"{FAULTS[last.fault].text} {FAULTS[last.fault].remedy}", **figures)
+            raise Refused(machine.fault_text(last), **figures)
         _end("Cut in real time on the virtual bus", figures, as_json)
         if not as_json:
             show.print(f"Picture: {picture}   Trace: {trace_file}", markup=False)
 
 
-# --- bus, paper -----------------------------------------------------------------
-
-
-@app.command("bus")
-def bus_budget(machine: MachineFile = "trunnion", period_ms: PeriodMs = None, as_json: Json = False) -> None:
-    """The bus budget: every frame of a tick at its worst length, per bus."""
-    from drives import budget
-
-    with _refusals(as_json):
-        made = _machine(machine, "", period_ms)
-        found = budget.of(
-            config.node_settings(made), config.bus_settings(made), config.master_settings(made), made.period_s
-        )
-        fits = all(one.fits(made.max_bus_share) for one in found)
-        if as_json and fits:
-            print(
-                json.dumps(
-                    {"ok": True, "max_share": made.max_bus_share, "buses": [b.to_dict() for b in found]}
-                )
-            )
-            return
-        if not as_json:
-            for one in found:
-                show.print(tables.budget(one, made.max_bus_share))
-        _budget_or_refuse(made)
+# --- paper ---------------------------------------------------------------------
 
 
 @app.command("paper")
@@ -386,6 +355,13 @@ def paper_comparison(as_json: Json = False) -> None:
             print(json.dumps({"ok": True, **comparison.to_dict()}))
         else:
             paper_table.render(comparison, show)
+
+
+# --- commands in files of their own ----------------------------------------------
+
+app.command("bus")(bus.bus)
+app.command("faults")(faults.faults)
+app.add_typer(drives.app, name="drives")
 
 
 if __name__ == "__main__":

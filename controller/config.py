@@ -14,11 +14,18 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from controller import equipment, profiles
 from controller.geometry import ZERO, Frame, Vector, X, Y, Z, cross, norm, rotate, scale, subtract
-from controller.machine import Axis, Bus, Homing, Kind, Limits, Machine, Sense, Spindle, Tool
+from controller.machine import Axis, Bus, Kind, Limits, Machine, Sense, Spindle, Tool
+from controller.nodes import all_settings as all_settings
+from controller.nodes import bus_settings as bus_settings
+from controller.nodes import eds_of as eds_of
+from controller.nodes import io_settings as io_settings
+from controller.nodes import master_settings as master_settings
+from controller.nodes import node_settings as node_settings
+from controller.nodes import spindle_settings as spindle_settings
 from controller.toml_table import ConfigError, Table, parse, read_text, span
-from drives.profile import Profile
-from drives.settings import INT32_MAX, BusSettings, MasterSettings, NodeSettings
+from drives.settings import INT32_MAX
 
 SHIPPED = Path(__file__).resolve().parent.parent / "config"  # beside the package, installed or not
 TOOL_TABLE = "tools.toml"
@@ -63,6 +70,7 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
     tools = top.table("tools", "[tools]", optional=True)
     tools.text("file", default=TOOL_TABLE)  # its entries are in the text by now
     buses = _buses(top)
+    axes = tuple(_axis(table, buses, folder) for table in top.tables("axis"))
     machine = Machine(
         name=general.text("name"),
         period_s=general.number("period_s", *PERIODS_S, default=0.002),
@@ -75,14 +83,15 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
         tool_lines=general.text("tool_lines", ("great_circle", "joints"), "great_circle"),
         max_bus_share=general.number("max_bus_share", 0.01, 1.0, default=0.8),
         skip_limit_per_s=general.number("skip_limit_per_s", 0.0, default=25.0),
-        axes=tuple(_axis(table, buses, folder) for table in top.tables("axis")),
+        axes=axes,
         buses=buses,
         tools=_tools(top),
         offsets=_offsets(top.table("offsets", "[offsets]", optional=True)),
-        spindle=_spindle(top.table("spindle", "[spindle]")) if top.has("spindle") else None,
+        spindle=_spindle(top, buses, folder),
         text=text,
         tip_acceleration_mm_s2=general.positive_or_none("tip_acceleration_mm_s2"),
         axis_speed_rad_s=general.positive_or_none("axis_speed_deg_s", math.radians(1.0)),
+        io=equipment.io(top.table("io", "[io]"), buses, axes, folder) if top.has("io") else None,
     )
     for table in (general, tools, top):
         table.finish()
@@ -123,38 +132,6 @@ def warnings(machine: Machine) -> list[str]:
     return [text for axis in machine.axes if (text := _resolution(axis, machine.period_s))]
 
 
-def bus_settings(machine: Machine) -> tuple[BusSettings, ...]:
-    """The machine's buses as the drives' side knows them."""
-    return tuple(BusSettings(b.name, b.interface, b.channel, b.bit_rate) for b in machine.buses)
-
-
-def master_settings(machine: Machine) -> MasterSettings:
-    """The controller as a CANopen node on every bus."""
-    return MasterSettings(period_s=machine.period_s, sync=machine.sync)
-
-
-def node_settings(machine: Machine) -> tuple[NodeSettings, ...]:
-    """One drive per axis, in the axes' order, in counts; raises ``ConfigError`` without its EDS."""
-    return tuple(_node(axis, machine.period_s) for axis in machine.axes)
-
-
-def eds_of(profile: str) -> Path:
-    """The electronic data sheet that a drive profile names; raises ``ConfigError``."""
-    path = Path(profile) if profile.endswith(".toml") else SHIPPED / "drives" / f"{profile}.toml"
-    drive = Table(path.name, "[drive]", {})
-    if not path.is_file():
-        known = ", ".join(sorted(p.stem for p in (SHIPPED / "drives").glob("*.toml")))
-        drive.refuse("profile", f"no drive profile {profile!r}", known, "name one of these or a .toml file")
-    top = parse(read_text(path), path.name)
-    drive = top.table("drive", "[drive]")
-    eds = path.parent / drive.text("eds")
-    if not eds.is_file():
-        drive.refuse("eds", f"there is no file {eds}", "a path seen from the profile", "correct the path")
-    drive.finish()
-    top.finish()
-    return eds.resolve()
-
-
 def _resolution(axis: Axis, period_s: float) -> str | None:
     shown, unit = abs(axis.shown_per_unit), "deg" if axis.is_rotary else "mm"
     noise = 4.0 / abs(axis.counts_per_unit) / period_s**3
@@ -168,24 +145,6 @@ def _resolution(axis: Axis, period_s: float) -> str | None:
     )
 
 
-def _node(axis: Axis, period_s: float) -> NodeSettings:
-    ends = sorted(round(q * axis.counts_per_unit) for q in (axis.travel_min, axis.travel_max))
-    return NodeSettings(
-        name=axis.name,
-        bus=axis.bus,
-        node=axis.node,
-        eds=str(eds_of(axis.profile)),
-        counts_min=ends[0],
-        counts_max=ends[1],
-        following_error_counts=round(abs(axis.following_error * axis.counts_per_unit)),
-        homing_method=axis.homing.method,
-        homing_position_counts=round(axis.homing.position * axis.counts_per_unit),
-        period_s=period_s,
-        brake=axis.brake,
-        profile=Profile(name=axis.profile),
-    )
-
-
 def _axis(table: Table, buses: tuple[Bus, ...], folder: Path | None) -> Axis:
     kind = Kind(table.text("kind", [k.value for k in Kind]))
     unit = "mm" if kind is Kind.LINEAR else "deg"
@@ -195,7 +154,6 @@ def _axis(table: Table, buses: tuple[Bus, ...], folder: Path | None) -> Axis:
     flipped = kind is Kind.TABLE and sense is Sense.ISO
     inner = 1.0 if unit == "mm" else math.radians(-1.0 if flipped else 1.0)  # per shown unit
     lower, upper = _travel(table, f"travel_{unit}")
-    homing = table.table("homing", f"{table.name} homing", optional=True)
     axis = Axis(
         name=table.text("name", ("X", "Y", "Z") if unit == "mm" else ("A", "B", "C")),
         kind=kind,
@@ -213,15 +171,17 @@ def _axis(table: Table, buses: tuple[Bus, ...], folder: Path | None) -> Axis:
         bus=table.text("bus", [b.name for b in buses], buses[0].name),
         node=table.integer("node", 1, 126),
         profile=_profile(table, folder),
-        homing=Homing(
-            method=homing.integer("method", -128, 127, 37),
-            group=homing.integer("group", 0, 99, 0),
-            position=homing.number(f"position_{unit}", lower, upper, default=0.0) * inner,
-        ),
+        eds=str(_beside(folder or SHIPPED, table.text("eds"), table, "eds")) if table.has("eds") else "",
+        serial=table.integer("serial", 0, 0xFFFF_FFFF, 0),
+        homing=equipment.homing(table, unit, (lower, upper), inner),
         following_error=table.positive(f"following_error_{unit}") * abs(inner),
         brake=table.flag("brake", False),
+        feedback_every=table.integer("feedback_every", 1, 240, 1),
+        feed_forward=table.flag("feed_forward", False),
+        enable_group=table.integer("enable_group", 0, 99, 0),
+        unsupervised=table.flag("unsupervised", False),
+        clamp=equipment.clamp(table),
     )
-    homing.finish()
     table.finish()
     return axis
 
@@ -257,9 +217,9 @@ def _counts(table: Table, unit: str, farthest: float) -> float:
 def _profile(table: Table, folder: Path | None) -> str:
     """A shipped profile's name, or the path of one beside the machine file."""
     profile = table.text("profile", default="simulated")
-    if profile.endswith(".toml") and folder is not None:
-        return str(_beside(folder, profile, table, "profile"))
-    return profile
+    if not profile.endswith(".toml"):
+        return table.text("profile", profiles.shipped(), profile)
+    return str(_beside(folder, profile, table, "profile")) if folder is not None else profile
 
 
 def _buses(top: Table) -> tuple[Bus, ...]:
@@ -330,10 +290,11 @@ def _offset(table: Table, name: str) -> Frame:
     return Frame(origin, turn(X), turn(Y), turn(Z))
 
 
-def _spindle(table: Table) -> Spindle:
-    spindle = Spindle(max_rev_min=table.positive("max_rev_min"))
-    table.finish()
-    return spindle
+def _spindle(top: Table, buses: tuple[Bus, ...], folder: Path | None) -> Spindle | None:
+    if not top.has("spindle"):
+        return None
+    table = top.table("spindle", "[spindle]")
+    return equipment.spindle(table, buses, lambda of: _profile(of, folder), folder)
 
 
 def _audit(machine: Machine, file: str, general: Table) -> None:
@@ -346,6 +307,7 @@ def _audit(machine: Machine, file: str, general: Table) -> None:
         axes.refuse("name", "is not a five-axis machine", allowed, "add or remove axes")
     for axis in machine.axes:
         _audit_axis(axis, machine, file)
+    equipment.audit(machine.axes, (machine.spindle, machine.io), file)
     z = machine.axes[names.index("Z")]
     if not z.travel_min <= machine.retract_mm <= z.travel_max:
         travel = f"a number {span(z.travel_min, z.travel_max)}, the travel of Z"

@@ -255,8 +255,8 @@ class Snapshot(NamedTuple):
     late_max_s: float
     accepted: int  # sequence of the last message taken
     rejected: int  # sequence of the last message refused
-    spindle_rev_min: float
-    coolant: int
+    spindle_rev_min: float  # as told now, signed
+    coolant: int  # 1 mist, 2 flood, 3 both
     refused_request: int  # the last request that the table refused, 0 = none
     at_rest: bool
     epoch: int  # queues given up so far
@@ -264,9 +264,18 @@ class Snapshot(NamedTuple):
     limited_by: int  # what binds: see state.Binding
     single_block: bool
     optional_stop: bool
+    interlock: Fault = Fault.NONE  # what forbids motion at present
+    spindle_actual_rev_min: float = 0.0  # signed; what is wanted where no drive reports
+    spindle_at_speed: bool = True
+    waiting: bool = False  # motion stands until spindle, coolant and clamps are as told
+    inputs: int = 0  # bit n of the machine file's [io], 1 = on
+    outputs: int = 0
+    warning: Fault = Fault.NONE  # the last fault that stopped nothing
+    untrusted: int = 0  # bit mask of the axes that must be homed before a start
 
 
-_SNAPSHOT = struct.Struct("<q3i7d4i5d5d5iid2Idii?I?i??")
+_SNAPSHOT = struct.Struct("<q3i7d4i5d5d5iid2Idii?I?i??id??QQii")
+_INTERLOCK = 43  # its place in the flat values
 _COUNTER = struct.Struct("<Q")
 _SLOT = (_SNAPSHOT.size + 7) // 8 * 8
 
@@ -302,7 +311,8 @@ class SnapshotBoard:
 
 def _snapshot(v: tuple[Any, ...]) -> Snapshot:
     named = (v[0], Mode(v[1]), Fault(v[2]), *v[3:13], bool(v[13]), v[14])
-    return Snapshot._make((*named, v[15:20], v[20:25], v[25:30], *v[30:]))
+    after = (*v[30:_INTERLOCK], Fault(v[_INTERLOCK]), *v[_INTERLOCK + 1 : -2], Fault(v[-2]), v[-1])
+    return Snapshot._make((*named, v[15:20], v[20:25], v[25:30], *after))
 
 
 # ---- flight recorder: one row of float64 per tick
@@ -327,7 +337,7 @@ ROW: tuple[str, ...] = (
 )
 COLUMN = {name: i for i, name in enumerate(ROW)}
 _ROW = struct.Struct(f"<{len(ROW)}d")
-RECORDER_ROWS = 1 << 14  # 33 s at 2 ms
+RECORDER_ROWS = 1 << 15  # 65 s at 2 ms; of three quarters of it 12 s are left at 0.5 ms
 
 
 class Recorder:
@@ -352,11 +362,19 @@ class Recorder:
 
         The oldest quarter of a full ring may be overwritten while it is copied and is given up.
         """
-        import numpy as np
-
         (written,) = _COUNTER.unpack_from(self._memory, 0)
         first = max(self._read, written - self.rows * 3 // 4)
         self.lost += first - self._read
         self._read = written
+        return self._copy(first, written)
+
+    def last(self, rows: int) -> NDArray[np.float64]:
+        """The newest rows, at most so many, drained already or not; shape (N, len(ROW))."""
+        (written,) = _COUNTER.unpack_from(self._memory, 0)
+        return self._copy(max(0, written - min(rows, self.rows * 3 // 4)), written)
+
+    def _copy(self, first: int, written: int) -> NDArray[np.float64]:
+        import numpy as np
+
         ring = np.frombuffer(self._memory, dtype="<f8", offset=_COUNTER.size).reshape(self.rows, len(ROW))
         return np.asarray(ring[np.arange(first, written) % self.rows], dtype=np.float64)

@@ -54,6 +54,19 @@ class Homing:
     method: int = 37
     group: int = 0
     position: float = 0.0  # joint position at the homed point, mm or rad
+    absolute: bool = False  # the encoder knows its position after power-on: never homed, never moved
+    fast: float = 0.0  # 6099h:01, search for the switch, mm/s or rad/s; 0 = as the drive has it
+    slow: float = 0.0  # 6099h:02, search for the edge or the index
+    acceleration: float = 0.0  # 609Ah, mm/s^2 or rad/s^2; 0 = as the drive has it
+
+
+@dataclass(frozen=True, slots=True)
+class Clamp:
+    """A clamp that holds a standing axis: the names of its output (1 = open) and input (1 = closed)."""
+
+    output: str
+    input: str  # "" = nothing reports; then it counts as moved after ``open_s``
+    open_s: float  # most that opening or closing may take, s
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +88,13 @@ class Axis:
     homing: Homing
     following_error: float  # largest allowed, mm or rad
     brake: bool
+    feedback_every: int = 1  # its position comes with every so many SYNCs
+    feed_forward: bool = False  # the velocity goes with the target (60B1h)
+    enable_group: int = 0  # lowest first; disabled in reverse
+    unsupervised: bool = False  # a drive that does not notice a dead controller is accepted
+    eds: str = ""  # its data sheet, where the profile brings none
+    serial: int = 0  # of the very drive that belongs here (1018h:04); 0 = any of its kind
+    clamp: Clamp | None = None
 
     @property
     def is_rotary(self) -> bool:
@@ -112,9 +132,42 @@ class Tool:
 
 @dataclass(frozen=True, slots=True)
 class Spindle:
-    """The spindle as far as programs need it; its drive comes with its own issue."""
+    """The spindle as programs need it, and its drive where the controller has one (``node`` > 0)."""
 
     max_rev_min: float
+    bus: str = ""
+    node: int = 0  # 0: switched by hand; M3, M4 and S are read and nothing is sent
+    profile: str = "simulated"
+    counts_per_rev: float = 0.0  # its sign is the direction of M3
+    mode: int = 9  # 6060h: 9 cyclic synchronous velocity, 3 profile velocity
+    at_speed_share: float = 0.05  # at speed within this share of the wanted one
+    spin_up_s: float = 10.0  # longest time until it is at speed, or stands
+    acceleration_rev_s2: float = 50.0  # at which it is led to its speed in mode 9
+    eds: str = ""  # path of its data sheet; "" = the profile's
+
+    @property
+    def is_driven(self) -> bool:
+        return self.node > 0
+
+
+@dataclass(frozen=True, slots=True)
+class Io:
+    """A CiA 401 node: its bits by name. A bit is told and read as 1 = on, after ``inverted``."""
+
+    bus: str
+    node: int
+    eds: str  # path of its data sheet; "" = the shipped simulated one
+    inputs: tuple[tuple[str, int], ...]  # (name, bit): "estop", "door" ... and those of clamps
+    outputs: tuple[tuple[str, int], ...]  # "coolant", "mist", and those of clamps
+    inverted: tuple[str, ...] = ()  # names whose wire is 0 when they are on
+
+    def input(self, name: str) -> int | None:
+        """The bit of an input; None where the machine has none of that name."""
+        return dict(self.inputs).get(name)
+
+    def output(self, name: str) -> int | None:
+        """The bit of an output; None where the machine has none of that name."""
+        return dict(self.outputs).get(name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,6 +193,12 @@ class Machine:
     tool_lines: str = "great_circle"  # or "joints": how the axis goes between rotary words under G43.4
     tip_acceleration_mm_s2: float | None = None  # largest of the tool's tip in the part frame, on feed moves
     axis_speed_rad_s: float | None = None  # largest angular speed of the tool's axis there
+    io: Io | None = None
+
+    @property
+    def has_peripherals(self) -> bool:
+        """Whether anything but the axes is driven: what M3 to M9 ask for is then waited for."""
+        return self.io is not None or (self.spindle is not None and self.spindle.is_driven)
 
     def linear(self) -> tuple[int, int, int]:
         """Indices of X, Y and Z in ``axes``."""

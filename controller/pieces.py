@@ -55,9 +55,10 @@ STILL = Law((0.0, 0.0), ((0.0, 0.0, 0.0, 0.0, 0.0, 0.0),))
 class Piece(NamedTuple):
     """A stretch of one motion with its law; starts where the piece before it ends.
 
-    The three marks count at its end, where the law is at rest: ``stop`` always (M0),
+    The marks count at its end, where the law is at rest: ``stop`` always (M0),
     ``optional_stop`` if the operator wants optional stops (M1), ``block_end`` if he wants
-    single blocks. Each means HOLD until RESUME.
+    single blocks. Each of these means HOLD until RESUME. At ``sets`` the clock stands
+    until spindle, coolant and clamps are as the piece says.
     """
 
     motion_id: int  # STANDSTILL for a dwell
@@ -71,8 +72,10 @@ class Piece(NamedTuple):
     optional_stop: bool = False
     block_end: bool = False
     end: bool = False  # the program ends with it: READY
+    sets: bool = False  # spindle, coolant and clamps are told at its end, and waited for
     spindle_rev_min: float = 0.0  # signed
-    coolant: int = 0
+    coolant: int = 0  # 0 off, 1 mist, 2 flood, 3 both
+    open_clamps: int = 0  # bit i: the clamp of the i-th axis is to be open
     binds: tuple[tuple[float, int], ...] = ()  # (time within the piece, code from then on): see state.Binding
 
 

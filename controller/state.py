@@ -4,7 +4,9 @@ Rule 1: a request that the table does not list for the present mode changes noth
 Rule 2: a mode changes by a request only as the table says, by the tick's own progress
         (standstill reached, end of program, drives enabled, homing done) only as PROGRESS
         says, and to FAULT by a fault from anywhere.
-Rule 3: the operator's texts stand here once; the tick itself only knows the enums.
+Rule 3: the operator's texts stand once, in the fault table (``fault_table``, handed on from here);
+        the tick itself only knows the enums.
+Rule 4: a fault of the classes "hold" and "end of block" leads to HOLD, not to FAULT.
 
 ```
             ENABLE                START               HOLD, M0
@@ -25,7 +27,32 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from enum import IntEnum
-from typing import NamedTuple
+
+from controller.fault_table import FAULTS, sentence, stands_within_s, waits_s
+from controller.faults import Fault, FaultRow, Reaction, Recovery, Times, Wait
+
+__all__ = [
+    "ALWAYS",
+    "AXIS_KINDS",
+    "FAULTS",
+    "PROGRESS",
+    "TRANSITIONS",
+    "Binding",
+    "Fault",
+    "FaultRow",
+    "Mode",
+    "Reaction",
+    "Recovery",
+    "Request",
+    "Times",
+    "Wait",
+    "axis_binding",
+    "binding_text",
+    "follows",
+    "sentence",
+    "stands_within_s",
+    "waits_s",
+]
 
 
 class Mode(IntEnum):
@@ -130,151 +157,3 @@ def binding_text(code: int, axes: Sequence[str]) -> str:
         return _BINDINGS[code]
     axis, order = divmod(code - Binding.AXIS, 3)
     return f"{axes[axis]} {AXIS_KINDS[order]}"
-
-
-class Fault(IntEnum):
-    """Why the machine stopped by itself."""
-
-    NONE = 0
-    PLANNER_GONE = 1
-    FEEDBACK_LOST = 2
-    STATE_LOST = 3
-    EMCY = 4
-    HEARTBEAT_LOST = 5
-    BUS_ERROR = 6
-    SEND_FAILED = 7
-    TRAVEL = 8
-    VELOCITY = 9
-    ACCELERATION = 10
-    BRANCH_LOST = 11
-    TOO_MANY_SKIPS = 12
-    EMERGENCY_STOP = 13
-    ENABLE_TIMEOUT = 14
-    HOMING_FAILED = 15
-    SYNC_LOST = 16
-    INTERNAL = 17
-
-
-class Reaction(IntEnum):
-    """What the tick does at once when a fault comes while the machine moves."""
-
-    NONE = 0
-    PATH_STOP = 1  # all drives are healthy: slow down on the path, stay enabled
-    LOST_DRIVE = 2  # quick stop for the lost drive, the others slow on the path, then quick stop for all
-    QUICK_STOP = 3  # nothing can be relied on: every drive stops by its own ramp
-
-
-class FaultRow(NamedTuple):
-    """One line of the fault table: for the operator, and what the tick does."""
-
-    text: str
-    position_trusted: bool
-    remedy: str
-    reaction: Reaction
-
-
-FAULTS: dict[Fault, FaultRow] = {
-    Fault.NONE: FaultRow("No fault.", True, "Nothing to do.", Reaction.NONE),
-    Fault.PLANNER_GONE: FaultRow(
-        "The planner has been silent for more than 100 ms; the tool stopped on the path (planner gone).",
-        True,
-        "Reset, retract along the tool axis, load the program again.",
-        Reaction.PATH_STOP,
-    ),
-    Fault.FEEDBACK_LOST: FaultRow(
-        "A drive did not report its position twice in a row.",
-        False,
-        "Check cable, termination and bus load; reset; home the axis if its drive lost power.",
-        Reaction.LOST_DRIVE,
-    ),
-    Fault.STATE_LOST: FaultRow(
-        "A drive left the state Operation Enabled by itself.",
-        False,
-        "Read the drive's error code, remove the cause, reset; home the axis if its drive lost power.",
-        Reaction.LOST_DRIVE,
-    ),
-    Fault.EMCY: FaultRow(
-        "A drive sent an emergency message.",
-        False,
-        "Look up the emergency code of the drive, remove the cause, reset.",
-        Reaction.LOST_DRIVE,
-    ),
-    Fault.HEARTBEAT_LOST: FaultRow(
-        "A drive's heartbeat stopped.",
-        False,
-        "Check the drive's supply and cable; commission again; home the axis.",
-        Reaction.LOST_DRIVE,
-    ),
-    Fault.BUS_ERROR: FaultRow(
-        "The CAN bus reported an error (bus off, error passive, or the hub is gone).",
-        False,
-        "Check wiring, termination and bit rate; start again and home.",
-        Reaction.QUICK_STOP,
-    ),
-    Fault.SEND_FAILED: FaultRow(
-        "A frame could not be sent: the transmit queue is full or the bus is gone.",
-        False,
-        "Check the bus and its load; start again and home.",
-        Reaction.QUICK_STOP,
-    ),
-    Fault.TRAVEL: FaultRow(
-        "The next setpoint lies outside the travel of an axis; it was not sent.",
-        True,
-        "Check work offset and tool length, then check the program.",
-        Reaction.PATH_STOP,
-    ),
-    Fault.VELOCITY: FaultRow(
-        "The next setpoint asks an axis for more than its velocity; it was not sent.",
-        True,
-        "Check the program; report this with the recording, for the plan should have slowed down.",
-        Reaction.PATH_STOP,
-    ),
-    Fault.ACCELERATION: FaultRow(
-        "The next setpoint asks an axis for more than its acceleration; it was not sent.",
-        True,
-        "Check the program; report this with the recording, for the plan should have slowed down.",
-        Reaction.PATH_STOP,
-    ),
-    Fault.BRANCH_LOST: FaultRow(
-        "The rotary axes cannot reach the next tool axis; nothing was sent.",
-        True,
-        "Check the program; report this with the recording.",
-        Reaction.PATH_STOP,
-    ),
-    Fault.TOO_MANY_SKIPS: FaultRow(
-        "Too many ticks came too late; the tool stopped on the path.",
-        True,
-        "Take load off the computer or use a longer period; reset and go on.",
-        Reaction.PATH_STOP,
-    ),
-    Fault.EMERGENCY_STOP: FaultRow(
-        "Emergency stop was requested.",
-        False,
-        "Make the machine safe, reset, enable, check the position.",
-        Reaction.QUICK_STOP,
-    ),
-    Fault.ENABLE_TIMEOUT: FaultRow(
-        "A drive did not reach Operation Enabled in time.",
-        True,
-        "Check the drive's supply, its enable input and its error code; reset and enable again.",
-        Reaction.QUICK_STOP,
-    ),
-    Fault.HOMING_FAILED: FaultRow(
-        "A drive reported a homing error or did not finish homing.",
-        False,
-        "Check the reference switch and the homing method; reset and home again.",
-        Reaction.QUICK_STOP,
-    ),
-    Fault.SYNC_LOST: FaultRow(
-        "The kernel's SYNC did not come back in time.",
-        False,
-        "Check the bus; set sync to tick in the machine file; start again.",
-        Reaction.QUICK_STOP,
-    ),
-    Fault.INTERNAL: FaultRow(
-        "The tick met an error of its own and stopped the drives.",
-        False,
-        "Report this with the recording; start again and home.",
-        Reaction.QUICK_STOP,
-    ),
-}

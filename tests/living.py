@@ -149,11 +149,11 @@ def _alive(pid: int) -> bool:
 
 
 class Listener:
-    """A passive client of the virtual bus: every frame in the order of the bus."""
+    """A passive client of a bus: every frame in the order of the bus."""
 
     def __init__(self, machine: Machine) -> None:
         (settings,) = config.bus_settings(machine)
-        self._port = bus.open(settings)
+        self._port = bus.open(settings, filters=[(0, 0)])
         self._buffer = bytearray(pdo.FRAME_BYTES)
         self.frames: list[tuple[int, bytes]] = []
 

@@ -17,7 +17,9 @@ SHAPES = {"jets", "curves", "splines", "rulings", "surfaces", "kinematics", "mot
 ARROWS: dict[str, set[str]] = {
     "geometry": set(),
     "machine": {"geometry"},
-    "state": set(),
+    "faults": set(),
+    "fault_table": {"faults"},
+    "state": {"faults", "fault_table"},
     "jets": set(),
     "curves": {"geometry", "jets"},
     "splines": {"geometry", "jets", "curves"},
@@ -28,27 +30,64 @@ ARROWS: dict[str, set[str]] = {
     "pieces": {"motions"},  # values of the hand-over
     "handoff": LEAVES | {"pieces", "motions", "curves", "surfaces"},
     "toml_table": {"geometry"},  # reads tables for config, knows no machine
-    "config": {"machine", "geometry", "toml_table"},
+    "equipment": {"machine", "toml_table"},  # tables of config's: spindle, inputs and outputs, clamps
+    "profiles": {"toml_table"},  # drive profiles, for config
+    "nodes": {
+        "machine",
+        "toml_table",
+        "profiles",
+    },  # the machine as the bus side knows it; config hands it on
+    "config": {"machine", "geometry", "toml_table", "equipment", "profiles", "nodes"},
     "plan": LEAVES | SHAPES | {"handoff"},
-    "tick": LEAVES | (SHAPES - {"jets"}) | {"handoff"},
+    "times": LEAVES | {"handoff"},  # what a machine's faults take
+    "tick": LEAVES | (SHAPES - {"jets"}) | {"handoff", "times"},
     "verify": LEAVES | SHAPES | {"plan", "handoff"},
     # Puts the parts together, as the command line does; nothing but that imports it.
     "session": LEAVES | SHAPES | {"config", "handoff", "plan", "tick"},
     "panel": LEAVES | {"handoff", "config", "plan", "verify"},
+    # Commands of the command line, each a file of its own: as free as that, but for tick and panel.
+    "commands": LEAVES
+    | SHAPES
+    | {"config", "nodes", "profiles", "toml_table", "handoff", "plan", "verify", "session", "times"},
 }
 
 # Who may import which part of drives ("*" = all).
 TO_DRIVES: dict[str, set[str]] = {
     "config": {"settings", "profile", "budget"},
     "tick": {"settings", "scale", "cia402", "pdo", "drive", "group", "budget", "bus"},
-    "session": {"settings", "pdo", "drive", "group", "bus", "commission", "simulated"},
+    "session": {
+        "settings",
+        "pdo",
+        "drive",
+        "group",
+        "spindle",
+        "io_node",
+        "power_stage",
+        "bus",
+        "budget",
+        "commission",
+        "simulated",
+        "cia402",
+        "frame_log",
+        "emergency_codes",
+    },
+    "profiles": {"profile"},
+    "nodes": {"settings"},
+    "times": {"settings"},
+    "verify": {"budget", "bus_frames", "timeline"},  # to show them
+    "commands": {"*"},
     "__main__": {"*"},
 }
 
 # Outside package -> the only files that may import it.
 ONLY_IN: dict[str, set[str]] = {
     "can": {"drives/bus.py", "drives/hub_bus.py"},
-    "canopen": {"drives/commission.py"},
+    "canopen": {
+        "drives/commissioning/network.py",
+        "drives/commissioning/remote.py",
+        "drives/commissioning/sheet.py",
+        "drives/commissioning/possible.py",
+    },
 }
 
 # The tick calculates on plain floats and never waits for a lock (DESIGN sections 2, 3, 5).

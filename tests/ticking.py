@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from machines import machine as make_machine
@@ -47,6 +48,7 @@ class FakeDrive:
     def __init__(self, position: int = 0) -> None:
         self.position = position
         self.state = State.SWITCH_ON_DISABLED
+        self.statusword = 0
         self.wanted = Wanted.OFF
         self.following = False
         self.cyclic = True
@@ -92,6 +94,8 @@ class FakeGroup:
         self.failure: tuple[DriveFault, int] = (DriveFault.NONE, -1)
         self.wanted = Wanted.OFF
         self.sync_stopped = False
+        self.spindle: Any = None
+        self.io: Sequence[Any] = ()
         self.syncs: list[float] = []
         self.commands: list[tuple[float, tuple[int, ...]]] = []
 
@@ -122,6 +126,9 @@ class FakeGroup:
 
     def fault(self, now_s: float) -> tuple[DriveFault, int]:
         return self.failure
+
+    def fault_of(self, index: int, now_s: float) -> DriveFault:
+        return self.failure[0] if index == self.failure[1] else DriveFault.NONE
 
     def stop_sync(self) -> None:
         self.sync_stopped = True

@@ -18,7 +18,7 @@ import numpy as np
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.motions import JointMove, Rotaries, ToolLine
-from controller.plan import approach, audit, choices, cuts, lines, moves, rows, train, unwind
+from controller.plan import approach, audit, choices, clamps, cuts, lines, moves, rows, train, unwind
 from controller.plan.ahead import Ahead
 from controller.plan.branch import BranchLost, joints_along
 from controller.plan.lines import Stand
@@ -113,6 +113,9 @@ class Tracer:
 
     def items(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
         """The path of all blocks, as it is made; before a block that is refused comes all that is sound."""
+        return clamps.opened(self._sound_items(blocks), self._machine, self._kinematics)
+
+    def _sound_items(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
         try:
             yield from self._items_of(blocks)
         except ProgramError:

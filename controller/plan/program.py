@@ -171,6 +171,7 @@ class Act(Enum):
     SPINDLE = "M3/M4/M5"
     TOOL = "M6"
     COOLANT = "M7/M8/M9"
+    CLAMP = "clamp"  # no word of a program: the path asks for it between motions
 
 
 @dataclass(frozen=True, slots=True)

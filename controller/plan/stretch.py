@@ -96,6 +96,7 @@ class Pause:
     modal: Modal
     seconds: float = 0.0
     act: Act | None = None
+    open_clamps: int = 0  # bit i: the clamp of the i-th axis is open from here on
 
 
 @dataclass(frozen=True, slots=True)

@@ -248,7 +248,8 @@ class _Look:
 
     def _pause(self, pause: Pause, took_s: float) -> None:
         block = self._block(pause.place.line, pause.place.line, 1)
-        block.what = block.what or (_word(pause.act) if pause.act else "dwell")
+        if pause.act is not Act.CLAMP:
+            block.what = block.what or (_word(pause.act) if pause.act else "dwell")
         tally = block.parts.setdefault("own", Tally(self._machine))
         self._rest(tally, took_s)
         if self._ended:

@@ -35,6 +35,7 @@ NEXT_TO_NOTHING = 1e-9  # of s left: the place is the end
 BLOCKS_TO_STOP_IN = 4  # program blocks within which single block must have stopped a motion
 LONG_STOP_S = 0.3  # where no stop is known
 BRAKING_SHARE = 2.0  # of the length to brake in, for a window from motion
+SETTING = (Act.SPINDLE, Act.COOLANT, Act.TOOL, Act.CLAMP)  # what is waited for, at rest
 SHORTENED = (1.0, 0.5, 0.25, 0.1)  # shares of a window that are tried where it cannot be planned
 
 
@@ -322,8 +323,10 @@ class Windows:
             optional_stop=pause.act is Act.OPTIONAL_STOP,
             block_end=unit.block_end,
             end=unit.last,
+            sets=self._machine.has_peripherals and pause.act in SETTING,
             spindle_rev_min=pause.modal.spindle_rev_min,
             coolant=pause.modal.coolant,
+            open_clamps=pause.open_clamps,
         )
         end_s, after = start_s + piece.duration_s, Place(place.unit + 1, 0.0)
         return Sent(place.unit, start_s, end_s, None, after, orders, (piece,))

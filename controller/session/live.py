@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from controller import config
 from controller.handoff import (
     COLUMN,
     Recorder,
@@ -24,10 +25,14 @@ from controller.handoff import (
 )
 from controller.machine import Bus, Machine
 from controller.plan.stored import Stored
-from controller.session import children
+from controller.session import children, simulation
+from controller.session.bus_load import overload
 from controller.session.children import Child, Job
-from controller.session.startup import SessionError
-from controller.state import FAULTS, Mode, Request
+from controller.session.listener import Listener
+from controller.session.recording import Keeper
+from controller.session.startup import SessionError, no_start
+from controller.state import Fault, Mode, Request, sentence
+from drives.bus import BusError
 
 Rows = npt.NDArray[np.float64]
 
@@ -35,7 +40,7 @@ HUB_S = 20.0  # for a hub to be there, for a start to be taken
 READY_S = 600.0  # for all of the start-up; each step of it has its own limit and sentence
 LOOK_S = 0.05
 
-SELF_STOP = "The drives stop by their own supervision; start again and home."
+KEEP_S = 5.0  # for a recording to be there, after a fault at rest
 
 
 @dataclass(slots=True)
@@ -50,6 +55,7 @@ class Live:
     operator: socket.socket
     hubs: dict[str, Child] = field(default_factory=dict)  # by virtual bus
     sync_stamps_s: dict[str, Rows] = field(default_factory=dict)  # when SYNC left the wire; there at the end
+    keeper: Keeper | None = None  # of recordings
 
     def request(self, request: Request, value: float = 0.0) -> None:
         """What an operator asks for. Raises SessionError when the tick is gone."""
@@ -69,8 +75,8 @@ class Live:
                 if not child.is_alive():
                     raise SessionError(self._ended(child, what))
             if now is not None and now.mode is Mode.FAULT:
-                row = FAULTS[now.fault]
-                raise SessionError(f"While waiting for {what}: {row.text} {row.remedy}")
+                self._kept()
+                raise SessionError(f"While waiting for {what}: {self.fault_text(now)}")
             if time.monotonic() > give_up_s:
                 raise SessionError(f"Waited {longest_s:.0f} s for {what} in vain; is the computer very busy?")
             time.sleep(LOOK_S)
@@ -97,20 +103,54 @@ class Live:
             began = began or _began(rows[-1])
             progress(now)
             if began and now.at_rest and now.mode not in (Mode.RUNNING, Mode.STOPPING, Mode.HOLD):
+                self._kept()
                 return np.concatenate(rows), now
-            if not began and time.monotonic() > give_up_s:
-                raise SessionError("The machine did not take the start; is the computer very busy?")
+            if not began:
+                self._see_started(now, give_up_s)
+
+    def _see_started(self, now: Snapshot, give_up_s: float) -> None:
+        """Raises SessionError where the machine forbids the start, or nothing comes of it."""
+        why = no_start(self.machine, now.interlock, now.untrusted)
+        if why and now.refused_request == Request.START:
+            raise SessionError(why)
+        if time.monotonic() > give_up_s:
+            raise SessionError("The machine did not take the start; is the computer very busy?")
 
     def _in_progress(self) -> Snapshot:
         """The newest snapshot. SessionError when nothing will come of it any more."""
         alive, planning = self.tick.is_alive(), self.plan.is_alive()
         now = self.board.read()
         if now is None or not alive:
-            raise SessionError(f"{self._ended(self.tick, 'the end of the program')} {SELF_STOP}")
+            raise SessionError(f"{self._ended(self.tick, 'the end of the program')} {self._alone(now)}")
         starved = now.mode is Mode.RUNNING and now.at_rest and now.plan_time_s >= now.queue_end_s
         if starved and not planning:
             raise SessionError(self._ended(self.plan, "the end of the program"))
         return now
+
+    def fault_text(self, now: Snapshot) -> str:
+        """The operator's sentence on a fault, with the axis and where the recording lies; "" = none."""
+        if now.fault is Fault.NONE:
+            return ""
+        axis = self.machine.axes[now.fault_axis].name if now.fault_axis >= 0 else ""
+        return sentence(now.fault, axis, now.warning) + (self.keeper.told if self.keeper else "")
+
+    def _kept(self) -> None:
+        """Wait until a fault is recorded; the drives' way to standstill belongs to it."""
+        give_up_s = time.monotonic() + KEEP_S
+        while self.keeper is not None and (now := self.board.read()) is not None:
+            if self.keeper.look(now):
+                return
+            if not self.tick.is_alive() or time.monotonic() > give_up_s:
+                self.keeper.keep(now)
+                return
+            time.sleep(LOOK_S)
+
+    def _alone(self, last: Snapshot | None) -> str:
+        """Without the tick: what the drives do, and the recording of what was before."""
+        if self.keeper is None or last is None:
+            return sentence(Fault.CONTROLLER_GONE)
+        self.keeper.keep(last, Fault.CONTROLLER_GONE)
+        return sentence(Fault.CONTROLLER_GONE) + self.keeper.told
 
     def _ended(self, child: Child, what: str) -> str:
         """Why a process is gone: its own sentence, or that of the other one, which may be the cause."""
@@ -127,14 +167,22 @@ def _began(rows: Rows) -> bool:
 
 @contextlib.contextmanager
 def started(
-    machine: Machine, program: bytes, name: str, check: Stored | None = None, unchecked: bool = False
+    machine: Machine,
+    program: bytes,
+    name: str,
+    check: Stored | None = None,
+    unchecked: bool = False,
+    recordings: Path | None = None,
 ) -> Iterator[Live]:
     """A live machine that has ``program`` loaded; everything ends with the block.
 
+    ``recordings``: folder for what is kept of a fault; None = nothing is kept.
     Without a ``check`` the whole program is read before anything moves, unless ``unchecked``.
     Virtual buses get a hub with simulated drives each, other buses are what they are.
-    Raises SessionError.
+    Raises SessionError, also where a bus has no room for the tick.
     """
+    if sentence := overload(machine):
+        raise SessionError(sentence)
     with tempfile.TemporaryDirectory(prefix="directrix-") as text, contextlib.ExitStack() as ending:
         folder = Path(text)
         stamps_s: dict[str, Rows] = {}
@@ -154,7 +202,18 @@ def started(
             ending.callback(tick.end)
             plan = children.start("plan", to_plan, folder)
             ending.callback(plan.end)
-        yield Live(machine, tick, plan, board, recorder, operator, hubs, stamps_s)
+        keeper = None if recordings is None else _keeper(machine, recorder, recordings, ending)
+        yield Live(machine, tick, plan, board, recorder, operator, hubs, stamps_s, keeper)
+
+
+def _keeper(machine: Machine, recorder: Recorder, base: Path, ending: contextlib.ExitStack) -> Keeper:
+    """Listens on every bus from now on."""
+    try:
+        listener = Listener(config.bus_settings(machine))
+    except BusError as error:
+        raise SessionError(str(error)) from error
+    ending.callback(listener.close)
+    return Keeper(machine, recorder, listener.logs, base)
 
 
 def _with_hubs(
@@ -170,17 +229,24 @@ def _with_hubs(
         if bus.interface == "virtual":
             log = folder / f"{bus.name}.sync.npy"
             bus = replace(bus, channel=str(folder / f"{bus.name}.hub"))
-            nodes = [str(axis.node) for axis in machine.axes if axis.bus == bus.name]
-            hub = _hub(bus, nodes, log, folder)
+            hub = _hub(bus, simulation.options(machine, bus.name), log, folder)
             hubs[bus.name] = hub
             ending.callback(_end_hub, hub, bus.name, log, stamps_s)
+            _wait_for_hub(hub, Path(bus.channel))
+        elif bus.interface == "slcan":
+            # A serial port has one owner, and three of our processes want it: a hub shares it.
+            adapter = ["--bit-rate", "0", "--nodes", "--serial", f"{bus.channel}={bus.bit_rate}"]
+            bus = replace(bus, interface="shared", channel=str(folder / f"{bus.name}.hub"))
+            hub = Child("hub", [bus.channel, *adapter], folder / f"{bus.name}.words")
+            hubs[bus.name] = hub
+            ending.callback(hub.end)
             _wait_for_hub(hub, Path(bus.channel))
         buses.append(bus)
     return replace(machine, buses=tuple(buses))
 
 
 def _hub(bus: Bus, nodes: list[str], log: Path, folder: Path) -> Child:
-    options = [bus.channel, "--bit-rate", str(bus.bit_rate), "--sync-log", str(log), "--nodes", *nodes]
+    options = [bus.channel, "--bit-rate", str(bus.bit_rate), "--sync-log", str(log), *nodes]
     return Child("hub", options, folder / f"{bus.name}.words")
 
 

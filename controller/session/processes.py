@@ -7,6 +7,8 @@ stops on the path; without the tick the drives stop by their own supervision.
 
 from __future__ import annotations
 
+import contextlib
+import os
 import pickle
 import signal
 import socket
@@ -31,18 +33,17 @@ from controller.kinematics import Kinematics
 from controller.machine import Machine, five
 from controller.plan.planner import Planner
 from controller.plan.program import ProgramError
-from controller.session import checked, children
+from controller.session import checked, children, cyclic
 from controller.session.children import Job
-from controller.session.startup import SessionError, StartUp
+from controller.session.startup import SessionError, StartUp, homing_mask
 from controller.state import Fault, Mode, Request
 from controller.tick import loop
 from controller.tick.cycle import Cycle
 from drives import bus, commission, pdo
-from drives.drive import Drive
-from drives.group import Group
 
 PLAN_TURN_S = 0.010
 KEEPALIVE_S = 0.025
+KEEPALIVE_PRIORITY = 1  # SCHED_FIFO, far below the tick's
 # A busy computer has been seen to hold a process back for 20 ms and more; beyond this the
 # heartbeats judge. On a real bus two lost feedbacks in a row are a fault.
 VIRTUAL_PATIENCE_S = 0.150
@@ -91,7 +92,7 @@ def tick_main(job: Job) -> None:
     """The real-time process: opens the buses and ticks until SIGTERM. Raises BusError."""
     machine = job.machine
     ports = {settings.name: bus.open(settings, pdo.TICK_FILTERS) for settings in config.bus_settings(machine)}
-    group = Group(_drives(machine), ports, config.master_settings(machine))
+    group = cyclic.group(machine, ports, _patience_s(machine))
     cycle = Cycle(
         machine,
         group,
@@ -115,12 +116,9 @@ def tick_main(job: Job) -> None:
         raise turning.error
 
 
-def _drives(machine: Machine) -> list[Drive]:
-    """The drives; simulated ones on a virtual bus are a process of this computer and may be late."""
-    nodes = config.node_settings(machine)
-    if all(bus.interface == "virtual" for bus in machine.buses):
-        return [Drive(node, round(VIRTUAL_PATIENCE_S / machine.period_s)) for node in nodes]
-    return [Drive(node) for node in nodes]
+def _patience_s(machine: Machine) -> float:
+    """Simulated drives on a virtual bus are a process of this computer and may be late."""
+    return VIRTUAL_PATIENCE_S if all(bus.interface == "virtual" for bus in machine.buses) else 0.0
 
 
 # --- plan ------------------------------------------------------------------------
@@ -186,7 +184,13 @@ class _Plan:
                 self.alone = True
 
     def _keep_alive(self) -> None:
-        """A chain may take a second to plan; the tick must know meanwhile that somebody does."""
+        """A chain may take a second to plan; the tick must know meanwhile that somebody does.
+
+        Where that is allowed this thread (not the plan) goes before ordinary ones: it must not wait
+        for its turn on a processor that the plan itself keeps busy.
+        """
+        with contextlib.suppress(OSError):
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(KEEPALIVE_PRIORITY))
         while not self.alone:
             self._send(PieceMessage(0, 0.0))
             time.sleep(KEEPALIVE_S)
@@ -205,17 +209,19 @@ class _Plan:
         for settings in config.bus_settings(self._machine):
             port = bus.open(settings, pdo.SERVICE_FILTERS)
             networks[settings.name] = commission.Network(port, commission.wall_pump(port.fileno()))
-        start_up = StartUp(self._machine, networks, self._ask)
+        start_up = StartUp(self._machine, networks, self._ask, lambda: self.snapshot().homed)
         start_up.commission()
         start_up.come_up()
 
     def _ask(self, request: Request, value: float, wanted: Mode) -> tuple[Mode, Fault]:
         """Homing begins and ends in OFF: there it is the axes homed that tell that it is over."""
         send_request(self._requests, request, value)
-        mask = int(value) if request is Request.HOME else 0
+        mask = homing_mask(request, value)
         give_up_s = time.monotonic() + COME_UP_S
         while True:
             now = self.snapshot()
+            if now.refused_request == request and now.interlock is not Fault.NONE:
+                return now.mode, now.interlock
             arrived = now.mode is wanted and now.homed & mask == mask
             if arrived or now.mode is Mode.FAULT or self.alone or time.monotonic() > give_up_s:
                 return now.mode, now.fault

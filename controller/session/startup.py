@@ -10,7 +10,8 @@ from controller.state import FAULTS, Fault, Mode, Request
 from drives import commission
 from drives.settings import NodeSettings
 
-HOMING, CSP = 6, 8  # modes of operation, 6060h
+HOMING = 6  # mode of operation, 6060h
+INPUT_TRIES = 300  # requests that are refused because no input has been heard of yet
 
 # Sends a request and lets time pass until the machine is in that mode or in a fault.
 Ask = Callable[[Request, float, Mode], tuple[Mode, Fault]]
@@ -20,39 +21,72 @@ class SessionError(Exception):
     """The machine did not come up, or a part of it is gone; one sentence says which and what to do."""
 
 
+def homing_mask(request: Request, value: float) -> int:
+    """The axes that must be homed when a request is done."""
+    return int(value) if request is Request.HOME else 0
+
+
+def no_start(machine: Machine, interlock: Fault, untrusted: int) -> str:
+    """Why a start is refused, as a sentence; "" where nothing of the machine forbids it."""
+    if interlock is not Fault.NONE:
+        return f"The machine does not start: {FAULTS[interlock].text} {FAULTS[interlock].remedy}"
+    if untrusted:
+        names = " ".join(axis.name for i, axis in enumerate(machine.axes) if untrusted >> i & 1)
+        return f"The machine does not start: {names} must be homed first, for a fault has cost the position."
+    return ""
+
+
 class StartUp:
     """Commissioning, homing and enabling over SDO and requests."""
 
-    def __init__(self, machine: Machine, networks: Mapping[str, commission.Network], ask: Ask) -> None:
-        """``networks`` by bus name."""
-        self._machine, self._networks, self._ask = machine, networks, ask
+    def __init__(
+        self,
+        machine: Machine,
+        networks: Mapping[str, commission.Network],
+        ask: Ask,
+        homed: Callable[[], int] = lambda: 0,
+    ) -> None:
+        """``networks`` by bus name; ``homed``: bit mask of the axes that know where they are."""
+        self._machine, self._networks, self._ask, self._homed = machine, networks, ask, homed
         self._nodes = config.node_settings(machine)
 
     def commission(self) -> None:
-        """Write and read back every drive's settings and start it. Raises CommissionError."""
-        master = config.master_settings(self._machine)
+        """Write and read back every node's settings and start it. Raises CommissionError."""
+        master, nodes = config.master_settings(self._machine), config.all_settings(self._machine)
+        rates = {bus.name: bus.bit_rate for bus in self._machine.buses}
         for name, network in self._networks.items():
-            commission.commission(network, [node for node in self._nodes if node.bus == name], master)
+            its = [node for node in nodes if node.bus == name]
+            commission.commission(network, its, master, bit_rate=rates[name])
 
     def come_up(self) -> None:
-        """Home every axis, group by group, and enable. Raises SessionError."""
-        axes = self._machine.axes
-        for group in sorted({axis.homing.group for axis in axes}):
-            self._home([i for i, axis in enumerate(axes) if axis.homing.group == group])
+        """Home what is not homed yet, group by group, and enable. Raises SessionError.
+
+        The axes of a group home side by side. An absolute encoder is homed from the start.
+        """
+        axes, homed = self._machine.axes, self._homed()
+        left = [i for i, axis in enumerate(axes) if not homed >> i & 1 and not axis.homing.absolute]
+        for group in sorted({axes[i].homing.group for i in left}):
+            self._home([i for i in left if axes[i].homing.group == group])
         self._reach(Request.ENABLE, 0.0, Mode.READY)
 
     def _home(self, axes: Sequence[int]) -> None:
-        self._set_mode([self._nodes[i] for i in axes], HOMING)
-        self._reach(Request.HOME, float(sum(1 << i for i in axes)), Mode.OFF)
-        self._set_mode([self._nodes[i] for i in axes], CSP)
-
-    def _set_mode(self, nodes: Sequence[NodeSettings], mode: int) -> None:
+        """Each drive moves itself; what is commanded meanwhile is where it is."""
+        nodes = [self._nodes[i] for i in axes]
         for node in nodes:
-            commission.set_mode(self._networks[node.bus], node, mode)
+            self._set_mode(node, HOMING)
+        self._reach(Request.HOME, float(sum(1 << i for i in axes)), Mode.OFF)
+        for node in nodes:
+            self._set_mode(node, node.profile.mode.value)
+
+    def _set_mode(self, node: NodeSettings, mode: int) -> None:
+        commission.set_mode(self._networks[node.bus], node, mode)
 
     def _reach(self, request: Request, value: float, wanted: Mode) -> None:
-        mode, fault = self._ask(request, value, wanted)
-        if mode is not wanted:
+        for _ in range(INPUT_TRIES):
+            mode, fault = self._ask(request, value, wanted)
+            if fault is not Fault.IO_LOST or mode is Mode.FAULT:
+                break
+        if mode is not wanted or fault is not Fault.NONE:
             raise SessionError(
                 f"The machine did not become {wanted.name} after {request.name} but is in {mode.name}: "
                 f"{FAULTS[fault].text} {FAULTS[fault].remedy}"

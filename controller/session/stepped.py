@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -30,14 +31,17 @@ from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.plan.path import Chain, Pause
 from controller.plan.planner import Planner
+from controller.session import cyclic
 from controller.session.events import Event
-from controller.session.startup import StartUp
-from controller.state import FAULTS, Fault, Mode, Request
+from controller.session.recording import Keeper
+from controller.session.simulation import healthy_inputs, wires
+from controller.session.startup import SessionError, StartUp, homing_mask, no_start
+from controller.state import Fault, Mode, Request, sentence
 from controller.tick.cycle import Cycle
 from controller.tick.loop import Loop, SteppedClock
 from drives import commission, pdo
-from drives.drive import Drive
-from drives.group import Group
+from drives.frame_log import FrameLog
+from drives.simulated.io_node import IoNode as SimulatedIo
 from drives.simulated.parameters import LostSync
 from drives.simulated.rig import rig
 
@@ -62,17 +66,20 @@ class Run:
     skips: int
     assumed_resumes: int  # program stops (M0) after which an operator's resume was assumed
     events_left: int  # requests whose tick the run did not reach
-
-    @property
-    def fault_text(self) -> str:
-        row = FAULTS[self.fault]
-        return "" if self.fault is Fault.NONE else f"{row.text} {row.remedy}"
+    fault_text: str = ""  # for the operator, and where the recording lies
 
 
 def _end_of_program(rows: Rows) -> int:
     """The first of the READY rows at the end; what stands behind it is only the looking whether it stands."""
     others = np.flatnonzero(rows[:, COLUMN["mode"]] != Mode.READY)
     return int(others[-1]) + 1 if len(others) else 0
+
+
+def _surround(node: SimulatedIo, machine: Machine) -> None:
+    """All doors closed, and clamps that do as they are told."""
+    node.set_inputs(healthy_inputs(machine), 0.0)
+    for wire in wires(machine):
+        node.wire(*wire)
 
 
 class Items(Protocol):
@@ -92,24 +99,29 @@ class SteppedMachine:
         stiffness: Mapping[str, float] | None = None,
         lost_sync: LostSync = LostSync.HOLD,
         lateness: Callable[[int], float] | None = None,
+        recordings: Path | None = None,
     ) -> None:
-        """``stiffness``: factor on the position gain by axis name; ``lateness``: see SteppedClock."""
+        """``stiffness``: factor on the position gain by axis name; ``lateness``: see SteppedClock.
+
+        ``recordings``: folder for what is kept of a fault; None = nothing is kept.
+        """
         self.machine = machine
         self.kinematics = Kinematics(machine)
         nodes = config.node_settings(machine)
-        master = config.master_settings(machine)
         buses = config.bus_settings(machine)
-        self.rig = rig(nodes, buses, stiffness=stiffness, lost_sync=lost_sync)
+        spindle, io = config.spindle_settings(machine), config.io_settings(machine)
+        self.rig = rig(nodes, buses, spindle=spindle, io=io, stiffness=stiffness, lost_sync=lost_sync)
+        for node in self.rig.io.values():
+            _surround(node, machine)
+        self._ticks_in_sdo = False
         networks = {
-            bus.name: commission.Network(
-                self.rig.port(pdo.SERVICE_FILTERS, bus.name), commission.stepped_pump(self.rig)
-            )
+            bus.name: commission.Network(self.rig.port(pdo.SERVICE_FILTERS, bus.name), self._pass_time())
             for bus in buses
         }
-        self._start_up = StartUp(machine, networks, self._ask)
+        self._start_up = StartUp(machine, networks, self._ask, lambda: self.cycle.modes.homed)
         self._start_up.commission()
         ports = {bus.name: self.rig.port(pdo.TICK_FILTERS, bus.name) for bus in buses}
-        self._group = Group([Drive(node) for node in nodes], ports, master)
+        self._group = cyclic.group(machine, ports)
         self._plan_end, tick_end = piece_pair()
         self._operator, request_end = request_pair()
         self.board, self.recorder = SnapshotBoard(), Recorder()
@@ -127,6 +139,7 @@ class SteppedMachine:
         self._loop = Loop(self.cycle, self.clock)
         self._offset_s = self.rig.now_s
         self.planner = Planner(machine, self.kinematics, PieceOutbox(self._plan_end).send, remember=True)
+        self._keeper = None if recordings is None else self._keeping(recordings)
         self._rows: list[Rows] = []
         self._idle = 0  # ticks in which nothing moved, and nothing was there that would
         self._skips_before = 0  # while coming up
@@ -134,11 +147,45 @@ class SteppedMachine:
     def _advance(self, now_s: float) -> None:
         self.rig.advance(now_s + self._offset_s)
 
+    def _pass_time(self) -> commission.Pump:
+        """What SDO waits by: the bus alone, or the whole machine where the drives must hear the master."""
+        alone = commission.stepped_pump(self.rig)
+
+        def pump() -> float:
+            if not self._ticks_in_sdo:
+                return alone()
+            self.tick()
+            return self.rig.now_s
+
+        return pump
+
+    def commission_again(self) -> None:
+        """After a fault that has cost drives their settings; the tick goes on. Raises CommissionError."""
+        self._offset_s = self.rig.now_s - self.clock.now_s()
+        self._ticks_in_sdo = True
+        try:
+            self._start_up.commission()
+        finally:
+            self._ticks_in_sdo = False
+
     def request(self, request: Request, value: float = 0.0) -> None:
         send_request(self._operator, request, value)
 
+    def _keeping(self, recordings: Path) -> Keeper:
+        logs = {name: FrameLog() for name in self.rig.buses}
+        for name, bus in self.rig.buses.items():
+            bus.watch_all(logs[name])
+        return Keeper(self.machine, self.recorder, logs, recordings)
+
     def tick(self) -> None:
         self._loop.tick()
+        if self._keeper is not None and (self.cycle.modes.mode is Mode.FAULT or self._keeper.saved):
+            self._kept()
+
+    def _kept(self) -> bool:
+        """Whether nothing is left to be recorded of a fault."""
+        now = self.board.read()
+        return self._keeper is None or now is None or self._keeper.look(now)
 
     @property
     def joints(self) -> Joints:
@@ -154,10 +201,12 @@ class SteppedMachine:
         self._offset_s = self.rig.now_s - self.clock.now_s()
         self.request(request, value)
         self.tick()
-        modes = self.cycle.modes
+        modes, mask = self.cycle.modes, homing_mask(request, value)
         for _ in range(LONGEST_WAIT):
-            if modes.mode in (wanted, Mode.FAULT):
+            if modes.mode is Mode.FAULT or (modes.mode is wanted and modes.homed & mask == mask):
                 break
+            if modes.refused == request and modes.interlock is not Fault.NONE:
+                return modes.mode, modes.interlock
             self.tick()
         return modes.mode, modes.fault
 
@@ -169,7 +218,10 @@ class SteppedMachine:
         events: Sequence[Event] = (),
         progress: Callable[[float], None] = lambda _: None,
     ) -> Run:
-        """Run a path to its end, or to where the events, a fault or a refused block leave it at rest."""
+        """Run a path to its end, or to where the events, a fault or a refused block leave it at rest.
+
+        Raises SessionError where an open door, or an axis that must be homed, forbids the start.
+        """
         self.recorder.drain()
         self._rows.clear()
         follow = self.cycle.follow
@@ -187,6 +239,8 @@ class SteppedMachine:
             if n % plan_every == 0:
                 self._plan()
             self.tick()
+            if n == 0:
+                self._see_started()
             n += 1
             if n % DRAIN_EVERY == 0:
                 self._rows.append(self.recorder.drain())
@@ -203,6 +257,13 @@ class SteppedMachine:
                     continue
             return self._ended(first, resumes, len(waiting), events, n)
 
+    def _see_started(self) -> None:
+        """Raises SessionError where the machine forbids the start."""
+        modes = self.cycle.modes
+        why = no_start(self.machine, modes.interlock, modes.untrusted)
+        if why and modes.mode is Mode.READY and modes.refused == Request.START:
+            raise SessionError(why)
+
     def _stands(self, waiting: Sequence[Event]) -> bool:
         """Whether nothing moves any more, or will before a request comes."""
         modes, follow = self.cycle.modes, self.cycle.follow
@@ -210,8 +271,9 @@ class SteppedMachine:
             # READY comes a tick after the standstill.
             return follow.at_rest and not follow.stopping and modes.mode is not Mode.STOPPING
         # An override of 0, or a program that was refused on the way: only a request can change that.
+        waits = self.cycle.peripherals.waiting
         goes = follow.pending and follow.goes(True, modes.override, modes.rapid_override)
-        self._idle = 0 if goes or follow.stopping or not follow.at_rest else self._idle + 1
+        self._idle = 0 if goes or waits or follow.stopping or not follow.at_rest else self._idle + 1
         return self._idle > IDLE_TICKS and not waiting
 
     def _at_program_stop(self, events: Sequence[Event], n: int) -> bool:
@@ -237,10 +299,23 @@ class SteppedMachine:
 
     def _was_asked(self, events: Sequence[Event], n: int) -> bool:
         """Whether this standstill is an operator's hold, and not a program stop."""
+        if self.cycle.modes.fault is not Fault.NONE:
+            return True  # a door, for example: nobody resumes that by himself
         asked = [e.request for e in events if e.tick <= n and e.request in (Request.HOLD, Request.RESUME)]
         return bool(asked) and asked[-1] is Request.HOLD
 
+    @property
+    def fault_text(self) -> str:
+        """The operator's sentence on the present fault, with its recording."""
+        modes = self.cycle.modes
+        if modes.fault is Fault.NONE:
+            return ""
+        axis = self.machine.axes[modes.fault_axis].name if modes.fault_axis >= 0 else ""
+        return sentence(modes.fault, axis, modes.warning) + (self._keeper.told if self._keeper else "")
+
     def _ended(self, first: int, resumes: int, left: int, events: Sequence[Event], n: int) -> Run:
+        while not self._kept():  # the drives' own way to standstill belongs to the recording
+            self.tick()
         self._rows.append(self.recorder.drain())
         modes = self.cycle.modes
         if modes.mode is Mode.FAULT:
@@ -262,4 +337,5 @@ class SteppedMachine:
             self.cycle.skips - self._skips_before,
             resumes,
             left,
+            self.fault_text,
         )

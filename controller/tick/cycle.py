@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from controller import times
 from controller.handoff import (
     PLANNER_SILENCE_S,
     STANDSTILL,
@@ -19,18 +20,18 @@ from controller.handoff import (
 )
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
-from controller.state import Fault, Mode
+from controller.state import ALWAYS, Fault, Mode, Request
 from controller.tick.check import Check
 from controller.tick.follow import Follow, Step
 from controller.tick.joints import Encoder
 from controller.tick.mode import Drives, Modes
+from controller.tick.peripherals import Peripherals
 
 LATE_SHARE = 0.25  # of the period: a later tick sends nothing
 NEAREST_SHARE = 0.75  # of the period: no two SYNCs are closer
 ROUNDING_S = 1e-9
 MOST_REQUESTS = 8  # taken in one tick
 LOST_ECHOES = 3  # of the kernel's SYNC, in a row
-LOST_BUS_S = 0.1  # without a SYNC that can be sent: nothing that is commanded reaches a drive
 
 
 class Cycle:
@@ -48,8 +49,12 @@ class Cycle:
     ) -> None:
         self.machine = machine
         self.group = group
-        self.modes = Modes(group, machine.period_s)
+        self.modes = Modes(group, machine.period_s, times.path_stop_s(machine), times.quick_stop_s(machine))
         self.follow = Follow(machine, Kinematics(machine))
+        self.peripherals = Peripherals(machine, group.spindle, group.io)
+        self.modes.absolute = sum(1 << i for i, axis in enumerate(machine.axes) if axis.homing.absolute)
+        self.modes.homed = self.modes.absolute
+        self._homing_asked = 0.0  # axes whose clamps must open before they home
         self._pieces = pieces
         self._requests = requests
         self._snapshot = snapshot
@@ -68,7 +73,7 @@ class Cycle:
         self._skip_limit = max(machine.skip_limit_per_s, 1.0)
         self._echoes_missed = 0
         self._unsent = 0  # SYNCs in a row that the bus did not take
-        self._most_unsent = round(LOST_BUS_S / machine.period_s)
+        self._most_unsent = round(times.LOST_BUS_S / machine.period_s)
         self._states = [0] * len(machine.axes)
         self.tick = -1
         self.skips = 0
@@ -127,18 +132,48 @@ class Cycle:
                 self.modes.fail(Fault.SYNC_LOST, -1)
         if lateness_s > self.late_max_s:
             self.late_max_s = lateness_s
+        self.skips += skips
+        if self.modes.mode is not Mode.RUNNING:
+            self._skip_level = 0.0  # what came late at rest does no harm, now or later
+            return
         drained = self._skip_level - self._skip_limit * self._period_s * ticks
         self._skip_level = (drained if drained > 0.0 else 0.0) + skips
-        self.skips += skips
-        if self._skip_level > self._skip_limit and self.modes.mode is Mode.RUNNING:
+        if self._skip_level > self._skip_limit:
             self.modes.fail(Fault.TOO_MANY_SKIPS, -1)
 
     def _take_requests(self) -> None:
         for _ in range(MOST_REQUESTS):
             request = self._requests.take()
             if request is None:
+                break
+            self._request(request[0], request[1])
+        if self._homing_asked:
+            self._home()
+
+    def _request(self, request: Request, value: float) -> None:
+        if request is Request.HOME and self.modes.mode is Mode.OFF:
+            self._homing_asked = value
+            self.modes.homed &= ~int(value)
+            return
+        if self._homing_asked and request not in ALWAYS:
+            self._homing_asked = 0.0
+            self.peripherals.opens_for(0)
+        self.modes.request(request, value, self.follow.at_rest)
+
+    def _home(self) -> None:
+        """Homing begins when the clamps of its axes are open, which may take some ticks."""
+        axes, axis = self._homing_asked, -1
+        if not self.peripherals.opens_for(int(axes)):
+            axis = self.peripherals.late_to_open()
+            if axis < 0:
                 return
-            self.modes.request(request[0], request[1], self.follow.at_rest)
+        self._homing_asked = 0.0
+        if axis >= 0:
+            self.modes.fail(Fault.CLAMP, axis)
+        else:
+            self.modes.request(Request.HOME, axes, self.follow.at_rest)
+            if self.modes.mode is not Mode.HOMING:
+                self.peripherals.opens_for(0)
 
     def _take_pieces(self, ticks: int) -> None:
         """At most one message, whole or not at all; and how long the plan has been silent."""
@@ -160,12 +195,15 @@ class Cycle:
             self.rejected = message.sequence
 
     def _supervise(self, now_s: float, ticks: int) -> None:
+        standing = self.follow.at_rest
         self.modes.watch(now_s)
+        if self.peripherals.present:
+            self.peripherals.watch(now_s, self.modes, self._encoder.actual, standing, ticks)
         if self._unsent > self._most_unsent and self.modes.on_path:
             # A path that no drive hears of has no end: the drives stop by their own supervision.
             self.modes.fail(Fault.SEND_FAILED, -1)
             self.modes.quick_stop()
-        self.modes.progress(ticks, self.follow.at_rest)
+        self.modes.progress(ticks, standing)
         if self.modes.dropped:
             self.modes.dropped = False
             self.follow.clear()
@@ -177,8 +215,10 @@ class Cycle:
             self._encoder.encode(self.follow.joints)
             return
         modes, follow = self.modes, self.follow
-        follow.single_block, follow.optional_stop = modes.single_block, modes.optional_stop
-        step = follow.step(follow.goes(modes.running, modes.override, modes.rapid_override))
+        follow.optional_stop = modes.optional_stop
+        follow.single_block = modes.single_block or modes.ending
+        running = modes.running and not self.peripherals.waiting
+        step = follow.step(follow.goes(running, modes.override, modes.rapid_override))
         fault, axis = self._judge(step)
         if fault is not Fault.NONE:
             self._refuse(fault, axis, step)
@@ -186,6 +226,8 @@ class Cycle:
             modes.mode = Mode.HOLD
         elif step is Step.END and modes.running:
             modes.mode = Mode.READY
+        elif step is Step.SET and follow.told is not None:
+            self.peripherals.tell(follow.told)
 
     def _judge(self, step: Step) -> tuple[Fault, int]:
         """Checks the step and encodes it; a setpoint that fails stays the last good one."""
@@ -222,7 +264,7 @@ class Cycle:
     # -- what others see of it
 
     def publish(self) -> None:
-        follow, modes, states = self.follow, self.modes, self._states
+        follow, modes, states, peripherals = self.follow, self.modes, self._states, self.peripherals
         piece = follow.piece
         for i, drive in enumerate(self.group.drives):
             states[i] = drive.state
@@ -249,8 +291,8 @@ class Cycle:
             self.late_max_s,
             self.accepted,
             self.rejected,
-            piece.spindle_rev_min if piece else 0.0,
-            piece.coolant if piece else 0,
+            peripherals.rev_min,
+            peripherals.coolant,
             modes.refused,
             follow.at_rest,
             follow.epoch,
@@ -258,6 +300,14 @@ class Cycle:
             follow.limited_by,
             modes.single_block,
             modes.optional_stop,
+            modes.interlock,
+            peripherals.actual_rev_min,
+            peripherals.at_speed,
+            peripherals.waiting,
+            peripherals.inputs,
+            peripherals.outputs,
+            modes.warning,
+            modes.untrusted,
         )
 
     def _record(self, lateness_s: float, sent: bool) -> None:

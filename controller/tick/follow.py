@@ -32,6 +32,7 @@ class Step(IntEnum):
     STOP = 1  # reached a program stop (M0), or one that the operator's switches ask for
     END = 2  # reached the end of the program
     LOST = 3  # the rotaries cannot reach the next tool axis; nothing has changed
+    SET = 4  # spindle, coolant or clamps are to be as ``told`` says before motion goes on
 
 
 class Follow:
@@ -60,6 +61,7 @@ class Follow:
         self.s = 0.0
         self.feed = 0.0  # ds/dt, mm/s while cutting
         self.piece: Piece | None = None
+        self.told: Piece | None = None  # at the last Step.SET
         self.line = 0  # of the program
         self.limited_by = 0
         self.epoch = 0  # queues given up so far
@@ -174,7 +176,8 @@ class Follow:
     def _truncate(self, start_s: float) -> None:
         """Drops what begins at ``start_s`` or later and cuts the piece that lies across it."""
         queue = self._queue
-        while queue and queue[-1].start_s > start_s - SAME_TIME_S:
+        # A mark without duration just at that time belongs to what stays.
+        while queue and queue[-1].start_s > start_s - SAME_TIME_S and queue[-1].end_s > start_s + SAME_TIME_S:
             queue.pop()
         self._now = max(0, min(self._now, len(queue) - 1))
         if queue and queue[-1].end_s > start_s + SAME_TIME_S:
@@ -286,6 +289,7 @@ class Follow:
         return (
             piece.stop
             or piece.end
+            or piece.sets
             or (piece.optional_stop and self.optional_stop)
             or (piece.block_end and self.single_block)
         )
@@ -304,15 +308,22 @@ class Follow:
             if self._halts(entry.piece):
                 if not wanted:
                     break
-                result = Step.END if entry.piece.end else Step.STOP
-                entry.piece = entry.piece._replace(
-                    stop=False, optional_stop=False, block_end=False, end=False
-                )
+                result = self._pass_mark(entry)
             if result is not Step.MOVED or self._now == len(queue) - 1:
                 break
             self._now += 1
         self._describe()
         return result
+
+    def _pass_mark(self, entry: Entry) -> Step:
+        """What spindle, coolant and clamps are told comes first, the other marks with the next step."""
+        piece = entry.piece
+        if piece.sets:
+            self.told = piece
+            entry.piece = piece._replace(sets=False)
+            return Step.SET
+        entry.piece = piece._replace(stop=False, optional_stop=False, block_end=False, end=False)
+        return Step.END if piece.end else Step.STOP
 
     def _describe(self) -> None:
         entry = self._queue[self._now]

@@ -169,6 +169,8 @@ class Loop:
         cycle, group = self._cycle, self._cycle.group
         cycle.modes.fail(Fault.INTERNAL, -1)
         cycle.modes.quick_stop()
+        with contextlib.suppress(Exception):
+            cycle.peripherals.coolant_off()
         for _ in range(round(LAST_TICKS_S / self._period_s)):
             with contextlib.suppress(Exception):
                 self._n += 1

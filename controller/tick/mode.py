@@ -5,26 +5,30 @@ All of it works on values; the only thing it moves is the group's goal (``want``
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, Protocol
 
 from controller.state import ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Reaction, Request
+from controller.times import ENABLE_S, HOMING_S
 from drives.cia402 import State, Wanted
 from drives.drive import DriveFault
 
-ENABLE_S = 5.0  # brakes take 0.2 s, some drives' intermediate circuits two or three
-HOMING_S = 120.0
 MOST_OVERRIDE = 2.0
+WARNING = 1 << 7  # of the statusword (CiA 402)
+ALL_AXES = 0x1F
 
-DRIVE_FAULTS = {
-    DriveFault.NONE: Fault.NONE,
-    DriveFault.FEEDBACK_LOST: Fault.FEEDBACK_LOST,
-    DriveFault.STATE_LOST: Fault.STATE_LOST,
-    DriveFault.EMCY: Fault.EMCY,
-    DriveFault.HEARTBEAT_LOST: Fault.HEARTBEAT_LOST,
-    DriveFault.BUS_ERROR: Fault.BUS_ERROR,
-    DriveFault.SEND_FAILED: Fault.SEND_FAILED,
-}
+# A drive that has tripped, lost its torque or started anew is silent or drops out first.
+_EFFECTS = (Fault.FEEDBACK_LOST, Fault.STATE_LOST, Fault.HEARTBEAT_LOST)
+_CAUSES = (
+    Fault.NODE_RESET,
+    Fault.EMCY,
+    Fault.FOLLOWING_ERROR,
+    Fault.LIMIT_SWITCH,
+    Fault.TORQUE_OFF,
+)
+
+DRIVE_FAULTS = {fault: Fault[fault.name] for fault in DriveFault}
 
 
 class Drives(Protocol):
@@ -38,25 +42,41 @@ class Drives(Protocol):
     @property
     def positions(self) -> Sequence[int]: ...
 
+    # The spindle's drive and the nodes with inputs and outputs; see ``peripherals``.
+    @property
+    def spindle(self) -> Any: ...
+    @property
+    def io(self) -> Sequence[Any]: ...
+
     def receive(self, now_s: float) -> None: ...
     def sync(self, now_s: float) -> bool: ...
     def command(self, setpoints: Sequence[int], now_s: float) -> bool: ...
     def want(self, wanted: Wanted) -> None: ...
     def following(self) -> bool: ...
     def fault(self, now_s: float) -> tuple[DriveFault, int]: ...
+    def fault_of(self, index: int, now_s: float) -> DriveFault: ...
     def stop_sync(self) -> None: ...
 
 
 class Modes:
     """Mode, fault and overrides. ``standing`` is told by the caller: whether the commanded joints stand."""
 
-    def __init__(self, group: Drives, period_s: float) -> None:
+    def __init__(
+        self, group: Drives, period_s: float, path_stop_s: float = math.inf, quick_stop_s: float = 0.0
+    ) -> None:
+        """``path_stop_s``: a coordinated stop that takes longer is broken off by a quick stop;
+        ``quick_stop_s``: after so long every drive's own ramp is over. See ``times``.
+        """
         self._group = group
+        self._stop_ticks = path_stop_s / period_s
+        self._ramp_ticks = quick_stop_s / period_s
         self._enable_ticks = round(ENABLE_S / period_s)
         self._homing_ticks = round(HOMING_S / period_s)
         self._waited = 0  # ticks of enabling or homing
         self._homing_mask = 0
         self._quick_stopped = False
+        self._stopping = 0  # ticks since the fault
+        self._looked_at = 0  # the drive whose warning is looked at next
         self.enabling = False
         self._switching_off = False  # homing is done, the drives are switching off
         self.mode = Mode.OFF
@@ -68,6 +88,11 @@ class Modes:
         self.single_block = False
         self.optional_stop = False
         self.homed = 0
+        self.absolute = 0  # axes whose encoders know where they are, whatever has been
+        self.untrusted = 0  # axes that a fault has cost their position; no start before they are homed
+        self.warning = Fault.NONE  # the last fault that stopped nothing
+        self.interlock = Fault.NONE  # what forbids motion at present (door, e-stop); its owner sets it
+        self.ending = False  # hold at the end of this block
         self.refused = 0  # the last request that the table refused
         self.dropped = False  # the queue is void: its owner clears it and this flag
 
@@ -93,13 +118,23 @@ class Modes:
             self._always(request, value)
             return
         after = TRANSITIONS.get((self.mode, request))
-        if after is None or (request is Request.RESET and not (standing or self._quick_stopped)):
+        if after is None or not self._permitted(request, standing):
             self.refused = request
             return
         self.mode = after
         act = _ACTS.get(request)
         if act is not None:
             act(self, value)
+
+    def _permitted(self, request: Request, standing: bool) -> bool:
+        """What besides the mode a request depends on."""
+        if request is Request.RESET:
+            return standing or self._quick_stopped
+        if request is Request.START and self.untrusted:
+            return False
+        if self.interlock is Fault.NONE or request not in _MOVES:
+            return True
+        return request is Request.ENABLE and FAULTS[self.interlock].reaction < Reaction.QUICK_STOP
 
     def _always(self, request: Request, value: float) -> None:
         if request is Request.ESTOP:
@@ -145,13 +180,22 @@ class Modes:
         if self.mode is Mode.OFF:  # homing given up
             self._end_homing()
         self.dropped = self.mode is not Mode.STOPPING  # STOPPING drops it at standstill
+        self._go_on(0.0)
+
+    def _go_on(self, _: float) -> None:
+        """Resume or stop: the reason of the hold is no longer shown."""
+        self.fault, self.fault_axis, self.reaction = Fault.NONE, -1, Reaction.NONE
+        self.ending = False
 
     def _reset(self, _: float) -> None:
         for i, drive in enumerate(self._group.drives):
             if self._homing_mask >> i & 1:
                 drive.homing(False)
         self._group.want(Wanted.RESET)
-        self.fault, self.fault_axis, self.reaction = Fault.NONE, -1, Reaction.NONE
+        self._go_on(0.0)
+        self.homed |= self.absolute
+        self.untrusted &= ~self.absolute
+        self.warning = Fault.NONE
         self._quick_stopped = self.enabling = False
         self.dropped = True
 
@@ -160,17 +204,59 @@ class Modes:
     def fail(self, fault: Fault, axis: int) -> None:
         """A fault from anywhere. The first one is shown; a harder reaction replaces a softer one."""
         reaction = FAULTS[fault].reaction
+        if reaction is Reaction.END_OF_BLOCK or (reaction is Reaction.HOLD and self.mode is not Mode.HOMING):
+            self._hold(fault, axis, reaction)
+            return
+        if reaction is Reaction.WARN:
+            self.warning = fault
+            return
         if self.mode in (Mode.OFF, Mode.HOMING):
-            reaction = Reaction.QUICK_STOP  # no path to stop on
+            reaction = max(reaction, Reaction.QUICK_STOP)  # no path to stop on
+        if self.mode is Mode.HOMING:
+            self.untrusted |= self._homing_mask  # given up: they have no zero
         if self.mode is not Mode.FAULT:
             self.fault, self.fault_axis, self.mode = fault, axis, Mode.FAULT
-            self.enabling = False
+            self.enabling = self.ending = False
+            self.reaction, self._stopping = Reaction.NONE, 0
+        self._distrust(fault, axis)
+        self._name_more(fault, axis)
         if reaction is Reaction.LOST_DRIVE and axis >= 0:
             self._group.drives[axis].want(Wanted.QUICK_STOP)
         if reaction > self.reaction:
             self.reaction = reaction
-            if reaction is Reaction.QUICK_STOP:
+            if reaction >= Reaction.QUICK_STOP:
                 self.quick_stop()
+
+    def _hold(self, fault: Fault, axis: int, reaction: Reaction) -> None:
+        """Nothing is lost: hold on the path, or where the block ends. At rest it is only told."""
+        if self.mode is Mode.FAULT or reaction < self.reaction:
+            return
+        if self.mode not in (Mode.RUNNING, Mode.HOLD):
+            self.warning = fault
+            return
+        self.fault, self.fault_axis, self.reaction = fault, axis, reaction
+        if reaction is Reaction.HOLD:
+            self.mode = Mode.HOLD
+        else:
+            self.ending = self.mode is Mode.RUNNING
+
+    def _distrust(self, fault: Fault, axis: int) -> None:
+        """Axes that may have lost count, or were out of sight, must be homed again."""
+        row = FAULTS[fault]
+        if row.position_trusted:
+            return
+        alone = row.reaction is Reaction.LOST_DRIVE and axis >= 0
+        mask = 1 << axis if alone else ALL_AXES
+        self.untrusted |= mask
+        self.homed &= ~mask
+
+    def _name_more(self, fault: Fault, axis: int) -> None:
+        """The cause takes the place of its effect; what needs more to recover from is told beside it."""
+        if axis == self.fault_axis and self.fault in _EFFECTS and fault in _CAUSES:
+            self.fault = fault
+        most = max(FAULTS[self.fault].recovery, FAULTS[self.warning].recovery)
+        if FAULTS[fault].recovery > most:
+            self.warning = fault
 
     def quick_stop(self) -> None:
         """Every drive stops by its own ramp; the path is given up."""
@@ -184,6 +270,28 @@ class Modes:
             known = DRIVE_FAULTS[fault]
             if self.mode is not Mode.FAULT or FAULTS[known].reaction > self.reaction:
                 self.fail(known, axis)
+            self._look_for_more(now_s)
+        self._look_for_a_warning()
+
+    def _look_for_more(self, now_s: float) -> None:
+        """Each drive that is lost costs its position; two of them, and no path can be kept."""
+        lost = 0
+        for i in range(len(self._group.drives)):
+            fault = self._group.fault_of(i, now_s)
+            if fault is not DriveFault.NONE:
+                lost += 1
+                self._distrust(DRIVE_FAULTS[fault], i)
+                self._name_more(DRIVE_FAULTS[fault], i)
+        if lost > 1 and not self._quick_stopped:
+            self.reaction = max(self.reaction, Reaction.QUICK_STOP)
+            self.quick_stop()
+
+    def _look_for_a_warning(self) -> None:
+        """One drive per tick: a warning may wait for a few."""
+        drives = self._group.drives
+        i = self._looked_at = (self._looked_at + 1) % len(drives)
+        if drives[i].statusword & WARNING:
+            self.warning = Fault.DRIVE_WARNING
 
     # -- progress
 
@@ -195,8 +303,26 @@ class Modes:
             self._watch_homing(ticks)
         elif self.mode is Mode.STOPPING and standing:
             self.mode, self.dropped = Mode.READY, True
-        elif self.reaction is Reaction.LOST_DRIVE and standing and not self._quick_stopped:
-            self.quick_stop()
+        elif self.mode is Mode.FAULT:
+            self._watch_stop(ticks, standing)
+        elif self.mode is Mode.HOLD:
+            self.ending = False
+        elif self.mode is Mode.READY and self.fault is not Fault.NONE:
+            self.warning = self.fault  # the program ended before its block's end could be held
+            self._go_on(0.0)
+
+    def _watch_stop(self, ticks: int, standing: bool) -> None:
+        """The way to standstill after a fault: quick stop for the rest, for what takes too long, then off."""
+        before = self._stopping
+        self._stopping += ticks
+        if self._quick_stopped:
+            if self.reaction is Reaction.DISABLE and before <= self._ramp_ticks < self._stopping:
+                self._group.want(Wanted.OFF)
+        elif standing:
+            if self.reaction is Reaction.LOST_DRIVE:
+                self.quick_stop()
+        elif self._stopping > self._stop_ticks:
+            self.fail(Fault.STOP_OVERDUE, -1)
 
     def _watch_enabling(self, ticks: int) -> None:
         self._waited += ticks
@@ -225,6 +351,7 @@ class Modes:
         if busy < 0:
             # OFF only when every drive has switched off: then its mode may be changed by SDO.
             self.homed |= self._homing_mask
+            self.untrusted &= ~self._homing_mask
             self._end_homing()
             self.mode, self._switching_off = Mode.HOMING, True
         elif self._waited > self._homing_ticks:
@@ -238,7 +365,9 @@ class Modes:
         self.mode = Mode.OFF
 
 
+_MOVES = (Request.START, Request.RESUME, Request.HOME, Request.ENABLE)
 _ACTS = {
+    Request.RESUME: Modes._go_on,
     Request.ENABLE: Modes._enable,
     Request.DISABLE: Modes._disable,
     Request.HOME: Modes._home,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from controller import config
+from controller import config, nodes
 from controller.config import ConfigError
 from controller.curves import Bezier
 from controller.geometry import Pose, Vector, add, norm, subtract
@@ -71,7 +71,8 @@ def test_every_shipped_machine_loads_without_warning_and_has_its_pair_of_rotarie
 
 def test_seven_kinds_of_machine_are_shipped() -> None:
     expected = {"trunnion", "fig4b", "fig4c", "fig4d", "table_head", "head_head", "oblique45"}
-    same_again = {"xyzac_linuxcnc"}  # the trunnion at other limits
+    # The trunnion at other limits, and on more buses.
+    same_again = {"xyzac_linuxcnc", "trunnion_two_buses", "trunnion_five_buses"}
     assert set(config.shipped()) == expected | same_again
 
 
@@ -155,7 +156,7 @@ def test_a_resolution_whose_rounding_looks_like_jerk_is_warned() -> None:
 
 
 def test_drives_get_counts_in_rising_order_also_with_a_turned_sign(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(config, "eds_of", lambda profile: Path("drive.eds"))
+    monkeypatch.setattr(nodes, "eds_of", lambda profile, named="": Path("drive.eds"))
     text = changed(("counts_per_mm = 200_000", "counts_per_mm = -1000"), ("-300.0, 300.0", "-100.0, 300.0"))
     x, _, z, *_ = config.node_settings(config.read(text, "m.toml"))
     assert (x.counts_min, x.counts_max) == (-300_000, 100_000)
@@ -175,7 +176,9 @@ def test_the_shipped_profile_names_a_data_sheet_that_is_there() -> None:
 
 
 def test_an_unknown_profile_names_the_known_ones() -> None:
-    with pytest.raises(ConfigError, match="no drive profile 'epos9'; allowed: simulated"):
+    with pytest.raises(
+        ConfigError, match="profile epos9: there is no drive profile of this name; allowed: elmo"
+    ):
         config.eds_of("epos9")
 
 
@@ -369,3 +372,40 @@ def test_a_head_stays_above_what_it_cuts() -> None:
     tip = Kinematics(machine).forward((0.0, 0.0, 0.0, math.radians(30.0), 0.0), 50.0).tip
     pivot = add((0.0, 0.0, 0.0), head.point_mm)
     assert norm(subtract(tip, pivot)) == pytest.approx(200.0)
+
+
+# ---- drives of makers --------------------------------------------------------------
+
+
+def machine_with(folder: Path, axis_keys: str) -> config.Machine:
+    text = changed(('node = 1\nprofile = "simulated"', f"node = 1\n{axis_keys}"))
+    return config.read(text, "m.toml", folder)
+
+
+def test_a_machine_file_names_the_data_sheet_that_a_profile_does_not_bring(tmp_path: Path) -> None:
+    (tmp_path / "epos.eds").write_text("x")
+    keys = 'profile = "maxon_epos4"\neds = "epos.eds"\nserial = 4711'
+    x, *others = config.node_settings(machine_with(tmp_path, keys))
+    assert (x.eds, x.serial, x.profile.name) == (str(tmp_path / "epos.eds"), 4711, "maxon_epos4")
+    assert {node.profile.name for node in others} == {"simulated"}
+
+
+def test_a_profile_without_a_data_sheet_needs_one_from_the_machine_file(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"maxon_epos4: brings no data sheet.*add eds = \"path\""):
+        config.node_settings(machine_with(tmp_path, 'profile = "maxon_epos4"'))
+
+
+@pytest.mark.parametrize(
+    ("keys", "sentence"),
+    [
+        ('profile = "epos4"', r'm\.toml: \[\[axis\]\] X: profile = "epos4": is not known; .*maxon_epos4'),
+        ('profile = "simulated"\neds = "gone.eds"', r'X: eds = "gone\.eds": there is no such file'),
+        ('profile = "mine.toml"', r'X: profile = "mine\.toml": there is no such file'),
+        ('profile = "simulated"\nserial = -1', r"X: serial = -1: is out of range"),
+    ],
+)
+def test_a_wrong_profile_or_data_sheet_is_refused_at_its_axis(
+    tmp_path: Path, keys: str, sentence: str
+) -> None:
+    with pytest.raises(ConfigError, match=sentence):
+        machine_with(tmp_path, keys)

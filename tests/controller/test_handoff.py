@@ -35,7 +35,21 @@ THERE = (100.0, 0.0, 0.0, 0.0, 0.0)
 
 def snapshot_values(tick: int) -> tuple[object, ...]:
     head = (tick, Mode.HOLD, Fault.NONE, -1, 1.5, 1.6, 9.0, 0.25, 1.0, 0.5, 12.0, 7, 42, True, 3)
-    tail = (4, True, 17, True, False)
+    tail = (
+        4,
+        True,
+        17,
+        True,
+        False,
+        Fault.DOOR_OPEN,
+        1198.5,
+        False,
+        True,
+        5,
+        1 << 63,
+        Fault.DRIVE_WARNING,
+        4,
+    )
     joints, actual, states = (1.0, 2.0, 3.0, 4.0, 5.0), (0.1,) * 5, (5,) * 5
     return (*head, *joints, *actual, *states, 2, 1e-4, 8, 6, 1200.0, 1, Request.START, False, *tail)
 
@@ -151,6 +165,15 @@ def test_the_recorder_gives_each_row_once_and_counts_what_was_too_late() -> None
         recorder.write(*(float(n) for _ in ROW))
     rows = recorder.drain()
     assert rows[-1, 0] == 199 and len(rows) == 48 and recorder.lost == 152
+
+
+def test_the_newest_rows_can_be_had_again_after_they_were_drained() -> None:
+    recorder = Recorder(rows=64)
+    for n in range(100):
+        recorder.write(*(float(n) for _ in ROW))
+    recorder.drain()
+    assert list(recorder.last(5)[:, 0]) == [95, 96, 97, 98, 99]
+    assert len(recorder.last(1000)) == 48 and recorder.lost == 52
 
 
 def test_a_row_has_a_place_for_every_axis() -> None:

@@ -45,19 +45,146 @@ def test_every_fault_of_a_drive_has_its_own_row() -> None:
     assert set(DRIVE_FAULTS) == set(DriveFault)
 
 
+WANTED = {  # per class: the mode after it, which drives get a quick stop, whether the path goes on
+    Reaction.WARN: (Mode.RUNNING, 0, True),
+    Reaction.END_OF_BLOCK: (Mode.RUNNING, 0, True),
+    Reaction.HOLD: (Mode.HOLD, 0, True),
+    Reaction.PATH_STOP: (Mode.FAULT, 0, True),
+    Reaction.LOST_DRIVE: (Mode.FAULT, 1, True),
+    Reaction.QUICK_STOP: (Mode.FAULT, 5, False),
+    Reaction.DISABLE: (Mode.FAULT, 5, False),
+}
+
+
 @pytest.mark.parametrize("fault", [f for f in Fault if f is not Fault.NONE])
 def test_a_fault_while_running_reacts_by_its_row(fault: Fault) -> None:
     modes, group = modes_in(Mode.RUNNING)
     modes.fail(fault, 2)
-    reaction = FAULTS[fault].reaction
-    assert modes.mode is Mode.FAULT and modes.fault is fault
+    row = FAULTS[fault]
+    mode, stopped, on_path = WANTED[row.reaction]
+    assert modes.mode is mode and modes.on_path is on_path
+    shown, told = (Fault.NONE, fault) if row.reaction is Reaction.WARN else (fault, Fault.NONE)
+    assert (modes.fault, modes.warning) == (shown, told)
     wanted = [drive.wanted for drive in group.drives]
-    if reaction is Reaction.QUICK_STOP:
-        assert wanted == [Wanted.QUICK_STOP] * 5 and not modes.on_path
-    elif reaction is Reaction.LOST_DRIVE:
-        assert wanted[2] is Wanted.QUICK_STOP and wanted.count(Wanted.QUICK_STOP) == 1 and modes.on_path
+    assert wanted.count(Wanted.QUICK_STOP) == stopped
+    assert stopped != 1 or wanted[2] is Wanted.QUICK_STOP
+    assert modes.ending is (row.reaction is Reaction.END_OF_BLOCK)
+
+
+@pytest.mark.parametrize("fault", [f for f in Fault if f is not Fault.NONE])
+@pytest.mark.parametrize("mode", Mode)
+def test_a_fault_that_cannot_be_gone_on_from_stops_every_mode(mode: Mode, fault: Fault) -> None:
+    modes, group = modes_in(mode)
+    modes.fail(fault, 2)
+    hard = FAULTS[fault].reaction
+    if hard >= Reaction.PATH_STOP or (hard is Reaction.HOLD and mode is Mode.HOMING):
+        assert modes.mode is Mode.FAULT
+    elif hard is Reaction.HOLD and mode is Mode.RUNNING:
+        assert modes.mode is Mode.HOLD
     else:
-        assert Wanted.QUICK_STOP not in wanted and modes.on_path
+        assert modes.mode is mode
+    if modes.mode is Mode.FAULT and mode in (Mode.OFF, Mode.HOMING):
+        assert group.wanted is Wanted.QUICK_STOP  # there is no path to stop on
+
+
+@pytest.mark.parametrize("fault", [f for f in Fault if f is not Fault.NONE])
+def test_axes_that_are_not_trusted_lose_their_homed_mark_and_nothing_starts(fault: Fault) -> None:
+    modes, _ = modes_in(Mode.RUNNING)
+    modes.homed = 0x1F
+    modes.fail(fault, 2)
+    row = FAULTS[fault]
+    lost = 0 if row.position_trusted else 0x04 if row.reaction is Reaction.LOST_DRIVE else 0x1F
+    assert modes.homed == 0x1F & ~lost and modes.untrusted == lost
+    if modes.mode is Mode.FAULT:
+        modes.request(Request.RESET, 0.0, standing=True)
+    modes.mode = Mode.READY
+    modes.request(Request.START, 0.0, standing=True)
+    assert modes.mode is (Mode.READY if lost else Mode.RUNNING)
+
+
+def test_a_door_that_opens_holds_and_the_hold_ends_with_resume_once_it_is_closed() -> None:
+    modes, _ = modes_in(Mode.RUNNING)
+    modes.interlock = Fault.DOOR_OPEN
+    modes.fail(Fault.DOOR_OPEN, -1)
+    modes.request(Request.RESUME, 0.0, standing=True)
+    assert (modes.mode, modes.fault, modes.refused) == (Mode.HOLD, Fault.DOOR_OPEN, Request.RESUME)
+    modes.interlock = Fault.NONE
+    modes.request(Request.RESUME, 0.0, standing=True)
+    assert (modes.mode, modes.fault) == (Mode.RUNNING, Fault.NONE)
+
+
+@pytest.mark.parametrize(
+    ("interlock", "request_", "granted", "reason"),
+    [
+        (Fault.DOOR_OPEN, Request.START, False, "nothing moves with the door open"),
+        (Fault.DOOR_OPEN, Request.HOME, False, "homing moves too"),
+        (Fault.DOOR_OPEN, Request.ENABLE, True, "drives may hold their axes"),
+        (Fault.ESTOP_INPUT, Request.ENABLE, False, "no torque in an emergency stop"),
+        (Fault.DOOR_OPEN, Request.DISABLE, True, "to switch off is always good"),
+    ],
+)
+def test_an_interlock_forbids_motion(interlock: Fault, request_: Request, granted: bool, reason: str) -> None:
+    modes, _ = modes_in(Mode.READY if request_ in (Request.START, Request.DISABLE) else Mode.OFF)
+    modes.interlock = interlock
+    modes.request(request_, 1.0, standing=True)
+    assert (modes.refused != request_) is granted, reason
+
+
+def test_a_harder_fault_takes_the_place_of_a_hold() -> None:
+    modes, group = modes_in(Mode.RUNNING)
+    modes.fail(Fault.DOOR_OPEN, -1)
+    modes.fail(Fault.BUS_OFF, 0)
+    assert (modes.mode, modes.fault) == (Mode.FAULT, Fault.BUS_OFF)
+    assert group.wanted is Wanted.QUICK_STOP
+    modes.fail(Fault.DOOR_OPEN, -1)
+    assert modes.fault is Fault.BUS_OFF
+
+
+def test_a_hold_at_the_end_of_the_block_ends_in_hold_or_with_the_program() -> None:
+    modes, _ = modes_in(Mode.RUNNING)
+    modes.fail(Fault.COOLANT_LOST, -1)
+    modes.mode = Mode.HOLD  # as the tick does at a block's end
+    modes.progress(1, standing=True)
+    assert not modes.ending and modes.fault is Fault.COOLANT_LOST
+    modes.request(Request.RESUME, 0.0, standing=True)
+    assert modes.mode is Mode.RUNNING and modes.fault is Fault.NONE
+    modes.fail(Fault.COOLANT_LOST, -1)
+    modes.mode = Mode.READY
+    modes.progress(1, standing=True)
+    assert (modes.fault, modes.warning, modes.ending) == (Fault.NONE, Fault.COOLANT_LOST, False)
+
+
+def test_an_emergency_stop_circuit_takes_the_torque_once_the_ramps_are_over() -> None:
+    group = FakeGroup([0] * 5)
+    modes = Modes(group, 0.002, path_stop_s=1.0, quick_stop_s=0.1)
+    modes.mode = Mode.RUNNING
+    modes.fail(Fault.ESTOP_INPUT, -1)
+    for _ in range(50):
+        modes.progress(1, standing=False)
+        assert group.wanted is Wanted.QUICK_STOP
+    modes.progress(1, standing=False)
+    assert group.wanted is Wanted.OFF
+
+
+@pytest.mark.parametrize("fault", [Fault.PLANNER_GONE, Fault.STATE_LOST])
+def test_a_coordinated_stop_that_takes_too_long_is_broken_off(fault: Fault) -> None:
+    group = FakeGroup([0] * 5)
+    modes = Modes(group, 0.002, path_stop_s=0.5, quick_stop_s=0.1)
+    modes.mode = Mode.RUNNING
+    modes.fail(fault, 1)
+    for _ in range(250):
+        modes.progress(1, standing=False)
+        assert group.wanted is not Wanted.QUICK_STOP
+    modes.progress(1, standing=False)
+    assert group.wanted is Wanted.QUICK_STOP and modes.fault is fault
+
+
+def test_a_warning_of_a_drive_is_told_and_stops_nothing() -> None:
+    modes, group = modes_in(Mode.RUNNING)
+    group.drives[3].statusword = 1 << 7
+    for _ in range(5):
+        modes.watch(0.0)
+    assert (modes.mode, modes.fault, modes.warning) == (Mode.RUNNING, Fault.NONE, Fault.DRIVE_WARNING)
 
 
 def test_a_lost_drive_quick_stops_the_group_once_the_others_stand() -> None:

@@ -44,6 +44,14 @@ def test_a_rapid_has_no_feed_and_a_new_motion_no_speed_yet() -> None:
     assert told.of(snapshot(tick=150, motion_id=0, s=1.0)) == "line 8: rapid, actual - mm/min"
 
 
+def test_it_tells_what_motion_waits_for() -> None:
+    waiting = {"waiting": True, "spindle_rev_min": 6000.0, "spindle_actual_rev_min": 1234.5}
+    said = line().of(snapshot(motion_id=1, **waiting))
+    assert said == "line 8: waiting for the spindle: S 6000, actual 1234 1/min"
+    said = line().of(snapshot(motion_id=1, spindle_at_speed=True, **waiting))
+    assert said == "line 8: waiting for coolant and clamps"
+
+
 def test_what_does_not_run_is_named_by_its_mode() -> None:
     assert line().of(snapshot(mode=Mode.HOLD, motion_id=1)) == "hold"
     assert line().of(snapshot(motion_id=-1)) == "running"

@@ -1,0 +1,171 @@
+"""The tables of a machine file beside its axes: spindle, inputs and outputs, clamps.
+
+Every refusal is a ``ConfigError`` in the form of ``toml_table``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from controller.machine import Axis, Bus, Clamp, Homing, Io, Spindle
+from controller.toml_table import Table
+
+INPUTS = ("estop", "door", "power", "tool_clamped", "coolant_flow")  # beside those that clamps name
+OUTPUTS = ("coolant", "mist")
+MOST_BITS = 64  # of a PDO
+MODES = {"csv": 9, "pv": 3}
+
+FindProfile = Callable[[Table], str]  # the profile that a table names
+
+
+def spindle(table: Table, buses: Sequence[Bus], profile: FindProfile, folder: Path | None) -> Spindle:
+    """``[spindle]``: without ``node`` only what programs need, with it also its drive."""
+    most = table.positive("max_rev_min")
+    if not table.has("node"):
+        table.finish()
+        return Spindle(most)
+    found = Spindle(
+        max_rev_min=most,
+        bus=table.text("bus", [bus.name for bus in buses], buses[0].name),
+        node=table.integer("node", 1, 126),
+        profile=profile(table),
+        counts_per_rev=table.number("counts_per_rev"),
+        mode=MODES[table.text("mode", tuple(MODES), "csv")],
+        at_speed_share=table.number("at_speed_share", 0.001, 0.5, default=0.05),
+        spin_up_s=table.number("spin_up_s", 0.1, 120.0, default=10.0),
+        acceleration_rev_s2=table.positive("acceleration_rev_s2", default=50.0),
+        eds=_data_sheet(table, folder),
+    )
+    _fits(table, found)
+    table.finish()
+    return found
+
+
+def _fits(table: Table, found: Spindle) -> None:
+    """The target is counts per second in an int32 (60FFh)."""
+    if found.counts_per_rev == 0.0:
+        table.refuse("counts_per_rev", "is zero", "a number other than 0", "give the encoder's resolution")
+    most = (2**31 - 1) / abs(found.counts_per_rev) * 60.0
+    if found.max_rev_min > most:
+        problem = f"{found.max_rev_min:g} 1/min does not fit a drive's 32-bit velocity in counts/s"
+        allowed = f"up to {most:.0f} 1/min with this counts_per_rev"
+        table.refuse("max_rev_min", problem, allowed, "lower it or the resolution")
+
+
+def homing(table: Table, unit: str, travel: tuple[float, float], inner: float) -> Homing:
+    """``homing = { ... }`` of an axis; ``unit`` is mm or deg, ``inner`` its size (sign: sense).
+
+    Method 0 is CiA 402's "no homing required": the encoder is absolute.
+    """
+    entry = table.table("homing", f"{table.name} homing", optional=True)
+    absolute, method = entry.flag("absolute", False), entry.integer("method", -128, 127, 37)
+
+    def rate(key: str) -> float:
+        return entry.positive_or_none(key, abs(inner)) or 0.0
+
+    found = Homing(
+        method=0 if absolute else method,
+        group=entry.integer("group", 0, 99, 0),
+        position=entry.number(f"position_{unit}", *travel, default=0.0) * inner,
+        absolute=absolute or method == 0,
+        fast=rate(f"fast_{unit}_s"),
+        slow=rate(f"slow_{unit}_s"),
+        acceleration=rate(f"acceleration_{unit}_s2"),
+    )
+    entry.finish()
+    return found
+
+
+def clamp(table: Table) -> Clamp | None:
+    """``clamp = { output, input, open_s }`` of an axis."""
+    if not table.has("clamp"):
+        return None
+    entry = table.table("clamp", f"{table.name} clamp")
+    found = Clamp(
+        output=entry.text("output"),
+        input=entry.text("input", default=""),
+        open_s=entry.number("open_s", 0.01, 30.0, default=0.5),
+    )
+    entry.finish()
+    return found
+
+
+def io(table: Table, buses: Sequence[Bus], axes: Sequence[Axis], folder: Path | None) -> Io:
+    """``[io]``; every bit has a name that something uses."""
+    clamps = [axis.clamp for axis in axes if axis.clamp is not None]
+    inputs = _bits(table, "inputs", (*INPUTS, *(c.input for c in clamps if c.input)))
+    outputs = _bits(table, "outputs", (*OUTPUTS, *(c.output for c in clamps)))
+    found = Io(
+        bus=table.text("bus", [bus.name for bus in buses], buses[0].name),
+        node=table.integer("node", 1, 126),
+        eds=_data_sheet(table, folder),
+        inputs=inputs,
+        outputs=outputs,
+        inverted=_inverted(table, [name for name, _ in (*inputs, *outputs)]),
+    )
+    table.finish()
+    return found
+
+
+def _data_sheet(table: Table, folder: Path | None) -> str:
+    if not table.has("eds"):
+        return ""
+    path = (folder or Path()) / table.text("eds")
+    if not path.is_file():
+        table.refuse("eds", f"there is no file {path}", "a path seen from the machine file", "correct it")
+    return str(path.resolve())
+
+
+def _bits(table: Table, key: str, known: Sequence[str]) -> tuple[tuple[str, int], ...]:
+    """``{ name = bit, ... }`` in the order of the bits."""
+    entry = table.table(key, f"{table.name} {key}", optional=True)
+    found: dict[str, int] = {}
+    for name in known:
+        if entry.has(name) and name not in found:
+            found[name] = entry.integer(name, 0, MOST_BITS - 1)
+            twins = [other for other, bit in found.items() if bit == found[name] and other != name]
+            if twins:
+                entry.refuse(name, f"{twins[0]} has this bit, too", "a bit per name", "change one")
+    for name in known:
+        entry.get(name, "", 0)  # known, so that ``finish`` lists it among what is allowed
+    entry.finish()
+    return tuple(sorted(found.items(), key=lambda row: row[1]))
+
+
+def _inverted(table: Table, names: Sequence[str]) -> tuple[str, ...]:
+    allowed = f"a list of names out of {', '.join(names) or 'inputs and outputs'}"
+    value = table.get("inverted", allowed, [])
+    if not isinstance(value, list) or not all(name in names for name in value):
+        table.refuse("inverted", "names something that is no input or output", allowed, "correct it")
+    return tuple(value)
+
+
+def audit(axes: Sequence[Axis], devices: tuple[Spindle | None, Io | None], file: str) -> None:
+    """What only the whole file can show: nodes used twice, clamps without their bits."""
+    turning, found = devices
+    taken = {(axis.bus, axis.node): f"axis {axis.name}" for axis in axes}
+    others = []
+    if turning is not None and turning.is_driven:
+        others.append(("[spindle]", turning.bus, turning.node))
+    if found is not None:
+        others.append(("[io]", found.bus, found.node))
+    for title, bus, node in others:
+        table = Table(file, title, {"node": node})
+        if (bus, node) in taken:
+            problem = f"{taken[bus, node]} is this node on bus {bus}"
+            table.refuse("node", problem, "a node per device", "change one")
+        taken[bus, node] = title
+    for axis in axes:
+        if axis.clamp is not None:
+            _audit_clamp(axis, axis.clamp, found, file)
+
+
+def _audit_clamp(axis: Axis, its: Clamp, found: Io | None, file: str) -> None:
+    table = Table(file, f"[[axis]] {axis.name} clamp", {"output": its.output, "input": its.input})
+    if found is None or found.output(its.output) is None:
+        names = ", ".join(name for name, _ in found.outputs) if found else "none, for there is no [io]"
+        table.refuse("output", "there is no such output in [io]", names, "add it to [io] outputs")
+    if its.input and found.input(its.input) is None:
+        names = ", ".join(name for name, _ in found.inputs)
+        table.refuse("input", "there is no such input in [io]", names, "add it to [io] inputs")

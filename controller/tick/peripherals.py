@@ -1,0 +1,322 @@
+"""Spindle, coolant, clamps and safety inputs: what the program wants of them, and what they forbid.
+
+The program speaks at rest, by a piece that ``sets``; from then on motion waits until all
+of them are as told. What an operator's hand can reach is off outside of a program:
+
+```
+   mode          spindle, coolant                    clamps
+   OFF, READY    off                                 closed as soon as the axes stand
+   HOMING        off                                 open for the axes that home
+   RUNNING, HOLD as the program says; off while the  as the program says
+                 door is open and the axes stand
+   FAULT         as before until the axes stand      as before until the axes stand
+                 or have been given up, then off
+```
+Inputs read 1 where all is well (circuit and door closed, supply there), so a broken wire stops
+the machine. Opening a clamp lets an axis go that its drive must hold; closing one on an axis that
+moves would break it, and is done only when its own feedback stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from controller.handoff import Piece
+from controller.machine import Axis, Clamp, Io, Machine
+from controller.state import Fault, Mode
+from controller.tick.mode import Modes
+from drives.settings import MasterSettings
+
+STANDING_SHARE = 1e-3  # of an axis' largest velocity: slower is standing ...
+STANDING_S = 0.05  # ... for so long
+SPEED_LOST_S = 0.5  # a spindle that has been at speed may sag for so long in the cut
+FLOW_S = 2.0  # until coolant flows
+FRESH_TICKS = 4  # what a drive says within these is of the order before
+MIST, FLOOD = 1, 2
+
+# Inputs that forbid motion while they are 0, the hardest first.
+_INTERLOCKS = (
+    ("estop", Fault.ESTOP_INPUT),
+    ("power", Fault.POWER_LOST),
+    ("tool_clamped", Fault.CLAMP),
+    ("door", Fault.DOOR_OPEN),
+)
+_PROGRAM = (Mode.RUNNING, Mode.HOLD, Mode.STOPPING, Mode.FAULT)
+
+
+class SpindleDrive(Protocol):
+    """What is needed of ``drives.spindle``."""
+
+    @property
+    def at_speed(self) -> bool: ...
+    @property
+    def rev_min(self) -> float: ...
+    def want_speed(self, rev_min: float, /) -> None: ...
+
+
+class IoNode(Protocol):
+    """What is needed of ``drives.io_node``: words, bit n is input or output n."""
+
+    @property
+    def inputs(self) -> int: ...
+    def fresh(self, now_s: float, consumer_s: float, /) -> bool: ...
+    def write(self, outputs: int, /) -> None: ...
+
+
+class Clamped:
+    """One clamped axis: what its clamp is told, and whether it has done so."""
+
+    def __init__(self, index: int, axis: Axis, clamp: Clamp, io: Io, period_s: float) -> None:
+        report = io.input(clamp.input)
+        self.index = index
+        self.bit = 1 << index
+        self.is_open = False  # as told
+        self._output = 1 << (io.output(clamp.output) or 0)
+        self._closed = 0 if report is None else 1 << report
+        self._most = round(clamp.open_s / period_s)
+        self._told = 0  # ticks since it was told
+        self._still = 0  # ticks in which the axis stood
+        self._still_ticks = round(STANDING_S / period_s)
+        self._step = STANDING_SHARE * axis.limits.velocity * period_s
+        self._at = 0.0
+
+    def turn(self, wanted: bool, actual: float, ticks: int) -> int:
+        """Tells the clamp; its output's bit, 0 where it is to be closed."""
+        moved = abs(actual - self._at)
+        self._at = actual
+        self._still = self._still + ticks if moved <= self._step * ticks else 0
+        self._told += ticks
+        if wanted is not self.is_open and (wanted or self._still >= self._still_ticks):
+            self.is_open = wanted
+            self._told = 0
+        return self._output if self.is_open else 0
+
+    def is_done(self, inputs: int) -> bool:
+        """Whether it is as told; without an input, when its time is over."""
+        if not self._closed:
+            return self._told >= self._most
+        return bool(inputs & self._closed) is not self.is_open and self._told >= FRESH_TICKS
+
+    def is_late(self, inputs: int) -> bool:
+        return self._told > self._most and not self.is_done(inputs)
+
+
+class Peripherals:
+    """All of them together.
+
+    Read: ``present`` (there is anything to ``watch``), ``waiting`` (motion must stand), ``rev_min``
+    and ``coolant`` (as told now), ``inputs`` and ``outputs`` (words by the machine file, 1 = on).
+    """
+
+    def __init__(
+        self, machine: Machine, spindle: SpindleDrive | None = None, nodes: Sequence[IoNode] = ()
+    ) -> None:
+        period_s, io = machine.period_s, machine.io
+        self._spindle = spindle
+        self._node = nodes[0] if nodes and io is not None else None
+        self._consumer_s = MasterSettings(period_s=period_s).consumer_s
+        self.present = spindle is not None or self._node is not None
+        self._flip_inputs, self._flip_outputs = _flips(io)
+        self._interlocks = _interlocks(io)
+        self._flow, self._mist, self._flood = _masks(io)
+        self._clamps = _clamps(machine, io) if self._node is not None else ()
+        spin_up_s = machine.spindle.spin_up_s if machine.spindle is not None else 0.0
+        self._spin_up_ticks = round(spin_up_s / period_s)
+        self._sag_ticks = round(SPEED_LOST_S / period_s)
+        self._flow_ticks = round(FLOW_S / period_s)
+        self._wanted = (0.0, 0, 0)  # rev/min, coolant, open clamps: what the program says
+        self._homing = 0  # clamps to be open for an axis that homes
+        self._was_running = self._was_homing = False
+        self._waited = self._sagged = self._dry = 0  # ticks
+        self.waiting = False
+        self.rev_min = 0.0
+        self.coolant = 0
+        self.inputs = 0
+        self.outputs = 0
+
+    @property
+    def at_speed(self) -> bool:
+        """Whether the spindle turns as told; true without a spindle of ours."""
+        return self._spindle is None or self._spindle.at_speed
+
+    @property
+    def actual_rev_min(self) -> float:
+        return self.rev_min if self._spindle is None else self._spindle.rev_min
+
+    # -- what comes from outside
+
+    def tell(self, piece: Piece) -> None:
+        """The program has come to a piece that ``sets``."""
+        if self.present:
+            self._wanted = (piece.spindle_rev_min, piece.coolant, piece.open_clamps)
+            self._wait()
+
+    def opens_for(self, axes: int) -> bool:
+        """Opens the clamps of axes (bit mask) that are about to home; True when they are open."""
+        if not self._clamps:
+            return True
+        self._homing = axes
+        mine = [clamp for clamp in self._clamps if clamp.bit & axes]
+        return all(clamp.is_open and clamp.is_done(self.inputs) for clamp in mine)
+
+    def late_to_open(self) -> int:
+        """Index of an axis whose clamp has not opened in time for homing, or -1."""
+        for clamp in self._clamps:
+            if clamp.bit & self._homing and clamp.is_open and clamp.is_late(self.inputs):
+                return clamp.index
+        return -1
+
+    def _wait(self) -> None:
+        self.waiting, self._waited = True, 0
+
+    def coolant_off(self) -> None:
+        """The tick is about to end by an error of its own; clamps stay as they are."""
+        if self._node is not None:
+            self._node.write((self.outputs & ~(self._mist | self._flood)) ^ self._flip_outputs)
+
+    # -- every tick
+
+    def watch(self, now_s: float, modes: Modes, actual: Sequence[float], standing: bool, ticks: int) -> None:
+        """Reads the inputs, judges them, and tells spindle, coolant and clamps what is due.
+
+        ``standing``: the commanded joints stand; ``actual``: mm, rad.
+        """
+        open_door = self._read(now_s, modes)
+        self._tell_all(modes, actual, standing, open_door, ticks)
+        running = modes.running
+        if running and not self._was_running:
+            self._wait()
+        self._was_running = running
+        if running:
+            self._judge(modes, ticks)
+
+    def _read(self, now_s: float, modes: Modes) -> bool:
+        """The inputs, and what they forbid; True if the door is open."""
+        if self._node is None:
+            return False
+        if not self._node.fresh(now_s, self._consumer_s):
+            modes.interlock = Fault.IO_LOST if self._interlocks else Fault.NONE
+            return False
+        self.inputs = inputs = self._node.inputs ^ self._flip_inputs
+        found = Fault.NONE
+        for mask, fault in self._interlocks:
+            if not inputs & mask:
+                found = fault
+                break
+        modes.interlock = found
+        if found is not Fault.NONE:
+            self._forbid(found, modes)
+        return found is Fault.DOOR_OPEN
+
+    def _forbid(self, found: Fault, modes: Modes) -> None:
+        if found in (Fault.ESTOP_INPUT, Fault.POWER_LOST):
+            if modes.mode is not Mode.FAULT or modes.fault is not found:
+                modes.fail(found, -1)
+        elif modes.mode in (Mode.RUNNING, Mode.HOMING) or (modes.mode is Mode.HOLD and self.rev_min):
+            modes.fail(found, -1)
+
+    def _tell_all(
+        self, modes: Modes, actual: Sequence[float], standing: bool, open_door: bool, ticks: int
+    ) -> None:
+        mode = modes.mode
+        given_up = mode is Mode.FAULT and (standing or not modes.on_path)
+        if mode not in _PROGRAM or given_up:
+            self._wanted, self.waiting = (0.0, 0, 0), False
+        if mode is Mode.HOMING:
+            self._was_homing = True
+        elif self._was_homing or mode is not Mode.OFF:
+            self._homing, self._was_homing = 0, False
+        rev_min, coolant, is_open = self._wanted
+        if open_door and standing:
+            rev_min, coolant = 0.0, 0
+        if rev_min != self.rev_min and not self.waiting and modes.running:
+            self._wait()
+        self.rev_min, self.coolant = rev_min, coolant
+        if self._spindle is not None:
+            self._spindle.want_speed(rev_min)
+        if self._node is not None:
+            self._put_out(is_open | self._homing, actual, ticks)
+
+    def _put_out(self, is_open: int, actual: Sequence[float], ticks: int) -> None:
+        outputs = (self._mist if self.coolant & MIST else 0) | (self._flood if self.coolant & FLOOD else 0)
+        for clamp in self._clamps:
+            outputs |= clamp.turn(bool(clamp.bit & is_open), actual[clamp.index], ticks)
+        self.outputs = outputs
+        assert self._node is not None
+        self._node.write(outputs ^ self._flip_outputs)
+
+    # -- judgement, while the program runs
+
+    def _judge(self, modes: Modes, ticks: int) -> None:
+        for clamp in self._clamps:
+            if clamp.is_late(self.inputs):
+                modes.fail(Fault.CLAMP, clamp.index)
+                return
+        if self.waiting:
+            self._await(modes, ticks)
+        elif self.at_speed:
+            self._sagged = 0
+        else:
+            self._sagged += ticks
+            if self._sagged > self._sag_ticks:
+                self._sagged = 0
+                modes.fail(Fault.SPINDLE_NOT_AT_SPEED, -1)
+        self._look_for_flow(modes, ticks)
+
+    def _await(self, modes: Modes, ticks: int) -> None:
+        self._waited += ticks
+        spindle_done = self._spindle is None or (self._waited >= FRESH_TICKS and self._spindle.at_speed)
+        if not spindle_done:
+            if self._waited > self._spin_up_ticks:
+                modes.fail(Fault.SPINDLE_NOT_AT_SPEED, -1)
+            return
+        wanted = self._wanted[2]
+        for clamp in self._clamps:
+            if clamp.is_open is not bool(clamp.bit & wanted) or not clamp.is_done(self.inputs):
+                return
+        self.waiting = False
+
+    def _look_for_flow(self, modes: Modes, ticks: int) -> None:
+        if not self._flow or not self.coolant or self.inputs & self._flow:
+            self._dry = 0
+            return
+        self._dry += ticks
+        if self._dry > self._flow_ticks:
+            self._dry = 0
+            modes.fail(Fault.COOLANT_LOST, -1)
+
+
+def _flips(io: Io | None) -> tuple[int, int]:
+    """Bits of inputs and outputs whose wire is 0 when they are on."""
+    if io is None:
+        return 0, 0
+    return _mask(io.inputs, io.inverted), _mask(io.outputs, io.inverted)
+
+
+def _mask(bits: Sequence[tuple[str, int]], names: Sequence[str]) -> int:
+    return sum(1 << bit for name, bit in bits if name in names)
+
+
+def _interlocks(io: Io | None) -> tuple[tuple[int, Fault], ...]:
+    if io is None:
+        return ()
+    rows = ((io.input(name), fault) for name, fault in _INTERLOCKS)
+    return tuple((1 << bit, fault) for bit, fault in rows if bit is not None)
+
+
+def _masks(io: Io | None) -> tuple[int, int, int]:
+    """Input that shows the coolant's flow, outputs of mist and of flood; 0 = there is none."""
+    if io is None:
+        return 0, 0, 0
+    return _mask(io.inputs, ["coolant_flow"]), _mask(io.outputs, ["mist"]), _mask(io.outputs, ["coolant"])
+
+
+def _clamps(machine: Machine, io: Io | None) -> tuple[Clamped, ...]:
+    if io is None:
+        return ()
+    return tuple(
+        Clamped(i, axis, axis.clamp, io, machine.period_s)
+        for i, axis in enumerate(machine.axes)
+        if axis.clamp is not None
+    )

@@ -1,0 +1,279 @@
+"""Spindle, coolant, clamps and inputs on the tick's bench, with devices that do as the test says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from machines import machine as make_machine
+from ticking import Bench, s_curve, straight
+
+from controller.handoff import Piece, dwell
+from controller.machine import Clamp, Io, Joints, Machine, Spindle
+from controller.state import Fault, Mode, Request
+from controller.tick.peripherals import Peripherals
+
+HERE: Joints = (0.0, 0.0, 0.0, 0.0, 0.0)
+THERE: Joints = (40.0, 0.0, 0.0, 0.0, 0.0)
+ESTOP, DOOR, TOOL, POWER, FLOW, CLOSED = (1 << bit for bit in range(6))
+COOLANT, MIST, OPEN = (1 << bit for bit in range(3))
+ALL_WELL = ESTOP | DOOR | TOOL | POWER | FLOW | CLOSED
+INPUTS = ("estop", "door", "tool_clamped", "power", "coolant_flow", "a_closed")
+OUTPUTS = ("coolant", "mist", "a_open")
+
+
+class FakeSpindle:
+    """Is at speed ``slow`` ticks after it was told another."""
+
+    def __init__(self) -> None:
+        self.rev_min = 0.0
+        self.at_speed = True
+
+    def want_speed(self, rev_min: float) -> None:
+        if rev_min != self.rev_min:
+            self.rev_min, self.at_speed = rev_min, False
+
+
+class FakeNode:
+    """Inputs as the test says; the clamp of A reports at once."""
+
+    def __init__(self) -> None:
+        self.inputs, self.outputs = ALL_WELL, 0
+        self.heard = self.obeys = True
+
+    def fresh(self, now_s: float, consumer_s: float) -> bool:
+        return self.heard
+
+    def write(self, outputs: int) -> None:
+        self.outputs = outputs
+        if self.obeys:
+            self.inputs = self.inputs & ~CLOSED if outputs & OPEN else self.inputs | CLOSED
+
+
+def equipped(**changes: Any) -> Machine:
+    built = make_machine()
+    axes = tuple(
+        replace(axis, clamp=Clamp("a_open", "a_closed", 0.1)) if axis.name == "A" else axis
+        for axis in built.axes
+    )
+    io = Io("main", 11, "", _bits(INPUTS), _bits(OUTPUTS))
+    spindle = Spindle(24000.0, "main", 10, counts_per_rev=4096.0, spin_up_s=0.2)
+    return replace(built, **{"axes": axes, "io": io, "spindle": spindle, **changes})
+
+
+def _bits(names: tuple[str, ...]) -> tuple[tuple[str, int], ...]:
+    return tuple((name, bit) for bit, name in enumerate(names))
+
+
+class Shop(Bench):
+    """A bench with a spindle and a node."""
+
+    def __init__(self, machine: Machine | None = None) -> None:
+        super().__init__(machine or equipped())
+        self.spindle, self.node = FakeSpindle(), FakeNode()
+        self.group.spindle, self.group.io = self.spindle, (self.node,)
+        self.cycle.peripherals = Peripherals(self.machine, self.spindle, [self.node])
+
+    def cut(self, rev_min: float = 6000.0, coolant: int = 2, clamps: int = 0) -> None:
+        """Started: it is told, and then moves; the tick in which it is told is over."""
+        self.enable()
+        piece, move = straight(HERE, THERE, lambda n: s_curve(n, 100.0, 1900.0, 48000.0))
+        told = Piece(-1, 1, dwell(0.0).law, 0.0, sets=True)
+        told = told._replace(spindle_rev_min=rev_min, coolant=coolant, open_clamps=clamps)
+        self.send([told, piece, dwell(0.0, end=True)], {0: move})
+        self.tick()
+        self.ask(Request.START)
+        self.tick(8)
+
+    @property
+    def stands(self) -> bool:
+        return self.cycle.follow.joints == HERE
+
+
+def test_motion_waits_until_the_spindle_is_at_speed() -> None:
+    shop = Shop()
+    shop.cut()
+    shop.tick(50)
+    assert shop.stands and shop.snapshot.waiting and shop.spindle.rev_min == 6000.0
+    shop.spindle.at_speed = True
+    shop.tick(20)
+    assert not shop.stands and not shop.snapshot.waiting
+    shop.close()
+
+
+def test_a_spindle_too_slow_holds_and_resume_waits_anew() -> None:
+    shop = Shop()
+    shop.cut()
+    shop.tick(105)
+    assert (shop.snapshot.mode, shop.snapshot.fault) == (Mode.HOLD, Fault.SPINDLE_NOT_AT_SPEED)
+    assert shop.stands
+    shop.spindle.at_speed = True
+    shop.ask(Request.RESUME)
+    shop.tick(30)
+    assert shop.snapshot.mode is Mode.RUNNING and not shop.stands
+    shop.close()
+
+
+def test_a_spindle_that_loses_its_speed_in_the_cut_holds_on_the_path() -> None:
+    shop = Shop()
+    shop.cut()
+    shop.cycle.peripherals._sag_ticks = 20
+    shop.spindle.at_speed = True
+    shop.tick(5)
+    shop.spindle.at_speed = False
+    shop.tick(20)
+    assert shop.snapshot.mode is Mode.RUNNING, "it may sag for a moment"
+    shop.tick()
+    assert (shop.snapshot.mode, shop.snapshot.fault) == (Mode.HOLD, Fault.SPINDLE_NOT_AT_SPEED)
+    assert not shop.stands
+    shop.close()
+
+
+@pytest.mark.parametrize(("coolant", "wanted"), ((0, 0), (1, MIST), (2, COOLANT), (3, MIST | COOLANT)))
+def test_coolant_words_switch_their_outputs_and_the_end_switches_them_off(coolant: int, wanted: int) -> None:
+    shop = Shop()
+    shop.cut(coolant=coolant)
+    shop.spindle.at_speed = True
+    shop.tick(10)
+    assert shop.node.outputs == wanted and shop.snapshot.coolant == coolant
+    shop.until(Mode.READY)
+    shop.tick(2)
+    assert shop.node.outputs == 0 and shop.spindle.rev_min == 0.0
+    shop.close()
+
+
+@pytest.mark.parametrize(
+    ("missing", "mode", "fault"),
+    (
+        (ESTOP, Mode.FAULT, Fault.ESTOP_INPUT),
+        (POWER, Mode.FAULT, Fault.POWER_LOST),
+        (TOOL, Mode.FAULT, Fault.CLAMP),
+        (DOOR, Mode.HOLD, Fault.DOOR_OPEN),
+    ),
+)
+def test_an_input_that_opens_in_motion_stops_it(missing: int, mode: Mode, fault: Fault) -> None:
+    shop = Shop()
+    shop.cut()
+    shop.spindle.at_speed = True
+    shop.tick(20)
+    shop.node.inputs &= ~missing
+    shop.tick()
+    assert (shop.snapshot.mode, shop.snapshot.fault, shop.snapshot.interlock) == (mode, fault, fault)
+    shop.until_rest()
+    shop.tick(5)
+    assert shop.spindle.rev_min == 0.0 and not shop.node.outputs & COOLANT
+    shop.close()
+
+
+def test_an_emergency_circuit_is_judged_in_every_mode_and_a_reset_does_not_pass_it() -> None:
+    shop = Shop()
+    shop.node.inputs &= ~ESTOP
+    shop.tick()
+    assert (shop.snapshot.mode, shop.snapshot.fault) == (Mode.FAULT, Fault.ESTOP_INPUT)
+    shop.ask(Request.RESET)
+    shop.tick(3)
+    assert shop.snapshot.mode is Mode.FAULT
+    shop.node.inputs |= ESTOP
+    shop.tick()
+    shop.ask(Request.RESET)
+    shop.tick()
+    assert shop.snapshot.mode is Mode.OFF
+    shop.close()
+
+
+@pytest.mark.parametrize("hidden", (False, True))
+def test_a_door_that_is_open_or_not_heard_of_allows_no_start(hidden: bool) -> None:
+    shop = Shop()
+    shop.enable()
+    shop.node.inputs &= ~(0 if hidden else DOOR)
+    shop.node.heard = not hidden
+    shop.tick()
+    shop.ask(Request.START)
+    shop.tick(3)
+    assert shop.snapshot.mode is Mode.READY and shop.snapshot.refused_request == Request.START
+    assert shop.snapshot.interlock is (Fault.IO_LOST if hidden else Fault.DOOR_OPEN)
+    shop.close()
+
+
+def test_coolant_that_does_not_flow_holds_at_the_end_of_the_block() -> None:
+    shop = Shop()
+    peripherals = shop.cycle.peripherals
+    shop.cut()
+    shop.spindle.at_speed = True
+    shop.node.inputs &= ~FLOW
+    peripherals._flow_ticks = 20
+    shop.tick(25)
+    assert shop.snapshot.fault is Fault.COOLANT_LOST and shop.snapshot.mode is Mode.RUNNING
+    shop.close()
+
+
+def test_an_inverted_input_and_output_are_on_when_their_wires_are_off() -> None:
+    plain = equipped()
+    assert plain.io is not None
+    shop = Shop(equipped(io=replace(plain.io, inverted=("door", "coolant"))))
+    shop.node.inputs &= ~DOOR
+    shop.cut()
+    assert shop.snapshot.interlock is Fault.NONE and shop.snapshot.inputs & DOOR
+    assert shop.snapshot.coolant == 2 and not shop.node.outputs & COOLANT
+    shop.close()
+
+
+# ---- clamps ------------------------------------------------------------------------
+
+A = 1 << 3
+
+
+def test_motion_waits_for_a_clamp_to_open_and_names_the_axis_of_one_that_does_not() -> None:
+    shop = Shop()
+    shop.node.obeys = False
+    shop.cut(rev_min=0.0, clamps=A)
+    assert shop.node.outputs & OPEN and shop.stands and shop.snapshot.waiting
+    shop.tick(60)
+    assert (shop.snapshot.fault, shop.snapshot.fault_axis) == (Fault.CLAMP, 3)
+    assert shop.stands
+    shop.close()
+
+
+def test_a_clamp_closes_only_on_an_axis_that_stands() -> None:
+    shop = Shop()
+    shop.cut(rev_min=0.0, clamps=A)
+    shop.tick(20)
+    assert shop.node.outputs & OPEN
+    shop.ask(Request.ESTOP)
+    drive = shop.group.drives[3]
+    for _ in range(100):
+        drive.position += 20_000  # by its own ramp
+        shop.tick()
+    assert shop.node.outputs & OPEN
+    shop.tick(30)
+    assert not shop.node.outputs & OPEN
+    shop.close()
+
+
+def test_homing_begins_when_the_clamp_is_open_and_the_clamp_closes_after_it() -> None:
+    shop = Shop()
+    shop.node.obeys = False
+    shop.ask(Request.HOME, A)
+    shop.tick(10)
+    assert shop.snapshot.mode is Mode.OFF and shop.node.outputs & OPEN
+    shop.node.obeys = True
+    shop.until(Mode.HOMING, 5)
+    shop.until(Mode.OFF, 20)
+    assert shop.snapshot.homed == A
+    shop.tick(40)
+    assert not shop.node.outputs & OPEN
+    shop.close()
+
+
+def test_a_machine_without_any_of_it_never_waits() -> None:
+    bench = Bench()
+    bench.enable()
+    piece, move = straight(HERE, THERE, lambda n: s_curve(n, 100.0, 1900.0, 48000.0))
+    bench.send([piece, dwell(0.0, end=True)], {0: move})
+    bench.tick()
+    bench.ask(Request.START)
+    bench.tick(3)
+    assert bench.cycle.follow.joints != HERE and not bench.snapshot.waiting
+    assert bench.snapshot.spindle_at_speed and bench.snapshot.outputs == 0
+    bench.close()
