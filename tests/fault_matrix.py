@@ -1,0 +1,170 @@
+"""Faults x modes: does each, judges what came of it, and brings the machine back to work.
+
+One machine goes through all modes of a fault, so that "run again" is shown by the next mode.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from fault_cases import AXIS, Case
+from fault_scene import MODES, Scene, fastest, jumps, stood_after_s
+
+from controller import times
+from controller.state import FAULTS, Fault, Mode, Reaction, Recovery, Request, stands_within_s
+
+SLACK = 1.003  # rounding to counts
+OVERSHOOT = 1.05  # of a servo
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """What came of one fault in one mode."""
+
+    case: str
+    mode: str
+    fault: Fault
+    stood_s: float
+    promised_s: float
+    jump: float  # largest step of a setpoint in use, share of the velocity limit
+    fastest: float  # of the motors, share of the velocity limit
+    problems: tuple[str, ...]
+
+    def text(self) -> str:
+        word = self.fault.name if self.fault is not Fault.NONE else "goes on"
+        took = f" {1000.0 * self.stood_s:.0f}/{1000.0 * self.promised_s:.0f} ms" if self.promised_s else ""
+        return f"{word}{took}" + (" !" if self.problems else "")
+
+
+def run(case: Case, mode: str, scene: Scene) -> Cell:
+    """One cell; the scene is left ready for the next one."""
+    _make_ready(scene, mode)
+    scene.looks.clear()
+    struck: list[float] = []
+
+    def strike() -> None:
+        struck.append(scene.rig.now_s)
+        case.strike(scene)
+
+    MODES[mode](scene, strike)
+    scene.after_tick = lambda: None
+    modes = scene.cycle.modes
+    fault = modes.fault
+    promised_s = stands_within_s(fault, times.of(scene.machine))
+    stood_s = stood_after_s(scene, struck[0], case.free) if fault is not Fault.NONE else 0.0
+    jump, slope = jumps(scene)
+    fast = fastest(scene)
+    problems = [
+        *_named(case, mode, scene),
+        *_stood(stood_s, promised_s),
+        *_smooth(case, jump, slope, fast),
+        *_recorded(scene, fault),
+        *_recovered(scene, fault, mode),
+    ]
+    return Cell(case.name, mode, fault, stood_s, promised_s, jump, fast, tuple(problems))
+
+
+def _make_ready(scene: Scene, mode: str) -> None:
+    modes = scene.cycle.modes
+    if modes.mode is Mode.READY and mode == "homing":
+        scene.request(Request.DISABLE)
+        scene.settle(0.4)
+    elif modes.mode is not Mode.READY and mode != "homing":
+        scene.come_up()
+    scene.settle(0.05)
+
+
+def _named(case: Case, mode: str, scene: Scene) -> list[str]:
+    modes, found = scene.cycle.modes, []
+    fault = modes.fault
+    if fault not in case.allowed(mode):
+        wanted = ", ".join(one.name for one in case.allowed(mode))
+        found.append(f"was called {fault.name} of axis {modes.fault_axis}, not {wanted}")
+    row = FAULTS[fault]
+    if row.reaction is Reaction.LOST_DRIVE and modes.fault_axis != AXIS and not case.all_axes:
+        found.append(f"axis {modes.fault_axis} was named")
+    trusted = not modes.untrusted
+    # What is being homed has no position yet; what came on top may have cost it.
+    expected = row.position_trusted and FAULTS[modes.warning].position_trusted and mode != "homing"
+    if fault is not Fault.NONE and trusted is not expected:
+        found.append(f"position trusted: {trusted}")
+    if modes.homed & modes.untrusted:
+        found.append("axes are homed and not trusted")
+    return found
+
+
+def _stood(stood_s: float, promised_s: float) -> list[str]:
+    if stood_s <= promised_s:
+        return []
+    return [f"stood after {1000 * stood_s:.0f} ms, promised {1000 * promised_s:.0f} ms"]
+
+
+def _smooth(case: Case, jump: float, slope: float, fast: float) -> list[str]:
+    found = []
+    if jump > SLACK:
+        found.append(f"a setpoint stepped {jump:.3f} times the velocity limit")
+    if slope > SLACK:
+        found.append(f"setpoints accelerated {slope:.3f} times the limit")
+    # A drive that missed frames makes up for them: so many steps at once are its own.
+    if fast > OVERSHOOT * (1 + case.loses):
+        found.append(f"a motor ran {fast:.2f} times its velocity limit")
+    return found
+
+
+def _recorded(scene: Scene, fault: Fault) -> list[str]:
+    keeper = scene.keeper
+    if fault is Fault.NONE:
+        return ["a recording without a fault"] if keeper.saved else []
+    if keeper.saved is None:
+        return ["nothing was recorded"]
+    names = sorted(path.name for path in keeper.saved.iterdir())
+    facts = json.loads((keeper.saved / "fault.json").read_text())
+    found = [] if names == ["fault.json", "frames.log", "trace.npz"] else [f"recorded: {names}"]
+    if facts["fault"] != fault.name:
+        found.append(f"the recording says {facts['fault']}")
+    if str(keeper.saved) not in scene.fault_text:
+        found.append("the sentence does not name the recording")
+    return found
+
+
+def _recovered(scene: Scene, fault: Fault, mode: str) -> list[str]:
+    """As the remedy says, and not less: an axis that is not trusted forbids the start."""
+    least = Recovery.HOME if mode == "homing" else Recovery.NOTHING
+    recovery = max(FAULTS[fault].recovery, FAULTS[scene.cycle.modes.warning].recovery, least)
+    scene.heal()
+    if fault is Fault.NONE:
+        return []
+    scene.request(Request.RESET)
+    scene.settle(0.05)
+    if recovery >= Recovery.COMMISSION:
+        scene.commission_again()
+    if recovery >= Recovery.HOME:
+        scene.come_up()
+    else:
+        scene.request(Request.ENABLE)
+        scene.settle(0.4)
+    modes = scene.cycle.modes
+    if modes.mode is not Mode.READY or modes.fault is not Fault.NONE or modes.untrusted:
+        return [f"after {recovery.name} it is in {modes.mode.name} with {modes.fault.name}"]
+    return []
+
+
+def table(cells: list[Cell]) -> str:
+    """The matrix as text: a row per fault, a column per mode; ! = not as it should be."""
+    rows = [["fault", *MODES]]
+    for name in dict.fromkeys(cell.case for cell in cells):
+        here = {cell.mode: cell.text() for cell in cells if cell.case == name}
+        rows.append([name, *(here.get(mode, "") for mode in MODES)])
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return "\n".join(
+        "  ".join(text.ljust(w) for text, w in zip(row, widths, strict=True)).rstrip() for row in rows
+    )
+
+
+def row(case: Case, folder: Path, modes: Iterable[str] = MODES) -> list[Cell]:
+    """A fault in mode after mode, on one machine; recordings go to ``folder``."""
+    scene = Scene(folder)
+    return [run(case, mode, scene) for mode in modes]
