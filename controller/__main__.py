@@ -17,10 +17,10 @@ from controller import config
 from controller.commands import bus, drives, faults
 from controller.machine import Machine, five
 from controller.motions import SurfaceCut
-from controller.plan import stored
-from controller.plan.path import Stretch
-from controller.plan.stretch import Note
-from controller.plan.survey import Survey
+from controller.plan.report import stored
+from controller.plan.report.survey import Survey
+from controller.plan.route.path import Stretch
+from controller.plan.route.stretch import Note
 from controller.session import checked, recording
 from controller.session import events as event_files
 from controller.session.bus_load import overload

@@ -17,11 +17,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qsl
 
-from drives import hub_protocol, pdo
-from drives.can_socket import CanSocket, cyclic_sync_request, kernel_filters, open_socket
-from drives.port import Buffer, BusError, FrameSocket, HubSocket, Port
+from drives import pdo
+from drives.ports.can_socket import CanSocket, cyclic_sync_request, kernel_filters, open_socket
+from drives.ports.port import Buffer, BusError, FrameSocket, HubSocket, Port
+from drives.ports.slcan_port import SlcanPort, open_serial
 from drives.settings import BusSettings
-from drives.slcan_port import SlcanPort, open_serial
+from drives.virtual import hub_protocol
 
 if TYPE_CHECKING:
     import can

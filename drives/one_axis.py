@@ -26,9 +26,9 @@ from drives import bus, commission, emergency_codes, pdo
 from drives.bus import Port
 from drives.cia402 import State, Wanted
 from drives.commission import Pump
-from drives.drive import Drive
-from drives.drive_fault import DriveFault
-from drives.group import Group
+from drives.cyclic.drive import Drive
+from drives.cyclic.drive_fault import DriveFault
+from drives.cyclic.group import Group
 from drives.profile import GENERIC, Profile
 from drives.settings import INT32_MAX, INT32_MIN, BusSettings, MasterSettings, NodeSettings
 

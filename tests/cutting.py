@@ -11,8 +11,9 @@ from controller import config
 from controller.handoff import COLUMN
 from controller.kinematics import Kinematics
 from controller.machine import Machine
-from controller.plan import blocks, path
-from controller.plan.path import Stretch
+from controller.plan.route import path
+from controller.plan.route.path import Stretch
+from controller.plan.text import blocks
 from controller.session.events import Event
 from controller.session.stepped import Run, SteppedMachine
 from controller.verify import trace

@@ -9,9 +9,9 @@ from fault_scene import Scene
 
 from controller.state import Fault, Request
 from drives import pdo
-from drives.fault_script import MASTER, Action, Injection, parse
 from drives.simulated.inputs import POSITIVE_LIMIT, STO
-from drives.stepped_port import PORT_LIMIT, SYNC_FRAME
+from drives.virtual.fault_script import MASTER, Action, Injection, parse
+from drives.virtual.stepped_port import PORT_LIMIT, SYNC_FRAME
 
 AXIS = 1  # Y: the one that faults are done to; it moves in every mode that moves
 

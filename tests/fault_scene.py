@@ -16,15 +16,16 @@ from cutting import program, shipped
 
 from controller.handoff import COLUMN
 from controller.machine import Homing, Machine
-from controller.plan import blocks, path
+from controller.plan.route import path
+from controller.plan.text import blocks
 from controller.session.events import Event
 from controller.session.recording import Keeper
 from controller.session.startup import SessionError
 from controller.session.stepped import SteppedMachine
 from controller.state import Fault, Mode, Request
 from drives.cia402 import Wanted
-from drives.fault_script import FaultScript
 from drives.simulated.drive import SimulatedDrive
+from drives.virtual.fault_script import FaultScript
 
 INDEX_SEARCH = 34  # homing on the next index pulse: it moves, and needs no switch
 SLOW = 0.2  # mm/s or rad/s

@@ -8,13 +8,13 @@ from pathlib import Path
 
 from drives import commission, pdo
 from drives.cia402 import Wanted
-from drives.drive import Drive
-from drives.drive_fault import DriveFault
-from drives.group import Group
-from drives.io_node import IoNode
+from drives.cyclic.drive import Drive
+from drives.cyclic.drive_fault import DriveFault
+from drives.cyclic.group import Group
+from drives.cyclic.io_node import IoNode
+from drives.cyclic.spindle import SpindleDrive
 from drives.settings import BusSettings, IoSettings, MasterSettings, NodeSettings, SpindleSettings
 from drives.simulated import Parameters, SimulatedDrive, rig
-from drives.spindle import SpindleDrive
 
 CONFIG = Path(__file__).parents[1] / "config"
 EDS, IO_EDS = str(CONFIG / "eds" / "simulated_drive.eds"), str(CONFIG / "eds" / "simulated_io.eds")

@@ -16,9 +16,10 @@ from controller.handoff import COLUMN, Snapshot
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.motions import JointMove
-from controller.plan import blocks, path
-from controller.plan.path import Chain, Stretch
-from controller.plan.path import Path as TracedPath
+from controller.plan.route import path
+from controller.plan.route.path import Chain, Stretch
+from controller.plan.route.path import Path as TracedPath
+from controller.plan.text import blocks
 from controller.session import live
 from controller.session.live import Live
 from controller.state import Mode

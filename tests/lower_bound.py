@@ -19,7 +19,7 @@ from scipy.interpolate import PPoly, make_interp_spline
 
 from controller.kinematics import Kinematics
 from controller.machine import Kind, Limits, Machine
-from controller.plan.path import Stretch, joints_along
+from controller.plan.route.path import Stretch, joints_along
 
 STABLE = 1e-3
 FIRST_GRID = 400

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drives import pdo
-from drives.budget import BusBudget
-from drives.virtual_bus import SteppedBus
+from drives.load.budget import BusBudget
+from drives.virtual.virtual_bus import SteppedBus
 
 ID_AND_FLAGS = 0xE000_07FF
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from controller import __main__ as command_line
 from controller import config
-from controller.plan import stored
+from controller.plan.report import stored
 from controller.session import checked, stepped
 
 PROGRAMS = Path(__file__).parent / "programs"

@@ -51,37 +51,45 @@ ARROWS: dict[str, set[str]] = {
     | {"config", "nodes", "profiles", "toml_table", "handoff", "plan", "verify", "session", "times"},
 }
 
+# Parts of drives that are values and tables, for all.
+VALUES = {"settings", "profile", "scale", "pdo", "cia402", "emergency_codes"}
+
+# Room of a folder -> rooms of it that it may import; files beside the rooms may import all.
+ROOMS: dict[str, dict[str, set[str]]] = {
+    "controller/plan": {
+        "text": set(),
+        "route": {"text"},
+        "feed": {"text", "route"},
+        "stops": {"feed"},
+    },
+    "drives": {
+        "load": VALUES,
+        "log": VALUES,
+        "virtual": VALUES | {"load"},
+        "ports": VALUES | {"virtual"},
+        "cyclic": VALUES | {"ports"},
+        "commissioning": VALUES,
+        "gateways": VALUES | {"bus", "ports", "virtual", "log"},
+        "simulated": VALUES | {"virtual", "gateways"},
+    },
+}
+
 # Who may import which part of drives ("*" = all).
 TO_DRIVES: dict[str, set[str]] = {
-    "config": {"settings", "profile", "budget"},
-    "tick": {"settings", "scale", "cia402", "pdo", "drive", "group", "budget", "bus"},
-    "session": {
-        "settings",
-        "pdo",
-        "drive",
-        "group",
-        "spindle",
-        "io_node",
-        "power_stage",
-        "bus",
-        "budget",
-        "commission",
-        "simulated",
-        "cia402",
-        "frame_log",
-        "emergency_codes",
-    },
+    "config": {"settings", "profile"},
+    "tick": {"settings", "scale", "cia402", "pdo", "bus", "cyclic"},
+    "session": VALUES | {"bus", "cyclic", "load", "log", "commission", "simulated"},
     "profiles": {"profile"},
     "nodes": {"settings"},
     "times": {"settings"},
-    "verify": {"budget", "bus_frames", "timeline"},  # to show them
+    "verify": {"load"},  # to show it
     "commands": {"*"},
     "__main__": {"*"},
 }
 
 # Outside package -> the only files that may import it.
 ONLY_IN: dict[str, set[str]] = {
-    "can": {"drives/bus.py", "drives/hub_bus.py"},
+    "can": {"drives/bus.py", "drives/virtual/hub_bus.py"},
     "canopen": {
         "drives/commissioning/network.py",
         "drives/commissioning/remote.py",
@@ -130,7 +138,7 @@ def wrong_imports(source: str, path: str) -> list[str]:
     found = []
     for line, name in imports(source, path):
         top, *rest = name.split(".")
-        reason = _outside(top, path, home, part) or _inside(top, rest, home, part)
+        reason = _outside(top, path, home, part) or _inside(top, rest, home, part) or _room(name, path)
         if reason:
             found.append(f"{path}:{line}: imports {name}: {reason}")
     return found
@@ -156,6 +164,18 @@ def _inside(top: str, rest: list[str], home: str, part: str) -> str:
     return ""
 
 
+def _room(name: str, path: str) -> str:
+    """Within a folder of rooms."""
+    for folder, rooms in ROOMS.items():
+        within, package = path.removeprefix(folder + "/"), folder.replace("/", ".") + "."
+        if within == path or not name.startswith(package):
+            continue
+        room, to = within.split("/")[0], name.removeprefix(package).split(".")[0]
+        if room in rooms and to not in rooms[room] | {room}:
+            return f"no arrow from the room {room} to {to}"
+    return ""
+
+
 def test_no_file_imports_along_an_arrow_that_is_not_drawn() -> None:
     wrong = [w for p in sources() for w in wrong_imports(p.read_text(), p.relative_to(ROOT).as_posix())]
     assert not wrong, "\n".join(wrong)
@@ -176,8 +196,8 @@ def test_the_drawing_itself_has_no_way_round() -> None:
 
 PLANTED = [
     # file, source, why it must be found
-    ("controller/plan/path.py", "from controller.tick import loop", "plan must not know the tick"),
-    ("controller/plan/path.py", "def f():\n    import controller.tick.loop", "also inside a function"),
+    ("controller/plan/route/path.py", "from controller.tick import loop", "plan must not know the tick"),
+    ("controller/plan/route/path.py", "def f():\n    import controller.tick.loop", "also inside a function"),
     ("controller/tick/loop.py", "from ..plan import profile", "also a relative import"),
     ("controller/tick/loop.py", "from controller import plan", "also by the package"),
     ("controller/tick/loop.py", "from controller.panel import http", "never tick to panel"),
@@ -189,11 +209,22 @@ PLANTED = [
     ("controller/curves.py", "from controller.surfaces import Cone", "curves know no surfaces"),
     ("controller/geometry.py", "from controller import machine", "a leaf imports no other part"),
     ("controller/config.py", "from controller.kinematics import Kinematics", "config reads, others compute"),
-    ("controller/plan/path.py", "from drives.group import Group", "only the tick speaks to drives"),
+    (
+        "controller/plan/route/path.py",
+        "from drives.cyclic.group import Group",
+        "only the tick speaks to drives",
+    ),
+    ("controller/plan/text/words.py", "from controller.plan.feed import limits", "text knows no limits"),
+    (
+        "controller/plan/route/path.py",
+        "from controller.plan.feed import profile",
+        "first the way",
+    ),
+    ("drives/cyclic/group.py", "from drives.virtual.hub import Hub", "the tick's side knows no hub"),
     ("controller/unknown.py", "from controller.geometry import X", "a part that is not drawn"),
-    ("drives/group.py", "from controller.machine import Axis", "drives stand on their own"),
+    ("drives/cyclic/group.py", "from controller.machine import Axis", "drives stand on their own"),
     ("drives/simulated/node.py", "import importlib\nimportlib.import_module('controller')", "also by call"),
-    ("drives/group.py", "def f():\n    import can", "python-can has one door"),
+    ("drives/cyclic/group.py", "def f():\n    import can", "python-can has one door"),
     ("drives/simulated/node.py", "import canopen.sdo", "canopen has one door"),
     ("controller/__main__.py", "import canopen", "for the command line, too"),
 ]
@@ -205,12 +236,12 @@ def test_a_planted_arrow_is_found(path: str, source: str, reason: str) -> None:
 
 
 DRAWN = [
-    ("controller/tick/cycle.py", "from drives.group import Group\nfrom . import follow\nimport math"),
-    ("controller/plan/limits.py", "import numpy as np\nfrom controller import jets, motions"),
+    ("controller/tick/cycle.py", "from drives.cyclic.group import Group\nfrom . import follow\nimport math"),
+    ("controller/plan/feed/limits.py", "import numpy as np\nfrom controller import jets, motions"),
     ("controller/__main__.py", "from controller import config, tick\nfrom drives import commission"),
     ("controller/config.py", "from drives.settings import NodeSettings"),
     ("drives/bus.py", "def f():\n    import can"),
-    ("drives/simulated/node.py", "from ..virtual_bus import connect"),
+    ("drives/simulated/node.py", "from ..virtual.virtual_bus import connect"),
 ]
 
 

@@ -32,12 +32,12 @@ from controller.handoff import (
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.motions import JointMove, Motion, SurfaceCut
-from controller.plan.law import straight as closed_form
+from controller.plan.feed.law import straight as closed_form
 from controller.state import Mode, Request
 from controller.tick.cycle import Cycle
 from controller.tick.loop import Loop, SteppedClock
 from drives.cia402 import State, Wanted
-from drives.drive import DriveFault
+from drives.cyclic.drive import DriveFault
 
 Stops = Callable[[Piece, float, float], StopTable]  # of a piece that begins at a plan time; period
 

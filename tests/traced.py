@@ -11,9 +11,10 @@ from controller.geometry import angle_between, norm, subtract
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.motions import SurfaceCut
-from controller.plan import blocks, path
-from controller.plan.path import Chain, Path, Stretch
-from controller.plan.stretch import rotaries_of
+from controller.plan.route import path
+from controller.plan.route.path import Chain, Path, Stretch
+from controller.plan.route.stretch import rotaries_of
+from controller.plan.text import blocks
 
 HOME: Joints = (0.0, 0.0, 200.0, 0.0, 0.0)
 

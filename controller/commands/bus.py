@@ -14,8 +14,8 @@ from controller.session.bus_load import budgets, overload
 from controller.toml_table import ConfigError
 from controller.verify import bus_tables
 from controller.verify.console import Refused, refusals, show
-from drives import timeline
-from drives.budget import BusBudget
+from drives.load import timeline
+from drives.load.budget import BusBudget
 
 app = typer.Typer(add_completion=False)
 

@@ -12,15 +12,15 @@ from controller import config, nodes, profiles
 from controller.session.simulation import healthy_inputs, wires
 from controller.toml_table import ConfigError
 from controller.verify.console import Refused, refusals, tell
-from drives.fault_script import ScriptError
 from drives.gateways import options
-from drives.hub import Hub
 from drives.profile import Profile
 from drives.settings import BusSettings, IoSettings, SpindleSettings
 from drives.simulated import IoNode, SimulatedDrive, build, families, family_sheet
 from drives.simulated.can_bridge import InterfaceError
 from drives.simulated.parameters import LostSync, Parameters
 from drives.simulated.serve import Server, on_interface, run
+from drives.virtual.fault_script import ScriptError
+from drives.virtual.hub import Hub
 
 CHANNEL = Path(tempfile.gettempdir()) / "directrix-can"
 BIT_RATE = 1_000_000

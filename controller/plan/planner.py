@@ -28,8 +28,8 @@ from typing import NamedTuple
 from controller.handoff import PieceMessage, Snapshot
 from controller.kinematics import Kinematics
 from controller.machine import Machine
-from controller.plan.path import Chain, Pause, Stretch
-from controller.plan.program import ProgramError
+from controller.plan.route.path import Chain, Pause, Stretch
+from controller.plan.text.program import ProgramError
 from controller.plan.track import Track
 from controller.plan.window import Orders, Place, Sent, Windows
 from controller.state import Mode

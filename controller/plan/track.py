@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import ToolSpline
-from controller.plan import profile
-from controller.plan.program import ProgramError
-from controller.plan.stretch import Chain, Pause, Stretch
+from controller.plan.feed import profile
+from controller.plan.route.stretch import Chain, Pause, Stretch
+from controller.plan.text.program import ProgramError
 
 STANDS = -1  # motion id of a pause
 

@@ -16,11 +16,12 @@ import numpy as np
 from controller.handoff import STILL, Law, Piece, StopTable, dwell
 from controller.kinematics import Kinematics
 from controller.machine import Machine
-from controller.plan import binding, profile, stops
-from controller.plan.course import Course
-from controller.plan.path import Pause, Stretch
-from controller.plan.profile import Profile, State
-from controller.plan.program import Act
+from controller.plan.feed import binding, profile
+from controller.plan.feed.course import Course
+from controller.plan.feed.profile import Profile, State
+from controller.plan.route.path import Pause, Stretch
+from controller.plan.stops import table as stops
+from controller.plan.text.program import Act
 from controller.plan.track import Track, Unit
 
 FIRST_S = 2.5  # of motion in a window that must be ready soon ...

@@ -6,8 +6,8 @@ from typing import Any
 
 from controller import config
 from controller.machine import Machine
-from drives import budget
-from drives.budget import BusBudget
+from drives.load import budget
+from drives.load.budget import BusBudget
 
 
 def budgets(machine: Machine) -> list[BusBudget]:

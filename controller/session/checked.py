@@ -14,11 +14,13 @@ from pathlib import Path
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine, five
 from controller.motions import Rotaries
-from controller.plan import blocks, choices, path, stored, survey
-from controller.plan.program import Block, ProgramError
-from controller.plan.stored import Stored
-from controller.plan.stretch import Chain, Note, Pause, Stretch
-from controller.plan.survey import BlockUse, Survey
+from controller.plan.report import stored, survey
+from controller.plan.report.stored import Stored
+from controller.plan.report.survey import BlockUse, Survey
+from controller.plan.route import choices, path
+from controller.plan.route.stretch import Chain, Note, Pause, Stretch
+from controller.plan.text import blocks
+from controller.plan.text.program import Block, ProgramError
 
 NOTHING = "The program has no block that does anything; nothing to run."
 

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING
 from controller.machine import Machine
 
 if TYPE_CHECKING:
-    from controller.plan.stored import Stored
+    from controller.plan.report.stored import Stored
 
 END_S = 5.0  # to stand down; then it is killed
 

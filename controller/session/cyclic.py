@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from controller import config
 from controller.machine import Machine
 from drives.bus import Port
-from drives.drive import Drive
-from drives.group import Group
-from drives.io_node import IoNode
-from drives.power_stage import LOST_IN_A_ROW
-from drives.spindle import SpindleDrive
+from drives.cyclic.drive import Drive
+from drives.cyclic.group import Group
+from drives.cyclic.io_node import IoNode
+from drives.cyclic.power_stage import LOST_IN_A_ROW
+from drives.cyclic.spindle import SpindleDrive
 
 
 def group(machine: Machine, ports: Mapping[str, Port], patience_s: float = 0.0) -> Group:

@@ -16,7 +16,7 @@ import time
 from collections.abc import Sequence
 
 from drives import bus, pdo
-from drives.frame_log import FrameLog
+from drives.log.frame_log import FrameLog
 from drives.settings import BusSettings
 
 EVERYTHING = ((0, 0),)  # identifier, mask

@@ -24,7 +24,7 @@ from controller.handoff import (
     send_request,
 )
 from controller.machine import Bus, Machine
-from controller.plan.stored import Stored
+from controller.plan.report.stored import Stored
 from controller.session import children, simulation
 from controller.session.bus_load import overload
 from controller.session.children import Child, Job

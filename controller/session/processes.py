@@ -32,7 +32,7 @@ from controller.handoff import (
 from controller.kinematics import Kinematics
 from controller.machine import Machine, five
 from controller.plan.planner import Planner
-from controller.plan.program import ProgramError
+from controller.plan.text.program import ProgramError
 from controller.session import checked, children, cyclic
 from controller.session.children import Job
 from controller.session.startup import SessionError, StartUp, homing_mask

@@ -27,9 +27,10 @@ import numpy.typing as npt
 from controller.handoff import ROW, Recorder, Snapshot
 from controller.machine import Machine
 from controller.state import FAULTS, Fault, Mode, sentence
-from drives import emergency_codes, frame_log, pdo
+from drives import emergency_codes, pdo
 from drives.cia402 import State
-from drives.frame_log import FrameLog
+from drives.log import frame_log
+from drives.log.frame_log import FrameLog
 
 KEPT_S = 10.0  # before the fault
 STOP_S = 3.0  # at most after it

@@ -29,8 +29,8 @@ from controller.handoff import (
 )
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
-from controller.plan.path import Chain, Pause
 from controller.plan.planner import Planner
+from controller.plan.route.path import Chain, Pause
 from controller.session import cyclic
 from controller.session.events import Event
 from controller.session.recording import Keeper
@@ -40,7 +40,7 @@ from controller.state import Fault, Mode, Request, sentence
 from controller.tick.cycle import Cycle
 from controller.tick.loop import Loop, SteppedClock
 from drives import commission, pdo
-from drives.frame_log import FrameLog
+from drives.log.frame_log import FrameLog
 from drives.simulated.io_node import IoNode as SimulatedIo
 from drives.simulated.parameters import LostSync
 from drives.simulated.rig import rig

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 from controller.state import ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Reaction, Request
 from controller.times import ENABLE_S, HOMING_S
 from drives.cia402 import State, Wanted
-from drives.drive import DriveFault
+from drives.cyclic.drive import DriveFault
 
 MOST_OVERRIDE = 2.0
 WARNING = 1 << 7  # of the statusword (CiA 402)
@@ -32,7 +32,7 @@ DRIVE_FAULTS = {fault: Fault[fault.name] for fault in DriveFault}
 
 
 class Drives(Protocol):
-    """What the tick needs of ``drives.group.Group``."""
+    """What the tick needs of ``drives.cyclic.group.Group``."""
 
     sync_seen: bool
     syncs_seen: int

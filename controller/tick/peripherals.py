@@ -46,7 +46,7 @@ _PROGRAM = (Mode.RUNNING, Mode.HOLD, Mode.STOPPING, Mode.FAULT)
 
 
 class SpindleDrive(Protocol):
-    """What is needed of ``drives.spindle``."""
+    """What is needed of ``drives.cyclic.spindle``."""
 
     @property
     def at_speed(self) -> bool: ...
@@ -56,7 +56,7 @@ class SpindleDrive(Protocol):
 
 
 class IoNode(Protocol):
-    """What is needed of ``drives.io_node``: words, bit n is input or output n."""
+    """What is needed of ``drives.cyclic.io_node``: words, bit n is input or output n."""
 
     @property
     def inputs(self) -> int: ...

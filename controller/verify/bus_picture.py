@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from drives import timeline
-from drives.budget import BusBudget
-from drives.timeline import Slot
+from drives.load import timeline
+from drives.load.budget import BusBudget
+from drives.load.timeline import Slot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -11,9 +11,9 @@ from rich.bar import Bar
 from rich.console import Group
 from rich.table import Table
 
-from drives import timeline
-from drives.budget import BusBudget
-from drives.bus_frames import Row
+from drives.load import timeline
+from drives.load.budget import BusBudget
+from drives.load.bus_frames import Row
 
 COLUMNS, NUMBERS = 79, 35  # of the page; of id, bytes, lengths and start
 SHORTEST_BAR = 10

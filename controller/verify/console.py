@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from controller.plan.program import ProgramError
+from controller.plan.text.program import ProgramError
 
 tell = Console(stderr=True, highlight=False, soft_wrap=True)  # sentences, progress
 show = Console(highlight=False)  # results

@@ -7,7 +7,7 @@ import json
 import tempfile
 from typing import IO, Any, TextIO
 
-from controller.plan.survey import BlockUse
+from controller.plan.report.survey import BlockUse
 
 MOST_ROWS = 40  # of the table; JSON has all
 IN_MEMORY = 1 << 20  # bytes of JSON before they go to a file

@@ -12,9 +12,9 @@ from rich.table import Table
 
 from controller.handoff import COLUMN
 from controller.machine import Machine
-from controller.plan.binding import NUMBER_OF_CODES
-from controller.plan.survey import BlockUse, Survey
-from controller.plan.tally import Bound, Part, bounds
+from controller.plan.feed.binding import NUMBER_OF_CODES
+from controller.plan.report.survey import BlockUse, Survey
+from controller.plan.report.tally import Bound, Part, bounds
 from controller.verify.rows import Rows as Blocks
 
 Rows = Iterator[tuple[str, str]]

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from drives.virtual_bus import SteppedBus
+from drives.virtual.virtual_bus import SteppedBus
 
 
 class Host(Protocol):
-    """``drives.hub.Hub`` is one."""
+    """``drives.virtual.hub.Hub`` is one."""
 
     bus: SteppedBus
 

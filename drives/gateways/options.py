@@ -9,14 +9,14 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Protocol, TypeVar
 
-from drives import candump
 from drives.bus import BusError
-from drives.fault_script import FaultScript, ScriptError
 from drives.gateways.host import Host
 from drives.gateways.serial import SerialAdapter
 from drives.gateways.slcan import SlcanTerminal
 from drives.gateways.socketcand import PORT, SocketcandServer
-from drives.hub import Gateway
+from drives.log import candump
+from drives.virtual.fault_script import FaultScript, ScriptError
+from drives.virtual.hub import Gateway
 
 
 class Served(Host, Protocol):

@@ -9,13 +9,13 @@ SocketCAN does it on one interface.
 from __future__ import annotations
 
 from drives import bus, pdo
-from drives.error_counters import CONTROLLER, overflow_frame
 from drives.gateways.host import Host
 from drives.settings import BusSettings
+from drives.virtual.error_counters import CONTROLLER, overflow_frame
 
 
 class SerialAdapter:
-    """The adapter at ``channel``, see ``drives.slcan_port``. Raises BusError."""
+    """The adapter at ``channel``, see ``drives.ports.slcan_port``. Raises BusError."""
 
     def __init__(self, host: Host, channel: str, bit_rate: int) -> None:
         self.unsent = 0  # frames that the adapter did not take

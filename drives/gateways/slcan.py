@@ -10,9 +10,9 @@ import contextlib
 import os
 import tty
 
-from drives import slcan
 from drives.gateways.host import Host
 from drives.pdo import ERROR_FLAG
+from drives.ports import slcan
 
 VERSION, SERIAL = b"V1013\r", b"NDX01\r"
 OK, REFUSED = b"\r", b"\a"

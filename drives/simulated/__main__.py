@@ -10,9 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from drives.fault_script import ScriptError
 from drives.gateways import options
-from drives.hub import Hub
 from drives.settings import SpindleSettings
 from drives.simulated import build
 from drives.simulated.can_bridge import InterfaceError
@@ -21,6 +19,8 @@ from drives.simulated.drive import SimulatedDrive
 from drives.simulated.io_node import IoNode
 from drives.simulated.parameters import LostSync, Parameters
 from drives.simulated.serve import Server, on_interface, run
+from drives.virtual.fault_script import ScriptError
+from drives.virtual.hub import Hub
 
 COUNTS_PER_REV = 4096.0  # of spindles given by node id
 

@@ -19,10 +19,10 @@ from collections import deque
 from collections.abc import Callable
 
 from drives import pdo
-from drives.fault_script import FaultScript
-from drives.hub import Gateway, SyncLog
 from drives.pdo import FRAME_BYTES
-from drives.virtual_bus import SteppedBus
+from drives.virtual.fault_script import FaultScript
+from drives.virtual.hub import Gateway, SyncLog
+from drives.virtual.virtual_bus import SteppedBus
 
 SO_TIMESTAMPNS = 35
 TIME_STAMP = struct.Struct("qq")

@@ -24,7 +24,7 @@ from drives.simulated.station import INITIALISING, OPERATIONAL, PRE_OPERATIONAL,
 from drives.simulated.storage import Storage
 from drives.simulated.sync import Sync
 from drives.simulated.time_of_day import TimeOfDay
-from drives.virtual_bus import Handler, Link
+from drives.virtual.virtual_bus import Handler, Link
 
 START, STOP, ENTER_PRE_OPERATIONAL, RESET_NODE, RESET_COMMUNICATION = 0x01, 0x02, 0x80, 0x81, 0x82
 STATES = {START: OPERATIONAL, STOP: STOPPED, ENTER_PRE_OPERATIONAL: PRE_OPERATIONAL}

@@ -22,7 +22,7 @@ from drives.simulated.machine402 import POWERED
 from drives.simulated.parameters import LostSync, Parameters
 from drives.simulated.pdo_map import Pdo
 from drives.simulated.station import OPERATIONAL
-from drives.virtual_bus import Handler
+from drives.virtual.virtual_bus import Handler
 
 SYNC_LOST = 0x8700
 FEEDBACK = Struct("<IB3xHi2x")

@@ -14,7 +14,7 @@ from drives import pdo
 from drives.simulated.aborts import Abort, Code
 from drives.simulated.data_sheet import key
 from drives.simulated.station import INITIALISING, Station
-from drives.virtual_bus import Handler
+from drives.virtual.virtual_bus import Handler
 
 CONSUMER_AT, CONSUMERS = 0x1016, 8
 TOGGLE = 0x80

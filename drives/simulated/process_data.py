@@ -15,7 +15,7 @@ from drives.simulated import pdo_map
 from drives.simulated.emergency import Emergencies
 from drives.simulated.pdo_map import SYNCHRONOUS_REMOTE, Pdo
 from drives.simulated.station import OPERATIONAL, Station
-from drives.virtual_bus import Handler
+from drives.virtual.virtual_bus import Handler
 
 TOO_SHORT, TOO_LONG, LATE = 0x8210, 0x8220, 0x8250
 

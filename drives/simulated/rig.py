@@ -10,7 +10,7 @@ from drives.simulated import build
 from drives.simulated.drive import SimulatedDrive
 from drives.simulated.io_node import IoNode
 from drives.simulated.parameters import LostSync, Parameters
-from drives.virtual_bus import Filters, Port, SteppedBus
+from drives.virtual.virtual_bus import Filters, Port, SteppedBus
 
 
 class Rig:

@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from drives.hub import Hub
 from drives.simulated import build
 from drives.simulated.build import NodeLike
 from drives.simulated.can_bridge import CanBridge, open_interface
@@ -18,6 +17,7 @@ from drives.simulated.data_sheet import EDS
 from drives.simulated.drive import SimulatedDrive
 from drives.simulated.io_node import IoNode
 from drives.simulated.parameters import LostSync, Parameters
+from drives.virtual.hub import Hub
 
 PRIORITY = 30  # SCHED_FIFO; below the tick's, which spins for a tenth of a millisecond only
 

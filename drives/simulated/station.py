@@ -13,7 +13,7 @@ from drives import pdo
 from drives.pdo import FRAME
 from drives.simulated.dictionary import Dictionary
 from drives.simulated.parameters import Parameters
-from drives.virtual_bus import Link
+from drives.virtual.virtual_bus import Link
 
 INITIALISING, STOPPED = pdo.NMT_BOOT_UP, pdo.NMT_STOPPED
 OPERATIONAL, PRE_OPERATIONAL = pdo.NMT_OPERATIONAL, pdo.NMT_PRE_OPERATIONAL

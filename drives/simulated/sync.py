@@ -13,7 +13,7 @@ from drives.simulated.data_sheet import key
 from drives.simulated.emergency import Emergencies
 from drives.simulated.identifiers import BIT_30, IDENTIFIER
 from drives.simulated.station import INITIALISING, OPERATIONAL, PRE_OPERATIONAL, Station
-from drives.virtual_bus import Handler
+from drives.virtual.virtual_bus import Handler
 
 MISSED, WRONG_LENGTH = 0x8100, 0x8240
 LATEST_PERIODS = 1.5

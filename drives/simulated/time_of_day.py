@@ -14,7 +14,7 @@ from drives.simulated.aborts import Abort, Code
 from drives.simulated.data_sheet import key
 from drives.simulated.identifiers import BIT_30, IDENTIFIER
 from drives.simulated.station import OPERATIONAL, PRE_OPERATIONAL, Station
-from drives.virtual_bus import Handler
+from drives.virtual.virtual_bus import Handler
 
 AT = key(0x1012)
 CONSUMES, PRODUCES = 0x8000_0000, BIT_30

@@ -10,7 +10,8 @@ import pytest
 from cutting import Cut, cut, largest, off_the_path, off_the_plan, program, shipped
 
 from controller.handoff import Snapshot
-from controller.plan import blocks, path
+from controller.plan.route import path
+from controller.plan.text import blocks
 from controller.session.events import Event
 from controller.session.stepped import Run, SteppedMachine
 from controller.state import Fault, Mode, Request

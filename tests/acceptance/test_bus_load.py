@@ -13,9 +13,10 @@ from controller.session.bus_load import budgets, overload
 from controller.session.startup import SessionError
 from controller.session.stepped import SteppedMachine
 from controller.state import Fault
-from drives import budget, pdo
+from drives import pdo
+from drives.load import budget
 from drives.settings import BusSettings, MasterSettings, NodeSettings
-from drives.virtual_bus import Handler, Link, SteppedBus
+from drives.virtual.virtual_bus import Handler, Link, SteppedBus
 
 MASTER = MasterSettings()
 BUS = BusSettings("can", "virtual", "", 1_000_000)

@@ -25,7 +25,7 @@ from surfaces_of_the_paper import POINTS
 
 from controller.handoff import COLUMN
 from controller.machine import Homing, Machine
-from controller.plan.program import ProgramError
+from controller.plan.text.program import ProgramError
 from controller.session.events import Event
 from controller.state import Request
 

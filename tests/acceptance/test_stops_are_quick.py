@@ -19,8 +19,8 @@ from limits_in_traces import assert_in_limits
 from random_surfaces import compound, text
 
 from controller.machine import Machine
-from controller.plan.path import joints_along
-from controller.plan.program import ProgramError
+from controller.plan.route.path import joints_along
+from controller.plan.text.program import ProgramError
 from controller.session.events import Event
 from controller.state import Request
 

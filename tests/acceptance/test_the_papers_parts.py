@@ -165,7 +165,7 @@ def random_oblique(seed: int) -> object:
 @pytest.mark.slow
 def test_random_oblique_machines_cut_example_2() -> None:
     """Those that can tilt the tool to all its rulings; the rest must say so in a sentence."""
-    from controller.plan.program import ProgramError
+    from controller.plan.text.program import ProgramError
 
     cuts = 0
     for seed in range(12):

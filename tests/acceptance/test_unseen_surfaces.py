@@ -10,7 +10,7 @@ import pytest
 from cutting import SHIPPED, cut, largest, shipped
 from random_surfaces import compound, text
 
-from controller.plan.program import ProgramError
+from controller.plan.text.program import ProgramError
 
 
 def run_one(seed: int) -> bool:

@@ -29,10 +29,11 @@ from controller import config  # noqa: E402
 from controller.kinematics import Kinematics  # noqa: E402
 from controller.machine import Joints, Machine  # noqa: E402
 from controller.motions import ToolSpline  # noqa: E402
-from controller.plan import blocks, path  # noqa: E402
-from controller.plan import profile as profiles  # noqa: E402
-from controller.plan.course import Course  # noqa: E402
-from controller.plan.stretch import Chain, Pause, Stretch  # noqa: E402
+from controller.plan import path  # noqa: E402
+from controller.plan.feed import profile as profiles  # noqa: E402
+from controller.plan.feed.course import Course  # noqa: E402
+from controller.plan.route.stretch import Chain, Pause, Stretch  # noqa: E402
+from controller.plan.text import blocks  # noqa: E402
 
 HOME: Joints = (0.0, 0.0, 260.0, 0.0, 0.0)
 DEVIATION_EVERY = 200  # of the motions is held against the lines

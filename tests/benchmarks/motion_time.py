@@ -29,9 +29,9 @@ from random_surfaces import compound, text  # noqa: E402
 from controller.kinematics import Kinematics  # noqa: E402
 from controller.machine import Machine  # noqa: E402
 from controller.plan import profile  # noqa: E402
-from controller.plan.course import Course  # noqa: E402
-from controller.plan.path import Chain  # noqa: E402
-from controller.plan.program import ProgramError  # noqa: E402
+from controller.plan.feed.course import Course  # noqa: E402
+from controller.plan.route.path import Chain  # noqa: E402
+from controller.plan.text.program import ProgramError  # noqa: E402
 
 FEEDS = ("100.", "1000.", "3000.")
 MACHINES = ("trunnion", "fig4b", "fig4c", "fig4d", "table_head", "head_head", "oblique45")

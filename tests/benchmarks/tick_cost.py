@@ -44,8 +44,8 @@ from controller.tick import loop  # noqa: E402
 from controller.tick.cycle import Cycle  # noqa: E402
 from drives import pdo  # noqa: E402
 from drives.bus import HubSocket  # noqa: E402
-from drives.drive import Drive  # noqa: E402
-from drives.group import Group  # noqa: E402
+from drives.cyclic.drive import Drive  # noqa: E402
+from drives.cyclic.group import Group  # noqa: E402
 from drives.settings import MasterSettings, NodeSettings  # noqa: E402
 
 KEEPALIVE_TICKS = 10

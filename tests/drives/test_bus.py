@@ -6,9 +6,11 @@ import time
 import can
 import pytest
 
-from drives import bus, can_socket, hub_protocol, pdo
-from drives.frame_log import FrameLog
+from drives import bus, pdo
+from drives.log.frame_log import FrameLog
+from drives.ports import can_socket
 from drives.settings import BusSettings
+from drives.virtual import hub_protocol
 
 
 @pytest.fixture

@@ -19,8 +19,8 @@ from canopen.sdo.exceptions import SdoAbortedError
 from lone_drive import Lone
 from stepped_drives import EDS
 
-from drives.hub_bus import HubBus
 from drives.simulated.io_node import IO_EDS
+from drives.virtual.hub_bus import HubBus
 
 ROOT = Path(__file__).parents[2]
 NODE = 5

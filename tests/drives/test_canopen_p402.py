@@ -13,7 +13,7 @@ import pytest
 from canopen.profiles.p402 import BaseNode402
 from stepped_drives import EDS
 
-from drives.hub_bus import HubBus
+from drives.virtual.hub_bus import HubBus
 
 ROOT = Path(__file__).parents[2]
 NODE = 1

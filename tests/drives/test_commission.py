@@ -12,8 +12,8 @@ from stepped_drives import Bench, nodes
 from drives import commission, pdo
 from drives.cia402 import State, Wanted
 from drives.commission import CommissionError
-from drives.drive import Drive
-from drives.group import DriveFault, Group
+from drives.cyclic.drive import Drive
+from drives.cyclic.group import DriveFault, Group
 from drives.profile import GENERIC, CyclicMode, Supervision, Write
 from drives.settings import BusSettings, MasterSettings
 from drives.simulated import Parameters, rig

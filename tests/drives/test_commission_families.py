@@ -12,7 +12,7 @@ from real_sheets import SHEETS, sheet_of
 from controller import profiles
 from drives import commission, pdo
 from drives.commissioning import possible, sheet
-from drives.drive_fault import DriveFault
+from drives.cyclic.drive_fault import DriveFault
 from drives.profile import Supervision
 from drives.settings import BusSettings, MasterSettings, NodeSettings
 from drives.simulated import Rig, rig

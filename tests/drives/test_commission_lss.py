@@ -11,7 +11,7 @@ from drives.commissioning.lss import Lss
 from drives.settings import MasterSettings, NodeSettings
 from drives.simulated import SimulatedDrive
 from drives.simulated.data_sheet import key
-from drives.virtual_bus import SteppedBus
+from drives.virtual.virtual_bus import SteppedBus
 
 UNCONFIGURED = 255
 

@@ -15,13 +15,14 @@ from pathlib import Path
 import can
 import pytest
 
-from drives import bus, hub_protocol, pdo
+from drives import bus, pdo
 from drives.gateways import options
 from drives.gateways.slcan import SlcanTerminal
 from drives.gateways.socketcand import SocketcandServer
-from drives.hub import Hub
-from drives.hub_bus import HubBus
 from drives.settings import BusSettings
+from drives.virtual import hub_protocol
+from drives.virtual.hub import Hub
+from drives.virtual.hub_bus import HubBus
 
 ROOT = Path(__file__).parents[2]
 PATIENCE_S = 20.0

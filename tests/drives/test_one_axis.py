@@ -18,8 +18,8 @@ from drives.commission import CommissionError, Pump, stepped_pump
 from drives.one_axis import AxisError, OneAxis, trapezoid
 from drives.settings import BusSettings
 from drives.simulated import Parameters, SimulatedDrive
-from drives.stepped_port import Port
-from drives.virtual_bus import SteppedBus
+from drives.virtual.stepped_port import Port
+from drives.virtual.virtual_bus import SteppedBus
 
 ROOT = Path(__file__).parents[2]
 EDS = str(ROOT / "config" / "eds" / "simulated_drive.eds")

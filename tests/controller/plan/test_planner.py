@@ -13,9 +13,9 @@ from cutting import program, shipped
 from controller.handoff import Law, Piece, PieceMessage, Snapshot
 from controller.kinematics import Kinematics
 from controller.machine import Machine
-from controller.plan.path import Chain, Pause
 from controller.plan.planner import AHEAD_S, Planner
-from controller.plan.program import ProgramError
+from controller.plan.route.path import Chain, Pause
+from controller.plan.text.program import ProgramError
 from controller.state import Fault, Mode
 
 MOVES = "G0 X100.\nG1 F600. X120.\nX120. Y30.\nG4 P1.5\nM0\nG1 X0. Y0.\nM30\n"

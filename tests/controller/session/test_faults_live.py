@@ -24,8 +24,9 @@ from controller.session.children import Child
 from controller.session.live import Live
 from controller.session.startup import SessionError
 from controller.state import FAULTS, Fault, Mode, Request, stands_within_s
-from drives import candump, cia402, pdo
+from drives import cia402, pdo
 from drives.cia402 import State
+from drives.log import candump
 
 EXAMPLE_2 = program("example2_ready", "3000.")
 LATE_S = 0.02  # a hub that shares two processors with others

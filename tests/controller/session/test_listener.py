@@ -12,9 +12,9 @@ from living import until
 
 from controller.session.listener import Listener
 from drives import bus, pdo
-from drives.hub import Hub
-from drives.port import BusError
+from drives.ports.port import BusError
 from drives.settings import BusSettings
+from drives.virtual.hub import Hub
 
 
 @dataclass

@@ -34,8 +34,8 @@ from controller import config
 from controller.handoff import COLUMN, Snapshot
 from controller.kinematics import Kinematics
 from controller.machine import Machine
-from controller.plan import survey
-from controller.plan.path import Path as TracedPath
+from controller.plan.report import survey
+from controller.plan.route.path import Path as TracedPath
 from controller.session.startup import SessionError
 from controller.state import FAULTS, Fault, Mode, Request
 from drives import cia402, pdo

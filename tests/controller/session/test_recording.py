@@ -10,12 +10,14 @@ import pytest
 from cutting import shipped
 
 from controller.handoff import COLUMN, ROW
-from controller.plan import blocks, path
+from controller.plan.route import path
+from controller.plan.text import blocks
 from controller.session import recording
 from controller.session.recording import Facts
 from controller.session.stepped import Run, SteppedMachine
 from controller.state import Fault, Mode, Request
-from drives import candump, pdo
+from drives import pdo
+from drives.log import candump
 
 RAPID = "G21 G90 G54 G0 Y100.\nM30\n"
 

@@ -17,7 +17,7 @@ from controller.machine import Joints
 from controller.state import Fault, Mode, Request
 from controller.tick.loop import Loop, WallClock
 from drives.cia402 import Wanted
-from drives.drive import DriveFault
+from drives.cyclic.drive import DriveFault
 
 HERE: Joints = (0.0, 0.0, 0.0, 0.0, 0.0)
 THERE: Joints = (100.0, 60.0, -80.0, 1.0, 2.0)

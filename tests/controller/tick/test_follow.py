@@ -27,7 +27,7 @@ from controller.handoff import COLUMN, Piece, PieceMessage, dwell
 from controller.kinematics import Kinematics
 from controller.machine import Joints
 from controller.motions import Motion, SurfaceCut
-from controller.plan.law import split
+from controller.plan.feed.law import split
 from controller.state import Fault, Mode, Request
 
 HERE: Joints = (0.0, 0.0, 0.0, 0.0, 0.0)

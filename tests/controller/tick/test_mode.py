@@ -8,7 +8,7 @@ from ticking import FakeGroup
 from controller.state import ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Reaction, Request, follows
 from controller.tick.mode import DRIVE_FAULTS, Modes
 from drives.cia402 import Wanted
-from drives.drive import DriveFault
+from drives.cyclic.drive import DriveFault
 
 
 def modes_in(mode: Mode) -> tuple[Modes, FakeGroup]:

@@ -9,7 +9,7 @@ from lone_drive import PRE_OPERATIONAL, RESET_COMMUNICATION, RESET_NODE, START, 
 
 from drives import pdo
 from drives.simulated import IoNode
-from drives.virtual_bus import SteppedBus
+from drives.virtual.virtual_bus import SteppedBus
 
 FRAMES = 8000
 COMMANDS = (*[START] * 30, PRE_OPERATIONAL, STOP, RESET_NODE, RESET_COMMUNICATION, 0x55)

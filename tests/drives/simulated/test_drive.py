@@ -12,7 +12,7 @@ from drives.profile import Profile
 from drives.settings import MasterSettings
 from drives.simulated import LostSync, Parameters, SimulatedDrive
 from drives.simulated.machine402 import Power
-from drives.virtual_bus import SteppedBus
+from drives.virtual.virtual_bus import SteppedBus
 
 STEP = 400  # counts per tick at "full feed": 200000 counts/s
 

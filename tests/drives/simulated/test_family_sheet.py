@@ -14,8 +14,8 @@ from drives.one_axis import OneAxis
 from drives.profile import CyclicMode, Profile, Supervision
 from drives.settings import BusSettings
 from drives.simulated import SimulatedDrive, families, family_sheet
-from drives.stepped_port import Port
-from drives.virtual_bus import SteppedBus
+from drives.virtual.stepped_port import Port
+from drives.virtual.virtual_bus import SteppedBus
 
 FAMILIES = profiles.shipped()
 MAKERS = {

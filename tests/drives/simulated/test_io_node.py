@@ -10,7 +10,7 @@ import pytest
 from drives import pdo
 from drives.simulated import IoNode
 from drives.simulated.io_node import IO_EDS
-from drives.virtual_bus import SteppedBus
+from drives.virtual.virtual_bus import SteppedBus
 
 NODE = 11
 START, PRE_OPERATIONAL, RESET_NODE = 0x01, 0x80, 0x81

@@ -1,0 +1,336 @@
+"""The limits of a course as forms of a spline's coefficients: what the search must keep.
+
+Knots are exactly where the course changes its manners, so every interval lies in one stretch and
+is judged by the derivatives of its own side. From and to rest, between the last knot and
+the standstill, the law is one of constant jerk: there z goes with s^(4/3), so at
+the knot z' = 4/3 z / s, which ties the spline's outermost coefficient to its neighbour.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.plan.feed import tool_limits
+from controller.plan.feed.barrier import PRICE, SOFT, Form, Limits
+from controller.plan.feed.course import MARGIN, SPREAD, Course, Index
+from controller.plan.feed.limits import JUMP_SHARE, Derivatives
+from controller.plan.feed.mesh import Parts
+from controller.plan.feed.tool_limits import ToolRates
+
+Array = npt.NDArray[np.float64]
+
+INNER = (0.25, 0.5, 0.75)  # shares of an interval where a law is checked besides its ends
+GAUSS = (0.5 - 0.5 / 3.0**0.5, 0.5 + 0.5 / 3.0**0.5)  # shares of an interval at which time is weighed
+NEAR_TICKS = 3.0  # a jump that is spread over ticks leaves less of the limits so long
+SMOOTH = 1e-3  # of a limit: a jump that uses no more is none
+DEAR = 5.0  # price above a lowered feed, in times of what may be gained there
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """Knots of a law, (n + 1,) from its beginning to its rest, and derivatives at them.
+
+    ``starts``, ``inner`` and ``ends`` belong to the n intervals, each seen from inside.
+    """
+
+    parts: Parts
+    s: Array
+    part: Index  # of each interval
+    from_rest: bool
+    starts: Derivatives
+    ends: Derivatives
+    inner: tuple[Derivatives, ...]
+    tool: tuple[ToolRates, ...] = ()  # at starts, inner places and ends, where the machine has such limits
+
+    @staticmethod
+    def of(parts: Parts, s: Array, part: Index, from_rest: bool) -> Grid:
+        n, width = len(part), np.diff(s)
+        sides = np.flatnonzero(np.diff(part, append=-1))  # intervals whose end is not the next one's start
+        places = [s[:-1], s[sides + 1], *(s[:-1] + share * width for share in INNER)]
+        all_of = np.concatenate([part, part[sides], *[part] * len(INNER)])
+        d = parts.derivatives(np.concatenate(places), all_of)
+        after = np.arange(n) + 1
+        after[sides] = n + np.arange(len(sides))
+        begin = n + len(sides)
+        inner = tuple(_part(d, slice(begin + k * n, begin + (k + 1) * n)) for k in range(len(INNER)))
+        tool: tuple[ToolRates, ...] = ()
+        if tool_limits.has_limits(parts.course):
+            shares = (1e-9, *INNER, 1.0 - 1e-9)
+            tool = tuple(
+                tool_limits.rates(parts.course, s[:-1] + x * width, parts.index[part]) for x in shares
+            )
+        return Grid(parts, s, part, from_rest, _part(d, slice(0, n)), _part(d, after), inner, tool)
+
+    @property
+    def course(self) -> Course:
+        return self.parts.course
+
+    @property
+    def index(self) -> Index:
+        """Stretch of each interval."""
+        return self.parts.index[self.part]
+
+    @property
+    def own(self) -> slice:
+        """The intervals that the spline covers: all but those of constant jerk at rests."""
+        return slice(1 if self.from_rest else 0, len(self.part) - 1)
+
+    @property
+    def knots(self) -> Array:
+        """Of the spline, (m + 1,)."""
+        return self.s[1:-1] if self.from_rest else self.s[:-1]
+
+
+def _part(d: Derivatives, which: slice | Index) -> Derivatives:
+    return Derivatives(d.first[which], d.second[which], d.third[which])
+
+
+@dataclass(frozen=True, slots=True)
+class Spline:
+    """Forms of z and its derivatives at both ends of each interval, and of z at Gauss's two places."""
+
+    width: Array
+    z_start: Form
+    z_end: Form
+    slope_start: Form
+    slope_end: Form
+    bend: Form
+    gauss: Form  # (2, m)
+    first: float | None
+    last: float
+
+    @staticmethod
+    def of(grid: Grid) -> Spline:
+        t = grid.knots
+        h = np.diff(t)
+        before = np.concatenate([[t[0] - grid.s[0] if grid.from_rest else h[0]], h[:-1]])
+        after = np.concatenate([h[1:], [grid.s[-1] - t[-1]]])
+        none, a, b = np.zeros_like(h), before + h, h + after
+        z_start, z_end = Form(h / a, before / a, none), Form(none, after / b, h / b)
+        slope_start, slope_end = Form(-2.0 / a, 2.0 / a, none), Form(none, -2.0 / b, 2.0 / b)
+        bend = _mix((1.0 / h, slope_end), (-1.0 / h, slope_start))
+        places = [_mix((1.0, z_start), (x * h, slope_start), (0.5 * (x * h) ** 2, bend)) for x in GAUSS]
+        gauss = Form(*(np.stack([getattr(form, name) for form in places]) for name in ("low", "mid", "high")))
+        first = 1.0 / (3.0 + 2.0 * float(h[0] / before[0])) if grid.from_rest else None
+        last = 1.0 / (3.0 + 2.0 * float(h[-1] / after[-1]))
+        return Spline(h, z_start, z_end, slope_start, slope_end, bend, gauss, first, last)
+
+    def held(self, v: float, a: float) -> tuple[float, float]:
+        """c[0] and c[1] of a law that begins in motion."""
+        return v * v - a * float(self.width[0]), v * v + a * float(self.width[0])
+
+
+@dataclass(slots=True)
+class Shares:
+    """How much of each limit every interval may use, (n, 5) or (n,): less where a law came out above it."""
+
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    tip: Array
+
+    @staticmethod
+    def full(n: int) -> Shares:
+        return Shares(np.ones(n), np.ones((n, 5)), np.ones((n, 5)), np.ones(n))
+
+
+class Bounds:
+    """Limits of a grid, for one set of shares after another."""
+
+    def __init__(self, grid: Grid) -> None:
+        self.grid, self.spline = grid, Spline.of(grid)
+        course, n = grid.course, len(grid.part)
+        middle = 0.5 * (grid.s[1:] + grid.s[:-1])
+        self.velocity, self.acceleration, self.jerk = (
+            course.limit(middle, which, grid.index) for which in ("velocity", "acceleration", "jerk")
+        )
+        self.feed = self._feeds()
+        rates = (np.abs(d.first) + 1e-30 for d in (grid.starts, grid.ends))
+        self.speed = np.array([(self.velocity / rate).min(axis=1) for rate in rates])  # at both ends, (2, n)
+        if grid.tool:
+            sides = (grid.tool[0], grid.tool[-1])
+            limits = [tool_limits.most_speed(course, side, n) for side in sides]
+            self.speed = np.minimum(self.speed, MARGIN * np.array(limits))
+        self._jump = np.zeros((2, n, 5))  # of q' and q'' at the start of each interval
+        self._jump_room = np.ones((n, 5))  # what the jump of acceleration there may be
+        for i in np.flatnonzero(np.diff(grid.index)):
+            self._at_junction(int(i))
+        self._forms()
+
+    def _feeds(self) -> Array:
+        """Lowest feed in each interval, (n,)."""
+        s, part, parts = self.grid.s, self.grid.part, self.grid.parts
+        places = (s[:-1], 0.5 * (s[:-1] + s[1:]), s[1:])
+        return np.asarray(np.min([parts.feed(at, part) for at in places], axis=0))
+
+    def _at_junction(self, i: int) -> None:
+        """The speed between intervals ``i`` and ``i`` + 1, and what a jump there leaves of the limits."""
+        grid, T = self.grid, self.grid.course.machine.period_s
+        k = int(grid.index[i])
+        low, jump = grid.course.junction(k), grid.course.jump(k)
+        self.speed[1, i] = self.speed[0, i + 1] = low
+        v = min(low, float(min(self.feed[i], self.feed[i + 1])))
+        rate, curve = jump.rate * v, jump.curve * v * v
+        used = (rate / T + SPREAD * curve) / (T * self.jerk[i])
+        if used.max() < SMOOTH:
+            return
+        # Signed, so that what the rate and the curve do can cancel out.
+        self._jump[0, i + 1] = grid.starts.first[i + 1] - grid.ends.first[i]
+        self._jump[1, i + 1] = grid.starts.second[i + 1] - grid.ends.second[i]
+        self._jump_room[i + 1] = (JUMP_SHARE * self.jerk[i] * T - rate / T) / SPREAD
+        near = np.abs(grid.s - grid.s[i + 1]) <= NEAR_TICKS * T * v
+        which = near[1:] | near[:-1]
+        self.acceleration[which] *= 1.0 - np.minimum(rate / (T * self.acceleration[i]), JUMP_SHARE)
+        self.jerk[which] *= 1.0 - np.minimum(used, JUMP_SHARE)
+
+    def _forms(self) -> None:
+        f, own = self.spline, self.grid.own
+        s, e = _part(self.grid.starts, own), _part(self.grid.ends, own)
+        self._acceleration_start = _drive(s, f.z_start, f.slope_start)
+        self._acceleration_end = _drive(e, f.z_end, f.slope_end)
+        self._jerk_start = _jerk(s, f.z_start, f.slope_start, f.bend)
+        self._jerk_end = _jerk(e, f.z_end, f.slope_end, f.bend)
+
+    def limits(self, shares: Shares, z: Array) -> Limits:
+        """All limits, scaled to 1 where the spline is about ``z`` (m,) in each interval."""
+        f, own, root = self.spline, self.grid.own, np.sqrt(z)
+        acceleration = (self.acceleration * shares.acceleration)[own].T
+        jerk = (self.jerk * shares.jerk)[own].T / root
+        drives = [_over(self._acceleration_end, acceleration), *self._behind_junctions(acceleration)]
+        drives += self._tips(shares)
+        # The first half of an interval jerks as at a quarter of it, the second as at three.
+        early, late = _mix((0.75, f.z_start), (0.25, f.z_end)), _mix((0.25, f.z_start), (0.75, f.z_end))
+        caps = self._caps()
+        return Limits(
+            f.gauss,
+            0.5 * f.width,
+            _stacked([*(_both(form) for form in drives), *self._speeds(shares)]),
+            _stacked([_both(_over(form, jerk)) for form in (self._jerk_start, self._jerk_end)]),
+            _stacked([_rows_of(form, 10) for form in (early, late)]),
+            np.tile(root, (20, 1)),
+            caps,
+            self._cap_prices(caps, z),
+            f.first,
+            f.last,
+        )
+
+    def _behind_junctions(self, acceleration: Array) -> list[Form]:
+        """Acceleration behind a boundary and its jump there; elsewhere the interval before says the same."""
+        own, f = self.grid.own, self.spline
+        if not self._jump.any():
+            return []
+        jump = _mix((self._jump[1, own].T, f.z_start), (0.5 * self._jump[0, own].T, f.slope_start))
+        return [_over(self._acceleration_start, acceleration), _over(jump, self._jump_room[own].T)]
+
+    def _tips(self, shares: Shares) -> list[Form]:
+        """The tip's acceleration at both ends of each interval, along the sides of a polygon."""
+        most, f, own = self.grid.course.machine.tip_acceleration_mm_s2, self.spline, self.grid.own
+        if most is None or not self.grid.tool:
+            return []
+        found = []
+        limit = most * MARGIN * tool_limits.INSIDE * shares.tip[own]
+        angles = np.pi * np.arange(tool_limits.DIRECTIONS)[:, None] / tool_limits.DIRECTIONS
+        c, s = np.cos(angles), np.sin(angles)
+        for tool, z, slope in (
+            (self.grid.tool[0], f.z_start, f.slope_start),
+            (self.grid.tool[-1], f.z_end, f.slope_end),
+        ):
+            bend = c * tool.bend_along[own] + s * tool.bend_across[own]
+            found.append(_over(_mix((bend, z), (0.5 * c * tool.along[own], slope)), limit))
+        return found
+
+    def _speeds(self, shares: Shares) -> list[Form]:
+        f, own = self.spline, self.grid.own
+        start, end = ((speed * shares.velocity)[own] ** 2 for speed in self.speed)
+        z_first, z_last = self._at_rests(shares)
+        start[0], end[-1] = min(start[0], z_first), min(end[-1], z_last)
+        return [_over(_rows_of(f.z_start, 1), start[None]), _over(_rows_of(f.z_end, 1), end[None])]
+
+    def _at_rests(self, shares: Shares) -> tuple[float, float]:
+        """z at the first and last knot that a constant jerk from and to rest may reach."""
+        grid = self.grid
+        last = _rest_z(grid.s[-1] - grid.s[-2], grid.starts, grid.ends, -1, self.jerk[-1] * shares.jerk[-1])
+        if not grid.from_rest:
+            return np.inf, last
+        return _rest_z(grid.s[1] - grid.s[0], grid.ends, grid.starts, 0, self.jerk[0] * shares.jerk[0]), last
+
+    def _caps(self) -> Array:
+        """Largest coefficients: nowhere above the feed of any interval that they reach."""
+        feed = self.feed[self.grid.own] ** 2
+        cap = np.full(len(feed) + 2, np.inf)
+        for shift in range(3):
+            here = cap[shift : shift + len(feed)]
+            np.minimum(here, feed, out=here)
+        return cap
+
+    def _cap_prices(self, caps: Array, z: Array) -> Array:
+        """A motion that begins above the feed, as ``z`` does, is drawn down, never against other limits."""
+        prices = np.full(len(caps), PRICE)
+        over = np.maximum(np.concatenate([z[:1], z, z[-1:]]) / caps, 0.0)
+        far = (
+            (np.arange(len(caps)) < np.argmax(over <= 1.0))
+            if (over <= 1.0).any()
+            else np.ones_like(over, bool)
+        )
+        if not self.grid.from_rest and far.any():
+            weight = np.concatenate([self.spline.width[:1], self.spline.width, self.spline.width[-1:]])
+            soft = SOFT * weight / (weight * over)[far].sum()
+            # Time that an interval would save above the cap is never worth it.
+            saved = weight / np.sqrt(caps) / float((self.spline.width / np.sqrt(z)).sum())
+            prices[far] = np.minimum(np.maximum(soft, DEAR * saved), PRICE)[far]
+        return prices
+
+
+def _rest_z(h: float, inner: Derivatives, rest: Derivatives, i: int, jerk: Array) -> float:
+    """z at the knot at a distance ``h`` from a rest: v = 3 s / t, a = 2/3 v^2 / s, j = v^3 / (4.5 s^2)."""
+    sign = 1.0 if i == 0 else -1.0
+    even = inner.first[i] / (4.5 * h * h)
+    there = np.abs(inner.third[i] + sign * 2.0 * inner.second[i] / h + even)
+    here = np.abs(rest.first[i]) / (4.5 * h * h)
+    return float((jerk / (np.maximum(there, here) + 1e-30)).min() ** (2.0 / 3.0))
+
+
+def _drive(d: Derivatives, z: Form, slope: Form) -> Form:
+    """Joints' acceleration, (5, m)."""
+    return _mix((d.second.T, z), (0.5 * d.first.T, slope))
+
+
+def _jerk(d: Derivatives, z: Form, slope: Form, bend: Form) -> Form:
+    """Joints' jerk over the speed, (5, m)."""
+    return _mix((d.third.T, z), (1.5 * d.second.T, slope), (0.5 * d.first.T, bend))
+
+
+def _mix(*terms: tuple[Array | float, Form]) -> Form:
+    """The sum of forms, each times its factor."""
+    low, mid, high = (
+        sum((factor * value for factor, value in zip(factors, values, strict=True)), start=np.zeros(1))
+        for factors, values in (
+            ([k for k, _ in terms], [getattr(form, name) for _, form in terms])
+            for name in ("low", "mid", "high")
+        )
+    )
+    return Form(low, mid, high)
+
+
+def _over(form: Form, limit: Array) -> Form:
+    return Form(form.low / limit, form.mid / limit, form.high / limit)
+
+
+def _both(form: Form) -> Form:
+    """The form and its negative: two one-sided limits."""
+    return _stacked([form, Form(-form.low, -form.mid, -form.high)])
+
+
+def _rows_of(form: Form, n: int) -> Form:
+    return Form(np.tile(form.low, (n, 1)), np.tile(form.mid, (n, 1)), np.tile(form.high, (n, 1)))
+
+
+def _stacked(forms: list[Form]) -> Form:
+    return Form(
+        np.concatenate([form.low for form in forms]),
+        np.concatenate([form.mid for form in forms]),
+        np.concatenate([form.high for form in forms]),
+    )

@@ -1,0 +1,168 @@
+"""Stretches that run through, seen as one path with one coordinate.
+
+A motion law knows only a place on the course, its speed and so on; what the joints
+make of it, and what they allow, is asked here. Places are in the unit of the
+stretches' own s, counted on from the course's beginning.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.kinematics import Kinematics
+from controller.machine import Machine
+from controller.motions import ToolSpline
+from controller.plan.feed.limits import JUMP_SHARE, Derivatives, JointLimits, derivatives
+from controller.plan.route.stretch import Stretch
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+
+MARGIN = 0.998  # of each limit, for what differences on nodes do not see
+
+# Of the share of jerk that a junction may use, what the jump of rates may: the rest is
+# for the jump of acceleration that comes with it.
+RATE_SHARE = 0.7
+
+APART = 1e-3  # unit of s: of marks closer than that only the boundaries of stretches count
+
+# A jump of acceleration, sampled, is spread over three ticks by the quadratic B-spline,
+# whose largest value is 3/4 per period.
+SPREAD = 0.75
+
+
+@dataclass(frozen=True, slots=True)
+class Jump:
+    """What jumps where one stretch goes over into the next, per unit of s: q' and q'', (5,) each."""
+
+    rate: Array
+    curve: Array
+
+
+class Course:
+    """A row of stretches between two rests; the overrides scale feeds and rapids (1.0 = 100 %)."""
+
+    def __init__(
+        self,
+        stretches: Sequence[Stretch],
+        machine: Machine,
+        kinematics: Kinematics,
+        override: float = 1.0,
+        rapid_override: float = 1.0,
+    ) -> None:
+        self.stretches = tuple(stretches)
+        self.machine, self.kinematics = machine, kinematics
+        self.override, self.rapid_override = override, rapid_override
+        self.starts: Array = np.concatenate([[0.0], np.cumsum([s.motion.end for s in self.stretches])])
+        self._junctions: dict[int, float] = {}
+        self._jumps: dict[int, Jump] = {}
+
+    @property
+    def length(self) -> float:
+        return float(self.starts[-1])
+
+    def index(self, s: Array) -> Index:
+        """Index of the stretch in which each place lies (N,); a boundary belongs to the stretch behind it."""
+        found = np.searchsorted(self.starts, s, side="right") - 1
+        return np.clip(found, 0, len(self.stretches) - 1)
+
+    def derivatives(self, s: Array, index: Index | None = None) -> Derivatives:
+        """q', q'', q''' of the five joints at the places ``s`` (N,).
+
+        ``index`` names the stretches (N,): at a boundary both sides can be asked for.
+        """
+        index = self.index(s) if index is None else index
+        found = [np.empty((len(s), 5)) for _ in range(3)]
+        for k in np.unique(index):
+            here, stretch = index == k, self.stretches[k]
+            local = np.clip(s[here] - self.starts[k], 0.0, stretch.motion.end)
+            d = derivatives(stretch, local, self.kinematics)
+            found[0][here], found[1][here], found[2][here] = d.first, d.second, d.third
+        return Derivatives(*found)
+
+    def feed(self, s: Array, index: Index | None = None) -> Array:
+        """Programmed feed times override at each place (N,), in the unit of s per second; inf on rapids."""
+        index = self.index(s) if index is None else index
+        found = np.empty(len(s))
+        for k in np.unique(index):
+            here, stretch = index == k, self.stretches[k]
+            found[here] = stretch.feed_at(np.clip(s[here] - self.starts[k], 0.0, stretch.motion.end))
+        return found * self.override
+
+    @cached_property
+    def marks(self) -> Array:
+        """Places where the course changes its manners.
+
+        Boundaries of stretches, steps of the feed, and the joints of splines, where the
+        third derivative jumps.
+        """
+        found = [self.starts]
+        for start, stretch in zip(self.starts, self.stretches, strict=False):
+            steps = itertools.pairwise(stretch.feed_steps)
+            found.append(start + np.array([at for (_, before), (at, after) in steps if before != after]))
+            if isinstance(stretch.motion, ToolSpline):
+                found.append(start + np.frombuffer(stretch.motion.knots)[1:-1])
+        marks = np.unique(np.concatenate(found))
+        apart = np.minimum(np.diff(marks, prepend=-1.0), np.diff(marks, append=np.inf)) > APART
+        return np.asarray(marks[apart | np.isin(marks, self.starts)])
+
+    @cached_property
+    def limits(self) -> tuple[JointLimits, ...]:
+        """What each stretch may use of the joints' limits, the margin taken off."""
+        cut = JointLimits.of(self.machine, MARGIN)
+        rapid = JointLimits.of(self.machine, MARGIN * self.machine.rapid_share)
+        rapid = replace(rapid, velocity=rapid.velocity * self.rapid_override)
+        return tuple(rapid if s.feed_mm_s is None else cut for s in self.stretches)
+
+    def limit(self, s: Array, which: str, index: Index | None = None) -> Array:
+        """One of ``velocity``, ``acceleration``, ``jerk`` of the joints at each place, (N, 5)."""
+        index = self.index(s) if index is None else index
+        return np.array([getattr(limit, which) for limit in self.limits])[index]
+
+    # --- boundaries
+
+    @property
+    def junctions(self) -> tuple[float, ...]:
+        """Speed at which each inner boundary may be passed: the jump of rates fits into one tick."""
+        return tuple(self.junction(k) for k in range(len(self.stretches) - 1))
+
+    def junction(self, k: int) -> float:
+        """Speed at which the boundary between stretch ``k`` and the next may be passed.
+
+        A jump of q' is a step of velocity: in samples dq'v/T of acceleration and dq'v/T^2 of
+        jerk. A jump of q'' is a step of acceleration: 3/4 dq''v^2/T of jerk.
+        """
+        if k not in self._junctions:
+            jump, T = self.jump(k), self.machine.period_s
+            limits = self.limits[k]
+            step = np.minimum(limits.acceleration * T, limits.jerk * T * T) * JUMP_SHARE
+            rate = jump.rate / step
+            curve = SPREAD * jump.curve / (JUMP_SHARE * limits.jerk * T)
+            both = 2.0 / (rate + np.sqrt(rate * rate + 4.0 * curve) + 1e-30)  # rate v + curve v^2 = 1
+            self._junctions[k] = float(min(both.min(), (RATE_SHARE / (rate + 1e-30)).min()))
+        return self._junctions[k]
+
+    def jump(self, k: int) -> Jump:
+        """What jumps between stretch ``k`` and the next."""
+        if k not in self._jumps:
+            before, after = self.stretches[k], self.stretches[k + 1]
+            left = derivatives(before, np.array([before.motion.end]), self.kinematics)
+            right = derivatives(after, np.array([0.0]), self.kinematics)
+            self._jumps[k] = Jump(
+                np.abs(right.first[0] - left.first[0]), np.abs(right.second[0] - left.second[0])
+            )
+        return self._jumps[k]
+
+
+def slowest(course: Course, k: int) -> float:
+    """The lower of the feeds on both sides of the boundary behind stretch ``k``; inf between rapids."""
+    at = np.full(2, course.starts[k + 1])
+    found = course.feed(at, np.array([k, k + 1]))
+    return float(min(found.min(), math.inf))

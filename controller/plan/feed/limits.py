@@ -1,0 +1,164 @@
+"""How the joints change along a path, and what that allows.
+
+The joints q are functions of the path length s. With exact derivatives q', q'',
+q''' the motion law s(t) moves joint j by
+
+    velocity      q' v
+    acceleration  q'' v^2 + q' a
+    jerk          q''' v^3 + 3 q'' v a + q' j
+
+so every joint limit is a limit on (v, a, j) at each place of the path.
+
+**Mesh.** The law is sought on nodes x = 0, 1 .. n of a mesh s(x) and as the
+function w(x) = (dx/dt)^2. At a rest the mesh follows s ~ x^3, which is what a
+jerk-limited start does in time; so w is smooth and far from zero even where the
+speed is zero, and plain differences of w are accurate everywhere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from controller import jets
+from controller.geometry import Number
+from controller.kinematics import Kinematics
+from controller.machine import Machine
+from controller.motions import JointMove, SurfaceCut, ToolLine, ToolSpline
+from controller.plan.route import tool_paths
+from controller.plan.route.branch import joints_along
+from controller.plan.route.stretch import Stretch
+
+Array = npt.NDArray[np.float64]
+
+# Exact derivatives of the rotaries are 0/0 at a pole and lose 1/distance^3 digits
+# beside it; a micron inside they are those of the limit.
+POLE_MARGIN_MM = 1e-3
+
+# A jump of the joints' rates is spread over one tick. It may use this share of each
+# limit, the motion law around it the rest.
+JUMP_SHARE = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Derivatives:
+    """q', q'', q''' at N places of a stretch, each (N, 5), per mm (or degree) of s."""
+
+    first: Array
+    second: Array
+    third: Array
+
+    def velocity(self, v: Array) -> Array:
+        return self.first * v[:, None]
+
+    def acceleration(self, v: Array, a: Array) -> Array:
+        return self.second * (v * v)[:, None] + self.first * a[:, None]
+
+    def jerk(self, v: Array, a: Array, j: Array) -> Array:
+        cubic = self.third * (v**3)[:, None] + 3.0 * self.second * (v * a)[:, None]
+        return cubic + self.first * j[:, None]
+
+
+def derivatives(stretch: Stretch, s: Array, kinematics: Kinematics) -> Derivatives:
+    """Exact derivatives of the five joints with respect to s at the places ``s`` (N,)."""
+    if isinstance(stretch.motion, JointMove):
+        return _derivatives_of_move(stretch.motion, s)
+    if isinstance(stretch.motion, ToolLine):
+        return Derivatives(*tool_paths.derivatives_of_line(stretch.motion, s, kinematics))
+    if isinstance(stretch.motion, ToolSpline):
+        return Derivatives(*tool_paths.derivatives_of_spline(stretch.motion, s, kinematics))
+    return _derivatives_of_cut(stretch, stretch.motion, s, kinematics)
+
+
+def _derivatives_of_move(move: JointMove, s: Array) -> Derivatives:
+    per_s = 1.0 / move.end
+    (a0, b0), (a1, b1) = move.start_rotaries, move.end_rotaries
+    found = []
+    for order in (1, 2, 3):
+        xyz = [np.broadcast_to(c, s.shape) for c in move.curve.derivative(s * per_s, order, np)]
+        turns = [np.full_like(s, a1 - a0), np.full_like(s, b1 - b0)] if order == 1 else [0.0 * s, 0.0 * s]
+        values = [*xyz, *turns]
+        found.append(np.stack([values[i] for i in move.order], axis=1) * per_s**order)
+    return Derivatives(*found)
+
+
+def _series_in_arc_length(cut: SurfaceCut, u: Array) -> jets.Jet:
+    """u as a series in arc length: the reversion of s(u), whose rate is abs(C1')."""
+    rate = cut.surface.lower.derivative(jets.variable(u), 1, jets)
+    b = jets.sqrt(rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2]).c
+    b1, b2, b3 = b[0], b[1] / 2.0, b[2] / 3.0
+    return jets.Jet(np.stack([u, 1.0 / b1, -b2 / b1**3, (2.0 * b2 * b2 - b1 * b3) / b1**5]))
+
+
+def _derivatives_of_cut(stretch: Stretch, cut: SurfaceCut, s: Array, kinematics: Kinematics) -> Derivatives:
+    inside = np.clip(s, min(POLE_MARGIN_MM, cut.end / 3), max(cut.end - POLE_MARGIN_MM, 2 * cut.end / 3))
+    series = _series_in_arc_length(cut, cut.arc.u_along(inside))
+    tip, axis = cut.surface.pose(series, cut.offset_mm, jets)
+    tip, axis = cut.part.to_parent(tip), cut.part.turn(axis)
+    shown = joints_along(stretch, inside, kinematics)
+    first, second = _matching(kinematics.branches(axis, jets), shown, kinematics)
+    x, y, z = kinematics.linear(tip, (first, second), cut.length_mm, jets)
+    values: tuple[Number, ...] = (x, y, z, first, second)
+    joint = [values[i] for i in kinematics.order]
+    orders = [np.stack([_coefficient(q, k, s) for q in joint], axis=1) for k in (1, 2, 3)]
+    return Derivatives(orders[0], 2.0 * orders[1], 6.0 * orders[2])
+
+
+def _coefficient(q: Number, k: int, s: Array) -> Array:
+    """The k-th Taylor coefficient of a joint; a joint that does not move may be a bare number."""
+    return np.broadcast_to(np.asarray(q.c[k] if isinstance(q, jets.Jet) else 0.0, dtype=float), s.shape)
+
+
+def _matching(
+    pairs: Sequence[tuple[Number, Number]], shown: Array, kinematics: Kinematics
+) -> tuple[Number, Number]:
+    """Of the two branches, at each place the one the path is on."""
+    i, j = kinematics.order.index(3), kinematics.order.index(4)
+
+    def away(pair: Sequence[Number]) -> Array:
+        da = pair[0].c[0] - shown[:, i]
+        db = pair[1].c[0] - shown[:, j]
+        return np.asarray((1.0 - np.cos(da)) + (1.0 - np.cos(db)))
+
+    near = away(pairs[0]) <= away(pairs[1])
+    pick = [jets.Jet(np.where(near, p.c, q.c)) for p, q in zip(pairs[0], pairs[1], strict=True)]
+    return pick[0], pick[1]
+
+
+@dataclass(frozen=True, slots=True)
+class JointLimits:
+    """Limits of the five joints as arrays (5,), in mm or rad."""
+
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+
+    @staticmethod
+    def of(machine: Machine, share: float = 1.0) -> JointLimits:
+        limits = [axis.limits for axis in machine.axes]
+        return JointLimits(
+            np.array([x.velocity for x in limits]) * share,
+            np.array([x.acceleration for x in limits]) * share,
+            np.array([x.jerk for x in limits]) * share,
+        )
+
+    def path_speed(self, d: Derivatives) -> Array:
+        """Largest speed along the path that the velocity limits and, at a = 0, the others allow (N,)."""
+        tiny = 1e-30
+        by_velocity = self.velocity / (np.abs(d.first) + tiny)
+        by_acceleration = np.sqrt(self.acceleration / (np.abs(d.second) + tiny))
+        by_jerk = np.cbrt(self.jerk / (np.abs(d.third) + tiny))
+        return np.asarray(np.minimum(np.minimum(by_velocity, by_acceleration), by_jerk).min(axis=1))
+
+    def path_jerk(self, d: Derivatives) -> Array:
+        """Jerk along a straight start from rest that every joint's jerk limit allows (N,)."""
+        return np.asarray((self.jerk / (np.abs(d.first) + 1e-30)).min(axis=1))
+
+
+def ramp_length(speed: float, jerk: float) -> float:
+    """Length of a start from rest to ``speed`` with jerk +j then -j: v t / 2 with t = 2 sqrt(v / j)."""
+    return speed * math.sqrt(speed / jerk)

@@ -1,0 +1,309 @@
+"""Where on a course the motion law is sought: places close together where much happens in time.
+
+First the course is sampled: how fast every joint limit lets it be run at each place. From
+an estimate of the speed follows the time, and knots are put evenly in *time*: a ramp from
+rest, where s grows with t^3, then has as many as any other tenth of a second, however
+short it is. Where the feed alone holds the speed, knots lie further and further apart.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.curves import Arc
+from controller.motions import JointMove
+from controller.plan.feed import tool_limits
+from controller.plan.feed.course import Course, Index
+from controller.plan.feed.limits import Derivatives, JointLimits, ramp_length
+from controller.plan.route.stretch import Stretch
+
+Array = npt.NDArray[np.float64]
+
+SPACING = 0.1  # of samples on anything but lines and arcs, mm
+SAMPLES = (60, 4000)  # on one stretch, at least and at most
+NEAR_ENDS = 24  # samples on a ramp
+ROUGH = 1.2  # neighbouring samples may differ by this factor in what they allow ...
+FINEST_S = 5e-4  # ... unless they are this close in time
+HEADROOM = 1.15  # the limits allow so much more than the feed: it holds the speed alone
+GROWTH = 0.25  # of a knot's interval per time from where something happens
+STEP_OF_SPEED = 0.15  # change of ln(allowed speed) per interval
+INSET = 1e-9  # of a part's length: what lies inside is not at its mark
+EVEN_TIMES = 4000  # at which an estimate is smoothed
+MOST_CLOSER = 4.0  # times as many knots at narrow places
+FROM_REST = 4  # intervals of time in one: a law from rest begins with constant jerk
+BRAKING_SAMPLES = 16  # of each phase of slowing down to a lower feed
+BRAKING_S = 0.2  # what the first so many seconds of it allow is taken for the whole
+NO_TIME_S = 1e-9
+EASY = 0.7  # share of acceleration that the estimate counts on
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """A part of a course, sampled; all (N,). Marks are sampled twice, from both sides."""
+
+    s: Array
+    part: Index  # number of the part between two marks
+    feed: Array
+    allowed: Array  # speed that the joints' limits allow where path acceleration and jerk are none
+    acceleration: Array  # along the path, from standstill
+    jerk: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """A course between ``ends`` (n + 1,), cut at its marks; part i lies in stretch ``index[i]``."""
+
+    course: Course
+    ends: Array
+    index: Index
+
+    @staticmethod
+    def of(course: Course, first: float, last: float) -> Parts:
+        marks = course.marks[(course.marks > first) & (course.marks < last)]
+        ends = np.concatenate([[first], marks, [last]])
+        return Parts(course, ends, course.index(0.5 * (ends[1:] + ends[:-1])))
+
+    def feed(self, s: Array, part: Index) -> Array:
+        """Feed at places of parts; at a mark that of the part that is named."""
+        return self.course.feed(self._inside(s, part), self.index[part])
+
+    def derivatives(self, s: Array, part: Index) -> Derivatives:
+        """First to third of the joints at places of parts; at a mark those of the part that is named."""
+        return self.course.derivatives(self._inside(s, part), self.index[part])
+
+    def _inside(self, s: Array, part: Index) -> Array:
+        low, high = self.ends[part], self.ends[part + 1]
+        inset = INSET * (high - low)
+        return np.clip(s, low + inset, high - inset)
+
+
+def survey(parts: Parts, v: float = 0.0, a: float = 0.0) -> Samples:
+    """Every part sampled closely enough to see narrow places, and what a motion at its beginning does."""
+    found = [
+        _even(parts.course.stretches[k], low, high)
+        for k, low, high in zip(parts.index, parts.ends[:-1], parts.ends[1:], strict=True)
+    ]
+    part = np.repeat(np.arange(len(found)), [len(one) for one in found])
+    rough = _near_ends(parts, _sampled(parts, np.concatenate(found), part))
+    if v > 0.0:
+        way, _ = braking(rough, v, a)
+        s = way[(way > parts.ends[0]) & (way < parts.ends[-1])]
+        rough = _with(parts, rough, s, np.searchsorted(parts.ends, s) - 1)
+    return _refined(parts, rough)
+
+
+def _even(stretch: Stretch, low: float, high: float) -> Array:
+    motion = stretch.motion
+    if isinstance(motion, JointMove):
+        turn = motion.curve.sweep_rad if isinstance(motion.curve, Arc) else 0.0
+        count = 5 + math.ceil(16.0 * abs(turn) * (high - low) / motion.end)
+    else:
+        share = (high - low) / motion.end
+        count = 2 + int(min(max((high - low) / SPACING, SAMPLES[0] * share), SAMPLES[1]))
+    return np.linspace(low, high, count + 1)
+
+
+def _sampled(parts: Parts, s: Array, part: Index) -> Samples:
+    course, index = parts.course, parts.index[part]
+    d, feed = parts.derivatives(s, part), parts.feed(s, part)
+    limit = JointLimits(*(course.limit(s, which, index) for which in ("velocity", "acceleration", "jerk")))
+    rates = np.abs(d.first) + 1e-30
+    tool = tool_limits.rates_in(course, s, index)
+    return Samples(
+        s,
+        part,
+        feed,
+        np.minimum(limit.path_speed(d), tool_limits.most_speed(course, tool, len(s))),
+        np.asarray((limit.acceleration / rates).min(axis=1)),
+        np.asarray((limit.jerk / rates).min(axis=1)),
+    )
+
+
+def _with(parts: Parts, found: Samples, s: Array, part: Index) -> Samples:
+    """More samples among the ones that there are, in order."""
+    if len(s) == 0:
+        return found
+    more = _sampled(parts, s, part)
+    both = [np.concatenate(pair) for pair in zip(_columns(found), _columns(more), strict=True)]
+    order = np.lexsort((both[0], both[1]))
+    return Samples(*(value[order] for value in both))
+
+
+def _columns(found: Samples) -> tuple[Array, Index, Array, Array, Array, Array]:
+    return found.s, found.part, found.feed, found.allowed, found.acceleration, found.jerk
+
+
+def _near_ends(parts: Parts, found: Samples) -> Samples:
+    """Samples that gather as t^3 at both ends of every part, where a law may begin or end at rest."""
+    cubes = (np.arange(1, NEAR_ENDS + 1) / NEAR_ENDS) ** 3
+    places, part = [], []
+    firsts = np.searchsorted(found.part, np.arange(len(parts.index) + 1))
+    outer = np.append(np.append(True, np.diff(parts.index) != 0), True)
+    for n, (low, high) in enumerate(zip(parts.ends[:-1], parts.ends[1:], strict=True)):
+        if not (outer[n] or outer[n + 1]):
+            continue
+        for at, sign, end in ((firsts[n], 1.0, low), (firsts[n + 1] - 1, -1.0, high)):
+            speed = min(found.allowed[at], found.feed[at])
+            reach = min(2.0 * ramp_length(float(speed), float(found.jerk[at])), 0.49 * (high - low))
+            places.append(end + sign * reach * cubes)
+            part.append(np.full(NEAR_ENDS, n))
+    return _with(parts, found, np.concatenate(places), np.concatenate(part))
+
+
+def _refined(parts: Parts, found: Samples) -> Samples:
+    for _ in range(12):
+        ratio = np.abs(np.diff(np.log(found.allowed)))
+        step = np.diff(found.s)
+        matters = np.minimum(found.allowed[1:], found.allowed[:-1]) < 3.0 * found.feed[1:]
+        slower = np.minimum(np.minimum(found.allowed[1:], found.allowed[:-1]), found.feed[1:])
+        rough = (ratio > math.log(ROUGH)) & matters & (step > FINEST_S * slower)
+        rough &= found.part[1:] == found.part[:-1]
+        at = np.flatnonzero(rough)
+        if len(at) == 0:
+            break
+        found = _with(parts, found, 0.5 * (found.s[at] + found.s[at + 1]), found.part[at])
+    return found
+
+
+def estimate(parts: Parts, found: Samples, v: float = 0.0, a: float = 0.0) -> Array:
+    """A speed at each sample that a law might have from ``v`` and ``a`` to rest at the end, (N,)."""
+    most = np.minimum(found.allowed, found.feed)
+    firsts = np.searchsorted(found.part, np.arange(1, len(parts.index)))
+    for n, at in enumerate(firsts):
+        if parts.index[n] != parts.index[n + 1]:
+            low = parts.course.junction(int(parts.index[n]))
+            most[at - 1 : at + 1] = np.minimum(most[at - 1 : at + 1], low)
+    if v > 0.0:
+        most = np.maximum(most, np.interp(found.s, *braking(found, v, a), right=0.0))
+    most[-1] = 0.0
+    most[0] = v
+    forth = _grown(found, most)
+    back = _grown(_reversed(found), most[::-1])[::-1]
+    return np.minimum(forth, back)
+
+
+def braking(found: Samples, v: float, a: float) -> tuple[Array, Array]:
+    r"""Places and speeds of a motion that slows from ``v`` and ``a`` at the first sample to the feed there.
+
+     a  \                 jerk -j until the acceleration is -b,
+     0   \       /        then +j until it is none
+    -b    \_____/
+    """
+    near = found.s <= found.s[0] + v * BRAKING_S
+    j, most = EASY * float(found.jerk[near].min()), EASY * float(found.acceleration[near].min())
+    target = min(float(found.feed[0]), v)
+    drop = max(v + max(a, 0.0) ** 2 / (2.0 * j) - target, 0.0)
+    b = min(most, math.sqrt(j * drop))
+    if b <= 0.0:
+        return found.s[:1], np.array([v])
+    times = ((max(a, 0.0) + b) / j, max(drop / b - b / j, 0.0), b / j)
+    places, speeds, acceleration = [float(found.s[0])], [v], max(a, 0.0)
+    for time, jerk in zip(times, (-j, 0.0, j), strict=True):
+        t = time * np.arange(1, BRAKING_SAMPLES + 1) / BRAKING_SAMPLES
+        s, speed = places[-1], speeds[-1]
+        if time > NO_TIME_S:
+            places += (s + t * (speed + t * (acceleration / 2.0 + t * jerk / 6.0))).tolist()
+            speeds += (speed + t * (acceleration + t * jerk / 2.0)).tolist()
+        acceleration += time * jerk
+    return np.array(places), np.maximum(np.array(speeds), 0.0)
+
+
+def _reversed(found: Samples) -> Samples:
+    back = slice(None, None, -1)
+    return Samples(
+        -found.s[back],
+        found.part[back],
+        found.feed[back],
+        found.allowed[back],
+        found.acceleration[back],
+        found.jerk[back],
+    )
+
+
+def _grown(found: Samples, most: Array) -> Array:
+    """The speed gained along the samples, never above ``most``; a start from rest goes with t^3."""
+    speeds = [v := float(most[0])]
+    steps, limits = np.diff(found.s).tolist(), most.tolist()
+    acceleration, jerk = (EASY * found.acceleration).tolist(), (EASY * found.jerk).tolist()
+    for k, step in enumerate(steps):
+        start = math.cbrt(4.5 * jerk[k] * step * step)
+        a = min(acceleration[k], math.sqrt(2.0 * jerk[k] * v))
+        v = min(limits[k + 1], max(math.sqrt(v * v + 2.0 * a * step), start))
+        speeds.append(v)
+    return np.array(speeds)
+
+
+def smoothed(found: Samples, v: Array, a: float, over_s: float) -> Array:
+    """The speeds averaged twice over so much time: no kinks that would ask for any jerk, (N,)."""
+    t = times(found.s, v)
+    n = 2 * max(1, math.ceil(over_s / 2.0 / (t[-1] / EVEN_TIMES))) + 1
+    even = np.linspace(0.0, t[-1], EVEN_TIMES + 1)
+    speed, step = np.interp(even, t, v), t[-1] / EVEN_TIMES
+    before = np.maximum(v[0] + a * step * np.arange(-n, 0), 0.0)
+    speed = np.concatenate([before, speed, np.zeros(n)])
+    for _ in range(2):
+        speed = np.convolve(speed, np.full(n, 1.0 / n), mode="same")
+    return np.interp(t, even, speed[n:-n])
+
+
+def times(s: Array, v: Array) -> Array:
+    """Time at which each sample is passed at the speeds ``v``; from rest s goes with t^3, so t = 3 s / v."""
+    step = np.diff(s)
+    t = 2.0 * step / np.maximum(v[1:] + v[:-1], 1e-30)
+    t = np.where((v[1:] == 0.0) ^ (v[:-1] == 0.0), 1.5 * t, t)
+    return np.concatenate([[0.0], np.cumsum(np.where(step > 0.0, t, 0.0))])
+
+
+def knots(found: Samples, v: Array, step_s: float) -> tuple[Array, Index]:
+    """Knots (n + 1,) from the first sample to the last, and the part of each interval (n,).
+
+    ``v`` is the speed expected at the samples, ``step_s`` the time between knots where
+    something happens. At rests the first interval takes ``FROM_REST`` of these times.
+    """
+    count = _count(found, v, step_s)
+    places, part = [found.s[:1]], []
+    for here in np.split(np.arange(len(found.s)), np.flatnonzero(np.diff(found.part)) + 1):
+        upto = np.concatenate([[0.0], np.cumsum(count[here[:-1]])])
+        n = max(1, math.ceil(upto[-1] - 0.2))
+        made = np.interp(np.linspace(0.0, upto[-1], n + 1), upto, found.s[here])
+        places.append(np.append(made[1:-1], found.s[here[-1]]))
+        part.append(np.full(n, found.part[here[0]]))
+    s, parts = np.concatenate(places), np.concatenate(part)
+    if v[0] == 0.0:
+        more = _joined_at_rest(parts)
+        s, parts = np.delete(s, np.arange(1, more + 1)), parts[more:]
+    more = _joined_at_rest(parts[::-1])
+    s, parts = np.delete(s, np.arange(len(s) - 1 - more, len(s) - 1)), parts[: len(parts) - more]
+    return s, parts
+
+
+def _joined_at_rest(parts: Index) -> int:
+    """How many of the first intervals go into the one after them."""
+    return int(np.clip(np.count_nonzero(parts == parts[0]) - 3, 0, FROM_REST - 1))
+
+
+def _count(found: Samples, v: Array, step_s: float) -> Array:
+    """Intervals wanted between neighbouring samples, (N - 1,)."""
+    t = times(found.s, v)
+    busy = (v < 0.999 * found.feed) | (found.allowed < HEADROOM * found.feed)
+    busy[0] = busy[-1] = True
+    quiet = _time_away(t, busy) - 4.0 * step_s
+    span = step_s + GROWTH * np.maximum(quiet, 0.0)
+    matters = np.minimum(found.allowed[1:], found.allowed[:-1]) < 1.5 * HEADROOM * found.feed[1:]
+    bends = np.abs(np.diff(np.log(found.allowed))) / STEP_OF_SPEED * matters
+    bends = np.minimum(bends, MOST_CLOSER * np.diff(t) / step_s)
+    # Between samples the span goes over evenly from one's to the other's.
+    ratio = np.log(span[1:] / span[:-1])
+    mean = np.where(np.abs(ratio) > 1e-6, np.diff(span) / np.where(ratio == 0.0, 1.0, ratio), span[1:])
+    return np.asarray(np.diff(t) / mean + bends)
+
+
+def _time_away(t: Array, busy: npt.NDArray[np.bool_]) -> Array:
+    """Time from each sample to the nearest busy one."""
+    before = np.maximum.accumulate(np.where(busy, t, -np.inf))
+    after = np.minimum.accumulate(np.where(busy, t, np.inf)[::-1])[::-1]
+    return np.asarray(np.minimum(t - before, after - t))

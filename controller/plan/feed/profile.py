@@ -1,0 +1,203 @@
+"""Motion laws on a course: how far along at which time, as fast as every limit allows.
+
+    profile = plan(course)                      from rest at its beginning to rest at its end
+    plan(course, State(s, v, a), until)         from a state of motion (or rest) to rest at ``until``
+    split_at_stops(stretches, ...)              where a row of stretches must stop anyway
+
+A straight move with constant limits has the classic closed form; everything else is
+searched for (``search``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.handoff import Law
+from controller.kinematics import Kinematics
+from controller.machine import Machine
+from controller.motions import JointMove
+from controller.plan.feed import search
+from controller.plan.feed.course import Course, slowest
+from controller.plan.feed.law import split, straight
+from controller.plan.feed.tool_limits import has_limits
+from controller.plan.route.stretch import Stretch
+
+Array = npt.NDArray[np.float64]
+Run = tuple[Stretch, ...]
+
+STOP_SHARE = 0.03  # a junction that must be passed slower than this share of the feed is a stop
+FAST = 1e6  # in place of the feed that rapids do not have, unit of s per second
+WAITS_S = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
+NOTHING = 1e-9  # of s: no way to go
+SAME = 1e-8  # of s: two places that are one
+SAME_SPEED = 1e-6  # unit of s per second
+
+
+class State(NamedTuple):
+    """Place on a course, speed along it and acceleration along it (unit of s, seconds)."""
+
+    s: float
+    v: float
+    a: float
+
+
+REST = State(0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Profile:
+    """A motion along a course: s(t) = c0 + c1 x + c2 x^2 + c3 x^3 with x = t - times[i] on piece i.
+
+    ``times`` (n + 1,) rise from 0.0; ``pieces`` (n, 6) rows c0 .. c5 in the course's
+    coordinate and seconds, c4 = c5 = 0. The last piece ends at rest.
+    """
+
+    times: Array
+    pieces: Array
+
+    @property
+    def duration_s(self) -> float:
+        return float(self.times[-1])
+
+    @property
+    def start_s(self) -> float:
+        """Place on the course where it begins."""
+        return float(self.pieces[0, 0])
+
+    @property
+    def end_s(self) -> float:
+        """Place on the course where it comes to rest."""
+        return self.at(self.duration_s).s
+
+    @property
+    def joins(self) -> bool:
+        """Whether every piece begins where, and as fast as, the one before it ends."""
+        x, c = np.diff(self.times)[:-1], self.pieces[:-1].T
+        s = c[0] + x * (c[1] + x * (c[2] + x * c[3]))
+        v = c[1] + x * (2.0 * c[2] + x * 3.0 * c[3])
+        after = self.pieces[1:, 0], self.pieces[1:, 1]
+        gaps = [np.abs(a - b).max(initial=0.0) for a, b in zip((s, v), after, strict=True)]
+        return bool(gaps[0] <= SAME * max(1.0, abs(self.start_s)) and gaps[1] <= SAME_SPEED)
+
+    def at(self, t: float) -> State:
+        """The state at a time, clamped to the profile's own."""
+        s, v, a, _ = self.along(np.array([t]))
+        return State(float(s[0]), float(v[0]), float(a[0]))
+
+    def along(self, times: Array) -> tuple[Array, Array, Array, Array]:
+        """s, v, a and jerk at many times (N,), clamped to the profile's own."""
+        times = np.clip(times, 0.0, self.times[-1])
+        index = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, len(self.pieces) - 1)
+        x, c = times - self.times[index], self.pieces[index].T
+        s = c[0] + x * (c[1] + x * (c[2] + x * c[3]))
+        return s, c[1] + x * (2.0 * c[2] + x * 3.0 * c[3]), 2.0 * c[2] + x * 6.0 * c[3], 6.0 * c[3]
+
+    def laws(self, course: Course) -> list[tuple[int, Law]]:
+        """(index of the stretch, its law in its own s) for each stretch that the profile passes, in order."""
+        first = int(course.index(self.pieces[:1, 0])[0])
+        return list(enumerate(split(self.times, self.pieces, course.starts), first))
+
+    def until(self, t: float) -> Profile:
+        """Its part before the time ``t``, not at rest in the end."""
+        n = int(np.searchsorted(self.times, t, side="left"))
+        return Profile(np.append(self.times[:n], t), self.pieces[:n])
+
+    def followed_by(self, other: Profile) -> Profile:
+        """``other``, which begins where this one ends, behind it."""
+        times = np.concatenate([self.times, self.duration_s + other.times[1:]])
+        return Profile(times, np.concatenate([self.pieces, other.pieces]))
+
+    def time_of(self, s: float) -> float:
+        """The first time at which the place ``s`` is reached; clamped to the profile's ends."""
+        low, high = 0.0, self.duration_s
+        ends = np.append(self.pieces[:, 0], self.end_s)
+        i = int(np.searchsorted(ends, s)) - 1
+        if i < 0:
+            return 0.0
+        if i >= len(self.pieces):
+            return self.duration_s
+        low, high = float(self.times[i]), float(self.times[i + 1])
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if self.at(middle).s < s else (low, middle)
+        return high
+
+
+def plan(
+    course: Course, begin: State = REST, until: float | None = None, guess: Profile | None = None
+) -> Profile | None:
+    """The fastest motion from ``begin`` to rest at ``until`` (the course's end).
+
+    A motion that begins faster than the feed brakes as quickly as the limits allow. ``guess`` is the
+    motion so far from the same state, at other overrides perhaps: where it touches limits so
+    that the state leaves no choice, it goes on for a while first. None where ``begin`` cannot be
+    continued within the limits, or there is nowhere to go.
+    """
+    last = course.length if until is None else until
+    if last - begin.s <= NOTHING * max(1.0, last):
+        return None
+    if begin.v == 0.0 and begin.a == 0.0 and (even := _straight(course, begin.s, last)):
+        return even
+    found = _searched(course, begin, last)
+    return _after(course, guess, last) if found is None and guess is not None else found
+
+
+def _searched(course: Course, begin: State, last: float) -> Profile | None:
+    """What the search finds; None where it finds nothing, or what does not join."""
+    law = search.Search(course, *begin, last).law()
+    found = Profile(*law) if law is not None else None
+    return found if found is not None and found.joins else None
+
+
+def _after(course: Course, before: Profile, last: float) -> Profile | None:
+    """Goes on with ``before`` for a while, where it touches limits so that there is no other way."""
+    for wait_s in WAITS_S:
+        if wait_s >= before.duration_s or before.at(wait_s).s >= last:
+            break
+        found = _searched(course, before.at(wait_s), last)
+        if found is not None:
+            return before.until(wait_s).followed_by(found)
+    return before if abs(before.end_s - last) <= NOTHING * max(1.0, last) else None
+
+
+def _straight(course: Course, first: float, last: float) -> Profile | None:
+    """The closed form, where q' is constant over the whole way."""
+    ends = course.index(np.array([first, last - 1e-12 * last]))
+    move = course.stretches[ends[0]].motion
+    if has_limits(course) and course.stretches[ends[0]].feed_mm_s is not None:
+        return None
+    if ends[0] != ends[1] or not isinstance(move, JointMove) or len(course.stretches[ends[0]].feed_steps) > 1:
+        return None
+    if any(np.any(np.asarray(c) != 0.0) for c in move.curve.derivative(np.array([0.0, 1.0]), 2, np)):
+        return None
+    rate = np.abs(course.derivatives(np.array([first]), ends[:1]).first[0]) + 1e-30
+    limits = course.limits[ends[0]]
+    velocity = min(float(course.feed(np.array([first]), ends[:1])[0]), float((limits.velocity / rate).min()))
+    acceleration, jerk = float((limits.acceleration / rate).min()), float((limits.jerk / rate).min())
+    law = straight(last - first, velocity, acceleration, jerk)
+    pieces = np.array(law.coefficients)
+    pieces[:, 0] += first
+    return Profile(np.array(law.knots_s), pieces)
+
+
+def split_at_stops(
+    stretches: Sequence[Stretch],
+    machine: Machine,
+    kinematics: Kinematics,
+    override: float = 1.0,
+    rapid_override: float = 1.0,
+) -> list[Run]:
+    """Cut at junctions so sharp that passing them is no faster than stopping."""
+    course = Course(stretches, machine, kinematics, override, rapid_override)
+    found: list[list[Stretch]] = [[stretches[0]]]
+    for k, after in enumerate(stretches[1:]):
+        if course.junction(k) < STOP_SHARE * min(slowest(course, k), FAST):
+            found.append([after])
+        else:
+            found[-1].append(after)
+    return [tuple(run) for run in found]

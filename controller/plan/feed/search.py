@@ -1,0 +1,284 @@
+"""The search for the fastest law on a course, from rest or from a state of motion.
+
+Knots by an estimate of the speed, the fastest z = v^2 on them (``barrier``), finer knots by
+the times of that law, the fastest z again; then a law of constant jerks through the knots and a
+dense check of it. Where a limit is exceeded between knots it is tightened there
+and the search goes on from where it was.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.plan.feed import barrier, mesh
+from controller.plan.feed.bounds import INNER, Bounds, Grid, Shares
+from controller.plan.feed.course import MARGIN, Course
+from controller.plan.feed.law import straight, through
+
+Array = npt.NDArray[np.float64]
+Law = tuple[Array, Array]  # times (n + 1,) and pieces (n, 6)
+
+ROUNDS = 5
+TIGHTEN_POWER = 1.3
+PER_SWING = 12.0  # knots in the time that an axis needs to swing its acceleration up
+LEAST_KNOTS, MOST_KNOTS = 60, 4000
+COARSE = 4.0  # times fewer knots in the first search
+COARSE_GAP = 2e-2
+SMOOTHING = 1.5  # of the first estimate, in coarse steps
+FINE = (1.0018, 1.0025, 1.0135)  # of velocity, acceleration, jerk as the bounds allow them: good enough
+LAST = (1.0022, 1.0028, 1.0160)  # the same after all rounds
+LEEWAY = (1.0015, 1.0015, 1.008)  # the same, just behind a state of motion that may touch a limit ...
+LEEWAY_S = 0.15  # ... for so long
+AT_FEED = 3e-5  # closer to the feed than this share is the feed
+
+
+@dataclass(frozen=True, slots=True)
+class Excess:
+    """Largest share of each limit in each interval, (n,) and (n, 5); 1.0 is the limit itself."""
+
+    velocity: Array
+    acceleration: Array
+    jerk: Array
+    tip: Array  # of its acceleration
+
+    def over(self, fine: tuple[float, float, float]) -> float:
+        """At most 1.0 where everything is as ``fine`` as that."""
+        return max(float(use.max()) / most for use, most in zip(self._all(), fine, strict=True))
+
+    @property
+    def slowing(self) -> float:
+        """Factor on time that would bring everything inside."""
+        shares = [float(use.max()) / most for use, most in zip(self._all(), FINE, strict=True)]
+        return float(max(share ** (1.0 / (k + 1)) for k, share in enumerate(shares)))
+
+    def _all(self) -> tuple[Array, Array, Array]:
+        return self.velocity, np.append(self.acceleration, self.tip), self.jerk
+
+
+class Search:
+    """The search for the fastest law from a state to rest."""
+
+    def __init__(self, course: Course, s: float, v: float, a: float, last: float) -> None:
+        self.course, self.v, self.a = course, v, a
+        self.parts = mesh.Parts.of(course, s, last)
+        self.samples = mesh.survey(self.parts, v, a)
+        self.from_rest = v == 0.0
+
+    def law(self) -> Law | None:
+        """None where the state of motion cannot be continued; from rest there is always a law."""
+        speed = mesh.estimate(self.parts, self.samples, self.v, self.a)
+        found = self._sought(speed)
+        if found is None and self.from_rest:
+            return self._sought(speed, slowly=True) or self._careful()
+        return found
+
+    def _sought(self, speed: Array, slowly: bool = False) -> Law | None:
+        """``slowly``: from a law inside all limits, which takes more steps and cannot fail to lead on."""
+        step_s = COARSE * self._step(speed)
+        bounds = self._bounds(speed, step_s)
+        smooth = mesh.smoothed(self.samples, speed, self.a, SMOOTHING * step_s)
+        c = self._coefficients(bounds, np.minimum(smooth, speed) if self.from_rest else smooth)
+        if not (c > 0.0).all():
+            return None  # it brakes so hard that it would stand before the first knot
+        limits = bounds.limits(Shares.full(len(bounds.feed)), c[1:-1])
+        found = barrier.solve(limits, barrier.inside(limits, c) if slowly else c, None, COARSE_GAP)
+        speed = self._speed(bounds, found.c)
+        bounds = self._bounds(speed, self._step(speed))
+        c = self._coefficients(bounds, speed)
+        if not (c > 0.0).all():
+            return None
+        if slowly:
+            c = barrier.inside(bounds.limits(Shares.full(len(bounds.feed)), c[1:-1]), c)
+        return self._refine(bounds, c)
+
+    def _careful(self) -> Law:
+        """The closed form for the worst place of all: each part of a limit's sum may use a share of it."""
+        d = self.parts.derivatives(self.samples.s, self.samples.part)
+        m1, m2, m3 = (np.abs(q).max(axis=0) + 1e-30 for q in (d.first, d.second, d.third))
+        some = [self.course.limits[k] for k in np.unique(self.parts.index)]
+        velocity, most_a, most_j = (
+            np.min([getattr(limit, which) for limit in some], axis=0)
+            for which in ("velocity", "acceleration", "jerk")
+        )
+        inner = self.parts.index[:-1][np.diff(self.parts.index) != 0]
+        low = min((self.course.junction(int(k)) for k in inner), default=np.inf)
+        by_joints = np.minimum(
+            np.minimum(velocity / m1, np.sqrt(most_a / m2 / 2.0)), np.cbrt(most_j / m3 / 4.0)
+        )
+        v = float(min(by_joints.min(), self.samples.feed.min(), low))
+        a = float(np.minimum(most_a / m1 / 2.0, most_j / m2 / v / 12.0).min())
+        s = self.samples.s
+        made = straight(float(s[-1] - s[0]), v, a, float((most_j / m1).min()) / 4.0)
+        pieces = np.array(made.coefficients)
+        pieces[:, 0] += s[0]
+        return np.array(made.knots_s), pieces
+
+    def _refine(self, bounds: Bounds, c: Array) -> Law | None:
+        shares = self._shares(bounds, c)
+        best: tuple[float, Law, Excess] | None = None
+        point, z = None, c[1:-1].copy()
+        for _ in range(ROUNDS):
+            point = barrier.solve(bounds.limits(shares, z), c, point)
+            if point.stuck:
+                break
+            c = point.c
+            law = self._law(bounds, c)
+            excess = self._excess(bounds, *law)
+            if best is None or excess.over(FINE) < best[0]:
+                best = (excess.over(FINE), law, excess)
+            if excess.over(FINE) <= 1.0:
+                break
+            _tighten(shares, excess)
+        if best is None:
+            return None
+        if best[2].over(LAST) <= 1.0:
+            return best[1]
+        return _slowed(best[1], best[2].slowing) if self.from_rest else None
+
+    def _shares(self, bounds: Bounds, c: Array) -> Shares:
+        """All of every limit, and a little more just behind a state of motion."""
+        shares = Shares.full(len(bounds.feed))
+        if not self.from_rest:
+            s, v, _ = self._states(bounds, c)
+            near = mesh.times(s, v)[:-1] < LEEWAY_S
+            for share, more in zip((shares.velocity, shares.acceleration, shares.jerk), LEEWAY, strict=True):
+                share[near] *= more
+        return shares
+
+    def _step(self, speed: Array) -> float:
+        """Time between knots."""
+        duration = float(mesh.times(self.samples.s, speed)[-1])
+        limits = [self.course.limits[k] for k in np.unique(self.parts.index)]
+        swing = min(float((limit.acceleration / limit.jerk).min()) for limit in limits)
+        return min(swing / PER_SWING, duration / LEAST_KNOTS)
+
+    def _bounds(self, speed: Array, step_s: float) -> Bounds:
+        s, part = mesh.knots(self.samples, speed, step_s)
+        if len(s) > MOST_KNOTS:
+            s, part = mesh.knots(self.samples, speed, step_s * len(s) / MOST_KNOTS)
+        return Bounds(Grid.of(self.parts, s, part, self.from_rest))
+
+    def _coefficients(self, bounds: Bounds, speed: Array) -> Array:
+        """Coefficients of about ``speed`` at the samples."""
+        t = bounds.grid.knots
+        middles = np.concatenate([t[:1], 0.5 * (t[1:] + t[:-1]), t[-1:]])
+        c = np.maximum(np.interp(middles, self.samples.s, speed), 1e-6 * speed.max()) ** 2
+        if not self.from_rest:
+            c[0], c[1] = bounds.spline.held(self.v, self.a)
+        return np.asarray(c)
+
+    def _speed(self, bounds: Bounds, c: Array) -> Array:
+        """Speed at the samples of the law of ``c``; from and to rest v goes with s^(2/3)."""
+        at, s, f = self.samples.s, bounds.grid.s, bounds.spline
+        i = np.clip(np.searchsorted(bounds.grid.knots, at, side="right") - 1, 0, len(f.width) - 1)
+        x = at - bounds.grid.knots[i]
+        z = f.z_start.of(c)[i] + x * (f.slope_start.of(c)[i] + x * 0.5 * f.bend.of(c)[i])
+        found = np.sqrt(np.maximum(z, 0.0))
+        _, v, _ = self._states(bounds, c)
+        if self.from_rest:
+            near = at < s[1]
+            found[near] = v[1] * ((at[near] - s[0]) / (s[1] - s[0])) ** (2 / 3)
+        near = at > s[-2]
+        found[near] = v[-2] * ((s[-1] - at[near]) / (s[-1] - s[-2])) ** (2 / 3)
+        return found
+
+    # --- the law
+
+    def _states(self, bounds: Bounds, c: Array) -> tuple[Array, Array, Array]:
+        """s, v and a at the knots."""
+        f, s = bounds.spline, bounds.grid.s
+        z = np.append(f.z_start.of(c), f.z_end.of(c)[-1])
+        slope = np.append(f.slope_start.of(c), f.slope_end.of(c)[-1])
+        v, a = np.sqrt(z), 0.5 * slope
+        if self.from_rest:
+            v, a = np.append(0.0, v), np.append(0.0, a)
+        else:
+            v[0], a[0] = self.v, self.a
+        return s, np.append(v, 0.0), np.append(a, 0.0)
+
+    def _law(self, bounds: Bounds, c: Array) -> Law:
+        """The law through the knots; where the feed is nearly met, it is met to the last bit."""
+        s, v, a = self._states(bounds, c)
+        feed = np.full(len(s), np.inf)
+        feed[1:] = bounds.feed
+        feed[:-1] = np.minimum(feed[:-1], bounds.feed)
+        even = np.append(True, np.isclose(bounds.feed[1:], bounds.feed[:-1], rtol=1e-12, atol=0.0))
+        met = (v >= feed * (1.0 - AT_FEED)) & (v <= feed * (1.0 + AT_FEED))
+        met[:-1] &= even
+        if not self.from_rest:
+            met[0] = False
+        v[met], a[met] = feed[met], 0.0
+        return through(s, v, _without_overshoot(s, v, a, met))
+
+    # --- the check between knots
+
+    def _excess(self, bounds: Bounds, times: Array, pieces: Array) -> Excess:
+        """How much of each limit the law uses: at both ends of each interval and inside it."""
+        grid = bounds.grid
+        most = [np.zeros((len(grid.part), 5)) for _ in range(3)]
+        limits = bounds.velocity, bounds.acceleration, bounds.jerk
+        width = np.diff(grid.s)
+        shares = (0.0, *INNER, 1.0)
+        for share, d in zip(shares, (grid.starts, *grid.inner, grid.ends), strict=True):
+            v, a, j = _at_place(times, pieces, grid.s[:-1] + share * width, share)
+            for k, asked in enumerate((d.velocity(v), d.acceleration(v, a), d.jerk(v, a, j))):
+                most[k] = np.maximum(most[k], np.abs(asked) / limits[k])
+        return Excess(most[0].max(axis=1), most[1], most[2], self._tip_use(bounds, times, pieces))
+
+    def _tip_use(self, bounds: Bounds, times: Array, pieces: Array) -> Array:
+        """The largest share of the tip's acceleration limit in each interval, (n,)."""
+        grid, limit = bounds.grid, self.course.machine.tip_acceleration_mm_s2
+        use = np.zeros(len(grid.part))
+        if limit is None:
+            return use
+        for share, tool in zip((0.0, *INNER, 1.0), grid.tool, strict=True):
+            v, a, _ = _at_place(times, pieces, grid.s[:-1] + share * np.diff(grid.s), share)
+            use = np.maximum(use, tool.tip_acceleration(v, a) / (MARGIN * limit))
+        return use
+
+
+def _slowed(law: Law, factor: float) -> Law:
+    """Everything slower: scales velocity, acceleration and jerk by 1, 2 and 3 powers."""
+    times, pieces = law
+    return times * factor, pieces / factor ** np.arange(6)[None, :]
+
+
+def _without_overshoot(s: Array, v: Array, a: Array, met: npt.NDArray[np.bool_]) -> Array:
+    """Beside a knot that meets the feed, no more acceleration than can end there: 2 dv / dt."""
+    most = 2.0 * np.abs(np.diff(v)) * np.maximum(v[1:], v[:-1]) / np.diff(s)
+    a = a.copy()
+    into, out = met[1:] & ~met[:-1], met[:-1] & ~met[1:]
+    a[:-1][into] = np.clip(a[:-1][into], -most[into], most[into])
+    a[1:][out] = np.clip(a[1:][out], -most[out], most[out])
+    return a
+
+
+def _at_place(times: Array, pieces: Array, s: Array, share: float) -> tuple[Array, Array, Array]:
+    """v, a and jerk in each interval, two pieces each, at the place ``s``."""
+    second = np.full(len(s), share > 0.5) if share in (0.0, 1.0) else s >= pieces[1::2, 0]
+    row = np.where(second[:, None], pieces[1::2], pieces[0::2]).T
+    span = np.where(second, np.diff(times)[1::2], np.diff(times)[0::2])
+    t = span * share if share in (0.0, 1.0) else 0.5 * span
+    for _ in range(0 if share in (0.0, 1.0) else 7):
+        far = row[0] + t * (row[1] + t * (row[2] + t * row[3])) - s
+        speed = row[1] + t * (2.0 * row[2] + t * 3.0 * row[3])
+        t = np.clip(t - far / np.maximum(speed, 1e-30), 0.0, span)
+    return row[1] + t * (2 * row[2] + t * 3 * row[3]), 2 * row[2] + t * 6 * row[3], 6 * row[3]
+
+
+def _tighten(shares: Shares, excess: Excess) -> None:
+    """Limits lowered where they were exceeded, and a little at the neighbours, to which it would move."""
+
+    def less(over: Array) -> Array:
+        wide = np.maximum(over, 1.0)
+        wide[1:] = np.maximum(wide[1:], over[:-1] ** 0.3)
+        wide[:-1] = np.maximum(wide[:-1], over[1:] ** 0.3)
+        return np.asarray(wide**TIGHTEN_POWER)
+
+    shares.velocity /= less(excess.velocity)
+    shares.acceleration /= less(excess.acceleration)
+    shares.jerk /= less(excess.jerk)
+    shares.tip /= less(excess.tip)

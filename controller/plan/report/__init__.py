@@ -1,0 +1,1 @@
+"""What a program will do, told before it runs, and kept."""

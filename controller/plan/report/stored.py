@@ -1,0 +1,130 @@
+"""Checks that are kept: what ``check`` found out, so that a start need not read the program twice.
+
+A stored check belongs to one program on one machine file with its tools and offsets, from
+one place, as this version of the controller plans it: its name is the hash of all that.
+It carries what the first block cannot know: the rotaries chosen over the whole program.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from enum import Enum
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from controller.machine import Joints, Machine
+from controller.motions import Rotaries
+from controller.plan.route.stretch import Note
+from controller.plan.text.program import Place
+
+FORMAT = 1  # of the files
+KEPT = 500  # files; the oldest go
+
+
+@dataclass(frozen=True, slots=True)
+class Stored:
+    """What is kept of a check."""
+
+    ticks: int
+    duration_s: float
+    blocks: int
+    choices: Mapping[int, Rotaries]  # by line of a block: the rotaries (rad) with which it begins
+    notes: tuple[Note, ...] = ()
+
+
+def folder() -> Path:
+    """Where checks are kept unless told otherwise: the XDG state folder."""
+    base = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
+    return Path(base) / "directrix" / "checks"
+
+
+def key(program: bytes, machine: Machine, start: Joints) -> str:
+    """The name of a check: a hash of program, machine (tools and offsets included), start and version."""
+    facts = {
+        "format": FORMAT,
+        "version": _version(),
+        "program": hashlib.sha256(program).hexdigest(),
+        "machine": asdict(machine),
+        "start": start,
+    }
+    text = json.dumps(facts, sort_keys=True, default=_plain)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _version() -> str:
+    try:
+        return metadata.version("directrix")
+    except metadata.PackageNotFoundError:  # run from a folder that was never installed
+        return "0"
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, Enum):
+        return value.value
+    raise TypeError(f"A machine holds a {type(value).__name__}, which JSON cannot.")
+
+
+def save(stored: Stored, name: str, where: Path) -> Path:
+    """Write a check under its name, whole or not at all; the file. Raises OSError."""
+    where.mkdir(parents=True, exist_ok=True)
+    values = {
+        "key": name,
+        "ticks": stored.ticks,
+        "duration_s": stored.duration_s,
+        "blocks": stored.blocks,
+        "choices": {str(line): list(pair) for line, pair in stored.choices.items()},
+        "notes": [[note.place.line, note.place.column, note.sentence] for note in stored.notes],
+    }
+    file = where / f"{name}.json"
+    with tempfile.NamedTemporaryFile("w", dir=where, suffix=".new", delete=False) as new:
+        try:
+            json.dump(values, new)
+            new.close()
+            os.replace(new.name, file)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                os.unlink(new.name)
+            raise
+    _forget_old(where)
+    return file
+
+
+def _forget_old(where: Path) -> None:
+    files = sorted(where.glob("*.json"), key=lambda file: file.stat().st_mtime)
+    for file in files[:-KEPT]:
+        file.unlink(missing_ok=True)
+
+
+def load(name: str, where: Path) -> tuple[Stored | None, str]:
+    """The check of that name and "", or None and a warning; the warning is "" where there is none."""
+    file = where / f"{name}.json"
+    try:
+        text = file.read_text()
+    except FileNotFoundError:
+        return None, ""
+    except (OSError, UnicodeDecodeError) as error:
+        return None, f"{file}: cannot be read ({error}); the program is checked again."
+    try:
+        return _stored(json.loads(text), name), ""
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return None, f"{file}: is not a stored check of this program; it is checked again."
+
+
+def _stored(values: Any, name: str) -> Stored:
+    """Raises ValueError, KeyError or TypeError for anything but what ``save`` writes."""
+    if values["key"] != name:
+        raise ValueError("of another program")
+    return Stored(
+        int(values["ticks"]),
+        float(values["duration_s"]),
+        int(values["blocks"]),
+        {int(line): (float(a), float(b)) for line, (a, b) in values["choices"].items()},
+        tuple(Note(Place(int(line), int(column)), str(words)) for line, column, words in values["notes"]),
+    )

@@ -1,0 +1,385 @@
+"""A program looked at whole before anything moves: how long, how fast, what binds, every joint's share.
+
+    survey(items)   plans the path item by item as the planner will, tells each block as it
+                    is done, and keeps nothing of it but sums: programs may be of any length
+
+A block is a line of the program. Its own motion (cut, line, arc, rapid) is one part, the
+ways that the controller adds before and behind a cut (retract, position, leads, pivot) are
+the parts ``approach`` and ``departure``. Short lines of a CAM system that became one curve
+are reported together, as one block with its range and number of lines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.kinematics import Kinematics
+from controller.machine import Machine
+from controller.motions import SurfaceCut, ToolLine, ToolSpline
+from controller.plan.feed import binding
+from controller.plan.feed.binding import Laws, Marks, Span
+from controller.plan.feed.course import Course
+from controller.plan.feed.law import along
+from controller.plan.planner import RETRY_S
+from controller.plan.report.tally import Bound, Part, Tally, bounds
+from controller.plan.route.path import Chain, Pause, Stretch, joints_along
+from controller.plan.text.program import Act
+from controller.plan.track import Track
+from controller.plan.window import Orders, Place, Sent, Windows
+from controller.surfaces import Cone
+
+Array = npt.NDArray[np.float64]
+
+LOOK_S = 8.0  # of motion that is looked at at once: it bounds the memory
+PER_WINDOW = 10  # moments in each window of the display
+WAYS = frozenset(
+    {"retract", "position", "down", "plunge", "lead in", "run on", "lead out", "lift", "pivot", "swivel"}
+)
+
+
+@dataclass(frozen=True, slots=True)
+class JointUse:
+    """Range of one joint over the path, and the largest shares of its limits (1.0 = the limit)."""
+
+    name: str
+    lowest: float  # mm or degrees, as shown outside
+    highest: float
+    travel: tuple[float, float]
+    velocity_share: float
+    acceleration_share: float
+    jerk_share: float
+
+    def to_dict(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in self.__slots__}
+
+
+@dataclass(frozen=True, slots=True)
+class BlockUse:
+    """One block (or row of CAM lines): its own motion, and the ways before and behind it."""
+
+    line: int
+    last_line: int
+    lines: int  # of the program that are in it
+    what: str  # 'cone', 'surface', 'line', 'arc', 'rapid', 'dwell', 'stop', 'spindle', ...
+    own: Part
+    approach: Part | None
+    departure: Part | None
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "line": self.line,
+            "last_line": self.last_line,
+            "lines": self.lines,
+            "what": self.what,
+            **self.own.to_dict(),
+            "approach": self.approach.to_dict() if self.approach else None,
+            "departure": self.departure.to_dict() if self.departure else None,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """What ``check`` tells of a program that can run, but for its blocks."""
+
+    duration_s: float  # a whole number of periods: what ``simulate`` takes
+    ticks: int
+    cut_time_s: float
+    cut_length_mm: float
+    cuts_mm: tuple[float, ...]  # length of C1 of each surface
+    blocks: int
+    binds: tuple[Bound, ...]  # over the whole program, the longest first
+    cut_binds: tuple[Bound, ...]  # over the cuts and programmed feeds alone
+    joints: tuple[JointUse, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        plain = {name: getattr(self, name) for name in self.__slots__}
+        lists = {name: [one.to_dict() for one in plain[name]] for name in ("binds", "cut_binds", "joints")}
+        return {**plain, **lists}
+
+
+def survey(
+    items: Iterable[Chain | Pause],
+    machine: Machine,
+    kinematics: Kinematics,
+    tell: Callable[[BlockUse], None] = lambda _: None,
+    progress: Callable[[int], None] = lambda _: None,
+) -> Survey:
+    """Plan a path at 100 % and measure it; ``tell`` gets each block, ``progress`` the line that is done."""
+    look = _Look(machine, kinematics, tell)
+    for sent in planned(items, machine, kinematics):
+        look.window(sent)
+        progress(sent.line)
+    return look.survey()
+
+
+class Planned(NamedTuple):
+    """A pause, or the part of a window that is followed, as the planner sends it when nobody interferes."""
+
+    took_s: float  # a whole number of periods
+    pause: Pause | None
+    course: Course | None
+    spans: list[Span]  # of the course
+
+    @property
+    def line(self) -> int:
+        if self.pause is not None:
+            return self.pause.place.line
+        return lines_of(self.course.stretches[self.spans[-1].stretch])[1] if self.course and self.spans else 0
+
+
+def planned(items: Iterable[Chain | Pause], machine: Machine, kinematics: Kinematics) -> Iterator[Planned]:
+    """The planner's own windows over a whole path, each up to where the next one replaces it.
+
+    Raises ProgramError where the path is refused on the way.
+    """
+    track, windows, orders = Track(items, machine, kinematics), _Windows(machine, kinematics), Orders()
+    place, start_s, soon = Place(0, 0.0), 0.0, True
+    while (sent := windows.from_rest(track, place, start_s, orders, soon)) is not None:
+        soon = False
+        while (seam_s := sent.seam_s) is not None:
+            after = windows.from_motion(track, sent, seam_s, orders)
+            if after is None:  # as the planner does: a little later, or not at all
+                later_s = seam_s + RETRY_S
+                sent = replace(sent, seam_s=later_s if later_s < sent.end_s else None)
+                continue
+            yield _planned(track, replace(sent, end_s=seam_s))
+            sent = after
+            track.forget(sent.first)
+        yield _planned(track, sent)
+        place, start_s = sent.after, sent.end_s
+        track.forget(place.unit - 1)
+    if track.error is not None:
+        raise track.error
+
+
+class _Windows(Windows):
+    """Windows that nobody will have to stop in, or to look at while they run."""
+
+    def _stops(self, made: Sent) -> None:
+        return None
+
+    def _binds(self, made: Sent, laws: Laws) -> list[Marks]:
+        return [()] * len(laws)
+
+
+def _planned(track: Track, sent: Sent) -> Planned:
+    took_s = sent.end_s - sent.start_s
+    if sent.course is None or sent.profile is None:
+        unit = track.at(sent.first)
+        return Planned(took_s, unit.what if unit and isinstance(unit.what, Pause) else None, None, [])
+    spans, begin_s = [], 0.0
+    for k, law in sent.profile.laws(sent.course):
+        if begin_s < took_s:
+            spans.append(Span(k, law, 0.0, min(law.duration_s, took_s - begin_s)))
+        begin_s += law.duration_s
+    return Planned(took_s, None, sent.course, spans)
+
+
+# ---- collecting -----------------------------------------------------------------
+
+
+@dataclass(slots=True)
+class _Open:
+    """The block that is being looked at."""
+
+    line: int
+    last_line: int
+    lines: int
+    machine: Machine
+    what: str = ""
+    parts: dict[str, Tally] = field(default_factory=dict)
+
+    def tally(self, stretch: Stretch) -> Tally:
+        """Where a stretch counts: ways before the block's own motion are its approach."""
+        if stretch.cutting or stretch.name not in WAYS:
+            name, self.what = "own", self.what or _kind_of(stretch)
+        else:
+            name = "departure" if "own" in self.parts else "approach"
+        return self.parts.setdefault(name, Tally(self.machine))
+
+    def use(self) -> BlockUse:
+        found = {name: tally.part() for name, tally in self.parts.items()}
+        own = found.get("own") or Tally(self.machine).part()
+        ways = found.get("approach"), found.get("departure")
+        return BlockUse(self.line, self.last_line, self.lines, self.what or "ways", own, *ways)
+
+
+def _kind_of(stretch: Stretch) -> str:
+    if isinstance(stretch.motion, SurfaceCut):
+        return "cone" if isinstance(stretch.motion.surface, Cone) else "surface"
+    return "rapid" if stretch.feed_mm_s is None and stretch.name == "line" else stretch.name
+
+
+class _Look:
+    """Takes what is planned in the order of the path, and sums it up."""
+
+    def __init__(self, machine: Machine, kinematics: Kinematics, tell: Callable[[BlockUse], None]) -> None:
+        self._machine, self._kinematics, self._tell = machine, kinematics, tell
+        self._limits = np.array(
+            [[a.limits.velocity, a.limits.acceleration, a.limits.jerk] for a in machine.axes]
+        )
+        self._open: _Open | None = None
+        self._blocks = self._ticks = 0
+        self._marked = True  # no time has passed since the start, or since the last program stop
+        self._ended = False  # with a program stop
+        self._cut_time_s = 0.0
+        self._last_cut: SurfaceCut | None = None
+        self._cuts: list[float] = []
+        self._seconds = np.zeros(binding.NUMBER_OF_CODES)
+        self._fed_seconds = np.zeros(binding.NUMBER_OF_CODES)
+        self._ratio = np.zeros((5, 3))
+        self._ends = np.array([[np.inf] * 5, [-np.inf] * 5])
+
+    def window(self, sent: Planned) -> None:
+        """What is planned next."""
+        ticks = round(sent.took_s / self._machine.period_s)
+        self._ticks += ticks
+        self._marked &= ticks == 0
+        self._ended = sent.pause is not None and sent.pause.act is Act.STOP
+        if sent.pause is not None:
+            self._pause(sent.pause, sent.took_s)
+        elif sent.course is not None and sent.spans:
+            self._motion(sent.course, sent.spans, sent.took_s)
+
+    def _pause(self, pause: Pause, took_s: float) -> None:
+        block = self._block(pause.place.line, pause.place.line, 1)
+        if pause.act is not Act.CLAMP:
+            block.what = block.what or (_word(pause.act) if pause.act else "dwell")
+        tally = block.parts.setdefault("own", Tally(self._machine))
+        self._rest(tally, took_s)
+        if self._ended:
+            self._mark(tally)
+
+    def _mark(self, tally: Tally) -> None:
+        """A program stop, or the end: the tick that reaches it counts, or else one more."""
+        if self._marked:
+            self._ticks += 1
+            self._rest(tally, self._machine.period_s)
+        self._marked = True
+
+    def _motion(self, course: Course, spans: Sequence[Span], took_s: float) -> None:
+        for row in binding.sliced(spans, LOOK_S):
+            self._moments(course, row)
+        for span in spans:
+            motion = course.stretches[span.stretch].motion
+            if isinstance(motion, SurfaceCut) and motion is not self._last_cut:
+                self._cuts.append(motion.end)
+                self._last_cut = motion
+        moved_s = sum(span.to_s - span.from_s for span in spans)
+        self._rest(self._of(course.stretches[spans[-1].stretch]), took_s - moved_s)
+
+    def _rest(self, tally: Tally, seconds: float) -> None:
+        """A standstill; also what a run is padded by to a whole number of periods."""
+        if seconds > 0.0:
+            tally.rest(seconds)
+            self._seconds[0] += seconds
+
+    def survey(self) -> Survey:
+        """The sums; closes the last block."""
+        if not self._ended:
+            self._mark(self._last_tally())
+        self._close()
+        return Survey(
+            self._ticks * self._machine.period_s,
+            self._ticks,
+            self._cut_time_s,
+            float(sum(self._cuts)),
+            tuple(self._cuts),
+            self._blocks,
+            bounds(self._seconds, self._machine),
+            bounds(self._fed_seconds, self._machine),
+            self._uses(),
+        )
+
+    # ---- blocks
+
+    def _of(self, stretch: Stretch) -> Tally:
+        first, last, lines = lines_of(stretch)
+        return self._block(first, last, lines).tally(stretch)
+
+    def _block(self, first: int, last: int, lines: int) -> _Open:
+        """The open block if these lines are its own, or a new one."""
+        if self._open is None or not self._open.line <= first <= last <= self._open.last_line:
+            self._close()
+            self._open = _Open(first, last, lines, self._machine)
+        return self._open
+
+    def _last_tally(self) -> Tally:
+        parts = list(self._open.parts.values()) if self._open else []
+        return parts[-1] if parts else Tally(self._machine)
+
+    def _close(self) -> None:
+        if self._open is not None:
+            self._blocks += 1
+            self._tell(self._open.use())
+            self._open = None
+
+    # ---- moments
+
+    def _moments(self, course: Course, row: Sequence[Span]) -> None:
+        motion = binding.moments(course, row, PER_WINDOW)
+        use = binding.used(motion, course.derivatives(motion.s))
+        found = binding.codes(course, motion, use)
+        shown = binding.shown(motion, found)
+        ratio, feed = use / self._limits, course.feed(motion.s)
+        self._seconds += np.bincount(found, motion.dt, binding.NUMBER_OF_CODES)
+        fed = np.isfinite(feed)
+        self._fed_seconds += np.bincount(found[fed], motion.dt[fed], binding.NUMBER_OF_CODES)
+        np.maximum(self._ratio, ratio.max(axis=0), out=self._ratio)
+        window = first = 0
+        for span, n in zip(row, motion.windows, strict=True):
+            here = slice(first, first + n * PER_WINDOW)
+            stretch = course.stretches[span.stretch]
+            if n:
+                tally, rate = self._of(stretch), _tip_rate(stretch)
+                speeds = rate * motion.v[here], rate * feed[here]
+                tally.moments(motion.dt[here], speeds, found[here], ratio[here])
+                dt, ds = _windows(span, n)
+                tally.windows(dt, rate * ds, shown[window : window + n])
+                self._joints(stretch, motion.s[here] - course.starts[span.stretch])
+            self._cut_time_s += (span.to_s - span.from_s) * stretch.cutting
+            window, first = window + n, here.stop
+
+    def _joints(self, stretch: Stretch, s: Array) -> None:
+        s = np.clip(s[:: max(1, len(s) // 400)], 0.0, stretch.motion.end)
+        q = np.concatenate([joints_along(stretch, s, self._kinematics), [stretch.start, stretch.end]])
+        self._ends[0] = np.minimum(self._ends[0], q.min(axis=0))
+        self._ends[1] = np.maximum(self._ends[1], q.max(axis=0))
+
+    def _uses(self) -> tuple[JointUse, ...]:
+        if not np.isfinite(self._ends).all():
+            return ()
+        uses = []
+        for i, axis in enumerate(self._machine.axes):
+            lowest, highest = sorted(float(q) * axis.shown_per_unit for q in self._ends[:, i])
+            low, high = sorted((axis.travel_min * axis.shown_per_unit, axis.travel_max * axis.shown_per_unit))
+            uses.append(JointUse(axis.name, lowest, highest, (low, high), *map(float, self._ratio[i])))
+        return tuple(uses)
+
+
+def _word(act: Act) -> str:
+    return act.name.lower().replace("_", " ")
+
+
+def _windows(span: Span, n: int) -> tuple[Array, Array]:
+    """Duration and length of each window of the display."""
+    times = np.linspace(span.from_s, span.to_s, n + 1)
+    return np.diff(times), np.diff(along(span.law, times)[0])
+
+
+def lines_of(stretch: Stretch) -> tuple[int, int, int]:
+    """First and last line of the program in a stretch, and how many."""
+    if isinstance(stretch.motion, ToolSpline):
+        lines = stretch.motion.lines
+        return lines[0], lines[-1], len(lines)
+    return stretch.place.line, stretch.place.line, 1
+
+
+def _tip_rate(stretch: Stretch) -> float:
+    """Millimetres of the tip (of the contact) per unit of s."""
+    return stretch.motion.tip_rate if isinstance(stretch.motion, ToolLine) else 1.0

@@ -1,0 +1,195 @@
+"""Counts up what a part of a motion took: time, length, feed, and what bound for how long.
+
+A tally takes moments (``binding.Motion``) as they come and keeps sums only, and one mark
+per change of what binds; so a part of any length fits.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.machine import Machine
+from controller.plan.feed.binding import NUMBER_OF_CODES
+from controller.state import AXIS_KINDS, Binding, binding_text
+
+Array = npt.NDArray[np.float64]
+Codes = npt.NDArray[np.int64]
+
+MOST_SPANS = 200  # of what binds in one part; shorter ones are merged
+KEPT_SPANS = 4 * MOST_SPANS
+
+
+@dataclass(frozen=True, slots=True)
+class Bound:
+    """What bound, and for which share of the part's time."""
+
+    what: str  # 'feed', 'corner', 'C acceleration', ...
+    share: float
+    axis: str | None = None
+    kind: str | None = None  # 'velocity', 'acceleration', 'jerk'
+
+    def to_dict(self) -> dict[str, Any]:
+        return {"what": self.what, "axis": self.axis, "kind": self.kind, "share": _short(self.share)}
+
+
+@dataclass(frozen=True, slots=True)
+class Where:
+    """From where to where something bound: seconds and mm (or degrees) from the part's beginning."""
+
+    what: str
+    from_s: float
+    to_s: float
+    from_mm: float
+    to_mm: float
+
+    def to_dict(self) -> dict[str, Any]:
+        return {name: _short(getattr(self, name)) for name in self.__slots__}
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part of a motion as the check reports it; feeds in mm/min (degrees/min where only rotaries turn)."""
+
+    length_mm: float
+    time_s: float
+    feed: float | None  # the largest programmed; None where rapids are in it
+    feed_mean: float
+    feed_max: float
+    binds: tuple[Bound, ...]  # the longest first
+    where: tuple[Where, ...]  # in order
+    max_ratio: dict[str, dict[str, float]]  # by axis and kind, to the machine's limits; {} of a standstill
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "length_mm": _short(self.length_mm),
+            "time_s": _short(self.time_s),
+            "feed_mm_min": _short(self.feed),
+            "feed_mean_mm_min": _short(self.feed_mean),
+            "feed_max_mm_min": _short(self.feed_max),
+            "binds": [bound.to_dict() for bound in self.binds],
+            "where": [one.to_dict() for one in self.where],
+            "max_ratio": {
+                axis: {kind: _short(ratio) for kind, ratio in row.items()}
+                for axis, row in self.max_ratio.items()
+            },
+        }
+
+
+@dataclass(slots=True)
+class Tally:
+    """Sums of one part while it is looked at."""
+
+    machine: Machine
+    time_s: float = 0.0
+    length_mm: float = 0.0
+    feed_mm_s: float = 0.0  # inf with rapids
+    fastest_mm_s: float = 0.0
+    seconds: Array = field(default_factory=lambda: np.zeros(NUMBER_OF_CODES))
+    ratio: Array = field(default_factory=lambda: np.zeros((5, 3)))
+    changes: list[tuple[float, float, int]] = field(default_factory=list)  # time, length, code from there on
+
+    def moments(self, dt: Array, speeds: tuple[Array, Array], found: Codes, ratio: Array) -> None:
+        """Take N moments: what each stands for (s), speed and programmed feed, code, shares (N, 5, 3)."""
+        v, feed = speeds
+        self.seconds += np.bincount(found, dt, NUMBER_OF_CODES)
+        self.fastest_mm_s = max(self.fastest_mm_s, float(v.max()))
+        np.maximum(self.ratio, ratio.max(axis=0), out=self.ratio)
+        self.feed_mm_s = max(self.feed_mm_s, float(feed.max()))
+
+    def windows(self, dt: Array, ds: Array, found: Codes) -> None:
+        """Take windows of the display, after each other: duration, length, code."""
+        times = self.time_s + np.concatenate([[0.0], np.cumsum(dt)])
+        places = self.length_mm + np.concatenate([[0.0], np.cumsum(ds)])
+        last = self.changes[-1][2] if self.changes else -1
+        for k in np.flatnonzero(np.diff(found, prepend=last)):
+            self.changes.append((float(times[k]), float(places[k]), int(found[k])))
+        self.time_s, self.length_mm = float(times[-1]), float(places[-1])
+        if len(self.changes) > KEPT_SPANS:
+            self.changes = _fewer(self.changes, self.time_s)
+
+    def rest(self, seconds: float) -> None:
+        """Stand still, as at the end of a run that is padded to a whole number of periods."""
+        if not self.changes or self.changes[-1][2] != Binding.NOTHING:
+            self.changes.append((self.time_s, self.length_mm, Binding.NOTHING))
+        self.time_s += seconds
+        self.seconds[Binding.NOTHING] += seconds
+
+    def part(self) -> Part:
+        mean = self.length_mm / self.time_s if self.time_s > 0.0 else 0.0
+        return Part(
+            self.length_mm,
+            self.time_s,
+            60.0 * self.feed_mm_s if 0.0 < self.feed_mm_s < math.inf else None,
+            60.0 * mean,
+            60.0 * self.fastest_mm_s,
+            self._bounds(),
+            self._where(),
+            ratios(self.machine, self.ratio) if self.length_mm else {},
+        )
+
+    def _bounds(self) -> tuple[Bound, ...]:
+        return bounds(self.seconds, self.machine)
+
+    def _where(self) -> tuple[Where, ...]:
+        changes = self.changes
+        if len(changes) > MOST_SPANS:
+            changes = _fewer(changes, self.time_s)
+        ends = [*((t, s) for t, s, _ in changes[1:]), (self.time_s, self.length_mm)]
+        names = self._names
+        return tuple(
+            Where(binding_text(code, names), t, to_t, s, to_s)
+            for (t, s, code), (to_t, to_s) in zip(changes, ends, strict=False)
+            if code != Binding.NOTHING
+        )
+
+    @property
+    def _names(self) -> list[str]:
+        return [axis.name for axis in self.machine.axes]
+
+
+def _short(value: Any) -> Any:
+    """A number as JSON gives it: to 1e-6, which is a micrometre's thousandth and no digit too many."""
+    return round(value, 6) if isinstance(value, float) else value
+
+
+def bounds(seconds: Array, machine: Machine) -> tuple[Bound, ...]:
+    """Shares of the time by what bound, the longest first; without the time in which nothing did."""
+    names = [axis.name for axis in machine.axes]
+    total = float(seconds.sum())
+    found = []
+    for code in sorted(np.flatnonzero(seconds), key=lambda code: -seconds[code]):
+        axis, kind = divmod(int(code) - Binding.AXIS, 3)
+        of_axis = code >= Binding.AXIS
+        found.append(
+            Bound(
+                binding_text(int(code), names),
+                float(seconds[code]) / total,
+                names[axis] if of_axis else None,
+                AXIS_KINDS[kind] if of_axis else None,
+            )
+        )
+    return tuple(bound for bound in found if bound.what != binding_text(Binding.NOTHING, names))
+
+
+def ratios(machine: Machine, most: Array) -> dict[str, dict[str, float]]:
+    """Largest shares of the limits (5, 3) by name."""
+    return {
+        axis.name: dict(zip(AXIS_KINDS, (float(x) for x in row), strict=True))
+        for axis, row in zip(machine.axes, most, strict=True)
+    }
+
+
+def _fewer(changes: list[tuple[float, float, int]], end_s: float) -> list[tuple[float, float, int]]:
+    """The longest ``MOST_SPANS``; a shorter one goes to the one before it, neighbours that agree are one."""
+    lasts = np.diff([*(t for t, _, _ in changes), end_s])
+    least = np.partition(lasts, -MOST_SPANS)[-MOST_SPANS]
+    kept = [changes[0]]
+    for change, lasting in zip(changes[1:], lasts[1:], strict=True):
+        if lasting >= least and change[2] != kept[-1][2]:
+            kept.append(change)
+    return kept

@@ -1,0 +1,178 @@
+"""The rotary positions along a cut: both branches over a whole block, followed without a jump.
+
+A closed form gives each rotary only up to whole turns, and at a pole the branches
+exchange their names. So a block is looked at on samples that are halved until no
+rotary turns by more than half a radian from one to the next; then a jump that is
+left is a passage through the pole itself, where the other branch goes on.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.geometry import Vector, scale
+from controller.kinematics import Kinematics
+from controller.motions import JointMove, Rotaries, SurfaceCut, ToolLine, ToolSpline
+from controller.plan.route import tool_paths
+from controller.plan.route.stretch import Stretch, rotaries_of
+from controller.plan.route.turns import JUMP_RAD, NAN, SAME_AXIS_RAD, TURN, wrapped
+from controller.surfaces import Cone
+
+Array = npt.NDArray[np.float64]
+
+
+class BranchLost(Exception):
+    """The rotaries cannot follow the tool axis at ``u``."""
+
+    def __init__(self, u: float, reason: str) -> None:
+        super().__init__(reason)
+        self.u, self.reason = u, reason
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """Both branches of a cut over samples ``u`` (N,): ``pairs`` (2, N, 2) principal values, rad.
+
+    A rotary that is free over the whole block (a tool axis that stands on the pole
+    all the way) is nan.
+    """
+
+    u: Array
+    axis: Array  # (3, N), table frame
+    pairs: Array
+
+    def steps(self) -> tuple[Array, Array]:
+        """Largest change of a rotary (2, N-1) per branch, and of the tool axis (N-1,)."""
+        change = np.abs(wrapped(np.diff(self.pairs, axis=1))).max(axis=2)
+        turn = np.sqrt((np.diff(self.axis, axis=1) ** 2).sum(axis=0))
+        return np.nan_to_num(change), np.asarray(turn)
+
+    def follow(self, start: Rotaries) -> Array:
+        """Rotaries (N, 2) that begin next to ``start`` and never jump; raises BranchLost."""
+        begin = wrapped(self.pairs[:, 0] - np.array(start))
+        first = int(np.argmin(np.nansum(begin * begin, axis=1)))
+        index = (first + np.concatenate(([0], np.cumsum(self._switches())))) % 2
+        values = self.pairs[index, np.arange(len(self.u))]
+        free = np.isnan(values)
+        values = np.where(free, np.array(start), values)
+        # Whole turns are added to the exact values: no rounding piles up over many turns.
+        rough = np.cumsum(wrapped(np.diff(values, axis=0)), axis=0)
+        turns = np.round((values[0] + rough - values[1:]) / TURN)
+        nearest = np.round((np.array(start) - values[0]) / TURN)
+        values[1:] += TURN * turns
+        return np.asarray(values + TURN * nearest)
+
+    def _switches(self) -> Array:
+        """Between which samples the branches exchange their names (N-1,)."""
+        stay, _ = self.steps()
+        jumps = stay.max(axis=0) > JUMP_RAD
+        if jumps.any():
+            swapped = np.abs(wrapped(self.pairs[::-1, 1:] - self.pairs[:, :-1])).max(axis=(0, 2))
+            torn = np.flatnonzero(jumps & (swapped > JUMP_RAD))
+            if len(torn):
+                raise BranchLost(float(self.u[torn[0]]), "the rotary axes would have to jump")
+        return np.asarray(jumps)
+
+
+def _grid(cut: SurfaceCut) -> Array:
+    """Samples dense enough that no rotary turns half a turn unseen between two."""
+    surface = cut.surface
+    turns = abs(surface.sweep_rad) / TURN if isinstance(surface, Cone) else 0.0
+    return np.linspace(0.0, 1.0, 129 + 2 * math.ceil(32 * turns))
+
+
+def field(cut: SurfaceCut, kinematics: Kinematics, extra: Array | None = None) -> Field:
+    """Both branches of ``cut`` over its whole length (with samples at ``extra``); raises BranchLost."""
+    u = _grid(cut)
+    if extra is not None:
+        u = np.unique(np.concatenate((u, extra)))
+    found = _solve(cut, kinematics, u)
+    while True:
+        change, turn = found.steps()
+        wide = np.flatnonzero((change.max(axis=0) > JUMP_RAD) & (turn > SAME_AXIS_RAD))
+        middle = 0.5 * (found.u[wide] + found.u[wide + 1])
+        middle = middle[(middle > found.u[wide]) & (middle < found.u[wide + 1])]
+        if not len(middle):
+            return _freed(found)
+        found = _merged(found, _solve(cut, kinematics, middle))
+
+
+def _solve(cut: SurfaceCut, kinematics: Kinematics, u: Array) -> Field:
+    x, y, z = cut.part.turn(cut.surface.axis(u, np))
+    axis: Vector = (x + 0.0 * u, y + 0.0 * u, z + 0.0 * u)
+    # Kept at nan, the work's rotary shows where it is undetermined: at the pole.
+    pairs: Array = np.moveaxis(np.array(kinematics.branches(axis, np, None, NAN)), 2, 1)
+    lost = np.isnan(pairs).all(axis=(0, 2))
+    if lost.any():
+        raise BranchLost(float(u[np.argmax(lost)]), "no position of the rotary axes gives this tool axis")
+    for i in np.flatnonzero(np.isnan(pairs).any(axis=(0, 2))):
+        pairs[:, i] = _from_inside(cut, kinematics, float(u[i]))
+    return Field(u, np.array(axis), pairs)
+
+
+def _from_inside(cut: SurfaceCut, kinematics: Kinematics, u: float) -> Array:
+    """Both branches at a pole, as ``SurfaceCut.joints`` takes them there: the limit from inside."""
+    rate = cut.part.turn(cut.surface.axis_rate(u))
+    inside = rate if u < 0.5 else scale(rate, -1.0)
+    return np.array(kinematics.branches(cut.part.turn(cut.surface.axis(u)), inside=inside, keep=NAN))
+
+
+def _merged(a: Field, b: Field) -> Field:
+    u = np.concatenate((a.u, b.u))
+    order = np.argsort(u, kind="stable")
+    axis = np.concatenate((a.axis, b.axis), axis=1)[:, order]
+    return Field(u[order], axis, np.concatenate((a.pairs, b.pairs), axis=1)[:, order])
+
+
+def _freed(found: Field) -> Field:
+    """Undetermined places inside a block take what stands before them (as the tick does)."""
+    unknown = np.isnan(found.pairs).any(axis=(0, 2))
+    known = np.flatnonzero(~unknown)
+    if not unknown.any() or not len(known):
+        return found
+    source = known[np.clip(np.searchsorted(known, np.arange(len(found.u)), side="right") - 1, 0, None)]
+    pairs = np.where(np.isnan(found.pairs), found.pairs[:, source], found.pairs)
+    return Field(found.u, found.axis, pairs)
+
+
+def joints_on(cut: SurfaceCut, u: Array, rotaries: Array, kinematics: Kinematics) -> Array:
+    """All five joints (N, 5) at parameters ``u`` (N,) with the rotaries (N, 2) found there."""
+    tip = cut.part.to_parent(cut.surface.pose(u, cut.offset_mm, np).tip)
+    return _stacked(tip, rotaries[:, 0], rotaries[:, 1], cut, kinematics)
+
+
+def _stacked(tip: Vector, first: Array, second: Array, cut: SurfaceCut, kinematics: Kinematics) -> Array:
+    x, y, z = kinematics.linear(tip, (first, second), cut.length_mm, np)
+    values = (x, y, z, first, second)
+    return np.stack([np.broadcast_to(values[i], first.shape) for i in kinematics.order], axis=1)
+
+
+def joints_along(stretch: Stretch, s: Array, kinematics: Kinematics) -> Array:
+    """Joints (N, 5) at the places ``s`` (N,) of a stretch, in the turns in which it begins.
+
+    ``s`` is in the unit of the motion and in any order. Raises BranchLost where the
+    rotaries cannot follow, which ``path.trace`` has ruled out for its own stretches.
+    """
+    s = np.atleast_1d(np.asarray(s, dtype=float))
+    motion = stretch.motion
+    if isinstance(motion, JointMove):
+        return _along_move(motion, s)
+    if isinstance(motion, ToolLine):
+        return tool_paths.joints_along_line(motion, s, kinematics)
+    if isinstance(motion, ToolSpline):
+        return tool_paths.joints_along_spline(motion, s, kinematics)
+    u = motion.arc.u_along(s)
+    found = field(motion, kinematics, u)
+    rotaries = found.follow(rotaries_of(stretch.start, kinematics))
+    return joints_on(motion, u, rotaries[np.searchsorted(found.u, u)], kinematics)
+
+
+def _along_move(move: JointMove, s: Array) -> Array:
+    share = s / move.end if move.end > 0.0 else 0.0 * s
+    (a0, b0), (a1, b1) = move.start_rotaries, move.end_rotaries
+    values = (*move.curve.at(share, np), a0 + (a1 - a0) * share, b0 + (b1 - b0) * share)
+    return np.stack([np.broadcast_to(values[i], s.shape) for i in move.order], axis=1)

@@ -1,0 +1,230 @@
+"""From a G51, G52 or G6.2 block to the motions of its cut, and the audit of its surface.
+
+A surface between B-splines becomes several cuts that join: one for each part over
+which the joints change smoothly, as two G52 blocks would.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from controller.curves import ArcLength, Bezier
+from controller.geometry import Number, Vector, add, cross, dot, norm, scale, subtract, unit
+from controller.machine import Machine, Tool
+from controller.motions import SurfaceCut
+from controller.plan.route.stretch import Voice
+from controller.plan.text.program import CutBlock, CutCone, CutRuled
+from controller.rulings import smooth_parts
+from controller.surfaces import Cone, Defect, DefectKind, RuledSurface, Surface, concave_radius, defect
+
+# What is wrong at u (and v), and what to do.
+DEFECTS = {
+    DefectKind.COINCIDENT: (
+        "the upper and the lower directrix coincide, so there is no ruling to hold the cutter along; "
+        "give two different curves"
+    ),
+    DefectKind.ZERO_RULING_INSIDE: (
+        "the ruling at u = {u:.4f} has no length, so the tool axis is undefined there; "
+        "keep the directrices apart"
+    ),
+    DefectKind.ZERO_RULING_END: (
+        "the ruling at u = {u:.4f}, an end of the block, has no length, so the tool axis is undefined there; "
+        "keep the directrices apart at their ends too"
+    ),
+    DefectKind.CROSSING: (
+        "the directrices cross near u = {u:.4f}; a ruled surface needs two curves that stay apart"
+    ),
+    DefectKind.STANDSTILL: (
+        "the lower directrix stands still at u = {u:.4f} (C1' = 0), where the cutter has no direction of "
+        "travel; split the block there or move its control points apart"
+    ),
+    DefectKind.FOLD: (
+        "the surface folds at u = {u:.4f}, v = {v:.3f}: its normal turns by 90 degrees or more along one "
+        "ruling, which no cylinder can cut; make the directrices run the same way"
+    ),
+}
+
+
+# A check builds every block twice: to choose the branches of the whole program, and to trace it.
+REMEMBERED = 256
+_defect = lru_cache(REMEMBERED)(defect)
+_concave_radius = lru_cache(REMEMBERED)(concave_radius)
+_arc: Callable[[Any], ArcLength] = lru_cache(REMEMBERED)(ArcLength.of)
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """One end of a cut in the table frame: where the cutter stands and which way it goes."""
+
+    contact: Vector
+    tip: Vector
+    axis: Vector
+    tangent: Vector  # unit vector along C1, in the direction of travel
+    out: Vector  # unit normal towards the cutter's side
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """One G51 or G52 block, or a smooth part of a G6.2 block, ready to be followed."""
+
+    block: CutBlock
+    tool: Tool
+    motion: SurfaceCut
+    start: Edge
+    end: Edge
+    part: tuple[float, float] = (0.0, 1.0)  # which part of the block, in its u
+
+    def block_u(self, u: Number) -> Number:
+        """The block's parameter at the cut's own."""
+        return self.part[0] + (self.part[1] - self.part[0]) * u
+
+    @property
+    def side(self) -> float:
+        return self.block.modal.side.value
+
+
+def build(block: CutBlock, machine: Machine, voice: Voice) -> tuple[Cut, ...]:
+    """The cuts of one block, in order; refuses a surface that its cutter cannot cut."""
+    tool = machine.tool(block.modal.tool)
+    if tool is None:
+        known = ", ".join(f"T{t.number}" for t in machine.tools)
+        voice.refuse(
+            block.place,
+            f"T{block.modal.tool} is not in the tool table, which has {known}; add it or take one",
+        )
+    surface = _surface(block)
+    found = _defect(surface)
+    if found is not None:
+        voice.refuse(block.place, f"{code(block)}: {_describe(found)}")
+    _audit_radius(block, surface, tool, machine, voice)
+    try:
+        return tuple(_cut(block, part, at, tool, machine) for part, at in _parts(block, surface))
+    except ValueError as error:
+        voice.refuse(block.place, f"{code(block)}: the lower directrix cannot be travelled: {error}")
+
+
+def _cut(block: CutBlock, surface: Surface, part: tuple[float, float], tool: Tool, machine: Machine) -> Cut:
+    offset = tool.radius_mm * block.modal.side.value
+    frame = machine.offsets[block.modal.offset]
+    motion = SurfaceCut(surface, _arc(surface.lower), offset, tool.length_mm, frame)
+    return Cut(block, tool, motion, edge(motion, 0.0), edge(motion, 1.0), part)
+
+
+def code(block: CutBlock) -> str:
+    """The code that a block was written with."""
+    if isinstance(block, CutCone):
+        return "G51"
+    return "G52" if isinstance(block, CutRuled) else "G6.2"
+
+
+def _surface(block: CutBlock) -> Surface:
+    if isinstance(block, CutCone):
+        return Cone(block.start, block.centre, block.height_mm, block.upper_radius_mm, block.sweep_rad)
+    if isinstance(block, CutRuled):
+        return RuledSurface(upper=Bezier(block.upper), lower=Bezier(block.lower))
+    return RuledSurface(upper=block.upper, lower=block.lower)
+
+
+def _parts(block: CutBlock, surface: Surface) -> Iterator[tuple[Surface, tuple[float, float]]]:
+    """The smooth parts of a block's surface, each with the share of the block that it is."""
+    if isinstance(block, CutCone | CutRuled):
+        yield surface, (0.0, 1.0)
+        return
+    upper, lower = block.upper.snapped(block.lower.breaks), block.lower
+    for start, end in smooth_parts(upper, lower):
+        yield RuledSurface(upper.between(start, end), lower.between(start, end)), (start, end)
+
+
+def _describe(found: Defect) -> str:
+    return DEFECTS[found.kind].format(u=found.u, v=found.v)
+
+
+def _audit_radius(block: CutBlock, surface: Surface, tool: Tool, machine: Machine, voice: Voice) -> None:
+    """A cutter that does not fit into the hollow of its side cuts away what it must leave (gouge)."""
+    side = block.modal.side
+    radius, u = _concave_radius(surface, side.value)
+    if tool.radius_mm > radius * (1.0 + 1e-9):
+        gouge(
+            f"{code(block)}: the cutter T{tool.number} of radius {tool.radius_mm:.3f} mm does not fit into "
+            f"the hollow of radius {radius:.3f} mm at u = {u:.4f} on its {side.name.lower()} side",
+            f"take a cutter of at most {radius:.3f} mm or the other side",
+            block,
+            machine,
+            voice,
+        )
+    if tool.flute_mm > 0.0:
+        longest = max(float(norm(surface.ruling(i / 64.0))) for i in range(65))
+        if longest > tool.flute_mm:
+            sentence = (
+                f"The flute of T{tool.number} is {tool.flute_mm:.3f} mm long, the longest ruling "
+                f"{longest:.3f} mm; above the flute nothing is cut."
+            )
+            voice.tell(block.place, sentence)
+
+
+def gouge(what: str, advice: str, block: CutBlock, machine: Machine, voice: Voice) -> None:
+    """Refuse what cuts into the part, or only note it where the machine file says gouge = "warn"."""
+    if machine.gouge == "refuse":
+        voice.refuse(block.place, f'{what}; {advice}, or set gouge = "warn" to cut it anyway')
+    voice.tell(block.place, f"Gouge: {what}; {advice}.")
+
+
+def edge(cut: SurfaceCut, u: float) -> Edge:
+    """The end of a cut at ``u`` = 0 or 1, in the table frame."""
+    surface, part = cut.surface, cut.part
+    tip, axis = surface.pose(u, cut.offset_mm)
+    out = scale(surface.normal(u), math.copysign(1.0, cut.offset_mm))
+    return Edge(
+        contact=part.to_parent(surface.contact(u)),
+        tip=part.to_parent(tip),
+        axis=part.turn(axis),
+        tangent=part.turn(_tangent(surface, u)),
+        out=part.turn(out),
+    )
+
+
+def _tangent(surface: Surface, u: float) -> Vector:
+    """Direction of C1 at an end; where C1' is 0 there, the direction just inside."""
+    rate = surface.lower.derivative(u)
+    if norm(rate) > 1e-9:
+        return unit(rate)
+    inner = 1e-6 if u < 0.5 else 1.0 - 1e-6
+    return unit(surface.lower.derivative(inner))
+
+
+def hollow(cut: Cut, u: float) -> bool:
+    """Whether the surface bends towards the cutter at ``u``, seen in the plane normal to the ruling.
+
+    The curvature there is (C1'' n - 2 (C1' a)(a' n)) / |t|^2 with a the axis and t
+    the part of C1' across it (the twist of the ruling takes part where C1 is oblique).
+    """
+    surface = cut.motion.surface
+    axis, normal = surface.axis(u), surface.normal(u)
+    tangent, second = surface.lower.derivative(u), surface.lower.derivative(u, 2)
+    along = dot(tangent, axis)
+    across = subtract(tangent, scale(axis, along))
+    twist = dot(surface.ruling_curve.derivative(u), normal) / norm(surface.ruling(u))
+    bend = dot(second, normal) - 2.0 * along * twist
+    return bool(cut.side * bend > 1e-6 * max(dot(across, across), 1e-18))
+
+
+def turned(before: Edge, after: Edge) -> float:
+    """Angle (rad) by which the side normal turns about the shared ruling, left positive."""
+    across = dot(cross(before.out, after.out), before.axis)
+    return math.atan2(across, dot(before.out, after.out))
+
+
+def apart(a: Vector, b: Vector) -> float:
+    """Distance of two points, or, of two unit vectors, their angle while it is tiny."""
+    return float(norm(subtract(a, b)))
+
+
+def beside(point: Vector, *steps: tuple[Vector, float]) -> Vector:
+    """A point moved by so much along each of some directions."""
+    for direction, by in steps:
+        point = add(point, scale(direction, by))
+    return point

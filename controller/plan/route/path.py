@@ -1,0 +1,336 @@
+"""The way of a whole program: blocks in, chains of motion out, every joint audited.
+
+    blocks -> moves (G0 to G3), tool lines and rows of lines (G43.4, G43.5, G64 P), or trains
+              of cuts (G51, G52, G6.2) with approach and departure
+           -> chains that run through, pauses where the machine stands
+
+Nothing here knows of time: ``limits`` and ``profile`` put the motion law on each chain.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from controller.kinematics import Kinematics
+from controller.machine import Joints, Machine
+from controller.motions import JointMove, Rotaries, ToolLine
+from controller.plan.route import approach, audit, choices, clamps, cuts, lines, moves, rows, train, unwind
+from controller.plan.route.branch import BranchLost, joints_along
+from controller.plan.route.lines import Stand
+from controller.plan.route.rows import LineRow
+from controller.plan.route.stretch import Chain, Note, Path, Pause, Stretch, Voice, rotaries_of
+from controller.plan.text.ahead import Ahead
+from controller.plan.text.program import (
+    Action,
+    Block,
+    CutBlock,
+    Dwell,
+    JointArc,
+    JointLine,
+    Place,
+    Program,
+    ProgramError,
+    TipLine,
+)
+
+__all__ = [
+    "BranchLost",
+    "Chain",
+    "Note",
+    "Path",
+    "Pause",
+    "Stretch",
+    "Tracer",
+    "joints_along",
+    "stream",
+    "trace",
+]
+
+ARC_SAMPLES = 181
+ALONE = "G64 is run as G61 where it has no P: the path is followed exactly and not blended."
+NO_BLEND = "G64 is run as G61 on arcs and surfaces: they are followed exactly; P blends lines (G1)."
+LONGEST_CHAIN = 64  # stretches; a longer row of lines comes in parts
+SWIVEL = "Stops at the pole between two blocks and turns the rotary axis under the standing tool."
+
+
+def trace(program: Program, machine: Machine, kinematics: Kinematics, start: Joints) -> Path:
+    """The path of ``program`` from the joints ``start`` (mm, rad); nothing moves by it.
+
+    Raises ProgramError with file, line, column and a sentence for the first block that
+    cannot be run: surface, gouge, corner, travel, branch or arc.
+    """
+    chosen = choices.choices(program.blocks, machine, kinematics, start, program.name)
+    tracer = Tracer(program.name, machine, kinematics, start, chosen)
+    items = tuple(tracer.items(program.blocks))
+    path = Path(items, tuple(tracer.notes), tracer.now)
+    if program.blocks and not path.items:  # every move ends where it starts: a run of no length
+        path = replace(path, items=(Pause(program.blocks[-1].place, program.blocks[-1].modal),))
+    return path
+
+
+def stream(
+    blocks: Iterable[Block],
+    name: str,
+    machine: Machine,
+    kinematics: Kinematics,
+    start: Joints,
+    chosen: Mapping[int, Rotaries] | None = None,
+) -> Iterator[Chain | Pause]:
+    """As ``trace``, item by item and without the notes; no more of the program is held than a window.
+
+    ``chosen``: rotaries (rad) at the start of a train of cuts or at a G0 with a tool vector, by
+    program line; without it each is chosen as it comes. ProgramError comes when its block does.
+    """
+    return Tracer(name, machine, kinematics, start, chosen or {}).items(blocks)
+
+
+class Tracer:
+    """Makes the path block by block; ``now`` are the joints where it has come to, ``notes`` what to tell."""
+
+    def __init__(
+        self,
+        name: str,
+        machine: Machine,
+        kinematics: Kinematics,
+        start: Joints,
+        chosen: Mapping[int, Rotaries],
+    ) -> None:
+        self._machine, self._kinematics = machine, kinematics
+        self._chosen = chosen  # rotaries at the start of a train, by the line of its first block
+        self._voice = Voice(name, self._note)
+        self._items: list[Chain | Pause] = []  # not given away yet
+        self._ahead = Ahead(iter(()))
+        self.notes: list[Note] = []
+        self._row: LineRow | None = None  # of lines under G64 P
+        self._stand: Stand | None = None  # of the tool after the last block of G43.4 or G43.5
+        self._run: list[Stretch] = []  # feed moves that still run through
+        self._blends_noted = False
+        self.now = start
+
+    def items(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
+        """The path of all blocks, as it is made; before a block that is refused comes all that is sound."""
+        return clamps.opened(self._sound_items(blocks), self._machine, self._kinematics)
+
+    def _sound_items(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
+        try:
+            yield from self._items_of(blocks)
+        except ProgramError:
+            self._rest()
+            yield from self._made()
+            raise
+
+    def _items_of(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
+        self._ahead = Ahead(iter(blocks))
+        for is_cut, group in itertools.groupby(self._ahead, lambda b: isinstance(b, CutBlock)):
+            if is_cut:
+                self._surfaces(block for block in group if isinstance(block, CutBlock))
+                yield from self._made()
+                continue
+            for block in group:
+                self._block(block)
+                if self._items:
+                    yield from self._made()
+        self._end_row()
+        self._rest()
+        yield from self._made()
+
+    def _made(self) -> list[Chain | Pause]:
+        made, self._items = self._items, []
+        return made
+
+    def _block(self, block: Block) -> None:
+        """Anything but a cut."""
+        if isinstance(block, JointLine | TipLine) and rows.blends(block):
+            self._blended(block)
+            return
+        self._end_row()
+        if isinstance(block, Dwell):
+            self._pause(Pause(block.place, block.modal, seconds=block.seconds))
+        elif isinstance(block, Action):
+            self._pause(Pause(block.place, block.modal, act=block.act))
+        elif isinstance(block, TipLine):
+            self._note_blend(block)
+            self._tool(block)
+        elif isinstance(block, JointLine):
+            self._note_blend(block)
+            self._move(moves.line(block, self._machine, self._kinematics, self.now), block.relative)
+        elif isinstance(block, JointArc):
+            self._note_blend(block)
+            self._move(
+                moves.arc(block, self._machine, self._kinematics, self.now, self._voice), block.relative
+            )
+
+    # ---- lines of the tool and rows of lines -----------------------------------------
+
+    def _standing(self, length_mm: float) -> Stand:
+        """The tool where the path has come to, as programmed if the last block moved it so."""
+        stand = self._stand
+        if stand is None or stand.joints != self.now or stand.length_mm != length_mm:
+            stand = Stand.at(self.now, length_mm, self._kinematics)
+        return stand
+
+    def _tool(self, block: TipLine) -> None:
+        """G0 or exact G1 under G43.4 or G43.5."""
+        stand = self._standing(block.modal.length_mm)
+        machine, kinematics = self._machine, self._kinematics
+        made: list[Stretch] = []
+        if block.feed_mm_s is None:
+            following = self._ahead.lines_like(block) if block.axis is not None else []
+            wanted = self._chosen.get(block.place.line)
+            one, stand = lines.rapid(block, stand, following, wanted, machine, kinematics, self._voice)
+            made += [one] if one is not None else []
+        else:
+            made, stand = lines.exact(block, stand, machine, kinematics, self._voice)
+        for stretch in made:
+            if stretch.name == "swivel":
+                self._rest()
+            self._move(stretch, block.relative)
+            if stretch.name == "swivel":
+                self._rest()
+        self._stand = replace(stand, joints=self.now)
+
+    def _blended(self, block: JointLine | TipLine) -> None:
+        """A line that joins the row of lines under G64 P, or begins one."""
+        if self._row is not None and not self._row.takes(block):
+            self._end_row()
+        if self._row is None:
+            stand = self._standing(block.modal.length_mm)
+            self._row = LineRow(block, stand, self._machine, self._kinematics, self._voice)
+        self._row.add(block)
+        if self._row.full:
+            self._rest()
+            self._items += self._row.chains(False)
+
+    def _end_row(self) -> None:
+        row, self._row = self._row, None
+        if row is None:
+            return
+        only = row.only
+        if isinstance(only, TipLine):
+            self._tool(only)
+        elif only is not None:
+            self._move(moves.line(only, self._machine, self._kinematics, self.now), only.relative)
+        else:
+            self._rest()
+            self._items += row.chains(True)
+            self.now = row.joints
+            self._stand = replace(row.stand, joints=self.now)
+
+    # ---- cuts ------------------------------------------------------------------------
+
+    def _surfaces(self, blocks: Iterable[CutBlock]) -> None:
+        """Consecutive cuts: each train of joined ones with its approach and departure."""
+        self._end_row()
+        self._rest()
+        ready: list[cuts.Cut] = []
+        for block in blocks:
+            self._note_blend(block)
+            ready += cuts.build(block, self._machine, self._voice)
+        for members, meetings in train.trains(ready, self._voice):
+            self._train(members, meetings)
+
+    def _train(self, members: Sequence[cuts.Cut], meetings: Sequence[train.Meeting]) -> None:
+        machine, kinematics = self._machine, self._kinematics
+        near = rotaries_of(self.now, kinematics)
+        wanted = self._chosen.get(members[0].block.place.line)
+        legs = train.choose(members, machine, kinematics, near, self._voice, wanted)
+        onto = approach.lead_in(legs[0], machine, kinematics)
+        off = approach.lead_out(legs[-1], machine, kinematics)
+        approach.audit_lead(onto, legs, True, machine, self._voice)
+        approach.audit_lead(off, legs, False, machine, self._voice)
+        for chain in approach.arrive(legs, self.now, machine, kinematics):
+            self._chain(chain)
+        for chain in self._cutting(legs, meetings, onto, off):
+            self._chain(chain)
+        for chain in approach.depart(legs, machine, kinematics):
+            self._chain(chain)
+
+    def _cutting(
+        self,
+        legs: Sequence[train.Leg],
+        meetings: Sequence[train.Meeting],
+        onto: approach.Lead,
+        off: approach.Lead,
+    ) -> Iterator[Chain]:
+        """Lead in, cuts with the pivots between them, lead out; a swivel at a pole stands alone."""
+        run = [*onto.stretches, approach.cut_stretch(legs[0])]
+        for (before, after), meeting in zip(itertools.pairwise(legs), meetings, strict=True):
+            for stretch in approach.between(before, after, meeting, self._kinematics):
+                if stretch.name == "swivel":
+                    self._note(stretch.place, SWIVEL)
+                    yield Chain(tuple(run))
+                    yield Chain((stretch,))
+                    run = []
+                else:
+                    run.append(stretch)
+            run.append(approach.cut_stretch(after))
+        yield Chain((*run, *off.stretches))
+
+    # ---- collecting --------------------------------------------------------------
+
+    def _note(self, place: Place, sentence: str) -> None:
+        self.notes.append(Note(place, sentence))
+
+    def _note_blend(self, block: JointLine | TipLine | JointArc | CutBlock) -> None:
+        if not block.modal.exact and block.feed_mm_s is not None and not self._blends_noted:
+            self._blends_noted = True
+            self._note(block.place, ALONE if isinstance(block, JointLine | TipLine) else NO_BLEND)
+
+    def _pause(self, pause: Pause) -> None:
+        self._rest()
+        self._items.append(pause)
+
+    def _move(self, stretch: Stretch | None, relative: bool) -> None:
+        """A stretch of G0 to G3: at rest on both sides unless it goes on as its neighbour came."""
+        if stretch is None:
+            return
+        self._audit(stretch, relative)
+        rapid = stretch.feed_mm_s is None
+        if self._run and (rapid or not self._runs_through(self._run[-1], stretch)):
+            self._rest()
+        if len(self._run) > LONGEST_CHAIN:
+            self._items.append(Chain(tuple(self._run), runs_on=True))
+            self._run = []
+        self._run.append(stretch)
+        self.now = stretch.end
+        if rapid:
+            self._rest()
+
+    def _runs_through(self, before: Stretch, after: Stretch) -> bool:
+        return moves.runs_through(before, after) or lines.runs_through(
+            before, after, self._machine, self._kinematics
+        )
+
+    def _rest(self) -> None:
+        if self._run:
+            self._items.append(Chain(tuple(self._run)))
+            self._run = []
+
+    def _chain(self, chain: Chain) -> None:
+        for stretch in chain.stretches:
+            self._audit(stretch)
+        self._items.append(chain)
+        self.now = chain.stretches[-1].end
+
+    def _audit(self, stretch: Stretch, relative: bool = False) -> None:
+        """Travel of everything that is not a cut: those were audited as their branch was chosen."""
+        if isinstance(stretch.motion, ToolLine):
+            rows.audit_line(stretch, self._machine, self._kinematics, self._voice)
+        if not isinstance(stretch.motion, JointMove):
+            return
+        excess = audit.outside_at(self._machine, stretch.end)
+        if excess is None and stretch.name in ("arc", "lead in", "lead out", "pivot", "swivel"):
+            s = np.linspace(0.0, stretch.motion.end, ARC_SAMPLES)
+            excess = audit.outside(self._machine, s, joints_along(stretch, s, self._kinematics))
+        if excess is not None:
+            axis = self._machine.axes[excess.axis]
+            where = f" in the {stretch.name}" if stretch.name != "line" else ""
+            advice = audit.MOVE
+            if axis.is_rotary and relative:  # from another turn the same distance may fit
+                a, b = stretch.start[excess.axis], stretch.end[excess.axis]
+                advice = unwind.offer(axis, a, min(a, b), max(a, b))
+            self._voice.refuse(stretch.place, audit.describe(axis, excess, where, advice))

@@ -1,0 +1,267 @@
+"""Cuts that run through: which blocks join, and on which branch and turns all of them are cut.
+
+A train is a row of blocks between one approach and one departure. Inside it the
+rotaries have no choice: they follow the tool axis. The choice is made once, at its
+start, for all of it.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.kinematics import Kinematics
+from controller.machine import Kind, Machine
+from controller.motions import Rotaries
+from controller.plan.route import audit, unwind, winding
+from controller.plan.route.branch import BranchLost, Field, field, joints_on
+from controller.plan.route.cuts import Cut, apart, turned
+from controller.plan.route.stretch import Voice
+from controller.plan.route.turns import wrapped
+from controller.plan.route.winding import Way
+from controller.plan.text.program import ProgramError
+
+Array = npt.NDArray[np.float64]
+
+SAME_MM = 1e-6
+SAME_RAD = math.radians(1e-6)
+SAME_ROTARY_RAD = 1e-6  # rotaries nearer than this at a joint run through, as the poses do
+FLAT_MM = 1e-6  # a concave corner that costs less overcut than this is rounding of the program
+TURNED_BACK_RAD = math.pi - 1e-6
+
+
+class Meeting(Enum):
+    """How one cut follows another."""
+
+    JOIN = "joins"
+    PIVOT = "pivots"
+    APART = "apart"
+
+
+def meet(before: Cut, after: Cut, voice: Voice) -> Meeting:
+    """Whether two blocks run through, pivot or need a departure; refuses a concave corner."""
+    meeting, sentence = _meeting(before, after, voice)
+    name = f"the block of line {before.block.place.line}"
+    if before.block is after.block:
+        if meeting is Meeting.JOIN:
+            return meeting
+        name = f"its own part before u = {after.part[0]:.4f}"
+    voice.tell(after.block.place, sentence.format(name))
+    return meeting
+
+
+def _meeting(before: Cut, after: Cut, voice: Voice) -> tuple[Meeting, str]:
+    a, b = before.block.modal, after.block.modal
+    differ = [
+        name
+        for name, same in (
+            ("tool", a.tool == b.tool),
+            ("work offset", a.offset == b.offset),
+            ("side", a.side == b.side),
+        )
+        if not same
+    ]
+    if differ:
+        return Meeting.APART, f"Departs from {{}} and approaches again: another {' and '.join(differ)}."
+    end, start = before.end, after.start
+    if apart(end.axis, start.axis) > SAME_RAD or apart(end.contact, start.contact) > SAME_MM:
+        return Meeting.APART, "Departs from {} and approaches again: it ends elsewhere or on another ruling."
+    if apart(end.tip, start.tip) <= SAME_MM:
+        return Meeting.JOIN, "Joins {}: the poses agree and the cut runs through."
+    return _corner(before, after, voice)
+
+
+def _corner(before: Cut, after: Cut, voice: Voice) -> tuple[Meeting, str]:
+    """Ends meet on one ruling, the normals differ.
+
+    With the cutter on the right a turn to the left leads it round the outside of the
+    edge (convex), a turn to the right into a corner; on the left, the other way about.
+    """
+    angle = turned(before.end, after.start)
+    radius, degrees = after.tool.radius_mm, math.degrees(abs(angle))
+    if abs(angle) > TURNED_BACK_RAD:
+        return Meeting.APART, "Departs from {} and approaches again: it turns straight back."
+    if after.side * angle < 0.0 and radius * (1.0 - math.cos(angle)) > FLAT_MM:
+        voice.refuse(
+            after.block.place,
+            f"{_where(before, after)} in a concave corner of "
+            f"{degrees:.4f} degrees; a cutter of radius {radius:.3f} mm would cut into one of the two; "
+            "blend the corner with a surface of a larger radius, or cut on the other side",
+        )
+    return Meeting.PIVOT, f"Pivots by {degrees:.4f} degrees about the ruling it shares with {{}}."
+
+
+def _where(before: Cut, after: Cut) -> str:
+    if before.block is after.block:
+        return f"the two parts of this block meet at u = {after.part[0]:.4f}"
+    return f"this block meets the one of line {before.block.place.line}"
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """One cut with its rotaries followed: samples ``u`` (N,), ``rotaries`` (N, 2), ``joints`` (N, 5)."""
+
+    cut: Cut
+    u: Array
+    rotaries: Array
+    joints: Array
+
+    @property
+    def start(self) -> Rotaries:
+        return float(self.rotaries[0, 0]), float(self.rotaries[0, 1])
+
+    @property
+    def end(self) -> Rotaries:
+        return float(self.rotaries[-1, 0]), float(self.rotaries[-1, 1])
+
+    def shifted(self, machine: Machine, by: Rotaries) -> Leg:
+        """The same leg in other whole turns (rad) of the two rotaries."""
+        joints = self.joints.copy()
+        joints[:, machine.rotary()] += np.array(by)
+        return Leg(self.cut, self.u, self.rotaries + np.array(by), joints)
+
+
+class Fields:
+    """Both branches of each cut of a train, solved when they are first asked for."""
+
+    def __init__(self, cuts: Sequence[Cut], kinematics: Kinematics) -> None:
+        self.cuts, self.kinematics = cuts, kinematics
+        self._known: dict[int, Field] = {}
+
+    def of(self, i: int) -> Field:
+        """Of the i-th cut; raises BranchLost."""
+        if i not in self._known:
+            self._known[i] = field(self.cuts[i].motion, self.kinematics)
+        return self._known[i]
+
+    @property
+    def free(self) -> bool:
+        """Whether a rotary may begin the train wherever it stands (a tool axis on the pole)."""
+        return bool(np.isnan(self.of(0).pairs[:, 0]).any())
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """A train followed on one branch, in some whole turn."""
+
+    legs: tuple[Leg, ...]
+    way: Way
+
+    def shifted(self, machine: Machine, by: Rotaries) -> list[Leg]:
+        return [leg.shifted(machine, by) for leg in self.legs]
+
+
+def choose(
+    cuts: Sequence[Cut],
+    machine: Machine,
+    kinematics: Kinematics,
+    now: Rotaries,
+    voice: Voice,
+    wanted: Rotaries | None = None,
+) -> list[Leg]:
+    """The legs of a train from the rotaries ``wanted``, which were chosen over the whole program.
+
+    Without them, or where they do not fit, as DESIGN section 1 asks for the train alone:
+    least rotary travel with its approach from ``now``, then positive tilt, then smaller
+    abs(rotary), then positive rotary; of these the first that keeps all joints in travel.
+    """
+    fields = Fields(cuts, kinematics)
+    if wanted is not None:
+        for option in options(fields, machine, wanted, voice):
+            for by in option.way.shifts(machine, wanted):
+                if (
+                    option.way.inside
+                    and winding.apart(winding.moved(option.way.start, by), wanted) < SAME_ROTARY_RAD
+                ):
+                    return option.shifted(machine, by)
+    found = options(fields, machine, now, voice)
+    fitting = [(o, by) for o in found if o.way.inside for by in o.way.shifts(machine, now)]
+    if not fitting:
+        unwind.refuse(found, machine, now, voice)
+    option, by = min(fitting, key=lambda pair: pair[0].way.rank(pair[1], now).key)
+    return option.shifted(machine, by)
+
+
+def options(fields: Fields, machine: Machine, near: Rotaries, voice: Voice) -> list[Option]:
+    """The train followed from each branch of its start; refuses where neither can be followed."""
+    found: list[Option] = []
+    refusal: ProgramError | None = None
+    for branch in (0, 1):
+        try:
+            legs = _followed(fields, branch, near, voice)
+            found.append(Option(tuple(legs), _way(legs, machine)))
+        except ProgramError as error:
+            refusal = refusal or error
+    if not found and refusal is not None:
+        raise refusal
+    return found
+
+
+def _followed(fields: Fields, branch: int, near: Rotaries, voice: Voice) -> list[Leg]:
+    legs: list[Leg] = []
+    for i, cut in enumerate(fields.cuts):
+        try:
+            found = fields.of(i)
+            start = _start(found.pairs[branch if i == 0 else slice(None), 0], near)
+            rotaries = found.follow(start)
+        except BranchLost as lost:
+            sentence = f"{lost.reason}{audit.at_place(cut, lost.u)}; tilt the part or split the block there"
+            voice.refuse(cut.block.place, sentence)
+        joints = joints_on(cut.motion, found.u, rotaries, fields.kinematics)
+        legs.append(Leg(cut, found.u, rotaries, joints))
+        near = legs[-1].end
+    return legs
+
+
+def _way(legs: Sequence[Leg], machine: Machine) -> Way:
+    tilt = tilt_of(machine)
+    travel, place = 0.0, legs[0].rotaries[0]
+    for leg in legs:
+        travel += float(np.abs(leg.rotaries[0] - place).sum() + np.abs(np.diff(leg.rotaries, axis=0)).sum())
+        place = leg.rotaries[-1]
+    ends = [audit.extremes(leg.u, leg.rotaries) for leg in legs]
+    low, high = np.min([e[0] for e in ends], axis=0), np.max([e[2] for e in ends], axis=0)
+    tilts = legs[0].rotaries[:, tilt]
+    return Way(
+        start=legs[0].start,
+        end=legs[-1].end,
+        low=(float(low[0]), float(low[1])),
+        high=(float(high[0]), float(high[1])),
+        travel=travel,
+        negative=bool(tilts[np.argmax(np.abs(tilts))] < -1e-9),
+        inside=all(audit.outside(machine, leg.u, leg.joints, rotary=False) is None for leg in legs),
+        tilt=tilt,
+    )
+
+
+def _start(pairs: Array, near: Rotaries) -> Rotaries:
+    """Of the given branches the one nearest ``near``, in the nearest turn; a free rotary stays."""
+    away = np.nan_to_num(wrapped(np.atleast_2d(pairs) - np.array(near)))
+    first, second = away[int(np.argmin((away * away).sum(axis=1)))]
+    return near[0] + float(first), near[1] + float(second)
+
+
+def tilt_of(machine: Machine) -> int:
+    """Which rotary of the pair (0 or 1) stands next to the tool: it tilts, the other one turns."""
+    _, second = machine.rotary()
+    return 1 if machine.axes[second].kind is Kind.HEAD else 0
+
+
+def trains(ready: Sequence[Cut], voice: Voice) -> Iterator[tuple[list[Cut], list[Meeting]]]:
+    """Rows of cuts that run through, with how each follows the one before."""
+    members, meetings = [ready[0]], list[Meeting]()
+    for before, after in itertools.pairwise(ready):
+        meeting = meet(before, after, voice)
+        if meeting is Meeting.APART:
+            yield members, meetings
+            members, meetings = [after], []
+        else:
+            members.append(after)
+            meetings.append(meeting)
+    yield members, meetings

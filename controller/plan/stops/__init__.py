@@ -1,0 +1,1 @@
+"""Stops worked out ahead, from every moment of a plan."""

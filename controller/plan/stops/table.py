@@ -1,0 +1,292 @@
+"""Stops worked out ahead: how to come to rest on the path from wherever the plan is.
+
+    table = stops(course, profile, first_s, last_s, step_s)
+
+The tick must be able to stop without the planner and without thinking. So for every few
+milliseconds of a plan a stop is found (``stop_search``), checked (``stop_check``), and
+handed over with the plan. Where the first search fails others follow: with other shares of the
+limits, and with ramps up to where a search was stuck. Of the stops that pass the
+shortest is taken.
+
+Where nothing passes the table has an empty row: nearly always because the plan already brakes to
+its rest as hard as it can, and a stop would end behind that rest.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.handoff import StopTable
+from controller.plan.feed.course import Course
+from controller.plan.feed.limits import JointLimits
+from controller.plan.feed.profile import Profile
+from controller.plan.stops.check import STANDSTILL, check
+from controller.plan.stops.search import MOST_STEPS, Found, Indices, Motion, Ramps, Shares, Stuck, search
+from controller.plan.stops.way import Way
+
+Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+
+# Shares of the jerk, of the acceleration, and of the jerk on the landing.
+FIRST = (1.004, 0.9995, 1.0)
+# Where the plan itself is a little over the limits, the next; the others land more softly.
+AGAIN = ((1.0138, 0.9997, 1.0), (1.0138, 0.9975, 0.85), (1.004, 0.9997, 0.7), (1.0, 0.9975, 0.5))
+# Ramps to where a search was stuck: shares of the acceleration that it needed and of its jerk there,
+# the steps for which they go on level, and the share of the acceleration's limits.
+RAMPS = (
+    (0.98, 0.9, 0, 0.9997),
+    (0.85, 0.9, 4, 0.9997),
+    (0.85, 0.45, 4, 0.9975),
+    (0.65, 0.9, 10, 0.9997),
+    (0.65, 0.45, 10, 0.9975),
+    (0.4, 0.9, 16, 0.9997),
+    (0.4, 0.45, 16, 0.9975),
+    (0.1, 0.6, 30, 0.9975),
+)
+RAMP_JERK, RAMP_LANDING = 1.0138, 0.95  # shares of the jerk that go with them
+RAMP_ROUNDS = 4
+SURE = 6  # steps of a landing that a second search trusts in
+LONGER = (1.0, 1.04, 1.08, 1.14, 1.2)  # times the plan's own last braking
+EVEN = 0.01  # of the speed per second: no braking yet
+SLOWER = 1.0 - 1e-9  # times an even speed: the plan brakes
+LATER = 12  # starts whose stops are tried behind the plan's own braking
+BRAKING_LOOKS = 400
+AS_SOON = 1.15  # times a stop: a plan that rests so soon needs none
+BEYOND = 1e-9  # of the profile's rest, by which a stop may end behind it (unit of s)
+
+LONG_STEPS = 60  # a typical stop has about so many jerks at most
+HORIZON_S = 0.4  # of the plan beyond the last start: enough for a stop of twice that
+
+
+def stops(course: Course, profile: Profile, first_s: float, last_s: float, step_s: float) -> StopTable:
+    """A stop from the plan's state at first_s, first_s + step_s ... up to last_s.
+
+    Times are seconds from the profile's beginning, all of them whole numbers of periods.
+    Every stop keeps each joint within 1.0003, 1.001 and 1.015 of its velocity, acceleration
+    and jerk, never moves backwards and never beyond the profile's rest. A start at rest has
+    a stop of one step without jerk.
+    """
+    times: Array = first_s + step_s * np.arange(int((last_s - first_s) / step_s + 1e-6) + 1.0)
+    start = profile.along(times)[:3]
+    h, horizon = _jerk_step(course, start), HORIZON_S
+    while True:
+        until = min(profile.duration_s, last_s + horizon)
+        seeker = _Seeker(Way(course, profile, first_s, until), start, h, profile.end_s)
+        if seeker.seek(profile.duration_s - times) or until >= profile.duration_s:
+            seeker.brake_as_before()
+            seeker.brake_early(profile, times)
+            seeker.brake_with_the_plan(profile, times)
+            return StopTable.of(first_s, step_s, h, seeker.rows())
+        horizon *= 3.0
+
+
+def _jerk_step(course: Course, start: Motion) -> float:
+    """One period, or more where stops are so long that one would make too many steps."""
+    limits, period = JointLimits.of(course.machine), course.machine.period_s
+    s, v, _ = start
+    some = np.unique(np.linspace(0, len(s) - 1, 20).astype(int))
+    rate = np.abs(course.derivatives(s[some]).first) * v[some, None]
+    by_jerk = 2.0 * np.sqrt(rate / limits.jerk)
+    by_acceleration = rate / limits.acceleration + limits.acceleration / limits.jerk
+    high = rate * limits.jerk > limits.acceleration**2
+    longest = float(np.where(high, by_acceleration, by_jerk).max(initial=0.0))
+    return period * max(1, int(longest / (LONG_STEPS * period)))
+
+
+class _Seeker:
+    """Seeks a stop for every start (N,) and keeps the shortest of each."""
+
+    def __init__(self, way: Way, start: Motion, h: float, rest: float) -> None:
+        self._way, self._start, self._h, self._rest = way, start, h, rest
+        self._steps: Indices = np.zeros(len(start[0]), dtype=np.intp)
+        self._from: list[Array] = []
+        self._place: Indices = np.zeros((2, len(start[0])), dtype=np.intp)  # in which array, which column
+
+    def seek(self, left_s: Array) -> bool:
+        """Search for all starts, with so much time left of the plan; False if the way is too short."""
+        moving = np.flatnonzero(self._start[1] > STANDSTILL)
+        if not len(moving):
+            return True
+        found, good, beyond = self._tried(moving, np.tile(np.array(FIRST)[:, None], len(moving)))
+        if found.short.any():
+            return False
+        # A stop that only ends too far ends farther still with less.
+        speeding = self._start[2][moving] >= 0.0
+        failed = ~good & (~beyond | speeding) & (self._urgent(moving, left_s) | speeding)
+        if failed.any():
+            self._again(moving[failed], found.stuck.of(failed))
+        return True
+
+    def brake_as_before(self) -> None:
+        """As from the start before, at the same even speed: it may still end before a junction ahead.
+
+        The search leaves room for the jump of a junction as if it had to pass it.
+        """
+        same = self._start[1][:-1] * SLOWER < self._start[1][1:]
+        for lane in self._even_and_without():
+            if lane and same[lane - 1] and self._steps[lane - 1]:
+                self._judged(np.array([lane]), self._as_from(lane - 1))
+
+    def _as_from(self, lane: int) -> Found:
+        """The stop of another start."""
+        return _as_found(np.array(self._row(lane))[:, None], np.array([self._steps[lane]]))
+
+    def brake_early(self, profile: Profile, times: Array) -> None:
+        """Just before the plan's own last braking: that braking, begun at once and a little longer.
+
+        It is the quickest there is from that speed, and nothing that a search finds step by step comes
+        near it.
+        """
+        left, speed = profile.duration_s - times, self._start[1]
+        lanes = self._even_and_without()
+        if not len(lanes):
+            return
+        begun_s = _braking_from(profile, float(left[lanes].max()), float(speed[lanes[-1]]))
+        for longer in LONGER:
+            lanes = lanes[self._steps[lanes] == 0]
+            n = math.ceil((profile.duration_s - begun_s) * longer / self._h - 1e-9)
+            if not len(lanes) or n < 1:
+                return
+            share = np.arange(n + 1) / n
+            a = profile.along(begun_s + share * (profile.duration_s - begun_s))[2]
+            a[0] = a[-1] = 0.0
+            self._try_braking(lanes, [a] * len(lanes))
+
+    def brake_with_the_plan(self, profile: Profile, times: Array) -> None:
+        """Just before the plan brakes for what lies ahead: that braking, begun at once, then a later stop.
+
+        Tried with the stops of the next few starts from which one was found.
+        """
+        for lane in self._even_and_without():
+            speed = float(self._start[1][lane])
+            later = np.flatnonzero(
+                (self._steps > 0) & (self._start[1] < speed * SLOWER) & (times > times[lane])
+            )
+            brakings: list[Array] = []
+            for other in later[:LATER]:
+                n = math.ceil((times[other] - times[lane]) / self._h - 1e-9)
+                speeds, rates = profile.along(times[other] - self._h * np.arange(n, -1.0, -1.0))[1:3]
+                before = rates[int(np.flatnonzero(speeds >= speed * SLOWER)[-1]) :]
+                behind = before[-1] + self._h * np.cumsum(self._row(int(other)))
+                brakings.append(np.concatenate([[0.0], before[1:], behind[:-1], [0.0]]))
+            if brakings:
+                self._try_braking(np.full(len(brakings), lane), brakings)
+
+    def _even_and_without(self) -> Indices:
+        """The starts at an even speed from which no stop was found."""
+        _, speed, rate = self._start
+        return np.flatnonzero((self._steps == 0) & (speed > STANDSTILL) & (np.abs(rate) < EVEN * speed))
+
+    def _try_braking(self, lanes: Indices, brakings: list[Array]) -> None:
+        """Try the accelerations at the steps' ends, zero at first and last, of each lane.
+
+        They are scaled so that the speed vanishes with them.
+        """
+        steps = np.array([len(a) - 1 for a in brakings])
+        jerks = np.zeros((steps.max(), len(lanes)))
+        for column, (lane, a) in enumerate(zip(lanes, brakings, strict=True)):
+            falls = -self._h * float(a.sum())
+            if falls > 0.0:
+                jerks[: steps[column], column] = np.diff(a) / self._h * (self._start[1][lane] / falls)
+            else:
+                steps[column] = 0
+        self._judged(lanes, _as_found(jerks, steps))
+
+    def rows(self) -> list[list[float]]:
+        """The jerks of each stop."""
+        still = (self._start[1] <= STANDSTILL) & (np.abs(self._start[2]) <= STANDSTILL)
+        return [[0.0] if at_rest else self._row(i) for i, at_rest in enumerate(still)]
+
+    def _row(self, lane: int) -> list[float]:
+        which, column = self._place[:, lane]
+        found: list[float] = self._from[which][: self._steps[lane], column].tolist() if self._from else []
+        return found
+
+    def _urgent(self, lanes: Indices, left_s: Array) -> Flags:
+        """Where the plan does not come to rest nearly as soon as the stops found thereabouts."""
+        found = np.flatnonzero(self._steps > 0)
+        if not len(found):
+            return np.ones(len(lanes), dtype=bool)
+        typical = np.interp(lanes, found, self._h * self._steps[found])
+        return np.asarray(left_s[lanes] > AS_SOON * typical)
+
+    def _again(self, lanes: Indices, stuck: Stuck) -> None:
+        """Search with other shares, then with ramps to where a search was ``stuck``."""
+        n = len(lanes)
+        found, _, _ = self._tried(
+            np.tile(lanes, len(AGAIN)), np.repeat(np.array(AGAIN).T, n, axis=1), sure=SURE
+        )
+        other = found.stuck.of(np.arange(n))
+        stuck = Stuck(*(np.where(stuck.steps > 0, *pair) for pair in zip(stuck, other, strict=True)))
+        left = (self._steps[lanes] == 0) & (stuck.steps > 0)
+        if left.any():
+            self._with_ramps(lanes[left], stuck.of(left))
+
+    def _with_ramps(self, lanes: Indices, stuck: Stuck) -> None:
+        """Search with a ramp to where each search was stuck, and another where it is stuck then."""
+        ramps = Ramps(*np.zeros((4, 0, len(lanes))))
+        for _ in range(RAMP_ROUNDS):
+            n, many = len(lanes), _more_ramps(ramps, stuck)
+            shares = np.array([(RAMP_JERK, ramp[3], RAMP_LANDING) for ramp in RAMPS]).T
+            found, _, _ = self._tried(np.tile(lanes, len(RAMPS)), np.repeat(shares, n, axis=1), many, SURE)
+            # Go on from the variant that came farthest.
+            far = found.stuck.steps.reshape(len(RAMPS), n)
+            still = np.flatnonzero((self._steps[lanes] == 0) & (far.max(axis=0) > 0))
+            if not len(still):
+                return
+            chosen = far[:, still].argmax(axis=0) * n + still
+            lanes, ramps, stuck = lanes[still], many.of(chosen), found.stuck.of(chosen)
+
+    def _tried(
+        self, lanes: Indices, shares: Array, ramps: Ramps | None = None, sure: int = MOST_STEPS
+    ) -> tuple[Found, Flags, Flags]:
+        """What was found for ``lanes`` with ``shares`` (3, N), whether it passes, or just ends too far."""
+        begin = (self._start[0][lanes], self._start[1][lanes], self._start[2][lanes])
+        found = search(self._way, begin, self._h, Shares(*shares), ramps, sure)
+        return found, *self._judged(lanes, found)
+
+    def _judged(self, lanes: Indices, found: Found) -> tuple[Flags, Flags]:
+        """Keeps what passes; tells which do, and which just end too far."""
+        begin = (self._start[0][lanes], self._start[1][lanes], self._start[2][lanes])
+        good, ends = check(self._way, begin, self._h, found)
+        inside = ends <= self._rest + BEYOND
+        self._keep(lanes, found, good & inside)
+        return good & inside, good & ~inside
+
+    def _keep(self, lanes: Indices, found: Found, good: Flags) -> None:
+        self._from.append(found.jerks)
+        for column in np.flatnonzero(good):
+            lane, steps = lanes[column], found.steps[column]
+            if self._steps[lane] == 0 or steps < self._steps[lane]:
+                self._steps[lane] = steps
+                self._place[:, lane] = len(self._from) - 1, column
+
+
+def _braking_from(profile: Profile, longest_s: float, speed: float) -> float:
+    """When the plan last leaves ``speed`` on its way to rest, no earlier than ``longest_s`` before that."""
+    t = profile.duration_s - longest_s * np.arange(BRAKING_LOOKS + 1) / BRAKING_LOOKS
+    as_fast = profile.along(t)[1] >= speed * SLOWER
+    return float(t[int(np.argmax(as_fast))])
+
+
+def _as_found(jerks: Array, steps: Indices) -> Found:
+    """Stops that were not searched for."""
+    none = np.zeros(jerks.shape[1])
+    return Found(jerks, steps, Stuck(none.astype(np.intp), none, none), none.astype(bool))
+
+
+def _more_ramps(ramps: Ramps, stuck: Stuck) -> Ramps:
+    """Each start once for each of RAMPS, with one ramp more."""
+    needed, jerk, level, _ = (np.repeat(np.array(x), len(stuck.steps)) for x in zip(*RAMPS, strict=True))
+    many = len(RAMPS)
+    new = (
+        np.tile(stuck.steps + 1.0, many),
+        np.tile(np.minimum(stuck.needed, 0.0), many) * needed,
+        np.tile(stuck.lift, many) * jerk,
+        np.tile(stuck.steps + 1.0, many) + level,
+    )
+    before = (np.tile(old, (1, many)) for old in ramps)
+    return Ramps(*(np.concatenate([old, x[None]]) for old, x in zip(before, new, strict=True)))

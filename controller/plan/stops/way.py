@@ -1,0 +1,152 @@
+"""What stops see of a course: joint derivatives at any place, gathered from a table.
+
+A stop is slower than the plan at every place, so places where the plan is at every
+millisecond are close enough together for straight lines between them; where they are
+not, more are put in. All joints are in shares of their jerk limit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.plan.feed.course import Course
+from controller.plan.feed.limits import JUMP_SHARE, JointLimits
+from controller.plan.feed.profile import Profile
+
+Array = npt.NDArray[np.float64]
+
+NODE_STEP_S = 1e-3  # of the plan, between two nodes
+LEAST_STEP = 1e-9  # between two nodes, in the unit of s
+NEAR_TICKS = 3.0  # about a junction, where its jump takes a share of the limits
+SPLIT_ERROR = 1e-3  # of a limit, by which a straight line between nodes may be wrong
+SPLIT_ROUNDS = 3
+TINY = 1e-30
+JERK, ACCELERATION, RAPID, STILL, SPEED = range(5)  # rows of what holds about a place
+
+
+class Way:
+    """Derivatives and limits over s, from the plan's place at ``first_s`` to that at ``last_s``.
+
+    ``acceleration`` and ``velocity`` (5, 1) are the machine's limits in units of each
+    joint's jerk limit.
+    """
+
+    def __init__(self, course: Course, profile: Profile, first_s: float, last_s: float) -> None:
+        limits = JointLimits.of(course.machine)
+        self._jerk = limits.jerk
+        self.acceleration = (limits.acceleration / limits.jerk)[:, None]
+        self.velocity = (limits.velocity / limits.jerk)[:, None]
+        times = np.linspace(first_s, last_s, max(int((last_s - first_s) / NODE_STEP_S), 4) + 1)
+        s, v = _rising(*profile.along(times)[:2])
+        inner = course.starts[1:-1]
+        inner = inner[(inner > s[0]) & (inner < s[-1])]
+        places = np.unique(np.concatenate([s, inner, inner - LEAST_STEP]))
+        places, derived = self._refined(course, places, s, v)
+        self._fill(places, derived)
+        rooms, before, ahead = _rooms(course, places, s, v)
+        still = 1.0 / (np.abs(derived[:, :5]).max(axis=1) + TINY)
+        speed = np.interp(places, s, v)
+        fastest = np.maximum(speed[:-1], speed[1:])
+        self._about = np.vstack([_lower(np.vstack([rooms, still])), fastest])
+        self._about_before = np.vstack([_lower(np.vstack([before, still])), fastest])
+        self._ahead = np.maximum(ahead[:-1], ahead[1:])
+
+    @property
+    def end(self) -> float:
+        return float(self.s[-1])
+
+    def at(self, s: Array, ends: Array | None = None) -> tuple[Array, Array]:
+        """q', q'', q''' of the joints over their jerk limits (15, N), and what holds about there (5, N).
+
+        The latter are the shares of jerk and of acceleration that may be used, what of both
+        is the share of rapids, the largest jerk at no speed, and the speed of the plan. A motion
+        that is known to end at ``ends`` (N,) leaves no room for the jump of a junction behind that.
+        """
+        i = self._cell(s)
+        rows = self._rows[i]
+        found = rows[:, :15] + (s - self.s[i])[:, None] * rows[:, 15:]
+        about = self._about[:, i]
+        if ends is not None:
+            about = np.where(ends < self._ahead[i], self._about_before[:, i], about)
+        return np.ascontiguousarray(found.T), about
+
+    def still(self, s: Array) -> Array:
+        """Largest jerk along the path that the joints allow at no speed, (N,)."""
+        return np.asarray(self._about[STILL, self._cell(s)])
+
+    def _cell(self, s: Array) -> npt.NDArray[np.intp]:
+        found = np.searchsorted(self.s, s, side="right") - 1
+        return np.asarray(np.minimum(np.maximum(found, 0), len(self.s) - 2))
+
+    def _fill(self, places: Array, derived: Array) -> None:
+        slope = np.diff(derived, axis=0) / np.diff(places)[:, None]
+        slope[np.diff(places) <= 2.0 * LEAST_STEP] = 0.0  # the jump at a junction
+        self.s, self._rows = places, np.concatenate([derived[:-1], slope], axis=1)
+
+    def _refined(self, course: Course, places: Array, s: Array, v: Array) -> tuple[Array, Array]:
+        """More places where a straight line between two is not good enough at the plan's speed."""
+        derived = self._derived(course, places)
+        for _ in range(SPLIT_ROUNDS):
+            speed = np.interp(places[1:-1], s, v)
+            wrong = self._error(places, derived, speed) > SPLIT_ERROR
+            bad = np.flatnonzero(wrong)
+            cells = np.unique(np.concatenate([bad, bad + 1]))
+            cells = cells[np.diff(places)[cells] > 4.0 * LEAST_STEP]
+            if not len(cells):
+                break
+            more = 0.5 * (places[cells] + places[cells + 1])
+            order = np.argsort(np.concatenate([places, more]), kind="stable")
+            derived = np.concatenate([derived, self._derived(course, more)])[order]
+            places = np.concatenate([places, more])[order]
+        return places, derived
+
+    def _derived(self, course: Course, places: Array) -> Array:
+        d = course.derivatives(places)
+        return np.concatenate([d.first, d.second, d.third], axis=1) / np.tile(self._jerk, 3)
+
+    def _error(self, places: Array, derived: Array, speed: Array) -> Array:
+        """Estimated error of a straight line about each inner place, in shares of limits (N - 2,)."""
+        h0, h1 = np.diff(places)[:-1, None], np.diff(places)[1:, None]
+        line = (derived[:-2] * h1 + derived[2:] * h0) / (h0 + h1)
+        off = np.abs(derived[1:-1] - line) / 4.0
+        a, v = self.acceleration.T, speed[:, None]
+        found = np.maximum(off[:, 5:10] * v**2 / a, off[:, 10:] * v**3)
+        jump = ((h0 <= 2.0 * LEAST_STEP) | (h1 <= 2.0 * LEAST_STEP))[:, 0]
+        return np.where(jump, 0.0, found.max(axis=1))
+
+
+def _rising(s: Array, v: Array) -> tuple[Array, Array]:
+    """The samples of a plan without those that do not advance."""
+    keep = np.concatenate([[True], np.diff(np.maximum.accumulate(s)) > 4.0 * LEAST_STEP])
+    return s[keep], v[keep]
+
+
+def _lower(nodes: Array) -> Array:
+    """Of each cell the lower of its two ends' values, (rows, nodes) to (rows, nodes - 1)."""
+    return np.minimum(nodes[:, :-1], nodes[:, 1:])
+
+
+def _rooms(course: Course, places: Array, s: Array, v: Array) -> tuple[Array, Array, Array]:
+    """Shares of the jerk and acceleration limits that a stop may use, and the share of rapids in them.
+
+    A junction's jump of rates is spread over one tick; at the speed that it allows it takes
+    JUMP_SHARE of the jerk, and of the acceleration what that jerk makes in a tick. Also the same
+    for a stop that ends before the junction ahead, and where that one is; -inf where none is near.
+    """
+    period, limits = course.machine.period_s, JointLimits.of(course.machine)
+    rapid = [course.machine.rapid_share if x.feed_mm_s is None else 1.0 for x in course.stretches]
+    room = np.tile(np.array(rapid)[course.index(places)], (3, 1))
+    before, ahead = room.copy(), np.full(len(places), -np.inf)
+    inner = course.starts[1:-1]
+    for k in np.flatnonzero((inner >= s[0]) & (inner <= s[-1])):
+        speed = float(np.interp(inner[k], s, v))
+        taken = JUMP_SHARE * min(1.0, speed / max(course.junctions[k], TINY))
+        near = np.abs(places - inner[k]) <= NEAR_TICKS * speed * period
+        behind = near & (places >= inner[k])
+        ahead[near & ~behind] = inner[k]
+        acceleration = taken * min(1.0, float((limits.jerk * period / limits.acceleration).max()))
+        for rows, where in ((room, near), (before, behind)):
+            rows[0, where] *= 1.0 - taken
+            rows[1, where] *= 1.0 - acceleration
+    return room, before, ahead

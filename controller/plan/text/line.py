@@ -1,0 +1,75 @@
+"""One line of a program as its words, and the short way for the plain lines of CAM systems."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from controller.plan.text.program import ProgramError
+
+# A line of plain words as programs from CAM systems have them in millions: an N, a G1, then
+# words of axes and F with plain numbers. Nothing in it can be refused as text.
+_WORD = r"[XYZABCIJKFxyzabcijkf][ \t]*+[+-]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)[ \t]*+"
+PLAIN = re.compile(rf"[ \t]*+(?:[Nn][0-9]++[ \t]*+)?([Gg]0?1[ \t]*+)?((?:{_WORD})+)")
+_PAIRS = re.compile(r"([A-Za-z])[ \t]*([^A-Za-z \t]+)")
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """A letter with its value; ``point``: a decimal point was written, or the value was computed."""
+
+    letter: str
+    value: float
+    point: bool
+    column: int
+    text: str  # as written, without spaces, in capitals
+
+
+@dataclass(frozen=True, slots=True)
+class Plain:
+    """A line of plain words: capital letters with their values, in order; may hold one twice."""
+
+    pairs: list[tuple[str, float]]
+    with_g1: bool
+    column: int  # of G1, or of the first word
+
+
+class Line:
+    """The words of one text line, N and parameter settings taken off.
+
+    Of a line of plain words (``match`` of PLAIN) they are only read when they are asked
+    for, by ``scan`` from text, name and number: ``plain`` is all that a G1 line needs.
+    """
+
+    __slots__ = ("_match", "_scan", "_words", "name", "number")
+
+    def __init__(
+        self,
+        name: str,
+        number: int,
+        words: tuple[Word, ...],
+        match: re.Match[str] | None = None,
+        scan: Callable[[str, str, int], tuple[Word, ...]] | None = None,
+    ) -> None:
+        self.name, self.number = name, number
+        self._words, self._match, self._scan = words, match, scan
+
+    @property
+    def words(self) -> tuple[Word, ...]:
+        if not self._words and self._match is not None and self._scan is not None:
+            self._words = self._scan(self._match.string, self.name, self.number)
+        return self._words
+
+    @property
+    def plain(self) -> Plain | None:
+        """The line as plain words; None where it may hold more."""
+        match = self._match
+        if match is None:
+            return None
+        first, words = match.groups()
+        pairs = [(letter.upper(), float(number)) for letter, number in _PAIRS.findall(words)]
+        return Plain(pairs, first is not None, match.start(2 if first is None else 1) + 1)
+
+    def refusal(self, word: Word, sentence: str) -> ProgramError:
+        return ProgramError(self.name, self.number, word.column, sentence)

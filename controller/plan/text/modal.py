@@ -1,0 +1,259 @@
+"""The modal state, and what the codes of a line make of it before the line moves.
+
+State is replaced, never edited: a line that is refused leaves the old one as it was.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+from controller.machine import Machine
+from controller.plan.text.codes import GROUPS, SURFACES, Ask
+from controller.plan.text.program import Act, Action, Block, Dwell, Modal, Side, Tip
+from controller.plan.text.words import Word
+
+TIPS = MappingProxyType({"G43": Tip.OFF, "G43.4": Tip.ROTARIES, "G43.5": Tip.VECTORS})
+BLU_PER_MM = 100.0  # the paper's basic length unit is 0.01 mm (and 0.01 mm/min)
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """Everything one line leaves to the next."""
+
+    modal: Modal
+    motion: str = ""  # G0 to G3, or nothing
+    cleared: str = "no motion mode is active at the start of a program"
+    plane: str = "G17"
+    mm_per_unit: float = 1.0
+    side: str = "G40"
+    absolute: bool = True
+    selected: int | None = None  # T
+    speed_rev_min: float = 0.0  # S
+    turning: int = 0  # M3: 1, M4: -1, M5: 0
+    feed_deg_s: float | None = None  # the modal F as moves of rotaries alone read it
+    inverse: bool = False  # G93: F is one over the minutes that its line takes
+
+    def time(self, ask: Ask, code: str, word: Word) -> float | None:
+        """Seconds that a feed motion takes under G93, None under G94; ProgramError for G93 without F."""
+        if not self.inverse:
+            return None
+        if "F" not in ask.words:
+            raise ask.refusal(
+                word,
+                f"{code} under G93 without F: in inverse time each line of G1 to G3 needs its own F, one "
+                "over the minutes that it takes; write F, or G94 and the feed per minute",
+            )
+        return 60.0 / ask.words["F"].value
+
+    def feed(self, ask: Ask, code: str, word: Word, turning_only: bool = False) -> float:
+        """The modal F for a motion, mm/s or (rotaries only) deg/s; ProgramError where there is none."""
+        if self.inverse and code in SURFACES:
+            raise ask.refusal(
+                word,
+                f"{code} takes its feed per minute: inverse time (G93) is for G1 to G3; write G94 before it",
+            )
+        feed = self.feed_deg_s if turning_only else self.modal.feed_mm_s
+        if feed is None:
+            raise ask.refusal(
+                word, f"{code} has no feed: no F stands here or before it; write F with the feed per minute"
+            )
+        return feed
+
+
+def power_on() -> State:
+    """T1 in the spindle, G17 G21 G40 G49 G54 G61 G90 G94, spindle and coolant off (DESIGN 1)."""
+    return State(Modal(1, 0, Side.RIGHT, 0.0, True, 0.0, 0.0, None, 0.0, 0))
+
+
+def apply(ask: Ask, motion: str, state: State, machine: Machine) -> tuple[State, list[Block]]:
+    """The state after all codes of the line but its motion and stop, and their actions in order.
+
+    ``motion`` is the motion the line will make ("" = none); it says how F is counted.
+    """
+    settings = _Settings(ask, motion, state, machine)
+    settings.run()
+    return settings.state, settings.made
+
+
+class _Settings:
+    """One line being carried out up to its motion; one method per step of RS-274/NGC 3.8."""
+
+    def __init__(self, ask: Ask, motion: str, state: State, machine: Machine) -> None:
+        self.ask = ask
+        self.state = state
+        self.made: list[Block] = []
+        self._motion = motion
+        self._machine = machine
+
+    def run(self) -> None:
+        self._units()
+        self._feed_mode()
+        self._feed()
+        self._speed()
+        self._select_tool()
+        self._change_tool()
+        self._spindle()
+        self._coolant()
+        self._dwell()
+        self._side()
+        self._length()
+        self._plane_offset_path_distance()
+
+    def _set_modal(self, modal: Modal) -> None:
+        self.state = replace(self.state, modal=modal)
+
+    def _act(self, word: Word, act: Act) -> None:
+        self.made.append(Action(self.ask.place(word), self.state.modal, act))
+
+    def _units(self) -> None:
+        if code := self.ask.code("unit"):
+            self.state = replace(self.state, mm_per_unit=25.4 if code == "G20" else 1.0)
+
+    def _feed_mode(self) -> None:
+        """Between G93 and G94 no feed survives: what F means has changed."""
+        code = self.ask.code("feed")
+        if code and (code == "G93") != self.state.inverse:
+            self.state = replace(self.state, inverse=code == "G93", feed_deg_s=None)
+            self._set_modal(replace(self.state.modal, feed_mm_s=None))
+
+    def _feed(self) -> None:
+        word = self.ask.words.get("F")
+        if word is None:
+            return
+        if self.state.inverse and word.value > 0.0:
+            return  # counts for this line only
+        in_blu = self._motion in SURFACES and not word.point
+        per_min = word.value / BLU_PER_MM if in_blu else word.value
+        mm_s = per_min * (1.0 if in_blu else self.state.mm_per_unit) / 60.0
+        if mm_s <= 0.0:
+            raise self.ask.refusal(word, f"{word.text} is no feed: F must be greater than 0; correct it")
+        deg_s = per_min / 60.0
+        if (mm_s, deg_s) != (self.state.modal.feed_mm_s, self.state.feed_deg_s):
+            modal = replace(self.state.modal, feed_mm_s=mm_s)
+            self.state = replace(self.state, modal=modal, feed_deg_s=deg_s)
+
+    def _speed(self) -> None:
+        word = self.ask.words.get("S")
+        if word is None:
+            return
+        spindle = self._machine.spindle
+        if spindle is not None and word.value > spindle.max_rev_min:
+            raise self.ask.refusal(
+                word,
+                f"{word.text} is too fast: this spindle turns at up to {spindle.max_rev_min:g} 1/min; "
+                "lower it",
+            )
+        self.state = replace(self.state, speed_rev_min=self.ask.not_negative(word))
+        if self.state.turning and "spindle" not in self.ask.codes and "tool change" not in self.ask.codes:
+            self._turn_spindle(self.state.turning, word)
+
+    def _select_tool(self) -> None:
+        word = self.ask.words.get("T")
+        if word is not None:
+            self._known_tool(word)
+            self.state = replace(self.state, selected=int(word.value))
+
+    def _known_tool(self, word: Word) -> float:
+        """Length of the tool that a T or H word names."""
+        tool = self._machine.tool(self.ask.whole(word))
+        if tool is None:
+            raise self.ask.refusal(
+                word,
+                f"{word.text} names no tool: the tool table has {tool_list(self._machine)}; use one "
+                "of these or add it",
+            )
+        return tool.length_mm
+
+    def _change_tool(self) -> None:
+        """M6 also stops the spindle (RS-274/NGC 3.6.3)."""
+        if "tool change" not in self.ask.codes:
+            return
+        word = self.ask.codes["tool change"][1]
+        if self.state.selected is None:
+            raise self.ask.refusal(
+                word, "M6 has no tool to change to: write T and its number before or beside it"
+            )
+        modal = replace(self.state.modal, tool=self.state.selected, spindle_rev_min=0.0)
+        self.state = replace(self.state, modal=modal, turning=0)
+        self._act(word, Act.TOOL)
+
+    def _spindle(self) -> None:
+        if "spindle" in self.ask.codes:
+            code, word = self.ask.codes["spindle"]
+            self._turn_spindle({"M3": 1, "M4": -1, "M5": 0}[code], word)
+
+    def _turn_spindle(self, turning: int, word: Word) -> None:
+        modal = replace(self.state.modal, spindle_rev_min=turning * self.state.speed_rev_min)
+        self.state = replace(self.state, modal=modal, turning=turning)
+        self._act(word, Act.SPINDLE)
+
+    def _coolant(self) -> None:
+        if "coolant" in self.ask.codes:
+            code, word = self.ask.codes["coolant"]
+            coolant = {"M7": self.state.modal.coolant | 1, "M8": self.state.modal.coolant | 2, "M9": 0}[code]
+            self._set_modal(replace(self.state.modal, coolant=coolant))
+            self._act(word, Act.COOLANT)
+
+    def _dwell(self) -> None:
+        if self.ask.code("one-line") != "G4":
+            return
+        word = self.ask.codes["one-line"][1]
+        if "P" not in self.ask.words:
+            raise self.ask.refusal(word, "G4 has no time: write P with the seconds to wait, such as G4 P0.5")
+        seconds = self.ask.not_negative(self.ask.words["P"])
+        self.made.append(Dwell(self.ask.place(word), self.state.modal, seconds))
+
+    def _side(self) -> None:
+        if code := self.ask.code("side"):
+            side = Side.LEFT if code == "G41" else Side.RIGHT
+            self.state = replace(self.state, side=code, modal=replace(self.state.modal, side=side))
+
+    def _length(self) -> None:
+        """G43 adds the length of the tool in the spindle, or of tool H; H0 is none.
+
+        G43.4 and G43.5 take the same length and make X Y Z places of the tip.
+        """
+        code = self.ask.code("length")
+        if code == "G49":
+            self._set_modal(replace(self.state.modal, length_mm=0.0, tip=Tip.OFF))
+        if code not in TIPS:
+            return
+        word = self.ask.words.get("H")
+        if word is None:
+            tool = self._machine.tool(self.state.modal.tool)
+            length = tool.length_mm if tool is not None else 0.0
+        else:
+            length = 0.0 if word.value == 0.0 else self._known_tool(word)
+        self._set_modal(replace(self.state.modal, length_mm=length, tip=TIPS[code]))
+
+    def _plane_offset_path_distance(self) -> None:
+        ask, state = self.ask, self.state
+        if ask.codes.keys().isdisjoint(("plane", "offset", "path", "distance")):
+            return
+        modal = state.modal
+        if code := ask.code("offset"):
+            modal = replace(modal, offset=self._offset(code))
+        if code := ask.code("path"):
+            blend = self._blend() if code == "G64" else (0.0, 0.0)
+            modal = replace(modal, exact=code == "G61", blend_mm=blend[0], blend_deg=blend[1])
+        absolute = {"G90": True, "G91": False}.get(ask.code("distance"), state.absolute)
+        self.state = replace(state, modal=modal, plane=ask.code("plane") or state.plane, absolute=absolute)
+
+    def _offset(self, code: str) -> int:
+        index = GROUPS["offset"].index(code)
+        if index >= len(self._machine.offsets):
+            raise self.ask.refusal(
+                self.ask.codes["offset"][1], f"{code} is not in the machine file: add it there or use G54"
+            )
+        return index
+
+    def _blend(self) -> tuple[float, float]:
+        p, q = self.ask.words.get("P"), self.ask.words.get("Q")
+        blend_mm = self.ask.not_negative(p) * self.state.mm_per_unit if p is not None else 0.0
+        return blend_mm, self.ask.not_negative(q) if q is not None else 0.0
+
+
+def tool_list(machine: Machine) -> str:
+    """The tool table in a few words, for sentences."""
+    return " ".join(f"T{tool.number}" for tool in machine.tools) or "none"

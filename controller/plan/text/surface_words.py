@@ -1,0 +1,139 @@
+"""G51 and G52: the paper's cone and ruled surface, word for word.
+
+Both names mean something else on other controls (scaling, local shift), so a set of
+words that is not exactly the paper's is refused with a sentence that says so.
+
+Their words follow the paper: without a decimal point they count in BLU (0.01 mm,
+0.001 degree), with one in the active unit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from controller.geometry import Vector
+from controller.machine import Machine
+from controller.plan.text.codes import CONE_WORDS, Ask
+from controller.plan.text.modal import BLU_PER_MM, State, tool_list
+from controller.plan.text.program import CutCone, CutRuled, ProgramError
+from controller.plan.text.words import Line, Word
+
+BLU_PER_DEGREE = 1000.0
+LEVEL_MM = 1e-9  # start and centre of a cone are on one level, a radius is not 0, beyond this
+
+
+def surplus(ask: Ask, motion: str, word: Word) -> ProgramError:
+    """The refusal of a word that the G51 or G52 of this line does not take."""
+    make = _not_a_cone if motion == "G51" else _not_a_ruled
+    return make(ask.line, word, f"found {word.text}")
+
+
+def _not_a_cone(line: Line, word: Word, found: str) -> ProgramError:
+    return line.refusal(
+        word,
+        f"{found}: G51 cuts a cone here and needs X Y Z I J K H R D and, unless one is modal, F; a G51 with "
+        "P is scaling on other controls and is not done here; write exactly these words",
+    )
+
+
+def _not_a_ruled(line: Line, word: Word, found: str) -> ProgramError:
+    return line.refusal(
+        word,
+        f"{found}: G52 needs 8 points of X Y Z, four of the upper and four of the lower curve, the first "
+        "beside G52 (with F) and one on each of the seven lines after it; a lone G52 X0 Y0 is a local shift "
+        "on other controls and is not done here; write all 8 points and nothing between",
+    )
+
+
+def cone(ask: Ask, state: State, machine: Machine) -> CutCone:
+    """The cone of a line with G51 (mm, radians, part frame)."""
+    word, given = ask.codes["motion"][1], ask.words
+    if lacking := missing(given, CONE_WORDS):
+        raise _not_a_cone(ask.line, word, lacking)
+    start, centre = point_of(given, "XYZ", state), point_of(given, "IJK", state)
+    _check_cone(ask, start, centre)
+    sweep = given["D"].value if given["D"].point else given["D"].value / BLU_PER_DEGREE
+    height, radius = _length_mm(given["H"], state), _length_mm(given["R"], state)
+    feed = feed_of(ask, "G51", word, state, machine)
+    return CutCone(ask.place(word), state.modal, start, centre, height, radius, math.radians(sweep), feed)
+
+
+def _check_cone(ask: Ask, start: Vector, centre: Vector) -> None:
+    given = ask.words
+    radius = math.hypot(start[0] - centre[0], start[1] - centre[1])
+    forbidden = (
+        ("H", given["H"].value <= 0.0, "the height H must be greater than 0"),
+        ("R", given["R"].value < 0.0, "the upper radius R must be 0 (a tip) or more"),
+        ("D", given["D"].value == 0.0, "the swept angle D must not be 0 (positive is counter-clockwise)"),
+        ("K", abs(start[2] - centre[2]) > LEVEL_MM, "start Z and centre K must be on one level"),
+        ("I", radius <= LEVEL_MM, "the start X Y must be off the centre I J by the bottom radius"),
+    )
+    for letter, is_so, allowed in forbidden:
+        if is_so:
+            word = given[letter]
+            raise ask.refusal(word, f"{word.text} makes no cone of G51: {allowed}; correct it")
+
+
+def ruled(ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> CutRuled:
+    """The ruled surface of a line with G52; takes its other seven points from ``lines`` (mm)."""
+    word, given = ask.codes["motion"][1], ask.words
+    if lacking := missing(given, "XYZ"):
+        raise _not_a_ruled(ask.line, word, lacking)
+    if "stop" in ask.codes:
+        raise _not_a_ruled(ask.line, ask.codes["stop"][1], f"found {ask.code('stop')}")
+    p = [point_of(given, "XYZ", state)]
+    while len(p) < 8:
+        line = next(lines, None)
+        if line is None:
+            raise _not_a_ruled(ask.line, word, f"the program ends after {len(p)} of the 8 points")
+        due = f"point {len(p) + 1} of the G52 on line {ask.line.number}"
+        p.append(point_of(_point_words(line, due), "XYZ", state))
+    feed = feed_of(ask, "G52", word, state, machine)
+    upper, lower = (p[0], p[1], p[2], p[3]), (p[4], p[5], p[6], p[7])
+    return CutRuled(ask.place(word), state.modal, upper, lower, feed)
+
+
+def _point_words(line: Line, due: str) -> dict[str, Word]:
+    """Exactly X Y Z."""
+    given: dict[str, Word] = {}
+    for found in line.words:
+        if found.letter not in "XYZ" or found.letter in given:
+            raise _not_a_ruled(line, found, f"found {found.text} where {due} is due")
+        given[found.letter] = found
+    if lacking := missing(given, "XYZ"):
+        raise _not_a_ruled(line, line.words[0], f"{lacking} in {due}")
+    return given
+
+
+def missing(given: dict[str, Word], needed: str) -> str:
+    lacking = [letter for letter in needed if letter not in given]
+    return f"{' '.join(lacking)} missing" if lacking else ""
+
+
+def _length_mm(word: Word, state: State) -> float:
+    # Divided, not multiplied, so that x7 and x0.07 are the same number to the last bit.
+    return word.value * state.mm_per_unit if word.point else word.value / BLU_PER_MM
+
+
+def point_of(given: dict[str, Word], letters: str, state: State) -> Vector:
+    x, y, z = (_length_mm(given[letter], state) for letter in letters)
+    return x, y, z
+
+
+def feed_of(ask: Ask, code: str, word: Word, state: State, machine: Machine) -> float:
+    """The feed in mm/s, once all that a surface needs of the state is there."""
+    modal = state.modal
+    if not state.absolute:
+        raise ask.refusal(
+            word, f"{code} stands under G91: its X Y Z I J K are absolute positions; write G90 before it"
+        )
+    if machine.tool(modal.tool) is None:
+        raise ask.refusal(
+            word,
+            f"{code} needs radius and length of tool T{modal.tool} in the spindle, but the tool table has "
+            f"{tool_list(machine)}: add it there or change the tool",
+        )
+    if machine.spindle is not None and modal.spindle_rev_min == 0.0:
+        raise ask.refusal(word, f"{code} would cut with the spindle off: write S and M3 or M4 before it")
+    return state.feed(ask, code, word)

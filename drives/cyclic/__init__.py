@@ -1,0 +1,1 @@
+"""What runs every tick: frames in, frames out, what is wrong, as values. Held to the tick's rules."""

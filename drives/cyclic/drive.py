@@ -1,0 +1,214 @@
+"""One CiA 402 drive of the path as the tick sees it: frames in, frames out, and what is wrong.
+
+Start of motion without a jump. In cyclic synchronous position a drive goes to its
+target the moment it uses it (statusword bit 12). Until then the target sent is the
+actual position, every tick anew; from then on (`following`) it is the commanded
+setpoint, which the caller must have started at `position`. In interpolated position
+(mode 7) it is the same, once controlword bit 4 has started the interpolation.
+"""
+
+from __future__ import annotations
+
+from drives import cia402, pdo
+from drives.cia402 import State, Wanted
+from drives.cyclic.drive_fault import DriveFault
+from drives.cyclic.power_stage import LOST_IN_A_ROW, PowerStage
+from drives.cyclic.supervised import NEVER_S, Handler
+from drives.cyclic.touch_probe import TouchProbe
+from drives.profile import CyclicMode, Supervision
+from drives.settings import INT32_MAX, INT32_MIN, NodeSettings
+
+__all__ = ["Drive", "DriveFault", "Handler"]
+
+# A start edge of homing sent in tick k is latched by the SYNC of k + 1 and seen in
+# a statusword of k + 3 at the earliest; until "not attained" has been seen, or this
+# many statuswords have passed, "attained" is that of an earlier homing.
+STALE_STATUSWORDS = 10
+
+# A controlword of its own RPDO is not repeated every tick: once more at once, for a lost
+# frame, then with our heartbeat.
+REPEATS = 1
+
+# Looked up every tick, and an enum's members are slow to look up.
+_OPERATION_ENABLED = State.OPERATION_ENABLED
+_ENABLED = Wanted.ENABLED
+_unpack_feedback = pdo.FEEDBACK.unpack
+_pack_command_into = pdo.COMMAND.pack_into
+_pack_target_into = pdo.TARGET.pack_into
+_pack_controlword_into = pdo.CONTROLWORD.pack_into
+
+
+class Drive(PowerStage):
+    """The cyclic side of one drive.
+
+    Read: ``position`` (counts), ``position_at_s``, ``following``, ``setpoint`` (as sent),
+    ``homing_done``, ``homing_error``, ``refused`` (setpoints outside of int32, not sent),
+    ``probe``, and what `PowerStage` and `Supervised` have.
+    """
+
+    def __init__(self, settings: NodeSettings, lost_after: int = LOST_IN_A_ROW) -> None:
+        """``lost_after``: feedback owed so many times in a row and not come is a fault."""
+        profile, node = settings.profile, settings.node
+        super().__init__(
+            node,
+            guarded=profile.supervision is Supervision.GUARDING,
+            every=settings.feedback_every,
+            braked=settings.brake,
+            lost_after=lost_after,
+        )
+        self.settings = settings
+        self.position = 0
+        self.position_at_s = NEVER_S
+        self.following = False
+        self.setpoint = 0
+        self.cyclic = True  # False while the drive is in homing mode
+        self.homing_done = False
+        self.homing_error = False
+        self.refused = 0
+        self._followed = False
+        self._homing = False
+        self._homing_statuswords = 0
+        self._homing_begun = False
+        self._interpolates = profile.mode is CyclicMode.IP
+        self._frame: bytearray | memoryview = pdo.command_frame(node, profile.rpdo)
+        self.feed_forward = settings.feed_forward
+        self._per_s = 1.0 / settings.period_s
+        self._word_frame = pdo.frame(pdo.rpdo(profile.command_rpdo, node), bytes(2))
+        self._word_due_s = NEVER_S
+        self._repeats = 0
+        if self.feed_forward:
+            self._frame[4] = pdo.TARGET.size  # length
+        self.handlers[pdo.tpdo(profile.tpdo, node)] = self._feedback
+        self.probe = TouchProbe(node, settings.probe_tpdo) if settings.probe_tpdo else None
+        if self.probe is not None:
+            self.handlers |= self.probe.handlers
+
+    # -- in
+
+    def _feedback(self, data: memoryview, now_s: float) -> None:
+        if len(data) != pdo.PDO_BYTES:
+            self.malformed += 1
+            return
+        statusword, self.position = _unpack_feedback(data)
+        self.position_at_s = now_s
+        self._arrived = True
+        if statusword != self.statusword or self._pending:
+            # The same statusword earns the same answer, so only a new one is worth the work.
+            self.statusword = statusword
+            self._known = True
+            self._step()
+        if self._homing:
+            self._watch_homing()
+
+    # -- the state machine
+
+    def _forget(self) -> None:
+        super()._forget()
+        self._followed = False
+
+    def _look(self, enabled: bool) -> None:
+        super()._look(enabled)
+        follows = enabled and self.cyclic and bool(self.statusword & cia402.FOLLOWS_COMMAND)
+        if self.wanted is _ENABLED:
+            if follows:
+                self._followed = True
+            elif self._followed and self.cyclic:
+                self._lose()
+        # A drive that dropped out stays out: its setpoint is its own position from here on,
+        # for taking the commanded one up again later would be a jump. So it is for one that
+        # passes through operation on its way to being switched off.
+        begins = self.following or self.wanted is _ENABLED
+        self.following = follows and begins and not self._state_lost
+
+    def _answer(self, state: State) -> int:
+        word = super()._answer(state)
+        if word == cia402.ENABLE_OPERATION and state is _OPERATION_ENABLED:
+            if self._homing:
+                return word | cia402.START_HOMING
+            if self._interpolates and self.cyclic:
+                return word | cia402.ENABLE_INTERPOLATION
+        return word
+
+    # -- homing
+
+    def leave_cyclic(self) -> None:
+        """The slow side is about to select another mode (6060h): bit 12 will mean something else."""
+        self.cyclic = self.following = self._followed = False
+
+    def resume_cyclic(self) -> None:
+        """The slow side has read back the cyclic mode (6061h): bit 12 means "follows" again."""
+        self.cyclic = True
+        self._step()
+
+    def homing(self, start: bool) -> None:
+        """Starts homing (mode 6 must be selected), or takes the start bit back.
+
+        ``homing_done`` or ``homing_error`` tell the end. The drive's setpoints stay its own
+        position until ``resume_cyclic``.
+        """
+        if start:
+            self.leave_cyclic()
+            self.homing_done = self.homing_error = self._homing_begun = False
+            self._homing_statuswords = 0
+        self._homing = start
+        self._step()
+
+    def _watch_homing(self) -> None:
+        """Statusword bits 13, 12, 10 in homing mode: 0 1 1 done, 1 x x error, 0 0 x under way."""
+        if not self._sent_controlword & cia402.START_HOMING:
+            return
+        word = self.statusword
+        self._homing_statuswords += 1
+        if not word & (cia402.HOMING_ATTAINED | cia402.HOMING_ERROR):
+            self._homing_begun = True
+        elif self._homing_begun or self._homing_statuswords > STALE_STATUSWORDS:
+            self.homing_error = bool(word & cia402.HOMING_ERROR)
+            self.homing_done = not self.homing_error and bool(word & cia402.TARGET_REACHED)
+
+    # -- out
+
+    def place(self, room: memoryview) -> None:
+        """Packs its frame into ``room`` (16 bytes) from now on: neighbours can go out in one packet."""
+        room[:] = self._frame
+        self._frame = room
+
+    def frame(self, setpoint: int, now_s: float) -> bytearray | memoryview:
+        """The synchronous RPDO, packed: the setpoint (counts) or the actual position, and with it
+        the controlword, or with feed-forward the velocity (counts/s) of the period it begins.
+
+        The same buffer every time: send it before the next call.
+        """
+        if not self.following:
+            setpoint = self.position
+        elif not INT32_MIN <= setpoint <= INT32_MAX:
+            self.refused += 1
+            setpoint = self.setpoint
+        if self.feed_forward:
+            _pack_target_into(self._frame, 8, setpoint, self._velocity(setpoint))
+        else:
+            word = self._controlword
+            _pack_command_into(self._frame, 8, word, setpoint)
+            self._sent_controlword = word
+        self.setpoint = setpoint
+        return self._frame
+
+    def _velocity(self, setpoint: int) -> int:
+        """A drive goes from the last target to this one in a straight line: this is its slope."""
+        if not self.following:
+            return 0
+        velocity = round((setpoint - self.setpoint) * self._per_s)
+        return max(INT32_MIN, min(INT32_MAX, velocity))
+
+    def event_frame(self, now_s: float, heartbeat_s: float) -> bytearray | None:
+        """With feed-forward: the controlword's own RPDO where it is due, else None."""
+        word = self._controlword
+        if word != self._sent_controlword:
+            self._repeats = REPEATS
+        elif self._repeats:
+            self._repeats -= 1
+        elif now_s < self._word_due_s:
+            return None
+        self._word_due_s = now_s + heartbeat_s
+        _pack_controlword_into(self._word_frame, 8, word)
+        self._sent_controlword = word
+        return self._word_frame

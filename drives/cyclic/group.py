@@ -1,0 +1,263 @@
+"""All nodes of a machine as the tick sees them: four calls per tick.
+
+    receive(now)              drain every bus: feedback, emergencies, signs of life, inputs
+    sync(now)                 SYNC: all drives latch the setpoints of the previous tick at once
+    command(setpoints, now)   the setpoints for the next SYNC; what else is due after them
+    fault(now)                what is wrong, as a value
+
+SYNC goes out first, into an empty queue, so that it waits for one frame at most; on
+several buses each gets its own. A TPDO is owed for each SYNC sent: a skipped SYNC owes
+none. With sync = "kernel" the SYNC is the broadcast manager's; it comes back as an echo
+(`sync_seen`), and a TPDO is owed from one echo to the next.
+
+Nothing here locks, logs, raises, or allocates anything that stays.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from drives import pdo
+from drives.cia402 import Wanted
+from drives.cyclic.drive import Drive
+from drives.cyclic.drive_fault import DriveFault
+from drives.cyclic.enabling import Enabling
+from drives.cyclic.io_node import IoNode
+from drives.cyclic.line import MOST_FRAMES, Line
+from drives.cyclic.spindle import SpindleDrive
+from drives.cyclic.supervised import Supervised
+from drives.ports.port import Port
+from drives.settings import MasterSettings
+
+__all__ = ["MOST_FRAMES", "DriveFault", "Group"]
+
+_NONE = DriveFault.NONE
+_FINE = (_NONE, -1)
+
+
+class Group:
+    """The drives in the order of the axes, on one or more buses, with spindle and inputs and outputs.
+
+    Read: ``positions`` (counts, per drive), ``sync_seen`` and ``syncs_seen`` (SYNC echoes in
+    the last ``receive``), ``drives``, ``spindle``, ``io``, ``lines`` (the buses), ``unsent``
+    (frames since start).
+    """
+
+    def __init__(
+        self,
+        drives: Sequence[Drive],
+        ports: Mapping[str, Port],
+        master: MasterSettings,
+        spindle: SpindleDrive | None = None,
+        io: Sequence[IoNode] = (),
+    ) -> None:
+        """``ports`` by name of the bus. Raises KeyError if a node's bus has none."""
+        self.drives = tuple(drives)
+        self.spindle = spindle
+        self.io = tuple(io)
+        self.master = master
+        self.wanted = Wanted.OFF
+        self.positions = [0] * len(self.drives)
+        self.sync_seen = False
+        self.syncs_seen = 0
+        self.unsent = 0
+        self._kernel_sync = master.sync == "kernel"
+        others = (*(() if spindle is None else (spindle,)), *self.io)
+        self.lines = _lines(self.drives, others, ports, self._kernel_sync)
+        self._turns = tuple(
+            (line, tuple((self.drives.index(drive), drive) for drive in line.drives)) for line in self.lines
+        )
+        self._talkers = tuple(
+            (line, node)
+            for line in self.lines
+            for node in (*(drive for drive in line.drives if drive.feed_forward), *line.others)
+        )
+        self._guarded: tuple[tuple[Line, Supervised], ...] = tuple(
+            (line, node) for line in self.lines for node in (*line.drives, *line.others) if node.guarded
+        )
+        self._guard_turn = 0
+        self._guard_due_s = -math.inf if self._guarded else math.inf
+        self._enabling = Enabling(self.drives)
+        self._sync_frame = pdo.frame(pdo.SYNC)
+        state = bytes([pdo.NMT_OPERATIONAL])
+        self._heartbeat_frame = pdo.frame(pdo.HEARTBEAT + master.node_id, state)
+        self._heartbeat_due_s = -math.inf
+        self._judged = False  # something is wanted, so something can be wrong
+        self._send_failed = False
+        self._send_failed_at = -1
+
+    @property
+    def foreign_syncs(self) -> int:
+        """SYNCs of another producer since start."""
+        return sum(line.foreign_syncs for line in self.lines)
+
+    # -- once
+
+    def start(self) -> None:
+        """Starts the kernel's SYNC where configured. Raises BusError."""
+        if self._kernel_sync:
+            for line in self.lines:
+                line.port.start_cyclic_sync(self.master.period_s)
+
+    def stop_sync(self) -> None:
+        """Ends the kernel's SYNC, so that the drives' own supervision takes over."""
+        if self._kernel_sync:
+            for line in self.lines:
+                line.port.stop_cyclic_sync()
+
+    def close(self) -> None:
+        """Leaves every bus; silence makes the drives stop by their own supervision."""
+        for line in self.lines:
+            line.port.close()
+
+    # -- every tick
+
+    def receive(self, now_s: float) -> None:
+        """Takes what came in on every bus, and settles whether the feedback owed has come."""
+        for line in self.lines:
+            line.drain(now_s)
+        if self._kernel_sync:
+            self.syncs_seen = self.lines[0].syncs
+            self.sync_seen = self.syncs_seen > 0
+        positions = self.positions
+        for i, drive in enumerate(self.drives):
+            positions[i] = drive.position
+        if self._enabling.waits:
+            self._enabling.progress(now_s)
+
+    def sync(self, now_s: float) -> bool:
+        """Sends SYNC on every bus; True if it went out. With sync = "kernel" it sends nothing."""
+        if self._kernel_sync:
+            return self.sync_seen
+        good = True
+        for line in self.lines:
+            if line.off:
+                good = False
+            elif line.send(self._sync_frame):
+                line.expect()
+            else:
+                good = self._failed(line.first)
+        return good
+
+    def command(self, setpoints: Sequence[int], now_s: float) -> bool:
+        """Sends each drive its setpoint (counts, order of ``drives``); True if all went out."""
+        good = True
+        for line, turns in self._turns:
+            if line.off:
+                good = False
+                continue
+            for i, drive in turns:
+                refused = drive.refused
+                frame = drive.frame(setpoints[i], now_s)
+                if drive.refused != refused or not (line.packs or line.send(frame)):
+                    good = self._failed(i)
+            if line.packs and not line.send(line.packet):
+                good = self._failed(line.first)
+        for line, node in self._talkers:
+            if not line.off:
+                event = node.event_frame(now_s, self.master.heartbeat_s)
+                if event is not None and not line.send(event):
+                    good = self._failed(line.first)
+        if now_s >= self._heartbeat_due_s:
+            good = self._beat(now_s) and good
+        if now_s >= self._guard_due_s:
+            good = self._guard(now_s) and good
+        return good
+
+    def _beat(self, now_s: float) -> bool:
+        """Our heartbeat on every bus, also on one that is off: its answer tells when that is over."""
+        self._heartbeat_due_s = now_s + self.master.heartbeat_s
+        good = True
+        for line in self.lines:
+            if not line.send(self._heartbeat_frame):
+                good = self._failed(line.first)
+        return good
+
+    def _guard(self, now_s: float) -> bool:
+        """Asks the next guarded node; each has its turn once a heartbeat, so that the bus is not crowded."""
+        share_s = self.master.heartbeat_s / len(self._guarded)
+        self._guard_due_s = max(self._guard_due_s, now_s - share_s) + share_s
+        line, node = self._guarded[self._guard_turn]
+        self._guard_turn = (self._guard_turn + 1) % len(self._guarded)
+        node.asked(now_s)
+        return line.send(node.guard_frame) or self._failed(line.first)
+
+    def _failed(self, index: int) -> bool:
+        self.unsent += 1
+        self._send_failed = True
+        self._send_failed_at = index
+        return False
+
+    # -- state
+
+    def want(self, wanted: Wanted) -> None:
+        """Sets the goal of every drive, once per request; ENABLED and OFF group by group.
+
+        RESET and ENABLED forget bus faults; RESET has a controller that is bus-off join again.
+        """
+        if wanted is Wanted.RESET or (wanted is Wanted.ENABLED and wanted is not self.wanted):
+            self._forget(wanted is Wanted.RESET)
+        self.wanted = wanted
+        self._judged = wanted is Wanted.ENABLED or wanted is Wanted.QUICK_STOP
+        self._enabling.want(wanted)
+        if self.spindle is not None:
+            self.spindle.want(wanted)
+        for node in self.io:
+            node.judge(self._judged)
+
+    def _forget(self, reset: bool) -> None:
+        self._send_failed = False
+        for line in self.lines:
+            line.forget()
+            if reset:
+                line.restart()
+        for node in self.io:
+            node.forget(reset)
+
+    def following(self) -> bool:
+        """Whether every drive uses the commanded setpoints."""
+        return all(drive.following for drive in self.drives)
+
+    def fault(self, now_s: float) -> tuple[DriveFault, int]:
+        """The first thing wrong and the index of its drive (of a bus: of its first drive; else -1).
+
+        NONE with index -1 if all is well, or while nothing is wanted (OFF, RESET).
+        """
+        if not self._judged:
+            return _FINE
+        for line in self.lines:
+            if line.fault is not _NONE:
+                return line.fault, line.first
+        consumer_s = self.master.consumer_s
+        for i, drive in enumerate(self.drives):
+            fault = drive.fault(now_s, consumer_s)
+            if fault is not _NONE:
+                return fault, i
+        if self.spindle is not None and self.spindle.fault(now_s, consumer_s) is not _NONE:
+            return DriveFault.SPINDLE_LOST, -1
+        for node in self.io:
+            if node.fault(now_s, consumer_s) is not _NONE:
+                return DriveFault.IO_LOST, -1
+        if self._send_failed:
+            return DriveFault.SEND_FAILED, self._send_failed_at
+        return _FINE
+
+    def fault_of(self, index: int, now_s: float) -> DriveFault:
+        """What is wrong with one drive, whatever else is wrong."""
+        return self.drives[index].fault(now_s, self.master.consumer_s)
+
+
+def _lines(
+    drives: Sequence[Drive],
+    others: Sequence[SpindleDrive | IoNode],
+    ports: Mapping[str, Port],
+    echoes: bool,
+) -> tuple[Line, ...]:
+    """The buses in the order in which drives, spindle and inputs and outputs first name them."""
+    lines = []
+    for bus in dict.fromkeys(node.settings.bus for node in (*drives, *others)):
+        here = [drive for drive in drives if drive.settings.bus == bus]
+        more = [other for other in others if other.settings.bus == bus]
+        lines.append(Line(ports[bus], here, drives.index(here[0]) if here else -1, more, echoes))
+    return tuple(lines)

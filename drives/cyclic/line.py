@@ -1,0 +1,151 @@
+"""One bus of a group: its port, who listens on it, and what is wrong with the bus itself.
+
+Nothing here locks, logs, raises, or allocates anything that stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from drives import pdo
+from drives.cyclic.drive import Drive
+from drives.cyclic.drive_fault import DriveFault
+from drives.cyclic.io_node import IoNode
+from drives.cyclic.spindle import SpindleDrive
+from drives.cyclic.supervised import Handler
+from drives.ports.port import Port
+
+# Frames taken from one bus in one tick. At 1 Mbit/s 36 of the shortest fit into 2 ms; a
+# babbling node must not hold the tick, and what is left comes with the next.
+MOST_FRAMES = 128
+
+# Error frames (linux/can/error.h): classes, and byte 1 of a controller problem. Its warnings
+# pass, and so do single errors on the wire, which the controllers repair by sending again.
+_CLASSES = pdo.ERROR_FLAG - 1
+_CONTROLLER, _BUS_OFF, _RESTARTED = 0x004, 0x040, 0x100
+_RX_OVERFLOW, _SEVERE = 0x01, 0x02 | 0x10 | 0x20  # TX overflow, error passive
+
+_NONE = DriveFault.NONE
+_HEADER = pdo.HEADER.unpack_from
+
+
+class Line:
+    """Read: ``fault`` (the first thing wrong with this bus, kept until ``forget``; bus-off
+    outranks), ``off`` (our controller has left the bus: nothing may be sent), ``syncs``
+    (SYNC frames heard in the last drain), ``foreign_syncs``, ``drives``, ``first`` (index
+    in the group of its first drive, -1 without one), ``errors`` (error frames since start).
+    """
+
+    def __init__(
+        self,
+        port: Port,
+        drives: Sequence[Drive],
+        first: int,
+        others: Sequence[SpindleDrive | IoNode] = (),
+        echoes: bool = False,
+    ) -> None:
+        """``echoes``: SYNC is the kernel's and comes back to us; otherwise a SYNC heard is a stranger's."""
+        self.port = port
+        self.send = port.send
+        self.drives = tuple(drives)
+        self.others = tuple(others)
+        self.owing = (*self.drives, *(other for other in others if isinstance(other, SpindleDrive)))
+        self.first = first
+        self.fault = _NONE
+        self.off = False
+        self._restarting = False  # we have asked for it: the controller's word of it is no fault
+        self.syncs = 0
+        self.foreign_syncs = 0
+        self.errors = 0
+        self._echoes = echoes
+        self._overflows = port.overflows
+        self._receive_into = port.receive_into
+        self._handlers: dict[int, Handler] = {}
+        for node in (*self.drives, *others):
+            self._handlers.update(node.handlers)
+        self._buffer = bytearray(pdo.FRAME_BYTES)
+        whole = memoryview(self._buffer)
+        # A view per length, so that a handler sees exactly the bytes that were sent.
+        self._data = tuple(whole[pdo.DATA_AT : pdo.DATA_AT + n] for n in range(9))
+        self.packet = bytearray(pdo.FRAME_BYTES * len(self.drives))
+        # Neighbours in one packet wake the hub once; a real CAN socket takes one frame at a time.
+        self.packs = bool(self.drives) and bool(getattr(port, "packs", False))
+        if self.packs:
+            room = memoryview(self.packet)
+            for i, drive in enumerate(self.drives):
+                drive.place(room[i * pdo.FRAME_BYTES : (i + 1) * pdo.FRAME_BYTES])
+
+    def drain(self, now_s: float) -> None:
+        """Takes what came in and, where SYNC is ours, settles whether the feedback owed has come."""
+        self.syncs = 0
+        receive_into, handlers = self._receive_into, self._handlers
+        buffer, data, off = self._buffer, self._data, self.off
+        for _ in range(MOST_FRAMES):
+            if not receive_into(buffer):
+                break
+            can_id, length = _HEADER(buffer)
+            handler = handlers.get(can_id)
+            if handler is not None:
+                handler(data[length if length < 8 else 8], now_s)
+                if off:  # whoever hears is on the bus again
+                    self.off = off = False
+            elif can_id == pdo.SYNC:
+                self._heard_sync()
+            elif can_id & pdo.ERROR_FLAG:
+                self._heard_error(can_id & _CLASSES)
+        overflows = self.port.overflows
+        if overflows != self._overflows:
+            self._overflows = overflows
+            self._fail(DriveFault.RX_OVERFLOW)
+        if not self._echoes:
+            for drive in self.owing:
+                drive.settle()
+
+    def _heard_sync(self) -> None:
+        self.syncs += 1
+        if not self._echoes:
+            # A second producer makes drives latch in between: twice the speed, half the step.
+            self.foreign_syncs += 1
+            self._fail(DriveFault.SYNC_FOREIGN)
+            return
+        for drive in self.owing:
+            drive.settle()
+            drive.expect()
+
+    def _heard_error(self, classes: int) -> None:
+        """An error frame of our CAN controller."""
+        self.errors += 1
+        detail = self._buffer[pdo.DATA_AT + 1]
+        if classes & _BUS_OFF:
+            # Frames queued now would all come out at once at the restart, SYNCs among them.
+            self.off = True
+            self._fail(DriveFault.BUS_OFF)
+        elif classes & _RESTARTED:
+            self.off = False
+            if not self._restarting:
+                self._fail(DriveFault.BUS_OFF)
+            self._restarting = False
+        elif classes & _CONTROLLER and detail & _RX_OVERFLOW:
+            self._fail(DriveFault.RX_OVERFLOW)
+        elif classes & _CONTROLLER and detail & _SEVERE:
+            self._fail(DriveFault.BUS_ERROR)
+
+    def _fail(self, fault: DriveFault) -> None:
+        if self.fault is _NONE or fault is DriveFault.BUS_OFF:
+            self.fault = fault
+
+    def expect(self) -> None:
+        """A SYNC has gone out on this bus."""
+        for drive in self.owing:
+            drive.expect()
+
+    def forget(self) -> None:
+        """RESET, or ENABLED anew."""
+        self.fault = _NONE
+
+    def restart(self) -> None:
+        """Asks a controller that is off to join again, and takes it for done."""
+        if self.off:
+            self.off = False
+            self._restarting = True
+            self.port.restart()

@@ -1,0 +1,136 @@
+"""A spindle's drive as the tick sees it: a wanted speed in, the actual one and "at speed" out.
+
+It turns in cyclic synchronous velocity (mode 9), where the drive expects to be led: the
+wanted speed is approached at `SpindleSettings.acceleration_rev_s2`. In profile velocity
+(mode 3) the drive has its own ramp and is told the end. Its RPDO goes out when it has
+something new to say, and once a heartbeat; layout: `drives.pdo`, "command" and "feedback".
+"""
+
+from __future__ import annotations
+
+from drives import cia402, pdo
+from drives.cia402 import State, Wanted
+from drives.cyclic.power_stage import LOST_IN_A_ROW, PowerStage
+from drives.cyclic.supervised import NEVER_S
+from drives.profile import Supervision
+from drives.settings import INT32_MAX, INT32_MIN, SpindleSettings
+
+CYCLIC_VELOCITY = 9
+STANDING_REV_S = 0.1  # slower than this it stands
+LONGEST_STEP_S = 0.1  # of the ramp, after a pause in the ticks
+REPEATS = 1  # a command whose frame was lost is there with the next tick
+
+_unpack_feedback = pdo.FEEDBACK.unpack
+_pack_command_into = pdo.COMMAND.pack_into
+
+
+class SpindleDrive(PowerStage):
+    """The cyclic side of a spindle.
+
+    Read: ``speed`` (counts/s, actual), ``speed_at_s``, ``rev_min``, ``wanted_rev_min``,
+    ``at_speed``, ``standing``, and what `PowerStage` and `Supervised` have.
+    """
+
+    def __init__(self, settings: SpindleSettings, lost_after: int = LOST_IN_A_ROW) -> None:
+        """``lost_after``: feedback owed so many times in a row and not come is a fault."""
+        profile, node = settings.profile, settings.node
+        super().__init__(
+            node,
+            guarded=profile.supervision is Supervision.GUARDING,
+            every=settings.feedback_every,
+            lost_after=lost_after,
+        )
+        self.settings = settings
+        self.speed = 0
+        self.speed_at_s = NEVER_S
+        self.wanted_rev_min = 0.0
+        self._wanted_speed = 0.0  # counts/s
+        self._led_speed = 0.0  # on its way there
+        self._leads = settings.mode == CYCLIC_VELOCITY
+        self._acceleration = abs(settings.acceleration_rev_s2 * settings.counts_per_rev)
+        self._standing_speed = abs(STANDING_REV_S * settings.counts_per_rev)
+        self._stepped_s = NEVER_S
+        self._frame = pdo.command_frame(node, profile.rpdo)
+        self._sent_speed = 0
+        self._due_s = NEVER_S
+        self._repeats = 0
+        self.handlers[pdo.tpdo(profile.tpdo, node)] = self._feedback
+
+    # -- what is wanted
+
+    def want_speed(self, rev_min: float) -> None:
+        """Turn so fast, rev/min; positive as M3, negative as M4. It turns while ENABLED is wanted."""
+        self.wanted_rev_min = rev_min
+        speed = rev_min / 60.0 * self.settings.counts_per_rev
+        self._wanted_speed = max(float(INT32_MIN), min(float(INT32_MAX), speed))
+
+    def stop(self) -> None:
+        """Come to a standstill, and stay enabled."""
+        self.want_speed(0.0)
+
+    def want(self, wanted: Wanted) -> None:
+        """As of every drive; whatever is not ENABLED forgets the speed, so that none comes back by itself."""
+        if wanted is not Wanted.ENABLED:
+            self.stop()
+        super().want(wanted)
+
+    # -- what it does
+
+    @property
+    def rev_min(self) -> float:
+        """Actual speed, rev/min."""
+        return self.speed * 60.0 / self.settings.counts_per_rev
+
+    @property
+    def standing(self) -> bool:
+        """Whether it has reported to stand."""
+        return self.speed_at_s > NEVER_S and abs(self.speed) <= self._standing_speed
+
+    @property
+    def at_speed(self) -> bool:
+        """Whether the actual speed is the wanted one, within the settings' share of it; at 0: it stands."""
+        if self.state is not State.OPERATION_ENABLED or not self.fresh:
+            return self._wanted_speed == 0.0 and self.standing
+        share = self.settings.at_speed_share * abs(self._wanted_speed)
+        return abs(self.speed - self._wanted_speed) <= max(share, self._standing_speed)
+
+    def _feedback(self, data: memoryview, now_s: float) -> None:
+        if len(data) != pdo.PDO_BYTES:
+            self.malformed += 1
+            return
+        statusword, self.speed = _unpack_feedback(data)
+        self.speed_at_s = now_s
+        self._arrived = True
+        if statusword != self.statusword or self._pending:
+            self.statusword = statusword
+            self._known = True
+            self._step()
+
+    # -- out
+
+    def event_frame(self, now_s: float, heartbeat_s: float) -> bytearray | None:
+        """Its RPDO where there is something to tell, else None."""
+        word, speed = self._controlword, self._lead(now_s)
+        if word != self._sent_controlword or speed != self._sent_speed:
+            self._repeats = REPEATS
+        elif self._repeats:
+            self._repeats -= 1
+        elif now_s < self._due_s:
+            return None
+        self._due_s = now_s + heartbeat_s
+        self._sent_controlword, self._sent_speed = word, speed
+        _pack_command_into(self._frame, 8, word, speed)
+        return self._frame
+
+    def _lead(self, now_s: float) -> int:
+        """The speed to command now, counts/s. Without operation it is the actual one, where it begins."""
+        step_s = min(max(now_s - self._stepped_s, 0.0), LONGEST_STEP_S)
+        self._stepped_s = now_s
+        if self.state is not State.OPERATION_ENABLED or self._controlword != cia402.ENABLE_OPERATION:
+            self._led_speed = 0.0 if self.standing else float(self.speed)
+        elif not self._leads:
+            self._led_speed = self._wanted_speed
+        else:
+            most = self._acceleration * step_s
+            self._led_speed += max(-most, min(most, self._wanted_speed - self._led_speed))
+        return round(self._led_speed)

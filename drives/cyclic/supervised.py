@@ -1,0 +1,106 @@
+"""What any node tells of its health: heartbeat or node guarding, boot-up, emergencies.
+
+Watching a heartbeat starts with the first one heard, watching by guarding with our
+first request (CiA 301, 7.2.8.2). Nothing here raises or keeps a clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from drives import pdo
+from drives.cyclic import drive_fault
+from drives.cyclic.drive_fault import DriveFault
+
+Handler = Callable[[memoryview, float], None]
+
+NEVER_S = float("-inf")
+TOGGLE = 0x80  # of a guarding answer: other than in the last one
+
+
+class Supervised:
+    """One node's signs of life.
+
+    Read: ``emcy_code`` (the first error since the last that was taken back; 0 = none),
+    ``emcy_register``, ``emcy_at_s``, ``heartbeat_at_s`` (of a guarding answer too),
+    ``nmt_state`` (-1 = not heard of yet), ``malformed`` (frames of wrong length).
+    """
+
+    def __init__(self, node: int, guarded: bool = False) -> None:
+        """``guarded``: the node answers our remote frames (`guard_frame`) instead of beating by itself."""
+        self.node = node
+        self.guarded = guarded
+        self.guard_frame = pdo.guard_frame(node)
+        self.emcy_code = 0
+        self.emcy_register = 0
+        self.emcy_at_s = NEVER_S
+        self.heartbeat_at_s = NEVER_S
+        self.nmt_state = -1
+        self.malformed = 0
+        self._emcy_fault = DriveFault.NONE
+        self._judged = False  # something is wanted of it, so something can be wrong
+        self._watched = False
+        self._toggle = -1  # that the next guarding answer must have; -1 = any
+        self._restarted = False  # boot-up, or not NMT operational, while judged
+        self.handlers: dict[int, Handler] = {
+            pdo.EMCY + node: self._emergency,
+            pdo.HEARTBEAT + node: self._heartbeat,
+        }
+
+    def receive(self, can_id: int, data: memoryview, now_s: float) -> bool:
+        """Takes one frame; False if it is not of this node."""
+        handler = self.handlers.get(can_id)
+        if handler is None:
+            return False
+        handler(data, now_s)
+        return True
+
+    def asked(self, now_s: float) -> None:
+        """A guarding request has gone out: from the first one on answers are missed."""
+        if not self._watched:
+            self._watched = True
+            self.heartbeat_at_s = now_s
+
+    def _emergency(self, data: memoryview, now_s: float) -> None:
+        """The first error is the cause of those that follow; 0000h with an empty register ends it."""
+        if len(data) < 2:
+            self.malformed += 1
+            return
+        code = data[0] | data[1] << 8
+        register = data[2] if len(data) > 2 else 0
+        if code == 0:
+            if register == 0:
+                self.emcy_code = self.emcy_register = 0
+        elif not self.emcy_code:
+            self.emcy_code, self.emcy_register, self.emcy_at_s = code, register, now_s
+            self._emcy_fault = drive_fault.of_emergency(code)
+
+    def _heartbeat(self, data: memoryview, now_s: float) -> None:
+        if len(data) != 1:
+            self.malformed += 1
+            return
+        state = data[0] & 0x7F
+        if self.guarded and state != pdo.NMT_BOOT_UP and not self._toggles(data[0] & TOGGLE):
+            return
+        if state == pdo.NMT_BOOT_UP:
+            self._toggle = -1
+        if state != pdo.NMT_OPERATIONAL and self._judged:
+            self._restarted = True
+        self.nmt_state = state
+        self.heartbeat_at_s = now_s
+        self._watched = True
+
+    def _toggles(self, bit: int) -> bool:
+        """An answer whose toggle bit has not changed counts as none."""
+        if self._toggle >= 0 and bit != self._toggle:
+            return False
+        self._toggle = bit ^ TOGGLE
+        return True
+
+    def _forget(self) -> None:
+        """A new beginning. The newest heartbeat may be older than an NMT command: the next one counts."""
+        self._restarted = False
+
+    def silent(self, now_s: float, consumer_s: float) -> bool:
+        """Whether it is watched and has not been heard for so long."""
+        return self._watched and now_s - self.heartbeat_at_s > consumer_s

@@ -1,0 +1,1 @@
+"""Frames as candump writes them, and the last seconds of a bus."""

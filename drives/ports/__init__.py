@@ -1,0 +1,1 @@
+"""Ways onto a bus, one small class each; ``drives.bus`` opens them."""

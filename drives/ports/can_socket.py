@@ -1,0 +1,156 @@
+"""A raw CAN socket of Linux, opened with the standard library alone."""
+
+from __future__ import annotations
+
+import fcntl
+import socket
+import struct
+import time
+from collections.abc import Sequence
+
+from drives import pdo
+from drives.ports.port import BusError, FrameSocket
+from drives.settings import BusSettings
+
+# Error classes that end a motion (linux/can/error.h): controller problems, bus-off, restarted.
+ERROR_CLASSES = 0x004 | 0x040 | 0x100
+
+CAN_RAW_ERR_FILTER = 2  # linux/can/raw.h; the standard library's names are not everywhere
+SO_TIMESTAMPNS = 35
+SO_MEMINFO = 55
+_DROPS = struct.Struct("32xI")  # SK_MEMINFO_DROPS, the ninth of its numbers
+_TIME_STAMP = struct.Struct("qq")
+
+SIOCGIFTXQLEN, SIOCSIFTXQLEN = 0x8942, 0x8943
+_INTERFACE_INT = struct.Struct("16si20x")  # struct ifreq
+LEAST_QUEUE = 128  # frames
+
+
+class CanSocket(FrameSocket):
+    """A raw CAN socket; cyclic SYNC comes from the kernel's broadcast manager.
+
+    The broadcast manager's timer runs in the kernel and goes on when we hang: the
+    drives would hold a stale target under a healthy SYNC. Closing its socket ends it,
+    which the kernel does for us when the process dies.
+    """
+
+    def __init__(self, sock: socket.socket, name: str, channel: str) -> None:
+        super().__init__(sock, name)
+        sock.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+        self._socket = sock
+        self._channel = channel
+        self._manager: socket.socket | None = None
+
+    @property
+    def overflows(self) -> int:
+        """Frames that the full receive queue has refused since the opening, as the kernel counts them.
+
+        The same count as SO_RXQ_OVFL's, which only comes with the next frame that is read.
+        """
+        try:
+            return int(_DROPS.unpack(self._socket.getsockopt(socket.SOL_SOCKET, SO_MEMINFO, _DROPS.size))[0])
+        except (OSError, struct.error):
+            return 0
+
+    def receive_stamped(self, buffer: bytearray) -> float | None:
+        """As ``receive_into``, with the time (CLOCK_REALTIME, s) at which the kernel got the frame."""
+        try:
+            count, notes, _, _ = self._socket.recvmsg_into([buffer], 64)
+        except OSError:
+            return None
+        if count != pdo.FRAME_BYTES:
+            return None
+        for level, kind, data in notes:
+            if level == socket.SOL_SOCKET and kind == SO_TIMESTAMPNS:
+                seconds, nanoseconds = _TIME_STAMP.unpack(data)
+                return float(seconds + nanoseconds * 1e-9)
+        return time.time()
+
+    def start_cyclic_sync(self, period_s: float) -> None:
+        self.stop_cyclic_sync()
+        manager = socket.socket(socket.AF_CAN, socket.SOCK_DGRAM, socket.CAN_BCM)
+        try:
+            manager.connect((self._channel,))
+            manager.send(cyclic_sync_request(period_s))
+        except OSError as error:
+            manager.close()
+            raise BusError(
+                f"bus {self.name}: the kernel refuses cyclic SYNC on {self._channel}: {error}"
+            ) from error
+        self._manager = manager
+
+    def stop_cyclic_sync(self) -> None:
+        if self._manager is not None:
+            self._manager.close()
+            self._manager = None
+
+
+def cyclic_sync_request(period_s: float) -> bytes:
+    """The broadcast manager's TX_SETUP (linux/can/bcm.h) for an empty SYNC frame every ``period_s``.
+
+    struct bcm_msg_head: opcode, flags, count, ival1, ival2 (timevals), can_id, nframes; a
+    count of 0 goes to ival2 at once and stays there. The frame follows, 8-byte aligned.
+    """
+    seconds, microseconds = divmod(round(period_s * 1e6), 1_000_000)
+    flags = socket.CAN_BCM_SETTIMER | socket.CAN_BCM_STARTTIMER
+    setup = socket.CAN_BCM_TX_SETUP
+    head = struct.pack("@IIIllllII0q", setup, flags, 0, 0, 0, seconds, microseconds, pdo.SYNC, 1)
+    return head + bytes(pdo.frame(pdo.SYNC))
+
+
+def open_socket(settings: BusSettings, filters: Sequence[tuple[int, int]]) -> CanSocket:
+    """A socket on the interface ``settings.channel``, with a transmit queue that is long enough.
+
+    Raises BusError.
+    """
+    try:
+        sock = socket.socket(socket.AF_CAN, socket.SOCK_RAW, socket.CAN_RAW)
+    except OSError as error:
+        raise BusError(f"bus {settings.name}: this kernel has no CAN sockets: {error.strerror}") from error
+    try:
+        sock.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, kernel_filters(filters))
+        sock.setsockopt(socket.SOL_CAN_RAW, CAN_RAW_ERR_FILTER, ERROR_CLASSES)
+        sock.bind((settings.channel,))
+    except OSError as error:
+        sock.close()
+        raise BusError(
+            f"bus {settings.name}: cannot use {settings.channel}: {error.strerror}; bring it up with"
+            f" 'ip link set {settings.channel} up type can bitrate {settings.bit_rate}'"
+        ) from error
+    try:
+        _lengthen_queue(sock, settings)
+    except BusError:
+        sock.close()
+        raise
+    return CanSocket(sock, settings.name, settings.channel)
+
+
+def kernel_filters(filters: Sequence[tuple[int, int]]) -> bytes:
+    """CAN_RAW_FILTER's array; each mask also asks for an 11-bit data frame, but a mask of 0 for nothing."""
+    kind = pdo.EXTENDED_FLAG | pdo.REMOTE_FLAG
+    return b"".join(struct.pack("=II", can_id, mask | kind if mask else 0) for can_id, mask in filters)
+
+
+def _lengthen_queue(sock: socket.socket, settings: BusSettings) -> None:
+    """Linux gives a CAN interface a transmit queue of ten frames: less than two ticks of five drives."""
+    length = _queue_length(sock, settings.channel)
+    if length >= LEAST_QUEUE:
+        return
+    request = _INTERFACE_INT.pack(settings.channel.encode(), LEAST_QUEUE)
+    try:
+        fcntl.ioctl(sock, SIOCSIFTXQLEN, request)
+    except OSError as error:
+        raise BusError(
+            f"bus {settings.name}: the transmit queue of {settings.channel} holds {length} frames, and at"
+            f" least {LEAST_QUEUE} are needed; as root, 'ip link set {settings.channel} txqueuelen"
+            f" {LEAST_QUEUE}' ({error.strerror})"
+        ) from error
+
+
+def _queue_length(sock: socket.socket, channel: str) -> int:
+    """Frames; where the kernel does not tell, as many as are needed."""
+    try:
+        answer = fcntl.ioctl(sock, SIOCGIFTXQLEN, _INTERFACE_INT.pack(channel.encode(), 0))
+    except OSError:
+        return LEAST_QUEUE
+    return int(_INTERFACE_INT.unpack(answer)[1])

@@ -1,0 +1,162 @@
+"""What the tick needs of a bus, and the two kinds of sockets that carry one 16-byte frame per packet.
+
+A port never blocks and never raises after it has been opened: the tick gets booleans.
+Whatever the socket has to say (queue full, interface down, peer gone) is False, and
+the group's supervision makes a fault of it.
+"""
+
+from __future__ import annotations
+
+import socket
+from typing import Protocol
+
+from drives import pdo
+from drives.virtual import hub_protocol
+
+Buffer = bytes | bytearray | memoryview
+
+# Room for what arrives while the tick is late; the kernel's default held 278 frames.
+RECEIVE_BYTES = 1 << 20
+
+LOST_FRAMES_BYTE = hub_protocol.LOST_FRAMES >> 24  # tells that frame from every other
+
+HUB_PACKET_BYTES = 256 * pdo.FRAME_BYTES
+
+
+class BusError(Exception):
+    """A bus cannot be opened or used as configured; the text says which and what to do."""
+
+
+class Port(Protocol):
+    """What the tick needs of a bus; the stepped clock's bus is one too."""
+
+    @property
+    def overflows(self) -> int:
+        """Frames lost since the opening because they were not read in time; 0 where nobody can tell."""
+        ...
+
+    def send(self, frame: Buffer, /) -> bool:
+        """Queues one frame; False if it did not go out."""
+        ...
+
+    def receive_into(self, buffer: bytearray, /) -> bool:
+        """Puts the next frame into the first 16 bytes of ``buffer``; False if there is none."""
+        ...
+
+    def start_cyclic_sync(self, period_s: float, /) -> None:
+        """Has SYNC sent every ``period_s`` without us; BusError where nobody can do that."""
+        ...
+
+    def stop_cyclic_sync(self) -> None:
+        """Ends what ``start_cyclic_sync`` began; the next SYNC does not go out."""
+        ...
+
+    def restart(self) -> None:
+        """Asks a CAN controller that is bus-off to take part again; nothing where nobody can be asked."""
+        ...
+
+    def close(self) -> None:
+        """Leaves the bus."""
+        ...
+
+
+class FrameSocket:
+    """A non-blocking descriptor that carries one 16-byte frame per packet."""
+
+    packs = False  # whether `send` takes several frames in one packet
+
+    def __init__(self, sock: socket.socket, name: str) -> None:
+        sock.setblocking(False)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BYTES)
+        self.name = name
+        self._socket = sock
+        self._send = sock.send
+        self._receive_into = sock.recv_into
+
+    @property
+    def overflows(self) -> int:
+        """Frames lost since the opening because they were not read in time."""
+        return 0
+
+    def fileno(self) -> int:
+        return self._socket.fileno()
+
+    def send(self, frame: Buffer) -> bool:
+        try:
+            return self._send(frame) == len(frame)
+        except OSError:
+            return False
+
+    def receive_into(self, buffer: bytearray) -> bool:
+        try:
+            return self._receive_into(buffer, pdo.FRAME_BYTES) == pdo.FRAME_BYTES
+        except OSError:
+            return False
+
+    def start_cyclic_sync(self, period_s: float) -> None:
+        """Has SYNC sent every ``period_s`` without us; BusError where nobody can do that."""
+        raise BusError(
+            f'bus {self.name}: sync = "kernel" needs socketcan or the virtual bus; use sync = "tick"'
+        )
+
+    def stop_cyclic_sync(self) -> None:
+        """Ends what ``start_cyclic_sync`` began; the next SYNC does not go out."""
+
+    def restart(self) -> None:
+        """Nothing: that of a SocketCAN interface is its administrator's, who gives it a ``restart-ms``."""
+
+    def close(self) -> None:
+        self.stop_cyclic_sync()
+        self._socket.close()
+
+
+class HubSocket(FrameSocket):
+    """A client of the virtual bus: a packet holds one or more frames, both ways."""
+
+    packs = True
+
+    def __init__(self, sock: socket.socket, name: str) -> None:
+        super().__init__(sock, name)
+        self._packet = bytearray(HUB_PACKET_BYTES)
+        self._view = memoryview(self._packet)
+        self._at = 0
+        self._end = 0
+        self._cyclic_sync = False
+        self._lost = 0
+
+    @property
+    def overflows(self) -> int:
+        """Frames lost since the opening because they were not read in time; the hub counts them."""
+        return self._lost
+
+    def receive_into(self, buffer: bytearray) -> bool:
+        at = self._at
+        if at >= self._end:
+            try:
+                self._end = self._receive_into(self._packet) & ~(pdo.FRAME_BYTES - 1)
+            except OSError:
+                return False
+            at = 0
+            if not self._end:  # the hub is gone
+                return False
+        self._at = end = at + pdo.FRAME_BYTES
+        buffer[: pdo.FRAME_BYTES] = self._view[at:end]
+        if buffer[3] == LOST_FRAMES_BYTE:  # the hub's own word, and no frame
+            self._lost = int.from_bytes(buffer[8:12], "little")
+            return self.receive_into(buffer)
+        return True
+
+    def start_cyclic_sync(self, period_s: float) -> None:
+        if not self.send(hub_protocol.cyclic_sync_frame(period_s)):
+            raise BusError(
+                f"bus {self.name}: the hub does not take the request for cyclic SYNC; is it running?"
+            )
+        self._cyclic_sync = True
+
+    def stop_cyclic_sync(self) -> None:
+        if self._cyclic_sync:
+            self._cyclic_sync = False
+            self.send(hub_protocol.cyclic_sync_frame(0.0))
+
+    def restart(self) -> None:
+        self.send(hub_protocol.RESTART_FRAME)

@@ -1,0 +1,249 @@
+"""The virtual bus for other processes: a UNIX SEQPACKET server around a ``SteppedBus``.
+
+A packet to the hub holds one or more 16-byte frames, a packet from it exactly one.
+A frame counts as handed to the bus when the kernel took it from its sender (the
+socket's time stamp), so a hub that wakes late delays deliveries but does not move
+frames on the modelled wire, just as a CAN adapter takes a frame whatever its driver
+does. SYNC is stamped where it leaves the wire; the stamps are saved at the end.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import select
+import socket
+import struct
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drives import pdo
+from drives.pdo import FRAME_BYTES
+from drives.virtual.error_counters import overflow_frame
+from drives.virtual.fault_script import FaultScript
+from drives.virtual.hub_protocol import CYCLIC_SYNC, RESTART, lost_frame
+from drives.virtual.virtual_bus import SteppedBus
+
+SO_TIMESTAMPNS = 35
+TIME_STAMP = struct.Struct("qq")
+PACKET_BYTES = 64 * FRAME_BYTES
+# Deliveries may be this late in favour of fewer wake-ups: a tick reads its frames once per
+# period, and modelled times are not touched by it.
+PATIENCE_S = 100e-6
+
+
+class SyncLog:
+    """Times at which SYNC left the wire (CLOCK_MONOTONIC, s), preallocated; full = no more."""
+
+    def __init__(self, capacity: int = 1_000_000) -> None:
+        self._times_s = np.zeros(capacity)
+        self._count = 0
+
+    def __call__(self, _frame: bytes, at_s: float) -> None:
+        if self._count < len(self._times_s):
+            self._times_s[self._count] = at_s
+            self._count += 1
+
+    def times_s(self) -> NDArray[np.float64]:
+        """Shape (number of SYNCs,)."""
+        return self._times_s[: self._count]
+
+    def save(self, path: str) -> None:
+        """Write the times as .npy, whole or not at all."""
+        unfinished = f"{path}.part"
+        with open(unfinished, "wb") as file:
+            np.save(file, self.times_s())
+        os.replace(unfinished, path)
+
+
+class Gateway(Protocol):
+    """A further way onto the hub's bus."""
+
+    def restart(self) -> None:
+        """A client wants to leave bus-off, and the bus behind this gateway may be where it is that."""
+
+    def close(self) -> None: ...
+
+
+class Client:
+    """One joined process; it has a CAN controller of its own."""
+
+    def __init__(self, joined: socket.socket) -> None:
+        self.socket = joined
+        self.lost = 0  # frames its full receive queue refused
+        self.unsent = 0  # frames its full transmit queue refused
+        self.source = -1
+        self._told = 0  # of the lost ones, by a frame of their own
+
+    def put(self, frame: bytes, _at_s: float) -> None:
+        try:
+            if self._told != self.lost:
+                self.socket.send(lost_frame(self.lost))
+                self._told = self.lost
+            self.socket.send(frame)
+        except BlockingIOError:
+            self.lost += 1
+        except OSError:
+            pass  # gone; the read side notices
+
+
+class Hub:
+    """The server; ``turn`` does everything that is due and waits at most until ``until_s``.
+
+    ``faults`` happen by the bus' clock from the beginning of ``run``; ``log`` gets every
+    frame (a ``FrameLog``, a ``candump.Writer``). Gateways (``drives.gateways``) add their
+    descriptors by ``listen``.
+    """
+
+    def __init__(
+        self,
+        path: str,
+        bit_rate: int = 1_000_000,
+        sync_log: bool = True,
+        faults: FaultScript | None = None,
+        log: Callable[[bytes, float], None] | None = None,
+    ) -> None:
+        """Raises OSError when the path cannot be bound."""
+        self.path = path
+        self.bus = SteppedBus(bit_rate, start_s=time.monotonic())
+        self.syncs = SyncLog(1_000_000 if sync_log else 0)
+        self.bus.watch(pdo.SYNC, self.syncs)
+        if log is not None:
+            self.bus.watch_all(log)
+        self._faults = faults
+        self._clients: dict[int, Client] = {}  # by file descriptor
+        self._gateways: list[Gateway] = []
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(path)
+        self._server = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._server.bind(path)
+        self._server.listen(16)
+        self._server.setblocking(False)
+        self._readers: dict[int, Callable[[], None]] = {self._server.fileno(): self._accept}
+        # The kernel stamps with CLOCK_REALTIME; the bus runs on CLOCK_MONOTONIC.
+        self._offset_s = time.time() - time.monotonic()
+
+    # -- guests
+
+    def listen(self, descriptor: int, reader: Callable[[], None]) -> None:
+        """Call ``reader`` when ``descriptor`` has something to read."""
+        self._readers[descriptor] = reader
+
+    def forget(self, descriptor: int) -> None:
+        """End ``listen``."""
+        self._readers.pop(descriptor, None)
+
+    def open_gateway(self, gateway: Gateway) -> None:
+        """Keep a gateway until ``close``."""
+        self._gateways.append(gateway)
+
+    def plan_faults(self, faults: FaultScript) -> None:
+        """Have these faults happen from the beginning of ``run``."""
+        self._faults = faults
+
+    # -- time
+
+    def turn(self, until_s: float) -> None:
+        """Wait for a frame or the next event, then let the bus catch up with the clock."""
+        event_s = self.bus.next_event_s() + PATIENCE_S
+        wait_s = max(0.0, min(event_s, until_s) - time.monotonic())
+        # select and not epoll: its time-out is in microseconds, epoll's in milliseconds.
+        readable, _, _ = select.select(list(self._readers), [], [], wait_s)
+        for one in readable:
+            reader = self._readers.get(one)  # one reader may have closed another's descriptor
+            if reader is not None:
+                reader()
+        self.bus.advance(max(self.bus.now_s, time.monotonic()))
+
+    def run(self, stop: Callable[[], bool]) -> None:
+        """Serve until ``stop()`` says so (looked at ten times a second).
+
+        Raises ScriptError for a fault of a node that is not here.
+        """
+        if self._faults is not None:
+            self._faults.inject(self.bus, self.bus.now_s)
+            self._faults = None
+        while not stop():
+            self._offset_s = time.time() - time.monotonic()
+            until_s = time.monotonic() + 0.1
+            while time.monotonic() < until_s:
+                self.turn(until_s)
+
+    def close(self) -> None:
+        for gateway in self._gateways:
+            gateway.close()
+        for client in self._clients.values():
+            client.socket.close()
+        self._clients.clear()
+        self._server.close()
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(self.path)
+
+    # -- clients
+
+    def _accept(self) -> None:
+        joined, _ = self._server.accept()
+        joined.setblocking(False)
+        joined.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
+        client = Client(joined)
+        client.source = self.bus.connect(client.put)
+        self._clients[joined.fileno()] = client
+        self.listen(joined.fileno(), lambda: self._read(client))
+
+    def _read(self, client: Client) -> None:
+        """Everything a client has sent, up to its last packet."""
+        while True:
+            try:
+                packet, notes, _, _ = client.socket.recvmsg(PACKET_BYTES, 64)
+            except BlockingIOError:
+                return
+            except OSError:
+                packet, notes = b"", []
+            if not packet:
+                self._drop(client)
+                return
+            self._submit(client, packet, self._stamp(notes))
+
+    def _submit(self, client: Client, packet: bytes, at_s: float) -> None:
+        for start in range(0, len(packet) - FRAME_BYTES + 1, FRAME_BYTES):
+            frame = packet[start : start + FRAME_BYTES]
+            can_id = int.from_bytes(frame[:4], "little")
+            if can_id == CYCLIC_SYNC:
+                self.bus.cyclic_sync(client.source, int.from_bytes(frame[8:12], "little") * 1e-6)
+            elif can_id == RESTART:
+                self._restart(client)
+            elif frame[4] <= 8 and not self.bus.submit(client.source, at_s, can_id, frame):
+                self._refuse(client, at_s)
+
+    def _refuse(self, client: Client, at_s: float) -> None:
+        """The client believes its frame to be sent: an error frame tells what ENOBUFS would have told."""
+        client.unsent += 1
+        if self.bus.errors.hears(client.source):
+            client.put(overflow_frame(), at_s)
+
+    def _restart(self, client: Client) -> None:
+        self.bus.errors.restart(self.bus.errors.of(client.source), self.bus.now_s)
+        for gateway in self._gateways:
+            gateway.restart()
+
+    def _stamp(self, notes: list[tuple[int, int, bytes]]) -> float:
+        """When the kernel took the packet; never before what the bus has already lived through."""
+        now_s = time.monotonic()
+        sent_s = now_s
+        for _, _, data in notes:
+            seconds, nanoseconds = TIME_STAMP.unpack(data)
+            sent_s = seconds + nanoseconds * 1e-9 - self._offset_s
+        # A step of the realtime clock between two looks at the offset must not leave a mark.
+        trusted = math.isclose(sent_s, now_s, abs_tol=0.05)
+        return max(self.bus.now_s, min(sent_s, now_s) if trusted else now_s)
+
+    def _drop(self, client: Client) -> None:
+        self._clients.pop(client.socket.fileno(), None)
+        self.forget(client.socket.fileno())
+        self.bus.disconnect(client.source)
+        client.socket.close()

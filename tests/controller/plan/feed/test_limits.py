@@ -1,0 +1,192 @@
+"""Derivatives of the joints against differences of the joints, and what the limits allow."""
+
+from __future__ import annotations
+
+import math
+import random
+
+import numpy as np
+import pytest
+from machines import machine, random_machine
+from random_surfaces import compound
+
+from controller.curves import Arc, ArcLength, Bezier, Line
+from controller.geometry import Frame
+from controller.kinematics import Kinematics
+from controller.machine import Machine
+from controller.motions import JointMove, SurfaceCut
+from controller.plan.feed import limits
+from controller.plan.feed.limits import Derivatives, JointLimits
+from controller.plan.route.stretch import Stretch
+from controller.plan.text.program import Place
+from controller.surfaces import RuledSurface, Surface
+
+KINDS = ("fig4a", "fig4b", "fig4c", "fig4d", "table_head", "head_head", "oblique")
+
+
+def cut_of(
+    surface: Surface, built: Machine, kinematics: Kinematics, offset: float, length: float
+) -> Stretch | None:
+    """The surface as a stretch on the first branch that reaches both of its ends."""
+    arc = ArcLength.of(surface.lower)
+    motion = SurfaceCut(surface, arc, offset, length, Frame((30.0, -20.0, 60.0)))
+    axis = surface.axis(0.0)
+    pair = kinematics.branches(axis)[0]
+    if any(math.isnan(q) for q in pair):
+        return None
+    start = motion.joints(0.0, pair, kinematics)
+    end = motion.joints(motion.end, pair, kinematics)
+    if start is None or end is None:
+        return None
+    return Stretch(motion, Place(1, 1), 20.0, True, start, end, True, "cut")
+
+
+def surface_of(seed: int) -> RuledSurface:
+    upper, lower = compound(seed, 1)[0]
+    return RuledSurface(Bezier(tuple(map(tuple, upper))), Bezier(tuple(map(tuple, lower))))
+
+
+def differences(stretch: Stretch, s: np.ndarray, kinematics: Kinematics, h: float) -> list[np.ndarray]:
+    """First to third derivative by central differences of what the tick would send."""
+    a, b = kinematics.order.index(3), kinematics.order.index(4)
+    near = (stretch.start[a], stretch.start[b])
+    rows = []
+    for at in s:
+        samples = []
+        for k in range(-4, 5):
+            q = stretch.motion.joints(float(at + k * h), near, kinematics)
+            assert q is not None
+            near = (q[a], q[b])
+            samples.append(q)
+        rows.append(samples)
+    q = np.asarray(rows).transpose(1, 0, 2)
+    first = (q[2] - 8.0 * q[3] + 8.0 * q[5] - q[6]) / (12.0 * h)
+    second = (-q[2] + 16.0 * q[3] - 30.0 * q[4] + 16.0 * q[5] - q[6]) / (12.0 * h * h)
+    third = (q[1] - 8.0 * q[2] + 13.0 * q[3] - 13.0 * q[5] + 8.0 * q[6] - q[7]) / (8.0 * h**3)
+    return [first, second, third]
+
+
+def assert_agree(stretch: Stretch, kinematics: Kinematics, label: object) -> None:
+    s = np.linspace(0.2, 0.8, 13) * stretch.motion.end
+    exact = limits.derivatives(stretch, s, kinematics)
+    found = differences(stretch, s, kinematics, 0.001 * stretch.motion.end)
+    for mine, theirs, share in zip(
+        (exact.first, exact.second, exact.third), found, (1e-6, 1e-5, 1e-3), strict=True
+    ):
+        scale = np.abs(theirs).max(axis=0) + 1e-5 * np.abs(theirs).max() + 1e-9
+        assert (np.abs(mine - theirs) <= share * scale + 1e-6).all(), label
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_derivatives_of_a_cut_are_those_of_the_joints(kind: str) -> None:
+    built = machine(kind)
+    kinematics = Kinematics(built)
+    for seed in range(3):
+        stretch = cut_of(surface_of(seed), built, kinematics, (-1) ** seed * 2.0, 40.0)
+        assert stretch is not None
+        assert_agree(stretch, kinematics, (kind, seed))
+
+
+def test_derivatives_of_a_cut_are_those_of_the_joints_on_random_oblique_machines() -> None:
+    tried = 0
+    for seed in range(40):
+        built = random_machine(random.Random(seed))
+        kinematics = Kinematics(built)
+        surface = surface_of(seed)
+        reach = [kinematics.branches(surface.axis(u)) for u in np.linspace(0.0, 1.0, 41)]
+        tilts = np.array([pair for pairs in reach for pair in pairs])
+        if np.isnan(tilts).any():
+            continue  # out of reach of this machine
+        gaps = [
+            abs(math.remainder(p[0][0] - p[1][0], math.tau))
+            + abs(math.remainder(p[0][1] - p[1][1], math.tau))
+            for p in reach
+        ]
+        stretch = cut_of(surface, built, kinematics, 1.5, 30.0)
+        if stretch is None or min(gaps) < 0.3:
+            continue  # beside a place where both branches meet differences are rough
+        tried += 1
+        assert_agree(stretch, kinematics, seed)
+    assert tried >= 5
+
+
+def test_at_a_pole_the_derivatives_are_those_of_the_limit_from_inside() -> None:
+    from surfaces_of_the_paper import example_2
+
+    built = machine("fig4a")
+    kinematics = Kinematics(built)
+    stretch = cut_of(example_2()[0], built, kinematics, 3.0, 0.0)
+    assert stretch is not None
+    at_pole = limits.derivatives(stretch, np.array([0.0, 2e-6]), kinematics)
+    beside = limits.derivatives(stretch, np.array([2e-3, 3e-3]), kinematics)
+    for mine, near in zip((at_pole.first, at_pole.second), (beside.first, beside.second), strict=True):
+        assert np.isfinite(mine).all()
+        np.testing.assert_allclose(mine, near, rtol=0.02, atol=0.02 * np.abs(near).max())
+
+
+def test_derivatives_of_a_line_are_constant_and_those_of_an_arc_turn() -> None:
+    built = machine("fig4a")
+    kinematics = Kinematics(built)
+    s = np.linspace(0.0, 10.0, 5)
+    line = JointMove(Line((0, 0, 0), (6.0, 8.0, 0.0)), 10.0, (0.0, 0.0), (1.0, -2.0), kinematics.order)
+    arc = JointMove(
+        Arc((0, 0, 0), (5.0, 0, 0), (0, 5.0, 0), 2.0, (0, 0, 0)), 10.0, (0, 0), (0, 0), kinematics.order
+    )
+    rows = [Stretch(m, Place(1, 1), 10.0, False, (0,) * 5, (0,) * 5, True, "line") for m in (line, arc)]
+    straight, curved = (limits.derivatives(row, s, kinematics) for row in rows)
+    values = [(0.6, 0.8, 0.0, 0.1, -0.2)[i] for i in kinematics.order]
+    np.testing.assert_allclose(straight.first, [values] * 5, atol=1e-15)
+    assert not straight.second.any() and not straight.third.any()
+    x, y = kinematics.order.index(0), kinematics.order.index(1)
+    np.testing.assert_allclose(np.hypot(curved.first[:, x], curved.first[:, y]), 1.0, atol=1e-14)
+    np.testing.assert_allclose(np.hypot(curved.second[:, x], curved.second[:, y]), 1 / 5, atol=1e-14)
+    np.testing.assert_allclose(np.hypot(curved.third[:, x], curved.third[:, y]), 1 / 25, atol=1e-14)
+
+
+def test_joint_motion_is_what_a_law_in_time_makes_of_the_derivatives() -> None:
+    """Differences of q(s(t)) in time against the chain rule."""
+    rng = np.random.default_rng(4)
+    c = rng.normal(size=(4, 5))
+
+    def q(s: float) -> np.ndarray:
+        return c[0] + s * (c[1] + s * (c[2] + s * c[3]))
+
+    def s_of(t: float) -> float:
+        return 0.3 + 0.7 * t - 0.4 * t * t + 0.2 * t**3
+
+    t, h = 0.5, 1e-3
+    s, v, a, j = s_of(t), 0.7 - 0.8 * t + 0.6 * t * t, -0.8 + 1.2 * t, 1.2
+    one = [
+        np.atleast_2d(x) for x in (c[1] + 2 * s * c[2] + 3 * s * s * c[3], 2 * c[2] + 6 * s * c[3], 6 * c[3])
+    ]
+    d, at = Derivatives(*one), [np.array([x]) for x in (v, a, j)]
+    f = [q(s_of(t + k * h)) for k in (-2, -1, 0, 1, 2)]
+    np.testing.assert_allclose(d.velocity(at[0])[0], (f[3] - f[1]) / (2 * h), rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(
+        d.acceleration(at[0], at[1])[0], (f[3] - 2 * f[2] + f[1]) / h**2, rtol=1e-4, atol=1e-4
+    )
+    third = (f[4] - 2 * f[3] + 2 * f[1] - f[0]) / (2 * h**3)
+    np.testing.assert_allclose(d.jerk(*at)[0], third, rtol=1e-3, atol=1e-3)
+
+
+def test_path_speed_is_where_the_first_limit_is_met() -> None:
+    rng = np.random.default_rng(2)
+    d = Derivatives(*(rng.normal(size=(50, 5)) for _ in range(3)))
+    limit = JointLimits.of(machine("fig4a"))
+    v = limit.path_speed(d)
+    zero = np.zeros_like(v)
+    worst = np.maximum(
+        (np.abs(d.velocity(v)) / limit.velocity).max(axis=1),
+        np.maximum(
+            (np.abs(d.acceleration(v, zero)) / limit.acceleration).max(axis=1),
+            (np.abs(d.jerk(v, zero, zero)) / limit.jerk).max(axis=1),
+        ),
+    )
+    np.testing.assert_allclose(worst, 1.0, rtol=1e-12)
+
+
+def test_a_ramp_takes_the_length_that_two_jerks_take() -> None:
+    v, j = 12.0, 300.0
+    t = math.sqrt(v / j)
+    length = j * t**3 / 6 + (j * t * t / 2 * t + j * t**3 / 2 - j * t**3 / 6)
+    assert limits.ramp_length(v, j) == pytest.approx(length)

@@ -1,0 +1,72 @@
+"""Limits of the tool itself: what its tip and axis do in the part frame, and laws that keep them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cutting import program, shipped
+from traced import trace
+
+from controller.kinematics import Kinematics
+from controller.machine import Machine
+from controller.motions import SurfaceCut
+from controller.plan.feed import profile, tool_limits
+from controller.plan.feed.course import Course
+from controller.plan.route.path import Chain
+
+
+def courses(machine: Machine) -> list[Course]:
+    """The runs of Example 2 at 3000 mm/min that have a feed."""
+    home = tuple(axis.homing.position for axis in machine.axes)
+    items = trace(program("example2.ngc", "3000."), machine, home).items  # type: ignore[arg-type]
+    kinematics = Kinematics(machine)
+    return [
+        Course(run, machine, kinematics)
+        for chain in items
+        if isinstance(chain, Chain)
+        for run in profile.split_at_stops(chain.stretches, machine, kinematics)
+        if run[0].feed_mm_s is not None
+    ]
+
+
+def test_the_tools_rates_are_those_of_the_pose() -> None:
+    """Differences of the exact pose along the second surface agree with the series."""
+    course = courses(shipped())[3]
+    cut = course.stretches[0].motion
+    assert isinstance(cut, SurfaceCut)
+    s, h = np.linspace(2.0, 30.0, 15), 1e-3
+    found = tool_limits.rates(course, s, course.index(s))
+    for i, at in enumerate(s):
+        low, here, high = (cut.pose(float(x)) for x in (at - h, at, at + h))
+        first = (np.array(high.tip) - low.tip) / (2 * h)
+        second = (np.array(high.tip) - 2 * np.array(here.tip) + low.tip) / h**2
+        assert found.along[i] == pytest.approx(np.linalg.norm(first), rel=1e-5)
+        bend = np.hypot(found.bend_along[i], found.bend_across[i])
+        assert bend == pytest.approx(np.linalg.norm(second), rel=1e-3, abs=1e-6)
+        turn = np.linalg.norm((np.array(high.axis) - low.axis) / (2 * h))
+        assert found.turn[i] == pytest.approx(turn, rel=1e-4, abs=1e-9)
+
+
+@pytest.mark.parametrize(("tip", "turn"), [(300.0, None), (None, 0.5), (150.0, 0.3)])
+def test_a_law_keeps_the_limits_of_tip_and_axis_and_uses_them(tip: float | None, turn: float | None) -> None:
+    machine = replace(shipped(), tip_acceleration_mm_s2=tip, axis_speed_rad_s=turn)
+    used = [0.0, 0.0]
+    for course in courses(machine):
+        planned = profile.plan(course)
+        assert planned is not None
+        s, v, a, _ = planned.along(np.linspace(0.0, planned.duration_s, 3000))
+        rates = tool_limits.rates(course, s, course.index(s))
+        used[0] = max(used[0], float(rates.tip_acceleration(v, a).max()))
+        used[1] = max(used[1], float((rates.turn * v).max()))
+    if tip is not None:
+        assert 0.97 * tip <= used[0] <= 1.001 * tip
+    if turn is not None:
+        assert 0.97 * turn <= used[1] <= 1.001 * turn
+
+
+def test_without_such_limits_nothing_is_asked_of_the_tool() -> None:
+    course = courses(shipped())[0]
+    assert not tool_limits.has_limits(course)
+    assert tool_limits.rates_in(course, np.array([1.0]), np.array([0])) is None

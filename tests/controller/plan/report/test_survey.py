@@ -1,0 +1,137 @@
+"""The survey of ``check``: what it says of each block, and that it is what the machine then does."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from dataclasses import replace
+
+import pytest
+from cutting import cut, shipped
+from machines import machine
+from traced import mill, trace
+
+from controller.kinematics import Kinematics
+from controller.machine import Limits, Machine, five
+from controller.plan.report.survey import BlockUse, Survey, survey
+from controller.plan.text.program import ProgramError
+
+CONE = "G51 X0. Y15. Z0. I0. J0. K0. H10. R10. D20. F600.\n"
+MIXED = f"""G0 X0 Y0
+G4 P0.0131
+G1 X30 F1200
+G1 X30 Y7
+(a comment)
+G2 X40 Y7 I5 J0 F900
+{CONE}M0
+G1 A10 F3000
+M30
+"""
+
+
+LONG = "G1 X200 Y90 F900\nG1 X0\n"  # more than one window
+STOPS = "M0\nG0 X1\nM0\nM1\nM0\nG0 X0\nM0\nM30\n"
+
+
+def looked_at(text: str, built: Machine | None = None) -> tuple[Survey, list[BlockUse]]:
+    built, blocks = built or mill(), list[BlockUse]()
+    found = survey(trace(text, built).items, built, Kinematics(built), blocks.append)
+    return found, blocks
+
+
+def block_of(blocks: list[BlockUse], line: int) -> BlockUse:
+    (one,) = (block for block in blocks if block.line == line)
+    return one
+
+
+def test_every_block_has_its_line_kind_length_and_time() -> None:
+    _, blocks = looked_at("G0 X10\nG1 X40 F1200\nG4 P0.05\nM30\n")
+    assert [(b.line, b.what) for b in blocks] == [(1, "rapid"), (2, "line"), (3, "dwell"), (4, "end")]
+    line, dwell = block_of(blocks, 2).own, block_of(blocks, 3).own
+    assert line.length_mm == pytest.approx(30.0) and 1.5 < line.time_s < 1.7
+    assert (dwell.length_mm, dwell.max_ratio) == (0.0, {}) and dwell.time_s == pytest.approx(0.05)
+
+
+def test_a_cut_is_reported_at_the_contact_with_its_ways_apart() -> None:
+    _, (cone,) = looked_at(CONE)
+    assert (cone.what, cone.own.feed) == ("cone", pytest.approx(600.0))
+    assert cone.own.length_mm == pytest.approx(15.0 * 20.0 / 57.29577951308232)
+    assert cone.own.feed_max == pytest.approx(600.0, rel=1e-3)
+    assert cone.own.feed_mean == pytest.approx(60.0 * cone.own.length_mm / cone.own.time_s)
+    assert cone.approach and cone.departure
+    assert cone.approach.feed_max > 600.0, "rapids are in it"
+
+
+def test_the_times_of_all_parts_are_the_duration() -> None:
+    found, blocks = looked_at(MIXED)
+    parts = [part for b in blocks for part in (b.approach, b.own, b.departure) if part]
+    assert sum(part.time_s for part in parts) == pytest.approx(found.duration_s, abs=1e-9)
+    assert found.ticks == round(found.duration_s / 0.002)
+
+
+def test_an_even_cruise_is_bound_by_the_feed_for_most_of_its_time() -> None:
+    _, blocks = looked_at("G1 X60 F600\n")
+    first = blocks[0].own.binds[0]
+    assert (first.what, first.axis, first.kind) == ("feed", None, None) and first.share > 0.9
+    assert sum(bound.share for bound in blocks[0].own.binds) <= 1.0 + 1e-9
+
+
+def test_a_slow_axis_is_named_with_kind_share_and_place() -> None:
+    built = machine(spindle=None)
+    slow = Limits(5.0, 100.0, 2000.0)
+    built = replace(built, axes=tuple(replace(a, limits=slow) if a.name == "Y" else a for a in built.axes))
+    found, blocks = looked_at("G1 X30 Y30 F3000\n", built)
+    part = blocks[0].own
+    most = part.binds[0]
+    assert (most.what, most.axis, most.kind) == ("Y velocity", "Y", "velocity") and most.share > 0.8
+    (where,) = (one for one in part.where if one.what == "Y velocity")
+    assert 0.0 < where.from_s < where.to_s < part.time_s
+    assert 0.0 < where.from_mm < where.to_mm < part.length_mm
+    assert 0.97 < part.max_ratio["Y"]["velocity"] <= 1.0
+    assert found.cut_binds[0].what == "Y velocity"
+
+
+def test_no_limit_is_used_beyond_itself() -> None:
+    found, blocks = looked_at(MIXED)
+    for block in blocks:
+        for part in (block.approach, block.own, block.departure):
+            for row in part.max_ratio.values() if part else ():
+                assert row["velocity"] <= 1.0005 and row["acceleration"] <= 1.002 and row["jerk"] <= 1.02
+    assert max(use.jerk_share for use in found.joints) <= 1.02
+
+
+def test_what_binds_where_is_in_order_and_does_not_overlap() -> None:
+    _, blocks = looked_at(MIXED)
+    for block in blocks:
+        where = block.own.where
+        assert all(a.to_s <= b.from_s + 1e-12 for a, b in itertools.pairwise(where))
+        assert all(one.from_s < one.to_s and one.from_mm <= one.to_mm + 1e-12 for one in where)
+
+
+def test_the_report_is_json_with_a_bounded_number_of_places() -> None:
+    found, blocks = looked_at(MIXED)
+    rows = [json.loads(json.dumps(block.to_dict(), allow_nan=False)) for block in blocks]
+    wanted = {"line", "last_line", "lines", "what", "length_mm", "time_s", "feed_mm_min", "feed_mean_mm_min"}
+    assert wanted | {"feed_max_mm_min", "binds", "where", "max_ratio", "approach", "departure"} == set(
+        rows[0]
+    )
+    json.dumps(found.to_dict(), allow_nan=False)
+
+
+def test_the_program_after_the_first_refusal_is_refused() -> None:
+    with pytest.raises(ProgramError, match=r"part\.ngc:2:"):
+        looked_at("G0 X10\nG0 X9000\n")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [MIXED, "M30\n", "G4 P0.05\nG4 P0\n", LONG, STOPS],
+    ids=["mixed", "end", "dwell", "long", "stops"],
+)
+def test_the_duration_is_what_a_run_takes_tick_for_tick(text: str) -> None:
+    built = shipped()
+    home = five(tuple(axis.homing.position for axis in built.axes))
+    done = cut(text, built)
+    found = survey(trace(text, built, home).items, built, Kinematics(built))
+    assert done.run.result == "completed"
+    assert len(done.run.rows) == found.ticks

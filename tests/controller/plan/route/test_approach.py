@@ -1,0 +1,177 @@
+"""Approach, leads and departure: where they run, how they touch, what they refuse."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from traced import HOME, assert_whole, mill, named, names, sentences, stretches, trace
+
+from controller.geometry import Vector, add, dot, norm, scale, subtract, unit
+from controller.kinematics import Kinematics
+from controller.machine import Machine, Tool
+from controller.plan.route.path import Stretch
+from controller.plan.text.program import ProgramError
+
+CONE = "G51 X0. Y15. Z0. I0. J0. K0. H10. R10. D{} F100.\n"
+
+
+def tip(stretch: Stretch, s: float, built: Machine) -> Vector:
+    kinematics = Kinematics(built)
+    joints = stretch.motion.joints(s, (stretch.start[3], stretch.start[4]), kinematics)
+    assert joints is not None
+    return kinematics.forward(joints, 0.0).tip
+
+
+def direction(stretch: Stretch, s: float, built: Machine) -> Vector:
+    h = 1e-4
+    return unit(subtract(tip(stretch, s + h, built), tip(stretch, s - h, built)))
+
+
+@pytest.mark.parametrize("sweep", ["90.", "-200."])
+@pytest.mark.parametrize("side", ["G41", "G42"])
+@pytest.mark.parametrize("kind", ["fig4a", "table_head", "head_head"])
+def test_leads_are_quarter_arcs_tangent_to_the_cut(kind: str, side: str, sweep: str) -> None:
+    built = mill(kind)
+    traced = trace(f"{side}\n" + CONE.format(sweep), built)
+    (onto,), (cut,), (off,) = (named(traced, name) for name in ("lead in", "cut", "lead out"))
+    assert [onto.motion.end, off.motion.end] == pytest.approx([3.0 * math.pi / 2.0] * 2)
+    # On a cone of constant slope the tip runs parallel to the contact.
+    assert dot(direction(onto, onto.motion.end - 1e-3, built), direction(cut, 1e-3, built)) > 1.0 - 1e-5
+    before = (named(traced, "run on") or [cut])[0]
+    leaves = direction(before, before.motion.end - 1e-3, built)
+    assert dot(leaves, direction(off, 1e-3, built)) > 1.0 - 1e-5
+    assert_whole(traced, built)
+
+
+def test_the_lead_in_comes_from_the_cutters_side() -> None:
+    for side, y in (("G42", -1.0), ("G41", 1.0)):
+        built = mill()
+        wall = "G52 X0. Y0. Z10. F100.\nX10. Y0. Z10.\nX20. Y0. Z10.\nX30. Y0. Z10.\n"
+        wall += "X0. Y0. Z0.\nX10. Y0. Z0.\nX20. Y0. Z0.\nX30. Y0. Z0.\n"
+        (onto,) = named(trace(f"{side}\n{wall}", built), "lead in")
+        away = subtract(tip(onto, 0.0, built), built.offsets[0].origin)
+        assert away == pytest.approx((-3.0, y * (3.0 + 3.0), 0.0), abs=1e-9)
+
+
+def test_a_run_on_is_straight_and_only_where_the_side_is_not_hollow() -> None:
+    outside, inside = trace("G42\n" + CONE.format("90.")), trace("G41\n" + CONE.format("90."))
+    (run_on,) = named(outside, "run on")
+    assert run_on.motion.end == pytest.approx(3.0)
+    assert not named(inside, "run on")
+
+
+def test_rotaries_turn_only_at_the_retract_height_or_in_the_cut() -> None:
+    built = mill()
+    for stretch in stretches(trace(CONE.format("360."), built, (10.0, 20.0, -50.0, 0.3, 1.0))):
+        if stretch.name not in ("position", "cut"):
+            assert stretch.start[3:] == stretch.end[3:], stretch.name
+        if stretch.name == "position":
+            assert stretch.start[2] == stretch.end[2] == built.retract_mm
+
+
+def test_the_tool_is_first_retracted_where_it_stands() -> None:
+    start = (10.0, 20.0, -50.0, 0.0, 0.0)
+    traced = trace(CONE.format("90."), start=start)
+    assert names(traced)[0] == ["retract"]
+    assert stretches(traced)[0].end == (10.0, 20.0, 200.0, 0.0, 0.0)
+    assert names(trace(CONE.format("90."), start=HOME))[0] == ["position"]
+
+
+@pytest.mark.parametrize("kind", ["fig4a", "fig4b", "table_head", "head_head", "oblique"])
+def test_the_plunge_runs_along_the_tool_axis_from_above_the_highest_point(kind: str) -> None:
+    built = mill(kind)
+    traced = trace(CONE.format("90."), built)
+    (plunge,), (down,), (cut,) = (named(traced, name) for name in ("plunge", "down", "cut"))
+    kinematics = Kinematics(built)
+    axis = kinematics.forward(plunge.start, 0.0).axis
+    way = subtract(tip(plunge, plunge.motion.end, built), tip(plunge, 0.0, built))
+    assert dot(unit(way), axis) == pytest.approx(-1.0)
+    assert plunge.feed_mm_s == cut.feed_mm_s
+    # Down is vertical, and ends with the tip at least clearance above all of the block.
+    assert down.start[:2] == pytest.approx(down.end[:2])
+    surface, part = cut.motion.surface, cut.motion.part
+    u, v = (a.ravel() for a in np.meshgrid(np.linspace(0, 1, 91), np.linspace(0, 1, 5)))
+    points = part.to_parent(surface.point(u, v, np))
+    heights = kinematics.linear(points, (down.end[3], down.end[4]), 0.0, np)[2]
+    over = down.end[2] - float(np.max(heights))
+    assert over >= built.clearance_mm - 1e-6
+    if kind.startswith(("fig", "oblique")):
+        assert over == pytest.approx(built.clearance_mm, abs=0.01)
+
+
+def test_the_departure_lifts_along_the_axis_and_retracts() -> None:
+    traced = trace(CONE.format("90."))
+    assert names(traced)[-2:] == [["lift"], ["retract"]]
+    assert traced.end[2] == 200.0
+    assert named(traced, "lift")[0].feed_mm_s is None
+
+
+def test_without_leads_the_flank_plunges_and_lifts_at_feed() -> None:
+    built = mill(lead_mm=0.0)
+    traced = trace(CONE.format("90."), built)
+    assert ["cut"] in names(traced)
+    assert named(traced, "lift")[0].feed_mm_s == named(traced, "cut")[0].feed_mm_s
+    assert_whole(traced, built)
+
+
+def test_a_clearance_above_the_retract_height_raises_the_way_there() -> None:
+    built = mill(retract_mm=-500.0)
+    traced = trace(CONE.format("90."), built, (0.0, 0.0, -500.0, 0.0, 0.0))
+    (position,) = named(traced, "position")
+    assert position.start[2] == pytest.approx(named(traced, "plunge")[0].start[2])
+    assert_whole(traced, built, (0.0, 0.0, -500.0, 0.0, 0.0))
+
+
+# ---- gouging -----------------------------------------------------------------------
+
+# Inside of a ring of radius 15 (cutter on the left), with leads of 3 mm: room enough.
+RING = "G41\nG51 X15. Y0. Z0. I0. J0. K0. H10. R15. D{} F100.\n"
+
+
+def test_leads_inside_a_wide_ring_are_free() -> None:
+    assert "Gouge" not in sentences(trace(RING.format("360.")))
+
+
+def test_a_lead_that_cuts_into_the_ring_is_refused_or_noted() -> None:
+    # A lead of 14 mm begins 14 mm back along the tangent: beyond the wall of a full ring.
+    built = mill(lead_mm=14.0)
+    with pytest.raises(ProgramError, match=r"the lead in of 14.000 mm would cut .* set a smaller lead_mm"):
+        trace(RING.format("360."), built)
+    assert "Gouge: the lead in" in sentences(trace(RING.format("360."), replace(built, gouge="warn")))
+
+
+def test_a_lead_is_free_where_the_ring_is_open() -> None:
+    trace(RING.format("90."), mill(lead_mm=6.0))
+
+
+def test_a_lead_out_of_travel_is_refused() -> None:
+    built = mill()
+    axes = list(built.axes)
+    axes[1] = replace(axes[1], travel_max=built.offsets[0].origin[1] + 33.0)
+    wall = "G52 X0. Y0. Z10. F100.\nX0. Y10. Z10.\nX0. Y20. Z10.\nX0. Y30. Z10.\n"
+    wall += "X0. Y0. Z0.\nX0. Y10. Z0.\nX0. Y20. Z0.\nX0. Y30. Z0.\n"
+    with pytest.raises(ProgramError, match=r"Y would reach .* in the lead out"):
+        trace(wall, replace(built, axes=tuple(axes)))
+
+
+def test_a_ruling_longer_than_the_flute_is_noted() -> None:
+    built = mill(tools=(Tool(1, "short", 3.0, 0.0, 5.0),))
+    assert "flute of T1 is 5.000 mm" in sentences(trace(CONE.format("90."), built))
+
+
+def test_a_cutter_without_radius_leads_in_and_out_as_well() -> None:
+    built = mill(tools=(Tool(1, "needle", 0.0, 0.0, 15.0),))
+    traced = trace(CONE.format("90."), built)
+    away = norm(subtract(tip(named(traced, "lead in")[0], 0.0, built), built.offsets[0].origin))
+    assert away > 15.0
+    assert_whole(traced, built)
+
+
+def test_a_long_tool_stands_higher_by_its_length() -> None:
+    built = mill()
+    longer = replace(built, tools=(replace(built.tools[0], length_mm=40.0),))
+    short, long = (named(trace(CONE.format("90."), m), "cut")[0].start for m in (built, longer))
+    assert subtract(long[:3], short[:3]) == pytest.approx(add((0.0, 0.0, 0.0), scale((0.0, 0.0, 1.0), 40.0)))

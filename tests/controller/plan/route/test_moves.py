@@ -1,0 +1,148 @@
+"""G0 to G3 as joint moves: targets, arcs, full circles, helices, turned offsets."""
+
+from __future__ import annotations
+
+import math
+import random
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from traced import assert_whole, mill, named, stretches, trace
+
+from controller.geometry import Frame
+from controller.kinematics import Kinematics
+from controller.machine import Joints
+from controller.plan.route.path import Stretch, joints_along
+from controller.plan.text.program import ProgramError
+
+START: Joints = (0.0, 0.0, 0.0, 0.0, 0.0)
+MILL = mill()
+KINEMATICS = Kinematics(MILL)
+
+
+def only(text: str) -> Stretch:
+    """The stretch of a program of one move, in G55 (no offset) unless it says G54."""
+    (stretch,) = stretches(trace(text if "G54" in text else "G55 " + text, MILL, START))
+    return stretch
+
+
+def at(stretch: Stretch, share: float) -> tuple[float, float, float]:
+    x, y, z, *_ = joints_along(stretch, np.array([stretch.motion.end * share]), KINEMATICS)[0]
+    return float(x), float(y), float(z)
+
+
+@pytest.mark.parametrize(
+    ("text", "end"),
+    [
+        ("G0 X10. Y-5.", (10, -5, 0, 0, 0)),
+        ("G0 Z3. C90.", (0, 0, 3, 0, math.pi / 2)),
+        ("G54 G0 X0.", (8, 0, 0, 0, 0)),
+        ("G54 G0 X1. Y2. Z3.", (9, 98, 123, 0, 0)),
+        ("G54 G53 G0 X1. Y2.", (1, 2, 0, 0, 0)),
+        ("G54 G91 G1 X1. Y2. F100.", (1, 2, 0, 0, 0)),
+        ("G20 G0 X1.", (25.4, 0, 0, 0, 0)),
+    ],
+)
+def test_targets_are_program_values_plus_offset(text: str, end: Joints) -> None:
+    assert only(text).end == pytest.approx(end)
+
+
+def test_g43_adds_the_tool_length_to_z_words_only() -> None:
+    built = replace(MILL, tools=(replace(MILL.tools[0], length_mm=40.0),))
+    traced = trace("G55 G43 G0 X5.\nZ10.\n", built, START)
+    assert [s.end[:3] for s in stretches(traced)] == [(5.0, 0.0, 0.0), (5.0, 0.0, 50.0)]
+
+
+def test_in_a_turned_offset_words_run_along_its_axes() -> None:
+    turned = Frame((10.0, 0.0, 0.0), (0.0, 1.0, 0.0), (-1.0, 0.0, 0.0))
+    built = replace(MILL, offsets=(turned, *MILL.offsets[1:]))
+    traced = trace("G0 X5. Y0.\nG91 G1 X1. F60.\nG90 G3 X0. Y6. I-6. F60.\n", built, START)
+    ends = [s.end[:3] for s in stretches(traced)]
+    assert np.allclose(ends, [(10, 5, 0), (10, 6, 0), (4, 0, 0)])
+    assert_whole(traced, built, START)
+
+
+def test_feed_and_length_are_degrees_where_only_rotaries_move() -> None:
+    stretch = only("G1 C90. F360.")
+    assert stretch.motion.end == pytest.approx(90.0)
+    assert stretch.feed_mm_s == pytest.approx(6.0)
+
+
+def test_moves_to_where_the_axes_are_are_left_out() -> None:
+    assert not stretches(trace("G55 G1 X0. F100.\nG0 Y0.\n", MILL, START))
+
+
+@pytest.mark.parametrize(
+    ("text", "middle", "length"),
+    [
+        ("G3 X-10. Y0. I-5. F100.", (-5, 5, 0), 5 * math.pi),
+        ("G2 X-10. Y0. I-5. F100.", (-5, -5, 0), 5 * math.pi),
+        (
+            "G3 X10. Y10. J10. F100.",
+            (10 * math.sin(0.25 * math.pi), 10 - 10 * math.cos(0.25 * math.pi), 0),
+            5 * math.pi,
+        ),
+        ("G2 X10. Y10. R-10. F100.", (10 - 10 * math.cos(0.25 * math.pi), 0, 0), 15 * math.pi),
+        ("G3 I5. F100.", (10, 0, 0), 10 * math.pi),
+        ("G3 I5. P3 F100.", (10, 0, 0), 30 * math.pi),
+        ("G18 G3 Z-10. K-5. F100.", (5, 0, -5), 5 * math.pi),
+        ("G18 G2 Z-10. K-5. F100.", (-5, 0, -5), 5 * math.pi),
+        ("G19 G3 Y-10. J-5. F100.", (0, -5, 5), 5 * math.pi),
+        ("G3 X-10. Y0. Z4. I-5. F100.", (-5, 5, 2), math.hypot(5 * math.pi, 4)),
+    ],
+)
+def test_arcs_pass_their_middle_and_have_their_length(
+    text: str, middle: tuple[float, float, float], length: float
+) -> None:
+    stretch = only(text)
+    if "R-10" not in text:
+        assert at(stretch, 0.5) == pytest.approx(middle, abs=1e-9)
+    assert stretch.motion.end == pytest.approx(length)
+    assert at(stretch, 0.0) == pytest.approx(stretch.start[:3], abs=1e-9)
+    assert at(stretch, 1.0) == pytest.approx(stretch.end[:3], abs=1e-9)
+
+
+def test_r_form_takes_the_short_way_and_with_a_minus_the_long_way() -> None:
+    seed = 77
+    rng = random.Random(seed)
+    for _ in range(50):
+        x, y = rng.uniform(-9, 9), rng.uniform(-9, 9)
+        radius = rng.uniform(0.51, 3.0) * math.hypot(x, y)
+        for word in ("G2", "G3"):
+            short, long = (only(f"{word} X{x:.6f} Y{y:.6f} R{r:.6f} F100.") for r in (radius, -radius))
+            assert short.motion.end + long.motion.end == pytest.approx(2 * math.pi * radius, rel=1e-5), seed
+            assert short.motion.end <= long.motion.end, seed
+            # G2 keeps the centre of the short way on the right of the chord.
+            mx, my, _ = at(short, 0.5)
+            left = x * (my - y / 2) - y * (mx - x / 2)
+            assert (left > 0.0) == (word == "G2"), seed
+
+
+def test_rounded_centre_words_still_end_exactly_on_the_end_point() -> None:
+    stretch = only("G3 X7.071 Y2.929 J10. F100.")
+    assert at(stretch, 1.0) == pytest.approx((7.071, 2.929, 0.0), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("G3 X10. Y0. I4. F100.", "begins 4.0000 mm from its centre and ends 6.0000 mm from it"),
+        ("G3 X10. Y0. R4. F100.", "R 4.0000 mm cannot reach an end 10.0000 mm away"),
+        ("G3 X0. Y0. R4. F100.", "needs an end point other than its start"),
+        ("G3 X1. I0. J0. F100.", "the centre of this arc is its start"),
+    ],
+)
+def test_arcs_without_a_circle_are_refused(text: str, sentence: str) -> None:
+    with pytest.raises(ProgramError, match=sentence) as refused:
+        only(text)
+    assert (refused.value.line, refused.value.column) == (1, 5)
+
+
+def test_an_arc_turns_its_rotaries_evenly() -> None:
+    built = MILL
+    traced = trace("G55 G3 X-10. Y0. C90. I-5. F100.\n", built, START)
+    assert_whole(traced, built, START)
+    (arc,) = named(traced, "arc")
+    half = joints_along(arc, np.array([arc.motion.end / 2.0]), KINEMATICS)[0]
+    assert half[4] == pytest.approx(math.pi / 4.0)

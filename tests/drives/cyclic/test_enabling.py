@@ -1,0 +1,96 @@
+"""Which drive is enabled or disabled when: group by group up, in reverse down."""
+
+from dataclasses import replace
+
+import pytest
+from group_bench import GroupBench, nodes
+
+from drives.cia402 import State, Wanted
+from drives.cyclic.drive import Drive
+from drives.cyclic.enabling import MOST_WAIT_S, Enabling
+from drives.settings import NodeSettings
+from drives.simulated import Parameters
+
+GROUPS = {"X": 1, "Y": 1, "Z": 2, "A": 0, "C": 0}  # rotaries first, the gravity axis last
+
+
+def bench_of_groups(**nature):
+    drives = [replace(node, enable_group=GROUPS[node.name], brake=node.name == "Z") for node in nodes()]
+    return GroupBench(drives, parameters=Parameters(**nature))
+
+
+def order(bench, done):
+    """The tick in which each drive was first seen to be done, by name."""
+    seen = {}
+    for tick in range(400):
+        for drive in bench.group.drives:
+            if done(drive):
+                seen.setdefault(drive.settings.name, tick)
+        if len(seen) == len(bench.group.drives):
+            return seen
+        bench.tick()
+    raise AssertionError(seen)
+
+
+def test_groups_are_enabled_one_after_the_other():
+    bench = bench_of_groups(enable_delay_s=0.05)
+    bench.tick(5)
+    bench.group.want(Wanted.ENABLED)
+    seen = order(bench, lambda drive: drive.following)
+    assert seen["A"] == seen["C"] < seen["X"] == seen["Y"] < seen["Z"]
+    assert seen["Z"] - seen["X"] >= 25  # a brake's release after the others'
+    assert bench.group.following()
+
+
+def test_groups_are_disabled_in_reverse_each_when_the_brake_of_the_one_before_holds():
+    bench = bench_of_groups(brake_close_s=0.1, gravity=1e6)
+    bench.enable()
+    bench.group.want(Wanted.OFF)
+    seen = order(bench, lambda drive: drive.state is not State.OPERATION_ENABLED)
+    assert seen["Z"] >= 50
+    assert seen["Z"] < seen["X"] == seen["Y"] < seen["A"] == seen["C"]
+    bench.tick(100)
+    assert bench.group.positions == pytest.approx(bench.setpoints, abs=2)
+
+
+@pytest.mark.parametrize("wanted", [Wanted.QUICK_STOP, Wanted.RESET])
+def test_quick_stop_and_reset_go_to_all_at_once(wanted):
+    bench = bench_of_groups()
+    bench.enable()
+    bench.group.want(wanted)
+    assert {drive.wanted for drive in bench.group.drives} == {wanted}
+
+
+def test_a_quick_stop_in_between_ends_the_waiting():
+    bench = bench_of_groups(enable_delay_s=0.1)
+    bench.tick(5)
+    bench.group.want(Wanted.ENABLED)
+    bench.tick(20)
+    bench.group.want(Wanted.QUICK_STOP)
+    bench.tick(200)
+    assert {drive.wanted for drive in bench.group.drives} == {Wanted.QUICK_STOP}
+    assert not any(drive.state is State.OPERATION_ENABLED for drive in bench.group.drives)
+
+
+def test_a_drive_that_does_not_switch_off_keeps_the_others_on_for_a_while_only():
+    drives = [Drive(NodeSettings(name, "can0", i, "", enable_group=i)) for i, name in enumerate("XY", 1)]
+    enabling = Enabling(drives)
+    for drive in drives:
+        drive.want(Wanted.ENABLED)
+        drive.receive(0x180 + drive.settings.node, memoryview(b"\x37\x12\0\0\0\0"), 0.0)
+    enabling.want(Wanted.OFF)
+    assert [drive.wanted for drive in drives] == [Wanted.ENABLED, Wanted.OFF]
+    enabling.progress(10.0)
+    enabling.progress(10.0 + MOST_WAIT_S)
+    assert drives[0].wanted is Wanted.ENABLED
+    enabling.progress(10.1 + MOST_WAIT_S)
+    assert drives[0].wanted is Wanted.OFF
+    assert not enabling.waits
+
+
+def test_without_groups_all_are_told_in_the_same_tick():
+    drives = [Drive(NodeSettings(name, "can0", i, "")) for i, name in enumerate("XY", 1)]
+    enabling = Enabling(drives)
+    enabling.want(Wanted.ENABLED)
+    assert not enabling.waits
+    assert [drive.wanted for drive in drives] == [Wanted.ENABLED] * 2

@@ -1,0 +1,374 @@
+"""The group on ports that are plain lists: what goes out in which order, and what is judged."""
+
+import gc
+import tracemalloc
+
+import pytest
+
+from drives import pdo
+from drives.cia402 import Wanted
+from drives.cyclic.drive import Drive, DriveFault
+from drives.cyclic.group import MOST_FRAMES, Group
+from drives.cyclic.io_node import IoNode
+from drives.cyclic.spindle import SpindleDrive
+from drives.settings import IoSettings, MasterSettings, NodeSettings, SpindleSettings
+
+OE_FOLLOWS = 0x1237
+T = 0.002
+
+
+class ListPort:
+    """A port that keeps what is sent and hands out what was put in."""
+
+    def __init__(self, packs=False):
+        self.packs = packs
+        self.incoming = []
+        self.outgoing = []
+        self.refuse = False
+        self.cyclic_sync_s = None
+        self.overflows = 0
+        self.restarts = 0
+
+    def send(self, frame):
+        if self.refuse:
+            return False
+        packet = bytes(frame)
+        self.outgoing += [pdo.unpack(packet[i : i + 16]) for i in range(0, len(packet), 16)]
+        return True
+
+    def receive_into(self, buffer):
+        if not self.incoming:
+            return False
+        buffer[:16] = self.incoming.pop(0)
+        return True
+
+    def start_cyclic_sync(self, period_s):
+        self.cyclic_sync_s = period_s
+
+    def stop_cyclic_sync(self):
+        self.cyclic_sync_s = None
+
+    def close(self):
+        pass
+
+    def restart(self):
+        self.restarts += 1
+
+    def feedback(self, nodes, statusword=OE_FOLLOWS, position=100):
+        for node in nodes:
+            self.incoming.append(pdo.frame(0x180 + node, pdo.FEEDBACK.pack(statusword, position + node)))
+
+
+def five(port, sync="tick", buses=("can0",) * 5):
+    nodes = [
+        NodeSettings(name, bus, i + 1, "a.eds")
+        for i, (name, bus) in enumerate(zip("XYZAC", buses, strict=True))
+    ]
+    ports = port if isinstance(port, dict) else {"can0": port}
+    return Group([Drive(node) for node in nodes], ports, MasterSettings(period_s=T, sync=sync))
+
+
+def running(port, **kind):
+    """A group whose five drives follow, at now = 0."""
+    group = five(port, **kind)
+    group.want(Wanted.ENABLED)
+    port.feedback(range(1, 6))
+    group.receive(0.0)
+    assert group.following()
+    return group
+
+
+def tick(group, port, now_s, answering=range(1, 6), setpoints=(1, 2, 3, 4, 5)):
+    group.receive(now_s)
+    group.sync(now_s)
+    group.command(setpoints, now_s)
+    port.feedback(answering)
+
+
+@pytest.mark.parametrize("packs", [False, True])
+def test_sync_goes_out_before_the_setpoints_and_the_heartbeat_after_them(packs):
+    port = ListPort(packs)
+    group = running(port)
+    assert group.sync(0.0)
+    assert group.command((10, 20, 30, 40, -50), 0.0)
+    ids = [can_id for can_id, _ in port.outgoing]
+    assert ids == [0x80, 0x201, 0x202, 0x203, 0x204, 0x205, 0x77F]
+    assert [pdo.COMMAND.unpack(data) for _, data in port.outgoing[1:6]] == [
+        (0x0F, 10), (0x0F, 20), (0x0F, 30), (0x0F, 40), (0x0F, -50)
+    ]  # fmt: skip
+    assert port.outgoing[6][1] == b"\x05"
+
+
+def test_our_heartbeat_comes_once_per_its_period():
+    port = ListPort()
+    group = running(port)
+    for i in range(100):  # 0.2 s at 0.05 s
+        tick(group, port, i * T)
+    assert sum(can_id == 0x77F for can_id, _ in port.outgoing) == 4
+
+
+def test_positions_are_those_of_the_drives_in_their_order():
+    port = ListPort()
+    assert running(port).positions == [101, 102, 103, 104, 105]
+
+
+def test_one_drive_silent_for_two_syncs_is_named():
+    port = ListPort()
+    group = running(port)
+    tick(group, port, 0.0)
+    tick(group, port, T, answering=(1, 2, 4, 5))
+    tick(group, port, 2 * T, answering=(1, 2, 4, 5))
+    assert group.fault(2 * T) == (DriveFault.NONE, -1)
+    group.receive(3 * T)
+    assert group.fault(3 * T) == (DriveFault.FEEDBACK_LOST, 2)
+
+
+def test_skipped_syncs_owe_nothing():
+    port = ListPort()
+    group = running(port)
+    tick(group, port, 0.0)
+    for i in range(1, 10):
+        group.receive(i * T)
+    assert group.fault(9 * T) == (DriveFault.NONE, -1)
+    assert sum(drive.lost for drive in group.drives) == 0
+
+
+def test_a_refused_setpoint_is_a_value_and_names_its_drive():
+    port = ListPort()
+    group = running(port)
+    assert not group.command((1, 2, 2**31, 4, 5), 0.0)
+    assert group.fault(0.0) == (DriveFault.SEND_FAILED, 2)
+
+
+@pytest.mark.parametrize("packs", [False, True])
+def test_a_full_queue_is_a_fault_and_no_exception(packs):
+    port = ListPort(packs)
+    group = running(port)
+    port.refuse = True
+    assert not group.sync(0.0)
+    assert not group.command((1, 2, 3, 4, 5), 0.0)
+    assert group.fault(0.0)[0] is DriveFault.SEND_FAILED
+    group.receive(T)
+    assert group.fault(T)[0] is DriveFault.SEND_FAILED  # and no feedback was owed
+    group.want(Wanted.RESET)
+    port.refuse = False
+    group.want(Wanted.ENABLED)
+    assert group.fault(T) == (DriveFault.NONE, -1)
+
+
+def test_a_second_sync_producer_is_named():
+    port = ListPort()
+    group = running(port)
+    port.incoming.append(pdo.frame(0x80))
+    group.receive(T)
+    assert group.fault(T) == (DriveFault.SYNC_FOREIGN, 0)
+    assert group.foreign_syncs == 1
+
+
+ERROR_FRAMES = [
+    (0x040, 0x00, DriveFault.BUS_OFF, "bus-off"),
+    (0x100, 0x00, DriveFault.BUS_OFF, "restarted: it had been off"),
+    (0x044, 0x20, DriveFault.BUS_OFF, "bus-off and passive in one frame"),
+    (0x004, 0x20, DriveFault.BUS_ERROR, "error passive in sending"),
+    (0x004, 0x10, DriveFault.BUS_ERROR, "error passive in receiving"),
+    (0x204, 0x20, DriveFault.BUS_ERROR, "error passive, with counters"),
+    (0x004, 0x02, DriveFault.BUS_ERROR, "transmit overflow"),
+    (0x004, 0x01, DriveFault.RX_OVERFLOW, "the controller's receive overflow"),
+    (0x004, 0x0C, DriveFault.NONE, "error warnings"),
+    (0x004, 0x40, DriveFault.NONE, "error active again"),
+    (0x008, 0x00, DriveFault.NONE, "one violation on the wire: sent again by the controller"),
+    (0x002, 0x05, DriveFault.NONE, "lost arbitration"),
+]
+
+
+@pytest.mark.parametrize(("kind", "detail", "fault", "reason"), ERROR_FRAMES)
+def test_error_frames_of_the_controller(kind, detail, fault, reason):
+    port = ListPort()
+    group = running(port)
+    port.incoming.append(pdo.frame(0x2000_0000 | kind, bytes([0, detail, 0, 0, 0, 0, 0, 0])))
+    group.receive(T)
+    assert group.fault(T)[0] is fault, reason
+
+
+def error_frame(kind, detail=0):
+    return pdo.frame(0x2000_0000 | kind, bytes([0, detail, 0, 0, 0, 0, 0, 0]))
+
+
+def test_bus_off_outranks_the_error_passive_that_led_to_it():
+    port = ListPort()
+    group = running(port)
+    port.incoming += [error_frame(0x004, 0x20), error_frame(0x040)]
+    group.receive(T)
+    assert group.fault(T) == (DriveFault.BUS_OFF, 0)
+
+
+@pytest.mark.parametrize(
+    ("sign", "reason"),
+    [
+        (error_frame(0x100), "the controller says that it was restarted"),
+        (pdo.frame(0x701, b"\x05"), "a heartbeat comes in again"),
+    ],
+)
+def test_a_bus_that_is_off_gets_no_setpoints_that_would_come_out_at_its_restart(sign, reason):
+    port = ListPort()
+    group = running(port)
+    port.incoming.append(error_frame(0x040))
+    tick(group, port, T, answering=())
+    for i in range(2, 60):
+        assert not group.sync(i * T)
+        assert not group.command((1, 2, 3, 4, 5), i * T)
+    assert {can_id for can_id, _ in port.outgoing} == {0x77F}, "the heartbeat asks whether it is over"
+    port.incoming.append(sign)
+    group.receive(60 * T)
+    assert group.sync(60 * T), reason
+    assert group.command((1, 2, 3, 4, 5), 60 * T)
+    assert group.fault(60 * T) == (DriveFault.BUS_OFF, 0), "it stays the fault until reset"
+    group.want(Wanted.RESET)
+    group.want(Wanted.ENABLED)
+    assert group.fault(60 * T)[0] is not DriveFault.BUS_OFF
+
+
+def test_a_reset_asks_the_port_of_a_bus_that_is_off_to_join_again():
+    port = ListPort()
+    group = running(port)
+    group.want(Wanted.RESET)
+    assert port.restarts == 0
+    port.incoming.append(error_frame(0x040))
+    group.receive(T)
+    group.want(Wanted.RESET)
+    assert port.restarts == 1
+    assert group.sync(T)
+    group.want(Wanted.ENABLED)
+    port.incoming.append(error_frame(0x100))  # its word that it has done so
+    group.receive(2 * T)
+    assert group.fault(2 * T) == (DriveFault.NONE, -1)
+
+
+def test_frames_lost_in_the_receive_queue_are_named():
+    port = ListPort()
+    port.overflows = 7  # before the group was there
+    group = running(port)
+    assert group.fault(0.0) == (DriveFault.NONE, -1)
+    port.overflows += 1
+    group.receive(T)
+    assert group.fault(T) == (DriveFault.RX_OVERFLOW, 0)
+    group.want(Wanted.RESET)
+    group.want(Wanted.ENABLED)
+    group.receive(2 * T)
+    assert group.fault(2 * T) == (DriveFault.NONE, -1)
+
+
+def test_spindle_and_io_alone_on_a_bus_get_heartbeat_and_sync_there():
+    ports = {"can0": ListPort(packs=True), "can1": ListPort(packs=True)}
+    group = Group(
+        [Drive(NodeSettings("X", "can0", 1, ""))],
+        ports,
+        MasterSettings(period_s=T),
+        SpindleDrive(SpindleSettings("S", "can1", 10, "", 4000.0)),
+        [IoNode(IoSettings("panel", "can1", 20, ""))],
+    )
+    group.sync(0.0)
+    group.command((0,), 0.0)
+    assert [i for i, _ in ports["can0"].outgoing] == [0x80, 0x201, 0x77F]
+    assert [i for i, _ in ports["can1"].outgoing] == [0x80, 0x20A, 0x214, 0x77F]
+    group.want(Wanted.ENABLED)
+    ports["can1"].incoming.append(error_frame(0x040))
+    group.receive(T)
+    assert group.fault(T) == (DriveFault.BUS_OFF, -1)
+
+
+def test_frames_of_nobody_are_passed_over():
+    port = ListPort()
+    group = running(port)
+    for can_id in (0x581, 0x601, 0x000, 0x186, 0x8000_0181, 0x4000_0181, 0x7E4):
+        port.incoming.append(pdo.frame(can_id, b"\xff" * 6))
+    group.receive(T)
+    assert group.positions == [101, 102, 103, 104, 105]
+    assert group.fault(T) == (DriveFault.NONE, -1)
+
+
+def test_a_length_beyond_eight_does_not_raise():
+    port = ListPort()
+    group = running(port)
+    port.incoming.append(pdo.FRAME.pack(0x181, 255, b"\xff" * 8))
+    group.receive(T)
+    assert group.drives[0].malformed == 1
+
+
+def test_a_babbling_bus_does_not_hold_the_tick():
+    port = ListPort()
+    group = running(port)
+    port.incoming = [pdo.frame(0x700, b"\x05")] * (MOST_FRAMES + 7)
+    group.receive(T)
+    assert len(port.incoming) == 7
+
+
+def test_kernel_sync_is_started_stopped_and_never_sent_by_us():
+    port = ListPort()
+    group = running(port, sync="kernel")
+    group.start()
+    assert port.cyclic_sync_s == T
+    group.sync(0.0)
+    assert port.outgoing == []
+    group.stop_sync()
+    assert port.cyclic_sync_s is None
+
+
+def test_the_echo_of_kernel_sync_is_reported_and_bounds_the_feedback():
+    port = ListPort()
+    group = running(port, sync="kernel")
+    for i, answering in enumerate([(1, 2, 3, 4, 5), (1, 2, 3, 4), (1, 2, 3, 4), ()]):
+        port.incoming.append(pdo.frame(0x80))
+        port.feedback(answering)
+        group.receive(i * T)
+        assert group.sync_seen
+        assert group.sync(i * T)
+        assert group.fault(i * T)[0] is (DriveFault.FEEDBACK_LOST if i == 3 else DriveFault.NONE)
+    assert group.fault(3 * T) == (DriveFault.FEEDBACK_LOST, 4)
+    group.receive(4 * T)
+    assert not group.sync_seen
+
+
+def test_two_echoes_in_one_tick_are_counted():
+    port = ListPort()
+    group = running(port, sync="kernel")
+    port.incoming += [pdo.frame(0x80), pdo.frame(0x80)]
+    group.receive(T)
+    assert group.syncs_seen == 2
+
+
+def test_two_buses_get_a_sync_each_and_their_own_drives():
+    ports = {"can0": ListPort(packs=True), "can1": ListPort(packs=True)}
+    group = five(ports, buses=("can0", "can1", "can0", "can1", "can0"))
+    group.sync(0.0)
+    group.command((1, 2, 3, 4, 5), 0.0)
+    assert [i for i, _ in ports["can0"].outgoing] == [0x80, 0x201, 0x203, 0x205, 0x77F]
+    assert [i for i, _ in ports["can1"].outgoing] == [0x80, 0x202, 0x204, 0x77F]
+    group.want(Wanted.ENABLED)
+    ports["can1"].incoming.append(pdo.frame(0x2000_0040, bytes(8)))
+    group.receive(T)
+    assert group.fault(T) == (DriveFault.BUS_OFF, 1)
+
+
+def test_a_tick_keeps_no_memory():
+    port = ListPort(packs=True)
+    group = running(port)
+    for i in range(50):
+        tick(group, port, i * T)
+    port.outgoing.clear()
+    gc.collect()
+    tracemalloc.start()
+    try:
+        before = tracemalloc.take_snapshot()
+        for i in range(50, 550):
+            tick(group, port, i * T)
+        port.outgoing.clear()
+        after = tracemalloc.take_snapshot()
+    finally:
+        tracemalloc.stop()
+    files = ("drive", "group", "line", "power_stage", "supervised")
+    ours = [tracemalloc.Filter(True, f"*/drives/{file}.py") for file in files]
+    grown = sum(
+        s.size_diff for s in after.filter_traces(ours).compare_to(before.filter_traces(ours), "filename")
+    )
+    assert grown < 2000  # the last numbers, not five hundred ticks of them

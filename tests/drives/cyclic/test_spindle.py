@@ -1,0 +1,184 @@
+"""A spindle's drive: frame by frame, and against the simulated one."""
+
+import itertools
+from dataclasses import replace
+
+import pytest
+from group_bench import GroupBench, T, nodes, spindle
+
+from drives import pdo
+from drives.cia402 import State, Wanted
+from drives.cyclic.drive_fault import DriveFault
+from drives.cyclic.spindle import SpindleDrive
+from drives.profile import GENERIC, Supervision
+from drives.settings import SpindleSettings
+
+OE = 0x1237
+BEAT_S = 0.05
+COUNTS = 4000.0  # per revolution
+
+
+def enabled(**kind):
+    drive = SpindleDrive(SpindleSettings("S", "can0", 10, "a.eds", COUNTS, **kind))
+    drive.want(Wanted.ENABLED)
+    tell(drive, 0)
+    return drive
+
+
+def tell(drive, speed, statusword=OE, now_s=0.0):
+    drive.expect()
+    assert drive.receive(0x18A, memoryview(pdo.FEEDBACK.pack(statusword, speed)), now_s)
+    drive.settle()
+
+
+def sent(drive, now_s):
+    frame = drive.event_frame(now_s, BEAT_S)
+    if frame is None:
+        return None
+    can_id, data = pdo.unpack(frame)
+    assert can_id == 0x20A
+    return pdo.COMMAND.unpack(data)
+
+
+def test_in_profile_velocity_the_drive_is_told_the_end_of_its_own_ramp():
+    drive = enabled(mode=3)
+    sent(drive, 0.0)
+    drive.want_speed(6000.0)
+    assert sent(drive, T) == (0x0F, 400_000)
+
+
+def test_in_cyclic_velocity_it_is_led_there_at_the_acceleration_set():
+    drive = enabled(acceleration_rev_s2=50.0)
+    sent(drive, 0.0)
+    drive.want_speed(600.0)  # 10 rev/s: 0.2 s at 50 rev/s2
+    speeds = [sent(drive, i * T)[1] for i in range(1, 101)]
+    assert speeds[:3] == [400, 800, 1200]
+    assert speeds[-1] == 40_000
+    assert max(b - a for a, b in itertools.pairwise(speeds)) <= 401
+
+
+@pytest.mark.parametrize(("counts", "sign"), [(COUNTS, 1), (-COUNTS, -1)])
+def test_the_sign_of_the_counts_is_the_direction_of_m3(counts, sign):
+    drive = SpindleDrive(SpindleSettings("S", "can0", 10, "a.eds", counts, mode=3))
+    drive.want(Wanted.ENABLED)
+    tell(drive, 0)
+    drive.want_speed(60.0)
+    assert sent(drive, 0.0)[1] == sign * 4000
+    tell(drive, sign * 4000)
+    assert drive.rev_min == pytest.approx(60.0)
+    assert drive.at_speed
+
+
+def test_at_speed_is_within_the_share_and_never_before_the_feedback():
+    drive = enabled(mode=3, at_speed_share=0.05)
+    assert drive.at_speed  # it is to stand, and stands
+    drive.want_speed(600.0)
+    assert not drive.at_speed
+    for speed, reached in ((37_900, False), (38_100, True), (42_100, False), (-40_000, False)):
+        tell(drive, speed)
+        assert drive.at_speed is reached, speed
+    tell(drive, 40_000)
+    drive.stop()
+    assert not drive.at_speed and not drive.standing
+    tell(drive, 100)
+    assert drive.at_speed and drive.standing
+
+
+def test_a_drive_that_is_not_in_operation_is_at_no_speed():
+    drive = enabled(mode=3)
+    drive.want_speed(600.0)
+    tell(drive, 40_000, 0x0233)
+    assert not drive.at_speed
+
+
+@pytest.mark.parametrize("wanted", [Wanted.OFF, Wanted.QUICK_STOP, Wanted.RESET])
+def test_no_speed_comes_back_by_itself(wanted):
+    drive = enabled(mode=3)
+    drive.want_speed(600.0)
+    drive.want(wanted)
+    drive.want(Wanted.ENABLED)
+    assert drive.wanted_rev_min == 0.0
+    assert sent(drive, T)[1] == 0
+
+
+def test_its_frame_goes_out_on_change_once_more_and_with_the_heartbeat():
+    drive = enabled(mode=3)
+    drive.want_speed(60.0)
+    frames = [sent(drive, i * T) for i in range(60)]
+    told = [i for i, frame in enumerate(frames) if frame]
+    assert told[:2] == [0, 1]
+    assert told[2:] == pytest.approx([26, 51], abs=2)
+
+
+def test_enabled_while_it_coasts_it_is_led_from_where_it_is():
+    drive = SpindleDrive(SpindleSettings("S", "can0", 10, "a.eds", COUNTS))
+    drive.want(Wanted.ENABLED)
+    tell(drive, 30_000, 0x0233)
+    assert sent(drive, 0.0) == (0x0F, 30_000)
+    tell(drive, 29_500)
+    assert sent(drive, T)[1] == 30_000 - 400
+
+
+def test_a_speed_beyond_int32_is_not_sent():
+    drive = enabled(mode=3)
+    drive.want_speed(1e12)
+    assert sent(drive, T)[1] == 2**31 - 1
+
+
+@pytest.mark.parametrize("mode", [3, 9])
+def test_the_simulated_spindle_turns_both_ways_and_stops(mode):
+    bench = GroupBench(nodes("XY"), spindle=spindle(mode=mode))
+    bench.enable()
+    bench.until(lambda: bench.spindle.state is State.OPERATION_ENABLED)
+    for rev_min in (1200.0, -600.0, 0.0):
+        bench.spindle.want_speed(rev_min)
+        assert not bench.spindle.at_speed
+        bench.until(lambda: bench.spindle.at_speed, 1500)
+        bench.tick(300)
+        assert bench.spindle.rev_min == pytest.approx(rev_min, abs=1.0)
+    assert bench.spindle.standing
+    assert bench.fault == (DriveFault.NONE, -1)
+    assert bench.spindle.lost == 0
+
+
+def test_a_quick_stop_of_the_group_stops_the_spindle():
+    bench = GroupBench(nodes("X"), spindle=spindle())
+    bench.enable()
+    bench.spindle.want_speed(1200.0)
+    bench.until(lambda: bench.spindle.at_speed, 1500)
+    bench.group.want(Wanted.QUICK_STOP)
+    bench.until(lambda: bench.spindle.standing, 1500)
+    bench.group.want(Wanted.RESET)
+    bench.tick(50)
+    bench.group.want(Wanted.OFF)
+    bench.tick(50)
+    bench.enable()
+    bench.tick(100)
+    assert bench.spindle.standing
+    assert bench.fault == (DriveFault.NONE, -1)
+
+
+@pytest.mark.parametrize("supervision", [Supervision.HEARTBEAT, Supervision.GUARDING])
+def test_a_silent_spindle_is_a_fault_of_the_group(supervision):
+    bench = GroupBench(nodes("X"), spindle=spindle(profile=replace(GENERIC, supervision=supervision)))
+    bench.enable()
+    bench.tick(100)
+    assert bench.fault == (DriveFault.NONE, -1)
+    bench.rig.buses["can"].tamper = lambda _at, can_id, _frame: () if can_id == 0x70A else (0.0,)
+    bench.until(lambda: bench.fault[0] is not DriveFault.NONE)
+    assert bench.fault == (DriveFault.SPINDLE_LOST, -1)
+
+
+def test_a_spindle_that_faults_is_a_fault_of_the_group_and_can_be_reset():
+    bench = GroupBench(nodes("X"), spindle=spindle())
+    bench.enable()
+    bench.tick(50)
+    bench.rig.spindle.inject(0x2310, bench.now_s)
+    bench.tick(3)
+    assert bench.fault == (DriveFault.SPINDLE_LOST, -1)
+    for wanted in (Wanted.QUICK_STOP, Wanted.RESET, Wanted.OFF):
+        bench.group.want(wanted)
+        bench.tick(50)
+    bench.enable()
+    bench.tick(50)
+    assert bench.fault == (DriveFault.NONE, -1)

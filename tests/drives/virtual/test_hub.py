@@ -1,0 +1,277 @@
+"""The hub in wall clock: two processes, python-can and canopen as they come. No time is asserted."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import can
+import canopen
+import numpy as np
+import pytest
+from stepped_drives import EDS, nodes
+
+from drives import bus, commission, pdo
+from drives.gateways import options
+from drives.log import candump
+from drives.log.frame_log import FrameLog
+from drives.settings import BusSettings, MasterSettings
+from drives.virtual.fault_script import FaultScript, ScriptError
+from drives.virtual.hub import Hub
+from drives.virtual.hub_bus import HubBus
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[tuple[str, subprocess.Popen[bytes], Path]]:
+    path, log = str(tmp_path / "can"), tmp_path / "sync.npy"
+    arguments = [path, "--nodes", "1", "2", "--sync-log", str(log)]
+    process = subprocess.Popen([sys.executable, "-m", "drives.simulated", *arguments], cwd=ROOT)
+    while not Path(path).exists():
+        assert process.poll() is None
+        time.sleep(0.01)
+    yield path, process, log
+    process.kill()
+    process.wait()
+
+
+def test_canopens_own_client_reads_and_writes_a_simulated_drive(
+    served: tuple[str, subprocess.Popen[bytes], Path],
+) -> None:
+    network = canopen.Network(bus=HubBus(served[0]))
+    network.connect()
+    try:
+        node = canopen.RemoteNode(1, EDS)
+        network.add_node(node)
+        node.sdo.MAX_RETRIES = 5
+        node.sdo.RESPONSE_TIMEOUT = 2.0
+        assert node.sdo[0x1000].raw == 0x20192
+        assert node.sdo[0x1008].raw == "Directrix simulated drive, one axis, CiA 402"
+        node.sdo[0x6065].raw = 4711
+        assert node.sdo[0x6065].raw == 4711
+        node.sdo[0x60C2][2].raw = -4
+        assert node.sdo[0x60C2][2].raw == -4
+        node.sdo.download(0x6065, 0, (99).to_bytes(4, "little"), force_segment=True)
+        assert node.sdo[0x6065].raw == 99
+        with pytest.raises(canopen.SdoAbortedError) as refused:
+            node.sdo[0x605A].raw = 17
+        assert refused.value.code == 0x06090031
+    finally:
+        network.disconnect()
+
+
+def test_drives_behind_the_hub_are_commissioned_without_a_thread(
+    served: tuple[str, subprocess.Popen[bytes], Path],
+) -> None:
+    port = bus.open(BusSettings("can", "virtual", served[0], 1_000_000), pdo.SERVICE_FILTERS)
+    network = commission.Network(port, commission.wall_pump(port.fileno()), patience_s=5.0)
+    commission.commission(network, nodes("XY"), MasterSettings())
+    port.close()
+
+
+def test_the_hubs_own_sync_reaches_its_owner_and_the_log_is_written_at_sigterm(
+    served: tuple[str, subprocess.Popen[bytes], Path],
+) -> None:
+    path, process, log = served
+    port = bus.open(BusSettings("can", "virtual", path, 1_000_000))
+    port.start_cyclic_sync(0.005)
+    buffer, echoes = bytearray(16), 0
+    while echoes < 20:
+        commission.wall_pump(port.fileno())()
+        while port.receive_into(buffer):
+            echoes += pdo.unpack(buffer)[0] == pdo.SYNC
+    port.close()
+    process.send_signal(signal.SIGTERM)
+    process.wait(20)
+    times_s = np.load(log)
+    assert len(times_s) >= 20
+    assert np.diff(times_s) == pytest.approx(0.005, abs=1e-9), "the wire model's times, not the wake-ups'"
+
+
+def test_python_can_frames_go_through_the_hub_unchanged(
+    served: tuple[str, subprocess.Popen[bytes], Path],
+) -> None:
+    one, two = HubBus(served[0]), HubBus(served[0])
+    try:
+        sent = [
+            can.Message(arbitration_id=0x333, data=b"\x01\x02\x03", is_extended_id=False),
+            can.Message(arbitration_id=0x1ABCDEF0, data=bytes(8), is_extended_id=True),
+            can.Message(arbitration_id=0x444, is_remote_frame=True, dlc=4, is_extended_id=False),
+        ]
+        for message in sent:
+            one.send(message)
+        got: list[can.Message] = []
+        while len(got) < 3:
+            message = two.recv(5.0)
+            assert message is not None
+            if message.arbitration_id < 0x700 or message.is_extended_id:
+                got.append(message)
+        assert all(any(a.equals(b, timestamp_delta=None) for b in got) for a in sent)
+    finally:
+        one.shutdown()
+        two.shutdown()
+
+
+class InThread:
+    """A hub of this process."""
+
+    def __init__(self, folder: Path, bit_rate: int = 1_000_000, **options: object) -> None:
+        self.path = str(folder / "here")
+        self.hub = Hub(self.path, bit_rate, **options)  # type: ignore[arg-type]
+        self._ends = False
+        self._thread = threading.Thread(target=self.hub.run, args=(lambda: self._ends,))
+
+    def __enter__(self) -> InThread:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ends = True
+        self._thread.join()
+        self.hub.close()
+
+    def port(self) -> bus.Port:
+        return bus.open(BusSettings("can", "virtual", self.path, 1_000_000))
+
+    def wait(self, met: Callable[[], bool]) -> None:
+        until_s = time.monotonic() + 20.0
+        while not met():
+            assert time.monotonic() < until_s
+            time.sleep(0.001)
+
+
+def test_a_client_that_does_not_read_is_told_how_many_frames_it_has_lost(tmp_path: Path) -> None:
+    with InThread(tmp_path, bit_rate=0) as here:
+        talker, sleeper = here.port(), here.port()
+        sent = 0
+        here.wait(lambda: len(here.hub._clients) == 2)
+        joined = list(here.hub._clients.values())
+        while not any(client.lost for client in joined):
+            for _ in range(100):
+                sent += talker.send(pdo.frame(0x181))
+            here.wait(lambda sent=sent: here.hub.bus.frames == sent)  # type: ignore[misc]
+        buffer, got = bytearray(16), 0
+        while sleeper.receive_into(buffer):
+            got += 1
+        assert sleeper.overflows == 0, "the word about it can only come when there is room again"
+        talker.send(pdo.frame(0x182))
+        here.wait(lambda: here.hub.bus.frames == sent + 1)
+        here.wait(lambda: sleeper.receive_into(buffer))
+        assert pdo.unpack(buffer)[0] == 0x182
+        assert sleeper.overflows == sent - got > 0
+        talker.close()
+        sleeper.close()
+
+
+def test_faults_and_a_log_are_the_hubs_own_matter(tmp_path: Path) -> None:
+    log = FrameLog()
+    script = FaultScript.read("at 0 s: drop 203 x 1\nat 0 s: falsify 204 byte 0 xor 80 x 1")
+    with InThread(tmp_path, faults=script, log=log) as here:
+        one, two = here.port(), here.port()
+        here.wait(lambda: here.hub.bus.faults is not None and len(here.hub._clients) == 2)
+        for n in range(2):
+            assert one.send(pdo.frame(0x203, bytes([n])) + pdo.frame(0x204, bytes([n])))
+            here.wait(lambda n=n: here.hub.bus.frames == 2 * n + 2)  # type: ignore[misc]
+        buffer, seen = bytearray(16), []
+        here.wait(lambda: len(log) == 3)
+        while two.receive_into(buffer):
+            seen.append(pdo.unpack(buffer))
+        assert seen == [(0x204, b"\x80"), (0x203, b"\x01"), (0x204, b"\x01")]
+        assert [pdo.unpack(frame) for _, frame in log.frames()] == seen
+        one.close()
+        two.close()
+
+
+def test_the_masters_bus_off_leaves_the_other_clients_alone(tmp_path: Path) -> None:
+    with InThread(tmp_path) as here:
+        master, other = here.port(), here.port()
+        here.wait(lambda: len(here.hub._clients) == 2)
+        assert master.send(pdo.frame(0x80))
+        here.wait(lambda: here.hub.bus.frames == 1)
+        buffer = bytearray(16)
+        here.wait(lambda: other.receive_into(buffer))
+        hub_bus = here.hub.bus
+        hub_bus.agenda.add(0.0, lambda now_s: hub_bus.errors.switch_off(hub_bus.masters, now_s))
+        here.wait(lambda: master.receive_into(buffer))
+        assert pdo.unpack(buffer)[0] == pdo.ERROR_FLAG | 0x40
+        master.send(pdo.frame(0x201))
+        assert other.send(pdo.frame(0x181))
+        here.wait(lambda: hub_bus.frames == 2)
+        assert not other.receive_into(buffer)
+        assert not master.receive_into(buffer)
+        master.close()
+        other.close()
+
+
+def test_a_served_hub_takes_a_script_a_log_and_gateways_from_its_options(tmp_path: Path) -> None:
+    (tmp_path / "script").write_text("at 0 s: drop 703\n")
+    parser = argparse.ArgumentParser()
+    options.add_options(parser)
+    given = f"--faults {tmp_path}/script --log {tmp_path}/log --socketcand 0 --slcan {tmp_path}/tty"
+    chosen = parser.parse_args(given.split())
+    here = InThread(tmp_path)
+    with options.equipped(here.hub, **vars(chosen)), here:
+        port = here.port()
+        assert port.send(pdo.frame(0x703, b"\x05") + pdo.frame(0x704, b"\x05"))
+        here.wait(lambda: here.hub.bus.frames == 2)
+        assert (tmp_path / "tty").is_symlink()
+        port.close()
+    ((at_s, _, frame),) = candump.read((tmp_path / "log").read_text().splitlines())
+    assert pdo.unpack(frame)[0] == 0x704
+    assert at_s > 1e9, "a candump log has wall-clock times"
+
+
+def test_a_script_with_a_mistake_is_named_with_its_file(tmp_path: Path) -> None:
+    (tmp_path / "script").write_text("\nat 0 s: dorp 703\n")
+    with pytest.raises(ScriptError, match=r"script: line 2: 'dorp' is no fault"):
+        options.read_script(tmp_path / "script")
+
+
+def test_a_client_that_is_bus_off_joins_again_when_its_port_asks_for_it(tmp_path: Path) -> None:
+    with InThread(tmp_path) as here:
+        master, other = here.port(), here.port()
+        here.wait(lambda: len(here.hub._clients) == 2)
+        assert master.send(pdo.frame(0x80))
+        buffer = bytearray(16)
+        here.wait(lambda: other.receive_into(buffer))
+        hub_bus = here.hub.bus
+        hub_bus.agenda.add(0.0, lambda now_s: hub_bus.errors.switch_off(hub_bus.masters, now_s))
+        heard: list[int] = []
+
+        def hears(can_id: int) -> bool:
+            while master.receive_into(buffer):
+                heard.append(pdo.unpack(buffer)[0])
+            return can_id in heard
+
+        here.wait(lambda: hears(pdo.ERROR_FLAG | 0x040))
+        master.restart()
+        here.wait(lambda: hears(pdo.ERROR_FLAG | 0x100))
+        assert other.send(pdo.frame(0x181))
+        here.wait(lambda: hears(0x181))
+        master.close()
+        other.close()
+
+
+def test_a_client_is_told_when_its_frames_did_not_fit_into_the_queue(tmp_path: Path) -> None:
+    faults = FaultScript.read("at sync 2: queue_full master for 60 s")
+    with InThread(tmp_path, faults=faults) as here:
+        master = here.port()
+        assert master.send(pdo.frame(0x80))  # who sends SYNC is the master
+        assert master.send(pdo.frame(0x80))
+        buffer = bytearray(16)
+
+        def told() -> bool:
+            master.send(pdo.frame(0x201))
+            return master.receive_into(buffer)
+
+        here.wait(told)
+        can_id, data = pdo.unpack(buffer)
+        assert (can_id, data[1]) == (pdo.ERROR_FLAG | 0x04, 0x02)
+        master.close()
