@@ -7,8 +7,6 @@ stops on the path; without the tick the drives stop by their own supervision.
 
 from __future__ import annotations
 
-import contextlib
-import os
 import pickle
 import signal
 import socket
@@ -43,7 +41,6 @@ from drives import bus, commission, pdo
 
 PLAN_TURN_S = 0.010
 KEEPALIVE_S = 0.025
-KEEPALIVE_PRIORITY = 1  # SCHED_FIFO, far below the tick's
 # A busy computer has been seen to hold a process back for 20 ms and more; beyond this the
 # heartbeats judge. On a real bus two lost feedbacks in a row are a fault.
 VIRTUAL_PATIENCE_S = 0.150
@@ -184,13 +181,7 @@ class _Plan:
                 self.alone = True
 
     def _keep_alive(self) -> None:
-        """A chain may take a second to plan; the tick must know meanwhile that somebody does.
-
-        Where that is allowed this thread (not the plan) goes before ordinary ones: it must not wait
-        for its turn on a processor that the plan itself keeps busy.
-        """
-        with contextlib.suppress(OSError):
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(KEEPALIVE_PRIORITY))
+        """A chain may take a second to plan; the tick must know meanwhile that somebody does."""
         while not self.alone:
             self._send(PieceMessage(0, 0.0))
             time.sleep(KEEPALIVE_S)

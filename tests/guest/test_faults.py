@@ -1,0 +1,108 @@
+"""What a real CAN interface can do to a running machine: each fault is named, and the drives stop."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable
+
+import pytest
+from guest import on_can
+from living import Listener, at, run, session, until
+
+from controller.handoff import Snapshot
+from controller.machine import Machine
+from controller.session.live import Live
+from controller.session.startup import SessionError
+from controller.state import FAULTS, Fault, Mode
+from drives import pdo
+
+PROGRAM = "G21 G90 G54 G1 X150. F2400.\nM30\n"
+DRY = "G21 G90 G54 G0 X5.\nM30\n"
+INSTANT_S = 1.5  # of the path clock
+
+PASSIVE = bytes([0, 0x20, 0, 0, 0, 0, 0, 0])  # CAN_ERR_CRTL_TX_PASSIVE
+WARNING = bytes([0, 0x08, 0, 0, 0, 0, 0, 0])  # CAN_ERR_CRTL_TX_WARNING
+CONTROLLER, BUS_OFF = 0x004, 0x040
+
+
+def struck(machine: Machine, strike: Callable[[Live], None]) -> tuple[Snapshot, Live]:
+    """A program struck on its way; the last snapshot, and the session that has ended by now."""
+    with session(PROGRAM, machine) as running:
+        running.ready()
+        _, last = run(running, at(running, INSTANT_S, lambda: strike(running)))
+    return last, running
+
+
+def comes_up_again(machine: Machine) -> bool:
+    """Whether a new start on the same drives commissions, homes, enables and runs."""
+    with session(DRY, machine) as running:
+        running.ready()
+        _, last = run(running)
+    return (last.mode, last.fault) == (Mode.READY, Fault.NONE)
+
+
+def named(*names: str) -> set[Fault]:
+    return {Fault[name] for name in names if name in Fault.__members__}
+
+
+def test_error_passive_stops_the_machine_and_a_warning_before_it_does_not() -> None:
+    machine = on_can.machine()
+
+    def strike(running: Live) -> None:
+        on_can.error_frame(CONTROLLER, WARNING)
+        seen = running.board.read()
+        until(lambda: running.board.read().tick > seen.tick + 20)
+        assert running.board.read().mode is Mode.RUNNING
+        on_can.error_frame(CONTROLLER, PASSIVE)
+
+    with on_can.drives():
+        last, _ = struck(machine, strike)
+        assert (last.mode, last.fault) == (Mode.FAULT, Fault.BUS_ERROR)
+        assert not FAULTS[last.fault].position_trusted
+        assert on_can.stopped(machine)
+        assert comes_up_again(machine)
+
+
+def test_bus_off_is_named_and_the_drives_behind_it_stop_by_themselves() -> None:
+    machine = on_can.machine("can0")
+    with on_can.drives(), on_can.adapter() as tell:
+        last, _ = struck(machine, lambda _: tell("bus_off"))
+        assert last.mode is Mode.FAULT and last.fault in named("BUS_OFF")
+        assert "BUS-OFF" in on_can.ip("-d", "link", "show", "can0")
+        assert on_can.stopped(on_can.machine("vcan0"))
+        on_can.up(False, "can0")  # slcan knows no restart-ms: down and up is the way back
+        on_can.up(True, "can0")
+        assert comes_up_again(machine)
+
+
+def test_a_full_transmit_queue_is_named_and_the_drives_stop_by_themselves() -> None:
+    machine = on_can.machine()
+    with on_can.drives():
+        last, _ = struck(machine, lambda _: on_can.transmit_queue(0))
+        assert (last.mode, last.fault) == (Mode.FAULT, Fault.SEND_FAILED)
+        on_can.transmit_queue(128)
+        assert on_can.stopped(machine)
+
+
+def test_an_interface_that_goes_down_stops_the_machine() -> None:
+    machine = on_can.machine()
+    with on_can.drives():
+        last, _ = struck(machine, lambda _: on_can.up(False))
+        assert last.mode is Mode.FAULT and last.fault in named("SEND_FAILED", "BUS_ERROR", "BUS_OFF")
+        on_can.up(True)
+        assert on_can.stopped(machine)
+
+
+def test_the_kernels_sync_ends_with_the_tick_and_the_drives_stop_by_themselves() -> None:
+    machine = on_can.machine(sync="kernel")
+    with on_can.drives(), session(PROGRAM, machine) as running:
+        running.ready()
+        kill = at(running, INSTANT_S, lambda: os.kill(running.tick.pid, signal.SIGKILL))
+        with pytest.raises(SessionError, match="SIGKILL"):
+            run(running, kill)
+        listener = Listener(machine)
+        assert on_can.stopped(machine)
+        listener.listen()
+        assert listener.count(0x580 + 1) > 0
+        assert listener.count(pdo.SYNC) == 0
