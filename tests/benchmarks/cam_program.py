@@ -29,7 +29,7 @@ from controller import config  # noqa: E402
 from controller.kinematics import Kinematics  # noqa: E402
 from controller.machine import Joints, Machine  # noqa: E402
 from controller.motions import ToolSpline  # noqa: E402
-from controller.plan import path  # noqa: E402
+from controller.plan.route import path  # noqa: E402
 from controller.plan.feed import profile as profiles  # noqa: E402
 from controller.plan.feed.course import Course  # noqa: E402
 from controller.plan.route.stretch import Chain, Pause, Stretch  # noqa: E402

@@ -28,7 +28,7 @@ from random_surfaces import compound, text  # noqa: E402
 
 from controller.kinematics import Kinematics  # noqa: E402
 from controller.machine import Machine  # noqa: E402
-from controller.plan import profile  # noqa: E402
+from controller.plan.feed import profile  # noqa: E402
 from controller.plan.feed.course import Course  # noqa: E402
 from controller.plan.route.path import Chain  # noqa: E402
 from controller.plan.text.program import ProgramError  # noqa: E402

@@ -287,11 +287,10 @@ def test_stops_are_hardly_longer_than_the_shortest_there_are() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("feed", ["100.", "1000.", "3000."])
-@pytest.mark.parametrize("machine", ["shipped", "slow"])
+@pytest.mark.parametrize(("feed", "machine"), [("1000.", "slow"), ("3000.", "slow"), ("3000.", "shipped")])
 def test_stops_anywhere_on_example_2_are_hardly_longer_than_the_shortest(feed: str, machine: str) -> None:
     built = slow(shipped()) if machine == "slow" else shipped()
-    judge(planned(program("example2_ready.ngc", feed), built, "cut"), f"{machine} {feed}", 12)
+    judge(planned(program("example2_ready.ngc", feed), built, "cut"), f"{machine} {feed}", 8)
 
 
 @pytest.mark.slow
