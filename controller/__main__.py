@@ -14,7 +14,19 @@ from typing import Annotated, Any
 import typer
 
 from controller import config
-from controller.commands import bus, drives, faults
+from controller.commands import (
+    backup,
+    bus,
+    client,
+    client_lists,
+    dnc,
+    drives,
+    faults,
+    panel,
+    panel_users,
+    serve,
+    service,
+)
 from controller.machine import Machine, five
 from controller.motions import SurfaceCut
 from controller.plan.report import stored
@@ -208,6 +220,7 @@ def simulate(
         made = _machine(machine, gouge, period_ms)
         _budget_or_refuse(made)
         planned_events = event_files.read(events) if events else ()
+        turns = event_files.turns(events) if events else ()
         task = _task(program, made)
         _writable(trace_file, plot)
         kept = None if unchecked else _kept(task, store, as_json)
@@ -218,7 +231,7 @@ def simulate(
         bench.come_up()
         began_s = time.perf_counter()
         with bar("simulating", as_json) as progress:
-            run = bench.run(walk, planned_events, lambda s: progress(_share(s, kept)))
+            run = bench.run(walk, planned_events, lambda s: progress(_share(s, kept)), turns)
         took_s = time.perf_counter() - began_s
         stretches = bench.planner.stretches
         trace = traces.from_rows(run.rows, made, task.kinematics, stretches, first_tick=run.first_tick)
@@ -361,7 +374,16 @@ def paper_comparison(as_json: Json = False) -> None:
 
 app.command("bus")(bus.bus)
 app.command("faults")(faults.faults)
+app.command("serve")(serve.serve)
+app.command("panel")(panel.panel)
+client.register(app)
+client_lists.register(app)
 app.add_typer(drives.app, name="drives")
+app.add_typer(dnc.app, name="dnc")
+app.add_typer(backup.app, name="backup")
+app.add_typer(service.app, name="service")
+app.add_typer(panel_users.users, name="users")
+app.add_typer(panel_users.tokens, name="tokens")
 
 
 if __name__ == "__main__":

@@ -269,12 +269,13 @@ def _tools(top: Table) -> tuple[Tool, ...]:
 
 def _offsets(table: Table) -> tuple[Frame, ...]:
     """G54 to G59: three numbers (mm), or a table with ``origin_mm`` and ``turned_deg``."""
-    frames = tuple(_offset(table, name) for name in OFFSETS)
+    frames = tuple(offset(table, name) for name in OFFSETS)
     table.finish()
     return frames
 
 
-def _offset(table: Table, name: str) -> Frame:
+def offset(table: Table, name: str) -> Frame:
+    """One work offset of a table: three numbers, or a table of origin and turns. Raises ConfigError."""
     if not isinstance(table.get(name, "", ZERO), dict):
         return Frame(table.vector(name, ZERO))
     entry = table.table(name, f"[offsets.{name}]")

@@ -15,294 +15,83 @@ The time in which a machine stands is a sum, and the fault matrix measures it:
 
 from __future__ import annotations
 
+from controller import catalogue
+from controller.catalogue import english
 from controller.faults import Fault, FaultRow, Reaction, Recovery, Times, Wait
 
-_TELL = "report this with the recording, for the plan should have slowed down."
 
-FAULTS: dict[Fault, FaultRow] = {
-    Fault.NONE: FaultRow("No fault.", True, "Nothing to do.", Reaction.NONE, Recovery.NOTHING),
+def _row(
+    fault: Fault,
+    position_trusted: bool,
+    reaction: Reaction,
+    recovery: Recovery,
+    syncs: int = 2,
+    wait: Wait = Wait.NONE,
+) -> tuple[Fault, FaultRow]:
+    words = english.FAULTS[fault]
+    return fault, FaultRow(words, position_trusted, reaction, recovery, syncs, wait)
+
+
+_ROWS = (
+    _row(Fault.NONE, True, Reaction.NONE, Recovery.NOTHING),
     # --- plan
-    Fault.PLANNER_GONE: FaultRow(
-        "The planner has been silent for more than 100 ms; the tool stopped on the path (planner gone).",
-        True,
-        "Reset, retract along the tool axis, load the program again.",
-        Reaction.PATH_STOP,
-        Recovery.RESET,
-        wait=Wait.PLANNER,
-    ),
-    Fault.TRAVEL: FaultRow(
-        "The next setpoint lies outside the travel of an axis; it was not sent.",
-        True,
-        "Check work offset and tool length, then check the program.",
-        Reaction.PATH_STOP,
-        Recovery.RESET,
-    ),
-    Fault.VELOCITY: FaultRow(
-        "The next setpoint asks an axis for more than its velocity; it was not sent.",
-        True,
-        f"Check the program; {_TELL}",
-        Reaction.PATH_STOP,
-        Recovery.RESET,
-    ),
-    Fault.ACCELERATION: FaultRow(
-        "The next setpoint asks an axis for more than its acceleration; it was not sent.",
-        True,
-        f"Check the program; {_TELL}",
-        Reaction.PATH_STOP,
-        Recovery.RESET,
-    ),
-    Fault.BRANCH_LOST: FaultRow(
-        "The rotary axes cannot reach the next tool axis; nothing was sent.",
-        True,
-        "Check the program; report this with the recording.",
-        Reaction.PATH_STOP,
-        Recovery.RESET,
-    ),
+    _row(Fault.PLANNER_GONE, True, Reaction.PATH_STOP, Recovery.RESET, wait=Wait.PLANNER),
+    _row(Fault.TRAVEL, True, Reaction.PATH_STOP, Recovery.RESET),
+    _row(Fault.VELOCITY, True, Reaction.PATH_STOP, Recovery.RESET),
+    _row(Fault.ACCELERATION, True, Reaction.PATH_STOP, Recovery.RESET),
+    _row(Fault.BRANCH_LOST, True, Reaction.PATH_STOP, Recovery.RESET),
     # --- drives
-    Fault.FEEDBACK_LOST: FaultRow(
-        "A drive did not report its position twice in a row.",
-        False,
-        "Check cable, termination and bus load; reset, commission again and home the axis.",
-        Reaction.LOST_DRIVE,
-        Recovery.COMMISSION,
-        syncs=4,
-    ),
-    Fault.STATE_LOST: FaultRow(
-        "A drive left the state Operation Enabled by itself.",
-        False,
-        "Read the drive's error code, remove the cause, reset and home the axis.",
-        Reaction.LOST_DRIVE,
-        Recovery.HOME,
-        syncs=3,
-    ),
-    Fault.TORQUE_OFF: FaultRow(
-        "A drive has lost its torque without an error (safe torque off, or its enable input).",
-        True,
-        "Close the safety circuit, check where the tool stands, reset and enable.",
-        Reaction.LOST_DRIVE,
-        Recovery.RESET,
-        syncs=3,
-    ),
-    Fault.FOLLOWING_ERROR: FaultRow(
-        "A drive stopped because it lagged behind its setpoint by more than its window (EMCY 8611h).",
-        False,
-        "Look for a collision, a stiff axis or too small a window; reset and home the axis.",
-        Reaction.LOST_DRIVE,
-        Recovery.HOME,
-        syncs=3,
-    ),
-    Fault.LIMIT_SWITCH: FaultRow(
-        "A drive ran onto a limit switch, so its position is not what it is taken for (EMCY 8612h).",
-        False,
-        "Move the axis off the switch, reset and home it, then check travel and homing position.",
-        Reaction.LOST_DRIVE,
-        Recovery.HOME,
-        syncs=3,
-    ),
-    Fault.EMCY: FaultRow(
-        "A drive sent an emergency message.",
-        False,
-        "Look up the emergency code of the drive, remove the cause, reset and home the axis.",
-        Reaction.LOST_DRIVE,
-        Recovery.HOME,
-        syncs=3,
-    ),
-    Fault.DRIVE_WARNING: FaultRow(
-        "A drive warns (statusword bit 7); it goes on working.",
-        True,
-        "Read the drive's error code and history; look at temperature and load before it trips.",
-        Reaction.WARN,
-        Recovery.NOTHING,
-    ),
-    Fault.HEARTBEAT_LOST: FaultRow(
-        "A drive's heartbeat stopped, or it does not answer node guarding.",
-        False,
-        "Check the drive's supply and cable; reset, commission again and home the axis.",
-        Reaction.LOST_DRIVE,
-        Recovery.COMMISSION,
-        wait=Wait.CONSUMER,
-    ),
-    Fault.NODE_RESET: FaultRow(
-        "A drive started anew or left NMT Operational by itself; it has forgotten its settings.",
-        False,
-        "Check the drive's supply; reset, commission again and home the axis.",
-        Reaction.LOST_DRIVE,
-        Recovery.COMMISSION,
-        syncs=3,
-        wait=Wait.CONSUMER,  # a drive that starts is silent: its boot-up message comes at the end
-    ),
-    Fault.ENABLE_TIMEOUT: FaultRow(
-        "A drive did not reach Operation Enabled in time.",
-        True,
-        "Check the drive's supply, its enable input and its error code; reset and enable again.",
-        Reaction.QUICK_STOP,
-        Recovery.RESET,
-        wait=Wait.ENABLE,
-    ),
-    Fault.HOMING_FAILED: FaultRow(
-        "A drive reported a homing error or did not finish homing.",
-        False,
-        "Check the reference switch and the homing method; reset and home again.",
-        Reaction.QUICK_STOP,
-        Recovery.HOME,
-        wait=Wait.HOMING,
-    ),
+    _row(Fault.FEEDBACK_LOST, False, Reaction.LOST_DRIVE, Recovery.COMMISSION, syncs=4),
+    _row(Fault.STATE_LOST, False, Reaction.LOST_DRIVE, Recovery.HOME, syncs=3),
+    _row(Fault.TORQUE_OFF, True, Reaction.LOST_DRIVE, Recovery.RESET, syncs=3),
+    _row(Fault.FOLLOWING_ERROR, False, Reaction.LOST_DRIVE, Recovery.HOME, syncs=3),
+    _row(Fault.LIMIT_SWITCH, False, Reaction.LOST_DRIVE, Recovery.HOME, syncs=3),
+    _row(Fault.EMCY, False, Reaction.LOST_DRIVE, Recovery.HOME, syncs=3),
+    _row(Fault.DRIVE_WARNING, True, Reaction.WARN, Recovery.NOTHING),
+    _row(Fault.HEARTBEAT_LOST, False, Reaction.LOST_DRIVE, Recovery.COMMISSION, wait=Wait.CONSUMER),
+    # A drive that starts is silent: its boot-up message comes at the end.
+    _row(Fault.NODE_RESET, False, Reaction.LOST_DRIVE, Recovery.COMMISSION, syncs=3, wait=Wait.CONSUMER),
+    _row(Fault.ENABLE_TIMEOUT, True, Reaction.QUICK_STOP, Recovery.RESET, wait=Wait.ENABLE),
+    _row(Fault.HOMING_FAILED, False, Reaction.QUICK_STOP, Recovery.HOME, wait=Wait.HOMING),
     # --- bus
-    Fault.BUS_OFF: FaultRow(
-        "The CAN controller went bus-off: nothing that is commanded reaches a drive.",
-        False,
-        "Check wiring, termination and bit rate; reset, commission again and home.",
-        Reaction.QUICK_STOP,
-        Recovery.COMMISSION,
-        wait=Wait.CONSUMER,  # the drives hear nothing and stop by their own supervision
-    ),
-    Fault.BUS_ERROR: FaultRow(
-        "The CAN bus reported an error (error passive, an overflow, or the hub is gone).",
-        False,
-        "Check wiring, termination and bit rate; reset, commission again and home.",
-        Reaction.QUICK_STOP,
-        Recovery.COMMISSION,
-        wait=Wait.CONSUMER,
-    ),
-    Fault.RX_OVERFLOW: FaultRow(
-        "Frames were lost because the controller did not take them in time.",
-        True,
-        "Take load off the computer; look for a node that sends too much; reset.",
-        Reaction.PATH_STOP,
-        Recovery.RESET,
-    ),
-    Fault.SYNC_FOREIGN: FaultRow(
-        "Somebody else sends SYNC on the bus: drives would take setpoints at the wrong time.",
-        True,
-        "Find the second SYNC producer (object 1006h of each node) and switch it off; reset.",
-        Reaction.QUICK_STOP,
-        Recovery.RESET,
-    ),
-    Fault.SEND_FAILED: FaultRow(
-        "A frame could not be sent: the transmit queue is full or the bus is gone.",
-        False,
-        "Check the bus, its load and txqueuelen; reset, commission again and home.",
-        Reaction.QUICK_STOP,
-        Recovery.COMMISSION,
-        wait=Wait.CONSUMER,
-    ),
-    Fault.SYNC_LOST: FaultRow(
-        "The kernel's SYNC did not come back in time.",
-        False,
-        "Check the bus; set sync to tick in the machine file; start again and home.",
-        Reaction.QUICK_STOP,
-        Recovery.RESTART,
-        syncs=4,
-        wait=Wait.CONSUMER,
-    ),
+    # The drives hear nothing and stop by their own supervision.
+    _row(Fault.BUS_OFF, False, Reaction.QUICK_STOP, Recovery.COMMISSION, wait=Wait.CONSUMER),
+    _row(Fault.BUS_ERROR, False, Reaction.QUICK_STOP, Recovery.COMMISSION, wait=Wait.CONSUMER),
+    _row(Fault.RX_OVERFLOW, True, Reaction.PATH_STOP, Recovery.RESET),
+    _row(Fault.SYNC_FOREIGN, True, Reaction.QUICK_STOP, Recovery.RESET),
+    _row(Fault.SEND_FAILED, False, Reaction.QUICK_STOP, Recovery.COMMISSION, wait=Wait.CONSUMER),
+    _row(Fault.SYNC_LOST, False, Reaction.QUICK_STOP, Recovery.RESTART, syncs=4, wait=Wait.CONSUMER),
     # --- tick
-    Fault.TOO_MANY_SKIPS: FaultRow(
-        "Too many ticks came too late; the tool stopped on the path.",
-        True,
-        "Take load off the computer or use a longer period; reset and go on.",
-        Reaction.PATH_STOP,
-        Recovery.RESET,
-    ),
-    Fault.STOP_OVERDUE: FaultRow(
-        "A stop on the path took longer than any stop should; the drives stopped by their own ramps.",
-        True,
-        f"Check the program; {_TELL}",
-        Reaction.QUICK_STOP,
-        Recovery.RESET,
-        wait=Wait.STOP,
-    ),
-    Fault.INTERNAL: FaultRow(
-        "The tick met an error of its own and stopped the drives.",
-        False,
-        "Report this with the recording; start again and home.",
-        Reaction.QUICK_STOP,
-        Recovery.RESTART,
-    ),
-    Fault.CONTROLLER_GONE: FaultRow(
-        "The tick's process is gone; the drives stopped by their own supervision.",
-        False,
-        "Find out what ended it, start again and home.",
-        Reaction.QUICK_STOP,
-        Recovery.RESTART,
-        wait=Wait.CONSUMER,
-    ),
+    _row(Fault.TOO_MANY_SKIPS, True, Reaction.PATH_STOP, Recovery.RESET),
+    _row(Fault.STOP_OVERDUE, True, Reaction.QUICK_STOP, Recovery.RESET, wait=Wait.STOP),
+    _row(Fault.INTERNAL, False, Reaction.QUICK_STOP, Recovery.RESTART),
+    _row(Fault.CONTROLLER_GONE, False, Reaction.QUICK_STOP, Recovery.RESTART, wait=Wait.CONSUMER),
     # --- operator, safety, peripherals
-    Fault.EMERGENCY_STOP: FaultRow(
-        "Emergency stop was requested.",
-        True,
-        "Make the machine safe, reset, enable; the tool has left the path: retract before you start.",
-        Reaction.QUICK_STOP,
-        Recovery.RESET,
-    ),
-    Fault.ESTOP_INPUT: FaultRow(
-        "The emergency-stop circuit is open.",
-        True,
-        "Make the machine safe, close the circuit, reset, enable; retract before you start.",
-        Reaction.DISABLE,
-        Recovery.RESET,
-    ),
-    Fault.POWER_LOST: FaultRow(
-        "The drives' power supply is gone.",
-        False,
-        "Restore the supply; reset, commission again and home.",
-        Reaction.DISABLE,
-        Recovery.COMMISSION,
-    ),
-    Fault.DOOR_OPEN: FaultRow(
-        "The door is open.",
-        True,
-        "Close the door and resume.",
-        Reaction.HOLD,
-        Recovery.RESUME,
-    ),
-    Fault.SPINDLE_NOT_AT_SPEED: FaultRow(
-        "The spindle did not reach its speed in time.",
-        True,
-        "Check the spindle drive, its load and the S word; resume.",
-        Reaction.HOLD,
-        Recovery.RESUME,
-        wait=Wait.ANSWER,
-    ),
-    Fault.SPINDLE_LOST: FaultRow(
-        "The spindle's drive is silent, in error or not enabled.",
-        True,
-        "Retract the tool, read the spindle drive's error code, remove the cause, reset.",
-        Reaction.PATH_STOP,
-        Recovery.RESET,
-        wait=Wait.CONSUMER,
-    ),
-    Fault.CLAMP: FaultRow(
-        "A clamp, of an axis or of the tool, is not as it must be.",
-        True,
-        "Check air, valve and switch of the clamp; reset.",
-        Reaction.PATH_STOP,
-        Recovery.RESET,
-        wait=Wait.ANSWER,
-    ),
-    Fault.COOLANT_LOST: FaultRow(
-        "The coolant does not flow.",
-        True,
-        "Fill up or clear the coolant, then resume.",
-        Reaction.END_OF_BLOCK,
-        Recovery.RESUME,
-    ),
-    Fault.IO_LOST: FaultRow(
-        "The node with door and emergency-stop inputs is silent, restarted or in error.",
-        True,
-        "Check its supply and cable; reset (it is commissioned again at the next start).",
-        Reaction.PATH_STOP,
-        Recovery.RESET,
-        wait=Wait.CONSUMER,
-    ),
-}
+    _row(Fault.EMERGENCY_STOP, True, Reaction.QUICK_STOP, Recovery.RESET),
+    _row(Fault.ESTOP_INPUT, True, Reaction.DISABLE, Recovery.RESET),
+    _row(Fault.POWER_LOST, False, Reaction.DISABLE, Recovery.COMMISSION),
+    _row(Fault.DOOR_OPEN, True, Reaction.HOLD, Recovery.RESUME),
+    _row(Fault.SPINDLE_NOT_AT_SPEED, True, Reaction.HOLD, Recovery.RESUME, wait=Wait.ANSWER),
+    _row(Fault.SPINDLE_LOST, True, Reaction.PATH_STOP, Recovery.RESET, wait=Wait.CONSUMER),
+    _row(Fault.CLAMP, True, Reaction.PATH_STOP, Recovery.RESET, wait=Wait.ANSWER),
+    _row(Fault.COOLANT_LOST, True, Reaction.END_OF_BLOCK, Recovery.RESUME),
+    _row(Fault.IO_LOST, True, Reaction.PATH_STOP, Recovery.RESET, wait=Wait.CONSUMER),
+)
+FAULTS: dict[Fault, FaultRow] = dict(_ROWS)
 
 
-def sentence(fault: Fault, axis: str = "", also: Fault = Fault.NONE) -> str:
-    """Text and remedy for the operator, with the axis concerned and what came on top."""
-    row, more = FAULTS[fault], FAULTS[also]
-    who = f"Axis {axis}: " if axis else ""
-    told = f" Also: {more.text} {more.remedy}" if also not in (Fault.NONE, fault) else ""
-    return f"{who}{row.text} {row.remedy}{told}"
+def sentence(fault: Fault, axis: str = "", also: Fault = Fault.NONE, language: str = "en") -> str:
+    """Text and remedy for the operator, with the axis concerned and what came on top.
+
+    Raises ValueError where the catalogue has no such language.
+    """
+    said = catalogue.of(language)
+    text, _, remedy = said.faults[fault]
+    told = f"{said.frames['axis'].format(axis=axis, text=text) if axis else text} {remedy}"
+    if also in (Fault.NONE, fault):
+        return told
+    more = said.faults[also]
+    return told + said.frames["also"].format(text=more.text, remedy=more.remedy)
 
 
 def stands_within_s(fault: Fault, times: Times) -> float:

@@ -1,6 +1,6 @@
 """What a fault is made of: its name, what the tick does, what the operator does, what it takes.
 
-The rows themselves are in ``fault_table``.
+The rows themselves are in ``fault_table``, what the operator reads in ``catalogue``.
 """
 
 from __future__ import annotations
@@ -102,13 +102,32 @@ class Times(NamedTuple):
     feedback_every: int = 1  # SYNCs from one feedback to the next, of the axis that has the fewest
 
 
-class FaultRow(NamedTuple):
-    """One line of the fault table: for the operator, and what the tick does."""
+class Words(NamedTuple):
+    """A fault in one language, in whole sentences."""
 
-    text: str
-    position_trusted: bool
+    text: str  # what happened
+    cause: str  # where it comes from as a rule
     remedy: str
+
+
+class FaultRow(NamedTuple):
+    """One line of the fault table: what the tick does, and what it costs; the words are English."""
+
+    words: Words
+    position_trusted: bool
     reaction: Reaction
     recovery: Recovery
     syncs: int = 2  # from what is seen on the bus to the tick that acts
     wait: Wait = Wait.NONE  # before that
+
+    @property
+    def text(self) -> str:
+        return self.words.text
+
+    @property
+    def cause(self) -> str:
+        return self.words.cause
+
+    @property
+    def remedy(self) -> str:
+        return self.words.remedy

@@ -3,7 +3,7 @@
 Four things pass through it, and nothing else:
 
 * pieces, plan -> tick: a SEQPACKET socket; a message is taken whole or not at all;
-* requests, operator -> tick: datagrams of one fixed size;
+* requests, operator -> tick: datagrams of one fixed size, and of another for a jog;
 * the snapshot, tick -> all: shared memory, two buffers and a counter;
 * the flight recorder, tick -> slow side: a ring of rows in shared memory.
 
@@ -30,8 +30,20 @@ import socket
 import struct
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from controller.pieces import STANDSTILL, STILL, Law, Piece, PieceMessage, Quintic, StopTable, dwell
-from controller.state import Fault, Mode, Request
+from controller.pieces import (
+    DEAD_MAN_S,
+    STANDSTILL,
+    STILL,
+    Jog,
+    Law,
+    Piece,
+    PieceMessage,
+    Quintic,
+    StopTable,
+    dwell,
+)
+from controller.requests import RequestInbox, request_pair, send_jog, send_request
+from controller.state import Fault, Mode
 
 if TYPE_CHECKING:
     import numpy as np
@@ -41,10 +53,12 @@ __all__ = [
     "AXES",
     "COLUMN",
     "COMMIT_LEAD_S",
+    "DEAD_MAN_S",
     "PLANNER_SILENCE_S",
     "ROW",
     "STANDSTILL",
     "STILL",
+    "Jog",
     "Law",
     "Piece",
     "PieceInbox",
@@ -62,6 +76,7 @@ __all__ = [
     "encode",
     "piece_pair",
     "request_pair",
+    "send_jog",
     "send_request",
 ]
 
@@ -171,47 +186,6 @@ class PieceInbox:
         return message if isinstance(message, PieceMessage) else None
 
 
-# ---- requests
-_REQUEST = struct.Struct("<Bd")
-
-
-def request_pair() -> tuple[socket.socket, socket.socket]:
-    """(operator's end, tick's end) of a new request socket, both non-blocking."""
-    operator, tick = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
-    operator.setblocking(False)
-    tick.setblocking(False)
-    return operator, tick
-
-
-def send_request(operator_end: socket.socket, request: Request, value: float = 0.0) -> None:
-    """Ask the tick for something; raises BlockingIOError when its queue is full."""
-    operator_end.send(_REQUEST.pack(request, value))
-
-
-class RequestInbox:
-    """The tick's end of the request socket."""
-
-    def __init__(self, tick_end: socket.socket) -> None:
-        self._socket = tick_end
-        self._buffer = bytearray(_REQUEST.size)
-
-    def take(self) -> tuple[Request, float] | None:
-        """The next well-formed request, or None."""
-        while True:
-            try:
-                length = self._socket.recv_into(self._buffer)
-            except OSError:  # nothing there (BlockingIOError), or nobody any more
-                return None
-            if length == 0:
-                return None
-            code, value = _REQUEST.unpack(self._buffer)
-            if length == _REQUEST.size and code in _REQUESTS:
-                return _REQUESTS[code], value
-
-
-_REQUESTS = {request.value: request for request in Request}
-
-
 # ---- shared memory
 class SharedBlock:
     """Bytes that processes share: anonymous (inherited by fork) or behind a file in memory."""
@@ -272,10 +246,12 @@ class Snapshot(NamedTuple):
     outputs: int = 0
     warning: Fault = Fault.NONE  # the last fault that stopped nothing
     untrusted: int = 0  # bit mask of the axes that must be homed before a start
+    jogging: bool = False  # a jog moves, or is coming to rest
+    away: bool = False  # jogged off the place of the hold; RESUME must wait for the way back
 
 
-_SNAPSHOT = struct.Struct("<q3i7d4i5d5d5iid2Idii?I?i??id??QQii")
-_INTERLOCK = 43  # its place in the flat values
+_SNAPSHOT = struct.Struct("<q3i7d4i5d5d5iid2Idii?I?i??id??QQii??")
+_INTERLOCK, _WARNING = 43, 49  # their places in the flat values
 _COUNTER = struct.Struct("<Q")
 _SLOT = (_SNAPSHOT.size + 7) // 8 * 8
 
@@ -311,8 +287,8 @@ class SnapshotBoard:
 
 def _snapshot(v: tuple[Any, ...]) -> Snapshot:
     named = (v[0], Mode(v[1]), Fault(v[2]), *v[3:13], bool(v[13]), v[14])
-    after = (*v[30:_INTERLOCK], Fault(v[_INTERLOCK]), *v[_INTERLOCK + 1 : -2], Fault(v[-2]), v[-1])
-    return Snapshot._make((*named, v[15:20], v[20:25], v[25:30], *after))
+    after = (*v[30:_INTERLOCK], Fault(v[_INTERLOCK]), *v[_INTERLOCK + 1 : _WARNING], Fault(v[_WARNING]))
+    return Snapshot._make((*named, v[15:20], v[20:25], v[25:30], *after, *v[_WARNING + 1 :]))
 
 
 # ---- flight recorder: one row of float64 per tick
@@ -334,6 +310,9 @@ ROW: tuple[str, ...] = (
     "sync_sent",
     "accepted",
     "limited_by",
+    "override",
+    "rapid_override",
+    "switches",  # 1 single block, 2 optional stop
 )
 COLUMN = {name: i for i, name in enumerate(ROW)}
 _ROW = struct.Struct(f"<{len(ROW)}d")

@@ -8,6 +8,7 @@ of periods, so a SYNC falls on a multiple of the period wherever the machine sto
 
 from __future__ import annotations
 
+import math
 from array import array
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ from typing import NamedTuple
 
 from controller.motions import Motion
 
+DEAD_MAN_S = 0.200  # a jog without length that is not asked for again stops after this
 STANDSTILL = -1  # motion id of a dwell: no motion, the joints stay
 
 Quintic = tuple[float, float, float, float, float, float]
@@ -50,6 +52,24 @@ class Law:
 
 
 STILL = Law((0.0, 0.0), ((0.0, 0.0, 0.0, 0.0, 0.0, 0.0),))
+
+
+class Jog(NamedTuple):
+    """Motion by hand along a straight line of the joints: q = q0 + p ``direction``.
+
+    Without a ``length`` it goes on as long as it is asked for again and again (``DEAD_MAN_S``), else
+    until p = ``length``. Joints in mm and rad; ``speed`` is dp/dt.
+    """
+
+    direction: tuple[float, float, float, float, float]
+    speed: float
+    length: float = math.inf
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether a machine may be asked for it: finite, forward, and along something."""
+        finite = all(map(math.isfinite, self.direction)) and math.isfinite(self.speed)
+        return finite and any(self.direction) and self.speed > 0.0 and self.length >= 0.0
 
 
 class Piece(NamedTuple):

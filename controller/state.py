@@ -17,6 +17,8 @@ Rule 4: a fault of the classes "hold" and "end of block" leads to HOLD, not to F
      | |                 +----------------- STOPPING <------------+
      | +--- HOME ---> HOMING --- done ---> OFF
      +----- RESET --- FAULT <--- any mode
+
+     READY or HOLD  --- JOG, standing --->  JOG  --- standstill --->  where it came from
 ```
 Homing starts and ends in OFF, because a drive changes its mode of operation disabled: the
 slow side selects homing by SDO, asks for HOME, waits for OFF with the axes in ``homed``,
@@ -32,6 +34,7 @@ from controller.fault_table import FAULTS, sentence, stands_within_s, waits_s
 from controller.faults import Fault, FaultRow, Reaction, Recovery, Times, Wait
 
 __all__ = [
+    "ALL_AXES",
     "ALWAYS",
     "AXIS_KINDS",
     "FAULTS",
@@ -47,8 +50,10 @@ __all__ = [
     "Times",
     "Wait",
     "axis_binding",
+    "bars",
     "binding_text",
     "follows",
+    "refusal",
     "sentence",
     "stands_within_s",
     "waits_s",
@@ -65,6 +70,7 @@ class Mode(IntEnum):
     STOPPING = 4  # slowing on the path; the queue is dropped at standstill
     FAULT = 5  # slowing or standing after a fault; RESET leaves
     HOMING = 6  # the drives find their zero; commands follow the actual position
+    JOG = 7  # an operator moves the axes by hand
 
 
 class Request(IntEnum):
@@ -83,10 +89,13 @@ class Request(IntEnum):
     ESTOP = 11
     SINGLE_BLOCK = 12  # value: 1 = stop at the end of each block, 0 = run through
     OPTIONAL_STOP = 13  # value: 1 = M1 stops, 0 = it does not
+    JOG = 14  # a datagram of its own: pieces.Jog; sent again and again while a key is down
+    JOG_STOP = 15  # the key is up
 
 
-# (mode, request) -> mode that follows at once. Overrides and switches are allowed
-# in every mode and change none; ESTOP makes a fault and is allowed everywhere.
+# (mode, request) -> mode that follows at once. Overrides and switches are allowed in every
+# mode and change none; so is the end of a jog, whose key may go up after the jog has ended by
+# itself. ESTOP makes a fault and is allowed everywhere.
 TRANSITIONS: dict[tuple[Mode, Request], Mode] = {
     (Mode.OFF, Request.ENABLE): Mode.OFF,  # READY comes when all drives follow
     (Mode.OFF, Request.DISABLE): Mode.OFF,
@@ -100,6 +109,11 @@ TRANSITIONS: dict[tuple[Mode, Request], Mode] = {
     (Mode.HOLD, Request.STOP): Mode.STOPPING,
     (Mode.HOMING, Request.STOP): Mode.OFF,  # homing given up: the drives are disabled
     (Mode.FAULT, Request.RESET): Mode.OFF,  # only at standstill; the drives are reset
+    (Mode.READY, Request.JOG): Mode.JOG,  # drops what is queued
+    (Mode.HOLD, Request.JOG): Mode.JOG,  # only at standstill; RESUME only where it was held
+    (Mode.JOG, Request.JOG): Mode.JOG,
+    (Mode.JOG, Request.HOLD): Mode.JOG,  # READY or HOLD comes at standstill
+    (Mode.JOG, Request.STOP): Mode.JOG,
 }
 
 # What the tick's own progress may do to the mode.
@@ -111,6 +125,7 @@ PROGRESS: dict[Mode, frozenset[Mode]] = {
     Mode.STOPPING: frozenset({Mode.READY, Mode.FAULT}),
     Mode.FAULT: frozenset(),
     Mode.HOMING: frozenset({Mode.OFF, Mode.FAULT}),
+    Mode.JOG: frozenset({Mode.READY, Mode.HOLD, Mode.FAULT}),
 }
 
 ALWAYS = frozenset(
@@ -120,6 +135,7 @@ ALWAYS = frozenset(
         Request.ESTOP,
         Request.SINGLE_BLOCK,
         Request.OPTIONAL_STOP,
+        Request.JOG_STOP,
     }
 )
 
@@ -129,6 +145,84 @@ def follows(mode: Mode, request: Request) -> Mode | None:
     if request in ALWAYS:
         return mode
     return TRANSITIONS.get((mode, request))
+
+
+MOVES = (Request.START, Request.RESUME, Request.HOME, Request.ENABLE, Request.JOG)
+ALL_AXES = 0x1F
+
+
+def bars(interlock: Fault, request: Request) -> bool:
+    """Whether an open door (then drives may still hold their axes), an e-stop ... forbids a request."""
+    if interlock is Fault.NONE or request not in MOVES:
+        return False
+    return request is not Request.ENABLE or FAULTS[interlock].reaction >= Reaction.QUICK_STOP
+
+
+_NOW = {
+    Mode.OFF: ("the drives are off", "enable them first"),
+    Mode.READY: ("the machine is ready and no program runs", "switch the drives off first"),
+    Mode.RUNNING: ("a program runs", "stop it, or wait for its end"),
+    Mode.HOLD: ("a program is held", "resume or stop it first"),
+    Mode.STOPPING: ("the machine is coming to rest", "wait until it stands"),
+    Mode.FAULT: ("a fault is not reset", "remove its cause and reset it first"),
+    Mode.HOMING: ("axes are looking for their zero", "wait until they have it, or stop it"),
+    Mode.JOG: ("axes are being jogged", "end the jog and wait until they stand"),
+}
+_NOTHING_TO = {
+    Request.HOLD: "there is nothing to hold",
+    Request.RESUME: "there is nothing to resume",
+    Request.STOP: "there is nothing to stop",
+    Request.RESET: "there is nothing to reset",
+    Request.ENABLE: "the drives are on already",
+}
+
+
+def refusal(
+    mode: Mode,
+    request: Request,
+    *,
+    standing: bool = True,
+    homed: int = ALL_AXES,
+    untrusted: int = 0,
+    interlock: Fault = Fault.NONE,
+    away: bool = False,
+    axes: Sequence[str] = (),
+) -> str:
+    """Why ``request`` is refused: mode, request, reason and what to do, in one sentence; "" if it is not.
+
+    ``homed`` and ``untrusted`` are bit masks of the axes, whose names are ``axes``; ``away``: the tool has
+    been jogged off the place of the hold.
+    """
+    if request in ALWAYS:
+        return ""
+    said = f"{request.name} is refused in {mode.name}: "
+    if (mode, request) not in TRANSITIONS:
+        return said + _where_then(mode, request)
+    why = _condition(mode, request, standing, away)
+    if not why and bars(interlock, request):
+        return said + sentence(interlock)
+    if not why and request is Request.START and (missing := untrusted | (ALL_AXES & ~homed)):
+        names = ", ".join(name for i, name in enumerate(axes) if missing >> i & 1)
+        why = f"{names or 'some axes'} must be homed before a program may start; home first"
+    return f"{said}{why}." if why else ""
+
+
+def _where_then(mode: Mode, request: Request) -> str:
+    """What the mode is, what to do, and the modes that know the request."""
+    now, way_out = _NOW[mode]
+    if request in _NOTHING_TO and (request is not Request.ENABLE or mode not in (Mode.FAULT, Mode.HOMING)):
+        way_out = _NOTHING_TO[request]
+    known = " or ".join(m.name for m, r in TRANSITIONS if r is request)
+    return f"{now}; {way_out} ({request.name} is for {known})."
+
+
+def _condition(mode: Mode, request: Request, standing: bool, away: bool) -> str:
+    """What besides the mode and the doors forbids it."""
+    if request is Request.RESUME and away:
+        return "the tool has left the place where the program is held; let it return first"
+    if not standing and (request is Request.RESET or (request is Request.JOG and mode is not Mode.JOG)):
+        return "the axes still move; wait until they stand"
+    return ""
 
 
 class Binding(IntEnum):

@@ -18,7 +18,8 @@ ARROWS: dict[str, set[str]] = {
     "geometry": set(),
     "machine": {"geometry"},
     "faults": set(),
-    "fault_table": {"faults"},
+    "catalogue": {"faults"},  # texts of the faults, by language
+    "fault_table": {"faults", "catalogue"},
     "state": {"faults", "fault_table"},
     "jets": set(),
     "curves": {"geometry", "jets"},
@@ -28,7 +29,10 @@ ARROWS: dict[str, set[str]] = {
     "kinematics": LEAVES | {"jets", "curves"},
     "motions": LEAVES | {"curves", "surfaces", "kinematics"},
     "pieces": {"motions"},  # values of the hand-over
-    "handoff": LEAVES | {"pieces", "motions", "curves", "surfaces"},
+    "requests": {"state", "pieces"},  # how they travel, for the hand-over
+    "handoff": LEAVES | {"pieces", "requests", "motions", "curves", "surfaces"},
+    "jog_frames": LEAVES | {"kinematics", "pieces"},  # what is jogged, as a line of the joints
+    "door": set(),  # the service's local protocol, both sides
     "toml_table": {"geometry"},  # reads tables for config, knows no machine
     "equipment": {"machine", "toml_table"},  # tables of config's: spindle, inputs and outputs, clamps
     "profiles": {"toml_table"},  # drive profiles, for config
@@ -41,14 +45,22 @@ ARROWS: dict[str, set[str]] = {
     "plan": LEAVES | SHAPES | {"handoff"},
     "times": LEAVES | {"handoff"},  # what a machine's faults take
     "tick": LEAVES | (SHAPES - {"jets"}) | {"handoff", "times"},
+    "journal": LEAVES | {"handoff", "plan"},  # where the running program is, on disk
     "verify": LEAVES | SHAPES | {"plan", "handoff"},
     # Puts the parts together, as the command line does; nothing but that imports it.
     "session": LEAVES | SHAPES | {"config", "handoff", "plan", "tick"},
-    "panel": LEAVES | {"handoff", "config", "plan", "verify"},
-    # Commands of the command line, each a file of its own: as free as that, but for tick and panel.
+    "fitting": LEAVES | {"config", "toml_table"},  # what the operator changed, laid over the machine
+    # The process of `serve`: parent of tick and plan, and the far side of the door.
+    "service": LEAVES
+    | SHAPES
+    | {"config", "toml_table", "fitting", "jog_frames", "door", "journal"}
+    | {"handoff", "plan", "session", "tick", "times"},
+    "panel": LEAVES | {"handoff", "config", "toml_table", "fitting", "door", "plan", "verify"},
+    # Commands of the command line, each a file of its own: as free as that, but for tick.
     "commands": LEAVES
     | SHAPES
-    | {"config", "nodes", "profiles", "toml_table", "handoff", "plan", "verify", "session", "times"},
+    | {"config", "nodes", "profiles", "toml_table", "handoff", "plan", "verify", "session", "times"}
+    | {"catalogue", "door", "fitting", "service", "panel"},
 }
 
 # Parts of drives that are values and tables, for all.
@@ -79,6 +91,7 @@ TO_DRIVES: dict[str, set[str]] = {
     "config": {"settings", "profile"},
     "tick": {"settings", "scale", "cia402", "pdo", "bus", "cyclic"},
     "session": VALUES | {"bus", "cyclic", "load", "log", "commission", "simulated"},
+    "service": VALUES | {"bus", "log"},
     "profiles": {"profile"},
     "nodes": {"settings"},
     "times": {"settings"},

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from controller import config, nodes, profiles
-from controller.commands import drive_tables, simulated_drives
+from controller.commands import drive_tables, simulated_drives, stop_drives
 from controller.machine import Machine
 from controller.toml_table import ConfigError
 from controller.verify.console import Refused, refusals, show, tell
@@ -302,6 +302,7 @@ def dump(
             show.print(drive_tables.dump(entries))
 
 
-# --- simulate ----------------------------------------------------------------------------
+# --- stop, simulate ----------------------------------------------------------------------
 
+app.command("stop")(stop_drives.stop)
 app.command("simulate")(simulated_drives.simulate)

@@ -3,62 +3,69 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
+from rich.padding import Padding
+from rich.text import Text
 
-from controller import config, times
-from controller.state import FAULTS, Fault, Reaction, Times, stands_within_s
+from controller import catalogue, config, times
+from controller.catalogue import Catalogue
+from controller.state import FAULTS, Fault, Times, stands_within_s
 from controller.toml_table import ConfigError
-from controller.verify.console import refusals, show
+from controller.verify.console import Refused, refusals, show
 
 MachineArgument = Annotated[str, typer.Argument(help="Machine file, or the name of a shipped one.")]
+Language = Annotated[str, typer.Option("--language", help="Of the texts: en or de.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
-CLASSES = {
-    Reaction.NONE: "",
-    Reaction.WARN: "warn",
-    Reaction.END_OF_BLOCK: "hold at the end of the block",
-    Reaction.HOLD: "hold on the path",
-    Reaction.PATH_STOP: "coordinated stop",
-    Reaction.LOST_DRIVE: "coordinated stop around the lost drive",
-    Reaction.QUICK_STOP: "quick stop",
-    Reaction.DISABLE: "quick stop, then off",
-}
+INDENT = (0, 0, 0, 4)  # columns of what stands under a fault's name
 
 
-def faults(machine: MachineArgument = "trunnion", as_json: Json = False) -> None:
+def faults(machine: MachineArgument = "trunnion", language: Language = "en", as_json: Json = False) -> None:
     """Every fault: its class, what happened, what to do, and within which time the axes stand."""
     with refusals(as_json, lambda: (ConfigError,)):
+        said = _catalogue(language)
         made = config.load(machine)
         taken = times.of(made)
-        rows = [_row(fault, taken) for fault in Fault if fault is not Fault.NONE]
+        rows = [_row(fault, taken, said) for fault in Fault if fault is not Fault.NONE]
         if as_json:
             print(json.dumps({"ok": True, "machine": made.name, "times": taken._asdict(), "faults": rows}))
-        else:
-            show.print(_table(rows, made.name))
+            return
+        show.print(Text(said.frames["title"].format(machine=made.name), style="italic"))
+        for row in rows:
+            show.print(*_paragraph(row, said))
 
 
-def _row(fault: Fault, taken: Times) -> dict[str, Any]:
-    row = FAULTS[fault]
+def _catalogue(language: str) -> Catalogue:
+    try:
+        return catalogue.of(language)
+    except ValueError as error:
+        raise Refused(f"--{error}") from error
+
+
+def _row(fault: Fault, taken: Times, said: Catalogue) -> dict[str, Any]:
+    row, words = FAULTS[fault], said.faults[fault]
     return {
         "fault": fault.name,
-        "class": CLASSES[row.reaction],
+        "class": said.classes[row.reaction],
         "stands_within_s": round(stands_within_s(fault, taken), 6),
         "position_trusted": row.position_trusted,
         "recovery": row.recovery.name.lower(),
-        "text": row.text,
-        "remedy": row.remedy,
+        "steps": said.recoveries[row.recovery],
+        **words._asdict(),
     }
 
 
-def _table(rows: list[dict[str, Any]], name: str) -> Table:
-    table = Table(title=f"Faults of {name}; position: whether it is still trusted", show_lines=True)
-    for heading in ("fault", "class", "stands within", "position", "what happened, what to do"):
-        table.add_column(heading, justify="right" if heading == "stands within" else "left")
-    for row in rows:
-        within = f"{1e3 * row['stands_within_s']:.0f} ms" if row["stands_within_s"] else ""
-        position = "yes" if row["position_trusted"] else "no"
-        table.add_row(row["fault"], row["class"], within, position, f"{row['text']} {row['remedy']}")
-    return table
+def _paragraph(row: dict[str, Any], said: Catalogue) -> Iterator[Text | Padding]:
+    """A fault's facts, and under them its sentences over the whole width: no column is too narrow."""
+    frames = said.frames
+    facts = [f"{frames['position']} {frames['yes' if row['position_trusted'] else 'no']}"]
+    if row["stands_within_s"]:
+        facts.append(frames["stands"].format(ms=f"{1e3 * row['stands_within_s']:.0f}"))
+    yield Text.assemble("\n", (row["fault"], "bold"), f": {row['class']}")
+    yield Padding(Text("; ".join([*facts, row["steps"]]), style="dim"), INDENT, expand=False)
+    yield Padding(Text(row["text"]), INDENT, expand=False)
+    yield Padding(Text(frames["cause"].format(cause=row["cause"])), INDENT, expand=False)
+    yield Padding(Text(frames["remedy"].format(remedy=row["remedy"])), INDENT, expand=False)

@@ -28,7 +28,12 @@ from typing import NamedTuple
 from controller.handoff import PieceMessage, Snapshot
 from controller.kinematics import Kinematics
 from controller.machine import Machine
+from controller.plan.aside import Aside
+from controller.plan.detour import Detour
+from controller.plan.places import place_at
 from controller.plan.route.path import Chain, Pause, Stretch
+from controller.plan.route.restart import Rest
+from controller.plan.route.spot import Spot
 from controller.plan.text.program import ProgramError
 from controller.plan.track import Track
 from controller.plan.window import Orders, Place, Sent, Windows
@@ -79,7 +84,10 @@ class Planner:
         self._lead_s = REPLAN_LEAD_S
         self._retry_s = -math.inf  # plan time of the next state of motion that may be tried ...
         self._wait_s = -math.inf  # ... when the tick has come to this one
+        self._detour = Detour(machine, kinematics)
+        self._asked = 0  # the last sequence before the way off the path, or back
         self.stretches: dict[int, Stretch] = {}  # by motion id, in the order of the path
+        self.fresh: dict[int, Stretch] = {}  # motions sent since its owner emptied it
 
     # --- what is to be planned
 
@@ -87,13 +95,19 @@ class Planner:
         """Take a path; the first message goes out with the next ``work``."""
         self._begin(Track(items, self._machine, self._kinematics), Place(0, 0.0), queue_end_s, epoch)
         self._dropped = False
+        self._detour.forget()
         self.stretches.clear()
+
+    def go_on_from(self, sequence: int) -> None:
+        """The tick has seen messages up to ``sequence``, of a planner before this one."""
+        self._sequence = max(self._sequence, sequence)
 
     def drop(self) -> None:
         """Forget what has not been sent: the operator stopped the program."""
         nothing = Track((), self._machine, self._kinematics)
         self._begin(nothing, Place(0, 0.0), self._queue_end_s, self._epoch)
         self._dropped = True
+        self._detour.forget()
 
     def _begin(self, track: Track, place: Place, queue_end_s: float, epoch: int) -> None:
         self._track, self._next, self._queue_end_s, self._epoch = track, place, queue_end_s, epoch
@@ -103,6 +117,10 @@ class Planner:
     @property
     def finished(self) -> bool:
         """Everything of the path has been sent."""
+        return self.aside is None and self._all_sent
+
+    @property
+    def _all_sent(self) -> bool:
         going_on = bool(self._sent) and self._sent[-1].seam_s is not None
         return not going_on and self._track.at(self._next.unit) is None
 
@@ -116,6 +134,20 @@ class Planner:
         """What ended the path before its end; the queue still ends at rest, on the path."""
         return self._track.error
 
+    @property
+    def lead_s(self) -> float:
+        """How far ahead of the commit point a change would be planned now: what planning takes."""
+        return self._lead_s
+
+    @lead_s.setter
+    def lead_s(self, lead_s: float) -> None:
+        self._lead_s = lead_s
+
+    @property
+    def marks(self) -> tuple[float, ...]:
+        """Changes wherever a turn without a message still has an effect on later ones."""
+        return self._lead_s, self._retry_s, self._wait_s, self._sequence, self._epoch
+
     # --- one turn
 
     def work(self, now: Snapshot) -> bool:
@@ -123,6 +155,8 @@ class Planner:
         if self._held is not None and not self._answered(self._held, now):
             return False
         if now.stopping:
+            return False
+        if not self._watch_aside(now):
             return False
         if now.epoch != self._epoch:
             self._restart(now)
@@ -159,6 +193,68 @@ class Planner:
             self._epoch, self._queue_end_s = now.epoch, now.queue_end_s
         else:
             self._begin(self._track, Place(number, now.s), now.queue_end_s, now.epoch)
+
+    # --- where the program stands, off the path and back
+
+    @property
+    def aside(self) -> Aside | None:
+        """Where the tool is while it is off the path: between ``retract`` and the end of the way back."""
+        return self._detour.aside
+
+    def spot(self, now: Snapshot) -> Spot | None:
+        """Line, fraction of its block and exact place of the program; None where there is none."""
+        if self.aside is not None:
+            return self.aside.spot
+        place = self._place(now)
+        if place is None:
+            return None
+        return self._track.program_spot(*place)
+
+    def _place(self, now: Snapshot) -> Place | None:
+        return place_at(self._track, self._sent, self._next, self._epoch, now)
+
+    def _left(self, now: Snapshot) -> tuple[Track, Place] | None:
+        place = self._place(now)
+        return None if place is None else (self._track, place)
+
+    def told(self, now: Snapshot) -> bool:
+        """Whether the tick has the way that was asked for last: RESUME then leads along it."""
+        return now.accepted > self._asked
+
+    def retract(self, now: Snapshot, by_mm: float) -> None:
+        """Out of HOLD at rest: the tool goes off along its axis once ``told`` and resumed, to HOLD again.
+
+        Raises NotPossible.
+        """
+        self._lead(self._detour.retract(now, self._left(now), self.spot(now), by_mm), now)
+
+    def go_back(
+        self, now: Snapshot, rest: Rest | None = None, lengths_mm: tuple[float, float] = (0.0, 0.0)
+    ) -> None:
+        """Back to the path by the same way, once ``told`` and resumed, to HOLD; RESUME then goes on.
+
+        With another tool: ``rest`` is the program from the same spot on as the new tool cuts it,
+        ``lengths_mm`` are those of the old and the new tool. Raises NotPossible.
+        """
+        self._lead(self._detour.go_back(now, rest, lengths_mm), now)
+
+    def _lead(self, way: Track, now: Snapshot) -> None:
+        """A way of its own takes the place of everything queued."""
+        self._begin(way, Place(0, 0.0), now.plan_time_s, now.epoch)
+        self._asked = self._sequence
+
+    def _watch_aside(self, now: Snapshot) -> bool:
+        """Whether there is a way to be planned: off the path there is none but the way back."""
+        if self.aside is None:
+            self._detour.look(now, lambda: (self._left(now), self.spot(now)))
+        if self.aside is None:
+            return now.mode is not Mode.JOG and not now.away
+        arrived = now.mode is Mode.HOLD and now.at_rest and self._all_sent and self.told(now)
+        arrived = arrived and now.plan_time_s >= self._queue_end_s - SAME_S
+        left = self._detour.follow(now, arrived)
+        if left is not None:
+            self._begin(*left, now.queue_end_s, now.epoch)
+        return self.aside is None or not self.aside.off or self.aside.returning
 
     def _forget(self, now: Snapshot) -> None:
         while len(self._sent) > 1 and self._sent[0].end_s < now.plan_time_s - SAME_S:
@@ -248,6 +344,7 @@ class Planner:
             return False
         self._sequence += 1
         motions = {name: stretch for sent in added for name, stretch in sent.stretches.items()}
+        self.fresh.update(motions)
         if self._remember:
             self.stretches.update(motions)
         message = PieceMessage(

@@ -15,6 +15,7 @@ from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import ToolSpline
 from controller.plan.feed import profile
+from controller.plan.route.spot import ENTRY_ID, Spot, fraction_at, line_of
 from controller.plan.route.stretch import Chain, Pause, Stretch
 from controller.plan.text.program import ProgramError
 
@@ -30,6 +31,9 @@ class Unit:
     rests: bool = True  # after it; False: it runs into the next
     block_end: bool = True  # a block of the program ends with it
     last: bool = True
+    begin: float = 0.0  # s at which it begins: a restart begins inside of a motion
+    chain: Chain | None = None  # that it is a stretch of ...
+    index: int = 0  # ... and which
 
     @property
     def line(self) -> int:
@@ -55,8 +59,16 @@ class Unit:
 class Track:
     """Units by their number along the path, from 0."""
 
-    def __init__(self, items: Iterable[Chain | Pause], machine: Machine, kinematics: Kinematics) -> None:
+    def __init__(
+        self,
+        items: Iterable[Chain | Pause],
+        machine: Machine,
+        kinematics: Kinematics,
+        ends: bool = True,
+    ) -> None:
+        """``ends``: the program ends with it; a way aside does not."""
         self._machine, self._kinematics = machine, kinematics
+        self._ends = ends
         self._ahead = self._units(items)
         self._kept: deque[Unit] = deque()
         self._first = 0  # number of the first unit kept
@@ -75,6 +87,25 @@ class Track:
             if unit.motion_id == motion_id:
                 return self._first + i
         return None
+
+    def program_spot(self, number: int, s: float) -> Spot | None:
+        """As ``spot``; on an entry, and on pauses inside of it, where the program goes on behind it."""
+        ahead = first = number
+        while (unit := self.at(ahead)) is not None and not 0 <= unit.motion_id < ENTRY_ID:
+            ahead += 1
+            first = ahead if unit.motion_id >= ENTRY_ID else first
+        behind = self.at(first)
+        return self.spot(first, s if first == number or behind is None else behind.begin)
+
+    def spot(self, number: int, s: float) -> Spot | None:
+        """A place as program line and fraction of its block; None beyond the end."""
+        unit = self.at(number)
+        if unit is None:
+            return None
+        if unit.chain is None or not isinstance(unit.what, Stretch):
+            return Spot(unit.line, 0.0)
+        share = 1.0 if unit.what.name == "lift" else fraction_at(unit.chain, unit.index, s)
+        return Spot(line_of(unit.what, s), share, unit.motion_id, s)
 
     def forget(self, before: int) -> None:
         """What lies before that number is not asked for any more."""
@@ -105,7 +136,7 @@ class Track:
                 yield replace(before, last=False)
             raise
         if before is not None:
-            yield before
+            yield replace(before, last=self._ends)
 
     def _numbered(self, items: Iterable[Chain | Pause]) -> Iterator[tuple[Unit, bool]]:
         """Units with whether they are joined to the one before without a rest by the path's own word."""
@@ -115,8 +146,10 @@ class Track:
                 yield Unit(item, STANDS), False
                 joined = False
                 continue
-            for stretch in item.stretches:
-                yield Unit(stretch, count), joined
+            count = count if item.first_id is None else item.first_id
+            for k, stretch in enumerate(item.stretches):
+                begin = 0.0 if k else item.from_s
+                yield Unit(stretch, count, begin=begin, chain=item, index=k), joined
                 count, joined = count + 1, True
             joined = item.runs_on
 

@@ -93,6 +93,15 @@ class Sent:
         """Whether an override of nothing forbids it."""
         return self.course is not None and _blocked(self.course, orders)
 
+    def place_at(self, plan_s: float) -> Place:
+        """Where on the path it is at a plan time; a pause stands at its beginning."""
+        if self.course is None or self.profile is None:
+            ended = not (self.pieces[0].sets or self.pieces[0].stop or self.pieces[0].optional_stop)
+            return self.after if ended and self.end_s <= self.start_s else Place(self.first, 0.0)
+        s = self.profile.at(min(max(plan_s - self.start_s, 0.0), self.profile.duration_s)).s
+        k = int(self.course.index(np.array([s]))[0])
+        return Place(self.first + k, s - float(self.course.starts[k]))
+
     def motion_at(self, plan_s: float) -> int | None:
         """Id of the motion in which it is at a plan time."""
         if self.course is None or self.profile is None:
@@ -129,6 +138,7 @@ class Windows:
             return None
         if isinstance(unit.what, Pause):
             return self._pause(unit, unit.what, place, start_s, orders)
+        place = Place(place.unit, max(place.s, unit.begin))
         if place.s >= unit.length - NEXT_TO_NOTHING:
             if not unit.rests:
                 return self.from_rest(track, Place(place.unit + 1, 0.0), start_s, orders, soon)

@@ -3,6 +3,7 @@
 check(...)   reads, plans and audits everything, keeps what it found
 find(...)    the kept check of the same program, machine, tools and offsets, if there is one
 path_of(...) the path again, block by block, with the choices of the check
+rest_of(...) what is left of it from a place on
 """
 
 from __future__ import annotations
@@ -17,7 +18,9 @@ from controller.motions import Rotaries
 from controller.plan.report import stored, survey
 from controller.plan.report.stored import Stored
 from controller.plan.report.survey import BlockUse, Survey
-from controller.plan.route import choices, path
+from controller.plan.route import choices, path, restart
+from controller.plan.route.restart import Rest, Source
+from controller.plan.route.spot import Spot
 from controller.plan.route.stretch import Chain, Note, Pause, Stretch
 from controller.plan.text import blocks
 from controller.plan.text.program import Block, ProgramError
@@ -55,14 +58,30 @@ def task(text: bytes, name: str, machine: Machine) -> Task:
     return Task(text, name, machine, Kinematics(machine), home)
 
 
-def path_of(asked: Task, chosen: Mapping[int, Rotaries] | None = None) -> Walk:
+def path_of(asked: Task, chosen: Mapping[int, Rotaries] | None = None, dry_run_mm: float = 0.0) -> Walk:
     """The path block by block, as ``chosen`` over the whole program, or as the blocks come.
 
-    What it walks over raises ProgramError where a block is refused.
+    What it walks over raises ProgramError where a block is refused. ``dry_run_mm``: so far off the
+    part along the tool axis, spindle and coolant off.
     """
-    tracer = path.Tracer(asked.name, asked.machine, asked.kinematics, asked.start, chosen or {})
-    read = _Read(blocks.stream(asked.text, asked.machine, asked.name))
+    source = _source(asked, chosen, dry_run_mm).dry()
+    tracer = path.Tracer(asked.name, source.machine, asked.kinematics, asked.start, chosen or {})
+    read = _Read(iter(source.blocks))
     return Walk(_whole(tracer.items(read), read, asked.name), tracer.notes, chosen or {})
+
+
+def rest_of(asked: Task, chosen: Mapping[int, Rotaries] | None, spot: Spot, dry_run_mm: float = 0.0) -> Rest:
+    """What is left of a program from ``spot`` on: its state to be shown, and its way once ``entered``.
+
+    ``asked.start`` is where the whole run started, as the journal has it, or would start now. Raises
+    ProgramError where there is no such place, or the program is refused before it.
+    """
+    return restart.find(_source(asked, chosen, dry_run_mm), spot)
+
+
+def _source(asked: Task, chosen: Mapping[int, Rotaries] | None, dry_run_mm: float) -> Source:
+    read = blocks.stream(asked.text, asked.machine, asked.name)
+    return Source(read, asked.name, asked.machine, asked.kinematics, asked.start, chosen, dry_run_mm)
 
 
 class _Read:

@@ -54,14 +54,19 @@ class Child:
     """A running process."""
 
     def __init__(
-        self, role: str, arguments: Sequence[str], words: Path, descriptors: Sequence[int] = ()
+        self,
+        role: str,
+        arguments: Sequence[str],
+        words: Path,
+        descriptors: Sequence[int] = (),
+        module: str = "controller.session",
     ) -> None:
         """``words``: the file in which the process would leave a sentence about its end."""
         self.role = role
         self._words = words
         self.process = subprocess.Popen(
             # -P: a folder of the user's that happens to be named like one of ours is not ours.
-            [sys.executable, "-P", "-m", "controller.session", role, str(os.getpid()), *arguments],
+            [sys.executable, "-P", "-m", module, role, str(os.getpid()), *arguments],
             stdin=subprocess.DEVNULL,
             stdout=_STDERR,  # standard output is the command's own
             pass_fds=descriptors,

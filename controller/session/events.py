@@ -1,4 +1,9 @@
-"""An operator's requests at given ticks: the ``--events`` file of ``simulate``, one JSON object a line."""
+"""An operator's requests at given ticks: the ``--events`` file of ``simulate``, one JSON object a line.
+
+The record of a live run has two more kinds of lines, for what an override makes depends on when
+the planner looked: "plan" (before this tick it acted, with ``value`` seconds for itself) and
+"pieces" (with this tick its message was taken); at tick -1 both were before the start.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +24,7 @@ REQUESTS = {
     "single_block": Request.SINGLE_BLOCK,
     "optional_stop": Request.OPTIONAL_STOP,
 }
+TURNS = ("plan", "pieces")
 OVERRIDES = ("override", "rapid_override")
 SWITCHES = ("single_block", "optional_stop")
 
@@ -36,19 +42,37 @@ class Event:
     value: float = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """The planner acted before a tick, or its message was taken in it."""
+
+    tick: int
+    pieces: bool  # a message was taken; else the planner acted
+    lead_s: float = 0.0
+
+
 def read(path: Path) -> tuple[Event, ...]:
-    """The events of a file in the order of their ticks. Raises EventError."""
+    """The operator's events of a file in the order of their ticks. Raises EventError."""
+    found = [one for one in _lines(path) if isinstance(one, Event)]
+    return tuple(sorted(found, key=lambda event: event.tick))
+
+
+def turns(path: Path) -> tuple[Turn, ...]:
+    """The planner's turns of a file, in its order; none where an operator wrote it. Raises EventError."""
+    return tuple(one for one in _lines(path) if isinstance(one, Turn))
+
+
+def _lines(path: Path) -> list[Event | Turn]:
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except UnicodeDecodeError as error:
         raise EventError(f"{path}: byte {error.start} is not UTF-8; give a file of JSON lines.") from error
     except OSError as error:
         raise EventError(f"{path}: {error.strerror}; give a file of JSON lines.") from error
-    found = [_event(f"{path}:{n}", line) for n, line in enumerate(lines, 1) if line.strip()]
-    return tuple(sorted(found, key=lambda event: event.tick))
+    return [_event(f"{path}:{n}", line) for n, line in enumerate(lines, 1) if line.strip()]
 
 
-def _event(where: str, line: str) -> Event:
+def _event(where: str, line: str) -> Event | Turn:
     try:
         data = json.loads(line)
     except (ValueError, RecursionError) as error:  # also numbers of thousands of digits
@@ -57,6 +81,8 @@ def _event(where: str, line: str) -> Event:
     if not isinstance(data, dict) or (unknown := set(data) - {"tick", "request", "value"}):
         named = f"unknown key {sorted(unknown)[0]!r}" if isinstance(data, dict) else "no object"
         raise EventError(f'{where}: {named}; allowed are "tick", "request" and "value".')
+    if data.get("request") in TURNS:
+        return _turn(where, data)
     tick = data.get("tick")
     if not isinstance(tick, int) or isinstance(tick, bool) or tick < 0:
         raise EventError(
@@ -66,6 +92,17 @@ def _event(where: str, line: str) -> Event:
     if not isinstance(request, str) or request not in REQUESTS:
         raise EventError(f'{where}: "request" is {request!r}; allowed are {", ".join(REQUESTS)}.')
     return Event(tick, REQUESTS[request], _value(where, request, data))
+
+
+def _turn(where: str, data: dict[str, Any]) -> Turn:
+    tick, lead_s = data.get("tick"), data.get("value", 0.0)
+    sound = type(lead_s) in (int, float) and 0.0 <= lead_s < 60.0
+    if type(tick) is not int or tick < -1 or not sound:
+        raise EventError(
+            f'{where}: a turn of the planner has a whole "tick" from -1 and a "value" from 0 to 60 (s); '
+            "give the file as the run's record has it."
+        )
+    return Turn(tick, data["request"] == "pieces", float(lead_s))
 
 
 def _value(where: str, request: str, data: dict[str, Any]) -> float:

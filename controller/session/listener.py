@@ -13,7 +13,7 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from drives import bus, pdo
 from drives.log.frame_log import FrameLog
@@ -30,9 +30,9 @@ GATHER_S = 0.005  # frames come in bursts; to be woken for each would cost the m
 class Listener:
     """``logs`` by bus name, filled from now until ``close``."""
 
-    def __init__(self, buses: Sequence[BusSettings]) -> None:
-        """Raises BusError."""
-        self.logs = {one.name: FrameLog() for one in buses}
+    def __init__(self, buses: Sequence[BusSettings], make: Callable[[], FrameLog] = FrameLog) -> None:
+        """``make`` makes what keeps the frames of one bus. Raises BusError."""
+        self.logs = {one.name: make() for one in buses}
         self._ports = [(bus.open(one, EVERYTHING), self.logs[one.name]) for one in buses]
         self._heard = {}
         for port, log in self._ports:

@@ -187,7 +187,7 @@ def started(
         folder = Path(text)
         stamps_s: dict[str, Rows] = {}
         hubs: dict[str, Child] = {}
-        machine = _with_hubs(machine, folder, ending, hubs, stamps_s)
+        machine = with_hubs(machine, folder, ending, hubs, stamps_s)
         plan_end, piece_end = piece_pair()
         operator, request_end = request_pair()
         ending.callback(operator.close)
@@ -216,7 +216,7 @@ def _keeper(machine: Machine, recorder: Recorder, base: Path, ending: contextlib
     return Keeper(machine, recorder, listener.logs, base)
 
 
-def _with_hubs(
+def with_hubs(
     machine: Machine,
     folder: Path,
     ending: contextlib.ExitStack,

@@ -68,6 +68,7 @@ class Facts:
             "fault": self.fault.name,
             "class": row.reaction.name,
             "text": row.text,
+            "cause": row.cause,
             "remedy": row.remedy,
             "position_trusted": row.position_trusted,
         }

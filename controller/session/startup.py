@@ -64,10 +64,17 @@ class StartUp:
         The axes of a group home side by side. An absolute encoder is homed from the start.
         """
         axes, homed = self._machine.axes, self._homed()
-        left = [i for i, axis in enumerate(axes) if not homed >> i & 1 and not axis.homing.absolute]
-        for group in sorted({axes[i].homing.group for i in left}):
-            self._home([i for i in left if axes[i].homing.group == group])
+        self.home([i for i, axis in enumerate(axes) if not homed >> i & 1 and not axis.homing.absolute])
         self._reach(Request.ENABLE, 0.0, Mode.READY)
+
+    def home(self, wanted: Sequence[int]) -> None:
+        """Home the axes of these numbers, group by group; they are off before and after it.
+
+        Raises SessionError, CommissionError.
+        """
+        axes = self._machine.axes
+        for group in sorted({axes[i].homing.group for i in wanted}):
+            self._home([i for i in wanted if axes[i].homing.group == group])
 
     def _home(self, axes: Sequence[int]) -> None:
         """Each drive moves itself; what is commanded meanwhile is where it is."""

@@ -32,8 +32,9 @@ from controller.machine import Joints, Machine
 from controller.plan.planner import Planner
 from controller.plan.route.path import Chain, Pause
 from controller.session import cyclic
-from controller.session.events import Event
+from controller.session.events import Event, Turn
 from controller.session.recording import Keeper
+from controller.session.replay import Replay
 from controller.session.simulation import healthy_inputs, wires
 from controller.session.startup import SessionError, StartUp, homing_mask, no_start
 from controller.state import Fault, Mode, Request, sentence
@@ -138,7 +139,8 @@ class SteppedMachine:
         self._group.start()
         self._loop = Loop(self.cycle, self.clock)
         self._offset_s = self.rig.now_s
-        self.planner = Planner(machine, self.kinematics, PieceOutbox(self._plan_end).send, remember=True)
+        self._replay = Replay(PieceOutbox(self._plan_end).send)
+        self.planner = Planner(machine, self.kinematics, self._replay.send, remember=True)
         self._keeper = None if recordings is None else self._keeping(recordings)
         self._rows: list[Rows] = []
         self._idle = 0  # ticks in which nothing moved, and nothing was there that would
@@ -217,16 +219,23 @@ class SteppedMachine:
         path: Items,
         events: Sequence[Event] = (),
         progress: Callable[[float], None] = lambda _: None,
+        turns: Sequence[Turn] = (),
     ) -> Run:
         """Run a path to its end, or to where the events, a fault or a refused block leave it at rest.
 
+        ``turns``: of the planner in a live run that is to be repeated.
         Raises SessionError where an open door, or an axis that must be homed, forbids the start.
         """
         self.recorder.drain()
         self._rows.clear()
         follow = self.cycle.follow
         self.planner.load(path.items, follow.queue_end_s, follow.epoch)
-        self._plan()
+        self._replay.begin(turns)
+        if turns:
+            self._replay.before_start(self.planner, self.board.read, self.tick)
+            self.recorder.drain()
+        else:
+            self._plan()
         self.request(Request.START)
         first, self._skips_before = self.cycle.tick + 1, self.cycle.skips
         waiting, self._idle = list(events), 0
@@ -236,6 +245,8 @@ class SteppedMachine:
             while waiting and waiting[0].tick <= n:
                 self._send(waiting.pop(0))
                 self._idle = 0
+            if turns:
+                self._replay.before(n, self.planner, self.board.read())
             if n % plan_every == 0:
                 self._plan()
             self.tick()
@@ -257,6 +268,28 @@ class SteppedMachine:
                     continue
             return self._ended(first, resumes, len(waiting), events, n)
 
+    def begin(self, path: Items) -> None:
+        """Load a path and ask for its start; ``go`` then lets time pass."""
+        follow = self.cycle.follow
+        self.planner.load(path.items, follow.queue_end_s, follow.epoch)
+        self._plan()
+        self.request(Request.START)
+
+    def go(self, ticks: int, done: Callable[[], bool] = lambda: False) -> Rows:
+        """Let time pass for so many ticks or until ``done``; the recorder's rows of it."""
+        self.recorder.drain()
+        rows = []
+        plan_every = max(1, round(PLAN_EVERY_S / self.machine.period_s))
+        for n in range(ticks):
+            if n % plan_every == 0:
+                self._plan()
+            self.tick()
+            if n % DRAIN_EVERY == DRAIN_EVERY - 1:
+                rows.append(self.recorder.drain())
+            if done():
+                break
+        return np.concatenate([*rows, self.recorder.drain()])
+
     def _see_started(self) -> None:
         """Raises SessionError where the machine forbids the start."""
         modes = self.cycle.modes
@@ -274,7 +307,7 @@ class SteppedMachine:
         waits = self.cycle.peripherals.waiting
         goes = follow.pending and follow.goes(True, modes.override, modes.rapid_override)
         self._idle = 0 if goes or waits or follow.stopping or not follow.at_rest else self._idle + 1
-        return self._idle > IDLE_TICKS and not waiting
+        return self._idle > IDLE_TICKS and not waiting and not self._replay.pending
 
     def _at_program_stop(self, events: Sequence[Event], n: int) -> bool:
         """At M0 the plan itself is at rest: a resume that is assumed costs no time."""
@@ -288,7 +321,7 @@ class SteppedMachine:
 
     def _plan(self) -> None:
         now = self.board.read()
-        if now is not None:
+        if now is not None and not self._replay.active:
             self.planner.work(now)
         self.planner.keepalive()
 

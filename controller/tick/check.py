@@ -6,6 +6,8 @@ caught before the wire, and the answer is a value.
 
 from __future__ import annotations
 
+import math
+
 from controller.machine import Joints, Machine
 from controller.state import Fault
 
@@ -18,13 +20,14 @@ _FINE = (Fault.NONE, -1)
 class Check:
     """Judges the joints of one tick by those of the two before."""
 
-    def __init__(self, machine: Machine) -> None:
+    def __init__(self, machine: Machine, anywhere: int = 0) -> None:
+        """``anywhere``: bit mask of axes whose travel is not known yet (not homed)."""
         T = machine.period_s
         self._rows = tuple(
             (
                 i,
-                axis.travel_min - TRAVEL_SLACK,
-                axis.travel_max + TRAVEL_SLACK,
+                -math.inf if anywhere >> i & 1 else axis.travel_min - TRAVEL_SLACK,
+                math.inf if anywhere >> i & 1 else axis.travel_max + TRAVEL_SLACK,
                 axis.limits.velocity * T * TOLERANCE,
                 axis.limits.acceleration * T * T * TOLERANCE,
             )

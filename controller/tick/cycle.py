@@ -23,6 +23,7 @@ from controller.machine import Joints, Machine
 from controller.state import ALWAYS, Fault, Mode, Request
 from controller.tick.check import Check
 from controller.tick.follow import Follow, Step
+from controller.tick.jog import Jogging
 from controller.tick.joints import Encoder
 from controller.tick.mode import Drives, Modes
 from controller.tick.peripherals import Peripherals
@@ -52,6 +53,7 @@ class Cycle:
         self.modes = Modes(group, machine.period_s, times.path_stop_s(machine), times.quick_stop_s(machine))
         self.follow = Follow(machine, Kinematics(machine))
         self.peripherals = Peripherals(machine, group.spindle, group.io)
+        self.jogging = Jogging(machine, self.modes, self.follow)
         self.modes.absolute = sum(1 << i for i, axis in enumerate(machine.axes) if axis.homing.absolute)
         self.modes.homed = self.modes.absolute
         self._homing_asked = 0.0  # axes whose clamps must open before they home
@@ -80,7 +82,7 @@ class Cycle:
         self.late_max_s = 0.0
         self.accepted = 0  # sequence of the last message taken
         self.rejected = 0
-        self._accepted_now = 0  # sequence taken in this tick
+        self._accepted_now = 0  # sequence taken in this tick; negative: refused
 
     # -- the tick
 
@@ -155,6 +157,9 @@ class Cycle:
             self._homing_asked = value
             self.modes.homed &= ~int(value)
             return
+        if request is Request.JOG:
+            self.jogging.ask(self._requests.jog)
+            return
         if self._homing_asked and request not in ALWAYS:
             self._homing_asked = 0.0
             self.peripherals.opens_for(0)
@@ -191,8 +196,11 @@ class Cycle:
         newer = message.sequence > self.accepted and not self.modes.dropped
         if newer and self.modes.takes_pieces and self.follow.accept(message):
             self.accepted = self._accepted_now = message.sequence
+            if self.modes.away:
+                self.modes.away = not self.follow.begins_here(message)
         else:
             self.rejected = message.sequence
+            self._accepted_now = -message.sequence
 
     def _supervise(self, now_s: float, ticks: int) -> None:
         standing = self.follow.at_rest
@@ -203,23 +211,29 @@ class Cycle:
             # A path that no drive hears of has no end: the drives stop by their own supervision.
             self.modes.fail(Fault.SEND_FAILED, -1)
             self.modes.quick_stop()
+        if self.jogging.active:
+            self.jogging.watch(ticks, self._silent > self._silence_ticks)
         self.modes.progress(ticks, standing)
         if self.modes.dropped:
-            self.modes.dropped = False
+            self.modes.dropped = self.modes.away = False
             self.follow.clear()
 
     def _move(self) -> None:
         """The joints of the next SYNC: along the plan, or where the drives are."""
         if not self.modes.on_path:
+            self.jogging.active = False
             self.follow.set_joints(self._where_the_drives_are())
             self._encoder.encode(self.follow.joints)
+            return
+        if self.jogging.active:
+            self._jog()
             return
         modes, follow = self.modes, self.follow
         follow.optional_stop = modes.optional_stop
         follow.single_block = modes.single_block or modes.ending
         running = modes.running and not self.peripherals.waiting
         step = follow.step(follow.goes(running, modes.override, modes.rapid_override))
-        fault, axis = self._judge(step)
+        fault, axis = self._judge(step, self._check)
         if fault is not Fault.NONE:
             self._refuse(fault, axis, step)
         elif step is Step.STOP and modes.running:
@@ -229,12 +243,31 @@ class Cycle:
         elif step is Step.SET and follow.told is not None:
             self.peripherals.tell(follow.told)
 
-    def _judge(self, step: Step) -> tuple[Fault, int]:
+    def _jog(self) -> None:
+        """A step by hand; it cannot fail but by an error of ours, and then no path is left."""
+        jogging = self.jogging
+        is_open = self.modes.mode is Mode.JOG and self._opens(jogging.axes)
+        fault, axis = self._judge(jogging.step(is_open), jogging.check)
+        if fault is not Fault.NONE:
+            self.modes.fail(fault, axis)
+            self.follow.revert()
+            self.modes.quick_stop()
+
+    def _opens(self, axes: int) -> bool:
+        """Whether no clamp holds these axes; one that does not open in time is a fault."""
+        if self.peripherals.opens_for(axes):
+            return True
+        late = self.peripherals.late_to_open()
+        if late >= 0:
+            self.modes.fail(Fault.CLAMP, late)
+        return False
+
+    def _judge(self, step: Step, check: Check) -> tuple[Fault, int]:
         """Checks the step and encodes it; a setpoint that fails stays the last good one."""
         if step is Step.LOST:
             return Fault.BRANCH_LOST, -1
         last, before = self.follow.last
-        fault, axis = self._check.judge(self.follow.joints, last, before)
+        fault, axis = check.judge(self.follow.joints, last, before)
         if fault is Fault.NONE and not self._encoder.encode(self.follow.joints):
             return Fault.TRAVEL, -1
         return fault, axis
@@ -245,7 +278,7 @@ class Cycle:
         if step is not Step.LOST:
             self.follow.revert()
         again = self.follow.step(False)
-        if self._judge(again)[0] is not Fault.NONE:
+        if self._judge(again, self._check)[0] is not Fault.NONE:
             if again is not Step.LOST:
                 self.follow.revert()
             self.modes.quick_stop()
@@ -282,7 +315,7 @@ class Cycle:
             follow.s,
             piece.motion_id if piece else STANDSTILL,
             follow.line,
-            piece.cutting if piece else False,
+            piece is not None and piece.cutting and not self.jogging.active,
             modes.homed,
             *follow.joints,
             *self._encoder.actual,
@@ -308,6 +341,8 @@ class Cycle:
             peripherals.outputs,
             modes.warning,
             modes.untrusted,
+            self.jogging.active,
+            modes.away,
         )
 
     def _record(self, lateness_s: float, sent: bool) -> None:
@@ -319,7 +354,7 @@ class Cycle:
             modes.fault,
             piece.motion_id if piece else STANDSTILL,
             follow.line,
-            piece.cutting if piece else False,
+            piece is not None and piece.cutting and not self.jogging.active,
             follow.tau,
             follow.s,
             follow.rate,
@@ -331,4 +366,7 @@ class Cycle:
             sent,
             self._accepted_now,
             follow.limited_by,
+            modes.override,
+            modes.rapid_override,
+            modes.single_block + 2 * modes.optional_stop,
         )

@@ -144,6 +144,11 @@ class Follow:
         self._prune()
         return True
 
+    def begins_here(self, message: PieceMessage) -> bool:
+        """Whether an accepted message leaves nothing of the queue before it, and begins at these joints."""
+        moves = message.pieces[0].motion_id != STANDSTILL
+        return moves and message.replace_from_s <= self.tau + SAME_TIME_S
+
     def _entries(self, message: PieceMessage, start_s: float) -> list[Entry] | None:
         entries = []
         for piece in message.pieces:
@@ -161,14 +166,11 @@ class Follow:
         if first.start_s <= self.tau + SAME_TIME_S:
             near = self._rotaries(self.joints)
             new = first.motion.joints(first.at(first.start_s)[0], near, self._kinematics)
-            return new is not None and self._same_place(new, self.joints)
+            return new is not None and self.same_place(new, self.joints)
         old = self._entry_at(first.start_s)
         if old is None or old.piece.motion_id != first.piece.motion_id:
             return True  # a boundary of two motions far ahead: the check of each setpoint stands behind
         return abs(old.at(first.start_s)[0] - first.at(first.start_s)[0]) <= SAME_PLACE
-
-    def _same_place(self, a: Joints, b: Joints) -> bool:
-        return all(abs(x - y) <= most for x, y, most in zip(a, b, self._same, strict=True))
 
     def _entry_at(self, tau: float) -> Entry | None:
         return next((e for e in self._queue[self._now :] if e.start_s <= tau < e.end_s), None)
@@ -245,6 +247,17 @@ class Follow:
         self._take(self.joints, 1.0 if go else 0.0)
         self.feed = 0.0
         return Step.MOVED
+
+    def move_to(self, joints: Joints) -> None:
+        """One tick by hand, beside the plan: the clock stands, and the queue stays."""
+        self._save()
+        self._goes = False
+        self._take(joints, 0.0)
+        self.feed = 0.0
+
+    def same_place(self, a: Joints, b: Joints) -> bool:
+        """Whether two positions are one to the drives, and to a queue that begins there."""
+        return all(abs(x - y) <= most for x, y, most in zip(a, b, self._same, strict=True))
 
     def revert(self) -> None:
         """Takes the last step back: its joints must not be sent."""

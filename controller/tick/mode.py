@@ -9,14 +9,13 @@ import math
 from collections.abc import Sequence
 from typing import Any, Protocol
 
-from controller.state import ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Reaction, Request
+from controller.state import ALL_AXES, ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Reaction, Request, bars
 from controller.times import ENABLE_S, HOMING_S
 from drives.cia402 import State, Wanted
 from drives.cyclic.drive import DriveFault
 
 MOST_OVERRIDE = 2.0
 WARNING = 1 << 7  # of the statusword (CiA 402)
-ALL_AXES = 0x1F
 
 # A drive that has tripped, lost its torque or started anew is silent or drops out first.
 _EFFECTS = (Fault.FEEDBACK_LOST, Fault.STATE_LOST, Fault.HEARTBEAT_LOST)
@@ -93,6 +92,8 @@ class Modes:
         self.warning = Fault.NONE  # the last fault that stopped nothing
         self.interlock = Fault.NONE  # what forbids motion at present (door, e-stop); its owner sets it
         self.ending = False  # hold at the end of this block
+        self.jog_ends = False  # the jog comes to rest; its owner then leaves the mode
+        self.away = False  # jogged off the place of the hold; its owner tells
         self.refused = 0  # the last request that the table refused
         self.dropped = False  # the queue is void: its owner clears it and this flag
 
@@ -112,35 +113,38 @@ class Modes:
 
     # -- requests
 
-    def request(self, request: Request, value: float, standing: bool) -> None:
-        """Does what the table allows; remembers what it refuses."""
+    def request(self, request: Request, value: float, standing: bool) -> bool:
+        """Does what the table allows; remembers what it refuses. False if that refuses it."""
         if request in ALWAYS:
             self._always(request, value)
-            return
+            return True
         after = TRANSITIONS.get((self.mode, request))
         if after is None or not self._permitted(request, standing):
             self.refused = request
-            return
+            return False
         self.mode = after
         act = _ACTS.get(request)
         if act is not None:
             act(self, value)
+        return True
 
     def _permitted(self, request: Request, standing: bool) -> bool:
         """What besides the mode a request depends on."""
         if request is Request.RESET:
             return standing or self._quick_stopped
-        if request is Request.START and self.untrusted:
+        if (request is Request.START and self.untrusted) or (request is Request.RESUME and self.away):
             return False
-        if self.interlock is Fault.NONE or request not in _MOVES:
-            return True
-        return request is Request.ENABLE and FAULTS[self.interlock].reaction < Reaction.QUICK_STOP
+        if request is Request.JOG and not standing and self.mode is not Mode.JOG:
+            return False
+        return not bars(self.interlock, request)
 
     def _always(self, request: Request, value: float) -> None:
         if request is Request.ESTOP:
             self.fail(Fault.EMERGENCY_STOP, -1)
         elif request in (Request.OVERRIDE, Request.RAPID_OVERRIDE):
             self._set_override(request, value)
+        elif request is Request.JOG_STOP:
+            self.jog_ends = True
         elif value not in (0.0, 1.0):
             self.refused = request
         elif request is Request.SINGLE_BLOCK:
@@ -176,7 +180,17 @@ class Modes:
         self._group.want(Wanted.ENABLED)
         self.enabling, self._waited = False, 0
 
+    def _jog(self, _: float) -> None:
+        self.jog_ends = False
+
+    def _halt(self, _: float) -> None:
+        """In a program the mode alone says it."""
+        self.jog_ends = True
+
     def _stop(self, _: float) -> None:
+        if self.mode is Mode.JOG:
+            self.jog_ends = True
+            return
         if self.mode is Mode.OFF:  # homing given up
             self._end_homing()
         self.dropped = self.mode is not Mode.STOPPING  # STOPPING drops it at standstill
@@ -233,6 +247,7 @@ class Modes:
             return
         if self.mode not in (Mode.RUNNING, Mode.HOLD):
             self.warning = fault
+            self.jog_ends = self.jog_ends or reaction is Reaction.HOLD
             return
         self.fault, self.fault_axis, self.reaction = fault, axis, reaction
         if reaction is Reaction.HOLD:
@@ -365,12 +380,13 @@ class Modes:
         self.mode = Mode.OFF
 
 
-_MOVES = (Request.START, Request.RESUME, Request.HOME, Request.ENABLE)
 _ACTS = {
     Request.RESUME: Modes._go_on,
     Request.ENABLE: Modes._enable,
     Request.DISABLE: Modes._disable,
     Request.HOME: Modes._home,
     Request.STOP: Modes._stop,
+    Request.HOLD: Modes._halt,
+    Request.JOG: Modes._jog,
     Request.RESET: Modes._reset,
 }

@@ -7,6 +7,7 @@ of them are as told. What an operator's hand can reach is off outside of a progr
    mode          spindle, coolant                    clamps
    OFF, READY    off                                 closed as soon as the axes stand
    HOMING        off                                 open for the axes that home
+   JOG           as before                           open for the axes that move, too
    RUNNING, HOLD as the program says; off while the  as the program says
                  door is open and the axes stand
    FAULT         as before until the axes stand      as before until the axes stand
@@ -42,7 +43,8 @@ _INTERLOCKS = (
     ("tool_clamped", Fault.CLAMP),
     ("door", Fault.DOOR_OPEN),
 )
-_PROGRAM = (Mode.RUNNING, Mode.HOLD, Mode.STOPPING, Mode.FAULT)
+_MOVING = (Mode.RUNNING, Mode.HOMING, Mode.JOG)
+_PROGRAM = (Mode.RUNNING, Mode.HOLD, Mode.STOPPING, Mode.FAULT, Mode.JOG)
 
 
 class SpindleDrive(Protocol):
@@ -126,7 +128,7 @@ class Peripherals:
         self._sag_ticks = round(SPEED_LOST_S / period_s)
         self._flow_ticks = round(FLOW_S / period_s)
         self._wanted = (0.0, 0, 0)  # rev/min, coolant, open clamps: what the program says
-        self._homing = 0  # clamps to be open for an axis that homes
+        self._homing = 0  # clamps to be open for an axis that homes, or is jogged
         self._was_running = self._was_homing = False
         self._waited = self._sagged = self._dry = 0  # ticks
         self.waiting = False
@@ -153,7 +155,7 @@ class Peripherals:
             self._wait()
 
     def opens_for(self, axes: int) -> bool:
-        """Opens the clamps of axes (bit mask) that are about to home; True when they are open."""
+        """Opens the clamps of axes (bit mask) that home or are jogged next; True when they are open."""
         if not self._clamps:
             return True
         self._homing = axes
@@ -161,7 +163,7 @@ class Peripherals:
         return all(clamp.is_open and clamp.is_done(self.inputs) for clamp in mine)
 
     def late_to_open(self) -> int:
-        """Index of an axis whose clamp has not opened in time for homing, or -1."""
+        """Index of an axis whose clamp has not opened in time for that, or -1."""
         for clamp in self._clamps:
             if clamp.bit & self._homing and clamp.is_open and clamp.is_late(self.inputs):
                 return clamp.index
@@ -213,7 +215,7 @@ class Peripherals:
         if found in (Fault.ESTOP_INPUT, Fault.POWER_LOST):
             if modes.mode is not Mode.FAULT or modes.fault is not found:
                 modes.fail(found, -1)
-        elif modes.mode in (Mode.RUNNING, Mode.HOMING) or (modes.mode is Mode.HOLD and self.rev_min):
+        elif modes.mode in _MOVING or (modes.mode is Mode.HOLD and self.rev_min):
             modes.fail(found, -1)
 
     def _tell_all(
@@ -223,7 +225,7 @@ class Peripherals:
         given_up = mode is Mode.FAULT and (standing or not modes.on_path)
         if mode not in _PROGRAM or given_up:
             self._wanted, self.waiting = (0.0, 0, 0), False
-        if mode is Mode.HOMING:
+        if mode in (Mode.HOMING, Mode.JOG):
             self._was_homing = True
         elif self._was_homing or mode is not Mode.OFF:
             self._homing, self._was_homing = 0, False

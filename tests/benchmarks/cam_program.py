@@ -29,9 +29,9 @@ from controller import config  # noqa: E402
 from controller.kinematics import Kinematics  # noqa: E402
 from controller.machine import Joints, Machine  # noqa: E402
 from controller.motions import ToolSpline  # noqa: E402
-from controller.plan.route import path  # noqa: E402
 from controller.plan.feed import profile as profiles  # noqa: E402
 from controller.plan.feed.course import Course  # noqa: E402
+from controller.plan.route import path  # noqa: E402
 from controller.plan.route.stretch import Chain, Pause, Stretch  # noqa: E402
 from controller.plan.text import blocks  # noqa: E402
 

@@ -12,6 +12,7 @@ from controller.handoff import (
     COLUMN,
     ROW,
     STILL,
+    Jog,
     Law,
     Piece,
     PieceInbox,
@@ -25,6 +26,7 @@ from controller.handoff import (
     encode,
     piece_pair,
     request_pair,
+    send_jog,
     send_request,
 )
 from controller.state import Fault, Mode, Request
@@ -49,6 +51,8 @@ def snapshot_values(tick: int) -> tuple[object, ...]:
         1 << 63,
         Fault.DRIVE_WARNING,
         4,
+        True,
+        False,
     )
     joints, actual, states = (1.0, 2.0, 3.0, 4.0, 5.0), (0.1,) * 5, (5,) * 5
     return (*head, *joints, *actual, *states, 2, 1e-4, 8, 6, 1200.0, 1, Request.START, False, *tail)
@@ -131,6 +135,19 @@ def test_requests_arrive_in_order_and_garbage_is_passed_over() -> None:
     assert inbox.take() is None
 
 
+def test_a_jog_arrives_with_its_line_and_only_in_a_datagram_of_its_own() -> None:
+    operator, tick_end = request_pair()
+    inbox = RequestInbox(tick_end)
+    order = Jog((0.6, 0.0, -0.8, 0.0, 1e-3), 25.0)
+    send_jog(operator, order)
+    send_jog(operator, order._replace(length=2.5))
+    send_request(operator, Request.JOG, 25.0)  # along what?
+    operator.send(bytes([Request.HOLD]) + bytes(56))
+    assert inbox.take() == (Request.JOG, 25.0) and inbox.jog == order
+    assert inbox.take() == (Request.JOG, 25.0) and inbox.jog == order._replace(length=2.5)
+    assert inbox.take() is None
+
+
 def test_a_snapshot_reads_back_every_field(tmp_path: object) -> None:
     path = f"{tmp_path}/snapshot"
     board = SnapshotBoard(path)
@@ -142,6 +159,7 @@ def test_a_snapshot_reads_back_every_field(tmp_path: object) -> None:
     assert found is not None
     flat = [x for value in found for x in (value if isinstance(value, tuple) else (value,))]
     assert flat == list(snapshot_values(6))
+    assert found.warning is Fault.DRIVE_WARNING and found.interlock is Fault.DOOR_OPEN
     assert found.mode is Mode.HOLD and found.line == 42 and found.joints[4] == 5.0
 
 

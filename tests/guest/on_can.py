@@ -37,6 +37,14 @@ def drives(interface: str = "vcan0") -> Iterator[subprocess.Popen[bytes]]:
         process.wait()
 
 
+@contextlib.contextmanager
+def drives_when_up(interface: str) -> Iterator[None]:
+    """The same on an interface that somebody else brings up."""
+    until(lambda: int(Path(f"/sys/class/net/{interface}/flags").read_text(), 16) & 1)
+    with drives(interface):
+        yield
+
+
 def ip(*words: str) -> str:
     """The ``ip`` command; its output. Raises CalledProcessError."""
     return subprocess.run(["ip", *words], check=True, capture_output=True, text=True).stdout

@@ -86,6 +86,7 @@ def save(stored: Stored, name: str, where: Path) -> Path:
     with tempfile.NamedTemporaryFile("w", dir=where, suffix=".new", delete=False) as new:
         try:
             json.dump(values, new)
+            os.fchmod(new.fileno(), 0o640)  # the panel checks, and the service finds it: one group
             new.close()
             os.replace(new.name, file)
         except BaseException:

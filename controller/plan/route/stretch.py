@@ -81,11 +81,14 @@ class Chain:
     """Stretches run through without a planned stop; at rest before and after.
 
     ``runs_on``: the next chain goes on without a rest; so an endless row of program
-    lines comes in parts.
+    lines comes in parts. ``from_s`` and ``first_id``: a restart begins inside of its first
+    stretch, which keeps the number it has in the whole program.
     """
 
     stretches: tuple[Stretch, ...]
     runs_on: bool = False
+    from_s: float = 0.0  # in the unit of the first stretch's s; what lies before it is cut already
+    first_id: int | None = None  # motion id of the first stretch; None: counted on
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,6 +30,7 @@ _NEWLINE = re.compile(r"\r\n|\r|\n")
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 _COMMENT = re.compile(r"[();]")
 _NUMBER = re.compile(r"[+-]?[ \t]*(?:[0-9][0-9 \t]*(?:\.[0-9 \t]*)?|\.[ \t]*[0-9][0-9 \t]*)")
+_PROGRAM_NUMBER = re.compile(rf"[{_GAPS}]*[oO:][ \t]*[0-9]{{1,8}}[{_GAPS}]*")
 _OPERATOR = re.compile(r"\*\*|[*/+-]|mod|and|or|xor")
 
 
@@ -72,7 +73,7 @@ def _unreadable(before: str, name: str, found: str) -> ProgramError:
 
 def _lines(whole: str, name: str, block_delete: bool) -> Iterator[Line]:
     parameters: dict[int, float] = {}
-    opened = found = False
+    opened = found = numbered = False
     for number, raw in enumerate(_texts(whole), start=1):
         if plain := PLAIN.fullmatch(raw):
             opened = found = True
@@ -86,6 +87,9 @@ def _lines(whole: str, name: str, block_delete: bool) -> Iterator[Line]:
             if opened or found:
                 break
             opened = True
+            continue
+        if not found and not numbered and _PROGRAM_NUMBER.fullmatch(text):
+            numbered = opened = True  # as controls name programs: O1234 or :1234 before the first block
             continue
         words = _Scanner(text, name, number, parameters).words()
         opened = True

@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
 from controller.__main__ import app
+from controller.catalogue import LANGUAGES
 from controller.state import FAULTS, Fault
 
 ASK = CliRunner()
@@ -29,3 +31,27 @@ def test_the_table_shows_each_fault_once() -> None:
     assert "Faults of trunnion" in shown
     for fault in (Fault.FOLLOWING_ERROR, Fault.CONTROLLER_GONE):
         assert shown.count(fault.name[:9]) >= 1
+
+
+def test_every_line_fits_a_narrow_terminal_and_nothing_is_cut(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("controller.commands.faults.show", Console(width=80, highlight=False))
+    for language in ("en", "de"):
+        ran = ASK.invoke(app, ["faults", "--language", language])
+        assert max(map(len, ran.stdout.splitlines())) <= 80
+        told = " ".join(ran.stdout.split())
+        for fault in Fault:
+            if fault is not Fault.NONE:
+                for text in LANGUAGES[language].faults[fault]:
+                    assert text in told
+
+
+def test_the_texts_are_told_in_german_too() -> None:
+    told = json.loads(ASK.invoke(app, ["faults", "--language", "de", "--json"]).stdout)
+    row = next(row for row in told["faults"] if row["fault"] == "DOOR_OPEN")
+    assert row["text"] == "Die Tür ist offen." and row["cause"] and row["remedy"]
+    assert row["class"] == "Halt auf der Bahn" and row["recovery"] == "resume"
+
+
+def test_a_language_that_is_not_there_is_refused() -> None:
+    ran = ASK.invoke(app, ["faults", "--language", "fr"])
+    assert ran.exit_code == 1 and "allowed are en and de" in ran.stderr

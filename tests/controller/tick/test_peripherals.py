@@ -9,7 +9,7 @@ import pytest
 from machines import machine as make_machine
 from ticking import Bench, s_curve, straight
 
-from controller.handoff import Piece, dwell
+from controller.handoff import Jog, Piece, dwell, send_jog
 from controller.machine import Clamp, Io, Joints, Machine, Spindle
 from controller.state import Fault, Mode, Request
 from controller.tick.peripherals import Peripherals
@@ -263,6 +263,82 @@ def test_homing_begins_when_the_clamp_is_open_and_the_clamp_closes_after_it() ->
     assert shop.snapshot.homed == A
     shop.tick(40)
     assert not shop.node.outputs & OPEN
+    shop.close()
+
+
+TURN_A = Jog((0.0, 0.0, 0.0, 1.0, 0.0), 0.5)
+
+
+def test_a_jog_of_a_clamped_axis_waits_until_it_is_open_and_closes_it_after() -> None:
+    shop = Shop()
+    shop.enable()
+    shop.cycle.modes.homed = 0x1F
+    shop.node.obeys = False
+    for _ in range(3):
+        send_jog(shop.requests, TURN_A)
+        shop.tick(10)
+    assert shop.snapshot.mode is Mode.JOG and shop.node.outputs & OPEN and shop.stands
+    shop.node.obeys = True
+    send_jog(shop.requests, TURN_A)
+    shop.tick(20)
+    assert not shop.stands
+    shop.until(Mode.READY, 300)
+    shop.tick(60)
+    assert not shop.node.outputs & OPEN and shop.snapshot.fault is Fault.NONE
+    send_jog(shop.requests, Jog((1.0, 0.0, 0.0, 0.0, 0.0), 5.0))
+    shop.tick(30)
+    assert shop.snapshot.mode is Mode.JOG and not shop.node.outputs & OPEN  # X has no clamp
+    shop.close()
+
+
+def test_a_clamp_that_does_not_open_for_a_jog_is_named() -> None:
+    shop = Shop()
+    shop.enable()
+    shop.cycle.modes.homed = 0x1F
+    shop.node.obeys = False
+    send_jog(shop.requests, TURN_A._replace(length=0.1))
+    shop.tick(200)
+    assert (shop.snapshot.fault, shop.snapshot.fault_axis) == (Fault.CLAMP, 3)
+    assert shop.stands
+    shop.close()
+
+
+def test_a_jog_out_of_a_hold_leaves_the_spindle_as_the_program_wants_it() -> None:
+    shop = Shop()
+    shop.cut()
+    shop.spindle.at_speed = True
+    shop.tick(100)
+    shop.ask(Request.HOLD)
+    shop.until_rest()
+    shop.tick(3)
+    shop.cycle.modes.homed = 0x1F
+    send_jog(shop.requests, Jog((0.0, 0.0, 1.0, 0.0, 0.0), 20.0, 2.0))
+    shop.tick(2)
+    assert shop.snapshot.mode is Mode.JOG and shop.spindle.rev_min == 6000.0
+    shop.until(Mode.HOLD, 500)
+    assert shop.spindle.rev_min == 6000.0 and shop.snapshot.away
+    shop.close()
+
+
+def test_a_jog_out_of_ready_starts_no_spindle() -> None:
+    shop = Shop()
+    shop.enable()
+    send_jog(shop.requests, Jog((0.0, 0.0, 1.0, 0.0, 0.0), 20.0, 2.0))
+    shop.tick(20)
+    assert shop.snapshot.mode is Mode.JOG and shop.spindle.rev_min == 0.0 and shop.snapshot.coolant == 0
+    shop.close()
+
+
+def test_a_door_opened_in_a_jog_stops_it() -> None:
+    shop = Shop()
+    shop.enable()
+    for n in range(30):
+        send_jog(shop.requests, Jog((0.0, 0.0, 1.0, 0.0, 0.0), 20.0))
+        shop.tick(10)
+        if n == 10:
+            shop.node.inputs &= ~DOOR
+    assert shop.snapshot.mode is Mode.READY and shop.cycle.follow.at_rest
+    assert shop.snapshot.warning is Fault.DOOR_OPEN and shop.snapshot.refused_request == Request.JOG
     shop.close()
 
 

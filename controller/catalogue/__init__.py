@@ -1,0 +1,39 @@
+"""What the operator reads about faults, by language; each text stands here once.
+
+A fault has the same three sentences in every language: what happened, where that usually
+comes from, what to do. What the machine does about it is no matter of language and stands
+in ``fault_table``. Plain values in plain modules, so that no file can be missing at the
+moment when something has gone wrong.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from controller.catalogue import english, german
+from controller.faults import Fault, Reaction, Recovery, Words
+
+
+class Catalogue(NamedTuple):
+    """All texts of one language. ``frames``: what is put round them, with {placeholders}."""
+
+    faults: dict[Fault, Words]
+    classes: dict[Reaction, str]
+    recoveries: dict[Recovery, str]
+    frames: dict[str, str]
+
+
+LANGUAGES: dict[str, Catalogue] = {
+    module.LANGUAGE: Catalogue(module.FAULTS, module.CLASSES, module.RECOVERIES, module.FRAMES)
+    for module in (english, german)
+}
+
+
+def of(language: str) -> Catalogue:
+    """The texts of a language, for instance of 'en'. Raises ValueError with a sentence."""
+    if language in LANGUAGES:
+        return LANGUAGES[language]
+    raise ValueError(
+        f"language {language!r}: there are no texts in it; allowed are {' and '.join(LANGUAGES)}; "
+        "choose one of these."
+    )

@@ -1,0 +1,227 @@
+"""The texts of the faults in English."""
+
+from __future__ import annotations
+
+from controller.faults import Fault, Reaction, Recovery, Words
+
+LANGUAGE = "en"
+
+FRAMES = {
+    "axis": "Axis {axis}: {text}",
+    "also": " Also: {text} {remedy}",
+    "cause": "Cause: {cause}",
+    "remedy": "Remedy: {remedy}",
+    "trusted": "The position is still trusted.",
+    "untrusted": "The position is no longer trusted: home before a program starts.",
+    "position": "position",
+    "yes": "trusted",
+    "no": "lost",
+    "stands": "stands within {ms} ms",
+    "title": "Faults of {machine}",
+}
+
+CLASSES = {
+    Reaction.NONE: "",
+    Reaction.WARN: "warn",
+    Reaction.END_OF_BLOCK: "hold at the end of the block",
+    Reaction.HOLD: "hold on the path",
+    Reaction.PATH_STOP: "coordinated stop",
+    Reaction.LOST_DRIVE: "coordinated stop around the lost drive",
+    Reaction.QUICK_STOP: "quick stop",
+    Reaction.DISABLE: "quick stop, then off",
+}
+
+RECOVERIES = {
+    Recovery.NOTHING: "nothing to do",
+    Recovery.RESUME: "resume",
+    Recovery.RESET: "reset, enable",
+    Recovery.HOME: "reset, home, enable",
+    Recovery.COMMISSION: "reset, commission, home, enable",
+    Recovery.RESTART: "start the controller again",
+}
+
+_TELL = "report this with the recording, for the plan should have slowed down."
+
+FAULTS: dict[Fault, Words] = {
+    Fault.NONE: Words("No fault.", "None.", "Nothing to do."),
+    # --- plan
+    Fault.PLANNER_GONE: Words(
+        "The planner has been silent for more than 100 ms; the tool stopped on the path (planner gone).",
+        "The planner's process ended, or the computer gave it no time: no memory left, or too much load.",
+        "Reset, retract along the tool axis, load the program again.",
+    ),
+    Fault.TRAVEL: Words(
+        "The next setpoint lies outside the travel of an axis; it was not sent.",
+        "Work offset or tool length are not those that the program was checked with.",
+        "Check work offset and tool length, then check the program.",
+    ),
+    Fault.VELOCITY: Words(
+        "The next setpoint asks an axis for more than its velocity; it was not sent.",
+        "An error of the plan, or a program that was started unchecked.",
+        f"Check the program; {_TELL}",
+    ),
+    Fault.ACCELERATION: Words(
+        "The next setpoint asks an axis for more than its acceleration; it was not sent.",
+        "An error of the plan, or a program that was started unchecked.",
+        f"Check the program; {_TELL}",
+    ),
+    Fault.BRANCH_LOST: Words(
+        "The rotary axes cannot reach the next tool axis; nothing was sent.",
+        "The tool axis leaves the cone that the two rotary axes can reach.",
+        "Check the program; report this with the recording.",
+    ),
+    # --- drives
+    Fault.FEEDBACK_LOST: Words(
+        "A drive did not report its position twice in a row.",
+        "A loose plug, a missing or third terminator, a bus that is too full, or a drive without supply.",
+        "Check cable, termination and bus load; reset, commission again and home the axis.",
+    ),
+    Fault.STATE_LOST: Words(
+        "A drive left the state Operation Enabled by itself.",
+        "Its own supervision switched it off: supply, temperature, load, or its enable input.",
+        "Read the drive's error code, remove the cause, reset and home the axis.",
+    ),
+    Fault.TORQUE_OFF: Words(
+        "A drive has lost its torque without an error (safe torque off, or its enable input).",
+        "The safety circuit opened, or a wire of safe torque off (STO) or of the enable input is loose.",
+        "Close the safety circuit, check where the tool stands, reset and enable.",
+    ),
+    Fault.FOLLOWING_ERROR: Words(
+        "A drive stopped because it lagged behind its setpoint by more than its window (EMCY 8611h).",
+        "A collision, a stiff or braked axis, a drive that is badly tuned, or too small a window.",
+        "Look for a collision, a stiff axis or too small a window; reset and home the axis.",
+    ),
+    Fault.LIMIT_SWITCH: Words(
+        "A drive ran onto a limit switch, so its position is not what it is taken for (EMCY 8612h).",
+        "Homed at a wrong place, a travel in the machine file that is too long, or a broken switch wire.",
+        "Move the axis off the switch, reset and home it, then check travel and homing position.",
+    ),
+    Fault.EMCY: Words(
+        "A drive sent an emergency message.",
+        "The drive's own supervision; its error code says which.",
+        "Look up the emergency code of the drive, remove the cause, reset and home the axis.",
+    ),
+    Fault.DRIVE_WARNING: Words(
+        "A drive warns (statusword bit 7); it goes on working.",
+        "Temperature, load or supply come near to what the drive allows.",
+        "Read the drive's error code and history; look at temperature and load before it trips.",
+    ),
+    Fault.HEARTBEAT_LOST: Words(
+        "A drive's heartbeat stopped, or it does not answer node guarding.",
+        "The drive has no supply, its cable is loose, or its firmware hangs.",
+        "Check the drive's supply and cable; reset, commission again and home the axis.",
+    ),
+    Fault.NODE_RESET: Words(
+        "A drive started anew or left NMT Operational by itself; it has forgotten its settings.",
+        "A dip of its supply, or another master on the bus that resets or stops nodes.",
+        "Check the drive's supply; reset, commission again and home the axis.",
+    ),
+    Fault.ENABLE_TIMEOUT: Words(
+        "A drive did not reach Operation Enabled in time.",
+        "No power at its motor supply, safe torque off is open, or an error that was not reset.",
+        "Check the drive's supply, its enable input and its error code; reset and enable again.",
+    ),
+    Fault.HOMING_FAILED: Words(
+        "A drive reported a homing error or did not finish homing.",
+        "The reference switch or index pulse was not found, or the axis stands on the wrong side of it.",
+        "Check the reference switch and the homing method; reset and home again.",
+    ),
+    # --- bus
+    Fault.BUS_OFF: Words(
+        "The CAN controller went bus-off: nothing that is commanded reaches a drive.",
+        "A short circuit, a missing terminator, two bit rates on one bus, or strong interference.",
+        "Check wiring, termination and bit rate; reset, commission again and home.",
+    ),
+    Fault.BUS_ERROR: Words(
+        "The CAN bus reported an error (error passive, an overflow, or the hub is gone).",
+        "Nobody acknowledges (drives off, cable open), interference, or a bad shield.",
+        "Check wiring, termination and bit rate; reset, commission again and home.",
+    ),
+    Fault.RX_OVERFLOW: Words(
+        "Frames were lost because the controller did not take them in time.",
+        "The computer was busy elsewhere, or a node floods the bus.",
+        "Take load off the computer; look for a node that sends too much; reset.",
+    ),
+    Fault.SYNC_FOREIGN: Words(
+        "Somebody else sends SYNC on the bus: drives would take setpoints at the wrong time.",
+        "A drive or another controller is set up as SYNC producer.",
+        "Find the second SYNC producer (object 1006h of each node) and switch it off; reset.",
+    ),
+    Fault.SEND_FAILED: Words(
+        "A frame could not be sent: the transmit queue is full or the bus is gone.",
+        "Nobody acknowledges, the interface is down, or its queue is too short.",
+        "Check the bus, its load and txqueuelen; reset, commission again and home.",
+    ),
+    Fault.SYNC_LOST: Words(
+        "The kernel's SYNC did not come back in time.",
+        "The bus stands, or the kernel's timer was held up.",
+        "Check the bus; set sync to tick in the machine file; start again and home.",
+    ),
+    # --- tick
+    Fault.TOO_MANY_SKIPS: Words(
+        "Too many ticks came too late; the tool stopped on the path.",
+        "Other programs took the tick's core, or the computer saves power while it waits.",
+        "Take load off the computer or use a longer period; reset and go on.",
+    ),
+    Fault.STOP_OVERDUE: Words(
+        "A stop on the path took longer than any stop should; the drives stopped by their own ramps.",
+        "An error of the plan.",
+        f"Check the program; {_TELL}",
+    ),
+    Fault.INTERNAL: Words(
+        "The tick met an error of its own and stopped the drives.",
+        "An error in the controller.",
+        "Report this with the recording; start again and home.",
+    ),
+    Fault.CONTROLLER_GONE: Words(
+        "The tick's process is gone; the drives stopped by their own supervision.",
+        "Somebody ended it, the computer ran out of memory, or its watchdog ended it.",
+        "Find out what ended it, start again and home.",
+    ),
+    # --- operator, safety, peripherals
+    Fault.EMERGENCY_STOP: Words(
+        "Emergency stop was requested.",
+        "Somebody asked for it, on the page or by a script.",
+        "Make the machine safe, reset, enable; the tool has left the path: retract before you start.",
+    ),
+    Fault.ESTOP_INPUT: Words(
+        "The emergency-stop circuit is open.",
+        "A button is pressed, a guard is open, or a wire of the circuit is loose.",
+        "Make the machine safe, close the circuit, reset, enable; retract before you start.",
+    ),
+    Fault.POWER_LOST: Words(
+        "The drives' power supply is gone.",
+        "The main contactor dropped out, a fuse is blown, or the mains failed.",
+        "Restore the supply; reset, commission again and home.",
+    ),
+    Fault.DOOR_OPEN: Words(
+        "The door is open.",
+        "Somebody opened it, or its switch is loose.",
+        "Close the door and resume.",
+    ),
+    Fault.SPINDLE_NOT_AT_SPEED: Words(
+        "The spindle did not reach its speed in time.",
+        "A load from the start, a speed above what the drive can do, or too short a spin_up_s.",
+        "Check the spindle drive, its load and the S word; resume.",
+    ),
+    Fault.SPINDLE_LOST: Words(
+        "The spindle's drive is silent, in error or not enabled.",
+        "Overload, no supply, or a loose cable.",
+        "Retract the tool, read the spindle drive's error code, remove the cause, reset.",
+    ),
+    Fault.CLAMP: Words(
+        "A clamp, of an axis or of the tool, is not as it must be.",
+        "No air or oil, a valve that sticks, or a switch out of place.",
+        "Check air, valve and switch of the clamp; reset.",
+    ),
+    Fault.COOLANT_LOST: Words(
+        "The coolant does not flow.",
+        "An empty tank, a blocked filter, a pump that is off, or a loose flow switch.",
+        "Fill up or clear the coolant, then resume.",
+    ),
+    Fault.IO_LOST: Words(
+        "The node with door and emergency-stop inputs is silent, restarted or in error.",
+        "Its supply dipped, its cable is loose, or its firmware hangs.",
+        "Check its supply and cable; reset (it is commissioned again at the next start).",
+    ),
+}

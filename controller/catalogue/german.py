@@ -1,0 +1,241 @@
+"""Die Texte der Störungen auf Deutsch: the texts of the faults in German."""
+
+from __future__ import annotations
+
+from controller.faults import Fault, Reaction, Recovery, Words
+
+LANGUAGE = "de"
+
+FRAMES = {
+    "axis": "Achse {axis}: {text}",
+    "also": " Außerdem: {text} {remedy}",
+    "cause": "Ursache: {cause}",
+    "remedy": "Abhilfe: {remedy}",
+    "trusted": "Die Position gilt noch.",
+    "untrusted": "Die Position gilt nicht mehr: vor dem nächsten Programm referenzieren.",
+    "position": "Position",
+    "yes": "gilt",
+    "no": "verloren",
+    "stands": "steht in {ms} ms",
+    "title": "Störungen von {machine}",
+}
+
+CLASSES = {
+    Reaction.NONE: "",
+    Reaction.WARN: "Warnung",
+    Reaction.END_OF_BLOCK: "Halt am Satzende",
+    Reaction.HOLD: "Halt auf der Bahn",
+    Reaction.PATH_STOP: "Stopp auf der Bahn",
+    Reaction.LOST_DRIVE: "Stopp auf der Bahn ohne den verlorenen Antrieb",
+    Reaction.QUICK_STOP: "Schnellhalt",
+    Reaction.DISABLE: "Schnellhalt, dann aus",
+}
+
+RECOVERIES = {
+    Recovery.NOTHING: "nichts zu tun",
+    Recovery.RESUME: "fortsetzen",
+    Recovery.RESET: "zurücksetzen, freigeben",
+    Recovery.HOME: "zurücksetzen, referenzieren, freigeben",
+    Recovery.COMMISSION: "zurücksetzen, in Betrieb nehmen, referenzieren, freigeben",
+    Recovery.RESTART: "Steuerung neu starten",
+}
+
+_TELL = "mit der Aufzeichnung melden, denn die Planung hätte langsamer fahren müssen."
+
+FAULTS: dict[Fault, Words] = {
+    Fault.NONE: Words("Keine Störung.", "Keine.", "Nichts zu tun."),
+    # --- plan
+    Fault.PLANNER_GONE: Words(
+        "Die Planung schwieg länger als 100 ms; das Werkzeug hielt auf der Bahn.",
+        "Der Prozess der Planung endete oder bekam keine Rechenzeit: kein Speicher mehr, zu viel Last.",
+        "Zurücksetzen, längs der Werkzeugachse freifahren, das Programm neu laden.",
+    ),
+    Fault.TRAVEL: Words(
+        "Der nächste Sollwert liegt außerhalb des Verfahrwegs einer Achse; er wurde nicht gesendet.",
+        "Nullpunkt oder Werkzeuglänge sind nicht die, mit denen das Programm geprüft wurde.",
+        "Nullpunkt und Werkzeuglänge prüfen, dann das Programm prüfen.",
+    ),
+    Fault.VELOCITY: Words(
+        "Der nächste Sollwert verlangt von einer Achse mehr als ihre Geschwindigkeit; er wurde nicht "
+        "gesendet.",
+        "Ein Fehler der Planung, oder ein Programm, das ungeprüft gestartet wurde.",
+        f"Das Programm prüfen; {_TELL}",
+    ),
+    Fault.ACCELERATION: Words(
+        "Der nächste Sollwert verlangt von einer Achse mehr als ihre Beschleunigung; er wurde nicht "
+        "gesendet.",
+        "Ein Fehler der Planung, oder ein Programm, das ungeprüft gestartet wurde.",
+        f"Das Programm prüfen; {_TELL}",
+    ),
+    Fault.BRANCH_LOST: Words(
+        "Die Drehachsen erreichen die nächste Werkzeugachse nicht; es wurde nichts gesendet.",
+        "Die Werkzeugachse verlässt den Kegel, den die beiden Drehachsen erreichen.",
+        "Das Programm prüfen; mit der Aufzeichnung melden.",
+    ),
+    # --- drives
+    Fault.FEEDBACK_LOST: Words(
+        "Ein Antrieb hat seine Position zweimal nacheinander nicht gemeldet.",
+        "Ein loser Stecker, ein fehlender oder dritter Abschlusswiderstand, ein zu voller Bus, oder ein "
+        "Antrieb ohne Versorgung.",
+        "Kabel, Abschluss und Buslast prüfen; zurücksetzen, neu in Betrieb nehmen und die Achse "
+        "referenzieren.",
+    ),
+    Fault.STATE_LOST: Words(
+        "Ein Antrieb hat den Zustand Operation Enabled von selbst verlassen.",
+        "Seine eigene Überwachung hat abgeschaltet: Versorgung, Temperatur, Last oder Freigabeeingang.",
+        "Fehlercode des Antriebs lesen, Ursache beseitigen, zurücksetzen und die Achse referenzieren.",
+    ),
+    Fault.TORQUE_OFF: Words(
+        "Ein Antrieb hat ohne Fehler sein Drehmoment verloren (STO oder Freigabeeingang).",
+        "Der Sicherheitskreis ging auf, oder eine Ader von STO oder Freigabe ist lose.",
+        "Sicherheitskreis schließen, nachsehen, wo das Werkzeug steht, zurücksetzen und freigeben.",
+    ),
+    Fault.FOLLOWING_ERROR: Words(
+        "Ein Antrieb hielt an, weil sein Schleppfehler das Fenster überschritt (EMCY 8611h).",
+        "Eine Kollision, eine schwergängige oder gebremste Achse, ein schlecht eingestellter Antrieb, "
+        "oder ein zu kleines Fenster.",
+        "Nach Kollision, schwergängiger Achse oder zu kleinem Fenster suchen; zurücksetzen und die Achse "
+        "referenzieren.",
+    ),
+    Fault.LIMIT_SWITCH: Words(
+        "Ein Antrieb lief auf einen Endschalter; seine Position ist also eine andere als angenommen "
+        "(EMCY 8612h).",
+        "Am falschen Ort referenziert, ein zu langer Verfahrweg in der Maschinendatei, oder eine "
+        "gebrochene Ader des Schalters.",
+        "Die Achse vom Schalter fahren, zurücksetzen und referenzieren, dann Verfahrweg und Referenzpunkt "
+        "prüfen.",
+    ),
+    Fault.EMCY: Words(
+        "Ein Antrieb hat eine Notfallmeldung (EMCY) gesendet.",
+        "Die eigene Überwachung des Antriebs; sein Fehlercode sagt, welche.",
+        "Den Fehlercode des Antriebs nachschlagen, Ursache beseitigen, zurücksetzen und die Achse "
+        "referenzieren.",
+    ),
+    Fault.DRIVE_WARNING: Words(
+        "Ein Antrieb warnt (Statuswort Bit 7); er arbeitet weiter.",
+        "Temperatur, Last oder Versorgung nähern sich dem, was der Antrieb erlaubt.",
+        "Fehlercode und Verlauf des Antriebs lesen; Temperatur und Last ansehen, bevor er abschaltet.",
+    ),
+    Fault.HEARTBEAT_LOST: Words(
+        "Der Heartbeat eines Antriebs blieb aus, oder er antwortet nicht auf Node Guarding.",
+        "Der Antrieb hat keine Versorgung, sein Kabel ist lose, oder seine Firmware hängt.",
+        "Versorgung und Kabel des Antriebs prüfen; zurücksetzen, neu in Betrieb nehmen und die Achse "
+        "referenzieren.",
+    ),
+    Fault.NODE_RESET: Words(
+        "Ein Antrieb startete neu oder verließ NMT Operational von selbst; seine Einstellungen sind weg.",
+        "Ein Einbruch seiner Versorgung, oder ein anderer Master, der Knoten zurücksetzt oder anhält.",
+        "Versorgung des Antriebs prüfen; zurücksetzen, neu in Betrieb nehmen und die Achse referenzieren.",
+    ),
+    Fault.ENABLE_TIMEOUT: Words(
+        "Ein Antrieb hat Operation Enabled nicht rechtzeitig erreicht.",
+        "Keine Motorversorgung, STO ist offen, oder ein Fehler steht noch an.",
+        "Versorgung, Freigabeeingang und Fehlercode des Antriebs prüfen; zurücksetzen und erneut freigeben.",
+    ),
+    Fault.HOMING_FAILED: Words(
+        "Ein Antrieb meldete einen Fehler der Referenzfahrt oder beendete sie nicht.",
+        "Referenzschalter oder Nullimpuls wurden nicht gefunden, oder die Achse steht auf der falschen "
+        "Seite.",
+        "Referenzschalter und Referenzierart prüfen; zurücksetzen und erneut referenzieren.",
+    ),
+    # --- bus
+    Fault.BUS_OFF: Words(
+        "Der CAN-Controller ist im Zustand Bus-Off: kein Befehl erreicht einen Antrieb.",
+        "Ein Kurzschluss, ein fehlender Abschluss, zwei Bitraten an einem Bus, oder starke Störungen.",
+        "Verdrahtung, Abschluss und Bitrate prüfen; zurücksetzen, neu in Betrieb nehmen und referenzieren.",
+    ),
+    Fault.BUS_ERROR: Words(
+        "Der CAN-Bus meldete einen Fehler (Error Passive, ein Überlauf, oder der Verteiler ist weg).",
+        "Niemand bestätigt (Antriebe aus, Kabel offen), Störungen, oder ein schlechter Schirm.",
+        "Verdrahtung, Abschluss und Bitrate prüfen; zurücksetzen, neu in Betrieb nehmen und referenzieren.",
+    ),
+    Fault.RX_OVERFLOW: Words(
+        "Telegramme gingen verloren, weil die Steuerung sie nicht rechtzeitig abholte.",
+        "Der Rechner war anderweitig beschäftigt, oder ein Knoten flutet den Bus.",
+        "Den Rechner entlasten; nach einem Knoten suchen, der zu viel sendet; zurücksetzen.",
+    ),
+    Fault.SYNC_FOREIGN: Words(
+        "Jemand anderes sendet SYNC auf dem Bus: Antriebe nähmen Sollwerte zur falschen Zeit.",
+        "Ein Antrieb oder eine andere Steuerung ist als SYNC-Erzeuger eingestellt.",
+        "Den zweiten SYNC-Erzeuger suchen (Objekt 1006h jedes Knotens) und abschalten; zurücksetzen.",
+    ),
+    Fault.SEND_FAILED: Words(
+        "Ein Telegramm ließ sich nicht senden: die Sendewarteschlange ist voll, oder der Bus ist weg.",
+        "Niemand bestätigt, die Schnittstelle ist abgeschaltet, oder ihre Warteschlange ist zu kurz.",
+        "Bus, Buslast und txqueuelen prüfen; zurücksetzen, neu in Betrieb nehmen und referenzieren.",
+    ),
+    Fault.SYNC_LOST: Words(
+        "Das SYNC des Kernels kam nicht rechtzeitig zurück.",
+        "Der Bus steht, oder die Uhr des Kernels wurde aufgehalten.",
+        "Den Bus prüfen; in der Maschinendatei sync auf tick setzen; neu starten und referenzieren.",
+    ),
+    # --- tick
+    Fault.TOO_MANY_SKIPS: Words(
+        "Zu viele Takte kamen zu spät; das Werkzeug hielt auf der Bahn.",
+        "Andere Programme belegten den Rechenkern, oder der Rechner spart in den Pausen Strom.",
+        "Den Rechner entlasten oder eine längere Periode wählen; zurücksetzen und weitermachen.",
+    ),
+    Fault.STOP_OVERDUE: Words(
+        "Ein Stopp auf der Bahn dauerte länger als jeder Stopp dürfte; die Antriebe hielten mit eigener "
+        "Rampe.",
+        "Ein Fehler der Planung.",
+        f"Das Programm prüfen; {_TELL}",
+    ),
+    Fault.INTERNAL: Words(
+        "Im Takt trat ein eigener Fehler auf; die Antriebe wurden angehalten.",
+        "Ein Fehler in der Steuerung.",
+        "Mit der Aufzeichnung melden; neu starten und referenzieren.",
+    ),
+    Fault.CONTROLLER_GONE: Words(
+        "Der Prozess des Takts ist weg; die Antriebe hielten durch ihre eigene Überwachung.",
+        "Jemand hat ihn beendet, der Speicher ging aus, oder sein Wächter hat ihn beendet.",
+        "Herausfinden, was ihn beendete, neu starten und referenzieren.",
+    ),
+    # --- operator, safety, peripherals
+    Fault.EMERGENCY_STOP: Words(
+        "Ein Nothalt wurde angefordert.",
+        "Jemand hat ihn verlangt, auf der Seite oder durch ein Skript.",
+        "Die Maschine sichern, zurücksetzen, freigeben; das Werkzeug hat die Bahn verlassen: vor dem Start "
+        "freifahren.",
+    ),
+    Fault.ESTOP_INPUT: Words(
+        "Der Not-Halt-Kreis ist offen.",
+        "Ein Taster ist gedrückt, eine Schutztür offen, oder eine Ader des Kreises lose.",
+        "Die Maschine sichern, den Kreis schließen, zurücksetzen, freigeben; vor dem Start freifahren.",
+    ),
+    Fault.POWER_LOST: Words(
+        "Die Leistungsversorgung der Antriebe ist weg.",
+        "Das Hauptschütz fiel ab, eine Sicherung hat ausgelöst, oder das Netz fiel aus.",
+        "Versorgung wiederherstellen; zurücksetzen, neu in Betrieb nehmen und referenzieren.",
+    ),
+    Fault.DOOR_OPEN: Words(
+        "Die Tür ist offen.",
+        "Jemand hat sie geöffnet, oder ihr Schalter ist lose.",
+        "Die Tür schließen und fortsetzen.",
+    ),
+    Fault.SPINDLE_NOT_AT_SPEED: Words(
+        "Die Spindel hat ihre Drehzahl nicht rechtzeitig erreicht.",
+        "Last von Anfang an, eine Drehzahl über der möglichen, oder ein zu kurzes spin_up_s.",
+        "Spindelantrieb, seine Last und das S-Wort prüfen; fortsetzen.",
+    ),
+    Fault.SPINDLE_LOST: Words(
+        "Der Spindelantrieb schweigt, hat einen Fehler oder ist nicht freigegeben.",
+        "Überlast, keine Versorgung, oder ein loses Kabel.",
+        "Werkzeug freifahren, Fehlercode des Spindelantriebs lesen, Ursache beseitigen, zurücksetzen.",
+    ),
+    Fault.CLAMP: Words(
+        "Eine Klemmung, einer Achse oder des Werkzeugs, ist nicht so, wie sie sein muss.",
+        "Keine Luft oder kein Öl, ein klemmendes Ventil, oder ein verstellter Schalter.",
+        "Luft, Ventil und Schalter der Klemmung prüfen; zurücksetzen.",
+    ),
+    Fault.COOLANT_LOST: Words(
+        "Das Kühlmittel fließt nicht.",
+        "Ein leerer Tank, ein verstopfter Filter, eine Pumpe, die steht, oder ein loser Strömungswächter.",
+        "Kühlmittel auffüllen oder frei machen, dann fortsetzen.",
+    ),
+    Fault.IO_LOST: Words(
+        "Der Knoten mit den Eingängen für Tür und Not-Halt schweigt, startete neu oder hat einen Fehler.",
+        "Seine Versorgung brach ein, sein Kabel ist lose, oder seine Firmware hängt.",
+        "Versorgung und Kabel prüfen; zurücksetzen (beim nächsten Start wird er neu in Betrieb genommen).",
+    ),
+}

@@ -1,0 +1,66 @@
+"""The process that checks one program for the panel: a job on standard input, lines of JSON out.
+
+    {"program": path, "name": name, "lines": 120, "state": folder, "parent": process id}
+    -> {"progress": 0.25} ...
+    -> {"state": "passed" | "refused" | "failed", "result": {...}}
+
+The machine is the one that the service runs on: its file as the service noted it in the state
+folder, with what is fitted laid over. What is found out is kept for the service, too.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from controller import fitting
+from controller.plan.text.program import ProgramError
+from controller.session import checked, children
+from controller.toml_table import ConfigError
+
+CHECKS = "checks"
+MOST_CUTS = 1000  # surfaces whose lengths are told one by one
+
+Result = tuple[str, dict[str, Any]]
+
+
+def main() -> None:
+    job = json.loads(sys.stdin.read())
+    children.end_with(int(job["parent"]))
+    with contextlib.suppress(OSError):  # a sandbox may forbid it
+        os.nice(15)  # a check has time: everything else of this computer goes first
+    state, result = check(job, lambda share: _say({"progress": share}))
+    _say({"state": state, "result": result})
+
+
+def _say(words: dict[str, Any]) -> None:
+    print(json.dumps(words), flush=True)
+
+
+def check(job: dict[str, Any], progress: Callable[[float], None]) -> Result:
+    """State and result of a job."""
+    state, name = Path(job["state"]), str(job["name"])
+    try:
+        task = checked.task(Path(job["program"]).read_bytes(), name, fitting.machine(state))
+        lines = max(1, int(job["lines"]))
+        found, kept, warning = checked.check(
+            task, state / CHECKS, progress=lambda line: progress(min(1.0, line / lines))
+        )
+    except ProgramError as error:
+        place = {"line": error.line, "column": error.column}
+        return "refused", {"sentence": error.sentence, **place}
+    except (ConfigError, OSError, ValueError) as error:
+        return "failed", {"sentence": f"{name}: could not be checked: {error}"}
+    figures = found.to_dict()
+    figures["cuts_mm"] = figures["cuts_mm"][:MOST_CUTS]
+    notes = [{"line": note.place.line, "note": note.sentence} for note in kept.notes[:MOST_CUTS]]
+    return "passed", {**figures, "notes": notes, "warning": warning, "stored": task.key}
+
+
+if __name__ == "__main__":
+    main()

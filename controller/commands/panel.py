@@ -1,0 +1,97 @@
+"""``directrix panel``: the REST interface of a machine, as an unprivileged process of its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from controller import door
+from controller.verify.console import Refused, refusals, tell
+
+if TYPE_CHECKING:
+    from controller.panel.store import Store
+
+Host = Annotated[str, typer.Option("--host", help="Address to listen on; beyond this computer with users.")]
+Port = Annotated[int, typer.Option("--port", min=0, max=65535, help="TCP port.")]
+State = Annotated[
+    Path | None, typer.Option("--state", help="Folder of what is kept; default: systemd's or the user's.")
+]
+Runtime = Annotated[
+    Path | None, typer.Option("--runtime", help="Folder of the socket; default: systemd's or the user's.")
+]
+Certificate = Annotated[Path | None, typer.Option("--tls-certificate", help="PEM file, with its chain.")]
+Key = Annotated[Path | None, typer.Option("--tls-key", help="PEM file of the certificate's key.")]
+Proxy = Annotated[
+    str, typer.Option("--proxy", help="Address of the proxy that does TLS; its X-Forwarded-... are believed.")
+]
+
+CLOSE_S = 3  # for requests under way, at the end
+EXTRA = "The panel needs more packages: install directrix with its extra (pip install 'directrix[panel]')."
+
+
+def panel(
+    host: Host = "127.0.0.1",
+    port: Port = 8080,
+    state: State = None,
+    runtime: Runtime = None,
+    tls_certificate: Certificate = None,
+    tls_key: Key = None,
+    proxy: Proxy = "",
+) -> None:
+    """Serve programs, status and control of a machine over HTTP; it may end and come back at any time."""
+    from controller.commands import panel_users
+
+    with refusals(False, panel_users.expected):
+        try:
+            import uvicorn
+
+            from controller.panel.access import is_loopback
+        except ImportError as error:
+            raise Refused(f"{EXTRA} ({error})") from error
+        store = panel_users.store_in(state or door.state_folder())
+        if not is_loopback(host):
+            _may_leave(host, bool(store.users.all()), tls_certificate is not None, bool(proxy))
+        for file in (tls_certificate, tls_key):
+            if file is not None and not file.is_file():
+                raise Refused(f"{file}: there is no such file; give a certificate and its key as PEM files.")
+        socket = door.control_path(runtime or door.runtime_folder())
+        tell.print(f"Panel on {host}:{port}, machine behind {socket}, store in {store.folder}", markup=False)
+        uvicorn.run(
+            _app(store, socket),
+            host=host,
+            port=port,
+            log_level="warning",
+            access_log=False,  # the audit log says who changed what
+            server_header=False,
+            proxy_headers=bool(proxy),
+            forwarded_allow_ips=proxy or None,
+            ssl_certfile=tls_certificate,
+            ssl_keyfile=tls_key,
+            timeout_graceful_shutdown=CLOSE_S,
+            ws_max_size=4096,
+        )
+
+
+def _may_leave(host: str, users: bool, certificate: bool, proxy: bool) -> None:
+    """Beyond this computer: never without users, never with passwords in the clear. Raises Refused."""
+    if not users:
+        raise Refused(
+            f"--host {host}: beyond this computer users are needed; add one with: directrix users add NAME."
+        )
+    if not certificate and not proxy:
+        raise Refused(
+            f"--host {host}: beyond this computer passwords need TLS; give --tls-certificate and --tls-key, "
+            "or --proxy ADDRESS where a proxy does it."
+        )
+
+
+def _app(store: Store, socket: Path) -> Any:
+    from controller.panel.checker import Checker
+    from controller.panel.core import Panel
+    from controller.panel.http import make_app
+    from controller.panel.link import SocketDoor
+
+    store.sweep()
+    return make_app(Panel(store, SocketDoor(socket), Checker(store)))

@@ -1,0 +1,177 @@
+"""What ``directrix status`` shows: the machine's status as the REST interface tells it, for a terminal.
+
+Everything here takes the status' values as they come (mm, degrees, mm/min, s) and gives
+something to print; what is missing shows as a dash, for a view must not fail when the
+machine has something to say.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from rich.console import Group, RenderableType
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+Status = Mapping[str, Any]
+
+COLOURS = {
+    "READY": "green",
+    "RUNNING": "bold green",
+    "HOLD": "bold yellow",
+    "STOPPING": "yellow",
+    "FAULT": "bold red",
+    "HOMING": "cyan",
+    "JOG": "cyan",
+    "OFF": "dim",
+}
+COLUMNS = ("machine", "work", "to_go", "actual", "error")
+BAR_CELLS = 30
+
+
+def view(status: Status, alarms: Sequence[Mapping[str, Any]] = ()) -> RenderableType:
+    """The whole of it: mode, positions, feed, job, alarms."""
+    parts: list[RenderableType] = [_headline(status), _joints(status), _feed(status), *_bits(status)]
+    parts += _job(status)
+    return Group(*parts, *_troubles(status), *_alarms(alarms))
+
+
+def line(status: Status) -> str:
+    """One line for logs and scripts, for instance ``RUNNING line 10 42 % left 0:31``."""
+    job = status.get("job") or {}
+    words = [str(status.get("mode", "?"))]
+    if job:
+        words += [f"line {job.get('line', '-')}", percent(done(job)), f"left {clock(job.get('left_s'))}"]
+    fault = status.get("fault")
+    if fault:
+        words.append(str(fault.get("name", fault)))
+    return " ".join(words)
+
+
+def number(value: Any, places: int = 3) -> str:
+    """A figure, or a dash where there is none."""
+    return f"{value:.{places}f}" if isinstance(value, int | float) and not isinstance(value, bool) else "-"
+
+
+def percent(share: Any) -> str:
+    return f"{100.0 * share:.0f} %" if isinstance(share, int | float) else "- %"
+
+
+def clock(seconds: Any) -> str:
+    """Minutes and seconds, with hours where there are any; rounded up, so that 0:00 means done."""
+    if not isinstance(seconds, int | float):
+        return "-"
+    minutes, left = divmod(-int(-seconds // 1), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02d}:{left:02d}" if hours else f"{minutes}:{left:02d}"
+
+
+def _headline(status: Status) -> Text:
+    mode = str(status.get("mode", "?"))
+    told = Text.assemble((f" {mode} ", f"reverse {COLOURS.get(mode, '')}".strip()))
+    if status.get("not_homed"):
+        told.append("  not homed", "yellow")
+    for name, said in (("single_block", "single block"), ("optional_stop", "optional stop")):
+        if status.get(name):
+            told.append(f"  {said}", "cyan")
+    for word in _waits(status):
+        told.append(f"  {word}", "yellow")
+    if holder := status.get("control"):
+        told.append(f"  control: {holder}", "dim")
+    return told
+
+
+def _waits(status: Status) -> Iterator[str]:
+    """What is under way, or waited for."""
+    sequence = status.get("sequence") or {}
+    if sequence.get("state") == "running":
+        yield f"{sequence.get('name')} is under way"
+    if status.get("waiting"):
+        yield "waiting for spindle, coolant or clamps"
+    if interlock := status.get("interlock"):
+        yield f"interlock: {interlock}"
+
+
+def _joints(status: Status) -> Table:
+    table = Table(box=None, pad_edge=False)
+    table.add_column("axis")
+    for column in COLUMNS:
+        table.add_column(column.replace("_", " "), justify="right", min_width=10)
+    table.add_column("")
+    for name, joint in (status.get("joints") or {}).items():
+        marks = ("" if joint.get("homed") else "not homed", "at its limit" if joint.get("limit") else "")
+        figures = (number(joint.get(column)) for column in COLUMNS)
+        table.add_row(name, *figures, Text(" ".join(filter(None, marks)), "yellow"))
+    return table
+
+
+def _feed(status: Status) -> Text:
+    feed = status.get("feed_mm_min") or {}
+    told = Text(f"F {number(feed.get('programmed'), 0)}, actual {number(feed.get('actual'), 0)} mm/min")
+    if limited := status.get("limited_by"):
+        told.append(f", limited by {limited}")
+    told.append(f"   override {percent(status.get('override'))}")
+    told.append(f", rapid {percent(status.get('rapid_override'))}")
+    spindle = status.get("spindle") or {}
+    if spindle.get("on") or spindle.get("actual_rev_min") or spindle.get("rev_min"):
+        told.append(f"   spindle {number(spindle.get('actual_rev_min', spindle.get('rev_min')), 0)} 1/min")
+    return told
+
+
+def _bits(status: Status) -> Iterator[Text]:
+    """Inputs and outputs by name: bold is 1. What a drive reported goes below them."""
+    for kind in ("inputs", "outputs"):
+        if bits := status.get(kind):
+            told = Text(f"{kind}:")
+            for name, on in bits.items():
+                told.append(f"  {name} {'1' if on else '0'}", "bold" if on else "")
+            yield told
+    for drive in status.get("drives") or ():
+        if said := drive.get("error"):
+            yield Text(f"drive of {drive.get('axis', '-')}: {said}", "yellow")
+
+
+def done(job: Mapping[str, Any]) -> float | None:
+    """Share of the program's time that is behind; the planned duration is exact, so this is, too."""
+    left_s, duration_s = job.get("left_s"), job.get("duration_s")
+    if left_s is None or not duration_s:
+        return None
+    return min(max(1.0 - float(left_s) / float(duration_s), 0.0), 1.0)
+
+
+def _job(status: Status) -> Iterator[RenderableType]:
+    job = status.get("job")
+    if not job:
+        yield Text("no program loaded", "dim")
+        return
+    blocks = f", block {job.get('block', '-')} of {job['blocks']}" if job.get("blocks") else ""
+    yield Text(f"{job.get('name', '-')}: line {job.get('line', '-')}{blocks}, {job.get('state') or 'loaded'}")
+    share = done(job)
+    row = Table.grid(padding=(0, 1))
+    row.add_row(
+        ProgressBar(total=1.0, completed=share or 0.0, width=BAR_CELLS),
+        percent(share),
+        f"{clock(job.get('elapsed_s'))} done, {clock(job.get('left_s'))} left",
+    )
+    yield row
+
+
+def _troubles(status: Status) -> Iterator[Text]:
+    if fault := status.get("fault"):
+        yield Text(str(fault.get("sentence") or fault.get("name", "")), "bold red")
+    sequence = status.get("sequence") or {}
+    if sequence.get("state") == "failed":
+        yield Text(f"{sequence.get('name')}: {sequence.get('sentence')}", "yellow")
+    warning = status.get("warning")
+    if isinstance(warning, Mapping):
+        warning = warning.get("sentence") or warning.get("name")
+    if warning:
+        yield Text(str(warning), "yellow")
+
+
+def _alarms(alarms: Sequence[Mapping[str, Any]]) -> Iterator[Text]:
+    """Those that nobody has acknowledged yet."""
+    for alarm in alarms:
+        yield Text(f"alarm {alarm.get('id', '-')}: {alarm.get('sentence', '')}", "red")

@@ -1,0 +1,140 @@
+"""What is fitted on the machine now: work offsets and tools as the operator changed them.
+
+The machine file stays as its builder wrote it. What was changed at the machine is kept
+beside it, in one small file of the state folder, and laid over the machine when it is loaded:
+
+    {"offsets": {"G54": {"origin_mm": [8, 96, 120], "turned_deg": [0, 0, 0]}},
+     "tools": {"2": {"name": "end mill 3 mm", "radius_mm": 1.5, "length_mm": 0, "flute_mm": 15}, "3": null}}
+
+A tool that is null was taken out of the table.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from controller import config
+from controller.geometry import Frame
+from controller.machine import Machine, Tool
+from controller.toml_table import ConfigError, Table
+
+FILE = "fitting.json"
+MACHINE = "machine.json"  # the machine file that the service runs on, complete, for those beside it
+Values = Mapping[str, Any]
+
+
+def load(state: Path) -> dict[str, Any]:
+    """What is kept in a state folder; nothing where nothing was changed. Raises ConfigError."""
+    file = state / FILE
+    try:
+        values = json.loads(file.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError) as error:
+        raise ConfigError(
+            f"{file}: cannot be read ({error}); restore it from a backup or remove it."
+        ) from error
+    if not isinstance(values, dict):
+        raise ConfigError(f"{file}: is no JSON object; restore it from a backup or remove it.")
+    return values
+
+
+def save(state: Path, values: Values) -> None:
+    """Keep it, whole or not at all. Raises OSError."""
+    state.mkdir(parents=True, exist_ok=True)
+    new = state / (FILE + ".new")
+    with open(new, "w", encoding="utf-8") as file:
+        json.dump(values, file, indent=1)
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(new, state / FILE)
+
+
+def note(state: Path, machine: Machine) -> None:
+    """Note the machine file that a service runs on. Raises OSError."""
+    file = state / MACHINE
+    text = json.dumps({"name": machine.name, "text": machine.text})
+    if not file.exists() or file.read_text(encoding="utf-8") != text:
+        new = file.with_suffix(".new")
+        new.write_text(text, encoding="utf-8")
+        os.replace(new, file)
+
+
+def machine(state: Path) -> Machine:
+    """The machine of the service that runs, or ran last, on a state folder, as it is fitted.
+
+    Raises ConfigError, and OSError or ValueError where no service has noted it.
+    """
+    return applied(noted(state), load(state))
+
+
+def noted(state: Path) -> Machine:
+    """The machine that ``note`` noted, as its builder wrote it; raises as ``machine`` does."""
+    found = json.loads((state / MACHINE).read_text(encoding="utf-8"))
+    return config.read(found["text"], found["name"])
+
+
+def applied(machine: Machine, values: Values) -> Machine:
+    """The machine with what is fitted laid over its file. Raises ConfigError."""
+    for name, offset in dict(values.get("offsets") or {}).items():
+        machine = with_offset(machine, str(name), offset)
+    for number, tool in dict(values.get("tools") or {}).items():
+        machine = with_tool(machine, int(number), tool)
+    return machine
+
+
+def with_offset(machine: Machine, name: str, values: object) -> Machine:
+    """A work offset (mm; ``turned_deg`` about X, then Y, then Z of the table). Raises ConfigError."""
+    table = Table("offsets", "offset", {"name": name})
+    table.text("name", config.OFFSETS)
+    frame = config.offset(Table("offsets", name, {name: values}), name)
+    offsets = list(machine.offsets)
+    offsets[config.OFFSETS.index(name)] = frame
+    return replace(machine, offsets=tuple(offsets))
+
+
+def with_tool(machine: Machine, number: int, values: object) -> Machine:
+    """A tool by its number, new or changed; None takes it out of the table. Raises ConfigError."""
+    kept = tuple(tool for tool in machine.tools if tool.number != number)
+    if values is None:
+        if number == 1:
+            raise ConfigError(
+                "tools: tool 1: it is in the spindle at power-on; change it, it cannot be removed."
+            )
+        return replace(machine, tools=kept)
+    if not isinstance(values, dict):
+        raise ConfigError(
+            f"tools: tool {number}: is no table; allowed: name, radius_mm, length_mm, flute_mm."
+        )
+    table = Table("tools", f"tool {number}", {"number": number, **values})
+    tool = Tool(
+        number=table.integer("number", 1, 99999),
+        name=table.text("name", default=f"tool {number}"),
+        radius_mm=table.positive("radius_mm"),
+        length_mm=table.number("length_mm", 0.0),
+        flute_mm=table.positive("flute_mm"),
+    )
+    table.finish()
+    return replace(machine, tools=tuple(sorted((*kept, tool), key=lambda one: one.number)))
+
+
+def offsets_of(machine: Machine) -> dict[str, Any]:
+    """The work offsets as an operator reads them; a turned one shows its axes, too."""
+    return {name: _shown(frame) for name, frame in zip(config.OFFSETS, machine.offsets, strict=True)}
+
+
+def _shown(frame: Frame) -> dict[str, Any]:
+    shown: dict[str, Any] = {"origin_mm": list(frame.origin)}
+    if frame != Frame(frame.origin):
+        shown["axes"] = [list(frame.x), list(frame.y), list(frame.z)]
+    return shown
+
+
+def tools_of(machine: Machine) -> list[dict[str, Any]]:
+    """The tool table."""
+    return [{name: getattr(tool, name) for name in tool.__slots__} for tool in machine.tools]

@@ -1,0 +1,273 @@
+"""The journal of the running program: where it was, so that it can be gone on with after the worst.
+
+One small file, replaced whole: once a second while the program runs, and at every standstill.
+What stands there is where a restart begins, and never beyond what is cut:
+
+```
+    commanded  -------*---------->        running: what was commanded LAG_S ago, so the drives have
+    cut        ------------->              been there whatever happens between this look and the disk
+                      ^ written
+```
+At a standstill (hold, stop, fault on the path) it is the very place. Nothing starts by it: it only
+says whether a restart may be offered, and from where.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import tempfile
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.handoff import COLUMN, Snapshot
+from controller.machine import Joints, Machine, five
+from controller.plan.route.spot import ENTRY_ID, Spot
+from controller.state import Mode
+
+EVERY_S = 0.8  # between two entries of a run; with writing, never more than a second of cut is lost
+LAG_S = 0.05  # longer than drives lag behind and a tick may be late
+FORMAT = 1
+ROWS = 2000  # of the recorder, to look for the last place of a stop
+
+Rows = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """What is run; it does not change while it runs."""
+
+    name: str
+    program_sha256: str
+    machine_sha256: str  # of the machine file
+    offsets_sha256: str
+    tools_sha256: str
+    start: Joints  # mm, rad; where a whole run starts
+    dry_run_mm: float = 0.0
+
+    @classmethod
+    def of(cls, name: str, program: bytes, machine: Machine, start: Joints, dry_run_mm: float = 0.0) -> Job:
+        """Of a program on a machine with its offsets and tools as they are now."""
+        file, offsets, tools = (
+            sha256(text.encode()) for text in (machine.text, repr(machine.offsets), repr(machine.tools))
+        )
+        return cls(name, sha256(program), file, offsets, tools, start, dry_run_mm)
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One state of the journal."""
+
+    job: Job
+    spot: Spot
+    exact: bool  # written at a standstill; otherwise at or before what is cut
+    tool: int  # number of the tool in the spindle
+    mode: str
+    fault: str
+    homed: int  # bit mask
+    time_s: float  # since 1970
+    ended: bool = False  # nothing is left of the program
+
+
+def sha256(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
+
+
+# --- the file
+
+
+def write(entry: Entry, file: Path) -> None:
+    """Replace the file, whole or not at all, and not before the disk has it. Raises OSError."""
+    text = json.dumps({"format": FORMAT, **asdict(entry), "spot": list(entry.spot)})
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile("w", dir=file.parent, prefix=".journal", delete=False) as new:
+        try:
+            new.write(text)
+            new.flush()
+            os.fsync(new.fileno())
+            os.replace(new.name, file)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                os.unlink(new.name)
+            raise
+    folder = os.open(file.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)
+
+
+def read(file: Path) -> tuple[Entry | None, str]:
+    """The entry and "", or None and a sentence; the sentence is "" where there is no journal."""
+    try:
+        return _entry(json.loads(file.read_text())), ""
+    except FileNotFoundError:
+        return None, ""
+    except OSError as error:
+        return None, f"{file}: the journal cannot be read ({error.strerror}); start at a line instead."
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        return None, f"{file}: is no journal of this version; start the program at a line instead."
+
+
+def _entry(values: Any) -> Entry:
+    """Raises ValueError, KeyError or TypeError for anything but what ``write`` writes."""
+    if values.pop("format") != FORMAT:
+        raise ValueError("another format")
+    job = values.pop("job")
+    line, fraction, motion_id, s = values.pop("spot")
+    spot = Spot(int(line), float(fraction), int(motion_id), float(s))
+    start = five([float(q) for q in job.pop("start")])
+    return Entry(job=Job(start=start, **job), spot=spot, **values)
+
+
+# --- whether a restart may be offered
+
+
+def refusal(entry: Entry | None, now: Job, homed: int, untrusted: int, axes: int) -> str:
+    """Why the program is not gone on with, as a sentence; "" where a restart may be offered.
+
+    ``now``: the same program on the machine as it is now; ``homed`` and ``untrusted``: bit
+    masks of the ``axes`` axes. A changed tool is no reason: the rest is cut as the new one does it.
+    """
+    if entry is None or entry.ended:
+        return "There is no interrupted program to go on with; start one from its beginning or at a line."
+    then = entry.job
+    changed = [
+        name
+        for name, same in (
+            ("the program", then.program_sha256 == now.program_sha256),
+            ("the machine file", then.machine_sha256 == now.machine_sha256),
+            ("a work offset", then.offsets_sha256 == now.offsets_sha256),
+        )
+        if not same
+    ]
+    if changed:
+        return (
+            f"{then.name} cannot be gone on with at line {entry.spot.line}: {' and '.join(changed)} changed "
+            "since it was interrupted; undo the change, or start at a line by your own judgement."
+        )
+    if homed != (1 << axes) - 1 or untrusted:
+        return (
+            f"{then.name} cannot be gone on with at line {entry.spot.line} yet: the machine does not know "
+            "where its axes are; home all of them first."
+        )
+    return ""
+
+
+def spot_of(entry: Entry, now: Job) -> Spot:
+    """Where to go on: exactly there, or, with other tools, at the same fraction of the block."""
+    spot = entry.spot
+    return spot if entry.job.tools_sha256 == now.tools_sha256 else Spot(spot.line, spot.fraction)
+
+
+# --- what to write, and when
+
+
+class Journal:
+    """Looks at every snapshot and writes what is due; one per service.
+
+    It needs the tick's snapshots and recorder only, so the plan may be dead. ``problem`` is the
+    sentence on the last entry that could not be written, "" if it could.
+    """
+
+    def __init__(self, file: Path, clock: Callable[[], float] = time.monotonic) -> None:
+        self._file, self._clock = file, clock
+        self._job: Job | None = None
+        self._tool = 1
+        self._seen: Spot | None = None  # the last place on the program
+        self._recent: deque[tuple[float, Spot]] = deque()
+        self._written_s = float("-inf")
+        self._ran = False
+        self.problem = ""
+
+    def begin(self, job: Job, tool: int = 1, spot: Spot | None = None) -> None:
+        """A program is started, or gone on with at ``spot``; the file stays as it is until it moves."""
+        self._job, self._tool, self._seen = job, tool, spot
+        self._recent.clear()
+        self._written_s, self._ran = float("-inf"), False
+
+    def in_spindle(self, tool: int) -> None:
+        """The program, or an operator, has changed the tool."""
+        self._tool = tool
+
+    def look(self, now: Snapshot, rows: Callable[[int], Rows], ended: bool, fraction: float = 0.0) -> None:
+        """Call it with every new snapshot.
+
+        ``rows`` are the recorder's last so many; ``ended``: the program came to its end; ``fraction``
+        of the block, where the plan tells it (it is for people: the motion and its s are exact).
+        """
+        if self._job is None:
+            return
+        if now.mode is Mode.RUNNING:
+            self._run(now, fraction)
+        elif self._ran and now.at_rest and now.mode is not Mode.STOPPING:
+            self._ran = False
+            self._stand(now, rows, fraction)
+            if self._seen is not None:
+                self._write(now, self._seen, True, ended and now.mode is Mode.READY)
+
+    def lost(self, last: Snapshot) -> None:
+        """The tick is gone: the drives have been where it led them a moment before."""
+        if self._ran and self._recent:
+            self._ran = False
+            self._write(last, self._recent[0][1], False, False)
+
+    def _run(self, now: Snapshot, fraction: float) -> None:
+        at_s, self._ran = self._clock(), True
+        if _is_programs(now.motion_id):
+            self._seen = Spot(now.line, fraction, now.motion_id, now.s)
+        if self._seen is None:
+            return  # on the way into the program, and nothing of it is done
+        self._recent.append((at_s, self._seen))
+        while len(self._recent) > 1 and at_s - self._recent[1][0] >= LAG_S:
+            self._recent.popleft()
+        if at_s - self._written_s >= EVERY_S:
+            self._write(now, self._recent[0][1], False, False)
+
+    def _stand(self, now: Snapshot, rows: Callable[[int], Rows], fraction: float) -> None:
+        """The very place; after a stop the tick has forgotten it, but not its recorder."""
+        if _is_programs(now.motion_id):
+            self._seen = Spot(now.line, fraction, now.motion_id, now.s)
+            return
+        for row in rows(ROWS)[::-1]:
+            number = int(row[COLUMN["motion_id"]])
+            if _is_programs(number):
+                self._seen = Spot(int(row[COLUMN["line"]]), fraction, number, float(row[COLUMN["s"]]))
+                return
+
+    def _write(self, now: Snapshot, spot: Spot, exact: bool, ended: bool) -> None:
+        assert self._job is not None
+        entry = Entry(
+            self._job,
+            spot,
+            exact,
+            self._tool,
+            now.mode.name,
+            now.fault.name,
+            now.homed,
+            time.time(),
+            ended,
+        )
+        self._written_s = self._clock()
+        try:
+            write(entry, self._file)
+            self.problem = ""
+        except OSError as error:
+            self.problem = (
+                f"{self._file}: the journal could not be written ({error.strerror}); after a power loss this "
+                "program cannot be gone on with. Free space on the disk."
+            )
+
+
+def _is_programs(motion_id: int) -> bool:
+    """Not a pause, nor an entry or another way aside."""
+    return 0 <= motion_id < ENTRY_ID

@@ -1,0 +1,101 @@
+"""What the panel is made of; every route reaches it by ``access.panel_of``."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Awaitable, Callable
+from pathlib import Path
+
+from controller.panel.checker import Checker
+from controller.panel.database import StoreError
+from controller.panel.events import Events
+from controller.panel.gather import Gatherer
+from controller.panel.link import Door, Watch
+from controller.panel.roles import Control
+from controller.panel.store import Store
+from controller.panel.users import REFRESH_S, Users
+
+MOST_NOTES = 1000  # lines of the audit log that wait for the disk
+LOOK_S = 1.0  # between two looks at what the service wrote, and at programs that came by other ways
+
+
+class Panel:
+    """Store, users, control token, and the way to the machine."""
+
+    def __init__(self, store: Store, door: Door, checker: Checker | None = None) -> None:
+        """``checker``: None where programs are not checked here. Raises StoreError."""
+        self.store, self.door, self.checker = store, door, checker
+        self.gatherer = Gatherer(store.database, store.folder)
+        self.watch = Watch(door)
+        self.users = Users(store.users)
+        self.control = Control()
+        self.events = Events(self.watch, store)
+        self.audited: dict[
+            tuple[str, str, bool], float
+        ] = {}  # (user, action, allowed) -> when, monotonic (s)
+        self.stopped_jogs: dict[str, None] = {}  # presses of a key that ended, latest last
+        self._notes: asyncio.Queue[tuple[str, str, str, str, bool]] = asyncio.Queue(MOST_NOTES)
+
+    @property
+    def recordings(self) -> Path:
+        """A folder per fault, written by the service."""
+        return self.store.folder / "recordings"
+
+    @property
+    def run_records(self) -> Path:
+        """A folder per run, written by the service."""
+        return self.store.folder / "runs"
+
+    def note(self, user: str, address: str, action: str, detail: str = "", allowed: bool = True) -> None:
+        """A line of the audit log; written soon, so that a hold does not wait for the disk."""
+        with contextlib.suppress(asyncio.QueueFull):  # the machine goes before its log
+            self._notes.put_nowait((user, address, action, detail, allowed))
+
+    @contextlib.asynccontextmanager
+    async def running(self) -> AsyncIterator[None]:
+        """While the application runs: events, users as the command line changes them, the audit log."""
+        works = (self.events.run, self._look, self._refresh_users, self._write_notes)
+        tasks = [asyncio.create_task(_kept(work)) for work in works]
+        try:
+            yield
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            await asyncio.to_thread(self._end)
+
+    async def _look(self) -> None:
+        while True:
+            await asyncio.to_thread(self._look_once)
+            await asyncio.sleep(LOOK_S)
+
+    def _look_once(self) -> None:
+        self.gatherer.gather()
+        if self.checker is not None:
+            self.checker.look()
+
+    async def _refresh_users(self) -> None:
+        while True:
+            await asyncio.sleep(REFRESH_S)
+            await asyncio.to_thread(self.users.refresh)
+
+    async def _write_notes(self) -> None:
+        while True:
+            note = await self._notes.get()
+            await asyncio.to_thread(self.store.audit.add, *note)
+
+    def _end(self) -> None:
+        if self.checker is not None:
+            self.checker.close()
+        with contextlib.suppress(StoreError, asyncio.QueueEmpty):
+            while True:
+                self.store.audit.add(*self._notes.get_nowait())
+
+
+async def _kept(work: Callable[[], Awaitable[None]]) -> None:
+    """Do a work that never ends; a store that cannot be used for a while does not end it either."""
+    while True:
+        with contextlib.suppress(StoreError):
+            await work()
+        await asyncio.sleep(1.0)

@@ -1,0 +1,374 @@
+"""What is sent and answered, as OpenAPI shows it. Shown units: mm, degrees, mm/min, shares 0 to 1.
+
+What is sent is taken strictly: no unknown key, no text for a number. What the service says
+is shown as it says it; new facts of a newer service are no error.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from controller.panel.roles import RoleName
+
+Axis = Annotated[str, Field(pattern=r"^[XYZABC]$", description="Name of an axis of the machine file.")]
+Frame = Literal["joint", "part", "tool"]
+UserName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.@-]{1,40}$")]
+Password = Annotated[str, Field(min_length=8, max_length=200)]
+Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+Number = float | None  # null: not known
+Millimetres = Annotated[float, Field(ge=-1e5, le=1e5)]
+
+
+class Sent(BaseModel):
+    """A body that is sent."""
+
+    model_config = ConfigDict(strict=True, extra="forbid")
+
+
+class Told(BaseModel):
+    """A body that is answered."""
+
+    model_config = ConfigDict(extra="allow")
+
+
+# ---- sent
+
+
+class Load(Sent):
+    """A program to be loaded; nothing moves before POST /cycle/start."""
+
+    program: Annotated[str, Field(min_length=1, max_length=200, description="Name in the store.")]
+    line: Annotated[int | None, Field(ge=1, le=10**9, description="Start there; null: at the beginning.")] = (
+        None
+    )
+    fraction: Annotated[float | None, Field(ge=0.0, le=1.0, description="Of the block of that line.")] = None
+    dry_run_mm: Annotated[
+        float | None,
+        Field(ge=0.0, le=1000.0, description="Spindle off, this far away along the tool axis."),
+    ] = None
+
+
+class Switch(Sent):
+    on: bool
+
+
+class Share(Sent):
+    """An override."""
+
+    share: Annotated[float, Field(ge=0.0, le=2.0, description="1.0 = 100 %.")]
+
+
+class RapidShare(Sent):
+    """An override of rapids; they never go faster than planned."""
+
+    share: Annotated[float, Field(ge=0.0, le=1.0, description="1.0 = 100 %.")]
+
+
+class Home(Sent):
+    axes: Annotated[list[Axis] | None, Field(min_length=1, max_length=5, description="null: all.")] = None
+
+
+class Jog(Sent):
+    """Go on moving. Must be repeated: without it the axes come to rest after 200 ms."""
+
+    frame: Frame
+    axis: Axis
+    speed: Annotated[float, Field(ge=-1.0, le=1.0, description="Share of the jog speed, with its sign.")]
+    press: Annotated[
+        str,
+        Field(
+            max_length=40,
+            description="Names one press of a key: what comes late, after its stop, is refused.",
+        ),
+    ] = ""
+
+
+class JogStop(Sent):
+    press: Annotated[str, Field(max_length=40, description="The press that ended.")] = ""
+
+
+class JogStep(Sent):
+    frame: Frame
+    axis: Axis
+    distance: Annotated[float, Field(ge=-1000.0, le=1000.0, description="mm or degrees, with its sign.")]
+
+
+class Mdi(Sent):
+    text: Annotated[str, Field(min_length=1, max_length=1000, description="One or more blocks.")]
+
+
+class Retract(Sent):
+    mm: Annotated[float, Field(gt=0.0, le=1000.0, description="Along the tool axis.")]
+
+
+class OffsetValues(Sent):
+    """A work offset: where the part's origin is on the table, and how the part is turned."""
+
+    origin_mm: Annotated[list[Millimetres], Field(min_length=3, max_length=3)]
+    turned_deg: Annotated[
+        list[Annotated[float, Field(ge=-360.0, le=360.0)]],
+        Field(min_length=3, max_length=3, description="About X, then Y, then Z of the table."),
+    ] = [0.0, 0.0, 0.0]
+
+
+class ToolValues(Sent):
+    """A cylindrical cutter."""
+
+    name: Annotated[str, Field(max_length=60)] = ""
+    radius_mm: Annotated[float, Field(gt=0.0, le=500.0)]
+    length_mm: Annotated[float, Field(ge=0.0, le=2000.0, description="From the gauge line to the tip.")]
+    flute_mm: Annotated[float, Field(gt=0.0, le=1000.0)]
+
+
+class Rename(Sent):
+    name: Annotated[str, Field(min_length=1, max_length=200)]
+
+
+class TakeControl(Sent):
+    take_over: bool = False
+
+
+class LogIn(Sent):
+    name: Annotated[str, Field(max_length=40)]
+    password: Annotated[str, Field(max_length=200)]
+
+
+class NewUser(Sent):
+    name: UserName
+    password: Password
+    role: RoleName
+
+
+class UserChange(Sent):
+    """What is null stays."""
+
+    password: Password | None = None
+    role: RoleName | None = None
+
+
+class NewToken(Sent):
+    name: UserName
+    role: RoleName
+
+
+# ---- answered
+
+
+class Done(Told):
+    """It was done, or is being done; the status shows how it goes on."""
+
+    request: str
+    result: dict[str, Any] = {}
+
+
+class FaultFacts(Told):
+    name: str
+    axis: str | None = None
+    sentence: str | None = None
+    sentence_de: str | None = None
+    recovery: str | None = None
+    position_trusted: bool | None = None
+    recording: str | None = None
+
+
+class JobFacts(Told):
+    name: str | None = None
+    sha256: str | None = None
+    line: int | None = None
+    block: int | None = None
+    fraction: Number = Field(None, description="Of the block.")
+    blocks: int | None = None
+    elapsed_s: Number = None
+    left_s: Number = Field(None, description="Exact at the present override.")
+    duration_s: Number = None
+    state: str | None = None
+
+
+class JointFacts(Told):
+    machine: Number = None
+    work: Number = None
+    to_go: Number = None
+    actual: Number = None
+    error: Number = None
+    homed: bool | None = None
+    limit: Any = None
+
+
+class Feed(Told):
+    programmed: Number = None
+    actual: Number = None
+
+
+class Status(Told):
+    """What the machine is doing, at most 50 ms ago."""
+
+    time_s: Number = None
+    mode: str
+    not_homed: Any = None
+    control: str | None = Field(None, description="Who holds the control token; null: nobody.")
+    fault: FaultFacts | None = None
+    warning: Any = None
+    job: JobFacts | None = None
+    joints: dict[str, JointFacts] = {}
+    tip: Any = None
+    axis: Any = None
+    feed_mm_min: Feed | None = None
+    limited_by: Any = Field(None, description="What holds the feed down now, in words.")
+    override: Number = None
+    rapid_override: Number = None
+    single_block: bool | None = None
+    optional_stop: bool | None = None
+    spindle: Any = None
+    coolant: Any = None
+    inputs: Any = None
+    outputs: Any = None
+    drives: list[dict[str, Any]] = []
+    tick: dict[str, Any] | None = None
+    waiting: Any = None
+    interlock: Any = None
+    jogging: Any = None
+    sequence: Any = None
+
+
+class CheckFacts(Told):
+    """What the check said: figures where it passed, else sentence, line and column."""
+
+    state: str = Field(description="none, waiting, running, passed, refused or failed.")
+    progress: float = 0.0
+    result: dict[str, Any] = {}
+
+
+class ProgramFacts(Told):
+    name: str
+    sha256: Sha256
+    size: int = Field(description="Bytes.")
+    lines: int
+    uploaded_s: float = Field(description="Seconds since 1970.")
+    uploaded_by: str
+    check: CheckFacts | None = None
+    last_run: dict[str, Any] | None = None
+
+
+class ProgramList(Told):
+    programs: list[ProgramFacts]
+
+
+class AlarmFacts(Told):
+    id: int
+    at_s: float = Field(description="Seconds since 1970.")
+    name: str
+    axis: str
+    sentence: str
+    facts: dict[str, Any]
+    acknowledged_s: Number
+    acknowledged_by: str | None
+
+
+class AlarmList(Told):
+    alarms: list[AlarmFacts]
+    before: int | None = Field(description="For the next page; null: this was the last.")
+
+
+class RunFacts(Told):
+    id: int
+    program: str
+    sha256: str
+    began_s: float
+    ended_s: Number
+    result: str
+    facts: dict[str, Any]
+    files: list[str] | None = Field(None, description="Of its record; null in lists.")
+
+
+class RunList(Told):
+    runs: list[RunFacts]
+    before: int | None = Field(description="For the next page; null: this was the last.")
+
+
+class RecordingFacts(Told):
+    name: str
+    files: list[str]
+    bytes: int
+
+
+class RecordingList(Told):
+    recordings: list[RecordingFacts]
+
+
+class DriveList(Told):
+    drives: list[dict[str, Any]]
+
+
+class OffsetList(Told):
+    offsets: dict[str, Any]
+
+
+class ToolList(Told):
+    tools: dict[str, Any]
+
+
+class ControlFacts(Told):
+    holder: str | None
+    since_s: Number
+
+
+class ControlToken(Told):
+    holder: str
+    token: str = Field(description="Send it as X-Control-Token; it is shown only here.")
+
+
+class SessionFacts(Told):
+    """Who asks, and what to send along."""
+
+    name: str
+    role: RoleName
+    how: Literal["local", "session", "token"]
+    csrf: str | None = Field(description="Of a session: send it as X-CSRF-Token with all but GET.")
+
+
+class UserFacts(Told):
+    name: str
+    role: RoleName
+
+
+class UserList(Told):
+    users: list[UserFacts]
+
+
+class TokenFacts(Told):
+    name: str
+    role: RoleName
+    made_s: float
+    made_by: str
+
+
+class TokenList(Told):
+    tokens: list[TokenFacts]
+
+
+class MadeToken(Told):
+    name: str
+    role: RoleName
+    token: str = Field(description="It is shown only here.")
+
+
+class AuditEntry(Told):
+    id: int
+    at_s: float
+    user: str
+    address: str
+    action: str
+    detail: str
+    allowed: bool
+
+
+class AuditList(Told):
+    entries: list[AuditEntry]
+    before: int | None
+
+
+class Version(Told):
+    directrix: str
+    api: str

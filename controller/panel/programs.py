@@ -1,0 +1,220 @@
+"""Programs of the store: names that point at contents, contents as files, and what their checks said.
+
+A file is made (renamed into place) and removed only while the database's write lock is held:
+whoever holds it sees rows and files in step. A process that dies in between leaves a file
+without a row at worst, which ``sweep`` removes; never a row without its file.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import sqlite3
+import time
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from controller.panel import names
+from controller.panel.database import Database, StoreError
+from controller.panel.records import Clock, Facts
+
+INCOMING = ".incoming"
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A name in the store and the content it points at."""
+
+    name: str
+    sha256: str
+    size: int  # bytes
+    lines: int
+    uploaded_s: float
+    uploaded_by: str
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramCheck:
+    """What is known about a content on one machine with its tools and offsets."""
+
+    sha256: str
+    machine: str  # hash, see ``checker``
+    state: str  # 'waiting', 'running', 'passed', 'refused' (the program is wrong), 'failed' (the check is)
+    progress: float  # 0 to 1
+    result: Facts  # passed: figures of ``check --json`` without blocks; else sentence, line, column
+    changed_s: float
+
+
+class Programs:
+    """Names and contents. ``in_use`` are names and sha256 of what is loaded or running."""
+
+    def __init__(self, database: Database, folder: Path, clock: Clock = time.time) -> None:
+        self._database, self.folder, self._clock = database, folder, clock
+        self.incoming = folder / INCOMING
+        try:
+            self.incoming.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise StoreError(
+                "store", f"{folder}: cannot be made ({error.strerror}); check path and permission."
+            ) from error
+
+    def now_s(self) -> float:
+        return self._clock()
+
+    def list(self) -> list[Program]:
+        """All programs by name."""
+        return [Program(*row) for row in self._database.rows("SELECT * FROM programs ORDER BY name")]
+
+    def get(self, name: str) -> Program:
+        """Raises StoreError "missing"."""
+        for row in self._database.rows("SELECT * FROM programs WHERE name = ?", (name,)):
+            return Program(*row)
+        raise StoreError(
+            "missing", f"{names.shown(name)}: there is no such program; see the list of programs."
+        )
+
+    def unchecked(self) -> Sequence[Program]:
+        """Programs whose content was never checked, or whose check has no end yet."""
+        rows = self._database.rows(
+            "SELECT * FROM programs WHERE sha256 NOT IN (SELECT sha256 FROM checks) OR sha256 IN "
+            "(SELECT sha256 FROM checks WHERE state IN ('waiting', 'running')) ORDER BY uploaded_s"
+        )
+        return [Program(*row) for row in rows]
+
+    def path(self, sha256: str) -> Path:
+        """Where a content is."""
+        return self.folder / f"{sha256}.ngc"
+
+    def keep(self, new: Path, program: Program, in_use: Collection[str] = ()) -> Program:
+        """Take a complete, synced file of the incoming folder over as ``program``, whole or not at all.
+
+        Replaces what the name pointed at. Raises StoreError: running.
+        """
+        with self._database.write() as sql:
+            old = _named(sql, program.name)
+            if old:
+                _free(old, in_use)
+            os.replace(new, self.path(program.sha256))
+            _sync_folder(self.folder)
+            sql.execute("REPLACE INTO programs VALUES (?, ?, ?, ?, ?, ?)", _values(program))
+        if old:
+            self._forget(old.sha256)
+        return program
+
+    def rename(self, name: str, to: str, in_use: Collection[str] = ()) -> Program:
+        """Raises StoreError: missing, name, exists, running."""
+        names.check(to)
+        with self._database.write() as sql:
+            old = self._needed(sql, name)
+            _free(old, in_use)
+            if to != name and _named(sql, to):
+                raise StoreError(
+                    "exists", f"{to}: there is a program of this name; delete it, or take another name."
+                )
+            sql.execute("UPDATE programs SET name = ? WHERE name = ?", (to, name))
+        return self.get(to)
+
+    def delete(self, name: str, in_use: Collection[str] = ()) -> None:
+        """Raises StoreError: missing, running."""
+        with self._database.write() as sql:
+            old = self._needed(sql, name)
+            _free(old, in_use)
+            sql.execute("DELETE FROM programs WHERE name = ?", (name,))
+        self._forget(old.sha256)
+
+    def sweep(self) -> int:
+        """Remove contents that no name points at; how many."""
+        return sum(self._forget(file.stem) for file in self.folder.glob("*.ngc"))
+
+    def _needed(self, sql: sqlite3.Connection, name: str) -> Program:
+        if (found := _named(sql, name)) is None:
+            raise StoreError(
+                "missing", f"{names.shown(name)}: there is no such program; see the list of programs."
+            )
+        return found
+
+    def _forget(self, sha256: str) -> bool:
+        """Remove a content unless some name points at it: asked again, under the lock."""
+        with self._database.write() as sql:
+            if sql.execute("SELECT 1 FROM programs WHERE sha256 = ?", (sha256,)).fetchone():
+                return False
+            sql.execute("DELETE FROM checks WHERE sha256 = ?", (sha256,))
+            with contextlib.suppress(OSError):  # then the next sweep
+                self.path(sha256).unlink()
+                return True
+        return False
+
+
+class Checks:
+    """What checks said of contents."""
+
+    def __init__(self, database: Database, clock: Clock = time.time) -> None:
+        self._database, self._clock = database, clock
+
+    def get(self, sha256: str, machine: str) -> ProgramCheck | None:
+        """Of a content on a machine; None = never asked for."""
+        rows = self._database.rows("SELECT * FROM checks WHERE sha256 = ? AND machine = ?", (sha256, machine))
+        return next((_check(row) for row in rows), None)
+
+    def set(
+        self, sha256: str, machine: str, state: str, progress: float = 0.0, result: Facts | None = None
+    ) -> None:
+        """Note a state, if some program still points at that content."""
+        with self._database.write() as sql:
+            if not sql.execute("SELECT 1 FROM programs WHERE sha256 = ?", (sha256,)).fetchone():
+                return
+            text = json.dumps(dict(result or {}), allow_nan=False)
+            sql.execute(
+                "REPLACE INTO checks VALUES (?, ?, ?, ?, ?, ?)",
+                (sha256, machine, state, progress, text, self._clock()),
+            )
+
+    def interrupted(self) -> list[ProgramCheck]:
+        """Checks that were waiting or running when their process ended."""
+        rows = self._database.rows("SELECT * FROM checks WHERE state IN ('waiting', 'running')")
+        return [_check(row) for row in rows]
+
+
+def _named(sql: sqlite3.Connection, name: str) -> Program | None:
+    try:
+        row = sql.execute("SELECT * FROM programs WHERE name = ?", (name,)).fetchone()
+    except UnicodeEncodeError:
+        return None
+    return Program(*row) if row else None
+
+
+def _free(program: Program, in_use: Collection[str]) -> None:
+    if program.name in in_use or program.sha256 in in_use:
+        raise StoreError(
+            "running",
+            f"{program.name}: this program is loaded or running and stays as it is; "
+            f"wait for its end or unload it, or use another name.",
+        )
+
+
+def _values(program: Program) -> tuple[Any, ...]:
+    return (
+        program.name,
+        program.sha256,
+        program.size,
+        program.lines,
+        program.uploaded_s,
+        program.uploaded_by,
+    )
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make a rename last through a power loss."""
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _check(row: sqlite3.Row) -> ProgramCheck:
+    values = dict(row)
+    return ProgramCheck(**{**values, "result": json.loads(values["result"])})

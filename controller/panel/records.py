@@ -1,0 +1,316 @@
+"""Rows of the store as values, and the tables that hold facts only (programs have files, too).
+
+Every ``..._s`` that names a moment is seconds since 1970 (UTC); ``facts`` are JSON values.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from controller.panel.database import Database, StoreError
+
+Facts = Mapping[str, Any]
+Clock = Callable[[], float]
+
+ROLES = ("view", "operate", "set_up")  # each may do what those before it may
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One start of a program and what became of it."""
+
+    id: int
+    program: str
+    sha256: str
+    began_s: float
+    ended_s: float | None
+    result: str  # 'running', 'completed', 'stopped', 'fault'; 'lost' = the service went away during it
+    facts: Facts  # duration_s, cut_time_s, following_error {axis, value}, recording, fault, by, ...
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """A fault as it was told."""
+
+    id: int
+    at_s: float
+    name: str  # of the row in the fault table
+    axis: str  # "" = of none
+    sentence: str
+    facts: Facts  # sentence_de, recovery, position_trusted, recording, ...
+    acknowledged_s: float | None
+    acknowledged_by: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class User:
+    name: str
+    password: str  # argon2 hash
+    role: str  # one of ROLES
+
+
+@dataclass(frozen=True, slots=True)
+class Token:
+    """A script's key; only its hash is kept."""
+
+    name: str
+    role: str
+    made_s: float
+    made_by: str
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A line of the audit log."""
+
+    id: int
+    at_s: float
+    user: str
+    address: str
+    action: str
+    detail: str
+    allowed: bool
+
+
+@dataclass(slots=True)
+class Runs:
+    """History of runs. Raises StoreError."""
+
+    _database: Database
+    _clock: Clock = time.time
+
+    def begin(self, program: str, sha256: str, **facts: Any) -> int:
+        """A run begins; its number."""
+        with self._database.write() as sql:
+            done = sql.execute(
+                "INSERT INTO runs (program, sha256, began_s, result, facts) VALUES (?, ?, ?, 'running', ?)",
+                (program, sha256, self._clock(), _json(facts)),
+            )
+        return done.lastrowid or 0
+
+    def end(self, run: int, result: str, **facts: Any) -> None:
+        """A run ends; ``facts`` add to those of its beginning."""
+        with self._database.write() as sql:
+            row = sql.execute("SELECT facts FROM runs WHERE id = ?", (run,)).fetchone()
+            if row is None:
+                raise StoreError("missing", f"run {run}: there is no such run; see the list of runs.")
+            told = _json({**json.loads(row["facts"]), **facts})
+            sql.execute(
+                "UPDATE runs SET result = ?, ended_s = ?, facts = ? WHERE id = ?",
+                (result, self._clock(), told, run),
+            )
+
+    def lose(self) -> int:
+        """Runs of a service that is gone are lost; how many. For the service, as it starts."""
+        with self._database.write() as sql:
+            return sql.execute("UPDATE runs SET result = 'lost' WHERE result = 'running'").rowcount
+
+    def list(self, most: int = 100, before: int | None = None) -> list[Run]:
+        """The latest first; ``before`` a number, for the next page."""
+        rows = self._database.rows(
+            "SELECT * FROM runs WHERE id < ? ORDER BY id DESC LIMIT ?", (_before(before), most)
+        )
+        return [_run(row) for row in rows]
+
+    def get(self, run: int) -> Run | None:
+        return next((_run(r) for r in self._database.rows("SELECT * FROM runs WHERE id = ?", (run,))), None)
+
+    def last_of(self, program: str) -> Run | None:
+        """The latest run under that name."""
+        rows = self._database.rows(
+            "SELECT * FROM runs WHERE program = ? ORDER BY id DESC LIMIT 1", (program,)
+        )
+        return next((_run(r) for r in rows), None)
+
+
+@dataclass(slots=True)
+class Alarms:
+    """History of alarms. Raises StoreError."""
+
+    _database: Database
+    _clock: Clock = time.time
+
+    def add(self, name: str, sentence: str, axis: str = "", **facts: Any) -> int:
+        """An alarm is raised; its number."""
+        with self._database.write() as sql:
+            done = sql.execute(
+                "INSERT INTO alarms (at_s, name, axis, sentence, facts) VALUES (?, ?, ?, ?, ?)",
+                (self._clock(), name, axis, sentence, _json(facts)),
+            )
+        return done.lastrowid or 0
+
+    def acknowledge(self, alarm: int, by: str) -> Alarm:
+        """The first acknowledgement counts."""
+        with self._database.write() as sql:
+            sql.execute(
+                "UPDATE alarms SET acknowledged_s = ?, acknowledged_by = ? "
+                "WHERE id = ? AND acknowledged_s IS NULL",
+                (self._clock(), by, alarm),
+            )
+        if (found := self.get(alarm)) is None:
+            raise StoreError("missing", f"alarm {alarm}: there is no such alarm; see the list of alarms.")
+        return found
+
+    def list(self, most: int = 100, before: int | None = None, open_only: bool = False) -> list[Alarm]:
+        """The latest first; ``open_only``: not yet acknowledged."""
+        rows = self._database.rows(
+            "SELECT * FROM alarms WHERE id < ? AND (NOT ? OR acknowledged_s IS NULL) "
+            "ORDER BY id DESC LIMIT ?",
+            (_before(before), open_only, most),
+        )
+        return [_alarm(row) for row in rows]
+
+    def get(self, alarm: int) -> Alarm | None:
+        rows = self._database.rows("SELECT * FROM alarms WHERE id = ?", (alarm,))
+        return next((_alarm(r) for r in rows), None)
+
+
+@dataclass(slots=True)
+class Values:
+    """Named JSON values that an operator changes: offsets, tools, settings. Raises StoreError."""
+
+    _database: Database
+    _table: str
+    _key: str
+    _value: str
+    _clock: Clock = time.time
+
+    def all(self) -> dict[Any, Any]:
+        rows = self._database.rows(f"SELECT {self._key}, {self._value} FROM {self._table} ORDER BY 1")
+        return {row[0]: json.loads(row[1]) for row in rows}
+
+    def get(self, key: str | int, default: Any = None) -> Any:
+        return self.all().get(key, default)
+
+    def set(self, key: str | int, value: Any, by: str) -> None:
+        with self._database.write() as sql:
+            self._put(sql, key, value, by)
+
+    def remove(self, key: str | int) -> None:
+        """Back to what the machine file says; nothing happens where there is no such value."""
+        with self._database.write() as sql:
+            sql.execute(f"DELETE FROM {self._table} WHERE {self._key} = ?", (key,))
+
+    def replace(self, values: Mapping[Any, Any], by: str, sql: sqlite3.Connection) -> None:
+        """All of them at once, within the caller's transaction; for a restored back-up."""
+        sql.execute(f"DELETE FROM {self._table}")
+        for key, value in values.items():
+            self._put(sql, key, value, by)
+
+    def _put(self, sql: sqlite3.Connection, key: str | int, value: Any, by: str) -> None:
+        sql.execute(
+            f"REPLACE INTO {self._table} ({self._key}, {self._value}, changed_s, changed_by) "
+            "VALUES (?, ?, ?, ?)",
+            (key, _json(value), self._clock(), by),
+        )
+
+
+@dataclass(slots=True)
+class Users:
+    """Users with their password hashes, and the tokens of scripts. Raises StoreError."""
+
+    _database: Database
+    _clock: Clock = time.time
+
+    def all(self) -> list[User]:
+        rows = self._database.rows("SELECT name, password, role FROM users ORDER BY name")
+        return [User(*row) for row in rows]
+
+    def get(self, name: str) -> User | None:
+        return next((user for user in self.all() if user.name == name), None)
+
+    def set(self, name: str, password: str, role: str) -> None:
+        """Make or change a user; ``password`` is the hash."""
+        _role(role)
+        with self._database.write() as sql:
+            sql.execute(
+                "REPLACE INTO users (name, password, role, changed_s) VALUES (?, ?, ?, ?)",
+                (name, password, role, self._clock()),
+            )
+
+    def remove(self, name: str) -> None:
+        with self._database.write() as sql:
+            if not sql.execute("DELETE FROM users WHERE name = ?", (name,)).rowcount:
+                raise StoreError("missing", f"user {name}: there is no such user; see the list of users.")
+
+    def tokens(self) -> list[Token]:
+        return [Token(*row) for row in self._database.rows("SELECT name, role, made_s, made_by FROM tokens")]
+
+    def token(self, sha256: str) -> Token | None:
+        """The token of that hash."""
+        rows = self._database.rows(
+            "SELECT name, role, made_s, made_by FROM tokens WHERE sha256 = ?", (sha256,)
+        )
+        return next((Token(*row) for row in rows), None)
+
+    def add_token(self, sha256: str, name: str, role: str, by: str) -> None:
+        _role(role)
+        try:
+            with self._database.write() as sql:
+                sql.execute(
+                    "INSERT INTO tokens (sha256, name, role, made_s, made_by) VALUES (?, ?, ?, ?, ?)",
+                    (sha256, name, role, self._clock(), by),
+                )
+        except sqlite3.IntegrityError as error:
+            raise StoreError(
+                "exists", f"token {name}: there is one of this name; remove it first, or name it differently."
+            ) from error
+
+    def remove_token(self, name: str) -> None:
+        with self._database.write() as sql:
+            if not sql.execute("DELETE FROM tokens WHERE name = ?", (name,)).rowcount:
+                raise StoreError("missing", f"token {name}: there is no such token; see the list of tokens.")
+
+
+@dataclass(slots=True)
+class Audit:
+    """Who asked for what; the oldest lines go. Raises StoreError."""
+
+    _database: Database
+    _clock: Clock = time.time
+    most: int = field(default=100_000)
+
+    def add(self, user: str, address: str, action: str, detail: str = "", allowed: bool = True) -> None:
+        with self._database.write() as sql:
+            done = sql.execute(
+                "INSERT INTO audit (at_s, user, address, action, detail, allowed) VALUES (?, ?, ?, ?, ?, ?)",
+                (self._clock(), user, address, action, detail, allowed),
+            )
+            sql.execute("DELETE FROM audit WHERE id <= ?", ((done.lastrowid or 0) - self.most,))
+
+    def list(self, most: int = 100, before: int | None = None) -> list[Entry]:
+        """The latest first."""
+        rows = self._database.rows(
+            "SELECT * FROM audit WHERE id < ? ORDER BY id DESC LIMIT ?", (_before(before), most)
+        )
+        return [Entry(**{**dict(row), "allowed": bool(row["allowed"])}) for row in rows]
+
+
+def _before(number: int | None) -> int:
+    return 2**62 if number is None else min(max(number, 0), 2**62)
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, allow_nan=False)
+
+
+def _role(role: str) -> None:
+    if role not in ROLES:
+        raise StoreError("form", f"role {role!r}: is not known; allowed are {', '.join(ROLES)}; choose one.")
+
+
+def _run(row: sqlite3.Row) -> Run:
+    values = dict(row)
+    del values["source"]
+    return Run(**{**values, "facts": json.loads(values["facts"])})
+
+
+def _alarm(row: sqlite3.Row) -> Alarm:
+    values = dict(row)
+    del values["source"]
+    return Alarm(**{**values, "facts": json.loads(values["facts"])})

@@ -1,0 +1,79 @@
+"""The cycle: load, start, hold, resume, stop, single block, retract and return."""
+
+from __future__ import annotations
+
+import asyncio
+
+from fastapi import APIRouter, Request
+
+from controller.panel import models
+from controller.panel.access import moves, needs, panel_of
+from controller.panel.answers import documented
+from controller.panel.roles import Role
+from controller.panel.routes.machine import MOVES, ask
+
+router = APIRouter(tags=["cycle"])
+
+
+@router.post("/job", dependencies=[moves()], responses=documented(401, 403, 404, 409, 422, 503))
+async def load(request: Request, body: models.Load) -> models.Done:
+    """Load a program of the store, also from a line and a fraction of its block; nothing moves."""
+    programs = panel_of(request).store.programs
+    program = await asyncio.to_thread(programs.get, body.program)
+    where = body.model_dump(include={"line", "fraction", "dry_run_mm"}, exclude_none=True)
+    path = str(programs.path(program.sha256))
+    return await ask(request, "load", path=path, name=program.name, sha256=program.sha256, **where)
+
+
+@router.delete("/job", dependencies=[moves()], responses=MOVES)
+async def unload(request: Request) -> models.Done:
+    """Forget the loaded program; refused while it runs."""
+    return await ask(request, "unload")
+
+
+@router.post("/cycle/start", dependencies=[moves()], responses=MOVES)
+async def start(request: Request) -> models.Done:
+    """Cycle start of the loaded program."""
+    return await ask(request, "start")
+
+
+@router.post("/cycle/hold", dependencies=[needs(Role.OPERATE)], responses=MOVES)
+async def hold(request: Request) -> models.Done:
+    """Slow down to rest on the path, at once. Needs no control token."""
+    return await ask(request, "hold")
+
+
+@router.post("/cycle/resume", dependencies=[moves()], responses=MOVES)
+async def resume(request: Request) -> models.Done:
+    """Go on after a hold."""
+    return await ask(request, "resume")
+
+
+@router.post("/cycle/stop", dependencies=[needs(Role.OPERATE)], responses=MOVES)
+async def stop(request: Request) -> models.Done:
+    """Slow down to rest on the path and end the program. Needs no control token."""
+    return await ask(request, "stop")
+
+
+@router.put("/cycle/single_block", dependencies=[moves()], responses=MOVES)
+async def single_block(request: Request, body: models.Switch) -> models.Done:
+    """Stop at the end of every block, or run through."""
+    return await ask(request, "single_block", on=body.on)
+
+
+@router.put("/cycle/optional_stop", dependencies=[moves()], responses=MOVES)
+async def optional_stop(request: Request, body: models.Switch) -> models.Done:
+    """Whether M1 stops."""
+    return await ask(request, "optional_stop", on=body.on)
+
+
+@router.post("/cycle/retract", dependencies=[moves()], responses=MOVES)
+async def retract(request: Request, body: models.Retract) -> models.Done:
+    """In a hold: move back along the tool axis, to look or to change the insert."""
+    return await ask(request, "retract", mm=body.mm)
+
+
+@router.post("/cycle/return", dependencies=[moves()], responses=MOVES)
+async def return_(request: Request) -> models.Done:
+    """Back to the path by the way of the retract."""
+    return await ask(request, "return")

@@ -1,0 +1,172 @@
+"""Programs of the store: upload, list, text, rename, delete, check."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import asdict
+from typing import Any
+
+from fastapi import APIRouter, Request, Response
+from fastapi.responses import FileResponse
+
+from controller.panel import models, multipart
+from controller.panel.access import needs, panel_of, principal
+from controller.panel.answers import documented
+from controller.panel.core import Panel
+from controller.panel.multipart import Received
+from controller.panel.programs import Program
+from controller.panel.roles import Role
+
+router = APIRouter(tags=["programs"])
+IN_USE_S = 10.0
+FORM = {
+    "type": "object",
+    "required": ["file"],
+    "properties": {
+        "file": {"type": "string", "format": "binary", "minLength": 1, "description": "The program."},
+        "sha256": {
+            "type": "string",
+            "pattern": "^([0-9A-Fa-f]{64})?$",
+            "description": "What came is kept only if it has this checksum; empty: it is not looked at.",
+        },
+    },
+}
+BODY = {"requestBody": {"required": True, "content": {"multipart/form-data": {"schema": FORM}}}}
+
+
+async def take(request: Request) -> Received:
+    """The program of an upload, whole or not at all. Raises StoreError and Refusal."""
+    panel, loop = panel_of(request), asyncio.get_running_loop()
+    who = await principal(request)
+
+    def in_use() -> frozenset[str]:  # asked by the thread that keeps the file, at the last moment
+        return asyncio.run_coroutine_threadsafe(panel.watch.in_use(), loop).result(IN_USE_S)
+
+    kind = request.headers.get("content-type", "")
+    received = await multipart.receive(request.stream(), kind, panel.store.uploads, who.name, in_use)
+    if panel.checker is not None:
+        await asyncio.to_thread(panel.checker.ask, received.program)
+    panel.events.tell("programs", {"name": received.program.name, "done": "uploaded"})
+    return received
+
+
+@router.post(
+    "/programs",
+    status_code=201,
+    dependencies=[needs(Role.OPERATE)],
+    openapi_extra=BODY,
+    responses=documented(401, 403, 409, 413, 422, 429),
+)
+async def upload(request: Request, response: Response) -> models.ProgramFacts:
+    """Upload a program under its file's name; it is checked, and never starts by itself."""
+    program = (await take(request)).program
+    response.headers["Location"] = str(request.url_for("program", name=program.name))
+    return await asyncio.to_thread(_facts, panel_of(request), program)
+
+
+@router.get("/programs", dependencies=[needs(Role.VIEW)], responses=documented(401, 403))
+async def programs(request: Request) -> models.ProgramList:
+    """All programs, by name."""
+    panel = panel_of(request)
+
+    def listed() -> list[models.ProgramFacts]:
+        return [_facts(panel, program) for program in panel.store.programs.list()]
+
+    return models.ProgramList(programs=await asyncio.to_thread(listed))
+
+
+@router.get("/programs/{name}", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 404, 422))
+async def program(request: Request, name: str) -> models.ProgramFacts:
+    """One program, with its check and its last run."""
+    panel = panel_of(request)
+    return await asyncio.to_thread(lambda: _facts(panel, panel.store.programs.get(name)))
+
+
+@router.get(
+    "/programs/{name}/text",
+    dependencies=[needs(Role.VIEW)],
+    response_class=FileResponse,
+    responses={
+        200: {"content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}},
+        **documented(401, 403, 404, 422),
+    },
+)
+async def text(request: Request, name: str) -> FileResponse:
+    """The program as it was uploaded, byte by byte."""
+    programs = panel_of(request).store.programs
+    found = await asyncio.to_thread(programs.get, name)
+    # Never shown by a browser as a page: programs come from anywhere.
+    return FileResponse(
+        programs.path(found.sha256),
+        media_type="application/octet-stream",
+        filename=found.name,
+        headers={"ETag": f'"{found.sha256}"', "X-Content-Type-Options": "nosniff"},
+    )
+
+
+@router.patch(
+    "/programs/{name}",
+    dependencies=[needs(Role.OPERATE)],
+    responses=documented(401, 403, 404, 409, 422),
+)
+async def rename(request: Request, name: str, body: models.Rename) -> models.ProgramFacts:
+    """Give a program another name; refused for the loaded one."""
+    panel = panel_of(request)
+    used = await panel.watch.in_use()
+    renamed = await asyncio.to_thread(panel.store.programs.rename, name, body.name, used)
+    panel.events.tell("programs", {"name": name, "done": "renamed", "to": renamed.name})
+    return await asyncio.to_thread(_facts, panel, renamed)
+
+
+@router.delete(
+    "/programs/{name}",
+    status_code=204,
+    dependencies=[needs(Role.OPERATE)],
+    responses=documented(401, 403, 404, 409, 422),
+)
+async def delete(request: Request, name: str) -> None:
+    """Delete a program; refused for the loaded one."""
+    panel = panel_of(request)
+    await asyncio.to_thread(panel.store.programs.delete, name, await panel.watch.in_use())
+    panel.events.tell("programs", {"name": name, "done": "deleted"})
+
+
+@router.get(
+    "/programs/{name}/check", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 404, 422)
+)
+async def check(request: Request, name: str) -> models.CheckFacts:
+    """What the check said, or how far it is."""
+    panel = panel_of(request)
+    return await asyncio.to_thread(lambda: _check(panel, panel.store.programs.get(name)))
+
+
+@router.post(
+    "/programs/{name}/check",
+    status_code=202,
+    dependencies=[needs(Role.OPERATE)],
+    responses=documented(401, 403, 404, 422),
+)
+async def ask_check(request: Request, name: str) -> models.CheckFacts:
+    """Have it checked on the machine as it is fitted now, unless it was."""
+    panel = panel_of(request)
+
+    def ask() -> models.CheckFacts:
+        found = panel.store.programs.get(name)
+        if panel.checker is not None:
+            panel.checker.ask(found)
+        return _check(panel, found)
+
+    return await asyncio.to_thread(ask)
+
+
+def _facts(panel: Panel, program: Program) -> models.ProgramFacts:
+    run = panel.store.runs.last_of(program.name)
+    last: dict[str, Any] | None = asdict(run) if run else None
+    return models.ProgramFacts(**asdict(program), check=_check(panel, program), last_run=last)
+
+
+def _check(panel: Panel, program: Program) -> models.CheckFacts:
+    known = panel.checker.of(program) if panel.checker is not None else None
+    if known is None:
+        return models.CheckFacts(state="none")
+    return models.CheckFacts(state=known.state, progress=known.progress, result=dict(known.result))

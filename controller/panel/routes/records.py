@@ -1,0 +1,156 @@
+"""What was: alarms, runs and the recordings of faults."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path as FilePath
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Path, Query, Request
+from fastapi.responses import FileResponse
+
+from controller.panel import models
+from controller.panel.access import needs, panel_of, principal
+from controller.panel.answers import Refusal, documented
+from controller.panel.core import Panel
+from controller.panel.roles import Role
+from controller.panel.store import Run
+
+router = APIRouter(tags=["records"])
+Most = Annotated[int, Query(ge=1, le=1000, description="At most so many.")]
+Before = Annotated[int | None, Query(ge=0, le=2**53, description="Those before this number.")]
+Only = Annotated[str, Query(pattern="^(all|open)$", description="'open': not acknowledged yet.")]
+Number = Annotated[int, Path(ge=1, le=2**53)]
+PAGE = documented(401, 403, 422)
+FileName = Annotated[str, Path(pattern=r"^[0-9A-Za-z][0-9A-Za-z._-]{0,100}$")]
+FILE: dict[int | str, dict[str, Any]] = {
+    200: {"content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}},
+    **documented(401, 403, 404, 422),
+}
+
+
+def before(rows: Sequence[Any], most: int) -> int | None:
+    """Where the next page begins; None where there is none."""
+    return rows[-1].id if len(rows) == most else None
+
+
+@router.get("/alarms", dependencies=[needs(Role.VIEW)], responses=PAGE)
+async def alarms(
+    request: Request, most: Most = 100, before_id: Before = None, only: Only = "all"
+) -> models.AlarmList:
+    """Alarms, the latest first."""
+    panel = panel_of(request)
+    await asyncio.to_thread(panel.gatherer.gather)
+    rows = await asyncio.to_thread(panel.store.alarms.list, most, before_id, only == "open")
+    return models.AlarmList(alarms=[models.AlarmFacts(**asdict(r)) for r in rows], before=before(rows, most))
+
+
+@router.post(
+    "/alarms/{number}/acknowledge",
+    dependencies=[needs(Role.OPERATE)],
+    responses=documented(401, 403, 404, 422),
+)
+async def acknowledge(request: Request, number: Number) -> models.AlarmFacts:
+    """Somebody has seen an alarm; who, is kept. It resets nothing."""
+    panel, who = panel_of(request), await principal(request)
+    alarm = await asyncio.to_thread(panel.store.alarms.acknowledge, number, who.name)
+    with contextlib.suppress(Refusal):  # it is kept here, whether or not the service is there to be told
+        await panel.door.ask("acknowledge", id=alarm.facts.get("number", number))
+    return models.AlarmFacts(**asdict(alarm))
+
+
+@router.get("/runs", dependencies=[needs(Role.VIEW)], responses=PAGE)
+async def runs(request: Request, most: Most = 100, before_id: Before = None) -> models.RunList:
+    """Runs, the latest first: duration, cut time, worst following error, result."""
+    panel = panel_of(request)
+    await asyncio.to_thread(panel.gatherer.gather)
+    rows = await asyncio.to_thread(panel.store.runs.list, most, before_id)
+    return models.RunList(runs=[models.RunFacts(**asdict(r)) for r in rows], before=before(rows, most))
+
+
+@router.get("/runs/{number}", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 404, 422))
+async def run(request: Request, number: Number) -> models.RunFacts:
+    """One run, with the names of its files."""
+    panel = panel_of(request)
+    found = await _run(panel, number)
+    files = await asyncio.to_thread(files_of, panel.run_records, _record(found))
+    return models.RunFacts(**asdict(found), files=files)
+
+
+@router.get(
+    "/runs/{number}/files/{file}",
+    dependencies=[needs(Role.VIEW)],
+    response_class=FileResponse,
+    responses=FILE,
+)
+async def run_file(request: Request, number: Number, file: FileName) -> FileResponse:
+    """One file of a run's record: run.json, events.jsonl for ``simulate --events``, setpoints.npz."""
+    panel = panel_of(request)
+    return await _sent(panel.run_records, _record(await _run(panel, number)), file)
+
+
+async def _run(panel: Panel, number: int) -> Run:
+    found = await asyncio.to_thread(panel.store.runs.get, number)
+    if found is None:
+        raise Refusal(404, "missing", f"run {number}: there is no such run; see the list of runs.")
+    return found
+
+
+def _record(run: Run) -> str:
+    """Name of the folder that the service wrote."""
+    return str(run.facts.get("record", ""))
+
+
+@router.get("/recordings", dependencies=[needs(Role.VIEW)], responses=documented(401, 403))
+async def recordings(request: Request) -> models.RecordingList:
+    """What is kept of faults: the last seconds of every tick and of every frame."""
+    return models.RecordingList(recordings=await asyncio.to_thread(_listed, panel_of(request).recordings))
+
+
+@router.get(
+    "/recordings/{name}/{file}",
+    dependencies=[needs(Role.VIEW)],
+    response_class=FileResponse,
+    responses=FILE,
+)
+async def recording(request: Request, name: FileName, file: FileName) -> FileResponse:
+    """One file of a recording."""
+    return await _sent(panel_of(request).recordings, name, file)
+
+
+def _listed(folder: FilePath) -> list[models.RecordingFacts]:
+    names = sorted((one.name for one in _inside(folder) if one.is_dir()), reverse=True)
+    return [_recording(folder, name) for name in names]
+
+
+def _recording(folder: FilePath, name: str) -> models.RecordingFacts:
+    files = files_of(folder, name)
+    size = sum((folder / name / file).stat().st_size for file in files)
+    return models.RecordingFacts(name=name, files=files, bytes=size)
+
+
+# ---- files of records
+
+
+def files_of(folder: FilePath, name: str) -> list[str]:
+    """Names of the files of one record."""
+    if name not in {one.name for one in _inside(folder)}:
+        return []
+    return sorted(file.name for file in _inside(folder / name) if file.is_file() and not file.is_symlink())
+
+
+async def _sent(folder: FilePath, name: str, file: str) -> FileResponse:
+    # Only what is listed: a name from outside is compared, never made into a path.
+    if file not in await asyncio.to_thread(files_of, folder, name):
+        raise Refusal(404, "missing", f"{name}/{file}: there is no such file; see the list.")
+    return FileResponse(folder / name / file, media_type="application/octet-stream", filename=file)
+
+
+def _inside(folder: FilePath) -> list[FilePath]:
+    try:
+        return list(folder.iterdir())
+    except OSError:  # not made yet, or just taken away with the oldest
+        return []

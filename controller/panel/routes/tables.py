@@ -1,0 +1,55 @@
+"""Work offsets and the tool table: kept by the service, changed at rest only."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Path, Request
+
+from controller.panel import models
+from controller.panel.access import moves, needs, panel_of
+from controller.panel.roles import Role
+from controller.panel.routes.machine import LOOKS, MOVES, ask
+
+router = APIRouter(tags=["offsets and tools"])
+OffsetName = Annotated[str, Path(pattern=r"^G5[4-9]$")]
+ToolNumber = Annotated[int, Path(ge=1, le=9999)]
+
+
+@router.get("/offsets", dependencies=[needs(Role.VIEW)], responses=LOOKS)
+async def offsets(request: Request) -> models.OffsetList:
+    """The work offsets as they are in force."""
+    return models.OffsetList(offsets=_by(await panel_of(request).door.ask("facts"), "offsets", "name"))
+
+
+@router.put("/offsets/{name}", dependencies=[moves()], responses=MOVES)
+async def set_offset(request: Request, name: OffsetName, body: models.OffsetValues) -> models.Done:
+    """Change a work offset; refused while the machine moves or a program is on."""
+    return await ask(request, "set_offset", name=name, values=body.model_dump())
+
+
+@router.get("/tools", dependencies=[needs(Role.VIEW)], responses=LOOKS)
+async def tools(request: Request) -> models.ToolList:
+    """The tool table as it is in force."""
+    return models.ToolList(tools=_by(await panel_of(request).door.ask("facts"), "tools", "number"))
+
+
+@router.put("/tools/{number}", dependencies=[moves()], responses=MOVES)
+async def set_tool(request: Request, number: ToolNumber, body: models.ToolValues) -> models.Done:
+    """Add or change a tool; refused while the machine moves or a program is on, but for the
+    insert that is changed after a retract."""
+    return await ask(request, "set_tool", number=number, **body.model_dump())
+
+
+@router.delete("/tools/{number}", dependencies=[moves()], responses=MOVES)
+async def remove_tool(request: Request, number: ToolNumber) -> models.Done:
+    """Take a tool out of the table; refused as a change is."""
+    return await ask(request, "set_tool", number=number, remove=True)
+
+
+def _by(facts: dict[str, Any], what: str, key: str) -> dict[str, Any]:
+    """Rows by their key, however the service tells them."""
+    found = facts.get(what) or {}
+    if isinstance(found, dict):
+        return {str(name): value for name, value in found.items()}
+    return {str(row.get(key)): row for row in found}

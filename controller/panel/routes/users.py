@@ -1,0 +1,123 @@
+"""Users, tokens of scripts, settings and the audit log: for who sets up."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import asdict
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Request
+
+from controller.panel import models
+from controller.panel.access import needs, panel_of, principal
+from controller.panel.answers import Refusal, documented
+from controller.panel.core import Panel
+from controller.panel.roles import Role
+from controller.panel.routes.records import Before, Most, before
+from controller.panel.users import new_token
+
+router = APIRouter(tags=["users"])
+Name = Annotated[str, Path(pattern=r"^[A-Za-z0-9_.@-]{1,40}$")]
+GUARD = [needs(Role.SET_UP)]
+# From the first user on everybody has to log in: whoever made it would own the machine, and
+# without users any program on this computer could be who.
+FIRST = "There are no users yet; add the first one at the command line: directrix users add NAME."
+CHANGES = documented(401, 403, 404, 409, 422)
+
+
+@router.get("/users", dependencies=GUARD, responses=documented(401, 403))
+async def users(request: Request) -> models.UserList:
+    """All users and their roles."""
+    rows = await asyncio.to_thread(panel_of(request).store.users.all)
+    return models.UserList(
+        users=[models.UserFacts(name=row.name, role=Role.named(row.role).label) for row in rows]
+    )
+
+
+@router.post("/users", status_code=201, dependencies=GUARD, responses=documented(401, 403, 409, 422))
+async def add_user(request: Request, body: models.NewUser) -> models.UserFacts:
+    """Add a user; the first one is added at the command line."""
+    panel = panel_of(request)
+    rows = await asyncio.to_thread(panel.store.users.all)
+    if any(row.name == body.name for row in rows):
+        raise Refusal(409, "exists", f"user {body.name}: there is one of this name; change or remove it.")
+    if not rows:
+        raise Refusal(409, "role", FIRST)
+    await _set(panel, body.name, await panel.users.hash(body.password), body.role)
+    return models.UserFacts(name=body.name, role=body.role)
+
+
+@router.patch("/users/{name}", dependencies=GUARD, responses=CHANGES)
+async def change_user(request: Request, name: Name, body: models.UserChange) -> models.UserFacts:
+    """Another password, another role; the user's sessions end."""
+    panel = panel_of(request)
+    row = await asyncio.to_thread(panel.store.users.get, name)
+    if row is None:
+        raise Refusal(404, "missing", f"user {name}: there is no such user; see the list of users.")
+    role = body.role or Role.named(row.role).label
+    await _not_the_last(panel, name, role == "set_up")
+    password = row.password if body.password is None else await panel.users.hash(body.password)
+    await _set(panel, name, password, role)
+    return models.UserFacts(name=name, role=role)
+
+
+@router.delete("/users/{name}", status_code=204, dependencies=GUARD, responses=CHANGES)
+async def remove_user(request: Request, name: Name) -> None:
+    """Remove a user; the sessions end."""
+    panel = panel_of(request)
+    await _not_the_last(panel, name, False)
+    await asyncio.to_thread(panel.store.users.remove, name)
+    await _changed(panel, name)
+
+
+async def _not_the_last(panel: Panel, name: str, still: bool) -> None:
+    """Nobody locks everybody out by removing the last one who sets up."""
+    rows = await asyncio.to_thread(panel.store.users.all)
+    setting_up = {row.name for row in rows if row.role == "set_up"}
+    if not still and setting_up == {name}:
+        raise Refusal(409, "role", f"user {name}: is the last one who sets up; add another one first.")
+
+
+async def _set(panel: Panel, name: str, password: str, role: str) -> None:
+    await asyncio.to_thread(panel.store.users.set, name, password, role)
+    await _changed(panel, name)
+
+
+async def _changed(panel: Panel, name: str) -> None:
+    panel.users.end_sessions(name)
+    await asyncio.to_thread(panel.users.refresh)
+
+
+# ---- tokens of scripts
+
+
+@router.get("/tokens", dependencies=GUARD, responses=documented(401, 403))
+async def tokens(request: Request) -> models.TokenList:
+    """The scripts' tokens; not what they are, only whose."""
+    rows = await asyncio.to_thread(panel_of(request).store.users.tokens)
+    return models.TokenList(tokens=[models.TokenFacts(**asdict(row)) for row in rows])
+
+
+@router.post("/tokens", status_code=201, dependencies=GUARD, responses=documented(401, 403, 409, 422))
+async def add_token(request: Request, body: models.NewToken) -> models.MadeToken:
+    """Make a token for a script; it is told only once."""
+    panel, who = panel_of(request), await principal(request)
+    token, sha256 = new_token()
+    await asyncio.to_thread(panel.store.users.add_token, sha256, body.name, body.role, who.name)
+    return models.MadeToken(name=body.name, role=body.role, token=token)
+
+
+@router.delete("/tokens/{name}", status_code=204, dependencies=GUARD, responses=CHANGES)
+async def remove_token(request: Request, name: Name) -> None:
+    """Its script is refused from now on."""
+    panel = panel_of(request)
+    await asyncio.to_thread(panel.store.users.remove_token, name)
+    await asyncio.to_thread(panel.users.refresh)
+
+
+@router.get("/audit", dependencies=GUARD, responses=documented(401, 403, 422))
+async def audit(request: Request, most: Most = 100, before_id: Before = None) -> models.AuditList:
+    """Who asked for what, the latest first."""
+    rows = await asyncio.to_thread(panel_of(request).store.audit.list, most, before_id)
+    entries = [models.AuditEntry(**asdict(row)) for row in rows]
+    return models.AuditList(entries=entries, before=before(rows, most))

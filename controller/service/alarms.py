@@ -1,0 +1,121 @@
+"""Alarms: what went wrong, when, and whether somebody has seen it. Kept over restarts.
+
+One file of JSON lines in the state folder, newest last; an alarm that was acknowledged is
+written again with the same id, and the last line of an id counts.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from controller.door import DoorError
+from controller.handoff import Snapshot
+from controller.machine import Machine
+from controller.state import FAULTS, Fault, sentence
+
+FILE = "alarms.jsonl"
+KEPT = 1000
+SHOWN = 100  # in one answer
+
+
+class Alarms:
+    """The list; any thread may use it."""
+
+    def __init__(self, state: Path) -> None:
+        self._file = state / FILE
+        self._lock = threading.Lock()
+        self._known: dict[int, dict[str, Any]] = {}
+        for alarm in _read(self._file):
+            self._known[int(alarm["id"])] = alarm
+        self._write_all()
+
+    def add(self, name: str, words: str, **more: Any) -> dict[str, Any]:
+        """A new alarm; the disk being full does not stop the machine from telling it."""
+        with self._lock:
+            alarm = {
+                "id": max(self._known, default=0) + 1,
+                "time_s": time.time(),
+                "name": name,
+                "sentence": words,
+                "acknowledged_s": None,
+                **more,
+            }
+            self._keep(alarm)
+            return alarm
+
+    def change(self, number: int, **more: Any) -> None:
+        """What became known of an alarm later."""
+        with self._lock:
+            self._keep({**self._known[number], **more})
+
+    def acknowledge(self, number: int | None) -> int:
+        """One alarm, or all; how many that were. Raises DoorError."""
+        with self._lock:
+            if number is not None and number not in self._known:
+                raise DoorError("bad", f"There is no alarm {number}; ask for the list of alarms.")
+            wanted = [number] if number is not None else list(self._known)
+            fresh = [self._known[one] for one in wanted if self._known[one]["acknowledged_s"] is None]
+            for alarm in fresh:
+                self._keep({**alarm, "acknowledged_s": time.time()})
+            return len(fresh)
+
+    def list(self) -> list[dict[str, Any]]:
+        """The newest first. It does not wait for the disk, as what changes the list does."""
+        known = self._known.copy()
+        return [known[number] for number in sorted(known, reverse=True)[:SHOWN]]
+
+    def _keep(self, alarm: dict[str, Any]) -> None:
+        self._known[alarm["id"]] = alarm
+        while len(self._known) > KEPT:
+            del self._known[min(self._known)]
+        with contextlib.suppress(OSError), open(self._file, "a", encoding="utf-8") as file:
+            file.write(json.dumps(alarm) + "\n")
+            file.flush()
+            os.fsync(file.fileno())
+
+    def _write_all(self) -> None:
+        """Each alarm once; at the start only."""
+        new = self._file.with_suffix(".new")
+        with contextlib.suppress(OSError):
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            lines = (json.dumps(self._known[number]) + "\n" for number in sorted(self._known)[-KEPT:])
+            new.write_text("".join(lines), encoding="utf-8")
+            os.replace(new, self._file)
+
+
+def _read(file: Path) -> list[dict[str, Any]]:
+    """What is sound of the file: a line that a power loss cut short is left out."""
+    found = []
+    with contextlib.suppress(OSError, UnicodeDecodeError):
+        for line in file.read_text(encoding="utf-8").splitlines():
+            with contextlib.suppress(ValueError, KeyError, TypeError):
+                alarm = json.loads(line)
+                found.append({**alarm, "id": int(alarm["id"]), "acknowledged_s": alarm["acknowledged_s"]})
+    return found
+
+
+def of(machine: Machine, fault: Fault, axis: int, also: Fault = Fault.NONE) -> dict[str, Any]:
+    """A fault as it is shown, in both languages."""
+    name = machine.axes[axis].name if axis >= 0 else ""
+    row = FAULTS[fault]
+    return {
+        "name": fault.name,
+        "axis": name or None,
+        "sentence": sentence(fault, name, also),
+        "sentence_de": sentence(fault, name, also, "de"),
+        "cause": row.cause,
+        "remedy": row.remedy,
+        "recovery": row.recovery.name.lower(),
+        "position_trusted": row.position_trusted,
+    }
+
+
+def where(now: Snapshot) -> dict[str, Any]:
+    """Where the machine was."""
+    return {"mode": now.mode.name, "line": now.line, "tick": now.tick}

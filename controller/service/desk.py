@@ -1,0 +1,361 @@
+"""The verbs of the door: what an operator asks for, refused in a sentence or done.
+
+What must not wait (hold, stop, e-stop, overrides, jog) is a datagram that leaves here and
+now, in the door's thread; what takes long goes to the sequencer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+from controller import fitting
+from controller.door import Answer, DoorError, Values
+from controller.geometry import Frame
+from controller.handoff import Snapshot
+from controller.service import hearing, jobs, runs, sequences, status
+from controller.service.jobs import Job
+from controller.service.jogging import Jogging
+from controller.service.service import Service
+from controller.state import Mode, Request
+from controller.tick.mode import MOST_OVERRIDE
+from controller.toml_table import ConfigError
+
+MOST_DISTANCE = 1e5  # mm or degrees of one step; the travel is the tick's own limit
+MOST_MDI = 10_000  # characters
+AT_REST = (Mode.OFF, Mode.READY, Mode.FAULT)
+
+
+class Desk:
+    """Call it with a verb and its arguments."""
+
+    def __init__(self, service: Service) -> None:
+        self._service = service
+        self._jogging = Jogging()
+        self._errands = ThreadPoolExecutor(2, "errands")  # what waits for a disk
+        self._verbs: dict[str, Callable[[Values], Answer]] = {
+            "status": self._status,
+            "facts": self._facts,
+            "load": self._load,
+            "unload": self._unload,
+            "start": self._start,
+            "hold": self._hold,
+            "resume": self._resume,
+            "stop": self._stop,
+            "estop": self._estop,
+            "single_block": lambda args: self._switch(Request.SINGLE_BLOCK, args),
+            "optional_stop": lambda args: self._switch(Request.OPTIONAL_STOP, args),
+            "override": lambda args: self._override(Request.OVERRIDE, args),
+            "rapid_override": lambda args: self._override(Request.RAPID_OVERRIDE, args),
+            "enable": self._enable,
+            "disable": self._disable,
+            "home": self._home,
+            "reset": self._reset,
+            "mdi": self._mdi,
+            "retract": self._retract,
+            "return": lambda _: self._aside("return"),
+            "jog": self._jog,
+            "jog_step": self._jog_step,
+            "jog_stop": lambda _: self._ask(Request.JOG_STOP),
+            "set_offset": lambda args: self._errands.submit(self._set_offset, args),
+            "set_tool": lambda args: self._errands.submit(self._set_tool, args),
+            "drives": self._drives,
+            "alarms": lambda _: {"alarms": self._service.alarms.list()},
+            "acknowledge": lambda args: self._errands.submit(self._acknowledge, args),
+            "runs": lambda _: self._errands.submit(lambda: {"runs": runs.list_runs(self._service.state)}),
+        }
+
+    def __call__(self, verb: str, args: Values) -> Answer:
+        """The result, or a future of it. Raises DoorError."""
+        act = self._verbs.get(verb)
+        if act is None:
+            raise DoorError("bad", f"{verb}: there is no such verb; allowed are {', '.join(self._verbs)}.")
+        return act(args)
+
+    # -- looking
+
+    def _status(self, _: Values) -> Values:
+        service = self._service
+        now = service.engine.snapshot()
+        sequence = service.sequencer.now
+        kept = {
+            "fault": service.fault_at(now) if now is not None else service.fault,
+            "sequence": sequence.to_dict() if sequence is not None else None,
+            "tick_alive": service.engine.tick_alive,
+            "plan_alive": service.engine.plan_alive,
+        }
+        if now is None:
+            return {"mode": "OFF", "control": None, "job": None, **kept}
+        job = service.running or service.job
+        shown = job.to_dict(now) if job is not None else None
+        way = job.way(now.motion_id) if job is not None and job.active else None
+        values = status.machine_values(service.machine, now, way, service.engine.recorder)
+        return {
+            "time_s": now.tick * service.machine.period_s,
+            **values,
+            "control": None,
+            "job": shown,
+            "drives": hearing.drives(service.machine, now, service.logs),
+            "jogging": now.mode is Mode.JOG,
+            **kept,
+        }
+
+    def _facts(self, _: Values) -> Values:
+        service = self._service
+        fitted = {"offsets": fitting.offsets_of(service.machine), "tools": fitting.tools_of(service.machine)}
+        return {
+            **status.facts(service.engine.machine, fitted),
+            "state": str(service.state),
+            "pids": service.engine.pids,
+        }
+
+    def _drives(self, _: Values) -> Values:
+        service = self._service
+        return {"drives": hearing.drives(service.machine, service.now(), service.logs)}
+
+    def _acknowledge(self, args: Values) -> Values:
+        number = args.get("id")
+        if number is not None and (not isinstance(number, int) or isinstance(number, bool)):
+            raise DoorError("bad", f"id {number!r}: must be the number of an alarm, or missing for all.")
+        return {"acknowledged": self._service.alarms.acknowledge(number)}
+
+    # -- at once
+
+    def _ask(self, request: Request, value: float = 0.0) -> Values:
+        """A datagram to the tick, where its table has a place for it. Raises DoorError."""
+        now = self._permitted(request)
+        self._service.engine.request(request, value)
+        return {"mode": now.mode.name}
+
+    def _permitted(self, request: Request) -> Snapshot:
+        """The newest snapshot. Raises DoorError where it refuses the request."""
+        now = self._service.now()
+        if why := sequences.refusal(self._service.machine, now, request):
+            raise self._no(now, request, why)
+        return now
+
+    def _no(self, now: Snapshot, request: Request, why: str) -> DoorError:
+        return DoorError("refused", why, now.mode.name, request.name)
+
+    def _jog(self, args: Values) -> Values:
+        """Dead-man: without the next one within 200 ms the axes come to rest."""
+        share = number(args, "speed", -1.0, 1.0)
+        if share == 0.0:
+            return self._ask(Request.JOG_STOP)
+        now, part = self._permitted(Request.JOG), self._part()
+        service, frame, axis = self._service, str(args.get("frame", "joint")), str(args.get("axis", ""))
+        service.engine.jog(self._jogging.continuous(service.machine, now, part, frame, axis, share))
+        return {"mode": now.mode.name}
+
+    def _jog_step(self, args: Values) -> Values:
+        distance = number(args, "distance", -MOST_DISTANCE, MOST_DISTANCE)
+        now, part = self._permitted(Request.JOG), self._part()
+        service, frame, axis = self._service, str(args.get("frame", "joint")), str(args.get("axis", ""))
+        service.engine.jog(self._jogging.step(service.machine, now, part, frame, axis, distance))
+        return {"mode": now.mode.name}
+
+    def _part(self) -> Frame:
+        """The work offset that is active: of the motion that is held, else G54."""
+        service = self._service
+        found = service.engine.snapshot()
+        way = service.running.way(found.motion_id) if service.running is not None and found else None
+        return way.part if way is not None and way.part is not None else service.machine.offsets[0]
+
+    def _hold(self, _: Values) -> Values:
+        service = self._service
+        service.stops += 1
+        record = service.record
+        if record is not None:
+            record.holds_asked += 1
+        try:
+            return self._ask(Request.HOLD)
+        except DoorError:
+            if record is not None:
+                record.holds_asked -= 1
+            if service.running is not None and service.running.state == "starting":
+                return {"mode": service.now().mode.name}  # the start under way is given up
+            raise
+
+    def _stop(self, _: Values) -> Values:
+        """Also of what is only being prepared: a check, a start."""
+        service = self._service
+        service.stops += 1
+        under_way = service.sequencer.busy
+        if under_way in ("load", "start", "mdi"):
+            service.engine.line.give_up()
+        try:
+            return self._ask(Request.STOP)
+        except DoorError:
+            if under_way:
+                return {"mode": service.now().mode.name}
+            raise
+
+    def _estop(self, _: Values) -> Values:
+        self._service.stops += 1
+        self._service.engine.request(Request.ESTOP)
+        return {"mode": self._service.now().mode.name}
+
+    def _resume(self, _: Values) -> Values:
+        return self._ask(Request.RESUME)
+
+    def _switch(self, request: Request, args: Values) -> Values:
+        on = args.get("on")
+        if not isinstance(on, bool):
+            raise DoorError("bad", f"on {on!r}: must be true or false; correct it.")
+        self._ask(request, float(on))
+        return {"on": on}
+
+    def _override(self, request: Request, args: Values) -> Values:
+        share = number(args, "share", 0.0, MOST_OVERRIDE)
+        self._ask(request, share)
+        return {"share": share}
+
+    def _disable(self, _: Values) -> Values:
+        self._service.stops += 1
+        return self._ask(Request.DISABLE)
+
+    # -- what takes long
+
+    def _sequence(self, name: str, work: Callable[[], Values]) -> Answer:
+        found = self._service.engine.snapshot()
+        return self._service.sequencer.do(name, work, found.mode.name if found is not None else "OFF")
+
+    def _enable(self, _: Values) -> Answer:
+        now = self._service.now()
+        if now.mode is Mode.READY:
+            return {"done": True, "mode": now.mode.name}
+        self._permitted(Request.ENABLE)
+        return self._sequence("enable", lambda: sequences.enable(self._service))
+
+    def _home(self, args: Values) -> Answer:
+        service = self._service
+        now = service.now()
+        try:
+            axes = status.axis_numbers(service.machine, args.get("axes"))
+        except ValueError as error:
+            raise DoorError("bad", str(error), now.mode.name, "HOME") from error
+        if now.mode is not Mode.READY:  # there the drives are switched off first
+            self._permitted(Request.HOME)
+        self._not_running("HOME")
+        return self._sequence("home", lambda: sequences.home(service, axes))
+
+    def _reset(self, _: Values) -> Answer:
+        service = self._service
+        now = service.engine.snapshot()
+        if (
+            service.engine.tick_alive
+            and now is not None
+            and now.mode is not Mode.FAULT
+            and service.commissioned
+        ):
+            raise self._no(now, Request.RESET, "There is no fault to be reset.")
+        return self._sequence("reset", lambda: sequences.reset(service))
+
+    def _load(self, args: Values) -> Answer:
+        service = self._service
+        self._not_running("LOAD")
+
+        def work() -> Values:
+            job = jobs.read(args, service.machine)
+            if args.get("restart") is True:
+                job = service.gone_on_with(job)
+            service.job = job
+            try:
+                return sequences.load(service, job)
+            except DoorError as error:
+                job.state, job.sentence = "refused", error.sentence
+                raise
+
+        return self._sequence("load", work)
+
+    def _unload(self, _: Values) -> Values:
+        self._not_running("UNLOAD")
+        self._service.job = None
+        return {}
+
+    def _not_running(self, request: str) -> None:
+        running, found = self._service.running, self._service.engine.snapshot()
+        if running is not None:
+            sentence = f"{running.program.name} is running; stop it, or wait for its end."
+            raise DoorError("refused", sentence, found.mode.name if found is not None else "OFF", request)
+
+    def _start(self, _: Values) -> Answer:
+        service = self._service
+        now = service.now()
+        job = service.job
+        if now.mode is Mode.HOLD:
+            return self._resume({})
+        if job is None or job.state in ("loading", "refused"):
+            why = (
+                "No program is loaded; load one first."
+                if job is None
+                else f"{job.program.name} is not ready."
+            )
+            raise self._no(now, Request.START, f"{why} {job.sentence if job else ''}".strip())
+        return self._begin("start", job)
+
+    def _begin(self, name: str, job: Job) -> Answer:
+        service = self._service
+        self._permitted(Request.START)
+        self._not_running(name.upper())
+        stops = service.stops
+        return self._sequence(name, lambda: sequences.start(service, job, stops))
+
+    def _mdi(self, args: Values) -> Answer:
+        text = args.get("text")
+        if not isinstance(text, str) or not text.strip() or len(text) > MOST_MDI:
+            raise DoorError("bad", f"text: must be a line of program of at most {MOST_MDI} characters.")
+        return self._begin("mdi", jobs.mdi(text, self._service.machine))
+
+    def _retract(self, args: Values) -> Answer:
+        return self._aside("retract", number(args, "mm", 0.0, MOST_DISTANCE))
+
+    def _aside(self, verb: str, distance_mm: float = 0.0) -> Answer:
+        service, now = self._service, self._service.now()
+        if now.mode is not Mode.HOLD or not now.at_rest:
+            sentence = (
+                f"{verb.upper()} is refused in {now.mode.name}: hold the program and wait until it stands."
+            )
+            raise DoorError("refused", sentence, now.mode.name, verb.upper())
+        return self._sequence(verb, lambda: sequences.aside(service, verb, distance_mm))
+
+    # -- what is fitted
+
+    def _set_offset(self, args: Values) -> Values:
+        name, values = str(args.get("name", "")), args.get("values")
+        return self._fit("offsets", name, values, lambda m: fitting.with_offset(m, name, values))
+
+    def _set_tool(self, args: Values) -> Values:
+        values = dict(args)
+        number = values.pop("number", None)
+        if not isinstance(number, int) or isinstance(number, bool):
+            raise DoorError("bad", f"number {number!r}: must be the number of a tool; correct it.")
+        tool = None if values.pop("remove", False) else values
+        return self._fit("tools", str(number), tool, lambda m: fitting.with_tool(m, number, tool))
+
+    def _fit(self, what: str, key: str, values: Any, change: Callable[[Any], Any]) -> Values:
+        """At rest only: a program under way was planned with what was fitted when it began."""
+        service = self._service
+        now = service.engine.snapshot()
+        if now is not None and (now.mode not in AT_REST or service.running is not None):
+            sentence = f"The {what} are not changed while the machine is in {now.mode.name}; stop first."
+            raise DoorError("refused", sentence, now.mode.name, f"SET {what.upper()}")
+        try:
+            machine = change(service.machine)
+        except ConfigError as error:
+            raise DoorError("bad", str(error)) from error
+        service.fit(machine, {**service.fitted, what: {**service.fitted.get(what, {}), key: values}})
+        return {"offsets": fitting.offsets_of(machine), "tools": fitting.tools_of(machine)}
+
+
+def number(args: Values, key: str, lowest: float, highest: float) -> float:
+    """A finite number of the arguments. Raises DoorError."""
+    value = args.get(key)
+    sound = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if not sound or not lowest <= value <= highest:  # type: ignore[operator]
+        raise DoorError(
+            "bad", f"{key} {value!r}: must be a number from {lowest:g} to {highest:g}; correct it."
+        )
+    return float(value)  # type: ignore[arg-type]

@@ -1,0 +1,196 @@
+"""The processes of the machine as the service holds them: hubs, tick and plan.
+
+```
+            orders (pipe)                     pieces (SEQPACKET)
+  service <----------------> [ plan ] -----------------------------> [ tick ] ---- buses
+     |                          |  requests (datagrams)                 ^  |
+     +--------------------------+---------------------------------------+  | snapshots, recorder
+     ^---------------------------------------------------------------------+
+```
+The service keeps the plan's end of the piece socket, so that a plan that was killed is followed
+by another one while the tick goes on. A tick that is gone takes the plan with it: both start
+anew, on new sockets, when the operator asks for it. Hubs with simulated drives outlive both.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import pickle
+import socket
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from controller.door import DoorError
+from controller.handoff import (
+    Jog,
+    Recorder,
+    Snapshot,
+    SnapshotBoard,
+    piece_pair,
+    request_pair,
+    send_jog,
+    send_request,
+)
+from controller.machine import Machine
+from controller.service.orders import GONE, Line, News
+from controller.service.planning import PlanJob
+from controller.session import children, live
+from controller.session.children import Child, Job
+from controller.state import Fault, Request, sentence
+
+SERVICE = "controller.service"
+
+
+@dataclass(slots=True)
+class _Run:
+    """One tick with its sockets and shared memory, and the plan of the moment."""
+
+    tick: Child
+    board: SnapshotBoard
+    recorder: Recorder
+    operator: socket.socket
+    plan_end: socket.socket
+    snapshot_path: str
+    plan: Child
+    line: Line
+
+
+class Engine:
+    """Starts, restarts and ends what a machine runs on.
+
+    A process lives as long as the thread that started it: call ``start`` and ``mend`` from one
+    thread that outlives them all.
+    """
+
+    def __init__(self, machine: Machine, folder: Path, checks: Path, hear: Callable[[News], None]) -> None:
+        """``folder``: of its own, for sockets and shared memory; ``checks``: stored checks of programs."""
+        self.machine = machine  # with the paths of the hubs as channels, once they run
+        self.hubs: dict[str, Child] = {}
+        self._folder, self._checks, self._hear = folder, checks, hear
+        self._run: _Run | None = None
+        self._starts = 0
+        self._ending = contextlib.ExitStack()
+
+    def start_hubs(self) -> None:
+        """Virtual buses with simulated drives, and hubs that share a serial adapter. Raises SessionError."""
+        self.machine = live.with_hubs(self.machine, self._folder, self._ending, self.hubs, {})
+
+    def start(self) -> None:
+        """Tick and plan, after ending those that were there."""
+        self.end_run()
+        self._starts += 1
+        paths = [str(self._folder / f"{name}.{self._starts}") for name in ("snapshot", "recorder")]
+        board, recorder = SnapshotBoard(paths[0]), Recorder(paths[1])
+        plan_end, piece_end = piece_pair()
+        operator, request_end = request_pair()
+        with piece_end, request_end:
+            job = Job(self.machine, piece_end.fileno(), request_end.fileno(), paths[0], paths[1])
+            tick = children.start("tick", job, self._folder)
+        plan, line = self._plan(plan_end, operator, paths[0])
+        self._run = _Run(tick, board, recorder, operator, plan_end, paths[0], plan, line)
+
+    def mend(self) -> None:
+        """Another plan for a tick that lives."""
+        run = self._there()
+        with contextlib.suppress(OSError):
+            run.plan.end()
+        run.line.close()
+        run.plan, run.line = self._plan(run.plan_end, run.operator, run.snapshot_path)
+
+    def _plan(self, plan_end: socket.socket, operator: socket.socket, snapshot: str) -> tuple[Child, Line]:
+        own, its = socket.socketpair()
+        with its:
+            own.setblocking(True)
+            ends = (plan_end.fileno(), operator.fileno(), its.fileno())
+            job = PlanJob(self.machine, *ends, snapshot, self._checks)
+            file = self._folder / "plan.job"
+            file.write_bytes(pickle.dumps(job))
+            children.words_of(file).unlink(missing_ok=True)
+            child = Child("plan", [str(file)], children.words_of(file), ends, SERVICE)
+        return child, Line(own, self._hear)
+
+    def end_run(self) -> None:
+        """Tick and plan: to rest on the path, drives off, brakes first."""
+        run, self._run = self._run, None
+        if run is None:
+            return
+        for child in (run.tick, run.plan):
+            with contextlib.suppress(OSError):
+                child.end()
+        run.line.close()
+        run.operator.close()
+        run.plan_end.close()
+
+    def end(self) -> None:
+        """Everything."""
+        self.end_run()
+        self._ending.close()
+
+    # -- what is there
+
+    def _there(self) -> _Run:
+        if self._run is None:
+            raise DoorError("gone", "The tick process is not running; ask for a reset.")
+        return self._run
+
+    @property
+    def line(self) -> Line:
+        """To the plan. Raises DoorError."""
+        run = self._there()
+        if not run.plan.is_alive():
+            raise DoorError("gone", GONE)
+        return run.line
+
+    @property
+    def tick_alive(self) -> bool:
+        return self._run is not None and self._run.tick.is_alive()
+
+    @property
+    def plan_alive(self) -> bool:
+        return self._run is not None and self._run.plan.is_alive()
+
+    @property
+    def pids(self) -> dict[str, int]:
+        """Process ids of tick and plan."""
+        run = self._run
+        return {} if run is None else {"tick": run.tick.pid, "plan": run.plan.pid}
+
+    @property
+    def recorder(self) -> Recorder | None:
+        return self._run.recorder if self._run is not None else None
+
+    def snapshot(self) -> Snapshot | None:
+        """The newest one, also the last of a tick that is gone."""
+        return self._run.board.read() if self._run is not None else None
+
+    def request(self, request: Request, value: float = 0.0) -> None:
+        """A datagram to the tick. Raises DoorError where nobody takes it."""
+        with self._sending(request) as operator:
+            send_request(operator, request, value)
+
+    def jog(self, jog: Jog) -> None:
+        """As ``request``; to be sent again within 200 ms, or the tick comes to rest by itself."""
+        with self._sending(Request.JOG) as operator:
+            send_jog(operator, jog)
+
+    @contextlib.contextmanager
+    def _sending(self, request: Request) -> Iterator[socket.socket]:
+        try:
+            yield self._there().operator
+        except BlockingIOError:
+            sentence_of = "The tick does not take requests; is the computer very busy?"
+            raise DoorError("busy", sentence_of, request=request.name) from None
+        except OSError:
+            raise DoorError("gone", sentence(Fault.CONTROLLER_GONE), request=request.name) from None
+
+    def last_words(self) -> str:
+        """Of the tick, or of the plan, whichever died with some."""
+        run = self._run
+        dead = [] if run is None else [one for one in (run.tick, run.plan) if not one.is_alive()]
+        return next((words for one in dead if (words := one.last_words())), "")
+
+
+def simulated(machine: Machine) -> Machine:
+    """The machine with virtual buses in place of its own."""
+    return replace(machine, buses=tuple(replace(bus, interface="virtual") for bus in machine.buses))

@@ -1,0 +1,61 @@
+"""What the nodes on the buses say of themselves: the last frame of each kind, beside the log of all."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import Any
+
+from controller import config
+from controller.handoff import Snapshot
+from controller.machine import Machine
+from drives import emergency_codes, pdo
+from drives.cia402 import State
+from drives.log.frame_log import FrameLog
+from drives.settings import NodeSettings
+
+_ID = slice(0, 4)  # of a frame as it lies in memory
+
+
+class LastFrames(FrameLog):
+    """A log that also knows the newest frame of each identifier."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.last: dict[bytes, tuple[float, bytes]] = {}
+
+    def __call__(self, frame: bytes | bytearray, at_s: float) -> None:
+        one = bytes(frame)
+        self._append((at_s, one))
+        self.last[one[_ID]] = (at_s, one)
+
+    def of(self, can_id: int) -> tuple[float, bytes] | None:
+        """When the last frame of an identifier came (s, this computer's clock), and its data."""
+        found = self.last.get(can_id.to_bytes(4, "little"))
+        return None if found is None else (found[0], pdo.unpack(found[1])[1])
+
+
+def drives(machine: Machine, now: Snapshot, logs: Mapping[str, FrameLog]) -> list[dict[str, Any]]:
+    """A row per axis: where its drive is, what it said last, and how long ago it showed life."""
+    nodes = config.node_settings(machine)
+    states = now.drive_states
+    return [_drive(node, State(state), logs.get(node.bus)) for node, state in zip(nodes, states, strict=True)]
+
+
+def _drive(node: NodeSettings, state: State, log: FrameLog | None) -> dict[str, Any]:
+    heard = log if isinstance(log, LastFrames) else LastFrames()
+    feedback = heard.of(pdo.tpdo(node.profile.tpdo, node.node))
+    alive = heard.of(pdo.HEARTBEAT + node.node)
+    emergency = heard.of(pdo.EMCY + node.node)
+    code = int.from_bytes(emergency[1][:2], "little") if emergency else 0
+    word = int.from_bytes(feedback[1][:2], "little") if feedback else None
+    return {
+        "axis": node.name,
+        "node": node.node,
+        "bus": node.bus,
+        "state": state.name,
+        "statusword": word,
+        "error": emergency_codes.text(code) if code else None,
+        "heartbeat_age_s": max(0.0, time.time() - alive[0]) if alive else None,
+        "emcy": code or None,
+    }

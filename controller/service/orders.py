@@ -1,0 +1,154 @@
+"""What the service's process and its plan's process say to each other, and the service's end of it.
+
+One order at a time is carried out, and answered once; meanwhile and afterwards the plan tells
+by itself how far it is. A plan that dies leaves its orders unanswered: they end with the
+sentence of its death.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from typing import Any
+
+from controller.door import DoorError
+from controller.geometry import Frame
+from controller.machine import Joints, Machine
+from controller.plan.route.spot import Spot
+
+GONE = "The planner is gone; it is started anew. Ask again."
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """What is to be run, and how much of it."""
+
+    text: bytes
+    name: str
+    machine: Machine  # with what is fitted
+    spot: Spot | None = None  # to begin with; None = from the top
+    start: Joints | None = None  # where the whole run started that ``spot`` is of; None = homed position
+    dry_run_mm: float = 0.0  # off along the tool axis, spindle off
+    in_spindle: int = 0  # number of the tool; 0 = not known
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """``verb``: "commission", "home" (axes), "check" or "arm" (program), "drop", "retract" (mm), "return"."""
+
+    number: int
+    verb: str
+    axes: tuple[int, ...] = ()
+    program: Program | None = None
+    distance_mm: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Of one order: what came of it, or why not."""
+
+    number: int
+    facts: dict[str, Any] = field(default_factory=dict)
+    error: tuple[str, str] | None = None  # code and sentence of a DoorError
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """The planner acted on the snapshot of this tick, with so much time for itself."""
+
+    tick: int
+    lead_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """What a motion is, for those who look on."""
+
+    end: Joints
+    feed_mm_s: float | None  # programmed; None = rapid. Degrees a second where only rotaries turn
+    length_mm: float  # of the tool
+    part: Frame | None  # of the work offset; None: a move of the joints
+    name: str  # 'cut', 'lead in', 'retract' ...
+
+
+@dataclass(frozen=True, slots=True)
+class News:
+    """Told by the plan as it comes about."""
+
+    finished: bool = True  # all of the path has been sent
+    whole: bool = False  # ... and nothing of it was dropped or refused
+    refusal: str = ""  # why the program ends before its end; the machine stands before that block
+    tool: int | None = None  # to which the program has changed, as far as it is read
+    checking: float | None = None  # share of the program's lines that are checked
+    ways: dict[int, Way] = field(default_factory=dict)  # motions that were sent since, by their id
+    turns: tuple[Turn, ...] = ()  # since the last news
+
+
+class Line:
+    """The service's end: orders out, answers and news in. A thread of its own listens."""
+
+    def __init__(self, own: socket.socket, hear: Callable[[News], None]) -> None:
+        self._connection = Connection(own.detach())
+        self._hear = hear
+        self._lock = threading.Lock()
+        self._last = 0
+        self._waiting: dict[int, Future[dict[str, Any]]] = {}
+        self._thread = threading.Thread(target=self._listen, name="plan", daemon=True)
+        self._thread.start()
+
+    def order(
+        self,
+        verb: str,
+        axes: tuple[int, ...] = (),
+        program: Program | None = None,
+        distance_mm: float = 0.0,
+    ) -> dict[str, Any]:
+        """Have something done and wait for it. Raises DoorError."""
+        answer: Future[dict[str, Any]] = Future()
+        with self._lock:
+            self._last += 1
+            self._waiting[self._last] = answer
+            order = Order(self._last, verb, axes, program, distance_mm)
+        try:
+            self._connection.send(order)
+        except OSError:
+            self._waiting.pop(order.number, None)
+            raise DoorError("gone", GONE) from None
+        return answer.result()
+
+    def give_up(self) -> None:
+        """Have the order under way given up where that is possible: a check."""
+        with contextlib.suppress(OSError):
+            self._connection.send(Order(0, "give up"))
+
+    def close(self) -> None:
+        with contextlib.suppress(OSError):
+            self._connection.close()
+
+    def _listen(self) -> None:
+        while True:
+            try:
+                said = self._connection.recv()
+            except (EOFError, OSError, TypeError):  # the last: closed while it waited
+                break
+            if isinstance(said, Answer):
+                self._answered(said)
+            else:
+                self._hear(said)
+        for answer in list(self._waiting.values()):
+            answer.set_exception(DoorError("gone", GONE))
+        self._waiting.clear()
+
+    def _answered(self, said: Answer) -> None:
+        answer = self._waiting.pop(said.number, None)
+        if answer is None:
+            return
+        if said.error is not None:
+            answer.set_exception(DoorError(*said.error))
+        else:
+            answer.set_result(said.facts)

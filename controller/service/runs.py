@@ -1,0 +1,261 @@
+"""Records of runs: what was run, how it went, and every setpoint, so that it can be run again.
+
+A folder per run in the state folder:
+
+    runs/2026-11-21T083120-part.ngc/
+        run.json         what, when, result, duration, cut time, largest following errors
+        events.jsonl     the operator's requests by tick, as ``simulate --events`` reads them
+        setpoints.npz    tick and the five setpoints of every tick (int32)
+
+Ticks count from cycle start, and those alone that sent a SYNC: the path clock counts no others.
+Which tick took a request is read from the recorder's rows, where the change shows, and not from
+a clock. What the planner made of an override depends on when it looked, so its turns are
+events, too: "plan" says before which tick it acted, "pieces" before which its message was taken.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import shutil
+import time
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.handoff import COLUMN
+from controller.machine import Machine
+from controller.service.orders import Turn
+from controller.state import Mode
+
+FOLDER = "runs"
+KEPT = 200
+LAG_TICKS = 2  # from a setpoint to the feedback that can have followed it
+SETPOINTS = ("tick", *(f"setpoint_{i}" for i in range(5)))
+MOST_BYTES = 256 << 20  # of setpoints in one run: six hours at 2 ms
+
+Rows = npt.NDArray[np.float64]
+
+_TAKEN = [COLUMN[name] for name in SETPOINTS]
+_COMMAND, _ACTUAL = COLUMN["joint_command_0"], COLUMN["actual_0"]
+_SWITCHES = {1: "single_block", 2: "optional_stop"}
+
+
+class RunRecord:
+    """One run while it is under way. ``rows`` are those of the recorder since the start was asked for."""
+
+    def __init__(self, state: Path, machine: Machine, what: dict[str, Any]) -> None:
+        """``what`` is kept as it is. Raises OSError."""
+        self.machine, self.what = machine, what
+        self.began = False  # the tick has taken the start
+        self.stopped = False  # by an operator
+        self.first_tick = -1
+        self.last_tick = -1
+        self.holds_asked = 0  # of the operator, not yet seen in the rows
+        self._cut_ticks = 0
+        self._errors = np.zeros(5)
+        self._before: Rows | None = None
+        self._commands = np.zeros((0, 5))
+        self._events: list[dict[str, Any]] = []
+        self._turns: list[Turn] = []
+        self._sent: list[npt.NDArray[np.int64]] = []  # ticks that sent a SYNC, since the start
+        self._taken: list[npt.NDArray[np.int64]] = []  # ticks that took a message of the plan
+        self._started_s = time.time()
+        self._kept_bytes = 0
+        self._ticks = 0  # that sent a SYNC
+        self.folder = _new_folder(state / FOLDER, str(what.get("name", "")))
+        self._file: BinaryIO | None = open(self.folder / "setpoints.part", "wb")  # noqa: SIM115
+
+    # -- while it runs
+
+    def take(self, rows: Rows) -> None:
+        """The next rows of the recorder."""
+        ticks = rows[:, COLUMN["tick"]].astype(np.int64)
+        self._taken.append(ticks[rows[:, COLUMN["accepted"]] != 0.0])
+        if not self.began:
+            going = np.flatnonzero(
+                (rows[:, COLUMN["mode"]] == Mode.RUNNING) | (rows[:, COLUMN["rate"]] > 0.0)
+            )
+            if not len(going):
+                self._before = rows[-1] if len(rows) else self._before
+                return
+            self.began = True
+            self.first_tick = int(rows[going[0], COLUMN["tick"]])
+            self._before = rows[going[0] - 1] if going[0] else self._before
+            self._first_settings(rows[going[0]])
+            rows = rows[going[0] :]
+        if len(rows):
+            self._measure(rows)
+            self._find_events(rows)
+            self._keep(rows)
+            self.last_tick, self._before = int(rows[-1, COLUMN["tick"]]), rows[-1]
+
+    def planned(self, turns: tuple[Turn, ...]) -> None:
+        """When the planner acted, and on which tick's snapshot."""
+        self._turns += turns
+
+    def _first_settings(self, row: Rows) -> None:
+        """Overrides and switches that were set before the start hold from its first tick on."""
+        for name in ("override", "rapid_override"):
+            if row[COLUMN[name]] != 1.0:
+                self._event(row, name, round(100.0 * float(row[COLUMN[name]]), 9))
+        for bit, name in _SWITCHES.items():
+            if int(row[COLUMN["switches"]]) & bit:
+                self._event(row, name, 1)
+
+    def _measure(self, rows: Rows) -> None:
+        cutting = (rows[:, COLUMN["cutting"]] != 0.0) & (rows[:, COLUMN["rate"]] > 0.0)
+        self._cut_ticks += int(np.count_nonzero(cutting & (rows[:, COLUMN["sync_sent"]] != 0.0)))
+        commands = np.concatenate([self._commands, rows[:, _COMMAND : _COMMAND + 5]])
+        actual = rows[max(0, LAG_TICKS - len(self._commands)) :, _ACTUAL : _ACTUAL + 5]
+        if len(actual):
+            lag = np.abs(commands[: len(commands) - LAG_TICKS][-len(actual) :] - actual)
+            self._errors = np.maximum(self._errors, lag.max(axis=0))
+        self._commands = commands[-LAG_TICKS:]
+
+    def _find_events(self, rows: Rows) -> None:
+        """Where a column of the operator's changes, its request has been taken in that tick."""
+        before = rows[:1] if self._before is None else self._before[None, :]
+        all_rows = np.concatenate([before, rows])
+        columns = [COLUMN[name] for name in ("mode", "override", "rapid_override", "switches")]
+        changed = np.flatnonzero((np.diff(all_rows[:, columns], axis=0) != 0.0).any(axis=1))
+        for i in changed:
+            if int(all_rows[i + 1, COLUMN["tick"]]) > self.first_tick:
+                self._changes(all_rows[i], all_rows[i + 1])
+
+    def _changes(self, old: Rows, new: Rows) -> None:
+        modes = Mode(int(old[COLUMN["mode"]])), Mode(int(new[COLUMN["mode"]]))
+        for name in ("override", "rapid_override"):
+            if old[COLUMN[name]] != new[COLUMN[name]]:
+                self._event(new, name, round(100.0 * float(new[COLUMN[name]]), 9))
+        flipped = int(old[COLUMN["switches"]]) ^ int(new[COLUMN["switches"]])
+        for bit, name in _SWITCHES.items():
+            if flipped & bit:
+                self._event(new, name, int(bool(int(new[COLUMN["switches"]]) & bit)))
+        if modes == (Mode.RUNNING, Mode.HOLD) and self.holds_asked:
+            self.holds_asked = 0
+            self._event(new, "hold")
+        elif modes == (Mode.HOLD, Mode.RUNNING):
+            self._event(new, "resume")
+        elif modes[1] is Mode.STOPPING and modes[0] is not Mode.STOPPING:
+            self.stopped = True
+            self._event(new, "stop")
+
+    def _event(self, row: Rows, request: str, value: float | None = None) -> None:
+        event = {"at": int(row[COLUMN["tick"]]), "request": request}
+        self._events.append(event if value is None else {**event, "value": value})
+
+    def _keep(self, rows: Rows) -> None:
+        """A full disk costs the record, not the run."""
+        sent = rows[rows[:, COLUMN["sync_sent"]] != 0.0]
+        taken = sent[:, _TAKEN].copy()
+        self._sent.append(sent[:, COLUMN["tick"]].astype(np.int64))
+        taken[:, 0] = np.arange(self._ticks, self._ticks + len(sent))
+        self._ticks += len(sent)
+        if self._file is None or self._kept_bytes > MOST_BYTES:
+            return
+        data = taken.astype("<i4").tobytes()
+        try:
+            self._file.write(data)
+            self._kept_bytes += len(data)
+        except OSError:
+            self._file = None
+
+    # -- at its end
+
+    def end(self, result: str, **more: Any) -> dict[str, Any]:
+        """Write the record; its facts."""
+        passed = self.last_tick - self.first_tick + 1 if self.began else 0
+        shown = [
+            float(e * abs(a.shown_per_unit)) for e, a in zip(self._errors, self.machine.axes, strict=True)
+        ]
+        facts = {
+            "id": self.folder.name,
+            **self.what,
+            "started_s": self._started_s,
+            "ended_s": time.time(),
+            "result": result,
+            "duration_s": passed * self.machine.period_s,
+            "ticks": self._ticks,
+            "skips": passed - self._ticks,
+            "first_tick": self.first_tick,
+            "cut_time_s": self._cut_ticks * self.machine.period_s,
+            "following_error": {a.name: e for a, e in zip(self.machine.axes, shown, strict=True)},
+            **more,
+        }
+        with contextlib.suppress(OSError):
+            self._write(facts)
+        return facts
+
+    def throw_away(self) -> None:
+        """Nothing was run."""
+        if self._file is not None:
+            self._file.close()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+    def _write(self, facts: dict[str, Any]) -> None:
+        events = self._timed()
+        (self.folder / "events.jsonl").write_text("".join(json.dumps(event) + "\n" for event in events))
+        if self._file is not None:
+            self._file.close()
+            rows = np.fromfile(self.folder / "setpoints.part", dtype="<i4").reshape(-1, len(SETPOINTS))
+            with open(self.folder / "setpoints.npz", "wb") as file:
+                np.savez_compressed(file, columns=np.array(SETPOINTS), rows=rows)
+        (self.folder / "setpoints.part").unlink(missing_ok=True)
+        _write_whole(self.folder / "run.json", facts)
+        _forget_oldest(self.folder.parent)
+
+    def _timed(self) -> list[dict[str, Any]]:
+        """All events by the number of the SYNC before which they came; -1: before the start."""
+        sent = np.concatenate([np.zeros(0, np.int64), *self._sent])
+        taken = np.concatenate([np.zeros(0, np.int64), *self._taken])
+        found = [(int(e["at"]), 2, {k: v for k, v in e.items() if k != "at"}) for e in self._events]
+        found += [(turn.tick + 1, 0, {"request": "plan", "value": turn.lead_s}) for turn in self._turns]
+        found += [(int(tick), 1, {"request": "pieces"}) for tick in taken]
+        found.sort(key=lambda event: event[:2])
+        return [{"tick": self._before_tick(tick, sent), **event} for tick, _, event in found]
+
+    def _before_tick(self, tick: int, sent: npt.NDArray[np.int64]) -> int:
+        """The number of the SYNC of a tick; what was there before the start is -1."""
+        return int(np.searchsorted(sent, tick)) if tick >= self.first_tick else -1
+
+
+def _write_whole(file: Path, facts: dict[str, Any]) -> None:
+    new = file.with_suffix(".new")
+    with open(new, "w", encoding="utf-8") as out:
+        json.dump(facts, out, indent=1)
+        out.flush()
+        os.fsync(out.fileno())
+    os.replace(new, file)
+
+
+def _new_folder(base: Path, name: str) -> Path:
+    plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name)[:60].strip(".") or "program"
+    stem = time.strftime("%Y-%m-%dT%H%M%S", time.localtime()) + f"-{plain}"
+    for n in range(1, 1000):
+        made = base / (stem if n == 1 else f"{stem}-{n}")
+        with contextlib.suppress(FileExistsError):
+            made.mkdir(parents=True)
+            return made
+    raise FileExistsError(f"{base}: there are a thousand runs of this second")
+
+
+def _forget_oldest(base: Path) -> None:
+    """Names begin with the time, so the first are the oldest."""
+    for old in sorted(base.iterdir())[:-KEPT]:
+        shutil.rmtree(old, ignore_errors=True)
+
+
+def list_runs(state: Path, most: int = 100) -> list[dict[str, Any]]:
+    """The facts of the newest runs, the newest first; a run without an end is left out."""
+    found = []
+    for folder in sorted((state / FOLDER).glob("*"), reverse=True):
+        with contextlib.suppress(OSError, ValueError):
+            found.append(json.loads((folder / "run.json").read_text(encoding="utf-8")))
+        if len(found) >= most:
+            break
+    return found

@@ -1,0 +1,97 @@
+"""What takes long is done one after another, by one thread, and is seen while it is done.
+
+The thread lives as long as the service, so that it may be the parent of processes.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future, InvalidStateError, ThreadPoolExecutor
+from dataclasses import dataclass
+
+from controller.door import DoorError, Values, own_error
+
+ANSWER_S = 4.0  # an answer comes so soon, with {"done": false} where the work goes on
+
+
+@dataclass(frozen=True, slots=True)
+class Sequence:
+    """What is, or was last, under way; ``state``: "running", "done" or "failed"."""
+
+    name: str
+    state: str
+    sentence: str = ""
+
+    def to_dict(self) -> Values:
+        return {"name": self.name, "state": self.state, "sentence": self.sentence or None}
+
+
+class Sequencer:
+    """One piece of work at a time."""
+
+    def __init__(self, failed: Callable[[str, DoorError], None]) -> None:
+        """``failed`` is told of work that came to nothing, by name."""
+        self.now: Sequence | None = None
+        self._failed = failed
+        self._lock = threading.Lock()
+        self._thread = ThreadPoolExecutor(1, "sequencer")
+
+    @property
+    def busy(self) -> str:
+        """The name of what is under way; "" = nothing."""
+        now = self.now
+        return now.name if now is not None and now.state == "running" else ""
+
+    def do(self, name: str, work: Callable[[], Values], mode: str = "") -> Future[Values]:
+        """Begin; the future gives the result, or {"done": false} after a while. Raises DoorError if busy."""
+        with self._lock:
+            if self.busy:
+                sentence = f"{name}: {self.busy} is under way; wait for its end, or stop it."
+                raise DoorError("busy", sentence, mode, name.upper())
+            self.now = Sequence(name, "running")
+        return _patient(self._thread.submit(self._run, name, work))
+
+    def later(self, work: Callable[[], None]) -> None:
+        """Behind whatever is under way, and told to nobody."""
+        self._thread.submit(work)
+
+    def wait(self) -> None:
+        """Until all is done; nothing more is taken."""
+        self._thread.shutdown(wait=True)
+
+    def _run(self, name: str, work: Callable[[], Values]) -> Values:
+        try:
+            result = work()
+        except Exception as error:
+            known = error if isinstance(error, DoorError) else own_error(error)
+            self.now = Sequence(name, "failed", known.sentence)
+            self._failed(name, known)
+            raise known from error
+        self.now = Sequence(name, "done")
+        return {"done": True, **result}
+
+
+def _patient(work: Future[Values]) -> Future[Values]:
+    answer: Future[Values] = Future()
+    impatient = threading.Timer(ANSWER_S, _answer, (answer, {"done": False}))
+    impatient.daemon = True
+    impatient.start()
+
+    def done(finished: Future[Values]) -> None:
+        impatient.cancel()
+        error = finished.exception()
+        with contextlib.suppress(InvalidStateError):
+            if error is None:
+                answer.set_result(finished.result())
+            else:
+                answer.set_exception(error)
+
+    work.add_done_callback(done)
+    return answer
+
+
+def _answer(answer: Future[Values], result: Values) -> None:
+    with contextlib.suppress(InvalidStateError):
+        answer.set_result(result)

@@ -1,0 +1,81 @@
+"""``directrix serve``, once its options are read: from the first process to an orderly end."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from controller import door
+from controller.door import Server
+from controller.machine import Machine
+from controller.service import engine
+from controller.service.desk import Desk
+from controller.service.service import LOOK_S, Service
+from controller.session.startup import SessionError
+
+Tell = Callable[[str], None]  # systemd's notify protocol
+
+FEED_S = 0.5  # between two signs of life; each needs a tick that has gone on
+STATUS_S = 2.0
+
+
+def run(machine: Machine, state: Path, runtime: Path, simulate: bool, tell: Tell, group: str = "") -> None:
+    """Until SIGTERM or SIGINT. Raises SessionError, ConfigError, BusError, OSError where it cannot begin."""
+    if simulate:
+        machine = engine.simulated(machine)
+    elif any(bus.interface == "virtual" for bus in machine.buses):
+        raise SessionError(
+            f"{machine.name}: its [[bus]] is virtual and no drive is on it; name a real interface in the "
+            "machine file, or give --simulate."
+        )
+    asked = _Asked()
+    service = Service(machine, state)
+    try:
+        service.engine.start_hubs()
+        with_door = Server(door.control_path(runtime), Desk(service), group)
+        try:
+            service.power_up()
+            tell("READY=1")
+            _watch(service, asked, tell)
+            tell("STOPPING=1")
+        finally:
+            with_door.close()
+    finally:
+        service.close()
+
+
+class _Asked:
+    """Becomes true when this process is asked to end."""
+
+    def __init__(self) -> None:
+        self.yes = False
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, self._hear)
+
+    def _hear(self, _number: int, _frame: object) -> None:
+        self.yes = True
+
+
+def _watch(service: Service, asked: _Asked, tell: Tell) -> None:
+    """The watchdog is fed by ticks, not by this loop: a tick that stands still starves it."""
+    fed_tick, fed_s, told, told_s = -1, 0.0, "", 0.0
+    while not asked.yes:
+        now, now_s = service.look(), time.monotonic()
+        if now is not None and now.tick != fed_tick and now_s - fed_s >= FEED_S:
+            tell("WATCHDOG=1")
+            fed_tick, fed_s = now.tick, now_s
+        words = _words(service)
+        if words != told and now_s - told_s >= STATUS_S:
+            tell(f"STATUS={words}")
+            told, told_s = words, now_s
+        time.sleep(LOOK_S)
+
+
+def _words(service: Service) -> str:
+    now, job = service.engine.snapshot(), service.running
+    if now is None or not service.engine.tick_alive:
+        return "the tick process is gone"
+    fault = f", {service.fault['name']}" if service.fault else ""
+    return f"{now.mode.name}{fault}" + (f", {job.program.name} line {now.line}" if job is not None else "")

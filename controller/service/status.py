@@ -1,0 +1,164 @@
+"""What the machine shows of itself: plain values in shown units (mm, degrees, mm/min)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from controller.handoff import COLUMN, Recorder, Snapshot
+from controller.kinematics import Kinematics
+from controller.machine import Machine, five
+from controller.service.orders import Way
+from controller.state import Binding, Fault, Mode, binding_text
+
+PER_MIN = 60.0
+AT_LIMIT = 1e-3  # mm or rad from the end of the travel
+
+
+def machine_values(
+    machine: Machine, now: Snapshot, way: Way | None, recorder: Recorder | None
+) -> dict[str, Any]:
+    """All of ``status`` that a snapshot tells, with the motion under way."""
+    return {
+        "mode": now.mode.name,
+        "not_homed": [axis.name for i, axis in enumerate(machine.axes) if not now.homed >> i & 1],
+        "warning": now.warning.name if now.warning is not Fault.NONE else None,
+        "joints": joints(machine, now, way),
+        **tip(machine, now, way),
+        "feed_mm_min": {"programmed": _programmed(way), "actual": _feed(now, recorder)},
+        "limited_by": _limited_by(machine, now),
+        "override": now.override,
+        "rapid_override": now.rapid_override,
+        "single_block": now.single_block,
+        "optional_stop": now.optional_stop,
+        "spindle": {
+            "rev_min": now.spindle_rev_min,
+            "actual_rev_min": now.spindle_actual_rev_min,
+            "at_speed": now.spindle_at_speed,
+        },
+        "coolant": {"mist": bool(now.coolant & 1), "flood": bool(now.coolant & 2)},
+        "inputs": _bits(machine.io.inputs if machine.io else (), now.inputs),
+        "outputs": _bits(machine.io.outputs if machine.io else (), now.outputs),
+        "tick": {
+            "number": now.tick,
+            "skips": now.skips,
+            "late_max_ms": now.late_max_s * 1e3,
+            "period_ms": machine.period_s * 1e3,
+        },
+        "waiting": now.waiting,
+        "interlock": now.interlock.name if now.interlock is not Fault.NONE else None,
+        "at_rest": now.at_rest,
+    }
+
+
+def _bits(names: tuple[tuple[str, int], ...], word: int) -> dict[str, bool]:
+    return {name: bool(word >> bit & 1) for name, bit in names}
+
+
+def joints(machine: Machine, now: Snapshot, way: Way | None) -> dict[str, dict[str, Any]]:
+    """By axis: where it is told to be, where it is, how far it still goes."""
+    shown, actual = machine.shown(now.joints), machine.shown(now.actual)
+    ends = machine.shown(way.end) if way is not None else shown
+    work = _work(machine, shown)
+    return {
+        axis.name: {
+            "machine": shown[i],
+            "work": work[i],
+            "to_go": ends[i] - shown[i],
+            "actual": actual[i],
+            "error": shown[i] - actual[i],
+            "homed": bool(now.homed >> i & 1),
+            "limit": _limit(now.joints[i], axis.travel_min, axis.travel_max, axis.shown_per_unit),
+        }
+        for i, axis in enumerate(machine.axes)
+    }
+
+
+def _work(machine: Machine, shown: tuple[float, ...]) -> list[float]:
+    """As words of a program under G54 read: joints less the work offset."""
+    origin = dict(zip(machine.linear(), machine.offsets[0].origin, strict=True))
+    return [value - origin.get(i, 0.0) for i, value in enumerate(shown)]
+
+
+def _limit(q: float, lowest: float, highest: float, shown_per_unit: float) -> str | None:
+    """The end of the travel at which the axis stands, in its shown sense."""
+    low, high = ("+", "-") if shown_per_unit < 0.0 else ("-", "+")
+    return low if q <= lowest + AT_LIMIT else high if q >= highest - AT_LIMIT else None
+
+
+def tip(machine: Machine, now: Snapshot, way: Way | None) -> dict[str, Any]:
+    """Tip and axis of the tool in the part frame; of T1 in G54 where nothing else is under way."""
+    tool = machine.tool(1)
+    length_mm = way.length_mm if way is not None else tool.length_mm if tool is not None else 0.0
+    frame = way.part if way is not None and way.part is not None else machine.offsets[0]
+    pose = Kinematics(machine).forward(five(now.joints), length_mm)
+    return {
+        "tip": dict(zip("XYZ", map(float, frame.from_parent(pose.tip)), strict=True)),
+        "axis": dict(zip("IJK", map(float, frame.turn_back(pose.axis)), strict=True)),
+    }
+
+
+def _programmed(way: Way | None) -> float | None:
+    return None if way is None or way.feed_mm_s is None else way.feed_mm_s * PER_MIN
+
+
+def _feed(now: Snapshot, recorder: Recorder | None) -> float:
+    """The speed along the path in the last tick."""
+    if recorder is None or now.at_rest:
+        return 0.0
+    row = recorder.last(1)
+    return float(row[-1, COLUMN["feed_mm_s"]]) * PER_MIN if len(row) else 0.0
+
+
+def _limited_by(machine: Machine, now: Snapshot) -> str | None:
+    """What holds the speed down, in words."""
+    if now.mode is not Mode.RUNNING or now.limited_by == Binding.NOTHING:
+        return None
+    return binding_text(now.limited_by, [axis.name for axis in machine.axes])
+
+
+def facts(machine: Machine, fitted: Mapping[str, Any]) -> dict[str, Any]:
+    """What does not change while the machine runs, but for what is fitted."""
+    return {
+        "name": machine.name,
+        "period_s": machine.period_s,
+        "axes": [
+            {
+                "name": axis.name,
+                "kind": axis.kind.value,
+                "unit": "deg" if axis.is_rotary else "mm",
+                "sense": axis.sense.value,
+                "travel": sorted((axis.travel_min * k, axis.travel_max * k)),
+                "velocity": axis.limits.velocity * abs(k),
+                "acceleration": axis.limits.acceleration * abs(k),
+                "jerk": axis.limits.jerk * abs(k),
+                "bus": axis.bus,
+                "node": axis.node,
+                "following_error": axis.following_error * abs(k),
+                "brake": axis.brake,
+                "home": axis.homing.position * k,
+            }
+            for axis in machine.axes
+            for k in (axis.shown_per_unit,)
+        ],
+        "buses": [
+            {"name": bus.name, "interface": bus.interface, "channel": bus.channel, "bit_rate": bus.bit_rate}
+            for bus in machine.buses
+        ],
+        "spindle": {"max_rev_min": machine.spindle.max_rev_min} if machine.spindle else None,
+        "inputs": [name for name, _ in machine.io.inputs] if machine.io else [],
+        "outputs": [name for name, _ in machine.io.outputs] if machine.io else [],
+        "retract_mm": machine.retract_mm,
+        "clearance_mm": machine.clearance_mm,
+        **fitted,
+    }
+
+
+def axis_numbers(machine: Machine, names: object) -> tuple[int, ...]:
+    """Numbers of axes by their names, all of them for None. Raises ValueError."""
+    known = [axis.name for axis in machine.axes]
+    if names is None:
+        return tuple(range(len(known)))
+    if not isinstance(names, list) or not names or not all(name in known for name in names):
+        raise ValueError(f"axes {names!r}: allowed is a list out of {' '.join(known)}, or null for all.")
+    return tuple(sorted({known.index(name) for name in names}))

@@ -1,0 +1,120 @@
+"""The plan's end of a live machine: planner, keepalive, and the service access to the buses (SDO)."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import threading
+import time
+
+from controller import config
+from controller.handoff import (
+    PieceMessage,
+    PieceOutbox,
+    Snapshot,
+    SnapshotBoard,
+    send_request,
+)
+from controller.kinematics import Kinematics
+from controller.machine import Machine
+from controller.plan.planner import Planner
+from controller.session import children
+from controller.session.startup import SessionError, StartUp, homing_mask
+from controller.state import Fault, Mode, Request
+from drives import bus, commission, pdo
+
+PLAN_TURN_S = 0.010
+KEEPALIVE_S = 0.025
+TAKEN_TICKS = 2  # after which a request has been taken
+COME_UP_S = 150.0  # longer than the tick itself waits for a drive to home
+
+
+class PlanEnd:
+    """Planner, keepalive and start-up in a process of their own, on sockets that were handed over."""
+
+    def __init__(self, machine: Machine, pieces: int, requests: int, snapshot_path: str) -> None:
+        """``pieces`` and ``requests``: descriptors of this end of the sockets."""
+        self.alone = False  # the tick is gone
+        self._machine = machine
+        self._board = SnapshotBoard(snapshot_path, create=False)
+        self._outbox = PieceOutbox(children.joined(pieces, socket.SOCK_SEQPACKET))
+        self._requests = children.joined(requests, socket.SOCK_DGRAM)
+        self._lock = threading.Lock()  # a keepalive must not come between the packets of a message
+        self._start_up: StartUp | None = None
+        self.planner = self.new_planner(machine)
+        threading.Thread(target=self._keep_alive, daemon=True).start()
+
+    def new_planner(self, machine: Machine) -> Planner:
+        """For a machine whose tools or offsets are other ones; its messages are counted on."""
+        planner = Planner(machine, Kinematics(machine), self.send, clock=time.monotonic)
+        if (now := self._board.read()) is not None:
+            planner.go_on_from(max(now.accepted, now.rejected))
+        self.planner = planner
+        return planner
+
+    def send(self, message: PieceMessage) -> bool:
+        """False while packets wait, and when nobody is there to take them."""
+        with self._lock:
+            try:
+                return self._outbox.send(message)
+            except OSError:
+                self.alone = True
+                return False
+
+    def flush(self) -> None:
+        """Send on what did not fit into the socket."""
+        with self._lock:
+            try:
+                self._outbox.flush()
+            except OSError:
+                self.alone = True
+
+    def _keep_alive(self) -> None:
+        """A chain may take a second to plan; the tick must know meanwhile that somebody does."""
+        while not self.alone:
+            self.send(PieceMessage(0, 0.0))
+            time.sleep(KEEPALIVE_S)
+
+    def snapshot(self) -> Snapshot:
+        """The newest snapshot, waiting for the first. Raises SessionError when the tick is gone."""
+        while (now := self._board.read()) is None:
+            if self.alone:
+                raise SessionError("The tick process ended before its first tick.")
+            time.sleep(PLAN_TURN_S)
+        return now
+
+    @property
+    def start_up(self) -> StartUp:
+        """Commissioning, homing and enabling; opens the buses when it is first needed. Raises BusError."""
+        if self._start_up is None:
+            networks = {}
+            for settings in config.bus_settings(self._machine):
+                port = bus.open(settings, pdo.SERVICE_FILTERS)
+                networks[settings.name] = commission.Network(port, commission.wall_pump(port.fileno()))
+            self._start_up = StartUp(self._machine, networks, self._ask, lambda: self.snapshot().homed)
+        return self._start_up
+
+    def _ask(self, request: Request, value: float, wanted: Mode) -> tuple[Mode, Fault]:
+        """Homing begins and ends in OFF: there it is the axes homed that tell that it is over.
+
+        Raises SessionError where somebody stopped the homing.
+        """
+        with contextlib.suppress(BlockingIOError):
+            send_request(self._requests, request, value)
+        mask, asked = homing_mask(request, value), self.snapshot().tick
+        give_up_s = time.monotonic() + COME_UP_S
+        began = False
+        while True:
+            now = self.snapshot()
+            if now.tick <= asked + TAKEN_TICKS and not self.alone:
+                time.sleep(PLAN_TURN_S)  # what is shown may be from before: an axis may have been homed
+                continue
+            if now.refused_request == request and now.interlock is not Fault.NONE:
+                return now.mode, now.interlock
+            arrived = now.mode is wanted and now.homed & mask == mask
+            if arrived or now.mode is Mode.FAULT or self.alone or time.monotonic() > give_up_s:
+                return now.mode, now.fault
+            if began and now.mode is not Mode.HOMING:
+                raise SessionError("Homing was stopped before it was done; ask for it again.")
+            began = began or now.mode is Mode.HOMING
+            time.sleep(PLAN_TURN_S)

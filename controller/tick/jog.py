@@ -1,0 +1,163 @@
+"""Motion by hand: along a straight line of the joints, at once, and never without end.
+
+```
+   READY, HOLD  -- order, standing -->  along its line  -- released, expired, arrived -->  at rest, back
+                                          |        ^
+                            another line  v        |  at rest
+                                         slows to rest
+```
+An order without a length lives for ``DEAD_MAN_S``, counted in ticks; one with a length needs a plan
+that lives. At the end of the travel of a homed axis the line ends, at rest: that is no fault. An
+axis that is not homed has no end that is known, and is slow.
+"""
+
+from __future__ import annotations
+
+import math
+
+from controller.handoff import DEAD_MAN_S, Jog
+from controller.machine import Axis, Joints, Machine
+from controller.state import Mode, Request
+from controller.tick.check import Check
+from controller.tick.follow import Follow, Step
+from controller.tick.mode import Modes
+from controller.tick.ramp import Ramp
+
+UNHOMED_SHARE = 0.1  # of its largest velocity, for an axis that is not homed
+_NOTHING = Jog((0.0, 0.0, 0.0, 0.0, 0.0), 0.0)
+_LATENCY_TICKS = 2  # from the last tick that waits until a drive slows
+
+
+class Jogging:
+    """One order at a time.
+
+    Read ``active`` (something is under way), ``axes`` (that move, bit mask), ``check`` (for their joints).
+    """
+
+    def __init__(self, machine: Machine, modes: Modes, follow: Follow) -> None:
+        self._machine, self._modes, self._follow = machine, modes, follow
+        self._most_age = max(1, math.floor(DEAD_MAN_S / machine.period_s) - _LATENCY_TICKS)
+        self._age = 0  # ticks since it was asked for
+        self._order = _NOTHING
+        self._next: Jog | None = None  # another line, once this one is at rest
+        self._back = Mode.READY
+        self._base = self._held = follow.joints  # where the line begins; where the program is held
+        self._ramp = Ramp(1.0, 1.0, 0.0)
+        self._speed = 0.0  # per tick
+        self.axes = 0
+        self.active = False
+        self.check = Check(machine)
+
+    # -- orders
+
+    def ask(self, order: Jog | None) -> None:
+        """A new order, or the old one again. What cannot be is refused."""
+        modes, before = self._modes, self._modes.mode
+        if order is None or not self._is_possible(order, before):
+            modes.refused = Request.JOG
+            return
+        if not modes.request(Request.JOG, 0.0, self._follow.at_rest and not self._follow.stopping):
+            return
+        self._age = 0
+        if before is not Mode.JOG:
+            self._enter(before)
+            self._begin(order)
+        elif order.direction == self._order.direction and math.isinf(self._order.length):
+            self._next = None
+            self._speed = self._speed_of(order)
+        else:
+            self._next = order
+
+    def _is_possible(self, order: Jog, before: Mode) -> bool:
+        """A length is measured from rest; axes without a zero do not go together."""
+        if not order.is_sound or (before is Mode.JOG and math.isfinite(order.length)):
+            return False
+        moving = _moving(order)
+        return not moving & ~self._modes.homed or moving & (moving - 1) == 0
+
+    def _enter(self, before: Mode) -> None:
+        self.active, self._back = True, before
+        if before is Mode.READY:
+            self._follow.clear()  # what is queued begins elsewhere
+        elif not self._modes.away:
+            self._held = self._follow.joints
+
+    def _begin(self, order: Jog) -> None:
+        self._order, self._next, self._base = order, None, self._follow.joints
+        self.axes = _moving(order)
+        self.check = Check(self._machine, self.axes & ~self._modes.homed)
+        T = self._machine.period_s
+        rows = [(a, abs(d)) for a, d in zip(self._machine.axes, order.direction, strict=True) if d]
+        acceleration = min(axis.limits.acceleration / d for axis, d in rows) * T**2
+        jerk = min(axis.limits.jerk / d for axis, d in rows) * T**3
+        self._ramp = Ramp(acceleration, jerk, min(order.length, self._room(order)))
+        self._speed = self._speed_of(order)
+
+    def _room(self, order: Jog) -> float:
+        """How far the line goes within the travel of the axes that have one."""
+        homed = self._modes.homed
+        rows = zip(self._machine.axes, order.direction, self._base, strict=True)
+        ends = (_to_end(axis, d, q) for i, (axis, d, q) in enumerate(rows) if d and homed >> i & 1)
+        return max(0.0, min(ends, default=math.inf))
+
+    def _speed_of(self, order: Jog) -> float:
+        """What is asked for, as far as the axes can, per tick."""
+        speed, homed = order.speed, self._modes.homed
+        for i, (axis, d) in enumerate(zip(self._machine.axes, order.direction, strict=True)):
+            if d:
+                share = 1.0 if homed >> i & 1 else UNHOMED_SHARE
+                speed = min(speed, share * axis.limits.velocity / abs(d))
+        return speed * self._machine.period_s
+
+    # -- every tick, while active
+
+    def watch(self, ticks: int, silent: bool) -> None:
+        """Who asks must live: ``silent`` says that the plan does not."""
+        self._age += ticks
+        endless = math.isinf(self._order.length) or self._next is not None
+        if self._age > self._most_age if endless else silent:
+            self._modes.jog_ends = True
+
+    def step(self, is_open: bool) -> Step:
+        """The joints of the next SYNC; ``is_open``: no clamp holds an axis."""
+        modes, ramp, follow = self._modes, self._ramp, self._follow
+        ends = modes.mode is not Mode.JOG or modes.jog_ends
+        goes = not ends and self._next is None and is_open
+        ramp.step(self._speed if goes else 0.0)
+        follow.move_to(self._place())
+        if ramp.at_rest:
+            if ends:
+                self._leave()
+            elif self._next is not None:
+                self._begin(self._next)
+            elif goes and math.isfinite(self._order.length):
+                modes.jog_ends = True  # arrived
+        return Step.MOVED
+
+    def _place(self) -> Joints:
+        p, q, d = self._ramp.p, self._base, self._order.direction
+        return (q[0] + p * d[0], q[1] + p * d[1], q[2] + p * d[2], q[3] + p * d[3], q[4] + p * d[4])
+
+    def _leave(self) -> None:
+        """Back to where it came from, once nothing of the motion is left."""
+        follow, modes = self._follow, self._modes
+        if not follow.at_rest:
+            return
+        self.active = False
+        if self._back is Mode.READY:
+            follow.clear()
+        else:
+            modes.away = not follow.same_place(follow.joints, self._held)
+            if not modes.away:
+                follow.move_to(self._held)  # less than a count
+        if modes.mode is Mode.JOG:
+            modes.mode = self._back
+
+
+def _moving(order: Jog) -> int:
+    """Bit mask of the axes of a line."""
+    return sum(1 << i for i, d in enumerate(order.direction) if d)
+
+
+def _to_end(axis: Axis, d: float, q: float) -> float:
+    return ((axis.travel_max if d > 0.0 else axis.travel_min) - q) / d

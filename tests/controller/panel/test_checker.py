@@ -1,0 +1,139 @@
+"""Checks after an upload: in a process of their own, with progress, and never in the way."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from controller import config, fitting
+from controller.commands import check_worker
+from controller.panel.checker import Checker
+from controller.panel.store import Program, ProgramCheck, Store
+from controller.session import checked
+
+SOUND = b"O1\nG1 X10 F100\nG1 X20 Y5\nM2\n"
+WRONG = b"G1 X10 F100\nG1 X9999\nM2\n"
+FAKE = """
+import json, sys
+job = json.loads(sys.stdin.read())
+text = open(job["program"]).read()
+print(json.dumps({"progress": 0.5}), flush=True)
+if "wait" in text:
+    import time; time.sleep(60)
+if "die" not in text:
+    print(json.dumps({"state": "passed", "result": {"name": job["name"]}}), flush=True)
+"""
+
+
+def kept(store: Store, name: str, text: bytes) -> Program:
+    with store.uploads.begin(name) as upload:
+        upload.write(text)
+        return upload.commit()
+
+
+def awaited(checker: Checker, program: Program, *states: str) -> ProgramCheck:
+    for _ in range(60_000):
+        found = checker.of(program)
+        if found and found.state in states:
+            return found
+        time.sleep(0.01)
+    raise AssertionError(f"{found} never became {states}")
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    fitting.note(tmp_path, config.load("trunnion"))
+    return Store(tmp_path)
+
+
+def fake(store: Store) -> Checker:
+    return Checker(store, (sys.executable, "-c", FAKE))
+
+
+def test_a_program_is_checked_by_a_process_and_the_check_is_what_a_start_finds(store: Store) -> None:
+    program, checker = kept(store, "a", SOUND), Checker(store)
+    checker.ask(program)
+    found = awaited(checker, program, "passed", "refused", "failed")
+    checker.close()
+    assert found.state == "passed", found.result
+    assert found.result["blocks"] == 3 and found.result["duration_s"] > 5.0
+    task = checked.task(SOUND, "a", config.load("trunnion"))
+    there, warning = checked.find(task, store.folder / "checks")
+    assert there and not warning and there.duration_s == found.result["duration_s"]
+
+
+def test_a_wrong_program_is_refused_with_its_line(store: Store) -> None:
+    program = kept(store, "b", WRONG)
+    said: list[float] = []
+    job = {"name": "b", "program": store.programs.path(program.sha256), "lines": 3, "state": store.folder}
+    state, result = check_worker.check(job, said.append)
+    assert (state, result["line"]) == ("refused", 2) and "X" in result["sentence"]
+
+
+def test_a_check_belongs_to_the_tools_and_offsets_it_was_made_with(store: Store) -> None:
+    program, checker = kept(store, "a", SOUND), fake(store)
+    checker.ask(program)
+    awaited(checker, program, "passed")
+    fitting.save(store.folder, {"offsets": {"G54": [1.0, 2.0, 3.0]}})
+    assert checker.of(program) is None
+    checker.ask(program)
+    awaited(checker, program, "passed")
+    checker.close()
+
+
+def test_a_worker_that_dies_is_a_failed_check_and_the_next_one_is_made(store: Store) -> None:
+    checker = fake(store)
+    first, second = kept(store, "a", b"die\n"), kept(store, "b", b"M2\n")
+    checker.ask(first)
+    checker.ask(second)
+    assert "without a result" in awaited(checker, first, "failed").result["sentence"]
+    assert awaited(checker, second, "passed").result == {"name": "b"}
+    checker.close()
+
+
+def test_a_panel_that_ends_during_a_check_leaves_it_to_the_next(store: Store) -> None:
+    program, checker = kept(store, "a", b"wait\n"), fake(store)
+    checker.ask(program)
+    assert awaited(checker, program, "running").progress == 0.5
+    checker.close()
+    assert [check.state for check in store.checks.interrupted()] == ["running"]
+    again = Checker(store, (sys.executable, "-c", FAKE.replace("wait", "never")))
+    again.look()
+    awaited(again, program, "passed")
+    again.close()
+
+
+def test_a_program_that_came_by_another_way_is_found_and_checked(store: Store) -> None:
+    program, checker = kept(store, "a", SOUND), fake(store)
+    checker.look()
+    awaited(checker, program, "passed")
+    checker.close()
+
+
+def test_looking_again_and_again_asks_once(store: Store, tmp_path: Path) -> None:
+    count = tmp_path / "count"
+    counting = f"open({str(count)!r}, 'a').write('x')\n{FAKE}"
+    checker = Checker(store, (sys.executable, "-c", counting))
+    programs = [kept(store, name, f"M2 ; {name}\n".encode()) for name in "abc"]
+    for _ in range(20):
+        checker.look()
+        checker.ask(programs[0])
+    for program in programs:
+        awaited(checker, program, "passed")
+        checker.look()
+    checker.close()
+    assert count.read_text() == "xxx"
+
+
+def test_without_a_machine_nothing_is_checked(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    program, checker = kept(store, "a", SOUND), fake(store)
+    checker.ask(program)
+    checker.look()
+    assert checker.of(program) is None
+    checker.close()
+    assert json.loads(json.dumps(store.checks.interrupted())) == []

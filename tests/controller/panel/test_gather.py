@@ -1,0 +1,101 @@
+"""What the service wrote becomes rows, once, whatever the files look like."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from controller import fitting
+from controller.panel.gather import Gatherer
+from controller.panel.store import Store
+
+ALARM = {
+    "id": 1,
+    "time_s": 1000.5,
+    "name": "FOLLOWING_ERROR",
+    "axis": "X",
+    "sentence": "X lags.",
+    "sentence_de": "X eilt nach.",
+    "acknowledged_s": None,
+}
+RUN = {
+    "id": "r1",
+    "name": "part.ngc",
+    "sha256": "00",
+    "started_s": 1.0,
+    "ended_s": 9.0,
+    "result": "completed",
+    "cut_time_s": 3.0,
+    "following_error": {"X": 0.1},
+}
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store(tmp_path)
+
+
+def write_run(store: Store, name: str, text: str) -> None:
+    folder = store.folder / "runs" / name
+    folder.mkdir(parents=True)
+    (folder / "run.json").write_text(text)
+
+
+def append(store: Store, *alarms: object) -> None:
+    with open(store.folder / "alarms.jsonl", "a", encoding="utf-8") as file:
+        file.writelines(f"{a if isinstance(a, str) else json.dumps(a)}\n" for a in alarms)
+
+
+def test_alarms_are_taken_in_once_and_completed_by_later_lines(store: Store) -> None:
+    gatherer = Gatherer(store.database, store.folder)
+    assert not gatherer.gather()
+    append(store, ALARM)
+    assert gatherer.gather() and not gatherer.gather()
+    append(store, {**ALARM, "recording": "x.npz"}, "{cut off")
+    assert gatherer.gather()
+    [alarm] = store.alarms.list()
+    assert (alarm.at_s, alarm.name, alarm.axis, alarm.sentence) == (1000.5, "FOLLOWING_ERROR", "X", "X lags.")
+    assert alarm.facts == {"sentence_de": "X eilt nach.", "recording": "x.npz", "number": 1}
+    assert Gatherer(store.database, store.folder).gather()
+    assert len(store.alarms.list()) == 1
+
+
+def test_an_acknowledgement_of_either_side_counts_and_is_not_undone(store: Store) -> None:
+    append(store, ALARM, {**ALARM, "id": 2})
+    gatherer = Gatherer(store.database, store.folder)
+    gatherer.gather()
+    store.alarms.acknowledge(1, "anna")
+    append(store, {**ALARM, "acknowledged_s": 1003.0}, {**ALARM, "id": 2, "acknowledged_s": 1004.0})
+    gatherer.gather()
+    assert [(a.id, a.acknowledged_by) for a in store.alarms.list()] == [(2, "at the machine"), (1, "anna")]
+
+
+def test_runs_are_taken_in_when_they_have_ended(store: Store) -> None:
+    (store.folder / "runs" / "under way").mkdir(parents=True)
+    write_run(store, "r1", json.dumps(RUN))
+    gatherer = Gatherer(store.database, store.folder)
+    assert gatherer.gather() and not gatherer.gather()
+    [run] = store.runs.list()
+    assert (run.program, run.result, run.ended_s) == ("part.ngc", "completed", 9.0)
+    assert run.facts == {"cut_time_s": 3.0, "following_error": {"X": 0.1}, "record": "r1"}
+    assert not Gatherer(store.database, store.folder).gather()
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "null", '{"started_s": "x"}', '{"name": 1}'])
+def test_files_that_are_no_records_are_left_out(store: Store, text: str) -> None:
+    write_run(store, "r", text)
+    append(store, text)
+    Gatherer(store.database, store.folder).gather()
+    assert store.runs.list() == [] and store.alarms.list() == []
+
+
+def test_offsets_and_tools_are_those_that_were_fitted_last(store: Store) -> None:
+    gatherer = Gatherer(store.database, store.folder)
+    fitting.save(store.folder, {"offsets": {"G54": [1.0, 2.0, 3.0]}, "tools": {"2": {"radius_mm": 1.0}}})
+    assert gatherer.gather() and not gatherer.gather()
+    assert store.offsets.all() == {"G54": [1.0, 2.0, 3.0]} and store.tools.all() == {2: {"radius_mm": 1.0}}
+    fitting.save(store.folder, {"offsets": {}, "tools": {"2": None, "31": {"radius_mm": 7.5}}})
+    assert gatherer.gather()
+    assert store.offsets.all() == {} and store.tools.all() == {2: None, 31: {"radius_mm": 7.5}}

@@ -1,0 +1,262 @@
+"""The panel's routes against a machine that only keeps its mode."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fake_door import FakeDoor
+from panels import Scene, sentence, take_control
+
+from controller.door import Server
+from controller.panel import http
+from controller.panel.link import SocketDoor
+
+PROGRAM = b"G21\nG0 X0\nM2\n"
+SHA = hashlib.sha256(PROGRAM).hexdigest()
+
+
+def part(name: str = "part.ngc", text: bytes = PROGRAM) -> dict[str, Any]:
+    return {"files": {"file": (name, text)}}
+
+
+def test_a_program_is_uploaded_loaded_run_held_resumed_and_stopped_by_requests_alone(tmp_path: Path) -> None:
+    async def story() -> list[str]:
+        scene = Scene(tmp_path)
+        async with scene.client() as client:
+            made = await client.post("/api/v1/programs", **part(), data={"sha256": SHA})
+            assert made.status_code == 201, made.text
+            assert made.json()["sha256"] == SHA
+            await take_control(client)
+            steps: list[tuple[str, str, Any]] = [
+                ("POST", "/job", {"program": "part.ngc"}),
+                ("POST", "/machine/home", {}),
+                ("POST", "/machine/enable", None),
+                ("POST", "/cycle/start", None),
+                ("POST", "/cycle/hold", None),
+                ("PUT", "/overrides/feed", {"share": 0.5}),
+                ("POST", "/cycle/resume", None),
+                ("POST", "/cycle/stop", None),
+            ]
+            for method, path, body in steps:
+                answer = await client.request(method, "/api/v1" + path, json=body)
+                assert answer.status_code == 200, (path, answer.text)
+            now = (await client.get("/api/v1/status")).json()
+            assert now["job"]["name"] == "part.ngc"
+            assert now["control"] == "local"
+            return scene.door.moved
+
+    verbs = ["load", "home", "enable", "start", "hold", "override", "resume", "stop"]
+    assert asyncio.run(story()) == verbs
+
+
+def test_a_refusal_of_the_machine_names_mode_request_and_reason(tmp_path: Path) -> None:
+    async def story() -> None:
+        async with Scene(tmp_path).client() as client:
+            await take_control(client)
+            answer = await client.post("/api/v1/cycle/start")
+            assert answer.status_code == 409
+            assert answer.json()["error"] == {
+                "code": "refused",
+                "sentence": "start is refused in OFF.",
+                "mode": "OFF",
+                "request": "START",
+            }
+
+    asyncio.run(story())
+
+
+def test_the_loaded_program_is_neither_overwritten_nor_renamed_nor_deleted(tmp_path: Path) -> None:
+    async def story() -> None:
+        async with Scene(tmp_path).client() as client:
+            await client.post("/api/v1/programs", **part())
+            await take_control(client)
+            await client.post("/api/v1/job", json={"program": "part.ngc"})
+            for answer in (
+                await client.post("/api/v1/programs", **part(text=b"M30\n")),
+                await client.patch("/api/v1/programs/part.ngc", json={"name": "other.ngc"}),
+                await client.delete("/api/v1/programs/part.ngc"),
+                await client.post("/api/files/local", **part(text=b"M30\n")),
+            ):
+                assert answer.status_code == 409, answer.text
+                assert "loaded or running" in sentence(answer)
+            assert (await client.get("/api/v1/programs/part.ngc/text")).content == PROGRAM
+            await client.delete("/api/v1/job")
+            assert (await client.delete("/api/v1/programs/part.ngc")).status_code == 204
+            assert (await client.get("/api/v1/programs/part.ngc")).status_code == 404
+
+    asyncio.run(story())
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "why"),
+    [
+        ("../../etc/passwd", {}, "holds '/'"),
+        ("..", {}, "begins with '.'"),
+        ("part.ngc", {"sha256": "0" * 64}, "announced"),
+        ("part.ngc", {"sha256": "nonsense"}, "64 hexadecimal"),
+    ],
+)
+def test_a_hostile_upload_is_refused_with_a_sentence_and_keeps_nothing(
+    tmp_path: Path, name: str, data: dict[str, str], why: str
+) -> None:
+    async def story() -> None:
+        scene = Scene(tmp_path)
+        async with scene.client() as client:
+            answer = await client.post("/api/v1/programs", **part(name), data=data)
+            assert 400 <= answer.status_code < 500
+            assert why in sentence(answer)
+        assert not scene.store.programs.list()
+        assert not list(scene.store.programs.incoming.iterdir())
+
+    asyncio.run(story())
+
+
+def test_what_does_not_fit_the_description_is_refused_with_a_sentence(tmp_path: Path) -> None:
+    async def story() -> None:
+        async with Scene(tmp_path).client() as client:
+            await take_control(client)
+            for body in ({"share": "1"}, {"share": 7}, {}, {"share": 1, "more": 2}, [], 3):
+                answer = await client.put("/api/v1/overrides/feed", json=body)
+                assert answer.status_code == 422
+                assert sentence(answer).startswith("body")
+            for content in (b"{", b"\xff", b"[" * 5000):
+                answer = await client.put(
+                    "/api/v1/overrides/feed", content=content, headers={"Content-Type": "application/json"}
+                )
+                assert answer.status_code == 422
+            answer = await client.post("/api/v1/mdi", content=b" " * 200_000)
+            assert answer.status_code == 413
+
+    asyncio.run(story())
+
+
+def test_an_unknown_path_or_method_gets_the_same_form_of_answer(tmp_path: Path) -> None:
+    async def story() -> None:
+        async with Scene(tmp_path).client() as client:
+            missing = await client.get("/api/v1/nothing")
+            assert (missing.status_code, missing.json()["error"]["code"]) == (404, "http")
+            wrong = await client.put("/api/v1/programs/a")
+            assert wrong.status_code == 405
+            assert wrong.headers["Allow"] == "DELETE, GET, PATCH"
+
+    asyncio.run(story())
+
+
+def test_without_the_service_looking_and_uploading_go_on_and_moving_is_told_to_be_impossible(
+    tmp_path: Path,
+) -> None:
+    async def story() -> None:
+        scene = Scene(tmp_path)
+        scene.door.there = False
+        async with scene.client() as client:
+            assert (await client.post("/api/v1/programs", **part())).status_code == 201
+            assert (await client.get("/api/v1/runs")).json() == {"runs": [], "before": None}
+            await take_control(client)
+            answer = await client.post("/api/v1/cycle/hold")
+            assert answer.status_code == 503
+            assert "start it with" in sentence(answer)
+
+    asyncio.run(story())
+
+
+def test_a_jog_that_comes_after_the_stop_of_its_press_moves_nothing(tmp_path: Path) -> None:
+    async def story() -> list[str]:
+        scene = Scene(tmp_path)
+        scene.door.mode = "READY"
+        async with scene.client() as client:
+            await take_control(client)
+            move = {"frame": "joint", "axis": "X", "speed": 0.5, "press": "a1"}
+            assert (await client.post("/api/v1/jog", json=move)).status_code == 200
+            assert (await client.post("/api/v1/jog/stop", json={"press": "a1"})).status_code == 200
+            late = await client.post("/api/v1/jog", json=move)
+            assert late.status_code == 409
+            assert "has ended" in sentence(late)
+        return scene.door.moved
+
+    assert asyncio.run(story()) == ["jog", "jog_stop"]
+
+
+def test_octoprints_senders_upload_and_nothing_starts(tmp_path: Path) -> None:
+    async def story() -> None:
+        scene = Scene(tmp_path)
+        async with scene.client() as client:
+            assert (await client.get("/api/version")).json()["text"].startswith("OctoPrint")
+            answer = await client.post("/api/files/local", **part(), data={"print": "true", "select": "true"})
+            assert answer.status_code == 201
+            assert answer.json()["effectivePrint"] is False
+            assert answer.headers["Location"].endswith("/api/v1/programs/part.ngc")
+            assert answer.json()["files"]["local"]["name"] == "part.ngc"
+        assert not scene.door.moved
+
+    asyncio.run(story())
+
+
+def test_metrics_are_what_prometheus_reads_and_tell_when_the_service_is_gone(tmp_path: Path) -> None:
+    from prometheus_client.parser import text_string_to_metric_families
+
+    async def story(there: bool) -> dict[str, float]:
+        scene = Scene(tmp_path)
+        scene.door.there = there
+        async with scene.client() as client:
+            text = (await client.get("/metrics")).text
+        families = text_string_to_metric_families(text)
+        return {sample.name: sample.value for family in families for sample in family.samples}
+
+    found = asyncio.run(story(True))
+    assert found["directrix_up"] == 1.0
+    assert found["directrix_tick_period_ms"] == 2.0
+    assert asyncio.run(story(False))["directrix_up"] == 0.0
+
+
+def test_the_real_socket_carries_questions_answers_and_refusals(tmp_path: Path) -> None:
+    machine = FakeDoor()
+    server = Server(tmp_path / "control.sock", machine.answer)
+    scene = Scene(tmp_path / "state", door=SocketDoor(tmp_path / "control.sock"))  # type: ignore[arg-type]
+
+    async def story() -> None:
+        async with scene.client() as client:
+            await take_control(client)
+            now = await asyncio.gather(*(client.get("/api/v1/status") for _ in range(50)))
+            assert {answer.json()["mode"] for answer in now} == {"OFF"}
+            assert (await client.post("/api/v1/machine/enable")).status_code == 200
+            assert (await client.post("/api/v1/cycle/resume")).json()["error"]["mode"] == "READY"
+            server.close()
+            assert (await client.post("/api/v1/cycle/hold")).status_code == 503
+
+    asyncio.run(story())
+
+
+def test_many_who_ask_for_the_status_at_once_are_one_question_to_the_machine(tmp_path: Path) -> None:
+    class Counting(FakeDoor):
+        asked_status = 0
+
+        async def ask(self, verb: str, **args: Any) -> dict[str, Any]:
+            self.asked_status += verb == "status"
+            await asyncio.sleep(0)
+            return await super().ask(verb, **args)
+
+    async def story() -> int:
+        door = Counting()
+        async with Scene(tmp_path, door).client() as client:
+            await asyncio.gather(*(client.get("/api/v1/status") for _ in range(40)))
+        return door.asked_status
+
+    assert asyncio.run(story()) < 40
+
+
+def test_an_application_with_a_route_that_has_no_guard_is_not_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from types import SimpleNamespace
+
+    from fastapi import APIRouter
+
+    open_door = APIRouter()
+    open_door.add_api_route("/open", lambda: "come in")
+    monkeypatch.setattr(http, "PARTS", (*http.PARTS, ("", SimpleNamespace(router=open_door))))
+    with pytest.raises(RuntimeError, match="/open: has no guard"):
+        Scene(tmp_path)

@@ -1,0 +1,370 @@
+"""Uploads that mean harm or had bad luck: nothing outside of the store, no half file, a sentence each."""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import os
+import random
+import resource
+import string
+import subprocess
+import sys
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from controller.panel import multipart, names
+from controller.panel.multipart import Received
+from controller.panel.store import Store, StoreError, UploadLimits
+
+TEXT = b"G1 X10 F100\nM2\n"
+LIMITS = UploadLimits(most_bytes=20_000, free_bytes=0, at_once=4, patience_s=0.2, slowest_bytes_s=1e6)
+CODES = {"name", "size", "sha256", "empty", "form", "slow", "many", "space", "running"}
+
+HOSTILE_NAMES = [
+    "../part.ngc",
+    "../../etc/passwd",
+    "/etc/passwd",
+    "..",
+    ".",
+    "",
+    " ",
+    ".hidden",
+    "..\\..\\windows\\win.ini",
+    "C:/part.ngc",
+    "part\x00.ngc",
+    "part.ngc\x00.png",
+    "part\n.ngc",
+    "part\r\nX-Header: 1",
+    "a" * 5000,
+    "ü" * 119,
+    "\u202egpj.ngc",  # turns the direction of what follows
+    "part\u200b.ngc",
+    "part\udcff.ngc",
+    "-rf",
+    "part.",
+    "part ",
+    "%2e%2e/part",
+    "part/../../x",
+    "programs/part.ngc",
+    "a|b",
+    "$(reboot)<script>",
+    "\u2028",
+    "\uffff",
+]
+SOUND_NAMES = ["part.ngc", "Teil für Änderung (2).ngc", "O1234", "部品.ngc", "a" * 120, "x'y`z$;&.nc", "a..b"]
+
+
+class Sent(NamedTuple):
+    """A body, in chunks, with its content type; ``cut`` = its sender goes away after that many bytes."""
+
+    body: bytes
+    content_type: str = "multipart/form-data; boundary=frontier"
+    cut: int | None = None
+    pause_s: float = 0.0
+    chunk: int = 4096
+
+
+class Gone(Exception):
+    """The sender is gone."""
+
+
+def form(name: str, text: bytes = TEXT, /, **fields: str) -> bytes:
+    shown = name.encode("utf-8", "surrogateescape").replace(b"\\", b"\\\\").replace(b'"', b'\\"')
+    parts = [
+        b'--frontier\r\ncontent-disposition: form-data; name="%s"\r\n\r\n%s\r\n'
+        % (key.encode(), value.encode("utf-8", "surrogateescape"))
+        for key, value in fields.items()
+    ]
+    file = b'--frontier\r\ncontent-disposition: form-data; name="file"; filename="%s"\r\n\r\n%s\r\n'
+    return b"".join([*parts, file % (shown, text), b"--frontier--\r\n"])
+
+
+async def stream(sent: Sent) -> AsyncIterator[bytes]:
+    for at in range(0, len(sent.body), sent.chunk):
+        if sent.cut is not None and at >= sent.cut:
+            raise Gone
+        if sent.pause_s:
+            await asyncio.sleep(sent.pause_s)
+        yield sent.body[at : at + sent.chunk]
+    if sent.cut is not None and sent.cut >= len(sent.body):
+        raise Gone
+
+
+async def receive(store: Store, sent: Sent, in_use: tuple[str, ...] = ()) -> Received:
+    return await multipart.receive(stream(sent), sent.content_type, store.uploads, "test", lambda: in_use)
+
+
+def send(store: Store, sent: Sent, in_use: tuple[str, ...] = ()) -> Received:
+    return asyncio.run(receive(store, sent, in_use))
+
+
+def refused(store: Store, sent: Sent, in_use: tuple[str, ...] = ()) -> str:
+    """The code of the refusal, after a look that nothing was kept by it."""
+    before = tree(store.folder)
+    with pytest.raises(StoreError) as error:
+        send(store, sent, in_use)
+    assert tree(store.folder) == before
+    assert len(error.value.sentence) < 500
+    assert error.value.sentence.isascii() or names.check(error.value.sentence.split(":")[0])
+    return error.value.code
+
+
+def tree(folder: Path) -> set[str]:
+    return {p.as_posix() for p in folder.rglob("*") if "store.sqlite-" not in p.name}
+
+
+def whole(store: Store) -> None:
+    """Nothing beside the store, and in it names and contents in step."""
+    assert os.listdir(store.folder.parent) == [store.folder.name]
+    top = {p.name for p in store.folder.iterdir()}
+    assert top <= {"programs", "store.sqlite", "store.sqlite-wal", "store.sqlite-shm"}
+    listed = store.programs.list()
+    files = {p.name for p in store.programs.folder.iterdir()} - {".incoming"}
+    assert files == {f"{program.sha256}.ngc" for program in listed}
+    for program in listed:
+        assert names.check(program.name) == program.name
+        content = store.programs.path(program.sha256).read_bytes()
+        assert hashlib.sha256(content).hexdigest() == program.sha256
+        assert len(content) == program.size
+    assert not list(store.programs.incoming.iterdir())
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store(tmp_path / "inside" / "state", LIMITS)
+
+
+@pytest.mark.parametrize("name", HOSTILE_NAMES, ids=lambda name: ascii(name)[:30])
+def test_a_hostile_name_is_refused_with_a_sentence(store: Store, name: str) -> None:
+    with pytest.raises(StoreError, match="allowed: up to 120") as error:
+        names.check(name)
+    assert error.value.code == "name"
+    assert error.value.sentence.isascii() and error.value.sentence.isprintable()
+    assert refused(store, Sent(form(name))) in ("name", "form")
+    assert refused(store, Sent(form("part.ngc", name=name[:500] or "."))) == "name"
+    whole(store)
+
+
+@pytest.mark.parametrize("name", SOUND_NAMES)
+def test_a_sound_name_stays_as_it_is(store: Store, name: str) -> None:
+    assert send(store, Sent(form(name))).program.name == name
+    assert store.programs.get(name).size == len(TEXT)
+    whole(store)
+
+
+def test_two_spellings_of_one_letter_are_one_name(store: Store) -> None:
+    assert names.check("u\u0308") == names.check("\u00fc") == "\u00fc"
+
+
+def test_a_file_comes_with_its_sum_before_or_behind_it(store: Store) -> None:
+    right = hashlib.sha256(TEXT).hexdigest()
+    assert send(store, Sent(form("a", sha256=right.upper()))).program.sha256 == right
+    assert send(store, Sent(form("b", checksum=right, print="true"))).fields["print"] == "true"
+    behind = form("c")[: -len(b"--frontier--\r\n")] + form("x", sha256=right).split(b"--frontier\r\n", 1)[0]
+    behind += b'--frontier\r\ncontent-disposition: form-data; name="sha256"\r\n\r\n' + b"0" * 64
+    assert refused(store, Sent(behind + b"\r\n--frontier--\r\n")) == "sha256"
+    whole(store)
+
+
+def test_a_wrong_sum_or_size_keeps_nothing(store: Store) -> None:
+    assert refused(store, Sent(form("a", sha256="0" * 64))) == "sha256"
+    assert refused(store, Sent(form("a", sha256="xyz"))) == "sha256"
+    assert refused(store, Sent(form("a", size=str(len(TEXT) + 1)))) == "size"
+    assert refused(store, Sent(form("a", size="-1"))) == "form"
+    assert refused(store, Sent(form("a", b""))) == "empty"
+    assert send(store, Sent(form("a", size=str(len(TEXT))))).program.size == len(TEXT)
+
+
+def test_a_file_beyond_the_cap_is_refused_while_it_comes(store: Store) -> None:
+    assert refused(store, Sent(form("a", b"x" * 20_001))) == "size"
+    assert refused(store, Sent(form("a", b"x" * 90_000))) == "size"
+    assert send(store, Sent(form("a", b"x" * 20_000))).program.size == 20_000
+
+
+@pytest.mark.parametrize("cut", [0, 1, 30, 100, 10_000, 19_990, 10**6])
+def test_a_sender_that_goes_away_leaves_nothing(store: Store, cut: int) -> None:
+    before = tree(store.folder)
+    with pytest.raises(Gone):
+        send(store, Sent(form("a", b"x" * 19_900), cut=cut, chunk=512))
+    assert tree(store.folder) == before
+
+
+@pytest.mark.parametrize("left", [0, 1, 12, 14, 20, 60, 100])
+def test_a_body_that_is_cut_short_but_ended_leaves_nothing(store: Store, left: int) -> None:
+    body = form("a")
+    assert refused(store, Sent(body[: min(left, len(body) - 5)])) == "form"
+
+
+@pytest.mark.parametrize(
+    "content_type",
+    [
+        "",
+        "text/plain",
+        "multipart/form-data",
+        "multipart/form-data; boundary=",
+        "multipart/mixed; boundary=frontier",
+        f"multipart/form-data; boundary={'x' * 5000}",
+        "multipart/form-data; boundary=other",
+    ],
+    ids=lambda kind: kind[:40],
+)
+def test_what_is_not_a_form_is_refused(store: Store, content_type: str) -> None:
+    assert refused(store, Sent(form("a"), content_type)) == "form"
+
+
+def test_a_form_with_too_much_in_it_is_refused(store: Store) -> None:
+    two = form("a")[: -len(b"--frontier--\r\n")] + form("b")
+    assert refused(store, Sent(two)) == "form"
+    assert refused(store, Sent(form("a", **{f"f{i}": "x" for i in range(40)}))) == "form"
+    assert refused(store, Sent(form("a", note="x" * 5000))) == "form"
+    assert refused(store, Sent(b"--frontier--\r\n")) == "form"
+
+
+def test_a_sender_slower_than_the_slowest_pace_is_refused(store: Store) -> None:
+    assert refused(store, Sent(form("a"), pause_s=0.1, chunk=20)) == "slow"
+
+
+def test_the_running_program_is_not_overwritten_and_goes_on(store: Store) -> None:
+    first = send(store, Sent(form("a"))).program
+    assert refused(store, Sent(form("a", b"M30\n")), in_use=("a",)) == "running"
+    assert store.programs.get("a") == first
+    assert send(store, Sent(form("b", b"M30\n")), in_use=("a",)).program.name == "b"
+    whole(store)
+
+
+def test_more_uploads_at_once_than_allowed_are_refused_and_places_come_back(store: Store) -> None:
+    async def all_at_once() -> list[Received | BaseException]:
+        sent = [receive(store, Sent(form(f"p{i}"), pause_s=0.02, chunk=100)) for i in range(10)]
+        return list(await asyncio.gather(*sent, return_exceptions=True))
+
+    for _ in range(2):
+        answers = asyncio.run(all_at_once())
+        assert {a.code for a in answers if isinstance(a, StoreError)} == {"many"}
+        assert sum(isinstance(a, Received) for a in answers) == LIMITS.at_once
+    whole(store)
+
+
+def test_a_disk_that_is_nearly_full_is_said_before_the_file_is_taken(
+    tmp_path: Path,
+) -> None:
+    store = Store(tmp_path / "inside" / "state", UploadLimits(free_bytes=1 << 60))
+    assert refused(store, Sent(form("a"))) == "space"
+
+
+FULL_DISK = """
+import resource, sys
+from pathlib import Path
+from controller.panel.store import Store, StoreError, UploadLimits
+store = Store(Path(sys.argv[1]), UploadLimits(free_bytes=0))
+resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
+try:
+    with store.uploads.begin("big") as upload:
+        for _ in range(100):
+            upload.write(b"x" * 10_000)
+        upload.commit()
+except StoreError as error:
+    print(error.code)
+with store.uploads.begin("small") as upload:
+    upload.write(b"M2\\n")
+    upload.commit()
+"""
+
+
+def test_a_disk_that_refuses_in_the_midst_keeps_nothing_and_the_next_file_fits(tmp_path: Path) -> None:
+    assert resource.getrlimit(resource.RLIMIT_FSIZE)[0] in (-1, resource.RLIM_INFINITY)
+    folder = tmp_path / "inside" / "state"
+    done = subprocess.run(
+        [sys.executable, "-c", FULL_DISK, str(folder)],
+        env={**os.environ, "PYTHONPATH": os.getcwd()},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.stdout.split() == ["space"], done.stderr
+    store = Store(folder)
+    assert [program.name for program in store.programs.list()] == ["small"]
+    whole(store)
+
+
+# ---- thousands of them
+
+
+def hostile(draw: random.Random) -> Sent:
+    """A form with none to three things wrong."""
+    body = form(_name(draw), _text(draw), **_fields(draw))
+    kind = draw.randrange(8)
+    if kind == 0:
+        body = body[: draw.randrange(len(body))]
+    elif kind == 1:
+        at = draw.randrange(len(body))
+        body = body[:at] + draw.randbytes(draw.randrange(1, 9)) + body[at + draw.randrange(9) :]
+    elif kind == 2:
+        body = draw.randbytes(draw.randrange(3000))
+    elif kind == 3:
+        body = body.replace(b"\r\n", draw.choice([b"\n", b"\r", b"\r\r\n"]), draw.randrange(1, 9))
+    cut = draw.randrange(len(body) + 1) if draw.random() < 0.1 else None
+    return Sent(body, cut=cut, chunk=draw.choice([7, 100, 4096]))
+
+
+def _name(draw: random.Random) -> str:
+    if draw.random() < 0.4:
+        return draw.choice([*HOSTILE_NAMES, *SOUND_NAMES, "p1", "p2", "p3"])
+    letters = string.ascii_letters + "./\\ \x00\"';%\n\r\t:*?<>|é\u202e\udc80\U0001f600"
+    return "".join(draw.choices(letters, k=draw.randrange(1, 40)))
+
+
+def _text(draw: random.Random) -> bytes:
+    return draw.choice(
+        [TEXT, b"", draw.randbytes(50), b"--frontier", b"\r\n--frontier--\r\n", b"G4 P1\n" * 5000]
+    )
+
+
+def _fields(draw: random.Random) -> dict[str, str]:
+    fields = {}
+    if draw.random() < 0.3:
+        fields["sha256"] = draw.choice([hashlib.sha256(TEXT).hexdigest(), "0" * 64, "no", "\x00", "é" * 64])
+    if draw.random() < 0.2:
+        fields["size"] = draw.choice([str(len(TEXT)), "0", "9" * 30, "²", "1e3"])
+    if draw.random() < 0.2:
+        fields["name"] = _name(draw)
+    return fields
+
+
+async def attack(store: Store, draw: random.Random, many: int) -> int:
+    """Send them, four at once; how many were kept."""
+    kept = 0
+    for _ in range(0, many, LIMITS.at_once):
+        batch = [receive(store, hostile(draw), ("p1",)) for _ in range(LIMITS.at_once)]
+        for answer in await asyncio.gather(*batch, return_exceptions=True):
+            kept += isinstance(answer, Received)
+            if isinstance(answer, StoreError):
+                assert answer.code in CODES, answer
+                assert answer.sentence.isprintable(), answer
+            else:
+                assert isinstance(answer, Received | Gone), repr(answer)
+    return kept
+
+
+def run_attack(folder: Path, seed: int, many: int) -> None:
+    limits = UploadLimits(most_bytes=20_000, free_bytes=0, at_once=LIMITS.at_once, patience_s=10.0)
+    store = Store(folder, limits)
+    with store.uploads.begin("p1") as upload:
+        upload.write(b"M30\n")
+        first = upload.commit()
+    kept = asyncio.run(attack(store, random.Random(seed), many))
+    assert 0.02 * many < kept < 0.6 * many, f"seed {seed}: {kept} of {many} kept"
+    assert store.programs.get("p1") == first
+    whole(store)
+
+
+def test_hundreds_of_hostile_uploads_leave_the_store_whole(tmp_path: Path) -> None:
+    run_attack(tmp_path / "inside" / "state", 5, 400)
+
+
+@pytest.mark.soak
+def test_ten_thousand_hostile_uploads_leave_the_store_whole(tmp_path: Path) -> None:
+    run_attack(tmp_path / "inside" / "state", 6, 10_000)

@@ -1,0 +1,31 @@
+"""The number that a serial line puts before a program: a name, not a word."""
+
+from __future__ import annotations
+
+import pytest
+
+from controller.plan.text import words
+from controller.plan.text.program import ProgramError
+
+
+def lines(text: str) -> list[int]:
+    return [line.number for line in words.read(text.encode(), "p.ngc")]
+
+
+@pytest.mark.parametrize("number", ["O1234", "o 12", ":0777", "O1234 (PART)", "(PART) :5 ; red"])
+@pytest.mark.parametrize("frame", ["%\n", ""])
+def test_a_number_before_the_first_block_is_skipped(frame: str, number: str) -> None:
+    assert lines(f"{frame}\n{number}\nG0 X1\nM2\n{frame}") == [len(frame) // 2 + 3, len(frame) // 2 + 4]
+
+
+@pytest.mark.parametrize(
+    "text", ["G0 X1\nO5\n", "O5\nO6\nM2\n", "O5 G0\n", "O5.5\nM2\n", "O\nM2\n", "O123456789\n"]
+)
+def test_a_number_elsewhere_or_with_words_is_refused(text: str) -> None:
+    with pytest.raises(ProgramError):
+        lines(text)
+
+
+def test_a_number_alone_is_no_program() -> None:
+    with pytest.raises(ProgramError, match="needs at least one word"):
+        lines("%\nO1234\n%\n")

@@ -1,0 +1,117 @@
+"""A door with a machine behind it that only keeps its mode: for tests of what asks through doors.
+
+door = FakeDoor()                     # ``await door.ask(...)`` in process
+Server(path, door.answer)             # the same through the real socket
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from controller.door import DoorError
+from controller.panel.link import refusal
+
+AXES = ("X", "Y", "Z", "A", "C")
+# verb -> modes in which it is taken, and the mode after it (None: as it was)
+TABLE: dict[str, tuple[set[str], str | None]] = {
+    "load": ({"OFF", "READY"}, None),
+    "unload": ({"OFF", "READY"}, None),
+    "start": ({"READY"}, "RUNNING"),
+    "hold": ({"RUNNING"}, "HOLD"),
+    "resume": ({"HOLD"}, "RUNNING"),
+    "stop": ({"RUNNING", "HOLD", "READY"}, "READY"),
+    "single_block": (set(), None),  # nothing named: in all modes
+    "optional_stop": (set(), None),
+    "override": (set(), None),
+    "rapid_override": (set(), None),
+    "enable": ({"OFF"}, "READY"),
+    "disable": ({"OFF", "READY"}, "OFF"),
+    "home": ({"OFF", "READY"}, None),
+    "reset": ({"FAULT"}, "OFF"),
+    "estop": (set(), "FAULT"),
+    "jog": ({"READY"}, None),
+    "jog_step": ({"READY"}, None),
+    "jog_stop": (set(), None),
+    "mdi": ({"READY"}, None),
+    "retract": ({"HOLD"}, None),
+    "return": ({"HOLD"}, None),
+    "set_offset": ({"OFF", "READY"}, None),
+    "set_tool": ({"OFF", "READY", "HOLD"}, None),
+    "acknowledge": (set(), None),
+}
+
+
+class FakeDoor:
+    """Takes every verb of the local protocol, and notes what it took."""
+
+    def __init__(self) -> None:
+        self.mode = "OFF"
+        self.asked: list[tuple[str, dict[str, Any]]] = []
+        self.there = True
+        self.job: dict[str, Any] | None = None
+        self.offsets: dict[str, Any] = {"G54": {"origin_mm": [0.0, 0.0, 0.0], "turned_deg": [0.0, 0.0, 0.0]}}
+        self.tools: dict[str, Any] = {"1": {"name": "", "radius_mm": 3.0, "length_mm": 0.0, "flute_mm": 15.0}}
+
+    @property
+    def moved(self) -> list[str]:
+        """The verbs that were taken, but for looking."""
+        return [verb for verb, _ in self.asked if verb in TABLE]
+
+    async def ask(self, verb: str, **args: Any) -> dict[str, Any]:
+        """As the panel's own end of the door."""
+        try:
+            return self.answer(verb, args)
+        except DoorError as error:
+            raise refusal(error) from error
+
+    def answer(self, verb: str, args: dict[str, Any]) -> dict[str, Any]:
+        """As the service's handler. Raises DoorError."""
+        if not self.there:
+            raise DoorError("gone", "The machine's service does not answer; start it with directrix serve.")
+        looks = {"status": self.status, "facts": self.facts, "drives": self.drives, "alarms": dict}
+        if verb in looks:
+            return dict(looks[verb]())
+        modes, after = TABLE[verb]
+        if modes and self.mode not in modes:
+            raise DoorError("refused", f"{verb} is refused in {self.mode}.", self.mode, verb.upper())
+        self.asked.append((verb, args))
+        self.mode = after or self.mode
+        self._keep(verb, args)
+        return {}
+
+    def _keep(self, verb: str, args: dict[str, Any]) -> None:
+        if verb == "load":
+            self.job = {"name": args["name"], "sha256": args["sha256"], "state": "loaded", "left_s": 60.0}
+        elif verb == "unload":
+            self.job = None
+        elif verb == "set_offset":
+            self.offsets[args["name"]] = args["values"]
+        elif verb == "set_tool":
+            self.tools[str(args["number"])] = {k: v for k, v in args.items() if k != "number"}
+            if args.get("remove"):
+                del self.tools[str(args["number"])]
+
+    def status(self) -> dict[str, Any]:
+        joint = {"machine": 0.0, "work": 0.0, "to_go": 0.0, "actual": 0.0, "error": 0.0, "homed": False}
+        fault = {"name": "ESTOP", "axis": "", "sentence": "Emergency stop.", "position_trusted": True}
+        return {
+            "time_s": 1.0,
+            "mode": self.mode,
+            "fault": fault if self.mode == "FAULT" else None,
+            "job": self.job,
+            "joints": {axis: dict(joint) for axis in AXES},
+            "feed_mm_min": {"programmed": 0.0, "actual": 0.0},
+            "limited_by": "nothing",
+            "override": 1.0,
+            "rapid_override": 1.0,
+            "drives": self.drives()["drives"],
+            "tick": {"number": 500, "skips": 0, "late_max_ms": 0.1, "period_ms": 2.0},
+        }
+
+    def facts(self) -> dict[str, Any]:
+        return {"axes": list(AXES), "offsets": self.offsets, "tools": self.tools, "period_s": 0.002}
+
+    def drives(self) -> dict[str, Any]:
+        return {
+            "drives": [{"axis": axis, "node": i + 1, "heartbeat_age_s": 0.01} for i, axis in enumerate(AXES)]
+        }
