@@ -2,7 +2,7 @@
 
 A folder per run in the state folder:
 
-    runs/2026-11-21T083120-part.ngc/
+    runs/2026-11-21T083120.042-part.ngc/
         run.json         what, when, result, duration, cut time, largest following errors
         events.jsonl     the operator's requests by tick, as ``simulate --events`` reads them
         setpoints.npz    tick and the five setpoints of every tick (int32)
@@ -235,7 +235,8 @@ def _write_whole(file: Path, facts: dict[str, Any]) -> None:
 
 def _new_folder(base: Path, name: str) -> Path:
     plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name)[:60].strip(".") or "program"
-    stem = time.strftime("%Y-%m-%dT%H%M%S", time.localtime()) + f"-{plain}"
+    now_s = time.time()  # to the millisecond, so that the names' order is that of the runs
+    stem = time.strftime("%Y-%m-%dT%H%M%S", time.localtime(now_s)) + f".{int(now_s * 1e3) % 1000:03d}-{plain}"
     for n in range(1, 1000):
         made = base / (stem if n == 1 else f"{stem}-{n}")
         with contextlib.suppress(FileExistsError):
