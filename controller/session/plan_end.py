@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import socket
+import sys
 import threading
 import time
 
@@ -25,6 +26,7 @@ from drives import bus, commission, pdo
 
 PLAN_TURN_S = 0.010
 KEEPALIVE_S = 0.025
+SWITCH_S = 0.001  # the keepalive gets its turn so soon while a chain is planned
 TAKEN_TICKS = 2  # after which a request has been taken
 COME_UP_S = 150.0  # longer than the tick itself waits for a drive to home
 
@@ -41,6 +43,7 @@ class PlanEnd:
         self._requests = children.joined(requests, socket.SOCK_DGRAM)
         self._lock = threading.Lock()  # a keepalive must not come between the packets of a message
         self._start_up: StartUp | None = None
+        sys.setswitchinterval(SWITCH_S)
         self.planner = self.new_planner(machine)
         threading.Thread(target=self._keep_alive, daemon=True).start()
 
