@@ -162,7 +162,7 @@ class PieceInbox:
             except OSError:
                 packet = b""
             if not packet:
-                self.closed = True  # the plan is gone: its silence is noticed like any other
+                self.closed = True  # the plan is gone
                 return None
             self.heard = True
             message = self._join(packet)

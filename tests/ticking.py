@@ -221,6 +221,11 @@ class Bench:
         """Rows of the recorder since the last call."""
         return self.recorder.drain()
 
+    def end_planner(self) -> None:
+        """Its process is gone, and its end of the socket with it."""
+        self.planner_alive = False
+        self._ends[0].close()
+
     def close(self) -> None:
         for end in self._ends:
             end.close()

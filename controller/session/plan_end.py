@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import socket
 import sys
 import threading
@@ -26,6 +27,7 @@ from drives import bus, commission, pdo
 
 PLAN_TURN_S = 0.010
 KEEPALIVE_S = 0.025
+NICE = -10  # where we may: before everything else of this computer but the tick
 SWITCH_S = 0.001  # the keepalive gets its turn so soon while a chain is planned
 TAKEN_TICKS = 2  # after which a request has been taken
 COME_UP_S = 150.0  # longer than the tick itself waits for a drive to home
@@ -44,6 +46,8 @@ class PlanEnd:
         self._lock = threading.Lock()  # a keepalive must not come between the packets of a message
         self._start_up: StartUp | None = None
         sys.setswitchinterval(SWITCH_S)
+        with contextlib.suppress(PermissionError):
+            os.setpriority(os.PRIO_PROCESS, 0, NICE)
         self.planner = self.new_planner(machine)
         threading.Thread(target=self._keep_alive, daemon=True).start()
 

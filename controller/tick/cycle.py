@@ -69,7 +69,7 @@ class Cycle:
         self._nearest_s = NEAREST_SHARE * machine.period_s - ROUNDING_S
         self._kernel_sync = machine.sync == "kernel"
         self._silence_ticks = round(PLANNER_SILENCE_S / machine.period_s)
-        self._silent = 0  # ticks since the plan was last heard
+        self._silent = 0  # ticks that were run since the plan was last heard
         self._synced_s = float("-inf")  # when the last SYNC had left
         self._skip_level = 0.0  # a bucket that skips fill and ticks drain
         self._skip_limit = max(machine.skip_limit_per_s, 1.0)
@@ -101,7 +101,7 @@ class Cycle:
         sent = self._sync(now_s, lateness_s)
         self._count(sent, ticks, lateness_s)
         self._take_requests()
-        self._take_pieces(ticks)
+        self._take_pieces()
         self._supervise(now_s, ticks)
         if sent or not self.modes.on_path:
             self._move()
@@ -180,16 +180,19 @@ class Cycle:
             if self.modes.mode is not Mode.HOMING:
                 self.peripherals.opens_for(0)
 
-    def _take_pieces(self, ticks: int) -> None:
-        """At most one message, whole or not at all; and how long the plan has been silent."""
+    def _take_pieces(self) -> None:
+        """At most one message, whole or not at all; and how long the plan has been silent.
+
+        Ticks that were missed do not count: what kept this process waiting kept the plan, too.
+        """
         self._accepted_now = 0
         message = self._pieces.take()
         if self._pieces.heard:
             self._pieces.heard = False
             self._silent = 0
         else:
-            self._silent += ticks
-            if self._silent > self._silence_ticks and self.modes.running and self.follow.pending:
+            self._silent += 1
+            if self._planner_gone() and self.modes.running and self.follow.pending:
                 self.modes.fail(Fault.PLANNER_GONE, -1)
         if message is None:
             return
@@ -202,6 +205,9 @@ class Cycle:
             self.rejected = message.sequence
             self._accepted_now = -message.sequence
 
+    def _planner_gone(self) -> bool:
+        return self._pieces.closed or self._silent > self._silence_ticks
+
     def _supervise(self, now_s: float, ticks: int) -> None:
         standing = self.follow.at_rest
         self.modes.watch(now_s)
@@ -212,7 +218,7 @@ class Cycle:
             self.modes.fail(Fault.SEND_FAILED, -1)
             self.modes.quick_stop()
         if self.jogging.active:
-            self.jogging.watch(ticks, self._silent > self._silence_ticks)
+            self.jogging.watch(ticks, self._planner_gone())
         self.modes.progress(ticks, standing)
         if self.modes.dropped:
             self.modes.dropped = self.modes.away = False

@@ -115,7 +115,7 @@ def test_a_full_socket_keeps_messages_waiting_and_in_order() -> None:
     assert taken == list(range(1, sequence + 1))
 
 
-def test_a_dead_planner_reads_as_silence_and_not_as_an_error() -> None:
+def test_a_dead_planner_reads_as_closed_and_not_as_an_error() -> None:
     plan_end, tick_end = piece_pair()
     inbox = PieceInbox(tick_end)
     plan_end.close()

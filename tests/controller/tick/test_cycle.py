@@ -98,6 +98,24 @@ def test_a_planner_that_wakes_up_after_the_fault_is_not_listened_to() -> None:
     bench.close()
 
 
+def test_a_planner_that_ended_is_a_fault_at_the_next_tick() -> None:
+    bench = moving()
+    bench.end_planner()
+    bench.tick()
+    assert bench.snapshot.fault is Fault.PLANNER_GONE
+    bench.until_rest()
+    assert on_the_line(commands(bench.rows())[5:])
+    bench.close()
+
+
+def test_a_computer_that_kept_everybody_waiting_is_no_silence_of_the_planner() -> None:
+    bench = moving(skip_limit_per_s=1e6)
+    late = bench.clock.now_s() + 0.5
+    bench.cycle.run(late, 0.0, missed=249)
+    assert bench.snapshot.fault is Fault.NONE
+    bench.close()
+
+
 def test_planner_silence_at_rest_is_no_fault() -> None:
     bench = Bench()
     bench.enable()
