@@ -222,7 +222,7 @@ def test_the_limits_of_linuxcnc_with_an_operator(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("batch", range(4))
+@pytest.mark.parametrize("batch", range(2))
 def test_unseen_surfaces_with_an_operator(batch: int) -> None:
     done = 0
     for seed in range(800 + 6 * batch, 806 + 6 * batch):
@@ -234,13 +234,13 @@ def test_unseen_surfaces_with_an_operator(batch: int) -> None:
 
 @pytest.mark.slow
 def test_unseen_nurbs_surfaces_with_an_operator() -> None:
-    made = [on_nurbs(seed, shipped(random.Random(seed).choice(SHIPPED)), 6) for seed in range(10)]
-    assert sum(done is not None for done in made) >= 4
+    made = [on_nurbs(seed, shipped(random.Random(seed).choice(SHIPPED)), 6) for seed in range(6)]
+    assert sum(done is not None for done in made) >= 2
 
 
 @pytest.mark.slow
 def test_random_oblique_machines_with_an_operator() -> None:
-    assert sum(on_surfaces(900 + seed, oblique(seed), 6) is not None for seed in range(12)) >= 3
+    assert sum(on_surfaces(900 + seed, oblique(seed), 6) is not None for seed in range(8)) >= 2
 
 
 @pytest.mark.slow

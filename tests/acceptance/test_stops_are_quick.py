@@ -127,18 +127,18 @@ def test_a_hold_in_the_cut_of_example_2_stops_nearly_as_fast_as_can_be() -> None
 @pytest.mark.parametrize("feed", ["1000.", "3000."])
 def test_holds_anywhere_in_the_papers_parts_stop_nearly_as_fast_as_can_be(name: str, feed: str) -> None:
     machine, source = shipped(), paper(name, feed)
-    ratios = judge(source, machine, spread(source, machine, 6, 7), f"{name} at {feed}")
+    ratios = judge(source, machine, spread(source, machine, 4, 7), f"{name} at {feed}")
     print(f"\n{name} {feed}: median {np.median(ratios):.3f}, worst {max(ratios):.3f}, {len(ratios)} stops")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(4))
 def test_holds_on_unseen_surfaces_stop_nearly_as_fast_as_can_be(seed: int) -> None:
     rng = random.Random(9000 + seed)
     machine, feed = shipped(rng.choice(SHIPPED)), 10.0 ** rng.uniform(2.0, 3.7)
     source = text(compound(700 + seed, rng.choice((1, 2))), feed)
     try:
-        ticks = spread(source, machine, 6, seed)
+        ticks = spread(source, machine, 4, seed)
     except ProgramError:
         pytest.skip("refused")
     judge(source, machine, ticks, f"seed {seed}, {machine.name}, {feed:.0f} mm/min")
