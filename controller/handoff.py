@@ -54,10 +54,13 @@ __all__ = [
     "COLUMN",
     "COMMIT_LEAD_S",
     "DEAD_MAN_S",
+    "OPTIONAL_STOP",
     "PLANNER_SILENCE_S",
     "ROW",
+    "SINGLE_BLOCK",
     "STANDSTILL",
     "STILL",
+    "STOOD",
     "Jog",
     "Law",
     "Piece",
@@ -312,8 +315,9 @@ ROW: tuple[str, ...] = (
     "limited_by",
     "override",
     "rapid_override",
-    "switches",  # 1 single block, 2 optional stop
+    "switches",  # single block, optional stop; stood still in this tick, after a long gap
 )
+SINGLE_BLOCK, OPTIONAL_STOP, STOOD = 1, 2, 4  # bits of "switches"
 COLUMN = {name: i for i, name in enumerate(ROW)}
 _ROW = struct.Struct(f"<{len(ROW)}d")
 RECORDER_ROWS = 1 << 15  # 65 s at 2 ms; of three quarters of it 12 s are left at 0.5 ms

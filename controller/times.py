@@ -35,6 +35,12 @@ def of(machine: Machine) -> Times:
     )
 
 
+def deaf_s(machine: Machine) -> float:
+    """The shortest silence of ours after which drives may have stopped by their own supervision."""
+    master = MasterSettings(period_s=machine.period_s)
+    return master.consumer_s - 2.0 * master.heartbeat_s
+
+
 def _answer_s(machine: Machine) -> float:
     """What the machine file gives its spindle and its clamps."""
     spindle_s = [machine.spindle.spin_up_s] if machine.spindle is not None else []

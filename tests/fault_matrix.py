@@ -6,7 +6,8 @@ One machine goes through all modes of a fault, so that "run again" is shown by t
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+import math
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,6 +44,7 @@ def run(case: Case, mode: str, scene: Scene) -> Cell:
     """One cell; the scene is left ready for the next one."""
     _make_ready(scene, mode)
     scene.looks.clear()
+    scene.resumed_s = math.inf
     struck: list[float] = []
 
     def strike() -> None:
@@ -51,14 +53,13 @@ def run(case: Case, mode: str, scene: Scene) -> Cell:
 
     MODES[mode](scene, strike)
     scene.after_tick = lambda: None
-    modes = scene.cycle.modes
-    fault = modes.fault
+    fault = _shown(scene)
     promised_s = stands_within_s(fault, times.of(scene.machine))
     stood_s = stood_after_s(scene, struck[0], case.free) if fault is not Fault.NONE else 0.0
     jump, slope = jumps(scene)
     fast = fastest(scene)
     problems = [
-        *_named(case, mode, scene),
+        *_named(case, mode, scene, fault),
         *_stood(stood_s, promised_s),
         *_smooth(case, jump, slope, fast),
         *_recorded(scene, fault),
@@ -77,9 +78,14 @@ def _make_ready(scene: Scene, mode: str) -> None:
     scene.settle(0.05)
 
 
-def _named(case: Case, mode: str, scene: Scene) -> list[str]:
+def _shown(scene: Scene) -> Fault:
+    """The fault; a hold of the machine's own has been resumed, and stopped, since it was shown."""
+    seen = [look.fault for look in scene.looks if FAULTS[look.fault].reaction is Reaction.HOLD]
+    return scene.cycle.modes.fault or (seen[-1] if seen else Fault.NONE)
+
+
+def _named(case: Case, mode: str, scene: Scene, fault: Fault) -> list[str]:
     modes, found = scene.cycle.modes, []
-    fault = modes.fault
     if fault not in case.allowed(mode):
         wanted = ", ".join(one.name for one in case.allowed(mode))
         found.append(f"was called {fault.name} of axis {modes.fault_axis}, not {wanted}")
@@ -116,7 +122,7 @@ def _smooth(case: Case, jump: float, slope: float, fast: float) -> list[str]:
 
 def _recorded(scene: Scene, fault: Fault) -> list[str]:
     keeper = scene.keeper
-    if fault is Fault.NONE:
+    if scene.cycle.modes.mode is not Mode.FAULT:
         return ["a recording without a fault"] if keeper.saved else []
     if keeper.saved is None:
         return ["nothing was recorded"]
@@ -135,8 +141,8 @@ def _recovered(scene: Scene, fault: Fault, mode: str) -> list[str]:
     least = Recovery.HOME if mode == "homing" else Recovery.NOTHING
     recovery = max(FAULTS[fault].recovery, FAULTS[scene.cycle.modes.warning].recovery, least)
     scene.heal()
-    if fault is Fault.NONE:
-        return []
+    if scene.cycle.modes.mode is not Mode.FAULT:
+        return [] if fault is Fault.NONE or _came_back(scene) else ["it did not go on after RESUME"]
     scene.request(Request.RESET)
     scene.settle(0.05)
     if recovery >= Recovery.COMMISSION:
@@ -152,6 +158,12 @@ def _recovered(scene: Scene, fault: Fault, mode: str) -> list[str]:
     return []
 
 
+def _came_back(scene: Scene) -> bool:
+    """Whether a hold that was resumed ran again, without its reason."""
+    after = [look for look in scene.looks if look.at_s > scene.resumed_s]
+    return any(look.mode is Mode.RUNNING and look.fault is Fault.NONE for look in after)
+
+
 def table(cells: list[Cell]) -> str:
     """The matrix as text: a row per fault, a column per mode; ! = not as it should be."""
     rows = [["fault", *MODES]]
@@ -164,7 +176,9 @@ def table(cells: list[Cell]) -> str:
     )
 
 
-def row(case: Case, folder: Path, modes: Iterable[str] = MODES) -> list[Cell]:
+def row(
+    case: Case, folder: Path, modes: Iterable[str] = MODES, made: Callable[[Path], Scene] = Scene
+) -> list[Cell]:
     """A fault in mode after mode, on one machine; recordings go to ``folder``."""
-    scene = Scene(folder)
+    scene = made(folder)
     return [run(case, mode, scene) for mode in modes]

@@ -6,6 +6,8 @@ looked at with every tick, as are the setpoints that the controller sends.
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from cutting import program, shipped
 
-from controller.handoff import COLUMN
+from controller.handoff import COLUMN, STOOD
 from controller.machine import Homing, Machine
 from controller.plan.route import path
 from controller.plan.text import blocks
@@ -43,6 +45,7 @@ class Look(NamedTuple):
     mode: Mode
     fault: Fault
     sent: bool  # SYNC went out, and setpoints
+    stood: bool  # after a long gap what no SYNC had latched was taken back
     setpoints: tuple[int, ...]
     used: tuple[bool, ...]  # the drives follow them, and are told to
     motors: tuple[float, ...]  # of the simulated drives, counts
@@ -51,7 +54,11 @@ class Look(NamedTuple):
 
 def machine() -> Machine:
     """The shipped machine, with drives that move when they home."""
-    made = shipped()
+    return with_homing(shipped())
+
+
+def with_homing(made: Machine) -> Machine:
+    """The same, with drives that move when they home."""
     axes = []
     for axis in made.axes:
         homing = Homing(INDEX_SEARCH, 1, axis.homing.position, fast=1.0, slow=SLOW, acceleration=100.0)
@@ -62,14 +69,16 @@ def machine() -> Machine:
 class Scene(SteppedMachine):
     """``after_tick`` is called with every tick; ``late_s`` makes the next one late."""
 
-    def __init__(self, recordings: Path, **how: object) -> None:
+    def __init__(self, recordings: Path, of: Machine | None = None) -> None:
         self.looks: list[Look] = []
         self.after_tick: Callable[[], None] = lambda: None
         self.late_s = 0.0
         self.planner_dead = False
         self.will_resume = False  # the operator, out of the hold under way
-        super().__init__(machine(), recordings=recordings, lateness=self._late, **how)  # type: ignore[arg-type]
-        (self.bus,) = self.rig.buses.values()
+        self.goes_on_s = GOES_ON_S
+        self.resumed_s = math.inf  # when a hold of the machine's own was over
+        super().__init__(of or machine(), recordings=recordings, lateness=self._late)
+        self.bus = self.rig.buses[self.machine.axes[0].bus]
         self.injector = FaultScript().inject(self.bus)
         self.group = self._group
 
@@ -93,12 +102,14 @@ class Scene(SteppedMachine):
     def tick(self) -> None:
         super().tick()
         modes, drives = self.cycle.modes, self.group.drives
+        (row,) = self.recorder.last(1)
         self.looks.append(
             Look(
                 self.rig.now_s,
                 modes.mode,
                 modes.fault,
-                bool(self.recorder.last(1)[0, COLUMN["sync_sent"]]),
+                bool(row[COLUMN["sync_sent"]]),
+                bool(int(row[COLUMN["switches"]]) & STOOD),
                 tuple(drive.setpoint for drive in drives),
                 tuple(drive.following and drive.wanted is Wanted.ENABLED for drive in drives),
                 self.motors(),
@@ -180,7 +191,7 @@ def _running(scene: Scene, text: str, strike: Strike, when: Callable[[], bool]) 
         if not struck and when():
             struck.append(tick)
             strike()
-        elif struck and tick == struck[0] + round(GOES_ON_S / scene.machine.period_s):
+        elif struck and tick == struck[0] + round(scene.goes_on_s / scene.machine.period_s):
             _stop(scene)
 
     scene.after_tick = look
@@ -260,7 +271,7 @@ MODES = {"homing": homing, "idle": idle, "jog": jog, "cutting": cutting, "hold":
 
 def stood_after_s(scene: Scene, struck_s: float, skip: tuple[int, ...] = ()) -> float:
     """From ``struck_s`` to the last moment at which any motor moved; ``skip``: axes not looked at."""
-    rows = [look for look in scene.looks if look.at_s >= struck_s]
+    rows = [look for look in scene.looks if struck_s <= look.at_s <= scene.resumed_s]
     motors = np.array([look.motors for look in rows])
     times = np.array([look.at_s for look in rows])
     shown = np.array([abs(a.counts_per_unit / a.shown_per_unit) for a in scene.machine.axes])
@@ -277,16 +288,29 @@ def jumps(scene: Scene) -> tuple[float, float]:
     scale = np.array([abs(a.counts_per_unit) for a in axes])
     v = np.array([a.limits.velocity for a in axes]) * scale * T + 1.0
     a = np.array([a.limits.acceleration for a in axes]) * scale * T**2 + 4.0
-    looks = [look for look in scene.looks if look.sent]
-    sent = np.array([look.setpoints for look in looks], dtype=float)
-    used = np.array([look.used for look in looks])
-    first, second = np.diff(sent, axis=0), np.diff(sent, n=2, axis=0)
-    in_use = used[1:] & used[:-1]
-    through = used[2:] & used[1:-1] & used[:-2]
-    return (
-        float((np.abs(first) / v * in_use).max(initial=0.0)),
-        float((np.abs(second) / a * through).max(initial=0.0)),
-    )
+    worst = np.zeros(2)
+    for latched, used in _parts(scene.looks):
+        first, second = np.diff(latched, axis=0), np.diff(latched, n=2, axis=0)
+        in_use = used[1:] & used[:-1]
+        through = used[2:] & used[1:-1] & used[:-2]
+        here = (np.abs(first) / v * in_use).max(initial=0.0), (np.abs(second) / a * through).max(initial=0.0)
+        worst = np.maximum(worst, here)
+    return float(worst[0]), float(worst[1])
+
+
+def _parts(looks: Sequence[Look]) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Setpoints that a SYNC had the drives use (N, 5), and whether they did, from gap to gap.
+
+    After a gap the drives stand, so its part begins with the place of the last one, three times.
+    """
+    found: list[list[Look]] = [[]]
+    for before, look in itertools.pairwise(looks):
+        if look.stood:
+            found.append(found[-1][-1:] * 3)
+        elif look.sent:
+            found[-1].append(before)
+    long = [part for part in found if len(part) > 2]
+    return [(np.array([p.setpoints for p in part], float), np.array([p.used for p in part])) for part in long]
 
 
 def fastest(scene: Scene) -> float:

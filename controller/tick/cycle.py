@@ -12,7 +12,6 @@ from collections.abc import Callable
 from controller import times
 from controller.handoff import (
     PLANNER_SILENCE_S,
-    STANDSTILL,
     PieceInbox,
     Recorder,
     RequestInbox,
@@ -27,12 +26,18 @@ from controller.tick.jog import Jogging
 from controller.tick.joints import Encoder
 from controller.tick.mode import Drives, Modes
 from controller.tick.peripherals import Peripherals
+from controller.tick.telling import Telling
+from drives.cyclic.drive_fault import DriveFault
 
 LATE_SHARE = 0.25  # of the period: a later tick sends nothing
 NEAREST_SHARE = 0.75  # of the period: no two SYNCs are closer
 ROUNDING_S = 1e-9
 MOST_REQUESTS = 8  # taken in one tick
 LOST_ECHOES = 3  # of the kernel's SYNC, in a row
+# SYNCs in a row that did not come: drives that hold their last setpoint have stopped meanwhile, and
+# to go on at full feed would be a step for them. Fewer are a dip that a servo smooths.
+LONG_GAP = 4
+BLAMED_TICKS = 3  # the silence may have begun after the buses were drained
 
 
 class Cycle:
@@ -59,11 +64,18 @@ class Cycle:
         self._homing_asked = 0.0  # axes whose clamps must open before they home
         self._pieces = pieces
         self._requests = requests
-        self._snapshot = snapshot
-        self._recorder = recorder
         self._now = now
         self._encoder = Encoder(machine)
         self._check = Check(machine)
+        self._telling = Telling(
+            group,
+            self.modes,
+            self.follow,
+            self.jogging,
+            self._encoder,
+            snapshot,
+            recorder,
+        )
         self._period_s = machine.period_s
         self._latest_s = LATE_SHARE * machine.period_s - ROUNDING_S
         self._nearest_s = NEAREST_SHARE * machine.period_s - ROUNDING_S
@@ -74,9 +86,12 @@ class Cycle:
         self._skip_level = 0.0  # a bucket that skips fill and ticks drain
         self._skip_limit = max(machine.skip_limit_per_s, 1.0)
         self._echoes_missed = 0
+        self._synced_tick = 0  # the last tick that sent SYNC
+        self._stood = False  # in this tick the path was stood still after a gap
+        self._deaf_s = times.deaf_s(machine)
+        self._blamed = 0  # ticks in which what the drives have to say is of our silence
         self._unsent = 0  # SYNCs in a row that the bus did not take
         self._most_unsent = round(times.LOST_BUS_S / machine.period_s)
-        self._states = [0] * len(machine.axes)
         self.tick = -1
         self.skips = 0
         self.late_max_s = 0.0
@@ -100,29 +115,55 @@ class Cycle:
         self.tick += ticks
         sent = self._sync(now_s, lateness_s)
         self._count(sent, ticks, lateness_s)
+        self._look_for_our_silence(now_s, missed)
         self._take_requests()
         self._take_pieces()
         self._supervise(now_s, ticks)
         if sent or not self.modes.on_path:
             self._move()
-        if sent:
+        if sent or self._stood:
             self.group.command(self._encoder.setpoints, now_s)
         self.publish()
-        self._record(lateness_s, sent)
+        self._telling.record(self.tick, lateness_s, sent, self._accepted_now, self._stood)
         return sent
 
     # -- its steps
 
     def _sync(self, now_s: float, lateness_s: float) -> bool:
-        """SYNC, unless this tick is too late for one. The drives latch what the last tick sent."""
+        """SYNC, unless this tick is too late for one. The drives latch what the last tick sent.
+
+        After a long gap that would be a step: they are told first to stand where they are.
+        """
         if self._kernel_sync:
-            return self.group.sync(now_s)
-        if lateness_s > self._latest_s or now_s - self._synced_s < self._nearest_s:
+            sent = self.group.sync(now_s)
+            self._stood = self.group.syncs_seen > LONG_GAP and self._stand(False)
+            return sent
+        self._stood = self.tick - self._synced_tick > LONG_GAP and self._stand(True)
+        if self._stood or lateness_s > self._latest_s or now_s - self._synced_s < self._nearest_s:
             return False
         sent = self.group.sync(now_s)
         self._synced_s = self._now()
+        if sent:
+            self._synced_tick = self.tick
         self._unsent = 0 if sent else self._unsent + 1
         return sent
+
+    def stand(self) -> None:
+        """For a run that is made again: before its next SYNC there was a long gap."""
+        self._stand(not self._kernel_sync)
+        self.group.command(self._encoder.setpoints, self._now())
+
+    def _stand(self, back: bool) -> bool:
+        """The drives have stood: so does what they are told, and motion begins again from rest.
+
+        ``back``: they have not used what the last tick sent. False if nothing moved anyway.
+        """
+        if not self.modes.on_path:
+            return False
+        stood = self.jogging.stand(back) if self.jogging.active else self.follow.stand(back)
+        if stood:
+            self._encoder.encode(self.follow.joints)
+        return stood
 
     def _count(self, sent: bool, ticks: int, lateness_s: float) -> None:
         """Skips and lateness. Too many skips while moving: a stop on the path."""
@@ -139,9 +180,19 @@ class Cycle:
             self._skip_level = 0.0  # what came late at rest does no harm, now or later
             return
         drained = self._skip_level - self._skip_limit * self._period_s * ticks
-        self._skip_level = (drained if drained > 0.0 else 0.0) + skips
+        own = self._stood and not sent  # kept back by ourselves
+        self._skip_level = (drained if drained > 0.0 else 0.0) + skips - own
         if self._skip_level > self._skip_limit:
             self.modes.fail(Fault.TOO_MANY_SKIPS, -1)
+
+    def _look_for_our_silence(self, now_s: float, missed: int) -> None:
+        """Drives that went by our heartbeat, and have none, are not what is at fault."""
+        if missed * self._period_s > self._deaf_s:
+            self._blamed = BLAMED_TICKS
+        if self._blamed:
+            self._blamed -= 1
+            if self.modes.mode is not Mode.FAULT and self.group.fault(now_s)[0] is not DriveFault.NONE:
+                self.modes.fail(Fault.TOO_MANY_SKIPS, -1)
 
     def _take_requests(self) -> None:
         for _ in range(MOST_REQUESTS):
@@ -300,79 +351,8 @@ class Cycle:
             q[4] if drives[4].following else a[4],
         )
 
-    # -- what others see of it
-
     def publish(self) -> None:
-        follow, modes, states, peripherals = self.follow, self.modes, self._states, self.peripherals
-        piece = follow.piece
-        for i, drive in enumerate(self.group.drives):
-            states[i] = drive.state
-        self._snapshot.write(
-            self.tick,
-            modes.mode,
-            modes.fault,
-            modes.fault_axis,
-            follow.tau,
-            follow.commit_s,
-            follow.queue_end_s,
-            follow.rate,
-            modes.override,
-            modes.rapid_override,
-            follow.s,
-            piece.motion_id if piece else STANDSTILL,
-            follow.line,
-            piece is not None and piece.cutting and not self.jogging.active,
-            modes.homed,
-            *follow.joints,
-            *self._encoder.actual,
-            *states,
-            self.skips,
-            self.late_max_s,
-            self.accepted,
-            self.rejected,
-            peripherals.rev_min,
-            peripherals.coolant,
-            modes.refused,
-            follow.at_rest,
-            follow.epoch,
-            follow.stopping,
-            follow.limited_by,
-            modes.single_block,
-            modes.optional_stop,
-            modes.interlock,
-            peripherals.actual_rev_min,
-            peripherals.at_speed,
-            peripherals.waiting,
-            peripherals.inputs,
-            peripherals.outputs,
-            modes.warning,
-            modes.untrusted,
-            self.jogging.active,
-            modes.away,
-        )
-
-    def _record(self, lateness_s: float, sent: bool) -> None:
-        follow, modes, encoder = self.follow, self.modes, self._encoder
-        piece = follow.piece
-        self._recorder.write(
-            self.tick,
-            modes.mode,
-            modes.fault,
-            piece.motion_id if piece else STANDSTILL,
-            follow.line,
-            piece is not None and piece.cutting and not self.jogging.active,
-            follow.tau,
-            follow.s,
-            follow.rate,
-            follow.feed,
-            *follow.joints,
-            *encoder.setpoints,
-            *encoder.actual,
-            lateness_s,
-            sent,
-            self._accepted_now,
-            follow.limited_by,
-            modes.override,
-            modes.rapid_override,
-            modes.single_block + 2 * modes.optional_stop,
+        """What others see of it."""
+        self._telling.publish(
+            self.tick, self.skips, self.late_max_s, self.accepted, self.rejected, self.peripherals
         )

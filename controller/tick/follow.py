@@ -20,7 +20,7 @@ from controller.handoff import STANDSTILL, Piece, PieceMessage, commit_lead_s
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.motions import Motion, Rotaries
-from controller.tick.queue import SAME_TIME_S, Brake, Entry, Stops
+from controller.tick.queue import SAME_TIME_S, Brake, Entry, Stops, entries_of
 
 SAME_PLACE = 1e-6  # mm or rad: a queue that begins elsewhere by more (and by a count) is refused
 
@@ -99,6 +99,10 @@ class Follow:
         self.joints = joints
         self.clear()
 
+    def set_clock(self, tau: float) -> None:
+        """At standstill without a queue: the clock of a run that is repeated."""
+        self._origin_s, self._ticks, self.tau, self.queue_end_s = tau, 0, tau, tau
+
     def clear(self) -> None:
         """Drops the queue where the clock stands; only at standstill."""
         if self._queue or self.piece is not None:
@@ -132,11 +136,13 @@ class Follow:
         if start < self.commit_s - SAME_TIME_S or start > self.queue_end_s + SAME_TIME_S:
             return False
         appended = start >= self.queue_end_s - SAME_TIME_S
-        entries = self._entries(message, self.queue_end_s if appended else start)
+        entries = entries_of(message, self._motions, self.queue_end_s if appended else start)
         if entries is None or not self._continues(entries[0]):
             return False
         if not appended:
             self._truncate(start)
+        elif not self._goes and not self.pending:  # a run's clock does not depend on the runs before it
+            self._origin_s, self._ticks = self.tau, 0
         self._queue += entries
         self.queue_end_s = entries[-1].end_s
         self._motions.update(message.motions)
@@ -148,16 +154,6 @@ class Follow:
         """Whether an accepted message leaves nothing of the queue before it, and begins at these joints."""
         moves = message.pieces[0].motion_id != STANDSTILL
         return moves and message.replace_from_s <= self.tau + SAME_TIME_S
-
-    def _entries(self, message: PieceMessage, start_s: float) -> list[Entry] | None:
-        entries = []
-        for piece in message.pieces:
-            motion = message.motions.get(piece.motion_id, self._motions.get(piece.motion_id))
-            if motion is None and piece.motion_id != STANDSTILL:
-                return None
-            entries.append(Entry(piece, motion, start_s))
-            start_s = entries[-1].end_s
-        return entries or None
 
     def _continues(self, first: Entry) -> bool:
         """Whether the first new piece begins where the queue is at that time."""
@@ -265,6 +261,34 @@ class Follow:
         self.tau = self._origin_s + self._ticks * self._period_s
         self._brake.restore(brake)
 
+    def stand(self, back: bool) -> bool:
+        """No SYNC came for so long that the drives stand: so does the path, at once, and goes on from rest.
+
+        ``back``: no drive has used the last step, and it is taken back. False if it stood anyway.
+        """
+        brake = self._brake
+        if brake.over if brake.active else self._plan_rests():
+            return False
+        forgotten = self._queue[0].start_s > self._saved[2] + self._saved[3] * self._period_s + SAME_TIME_S
+        if back and not forgotten:
+            self.revert()
+        if brake.active:
+            brake.stand(brake.s)
+            self.piece, self.s = self._queue[self._now].piece, brake.s
+        else:
+            ends = (i for i, entry in enumerate(self._queue) if self.tau < entry.end_s - SAME_TIME_S)
+            self._now = next(ends, len(self._queue) - 1)
+            self._describe()
+            if not self._plan_rests():
+                brake.stand(self.s)
+        self.put(self.joints)
+        return True
+
+    def put(self, joints: Joints) -> None:
+        """At rest here, at once."""
+        self.joints, self._before = joints, (joints, joints)
+        self.rate = self.feed = 0.0
+
     def _save(self) -> None:
         clock = (self._origin_s, self._ticks)
         self._saved = (self.joints, self._before, *clock, self.rate, self._now, self._brake.save())
@@ -356,7 +380,8 @@ class Follow:
     def _brake_on(self) -> Step:
         brake = self._brake
         brake.step()
-        entry = self._entry_under_stop()
+        self._now = brake.come_to(self._queue, self._now)
+        entry = self._queue[self._now]
         if entry.motion is None:
             return Step.LOST
         joints = entry.motion.joints(brake.s, self._rotaries(self.joints), self._kinematics)
@@ -367,21 +392,6 @@ class Follow:
         self.piece, self.s, self.feed = entry.piece, brake.s, brake.v
         self.line, self.limited_by = entry.line_at(brake.s), 0
         return Step.MOVED
-
-    def _entry_under_stop(self) -> Entry:
-        """The entry in which the stop has come to; its s runs on from motion to motion, but past no rest."""
-        queue, brake = self._queue, self._brake
-        entry = queue[self._now]
-        while entry.motion is not None and brake.s > entry.motion.end:
-            i = self._now + 1
-            while i < len(queue) and queue[i].piece.motion_id == entry.piece.motion_id:
-                i += 1
-            if i == len(queue) or queue[i - 1].rests_at(queue[i - 1].end_s):
-                brake.s = entry.motion.end  # by rounding
-                break
-            brake.s -= entry.motion.end
-            self._now, entry = i, queue[i]
-        return entry
 
     def _settle(self) -> None:
         """At rest out of a stop: the queue is void, the plan begins anew from ``piece`` and ``s``."""

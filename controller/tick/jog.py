@@ -134,6 +134,14 @@ class Jogging:
                 modes.jog_ends = True  # arrived
         return Step.MOVED
 
+    def stand(self, back: bool) -> bool:
+        """The drives have stood, as ``Follow.stand`` says it: the line goes on from rest."""
+        if self._ramp.at_rest:
+            return False
+        self._ramp.stand(back)
+        self._follow.put(self._place())
+        return True
+
     def _place(self) -> Joints:
         p, q, d = self._ramp.p, self._base, self._order.direction
         return (q[0] + p * d[0], q[1] + p * d[1], q[2] + p * d[2], q[3] + p * d[3], q[4] + p * d[4])

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from controller.handoff import Piece, StopTable
+from controller.handoff import STANDSTILL, Piece, PieceMessage, StopTable
 from controller.motions import Motion, ToolSpline
 
 SAME_TIME_S = 1e-9  # plan and tick sum up the same durations; this much is rounding
@@ -69,6 +69,18 @@ class Entry:
         return code
 
 
+def entries_of(message: PieceMessage, known: Mapping[int, Motion], start_s: float) -> list[Entry] | None:
+    """A message's pieces from ``start_s`` on; None if there are none, or one's motion is not ``known``."""
+    entries = []
+    for piece in message.pieces:
+        motion = message.motions.get(piece.motion_id, known.get(piece.motion_id))
+        if motion is None and piece.motion_id != STANDSTILL:
+            return None
+        entries.append(Entry(piece, motion, start_s))
+        start_s = entries[-1].end_s
+    return entries or None
+
+
 class Stops:
     """The stop tables of the messages in the queue, each as far as the plan is still what it was made for."""
 
@@ -116,6 +128,26 @@ class Brake:
         self._jerks, self._k, self._last = table.jerks, table.first[row], table.first[row + 1]
         self._held = max(1, round(table.jerk_step_s / self._period_s))
         self._n = 0
+        self.active = True
+
+    def come_to(self, queue: Sequence[Entry], now: int) -> int:
+        """Index of the entry in which it is now; its s runs on from motion to motion, but past no rest."""
+        entry = queue[now]
+        while entry.motion is not None and self.s > entry.motion.end:
+            i = now + 1
+            while i < len(queue) and queue[i].piece.motion_id == entry.piece.motion_id:
+                i += 1
+            if i == len(queue) or queue[i - 1].rests_at(queue[i - 1].end_s):
+                self.s = entry.motion.end  # by rounding
+                break
+            self.s -= entry.motion.end
+            now, entry = i, queue[i]
+        return now
+
+    def stand(self, s: float) -> None:
+        """At rest at ``s`` already, without a way to it."""
+        self.s, self.v, self.a, self.left_at = s, 0.0, 0.0, 0.0
+        self._k = self._last = self._n = 0
         self.active = True
 
     @property

@@ -54,6 +54,13 @@ class Ramp:
     def at_rest(self) -> bool:
         return self.v == 0.0 and self.a == 0.0
 
+    def stand(self, back: bool) -> None:
+        """At rest at once, with the last step taken back if ``back``."""
+        if back:
+            self.p -= self.v
+        self.v = self.a = 0.0
+        self._landing = None
+
     def step(self, speed: float) -> None:
         """One tick on, towards ``speed`` (>= 0, per tick)."""
         if self._landing is not None:

@@ -144,8 +144,10 @@ class Line:
         self.fault = _NONE
 
     def restart(self) -> None:
-        """Asks a controller that is off to join again, and takes it for done."""
-        if self.off:
+        """Asks a controller that is off to join again, and takes it for done; so for a hub that has ended."""
+        if getattr(self.port, "gone", False):
+            self.port.restart()
+        elif self.off:
             self.off = False
             self._restarting = True
             self.port.restart()

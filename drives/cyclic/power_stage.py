@@ -14,6 +14,9 @@ from drives.cyclic import drive_fault
 from drives.cyclic.drive_fault import DriveFault
 from drives.cyclic.supervised import Supervised
 
+# Feedback of every n-th SYNC may tell of what was before ENABLED was wanted: a drive on its way to off
+# still says that it is enabled. So many later ones must have come before it can have dropped out.
+STALE_FEEDBACKS = 3
 LOST_IN_A_ROW = 2  # one lost TPDO is counted, the second in a row is a fault
 
 # Looked up every tick, and an enum's members are slow to look up.
@@ -51,6 +54,7 @@ class PowerStage(Supervised):
         self._missed = 0
         self._feedback_lost = False
         self._reached = False  # OPERATION_ENABLED has been seen since it was wanted
+        self._stale = 0  # feedbacks that may be older than what is wanted
         self._state_lost = False
         self._lost_as = DriveFault.STATE_LOST
         self._reset_armed = False
@@ -74,6 +78,9 @@ class PowerStage(Supervised):
             if self._arrived:
                 self.fresh = True
                 self._since = self._missed = 0
+                if self._stale:
+                    self._stale -= 1
+                    self._pending = self._pending or not self._stale
             else:
                 self._since += 1
                 if self._since >= self._every:
@@ -103,6 +110,7 @@ class PowerStage(Supervised):
             self._reset_armed = False
             if wanted is _ENABLED:
                 self._forget()
+                self._stale = STALE_FEEDBACKS if self._every > 1 else 0
         self.wanted = wanted
         self._judged = wanted is _ENABLED or wanted is Wanted.QUICK_STOP
         self._step()
@@ -124,7 +132,7 @@ class PowerStage(Supervised):
         if self.wanted is not _ENABLED:
             return
         if enabled:
-            self._reached = True
+            self._reached = not self._stale
         elif self._reached:
             self._lose()
 

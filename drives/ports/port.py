@@ -66,9 +66,12 @@ class FrameSocket:
     packs = False  # whether `send` takes several frames in one packet
 
     def __init__(self, sock: socket.socket, name: str) -> None:
+        self.name = name
+        self._take(sock)
+
+    def _take(self, sock: socket.socket) -> None:
         sock.setblocking(False)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BYTES)
-        self.name = name
         self._socket = sock
         self._send = sock.send
         self._receive_into = sock.recv_into
@@ -111,7 +114,10 @@ class FrameSocket:
 
 
 class HubSocket(FrameSocket):
-    """A client of the virtual bus: a packet holds one or more frames, both ways."""
+    """A client of the virtual bus: a packet holds one or more frames, both ways.
+
+    Where the hub has ended, ``gone`` says so, and ``restart`` joins one that has taken its place.
+    """
 
     packs = True
 
@@ -123,6 +129,8 @@ class HubSocket(FrameSocket):
         self._end = 0
         self._cyclic_sync = False
         self._lost = 0
+        self._place = str(sock.getpeername())
+        self.gone = False
 
     @property
     def overflows(self) -> int:
@@ -137,7 +145,8 @@ class HubSocket(FrameSocket):
             except OSError:
                 return False
             at = 0
-            if not self._end:  # the hub is gone
+            if not self._end:
+                self.gone = True
                 return False
         self._at = end = at + pdo.FRAME_BYTES
         buffer[: pdo.FRAME_BYTES] = self._view[at:end]
@@ -159,4 +168,13 @@ class HubSocket(FrameSocket):
             self.send(hub_protocol.cyclic_sync_frame(0.0))
 
     def restart(self) -> None:
-        self.send(hub_protocol.RESTART_FRAME)
+        if not self.gone:
+            self.send(hub_protocol.RESTART_FRAME)
+            return
+        try:
+            joined = hub_protocol.connect(self._place)
+        except OSError:
+            return  # the next reset may find one
+        self._socket.close()
+        self._take(joined)
+        self.gone = False

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import fault_matrix
+import fault_mill
 import pytest
 from fault_cases import CASES, Case
 from fault_matrix import Cell
@@ -54,5 +55,15 @@ def test_a_fault_ends_in_rest_named_recorded_and_recovered_from(
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_every_fault_in_every_mode(case: Case, tmp_path: Path, cells: list[Cell]) -> None:
     found = fault_matrix.row(case, tmp_path)
+    cells += found
+    judge(found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", fault_mill.CASES, ids=lambda case: case.name)
+def test_every_fault_of_spindle_inputs_and_clamps_in_every_mode(
+    case: Case, tmp_path: Path, cells: list[Cell]
+) -> None:
+    found = fault_matrix.row(case, tmp_path, made=fault_mill.MillScene)
     cells += found
     judge(found)

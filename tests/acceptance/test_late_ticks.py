@@ -5,10 +5,12 @@ from __future__ import annotations
 import random
 from collections.abc import Callable
 
+import latched
 import numpy as np
 import pytest
-from cutting import Cut, cut, largest, off_the_plan, program, shipped
+from cutting import Cut, cut, off_the_plan, program, shipped
 
+from controller.handoff import COLUMN, STOOD
 from controller.session.stepped import SteppedMachine
 from controller.state import Fault, Mode
 from drives.simulated.parameters import LostSync
@@ -52,15 +54,19 @@ def assert_single_steps(done: Cut) -> None:
 
     Once several drives have tripped there is no path: what is commanded is where they stand.
     """
-    on_path = np.ones(len(done.joints), dtype=bool)
+    rows = done.run.rows
     if done.run.fault in (Fault.EMCY, Fault.STATE_LOST):
-        on_path = done.column("mode") != Mode.FAULT
-    sent = done.column("sync_sent") != 0.0
-    assert not np.abs(np.diff(done.joints, axis=0))[~sent[1:] & on_path[1:]].any()
-    moved = done.joints[sent & on_path]
-    first, second, third = largest(moved, done.machine)
+        rows = rows[rows[:, COLUMN["mode"]] != Mode.FAULT]
+    still = (rows[:, COLUMN["sync_sent"]] == 0.0) & (rows[:, COLUMN["switches"]] != STOOD)
+    assert not np.abs(np.diff(joints_of(rows), axis=0))[still[1:]].any()
+    first, second, third = latched.most(rows, done.machine)
     print(f"\nvelocity {first:.4f}, acceleration {second:.4f}, jerk {third:.3f}, skips {done.run.skips}")
     assert first <= 1.0005 and second <= ACCELERATION
+
+
+def joints_of(rows: np.ndarray) -> np.ndarray:
+    first = COLUMN["joint_command_0"]
+    return rows[:, first : first + 5]
 
 
 @pytest.mark.slow
@@ -90,6 +96,20 @@ def test_one_skip_at_full_feed_trips_no_drive_and_exceeds_no_limit(kind: LostSyn
     assert done.trace.feed_mm_s[skipped[0]] > 40.0
     assert_syncs_apart(listener)
     assert_single_steps(done)
+
+
+def test_after_a_gap_in_which_the_drives_stood_the_cut_goes_on_from_rest() -> None:
+    done, listener = run_late(lambda n: 0.014 if n == 1900 else 0.0, LostSync.HOLD, "3000.")
+    assert done.run.result == "completed" and done.run.fault is Fault.NONE, done.run.fault_text
+    (stood,) = np.flatnonzero(done.column("switches") == STOOD)
+    assert done.trace.feed_mm_s[stood - 1] > 40.0 and done.trace.feed_mm_s[stood + 1] == 0.0
+    assert len(latched.parts(done.run.rows)) == 2
+    assert off_the_plan(done) < 1e-6
+    assert_syncs_apart(listener)
+    assert_single_steps(done)
+    # What is cut is whole: the place at which it goes on is the one at which it stood.
+    s = done.column("s")
+    assert s[stood] == s[stood + 1] < s[stood - 1]
 
 
 @pytest.mark.slow

@@ -7,14 +7,16 @@ import socket
 from collections.abc import Callable
 from dataclasses import replace
 
+import latched
 import numpy as np
 import pytest
 from machines import machine
 from ticking import Bench, commands, excess, s_curve, stops, straight
 
-from controller.handoff import COLUMN, Law, dwell
+from controller.handoff import COLUMN, STOOD, Law, dwell
 from controller.machine import Joints
 from controller.state import Fault, Mode, Request
+from controller.tick.cycle import LONG_GAP
 from controller.tick.loop import Loop, WallClock
 from drives.cia402 import Wanted
 from drives.cyclic.drive import DriveFault
@@ -261,21 +263,27 @@ def test_a_late_tick_never_brings_syncs_closer_nor_doubles_a_step(share: float) 
     intervals = np.diff(bench.group.syncs)
     assert intervals.min() >= 0.75 * T - 1e-9
     rows = bench.rows()
-    assert max(excess(bench.machine, commands(rows))) <= 1.0 + 1e-9
+    assert max(latched.most(rows, bench.machine)[:2]) <= 1.0 + 1e-9
     assert len(bench.group.syncs) == np.count_nonzero(rows[:, COLUMN["sync_sent"]])
     assert bench.snapshot.fault is Fault.NONE
     skipped = 0 if share < 0.25 else int(share) + (share % 1.0 >= 0.25)
-    assert bench.snapshot.skips == skipped
+    stood = rows[:, COLUMN["switches"]] == STOOD
+    assert stood.any() == (skipped >= LONG_GAP)
+    # The tick that has the path stand sends no SYNC either.
+    assert bench.snapshot.skips == skipped + stood.any()
     bench.close()
 
 
-def test_setpoints_leave_only_in_ticks_that_sent_a_sync() -> None:
+def test_setpoints_leave_only_in_ticks_that_sent_a_sync_or_took_the_last_ones_back() -> None:
     rng = random.Random(5)
     delays = [rng.choice((0.0, 0.0, 0.0, rng.uniform(0.0, 0.01))) for _ in range(500)]
     bench = moving(lambda n: delays[n % 500], ticks=300, skip_limit_per_s=1e9)
-    assert [at for at, _ in bench.group.commands] == bench.group.syncs
+    rows = bench.rows()
+    stood = int(np.count_nonzero(rows[:, COLUMN["switches"]] == STOOD))
+    assert stood and len(bench.group.commands) == len(bench.group.syncs) + stood
+    assert {at for at, _ in bench.group.commands} > set(bench.group.syncs)
     assert np.diff(bench.group.syncs).min() >= 0.75 * 0.002 - 1e-9
-    assert max(excess(bench.machine, commands(bench.rows()))) <= 1.0 + 1e-9
+    assert max(latched.most(rows, bench.machine)[:2]) <= 1.0 + 1e-9
     bench.close()
 
 

@@ -182,3 +182,18 @@ def test_a_spindle_that_faults_is_a_fault_of_the_group_and_can_be_reset():
     bench.enable()
     bench.tick(50)
     assert bench.fault == (DriveFault.NONE, -1)
+
+
+def test_feedback_from_before_it_was_enabled_again_does_not_make_it_drop_out():
+    drive = enabled()
+    for _ in range(5):
+        tell(drive, 0)
+    drive.want(Wanted.OFF)
+    drive.want(Wanted.ENABLED)
+    tell(drive, 0)  # of before
+    tell(drive, 0, 0x0233)  # switched on: off has come
+    assert drive.fault(0.0, 1.0) is DriveFault.NONE
+    for _ in range(5):
+        tell(drive, 0)
+    tell(drive, 0, 0x0233)
+    assert drive.fault(0.0, 1.0) is DriveFault.STATE_LOST

@@ -1,0 +1,114 @@
+"""What a tick leaves for others: the snapshot of the machine, and a row of the flight recorder."""
+
+from __future__ import annotations
+
+from controller.handoff import OPTIONAL_STOP, SINGLE_BLOCK, STANDSTILL, STOOD, Recorder, SnapshotBoard
+from controller.tick.follow import Follow
+from controller.tick.jog import Jogging
+from controller.tick.joints import Encoder
+from controller.tick.mode import Drives, Modes
+from controller.tick.peripherals import Peripherals
+
+
+class Telling:
+    """Reads the parts of the tick; changes none."""
+
+    def __init__(
+        self,
+        group: Drives,
+        modes: Modes,
+        follow: Follow,
+        jogging: Jogging,
+        encoder: Encoder,
+        snapshot: SnapshotBoard,
+        recorder: Recorder,
+    ) -> None:
+        self._group, self._modes, self._follow, self._jogging = group, modes, follow, jogging
+        self._encoder = encoder
+        self._snapshot, self._recorder = snapshot, recorder
+        self._states = [0] * len(group.drives)
+
+    def publish(
+        self,
+        tick: int,
+        skips: int,
+        late_max_s: float,
+        accepted: int,
+        rejected: int,
+        peripherals: Peripherals,
+    ) -> None:
+        """The snapshot of this tick."""
+        follow, modes, states = self._follow, self._modes, self._states
+        piece = follow.piece
+        for i, drive in enumerate(self._group.drives):
+            states[i] = drive.state
+        self._snapshot.write(
+            tick,
+            modes.mode,
+            modes.fault,
+            modes.fault_axis,
+            follow.tau,
+            follow.commit_s,
+            follow.queue_end_s,
+            follow.rate,
+            modes.override,
+            modes.rapid_override,
+            follow.s,
+            piece.motion_id if piece else STANDSTILL,
+            follow.line,
+            piece is not None and piece.cutting and not self._jogging.active,
+            modes.homed,
+            *follow.joints,
+            *self._encoder.actual,
+            *states,
+            skips,
+            late_max_s,
+            accepted,
+            rejected,
+            peripherals.rev_min,
+            peripherals.coolant,
+            modes.refused,
+            follow.at_rest,
+            follow.epoch,
+            follow.stopping,
+            follow.limited_by,
+            modes.single_block,
+            modes.optional_stop,
+            modes.interlock,
+            peripherals.actual_rev_min,
+            peripherals.at_speed,
+            peripherals.waiting,
+            peripherals.inputs,
+            peripherals.outputs,
+            modes.warning,
+            modes.untrusted,
+            self._jogging.active,
+            modes.away,
+        )
+
+    def record(self, tick: int, lateness_s: float, sent: bool, accepted: int, stood: bool) -> None:
+        """The row of this tick; ``stood``: after a gap the path was stood still in it."""
+        follow, modes, encoder = self._follow, self._modes, self._encoder
+        piece = follow.piece
+        self._recorder.write(
+            tick,
+            modes.mode,
+            modes.fault,
+            piece.motion_id if piece else STANDSTILL,
+            follow.line,
+            piece is not None and piece.cutting and not self._jogging.active,
+            follow.tau,
+            follow.s,
+            follow.rate,
+            follow.feed,
+            *follow.joints,
+            *encoder.setpoints,
+            *encoder.actual,
+            lateness_s,
+            sent,
+            accepted,
+            follow.limited_by,
+            modes.override,
+            modes.rapid_override,
+            SINGLE_BLOCK * modes.single_block + OPTIONAL_STOP * modes.optional_stop + STOOD * stood,
+        )
