@@ -19,11 +19,13 @@ from pathlib import Path
 from typing import Any
 
 from controller import fitting
+from controller.plan.report.picture import Picture
 from controller.plan.text.program import ProgramError
 from controller.session import checked, children
 from controller.toml_table import ConfigError
 
 CHECKS = "checks"
+PICTURES = "pictures"  # of paths, by the name of the check
 MOST_CUTS = 1000  # surfaces whose lengths are told one by one
 
 Result = tuple[str, dict[str, Any]]
@@ -48,14 +50,20 @@ def check(job: dict[str, Any], progress: Callable[[float], None]) -> Result:
     try:
         task = checked.task(Path(job["program"]).read_bytes(), name, fitting.machine(state))
         lines = max(1, int(job["lines"]))
+        picture = Picture(task.machine, task.kinematics)
         found, kept, warning = checked.check(
-            task, state / CHECKS, progress=lambda line: progress(min(1.0, line / lines))
+            task,
+            state / CHECKS,
+            progress=lambda line: progress(min(1.0, line / lines)),
+            watch=picture.watched,
         )
     except ProgramError as error:
         place = {"line": error.line, "column": error.column}
         return "refused", {"sentence": error.sentence, **place}
     except (ConfigError, OSError, ValueError) as error:
         return "failed", {"sentence": f"{name}: could not be checked: {error}"}
+    with contextlib.suppress(OSError):  # a program runs without its picture
+        picture.shape().save(state / PICTURES / f"{task.key}.npz")
     figures = found.to_dict()
     figures["cuts_mm"] = figures["cuts_mm"][:MOST_CUTS]
     notes = [{"line": note.place.line, "note": note.sentence} for note in kept.notes[:MOST_CUTS]]

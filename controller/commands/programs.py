@@ -1,0 +1,361 @@
+"""What runs a part program, or only reads it: ``directrix check``, ``simulate``, ``demo`` and ``paper``."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from controller import config, fitting
+from controller.machine import Machine, five
+from controller.motions import SurfaceCut
+from controller.plan.report import stored
+from controller.plan.report.survey import Survey
+from controller.plan.route.path import Stretch
+from controller.plan.route.stretch import Note
+from controller.session import checked, recording, starts
+from controller.session import events as event_files
+from controller.session.bus_load import overload
+from controller.session.startup import SessionError
+from controller.state import Fault
+from controller.toml_table import ConfigError
+from controller.verify import tables
+from controller.verify.console import Refused, bar, refusals, show, tell
+from controller.verify.rows import Rows
+
+ProgramFile = Annotated[Path, typer.Argument(help="The part program.")]
+MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Gouge = Annotated[str, typer.Option("--gouge", help="'refuse' or 'warn'; default: the machine file's.")]
+PeriodMs = Annotated[float | None, typer.Option("--period-ms", help="Instead of the machine file's period.")]
+
+Store = Annotated[
+    Path | None, typer.Option("--store", help="Folder of stored checks; default: the user's state folder.")
+]
+Unchecked = Annotated[
+    bool, typer.Option("--unchecked", help="Start with the first blocks; refuse later ones on the way.")
+]
+
+STOPPED = "The tool stands on the path before that block."
+PARTS = {"cone": "example1_ready", "ruled": "example2_ready"}
+
+
+def _refusals(as_json: bool) -> contextlib.AbstractContextManager[None]:
+    """Turns what a user can mend into one sentence and exit code 1."""
+    return refusals(as_json, _expected)
+
+
+def _expected() -> tuple[type[Exception], ...]:
+    """Drives are imported where they are needed: ``check`` does without."""
+    from drives.bus import BusError
+    from drives.commission import CommissionError
+
+    return ConfigError, SessionError, event_files.EventError, BusError, CommissionError
+
+
+# --- what several commands need ------------------------------------------------
+
+
+def _machine(file: str, gouge: str = "", period_ms: float | None = None) -> Machine:
+    machine = config.load(file)
+    if gouge not in ("", "refuse", "warn"):
+        raise Refused(f"--gouge {gouge} is not known; allowed are refuse and warn.")
+    machine = replace(machine, gouge=gouge) if gouge else machine
+    return machine if period_ms is None else config.with_period(machine, period_ms / 1e3)
+
+
+def _notes(notes: Sequence[Note], machine: Machine) -> dict[str, Any]:
+    """What ``check`` and ``simulate`` say with --json of a program and of its machine."""
+    told = [{"line": note.place.line, "note": note.sentence} for note in notes]
+    return {"notes": told, "warnings": config.warnings(machine)}
+
+
+def _budget_or_refuse(machine: Machine) -> None:
+    if sentence := overload(machine):
+        raise Refused(sentence)
+
+
+def _read(file: Path) -> bytes:
+    if not file.is_file():
+        what = "this is a folder" if file.is_dir() else "there is no such file"
+        raise Refused(f"{file}: {what}; give the path of a part program.")
+    return file.read_bytes()
+
+
+def _writable(*files: Path | None) -> None:
+    """Refuse, before anything runs, what could not be written after it. Raises OSError."""
+    for file in files:
+        if file is not None:
+            new = not file.exists()
+            file.open("ab").close()
+            if new:
+                file.unlink()
+
+
+def _task(program: Path, machine: Machine) -> checked.Task:
+    return checked.task(_read(program), str(program), machine)
+
+
+def _kept(task: checked.Task, store: Path | None, as_json: bool) -> stored.Stored | None:
+    """The stored check of what is to be run, if there is a sound one."""
+    kept, warning = checked.find(task, store or stored.folder())
+    if warning and not as_json:
+        tell.print(warning, markup=False)
+    return kept
+
+
+def _length_mm(stretches: dict[int, Stretch]) -> float:
+    """Length of the first tool that cuts: its tip is what the path error is about."""
+    lengths = (s.motion.length_mm for s in stretches.values() if isinstance(s.motion, SurfaceCut))
+    return next(lengths, 0.0)
+
+
+# --- check ---------------------------------------------------------------------
+
+
+def check(
+    program: ProgramFile,
+    machine: MachineFile = "trunnion",
+    gouge: Gouge = "",
+    store: Store = None,
+    as_json: Json = False,
+) -> None:
+    """Read, plan and audit a program over its whole path, and store the check; nothing moves."""
+    with _refusals(as_json):
+        task = _task(program, _machine(machine, gouge))
+        rows = Rows()
+        found, kept, warning = _checked(task, store, rows, as_json)
+        if as_json:
+            facts = {"ok": True, "program": str(program), **found.to_dict()}
+            key = None if warning else task.key
+            rows.write({**facts, **_notes(kept.notes, task.machine), "stored": key}, sys.stdout)
+            return
+        _show_notes(kept.notes, task)
+        if rows.longest:
+            show.print(tables.blocks(rows))
+        if found.joints:
+            show.print(tables.joints(found))
+        if warning:
+            tell.print(warning, markup=False)
+        show.print(tables.whole(found, program.name, task.machine.name), markup=False)
+
+
+def _checked(
+    task: checked.Task, store: Path | None, rows: Rows, quiet: bool
+) -> tuple[Survey, stored.Stored, str]:
+    lines = max(1, task.text.count(b"\n"))
+    with bar("planning", quiet) as progress:
+        return checked.check(task, store or stored.folder(), rows.take, lambda line: progress(line / lines))
+
+
+def _show_notes(notes: Sequence[Note], task: checked.Task) -> None:
+    for sentence in config.warnings(task.machine):
+        tell.print(sentence, markup=False)
+    for note in notes:
+        tell.print(f"{task.name}:{note.place.line}:{note.place.column}: {note.sentence}", markup=False)
+
+
+# --- simulate ------------------------------------------------------------------
+
+
+def simulate(
+    program: ProgramFile,
+    machine: MachineFile = "trunnion",
+    period_ms: PeriodMs = None,
+    gouge: Gouge = "",
+    trace_file: Annotated[Path | None, typer.Option("--trace", help="Write every tick (.npz).")] = None,
+    events: Annotated[Path | None, typer.Option("--events", help="Requests at ticks (JSON lines).")] = None,
+    plot: Annotated[Path | None, typer.Option("--plot", help="Draw the cut (.png).")] = None,
+    store: Store = None,
+    unchecked: Unchecked = False,
+    as_json: Json = False,
+) -> None:
+    """Run a program on the stepped clock, with bus and simulated drives, as fast as it can."""
+    from controller.session.stepped import SteppedMachine
+    from controller.verify import trace as traces
+
+    with _refusals(as_json):
+        made = _machine(machine, gouge, period_ms)
+        _budget_or_refuse(made)
+        planned_events = event_files.read(events) if events else ()
+        turns = event_files.turns(events) if events else ()
+        begin = event_files.begin(events) if events else None
+        if begin is not None:
+            made = _as_begun(begin, made, _read(program), events)
+        task = _task(program, made)
+        _writable(trace_file, plot)
+        kept = None if unchecked else _kept(task, store, as_json)
+        walk = starts.path_from(task, kept, begin.start) if begin else checked.walk_of(task, kept, unchecked)
+        if not as_json:
+            _show_notes(walk.notes, task)
+        bench = SteppedMachine(made, recordings=recording.folder())
+        bench.come_up()
+        if begin is not None:
+            bench.stand_at(begin.start.joints, begin.start.plan_time_s)
+        began_s = time.perf_counter()
+        with bar("simulating", as_json) as progress:
+            run = bench.run(walk, planned_events, lambda s: progress(_share(s, kept)), turns)
+        took_s = time.perf_counter() - began_s
+        stretches = bench.planner.stretches
+        trace = traces.from_rows(run.rows, made, task.kinematics, stretches, first_tick=run.first_tick)
+        refusal = bench.planner.error
+        figures = {
+            **_figures(task, "refused" if refusal else run.result, run.fault, unchecked),
+            **traces.summary(trace, made, task.kinematics, _length_mm(stretches)).to_dict(),
+            "binds": [bound.to_dict() for bound in tables.bound_in(run.rows, made)],
+            "skips": run.skips,
+            "assumed_resumes": run.assumed_resumes,
+            "events_left": run.events_left,
+            "wall_time_s": took_s,
+            "times_real_time": len(trace.time_s) * made.period_s / took_s,
+            **_notes(walk.notes, made),
+        }
+        _write(trace, made, stretches, trace_file, plot)
+        if run.fault is not Fault.NONE:  # also a hold that waits for somebody to close a door
+            raise Refused(run.fault_text, **figures)
+        if refusal is not None:
+            raise Refused(f"{refusal} {STOPPED}", **figures, line=refusal.line, column=refusal.column)
+        _end("Simulated on the stepped clock", figures, as_json)
+
+
+def _as_begun(begin: event_files.Begin, machine: Machine, program: bytes, events: Path | None) -> Machine:
+    """The machine as it was fitted when a recorded run began. Raises Refused where it is another one."""
+    for what, wanted, found in (
+        ("program", begin.program_sha256, program),
+        ("machine file", begin.machine_sha256, machine.text.encode()),
+    ):
+        if wanted != hashlib.sha256(found).hexdigest():
+            raise Refused(f"{events}: is the record of a run with another {what}; give the one that was run.")
+    return fitting.applied(machine, begin.fitted)
+
+
+def _figures(task: checked.Task, result: str, fault: Fault, unchecked: bool) -> dict[str, Any]:
+    """The first figures of a run, of whatever clock."""
+    return {
+        "program": task.name,
+        "machine": task.machine.name,
+        "period_s": task.machine.period_s,
+        "result": result,
+        "fault": fault.name if fault is not Fault.NONE else None,
+        "checked": not unchecked,
+    }
+
+
+def _end(title: str, figures: dict[str, Any], as_json: bool) -> None:
+    if as_json:
+        print(json.dumps({"ok": True, **figures}))
+    else:
+        show.print(tables.figures(title, figures))
+
+
+def _share(seconds: float, kept: stored.Stored | None) -> float:
+    """Of a run: exact where the duration is known from the check."""
+    return seconds / max(kept.duration_s, 1e-3) if kept else seconds / (seconds + 10.0)
+
+
+def _write(
+    trace: Any, machine: Machine, stretches: dict[int, Stretch], trace_file: Path | None, plot: Path | None
+) -> None:
+    if trace_file:
+        trace.save(trace_file)
+    if plot:
+        from controller.verify import plots
+
+        plots.cut_picture(trace, machine, stretches, plot)
+
+
+# --- demo ----------------------------------------------------------------------
+
+
+def demo(
+    part: Annotated[str, typer.Option("--part", help="'cone' (Example 1) or 'ruled' (Example 2).")] = "cone",
+    out: Annotated[Path, typer.Option("--out", help="Folder for picture and trace.")] = Path("demo"),
+    store: Store = None,
+    unchecked: Unchecked = False,
+    panel: Annotated[
+        bool, typer.Option("--panel", help="A simulated machine with its page instead, until Ctrl-C.")
+    ] = False,
+    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Of the page.")] = 8080,
+    as_json: Json = False,
+) -> None:
+    """Cut one of the paper's parts in real time on the virtual bus, with simulated drives."""
+    if panel:
+        from controller.commands import demo_panel
+
+        with _refusals(as_json):
+            demo_panel.run(out / "panel", port, as_json)
+        return
+    from controller.session import live
+    from controller.verify import trace as traces
+    from controller.verify.live_line import LiveLine
+
+    with _refusals(as_json):
+        if part not in PARTS:
+            raise Refused(f"--part {part} is not known; allowed are {' and '.join(PARTS)}.")
+        made = config.load("trunnion")
+        file = config.shipped_program(PARTS[part])
+        out.mkdir(parents=True, exist_ok=True)
+        picture, trace_file = out / f"{part}.png", out / f"{part}.npz"
+        _writable(picture, trace_file)
+        task = checked.task(file.read_bytes(), file.name, made)
+        kept = None if unchecked else _kept(task, store, as_json)
+        if kept is None and not unchecked:
+            kept = _checked(task, store, Rows(), as_json)[1]
+        if not as_json:
+            tell.print(
+                f"Starting the virtual bus, five simulated drives, plan and tick; {file.name} on {made.name}."
+            )
+        with live.started(made, task.text, file.name, kept, unchecked, recording.folder()) as machine:
+            now = machine.ready()
+            task = replace(task, start=five(now.joints))
+            stretches = checked.stretches(checked.walk_of(task, kept, unchecked))
+            line = LiveLine(made, stretches)
+            title = f"cutting ({kept.duration_s:.0f} s)" if kept else "cutting"
+            with bar(title, as_json) as progress:
+                rows, last = machine.run(lambda now: progress(_share(now.plan_time_s, kept), line.of(now)))
+        trace = traces.from_rows(rows, made, task.kinematics, stretches)
+        syncs = {
+            name: asdict(traces.sync_intervals(s, made.period_s)) for name, s in machine.sync_stamps_s.items()
+        }
+        _write(trace, made, stretches, trace_file, picture)
+        result = "fault" if last.fault is not Fault.NONE else "completed"
+        figures = {
+            **_figures(task, result, last.fault, unchecked),
+            "program": str(file),
+            **traces.summary(trace, made, task.kinematics, _length_mm(stretches)).to_dict(),
+            "binds": [bound.to_dict() for bound in tables.bound_in(rows, made)],
+            "planned_s": kept.duration_s if kept else None,
+            "skips": last.skips,
+            "sync": syncs,
+            "picture": str(picture),
+            "trace": str(trace_file),
+        }
+        if last.fault is not Fault.NONE:
+            raise Refused(machine.fault_text(last), **figures)
+        _end("Cut in real time on the virtual bus", figures, as_json)
+        if not as_json:
+            show.print(f"Picture: {picture}   Trace: {trace_file}", markup=False)
+
+
+# --- paper ---------------------------------------------------------------------
+
+
+def paper(as_json: Json = False) -> None:
+    """The paper's comparison, computed: off-line chords, its first-order step, and ours."""
+    from controller.verify import paper as comparisons
+    from controller.verify import paper_table
+
+    with _refusals(as_json):
+        comparison = comparisons.compare(config.load("trunnion"))
+        if as_json:
+            print(json.dumps({"ok": True, **comparison.to_dict()}))
+        else:
+            paper_table.render(comparison, show)
