@@ -31,6 +31,7 @@ SHIPPED = Path(__file__).resolve().parent.parent / "config"  # beside the packag
 TOOL_TABLE = "tools.toml"
 OFFSETS = ("G54", "G55", "G56", "G57", "G58", "G59")
 LINEAR = {"X": X, "Y": Y, "Z": Z}
+PLACEMENTS = ("single", "double", "optimal")  # of the cutter on surfaces
 PERIODS_S = (0.0005, 0.01)
 BIT_RATES = (10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)  # CiA 301, table 1
 QUANTISATION_SHARE = 0.1  # of the jerk limit that rounding to counts may look like
@@ -92,6 +93,9 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
         tip_acceleration_mm_s2=general.positive_or_none("tip_acceleration_mm_s2"),
         axis_speed_rad_s=general.positive_or_none("axis_speed_deg_s", math.radians(1.0)),
         io=equipment.io(top.table("io", "[io]"), buses, axes, folder) if top.has("io") else None,
+        table=equipment.work_table(top.table("table", "[table]")) if top.has("table") else None,
+        placement=general.text("placement", PLACEMENTS, "single"),
+        max_overcut_mm=general.positive_or_none("max_overcut_mm"),
     )
     for table in (general, tools, top):
         table.finish()
@@ -249,21 +253,46 @@ def _buses(top: Table) -> tuple[Bus, ...]:
 def _tools(top: Table) -> tuple[Tool, ...]:
     found: list[Tool] = []
     for table in top.tables("tool"):
-        tool = Tool(
-            number=table.integer("number", 1, 99999),
-            name=table.text("name"),
-            radius_mm=table.positive("radius_mm"),
-            length_mm=table.number("length_mm", 0.0),
-            flute_mm=table.positive("flute_mm"),
-        )
-        if any(tool.number == other.number for other in found):
+        one = tool(table)
+        if any(one.number == other.number for other in found):
             table.refuse("number", "is used twice", "a number per tool", "renumber one")
-        table.finish()
-        found.append(tool)
+        found.append(one)
     if not any(tool.number == 1 for tool in found):
         top.refuse(
             "tool", "tool 1 is missing", "tables with number = 1 among them", "add T1, the power-on tool"
         )
+    return tuple(found)
+
+
+def tool(table: Table, name: str | None = None, before: Tool | None = None) -> Tool:
+    """A tool of the tool table; its shape, where the table has none, is that of ``before``."""
+    shape = before or Tool(1, "", 1.0, 0.0, 1.0)
+    radius = table.positive("radius_mm")
+    found = Tool(
+        number=table.integer("number", 1, 99999),
+        name=table.text("name", default=name),
+        radius_mm=radius,
+        length_mm=table.number("length_mm", 0.0),
+        flute_mm=table.positive("flute_mm"),
+        corner_mm=table.number("corner_mm", 0.0, radius, default=min(shape.corner_mm, radius)),
+        taper_rad=math.radians(table.number("taper_deg", 0.0, 45.0, default=math.degrees(shape.taper_rad))),
+        holder=_holder(table, shape),
+        placement=table.text("placement", ("", *PLACEMENTS), shape.placement),
+        below_mm=table.number("below_mm", 0.0, 1000.0, default=shape.below_mm),
+    )
+    table.finish()
+    return found
+
+
+def _holder(table: Table, before: Tool) -> tuple[tuple[float, float, float], ...]:
+    """Cylinders from the tip's end upwards: ``holder = [{ from_mm, length_mm, radius_mm }, ...]``."""
+    if not table.has("holder"):
+        return before.holder
+    found: list[tuple[float, float, float]] = []
+    for row in table.tables("holder"):
+        start = row.number("from_mm", 0.0, default=found[-1][1] if found else None)
+        found.append((start, start + row.positive("length_mm"), row.positive("radius_mm")))
+        row.finish()
     return tuple(found)
 
 

@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from controller.machine import Axis, Bus, Clamp, Homing, Io, Spindle
+from controller.geometry import Z, norm, scale
+from controller.machine import Axis, Bus, Clamp, Homing, Io, Spindle, WorkTable
 from controller.toml_table import Table
 
 INPUTS = ("estop", "door", "power", "tool_clamped", "coolant_flow")  # beside those that clamps name
@@ -169,3 +170,18 @@ def _audit_clamp(axis: Axis, its: Clamp, found: Io | None, file: str) -> None:
     if its.input and found.input(its.input) is None:
         names = ", ".join(name for name, _ in found.inputs)
         table.refuse("input", "there is no such input in [io]", names, "add it to [io] inputs")
+
+
+def work_table(table: Table) -> WorkTable:
+    """``[table]``: the disc under the work, in the table frame with all rotaries at zero."""
+    normal = table.vector("normal", Z)
+    if norm(normal) < 1e-9:
+        table.refuse("normal", "has no length", "a vector other than 0 0 0", "point it out of the face")
+    found = WorkTable(
+        centre=table.vector("centre_mm"),
+        normal=scale(normal, 1.0 / norm(normal)),
+        radius_mm=table.positive("radius_mm"),
+        thickness_mm=table.positive("thickness_mm", default=20.0),
+    )
+    table.finish()
+    return found

@@ -20,7 +20,7 @@ from typing import Any
 
 from controller import config
 from controller.geometry import Frame
-from controller.machine import Machine, Tool
+from controller.machine import Machine
 from controller.toml_table import ConfigError, Table
 
 FILE = "fitting.json"
@@ -109,17 +109,11 @@ def with_tool(machine: Machine, number: int, values: object) -> Machine:
         return replace(machine, tools=kept)
     if not isinstance(values, dict):
         raise ConfigError(
-            f"tools: tool {number}: is no table; allowed: name, radius_mm, length_mm, flute_mm."
+            f"tools: tool {number}: is no table; allowed: name, radius_mm, length_mm, flute_mm, corner_mm, "
+            "taper_deg, holder."
         )
     table = Table("tools", f"tool {number}", {"number": number, **values})
-    tool = Tool(
-        number=table.integer("number", 1, 99999),
-        name=table.text("name", default=f"tool {number}"),
-        radius_mm=table.positive("radius_mm"),
-        length_mm=table.number("length_mm", 0.0),
-        flute_mm=table.positive("flute_mm"),
-    )
-    table.finish()
+    tool = config.tool(table, f"tool {number}", machine.tool(number))
     return replace(machine, tools=tuple(sorted((*kept, tool), key=lambda one: one.number)))
 
 

@@ -121,13 +121,18 @@ class Bus:
 
 @dataclass(frozen=True, slots=True)
 class Tool:
-    """A cylindrical cutter; length is from the gauge line to the tip."""
+    """A cutter; length is from the gauge line to the tip."""
 
     number: int
     name: str
-    radius_mm: float
+    radius_mm: float  # at the end: of the end face where there is no corner, of the ball of a ball end
     length_mm: float
     flute_mm: float
+    corner_mm: float = 0.0  # rounding between end and flank: 0 flat end, ``radius_mm`` ball end
+    taper_rad: float = 0.0  # half angle of the flank, thicker upwards
+    holder: tuple[tuple[float, float, float], ...] = ()  # (from, to, radius): cylinders, mm above the tip
+    placement: str = ""  # on surfaces: "single", "double" or "optimal"; "" = as the machine has it
+    below_mm: float = 0.0  # so far the flank reaches below C1, beside what a corner takes
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,6 +176,16 @@ class Io:
 
 
 @dataclass(frozen=True, slots=True)
+class WorkTable:
+    """The body under the work that no tool may touch: a disc, seen with all rotaries at zero."""
+
+    centre: Vector  # of its upper face, mm
+    normal: Vector  # unit vector out of that face
+    radius_mm: float
+    thickness_mm: float
+
+
+@dataclass(frozen=True, slots=True)
 class Machine:
     """Everything of a machine file; ``text`` is the file itself, kept for traces and recordings."""
 
@@ -194,6 +209,9 @@ class Machine:
     tip_acceleration_mm_s2: float | None = None  # largest of the tool's tip in the part frame, on feed moves
     axis_speed_rad_s: float | None = None  # largest angular speed of the tool's axis there
     io: Io | None = None
+    table: WorkTable | None = None  # for the check of collisions; None: nobody has told its size
+    placement: str = "single"  # of the cutter on surfaces: "single" (the paper), "double" or "optimal"
+    max_overcut_mm: float | None = None  # deeper overcut than this is a gouge wherever it comes from
 
     @property
     def has_peripherals(self) -> bool:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import contextlib
 import json
 from collections.abc import Callable, Iterator
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from controller.plan.text.program import ProgramError
+if TYPE_CHECKING:
+    from controller.plan.text.program import ProgramError
 
 tell = Console(stderr=True, highlight=False, soft_wrap=True)  # sentences, progress
 show = Console(highlight=False)  # results
@@ -50,16 +51,23 @@ def refusals(as_json: bool, expected: Callable[[], tuple[type[Exception], ...]])
     """
     try:
         yield
-    except ProgramError as error:
-        place = {"file": error.file, "line": error.line, "column": error.column}
-        _refuse(as_json, str(error), {**place, "sentence": error.sentence})
     except Refused as error:
         _refuse(as_json, str(error), error.facts)
     except OSError as error:
         name = f"{error.filename}: " if error.filename else ""
         _refuse(as_json, f"{name}{error.strerror}; check path, permission and space.", {})
+    except _of_programs() as error:
+        place = {"file": error.file, "line": error.line, "column": error.column}
+        _refuse(as_json, str(error), {**place, "sentence": error.sentence})
     except expected() as error:
         _refuse(as_json, str(error), {})
+
+
+def _of_programs() -> type[ProgramError]:
+    """Imported when there is an error to look at: most commands never read a program."""
+    from controller.plan.text.program import ProgramError
+
+    return ProgramError
 
 
 def _refuse(as_json: bool, sentence: str, facts: dict[str, Any]) -> NoReturn:

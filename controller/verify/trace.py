@@ -21,11 +21,12 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.geometry import Frame, Pose, Vector, angle_between, scale
+from controller.geometry import Frame, Pose, Vector, angle_between, scale, subtract
 from controller.handoff import COLUMN
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import Motion, SurfaceCut
+from controller.placement import Placed
 from controller.state import Mode
 
 Array = NDArray[np.float64]
@@ -203,7 +204,10 @@ def _contacts(rows: Array, tip: Array, motions: Mapping[int, Motion]) -> tuple[A
 
 
 def _offset(cut: SurfaceCut, u: Array) -> Array:
-    """From the contact to the tip (Eq. 5), shape (N, 3)."""
+    """From the contact to the tip (Eq. 5, or as the cutter is placed), shape (N, 3)."""
+    if isinstance(cut.surface, Placed):
+        tip = cut.surface.pose(u, cut.offset_mm, np).tip
+        return _stack(subtract(tip, cut.surface.contact(u, np)), len(u))
     return _stack(scale(cut.surface.normal(u, np), cut.offset_mm), len(u))
 
 

@@ -409,3 +409,32 @@ def test_a_wrong_profile_or_data_sheet_is_refused_at_its_axis(
 ) -> None:
     with pytest.raises(ConfigError, match=sentence):
         machine_with(tmp_path, keys)
+
+
+def test_the_shape_of_a_tool_and_the_table_under_the_work_are_read(tmp_path: Path) -> None:
+    (tmp_path / "tools.toml").write_text(
+        '[[tool]]\nnumber = 1\nname = "ball"\nradius_mm = 2.0\nlength_mm = 80.0\nflute_mm = 20.0\n'
+        "corner_mm = 2.0\ntaper_deg = 5.0\n"
+        "holder = [{ from_mm = 30.0, length_mm = 25.0, radius_mm = 16.0 },"
+        " { length_mm = 40, radius_mm = 25 }]\n"
+    )
+    table = "[table]\ncentre_mm = [0, 96, 120]\nradius_mm = 150.0\n"
+    file = tmp_path / "mine.toml"
+    text = (config.SHIPPED / "trunnion.toml").read_text()
+    file.write_text(text.replace("[tools]", f"max_overcut_mm = 0.2\n\n{table}\n[tools]"))
+    machine = config.load(str(file))
+    tool = machine.tools[0]
+    assert (tool.corner_mm, math.degrees(tool.taper_rad)) == (2.0, pytest.approx(5.0))
+    assert tool.holder == ((30.0, 55.0, 16.0), (55.0, 95.0, 25.0))
+    assert machine.table is not None and machine.max_overcut_mm == 0.2
+    assert machine.table.normal == (0.0, 0.0, 1.0) and machine.table.thickness_mm == 20.0
+
+
+def test_a_corner_larger_than_the_cutter_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "tools.toml").write_text(
+        '[[tool]]\nnumber = 1\nname = "x"\nradius_mm = 2.0\nlength_mm = 0\nflute_mm = 9\ncorner_mm = 2.5\n'
+    )
+    file = tmp_path / "mine.toml"
+    file.write_text((config.SHIPPED / "trunnion.toml").read_text())
+    with pytest.raises(ConfigError, match=r"corner_mm = 2\.5: is out of range; allowed: a number"):
+        config.load(str(file))

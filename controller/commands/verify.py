@@ -1,0 +1,230 @@
+"""``directrix verify``: the surface as cut against the nominal one, from the plan or from a trace."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from controller import config
+from controller.machine import Machine, Tool
+from controller.plan.route.stretch import Stretch
+from controller.plan.text import blocks
+from controller.plan.text.program import Block
+from controller.session import checked
+from controller.toml_table import ConfigError
+from controller.verify import passes, trace
+from controller.verify.audit import Watched
+from controller.verify.console import Refused, bar, refusals, show, tell
+from controller.verify.gouges import Gouge, gouges, in_table
+from controller.verify.judge import SETTLED_MM, Judged, Worst, Zone, judge
+from controller.verify.nominal import Nominal
+from controller.verify.sweep import FIT_MM, Pass
+
+Argument = Annotated[Path, typer.Argument(help="The part program, or a trace (.npz) of it.")]
+Program = Annotated[Path | None, typer.Option("--program", help="The program that a trace is of.")]
+MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
+Commanded = Annotated[
+    bool, typer.Option("--commanded", help="Of a trace: what the drives were told, not what they did.")
+]
+GougeWord = Annotated[str, typer.Option("--gouge", help="'refuse' or 'warn'; default: the machine file's.")]
+Plot = Annotated[Path | None, typer.Option("--plot", help="Draw heat maps and the part (.png).")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+MOST_ROWS = 40  # of the table
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Everything that is told of a program or of a trace."""
+
+    of: str  # 'plan', 'actual', 'commanded'
+    judged: list[Judged]
+    gouges: list[Gouge]
+    notes: list[tuple[int, str]]
+
+    def to_dict(self, machine: Machine) -> dict[str, Any]:
+        return {
+            "of": self.of,
+            "machine": machine.name,
+            "accuracy_mm": {"settled": SETTLED_MM, "poses": FIT_MM},
+            "table": machine.table is not None,
+            "surfaces": [one.to_dict() for one in self.judged],
+            "gouges": [{**one.to_dict(), "sentence": one.sentence} for one in self.gouges],
+            "notes": [{"line": line, "note": sentence} for line, sentence in self.notes],
+        }
+
+
+def verify(
+    file: Argument,
+    program: Program = None,
+    machine: MachineFile = "trunnion",
+    commanded: Commanded = False,
+    gouge: GougeWord = "",
+    plot: Plot = None,
+    as_json: Json = False,
+) -> None:
+    """Compute the surface as cut: overcut and undercut along the normal, gouges, collisions."""
+    with refusals(as_json, lambda: (ConfigError,)):
+        made = config.load(machine)
+        refuses = _refuses(gouge, made)
+        part, recorded = _files(file, program, commanded)
+        # What gouges is to be seen here, not to be refused before it is.
+        task = checked.task(part.read_bytes(), str(part), replace(made, gouge="warn"))
+        with bar("verifying", as_json) as progress:
+            found = _found(task, recorded, commanded, progress)
+        if plot:
+            from controller.verify import cut_pictures
+
+            cut_pictures.picture(found.judged, plot, f"{part.name}, {found.of}, on {made.name}")
+        figures = {"program": str(part), **found.to_dict(made)}
+        bad = bool(found.gouges) and refuses
+        if as_json and not bad:
+            print(json.dumps({"ok": True, **figures}))
+            return
+        if not as_json:
+            _show(found)
+        if bad:
+            first, more = found.gouges[0], len(found.gouges) - 1
+            others = f" ({more} more)" if more else ""
+            raise Refused(
+                f"{part}: line {first.by_line}: {first.sentence}; {first.advice}{others}.", **figures
+            )
+
+
+def _refuses(gouge: str, machine: Machine) -> bool:
+    if gouge not in ("", "refuse", "warn"):
+        raise Refused(f"--gouge {gouge} is not known; allowed are refuse and warn.")
+    return (gouge or machine.gouge) == "refuse"
+
+
+def _files(file: Path, program: Path | None, commanded: bool) -> tuple[Path, trace.Trace | None]:
+    """The program, and the trace if one is given."""
+    is_trace = file.suffix == ".npz"
+    part = program if is_trace else file
+    if part is None:
+        raise Refused(f"{file}: a trace holds no surfaces; give its program with --program.")
+    if not is_trace and (program is not None or commanded):
+        raise Refused(f"{file}: --program and --commanded belong to a trace (.npz), and this is none.")
+    for one in (file, part):
+        if not one.is_file():
+            what = "this is a folder" if one.is_dir() else "there is no such file"
+            raise Refused(f"{one}: {what}; give the path of a part program or of a trace.")
+    if not is_trace:
+        return part, None
+    try:
+        return part, trace.load(file)
+    except (ValueError, EOFError, KeyError) as error:
+        raise Refused(
+            f"{file}: cannot be read as a trace ({error}); make one by simulate --trace."
+        ) from error
+
+
+def _found(task: checked.Task, recorded: trace.Trace | None, commanded: bool, progress: Any) -> Found:
+    walk = checked.path_of(task, checked.chosen_for(task))
+    watched = Watched(walk.items)
+    for _ in watched:
+        pass
+    fitted = passes.Fitted.of(_blocks(task), task.machine)
+    surfaces = passes.nominals(watched.stretches, fitted)
+    ways = _ways(task, recorded, commanded, watched.stretches, surfaces, fitted)
+    judged = judge(surfaces, ways, lambda share: progress(0.8 * share))
+    seen = gouges(
+        surfaces, ways, task.machine.max_overcut_mm, lambda share: progress(0.8 + 0.2 * share)
+    ) + in_table(task.machine.table, _rough(task, recorded, watched.stretches, ways, fitted))
+    notes = [(note.place.line, note.sentence) for note in walk.notes]
+    if not surfaces:
+        notes.append(
+            (1, "The program cuts no surface (G51, G52, G6.2): there is nothing to hold it against.")
+        )
+    of = "plan" if recorded is None else "commanded" if commanded else "actual"
+    return Found(of, judged, sorted(seen, key=lambda one: one.by_line), notes)
+
+
+def _blocks(task: checked.Task) -> Iterator[Block]:
+    return blocks.stream(task.text, task.machine, task.name)
+
+
+def _ways(
+    task: checked.Task,
+    recorded: trace.Trace | None,
+    commanded: bool,
+    stretches: Mapping[int, Stretch],
+    surfaces: Sequence[Nominal],
+    fitted: passes.Fitted,
+) -> Mapping[Tool, list[Pass]]:
+    """Where each tool went: as planned, or as the drives did it."""
+    if recorded is None:
+        return passes.planned(stretches, surfaces, fitted, task.kinematics)
+    axes = tuple(axis.name for axis in task.machine.axes)
+    if recorded.axes != axes:
+        ours, theirs = " ".join(axes), " ".join(recorded.axes)
+        raise Refused(
+            f"The trace is of a machine with {theirs}, this one has {ours}; give its own by --machine."
+        )
+    return passes.traced(recorded, task.machine, fitted, task.kinematics, not commanded)
+
+
+def _rough(
+    task: checked.Task,
+    recorded: trace.Trace | None,
+    stretches: Mapping[int, Stretch],
+    ways: Mapping[Tool, list[Pass]],
+    fitted: passes.Fitted,
+) -> list[tuple[Tool, Pass]]:
+    """All motions, for the table; none where the machine file has none."""
+    if task.machine.table is None:
+        return []
+    if recorded is None:
+        return passes.rough(stretches, fitted, task.kinematics)
+    return [(tool, one) for tool, rows in ways.items() for one in rows]
+
+
+# ---- for people --------------------------------------------------------------------
+
+
+def _show(found: Found) -> None:
+    for line, sentence in found.notes:
+        tell.print(f"line {line}: {sentence}", markup=False)
+    if found.judged:
+        show.print(_table(found))
+    for one in found.gouges:
+        show.print(f"Gouge, line {one.by_line}: {one.sentence}; {one.advice}.", markup=False)
+
+
+def _table(found: Found) -> Table:
+    table = Table(title=f"Cut surface against nominal ({found.of}), µm along the normal")
+    for head in ("line", "where", "overcut", "undercut", "mean", "99 %", "worst at"):
+        table.add_column(head, justify="left" if head in ("where", "worst at") else "right", no_wrap=True)
+    for one in found.judged[:MOST_ROWS]:
+        line = str(one.nominal.line)
+        for where, zone in (("inside", one.inside), ("ends", one.ends), ("with all", one.whole)):
+            table.add_row(line, where, *_figures(zone))
+            line = ""
+    if len(found.judged) > MOST_ROWS:
+        table.caption = f"{len(found.judged) - MOST_ROWS} more surfaces with --json."
+    return table
+
+
+def _figures(zone: Zone) -> tuple[str, ...]:
+    worst = max((zone.overcut, zone.undercut), key=lambda one: abs(one.mm) if one else 0.0)
+    return (
+        _micro(-zone.overcut.mm if zone.overcut else 0.0),
+        _micro(zone.undercut.mm if zone.undercut else 0.0),
+        _micro(zone.mean_mm),
+        _micro(zone.percentiles_mm["99"]),
+        _at(worst) + (f", {zone.uncut:.0%} uncut" if zone.uncut else ""),
+    )
+
+
+def _at(worst: Worst | None) -> str:
+    return f"u {worst.u:.3f} v {worst.v:.2f}" if worst else ""
+
+
+def _micro(mm: float) -> str:
+    return f"{1e3 * mm:.1f}"

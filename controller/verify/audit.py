@@ -1,0 +1,88 @@
+"""The gouges of a whole planned program, as the check wants them: refused, or told.
+
+Every motion is kept while the path goes by, and looked at when it has come to its end: a gouge
+may be done by a block to the surface of a later one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from itertools import count
+
+from controller.kinematics import Kinematics
+from controller.machine import Machine
+from controller.motions import SurfaceCut
+from controller.plan.route.stretch import Chain, Note, Pause, Stretch
+from controller.plan.text.program import Block, Place, ProgramError
+from controller.verify import passes
+from controller.verify.gouges import Gouge, gouges, in_table
+
+MOST_WAYS = 20_000  # motions beside cuts that are kept: it bounds the memory
+
+
+class Watched:
+    """The items of a path as they go by, and what is kept of them: stretches by motion id."""
+
+    def __init__(self, items: Iterable[Chain | Pause]) -> None:
+        self._items = items
+        self.stretches: dict[int, Stretch] = {}
+        self.left_out = 0
+
+    def __iter__(self) -> Iterator[Chain | Pause]:
+        number, ways = count(), 0
+        for item in self._items:
+            for stretch in item.stretches if isinstance(item, Chain) else ():
+                k, is_cut = next(number), isinstance(stretch.motion, SurfaceCut)
+                ways += not is_cut
+                if is_cut or ways <= MOST_WAYS:
+                    self.stretches[k] = stretch
+                else:
+                    self.left_out += 1
+            yield item
+
+
+def audit(
+    watched: Watched,
+    read: Callable[[], Iterable[Block]],
+    name: str,
+    machine: Machine,
+    kinematics: Kinematics,
+) -> list[Note]:
+    """What is told of the gouges of a path; raises ProgramError where the machine refuses them.
+
+    ``read`` gives the program's blocks once more, for the tools; it is not called where
+    nothing could be gouged.
+    """
+    stretches = watched.stretches
+    if machine.table is None and not any(isinstance(s.motion, SurfaceCut) for s in stretches.values()):
+        return []
+    fitted = passes.Fitted.of(read(), machine)
+    found = _found(stretches, fitted, machine, kinematics)
+    places = {stretch.place.line: stretch.place for stretch in stretches.values()}
+    if found and machine.gouge == "refuse":
+        first, more = found[0], len(found) - 1
+        others = f" ({more} more with --gouge warn)" if more else ""
+        place = places[first.by_line]
+        raise ProgramError(
+            name,
+            place.line,
+            place.column,
+            f'{first.sentence}; {first.advice}, or set gouge = "warn" to cut it anyway{others}',
+        )
+    notes = [Note(places[one.by_line], f"Gouge: {one.sentence}; {one.advice}.") for one in found]
+    if watched.left_out:
+        sentence = f"{watched.left_out} motions beside surfaces were not held against them."
+        notes.append(Note(Place(1, 1), sentence))
+    return notes
+
+
+def _found(
+    stretches: dict[int, Stretch], fitted: passes.Fitted, machine: Machine, kinematics: Kinematics
+) -> list[Gouge]:
+    """All gouges, in the order of the blocks that do them."""
+    surfaces = passes.nominals(stretches, fitted)
+    near = passes.planned(stretches, surfaces, fitted, kinematics, rough=True) if surfaces else {}
+    found = gouges(surfaces, near, machine.max_overcut_mm)
+    if machine.table is not None:
+        found += in_table(machine.table, passes.rough(stretches, fitted, kinematics))
+    return sorted(found, key=lambda one: one.by_line)

@@ -1,0 +1,91 @@
+"""What of a tool can touch the part: bodies of revolution about the tool axis, as signed distances.
+
+Seen in the half plane through the axis, rho across it and h up from the tip, a cutter is a
+cone over a corner point, rounded by the corner radius:
+
+         h                |    / flank, leaning outward by the taper
+         ^                |   /
+         |       corner . |__/ .  V = (radius - corner, corner), and everything within ``corner`` of it
+         +--> rho         tip
+
+Flat end mill: corner 0. Ball: corner = radius. Bull nose: between. The distance to a convex
+figure with one corner is exact in closed form, outside and at the border; inside it is that
+to the nearer side, which is all that is asked of it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.machine import Tool
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Body:
+    """A rounded cone frustum about the tool axis, from its lower end up to ``top_mm``."""
+
+    name: str  # 'cutter', 'holder'
+    corner_rho_mm: float  # V, in the half plane
+    corner_h_mm: float
+    rounding_mm: float
+    taper_rad: float
+    top_mm: float  # of h
+
+    @property
+    def bottom_mm(self) -> float:
+        """The lowest h."""
+        return self.corner_h_mm - self.rounding_mm
+
+    @property
+    def widest_mm(self) -> float:
+        """The largest rho: the body lies within so much of its axis between bottom and top."""
+        flank = self.rounding_mm / math.cos(self.taper_rad)
+        return (
+            self.corner_rho_mm + flank + max(0.0, self.top_mm - self.corner_h_mm) * math.tan(self.taper_rad)
+        )
+
+    def distance(self, rho: Array, h: Array) -> Array:
+        """Signed distance (mm) of points at ``rho``, ``h`` (equal shapes) to the body, negative inside."""
+        x, y = rho - self.corner_rho_mm, h - self.corner_h_mm
+        if self.taper_rad == 0.0:
+            side, corner = x, (x > 0.0) & (y < 0.0)
+        else:
+            sine, cosine = math.sin(self.taper_rad), math.cos(self.taper_rad)
+            side, corner = x * cosine - y * sine, (x > 0.0) & (x * sine + y * cosine < 0.0)
+        lower = np.maximum(side, -y)
+        lower[corner] = np.sqrt(x[corner] ** 2 + y[corner] ** 2)
+        return np.asarray(np.maximum(lower - self.rounding_mm, h - self.top_mm))
+
+    def outline(self) -> Array:
+        """Points (N, 2) of rho and h on its border, whose circles hold the whole body in their hull."""
+        turn = np.linspace(-0.5 * math.pi, -self.taper_rad, 9)
+        round_ = np.stack(
+            [
+                self.corner_rho_mm + self.rounding_mm * np.cos(turn),
+                self.corner_h_mm + self.rounding_mm * np.sin(turn),
+            ],
+            axis=1,
+        )
+        rise = self.top_mm - round_[-1, 1]
+        top = [round_[-1, 0] + rise * math.tan(self.taper_rad), self.top_mm]
+        return np.vstack([round_, [top]])
+
+
+def cutter(tool: Tool, least_mm: float) -> Body:
+    """The cutter with its shank, at least ``least_mm`` long: what is above the flute touches, too."""
+    top = max(tool.flute_mm, least_mm)
+    if tool.holder:
+        top = max(tool.flute_mm, tool.holder[0][0])
+    corner = min(tool.corner_mm, tool.radius_mm)
+    return Body("cutter", tool.radius_mm - corner, corner, corner, tool.taper_rad, top)
+
+
+def holder(tool: Tool) -> tuple[Body, ...]:
+    """The cylinders of the holder; none where the tool table tells of none."""
+    return tuple(Body("holder", radius, low, 0.0, 0.0, high) for low, high, radius in tool.holder)

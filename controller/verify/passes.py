@@ -1,0 +1,225 @@
+"""Where the tool went, as passes in the table frame: from a planned path, or from a trace.
+
+A planned path is taken by its joints, as the machine takes it: whatever placed the cutter,
+and whatever the kinematics made of it, is in the poses that come back from them.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.kinematics import Kinematics
+from controller.machine import Machine, Tool
+from controller.motions import SurfaceCut
+from controller.plan.route.branch import joints_along
+from controller.plan.route.stretch import Stretch
+from controller.plan.text.program import Block
+from controller.verify.bodies import cutter, holder
+from controller.verify.nominal import Nominal
+from controller.verify.sweep import FIT_MM, Pass, Poses, sampled
+from controller.verify.trace import Trace
+
+Array = NDArray[np.float64]
+
+ROUGH_MM = 0.5  # step of the first look at a pass
+NEAR_MM = 1.0  # a pass that stays this far from every surface is not looked at closely
+SCALLOP_MM = 5e-5  # that the samples of a cut may leave between them, before their places are made exact
+STEPS_MM = (0.01, 0.05)
+ROUGH_STEP_MM, ROUGH_FIT_MM = 0.2, 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """Which tool is in the spindle, by program line."""
+
+    lines: tuple[int, ...]  # rising; the tool holds from there on
+    tools: tuple[Tool, ...]
+
+    @classmethod
+    def of(cls, blocks: Iterable[Block], machine: Machine) -> Fitted:
+        """Of a program's blocks; T1 is in the spindle before them. Lines come in their order."""
+        lines, tools = [0], [machine.tools[0] if machine.tool(1) is None else machine.tool(1)]
+        for block in blocks:
+            tool = machine.tool(block.modal.tool)
+            if tool is not None and tool != tools[-1]:
+                lines.append(block.place.line)
+                tools.append(tool)
+        return cls(tuple(lines), tuple(tool for tool in tools if tool is not None))
+
+    def at(self, line: int) -> Tool:
+        return self.tools[max(0, int(np.searchsorted(self.lines, line, side="right")) - 1)]
+
+
+def nominals(stretches: Mapping[int, Stretch], fitted: Fitted) -> list[Nominal]:
+    """The surfaces that a path cuts, in its order."""
+    found = []
+    for number, stretch in stretches.items():
+        motion = stretch.motion
+        if isinstance(motion, SurfaceCut) and stretch.cutting:  # no pivot of placed axes
+            side = -1.0 if motion.offset_mm < 0.0 else 1.0
+            tool = fitted.at(stretch.place.line)
+            found.append(Nominal(motion.surface, motion.part, side, tool, stretch.place.line, number))
+    return found
+
+
+def step_mm(tool: Tool) -> float:
+    """How close samples of a cut stand: a row of cylinders leaves scallops of step^2 / (8 r)."""
+    low, high = STEPS_MM
+    return float(np.clip(np.sqrt(8.0 * tool.radius_mm * SCALLOP_MM), low, high))
+
+
+def height_mm(tool: Tool, surfaces: Sequence[Nominal]) -> float:
+    """How far above the tip a tool can touch anything: cutter, shank and holder."""
+    return max(body.top_mm for body in (cutter(tool, longest(surfaces)), *holder(tool)))
+
+
+def longest(surfaces: Sequence[Nominal]) -> float:
+    """How long a cutter must be taken to be where its tool table is short: over the longest ruling."""
+    return max((1.1 * one.size[1] + 1.0 for one in surfaces), default=0.0)
+
+
+def planned(
+    stretches: Mapping[int, Stretch],
+    surfaces: Sequence[Nominal],
+    fitted: Fitted,
+    kinematics: Kinematics,
+    rough: bool = False,
+) -> dict[Tool, list[Pass]]:
+    """The passes of each tool that come near a surface; ``rough``: so close as finding gouges needs it."""
+    found: dict[Tool, list[Pass]] = {}
+    for number, stretch in stretches.items():
+        tool = fitted.at(stretch.place.line)
+        height = height_mm(tool, surfaces)
+        reach = max(body.widest_mm for body in (cutter(tool, longest(surfaces)), *holder(tool)))
+        poses = _poses(stretch, tool, kinematics)
+        span = _near(poses, stretch.motion.end, height, reach, surfaces)
+        if span is None:
+            continue
+        start, end = span
+        step, fit = (ROUGH_STEP_MM, ROUGH_FIT_MM) if rough else (step_mm(tool), FIT_MM)
+        s, tips, axes = sampled(_from(poses, start), end - start, step, height, fit)
+        row = Pass(s + start, tips, axes, stretch.place.line, stretch.name, number, _feeding(stretch))
+        found.setdefault(tool, []).append(row)
+    return found
+
+
+def _from(poses: Poses, start: float) -> Poses:
+    return lambda s: poses(s + start)
+
+
+def _feeding(stretch: Stretch) -> bool:
+    return stretch.feed_mm_s is not None
+
+
+def rough(
+    stretches: Mapping[int, Stretch], tool_of: Fitted, kinematics: Kinematics
+) -> list[tuple[Tool, Pass]]:
+    """Every motion of a path, sampled coarsely: enough for tables."""
+    found = []
+    for number, stretch in stretches.items():
+        tool = tool_of.at(stretch.place.line)
+        height = max(body.top_mm for body in (cutter(tool, 0.0), *holder(tool)))
+        s, tips, axes = sampled(
+            _poses(stretch, tool, kinematics), stretch.motion.end, ROUGH_MM, height, ROUGH_FIT_MM
+        )
+        one = Pass(s, tips, axes, stretch.place.line, stretch.name, number, _feeding(stretch))
+        found.append((tool, one))
+    return found
+
+
+def _poses(stretch: Stretch, tool: Tool, kinematics: Kinematics) -> Poses:
+    def poses(s: Array) -> tuple[Array, Array]:
+        return forward(joints_along(stretch, s, kinematics), tool.length_mm, kinematics)
+
+    return poses
+
+
+def forward(joints: Array, length_mm: float, kinematics: Kinematics) -> tuple[Array, Array]:
+    """Tips and axes (N, 3) in the table frame from joints (N, 5), mm and rad."""
+    a, b, c, d, e = joints.T
+    pose = kinematics.forward((a, b, c, d, e), length_mm, np)
+    tip, axis = (
+        np.stack([np.broadcast_to(np.asarray(x, dtype=float), a.shape) for x in vector], axis=1)
+        for vector in (pose.tip, pose.axis)
+    )
+    return tip, axis
+
+
+def _near(
+    poses: Poses, end: float, height: float, reach: float, surfaces: Sequence[Nominal]
+) -> tuple[float, float] | None:
+    """From where to where on a motion of length ``end`` the tool is near a surface; None: nowhere."""
+    s, tips, axes = sampled(poses, end, ROUGH_MM, height, ROUGH_FIT_MM)
+    off = np.full(len(s), np.inf)
+    for one in surfaces:
+        centre, radius = one.ball
+        h = np.clip(((centre - tips) * axes).sum(axis=1), 0.0, height)
+        away = np.linalg.norm(centre - tips - h[:, None] * axes, axis=1) - radius
+        off = np.minimum(off, away)
+    rows = np.flatnonzero(off <= reach + NEAR_MM + ROUGH_MM)
+    if not len(rows):
+        return None
+    return float(s[max(rows[0] - 1, 0)]), float(s[min(rows[-1] + 1, len(s) - 1)])
+
+
+# ---- from a trace ------------------------------------------------------------------
+
+FEWEST_ROWS = 4  # of a pass: a cubic needs four
+
+
+def traced(
+    trace: Trace, machine: Machine, fitted: Fitted, kinematics: Kinematics, actual: bool
+) -> dict[Tool, list[Pass]]:
+    """The passes of a recorded run: what was told to the drives, or what they reported.
+
+    The joints of neighbouring ticks are the samples; places are rows of the trace.
+    """
+    per_unit = np.array([axis.shown_per_unit for axis in machine.axes])
+    joints = (trace.joint_actual if actual else trace.joint_command) / per_unit
+    found: dict[Tool, list[Pass]] = {}
+    for start, stop in _segments(trace):
+        middle = (start + stop) // 2
+        line, cutting = int(trace.line[middle]), bool(trace.cutting[middle])
+        tool = fitted.at(line)
+        height = max(body.top_mm for body in (cutter(tool, 0.0), *holder(tool)))
+        # One row more on both sides: neighbours meet, and no way between two ticks is lost.
+        first = max(start - 1, 0)
+        rows = np.arange(first, min(stop + 1, len(joints)), dtype=np.float64)
+        tips, axes = forward(joints[first : first + len(rows)], tool.length_mm, kinematics)
+        kept = _thinned(tips, tips + height * axes, 0.5 * step_mm(tool))
+        name = "cut" if cutting else "way"
+        one = Pass(rows[kept], tips[kept], axes[kept], line, name)
+        found.setdefault(tool, []).append(one)
+    return found
+
+
+def _thinned(tips: Array, tops: Array, step_mm: float) -> NDArray[np.int64]:
+    """Rows at least ``step_mm`` of way apart, and the ends: a slow feed has a thousand ticks per mm."""
+    steps = np.maximum(
+        np.linalg.norm(np.diff(tips, axis=0), axis=1), np.linalg.norm(np.diff(tops, axis=0), axis=1)
+    )
+    way = np.floor(np.concatenate([[0.0], np.cumsum(steps)]) / step_mm)
+    kept = np.concatenate([[True], np.diff(way) > 0.0])
+    kept[-1] = True
+    if kept.sum() < FEWEST_ROWS:
+        return np.unique(np.linspace(0, len(tips) - 1, FEWEST_ROWS).astype(np.int64))
+    return np.flatnonzero(kept)
+
+
+def _segments(trace: Trace) -> list[tuple[int, int]]:
+    """(start, stop) of rows of one line, cutting or not; short ones go with the one before."""
+    n = len(trace.line)
+    change = (np.diff(trace.line) != 0) | (np.diff(trace.cutting.astype(np.int8)) != 0)
+    edges = [0, *(np.flatnonzero(change) + 1).tolist(), n]
+    found: list[tuple[int, int]] = []
+    for start, stop in itertools.pairwise(edges):
+        if found and (stop - start < FEWEST_ROWS or found[-1][1] - found[-1][0] < FEWEST_ROWS):
+            found[-1] = (found[-1][0], stop)
+        else:
+            found.append((start, stop))
+    return [(start, stop) for start, stop in found if stop - start >= FEWEST_ROWS]

@@ -1,0 +1,93 @@
+"""``directrix verify``: from the plan and from a trace, refused or told, with its picture."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from controller import config
+from controller.__main__ import app
+
+READY = str(config.shipped_program("example2_ready"))
+VERBATIM = str(config.shipped_program("example2"))
+
+
+def run(*words: object) -> tuple[int, dict]:
+    result = CliRunner().invoke(app, ["verify", *map(str, words), "--json"])
+    return result.exit_code, json.loads(result.stdout)
+
+
+def test_the_plan_of_the_ready_example_is_verified(tmp_path: Path) -> None:
+    code, found = run(READY, "--plot", tmp_path / "cut.png")
+    assert code == 0 and found["ok"] and found["of"] == "plan" and found["gouges"] == []
+    first, second = found["surfaces"]
+    assert first["inside"]["overcut"]["mm"] == pytest.approx(-0.01797, abs=2e-5)
+    assert second["inside"]["overcut"]["mm"] == pytest.approx(-0.18831, abs=2e-5)
+    assert all(one["inside"]["settled_mm"] < 1e-4 for one in found["surfaces"])
+    assert (tmp_path / "cut.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_what_gouges_is_shown_and_ends_with_1_unless_told_to_warn() -> None:
+    code, refused = run(VERBATIM)
+    assert code == 1 and not refused["ok"] and "too deep" in refused["error"]
+    warned, told = run(VERBATIM, "--gouge", "warn")
+    assert warned == 0 and told["gouges"] == refused["gouges"] != []
+    assert {"line", "by_line", "depth_mm", "place", "sentence"} <= told["gouges"][0].keys()
+
+
+@pytest.fixture(scope="module")
+def trace_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("trace") / "run.npz"
+    store = str(file.parent)
+    words = ["simulate", READY, "--trace", str(file), "--period-ms", "5", "--json", "--store", store]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    return file
+
+
+@pytest.mark.slow
+def test_a_trace_of_what_was_commanded_comes_out_as_the_plan(trace_file: Path) -> None:
+    _, plan = run(READY)
+    code, told = run(trace_file, "--program", READY, "--commanded")
+    assert code == 0 and told["of"] == "commanded"
+    for ours, theirs in zip(told["surfaces"], plan["surfaces"], strict=True):
+        assert ours["inside"]["largest_mm"] == pytest.approx(theirs["inside"]["largest_mm"], abs=1e-3)
+
+
+@pytest.mark.slow
+def test_a_trace_of_what_the_drives_did_is_off_by_their_errors(trace_file: Path) -> None:
+    code, told = run(trace_file, "--program", READY, "--gouge", "warn")
+    assert code == 0 and told["of"] == "actual"
+    inside = [one["inside"] for one in told["surfaces"]]
+    assert all(one["uncut"] == 0.0 and one["largest_mm"] < 0.25 for one in inside)
+    assert inside[0]["largest_mm"] != pytest.approx(0.017968, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["nothing.ngc"], "there is no such file"),
+        (["trace.npz"], "give its program with --program"),
+        ([READY, "--commanded"], "belong to a trace"),
+        ([READY, "--gouge", "ask"], "allowed are refuse and warn"),
+    ],
+)
+def test_what_cannot_be_verified_is_said_in_a_sentence(words: list[str], sentence: str) -> None:
+    code, told = run(*words)
+    assert code == 1 and sentence in told["error"]
+
+
+def test_a_file_that_is_no_trace_is_said_to_be_none(tmp_path: Path) -> None:
+    file = tmp_path / "x.npz"
+    file.write_bytes(b"PK no")
+    code, told = run(file, "--program", READY)
+    assert code == 1 and "cannot be read as a trace" in told["error"]
+
+
+def test_a_program_without_surfaces_has_nothing_to_verify(tmp_path: Path) -> None:
+    file = tmp_path / "lines.ngc"
+    file.write_text("G21 G90\nG0 X1. Y1.\nM30\n")
+    code, told = run(file)
+    assert code == 0 and told["surfaces"] == [] and "cuts no surface" in told["notes"][-1]["note"]

@@ -1,0 +1,158 @@
+"""The deviation of the cut surface: closed forms, and a brute force that shares nothing with it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from random_surfaces import compound
+from scipy.optimize import brentq, minimize_scalar
+from surfaces_of_the_paper import example_1, example_2
+from sweeps import by_brute_force, nominal, places, sweep
+
+from controller.curves import Bezier, Line
+from controller.machine import Tool
+from controller.surfaces import Cone, RuledSurface, Surface
+from controller.verify.bodies import cutter
+from controller.verify.envelope import deviation, nearest
+from controller.verify.nominal import Nominal
+from controller.verify.passes import longest
+from controller.verify.sweep import Sweep
+
+CLOSED_MM = 1e-4  # 0.1 um
+BRUTE_MM = 1e-3
+
+UNTWISTED: list[tuple[Surface, str]] = [
+    (
+        RuledSurface(Line((0.0, 0.0, 20.0), (30.0, 5.0, 20.0)), Line((0.0, 0.0, 0.0), (30.0, 5.0, 0.0))),
+        "plane",
+    ),
+    (
+        RuledSurface(Line((3.0, 8.0, 20.0), (33.0, 8.0, 20.0)), Line((0.0, 0.0, 0.0), (30.0, 0.0, 0.0))),
+        "leaning",
+    ),
+    (example_1(), "the paper's cone"),
+    (Cone((12.0, 0.0, 1.0), (0.0, 0.0, 1.0), 14.0, 0.0, -2.0), "a cone with a tip"),
+    (Cone((9.0, 0.0, 0.0), (0.0, 0.0, 0.0), 10.0, 9.0, 7.5), "a cylinder, more than a turn"),
+]
+
+
+def cut(one: Nominal, along: int, across: int, step: float = 0.0) -> np.ndarray:
+    _, _, points, normals = places(one, along, across)
+    return deviation(
+        points, normals, sweep(one, step), cutter(one.tool, longest([one])), one.tool.radius_mm
+    ).t
+
+
+@pytest.mark.parametrize("surface", [s for s, _ in UNTWISTED], ids=[name for _, name in UNTWISTED])
+def test_what_is_not_twisted_is_cut_exactly(surface: Surface) -> None:
+    side = -1.0 if isinstance(surface, Cone) and surface.sweep_rad < 0.0 else 1.0  # the outside
+    t = cut(nominal(surface, side), 41, 9)
+    assert not np.isnan(t).any()
+    assert np.abs(t).max() < CLOSED_MM
+
+
+SLOPE, LENGTH, HEIGHT, RADIUS = 0.03, 24.0, 18.0, 3.0
+
+
+def paraboloid() -> Nominal:
+    """y = SLOPE x z over -12 <= x <= 12, 0 <= z <= 18, cut from the side of negative y."""
+    half = 0.5 * LENGTH
+    upper = Line((-half, -SLOPE * half * HEIGHT, HEIGHT), (half, SLOPE * half * HEIGHT, HEIGHT))
+    return nominal(RuledSurface(upper, Line((-half, 0.0, 0.0), (half, 0.0, 0.0))))
+
+
+def off_the_axes(point: np.ndarray) -> float:
+    """Distance to the nearest axis: every axis lies in a plane of its own x, at RADIUS from its ruling."""
+
+    def square(x: float) -> float:
+        in_plane = (point[1] - SLOPE * x * point[2]) / math.hypot(1.0, SLOPE * x) + RADIUS
+        return float((x - point[0]) ** 2 + in_plane**2)
+
+    around = (point[0] - 3.0, point[0] + 3.0)
+    return math.sqrt(minimize_scalar(square, bounds=around, method="bounded", options={"xatol": 1e-10}).fun)
+
+
+def test_a_hyperbolic_paraboloid_comes_out_as_its_known_envelope() -> None:
+    one = paraboloid()
+    _, _, points, normals = places(one, 9, 7, (0.2, 0.8))
+    body = cutter(one.tool, longest([one]))
+    t = deviation(points, normals, sweep(one), body, RADIUS).t
+    assert nearest(points, sweep(one), body).distance == pytest.approx(
+        [off_the_axes(p) - RADIUS for p in points], abs=CLOSED_MM
+    )
+    for p, n, told in zip(points, normals, t, strict=True):
+        # From above into the tool: a twisted surface is cut too deep, and never too little.
+        right = brentq(lambda t, p=p, n=n: off_the_axes(p + t * n) - RADIUS, -2.0, 1e-7)
+        assert told == pytest.approx(right, abs=CLOSED_MM)
+    assert t.min() < -0.1, "the twist is worth tenths here"
+
+
+def random_surface(seed: int) -> Surface:
+    upper, lower = compound(seed, 1)[0]
+    curves = (Bezier(tuple(tuple(map(float, p)) for p in points)) for points in (upper, lower))
+    return RuledSurface(*curves)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_unseen_surfaces_agree_with_brute_force(seed: int) -> None:
+    """Half of the step that is used otherwise, and twelve thousand times as plain."""
+    tool = Tool(1, "end mill", (1.0, 1.5, 3.0)[seed % 3], 0.0, 15.0)
+    one = nominal(random_surface(seed), -1.0 if seed % 2 else 1.0, tool)
+    rng = np.random.default_rng(seed)
+    u, v = rng.uniform(0.02, 0.98, 60), rng.uniform(0.0, 1.0, 60)
+    points, normals = one.points(u, v), one.normals(u, v)
+    body = cutter(tool, longest([one]))
+    t = deviation(points, normals, sweep(one), body, tool.radius_mm).t
+    assert t == pytest.approx(by_brute_force(one, points, normals), abs=BRUTE_MM), f"seed {seed}"
+
+
+def test_half_the_step_changes_nothing() -> None:
+    one = nominal(random_surface(11))
+    assert cut(one, 33, 9, 0.02) == pytest.approx(cut(one, 33, 9, 0.04), abs=CLOSED_MM)
+
+
+@pytest.mark.parametrize(
+    ("which", "side", "overcut"), [(0, 1.0, 0.1827), (1, 1.0, 0.3126), (0, -1.0, 0.0282)]
+)
+def test_the_papers_second_example_is_overcut_as_the_design_says(
+    which: int, side: float, overcut: float
+) -> None:
+    t = cut(nominal(example_2()[which], side), 193, 9)
+    assert -np.nanmin(t) == pytest.approx(overcut, abs=5e-4)
+    assert np.nanmax(t) < CLOSED_MM, "a cylinder along the rulings leaves nothing"
+
+
+def test_what_no_tool_comes_to_is_left() -> None:
+    one = paraboloid()
+    whole = sweep(one).passes[0]
+    half = Sweep([type(whole)(whole.s[:200], whole.tips[:200], whole.axes[:200], 1, "cut", 0)], 30.0)
+    _, _, points, normals = places(one, 21, 3)
+    t = deviation(points, normals, half, cutter(one.tool, 20.0), RADIUS).t
+    reached = points[:, 0] < whole.tips[199, 0]
+    assert np.isnan(t[points[:, 0] > whole.tips[199, 0] + RADIUS]).all()
+    assert not np.isnan(t[reached]).any()
+
+
+def test_a_sweep_without_a_pose_is_infinitely_far() -> None:
+    found = nearest(np.zeros((3, 3)), Sweep([], 10.0), cutter(Tool(1, "x", 1.0, 0.0, 5.0), 0.0))
+    assert np.isinf(found.distance).all()
+
+
+def test_a_ball_along_a_line_leaves_its_trough() -> None:
+    """A ball end with its centre on a line: a tube, whose distance is plain."""
+    tool = Tool(1, "ball", 2.0, 0.0, 15.0, corner_mm=2.0)
+    one = nominal(UNTWISTED[0][0], 1.0, tool)
+    poses = sweep(one).passes[0]
+    tube = Sweep([poses], 20.0)
+    rng = np.random.default_rng(3)
+    points = rng.uniform((5.0, -3.0, -3.0), (25.0, 3.0, 1.0), (50, 3))
+    found = nearest(points, tube, cutter(tool, 20.0))
+    start, way = poses.tips[0] + [0.0, 0.0, 2.0], np.array([30.0, 5.0, 0.0]) / math.hypot(30.0, 5.0)
+    away = points - start
+    along = away @ way
+    across = away - along[:, None] * way
+    below = across[:, 2] < 0.0
+    expected = np.linalg.norm(across, axis=1) - 2.0
+    assert found.distance[below] == pytest.approx(expected[below], abs=1e-6)
