@@ -97,7 +97,7 @@ class Surface:
         tangent = self.lower.derivative(u, 1, m)
         if m is math:
             if u <= 0.0 or u >= 1.0:
-                return _end_tangent(self.lower, u, tangent)
+                return end_tangent(self.lower, u, tangent)
         elif m is np:
             return _end_tangents(self.lower, u, tangent)
         return tangent
@@ -108,7 +108,8 @@ def _across(axis: Vector, change: Vector, length: float) -> Vector:
     return scale(subtract(change, scale(axis, dot(axis, change))), 1.0 / length)
 
 
-def _end_tangent(curve: Curve, u: float, tangent: Vector) -> Vector:
+def end_tangent(curve: Curve, u: float, tangent: Vector) -> Vector:
+    """``tangent`` = C'(u), or, where it is 0 at an end, the limit of its direction from inside."""
     size = norm(tangent)
     for order in (2, 3):
         higher = curve.derivative(u, order)
@@ -120,14 +121,14 @@ def _end_tangent(curve: Curve, u: float, tangent: Vector) -> Vector:
 
 
 def _end_tangents(curve: Curve, u: Any, tangent: Vector) -> Vector:
-    """As ``_end_tangent`` for samples; only those at the ends are touched."""
+    """As ``end_tangent`` for samples; only those at the ends are touched."""
     at = np.asarray(u, dtype=float)
     ends = np.flatnonzero((at <= 0.0) | (at >= 1.0))
     if not len(ends) or at.ndim == 0:
         return tangent
     table = np.array([np.broadcast_to(t, at.shape) for t in tangent])
     for i in ends:
-        table[:, i] = _end_tangent(curve, float(at[i]), tuple(table[:, i]))
+        table[:, i] = end_tangent(curve, float(at[i]), tuple(table[:, i]))
     return table[0], table[1], table[2]
 
 

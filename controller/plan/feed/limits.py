@@ -90,7 +90,7 @@ def _series_in_arc_length(cut: SurfaceCut, u: Array) -> jets.Jet:
     """u as a series in arc length: the reversion of s(u), whose rate is abs(C1')."""
     rate = cut.surface.lower.derivative(jets.variable(u), 1, jets)
     b = jets.sqrt(rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2]).c
-    b1, b2, b3 = b[0], b[1] / 2.0, b[2] / 3.0
+    b1, b2, b3 = (np.broadcast_to(b[k] / (k + 1.0), u.shape) for k in range(3))  # a line's rate is one number
     return jets.Jet(np.stack([u, 1.0 / b1, -b2 / b1**3, (2.0 * b2 * b2 - b1 * b3) / b1**5]))
 
 

@@ -21,12 +21,14 @@ import numpy.typing as npt
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import SurfaceCut, ToolLine, ToolSpline
+from controller.placement import Placed
 from controller.plan.feed import binding
 from controller.plan.feed.binding import Laws, Marks, Span
 from controller.plan.feed.course import Course
 from controller.plan.feed.law import along
 from controller.plan.planner import RETRY_S
 from controller.plan.report.tally import Bound, Part, Tally, bounds
+from controller.plan.report.waits import Waits
 from controller.plan.route.path import Chain, Pause, Stretch, joints_along
 from controller.plan.text.program import Act
 from controller.plan.track import Track
@@ -95,6 +97,7 @@ class Survey:
     binds: tuple[Bound, ...]  # over the whole program, the longest first
     cut_binds: tuple[Bound, ...]  # over the cuts and programmed feeds alone
     joints: tuple[JointUse, ...]
+    waits_s: float = 0.0  # for spindle and clamps, at most; no part of ``duration_s``
 
     def to_dict(self) -> dict[str, Any]:
         plain = {name: getattr(self, name) for name in self.__slots__}
@@ -210,8 +213,10 @@ class _Open:
 
 
 def _kind_of(stretch: Stretch) -> str:
-    if isinstance(stretch.motion, SurfaceCut):
-        return "cone" if isinstance(stretch.motion.surface, Cone) else "surface"
+    if isinstance(stretch.motion, SurfaceCut) and stretch.cutting:
+        surface = stretch.motion.surface
+        base = surface.base if isinstance(surface, Placed) else surface
+        return "cone" if isinstance(base, Cone) else "surface"
     return "rapid" if stretch.feed_mm_s is None and stretch.name == "line" else stretch.name
 
 
@@ -224,6 +229,7 @@ class _Look:
             [[a.limits.velocity, a.limits.acceleration, a.limits.jerk] for a in machine.axes]
         )
         self._open: _Open | None = None
+        self._waits = Waits(machine)
         self._blocks = self._ticks = 0
         self._marked = True  # no time has passed since the start, or since the last program stop
         self._ended = False  # with a program stop
@@ -247,6 +253,7 @@ class _Look:
             self._motion(sent.course, sent.spans, sent.took_s)
 
     def _pause(self, pause: Pause, took_s: float) -> None:
+        self._waits.take(pause)
         block = self._block(pause.place.line, pause.place.line, 1)
         if pause.act is not Act.CLAMP:
             block.what = block.what or (_word(pause.act) if pause.act else "dwell")
@@ -267,7 +274,8 @@ class _Look:
             self._moments(course, row)
         for span in spans:
             motion = course.stretches[span.stretch].motion
-            if isinstance(motion, SurfaceCut) and motion is not self._last_cut:
+            cutting = course.stretches[span.stretch].cutting
+            if cutting and isinstance(motion, SurfaceCut) and motion is not self._last_cut:
                 self._cuts.append(motion.end)
                 self._last_cut = motion
         moved_s = sum(span.to_s - span.from_s for span in spans)
@@ -294,6 +302,7 @@ class _Look:
             bounds(self._seconds, self._machine),
             bounds(self._fed_seconds, self._machine),
             self._uses(),
+            self._waits.seconds,
         )
 
     # ---- blocks

@@ -24,10 +24,20 @@ from controller.curves import Arc
 from controller.geometry import Vector, cross, dot, norm, scale, subtract
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
-from controller.motions import Rotaries
+from controller.motions import Rotaries, SurfaceCut
 from controller.plan.route import audit
-from controller.plan.route.cuts import Edge, beside, gouge, hollow
-from controller.plan.route.stretch import Chain, Stretch, Voice, joints_of, round_arc, straight, xyz_of
+from controller.plan.route.branch import field, joints_on
+from controller.plan.route.cuts import Edge, beside, gouge, hollow, turn
+from controller.plan.route.stretch import (
+    Chain,
+    Stretch,
+    Voice,
+    joints_of,
+    rotaries_of,
+    round_arc,
+    straight,
+    xyz_of,
+)
 from controller.plan.route.train import SAME_ROTARY_RAD, Leg, Meeting
 from controller.plan.text.program import Place
 
@@ -133,7 +143,7 @@ def audit_lead(lead: Lead, legs: Sequence[Leg], at_start: bool, machine: Machine
     points = audit.surface_points([leg.cut for leg in legs])
     tips: Array = np.array(lead.tips).T
     axes = np.repeat(np.array(edge.axis)[:, None], tips.shape[1], axis=1)
-    reached = audit.depth(points, tips, axes, radius)
+    reached = audit.depth(points, tips, axes, radius, cut.tool.taper_rad)
     allowed = audit.depth_near(cut, audit.surface_points([cut]), at_start, machine.lead_mm + 2.0 * radius)
     if reached > allowed + OVERCUT_MM:
         name = "lead in" if at_start else "lead out"
@@ -228,11 +238,26 @@ def between(before: Leg, after: Leg, meeting: Meeting, kinematics: Kinematics) -
     """What stands between two cuts of a train: a pivot about the shared ruling, a swivel at a pole."""
     found: list[Stretch] = []
     stand = _Stand.at(before, True, kinematics)
+    reached = before.end
     if meeting is Meeting.PIVOT:
-        found.append(_pivot(stand, before.cut.end, after.cut.start, after))
-    if max(abs(a - b) for a, b in zip(after.start, before.end, strict=True)) > SAME_ROTARY_RAD:
-        found.append(_swivel(before, after, kinematics))
+        way = turn(before.cut, after.cut)
+        if way is None:
+            found.append(_pivot(stand, before.cut.end, after.cut.start, after))
+        else:
+            found.append(_turn(way, before, after, kinematics))
+            reached = rotaries_of(found[-1].end, kinematics)
+    if max(abs(a - b) for a, b in zip(after.start, reached, strict=True)) > SAME_ROTARY_RAD:
+        found.append(_swivel(reached, after, kinematics))
     return found
+
+
+def _turn(way: SurfaceCut, before: Leg, after: Leg, kinematics: Kinematics) -> Stretch:
+    """As a pivot, and the tool axis tilts from one placement to the other."""
+    found = field(way, kinematics)
+    joints = joints_on(way, found.u, found.follow(before.end), kinematics)
+    block = after.cut.block
+    start, end = _tuple(joints[0]), _tuple(joints[-1])
+    return Stretch(way, block.place, block.feed_mm_s, False, start, end, True, "pivot")
 
 
 def _pivot(stand: _Stand, before: Edge, after: Edge, leg: Leg) -> Stretch:
@@ -245,14 +270,14 @@ def _pivot(stand: _Stand, before: Edge, after: Edge, leg: Leg) -> Stretch:
     return turned.arc("pivot", before.contact, before.tip, after.tip, angle)
 
 
-def _swivel(before: Leg, after: Leg, kinematics: Kinematics) -> Stretch:
+def _swivel(a: Rotaries, after: Leg, kinematics: Kinematics) -> Stretch:
     """At a pole two blocks may ask for different angles of the work's rotary: it turns, the pose stands.
 
     With the other rotary held, X Y Z follow the standing tip on a circle f(t); from
     f(0), f(pi/2) and f(pi) its centre and radius vectors are exact.
     """
     tip, block, length = after.cut.start.tip, after.cut.block, after.cut.motion.length_mm
-    a, b = before.end, after.start
+    b = after.start
     k = 0 if abs(b[0] - a[0]) > abs(b[1] - a[1]) else 1
     sign = math.copysign(1.0, b[k] - a[k])
 

@@ -104,18 +104,23 @@ def surface_points(cuts: Sequence[Cut]) -> Array:
     return np.concatenate(columns, axis=1)
 
 
-def depth(points: Array, tips: Array, axes: Array, radius_mm: float) -> float:
+def depth(points: Array, tips: Array, axes: Array, radius_mm: float, taper_rad: float = 0.0) -> float:
     """Deepest that a cylinder on tips (3, M) along axes (3, M) reaches into ``points`` (3, N), mm.
 
-    What lies below the tip's plane the flat end does not touch. 0 where nothing is reached.
+    With a taper it is a cone, thicker upwards by that half angle. What lies below the tip's plane
+    the flat end does not touch. 0 where nothing is reached.
     """
     deepest = 0.0
     for tip, axis in zip(tips.T, axes.T, strict=True):
         away = points - tip[:, None]
         height = axis @ away
         square = np.einsum("ij,ij->j", away, away) - height * height
-        square = square[height > -1e-6]
-        if len(square):
+        above = height > -1e-6
+        square = square[above]
+        if taper_rad and len(square):
+            gap = np.sqrt(np.maximum(square, 0.0)) - radius_mm - height[above] * math.tan(taper_rad)
+            deepest = max(deepest, -float(gap.min()) * math.cos(taper_rad))
+        elif len(square):
             deepest = max(deepest, radius_mm - math.sqrt(max(0.0, float(square.min()))))
     return deepest
 
@@ -129,7 +134,11 @@ def depth_near(cut: Cut, points: Array, at_start: bool, reach_mm: float) -> floa
     part = cut.motion.part
     shape = np.zeros((3, len(u)))
     return depth(
-        points, np.array(part.to_parent(tip)) + shape, shape + _rows(part.turn(axis)), cut.tool.radius_mm
+        points,
+        np.array(part.to_parent(tip)) + shape,
+        shape + _rows(part.turn(axis)),
+        cut.tool.radius_mm,
+        cut.tool.taper_rad,
     )
 
 

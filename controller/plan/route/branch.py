@@ -17,6 +17,7 @@ import numpy.typing as npt
 from controller.geometry import Vector, scale
 from controller.kinematics import Kinematics
 from controller.motions import JointMove, Rotaries, SurfaceCut, ToolLine, ToolSpline
+from controller.placement import Placed
 from controller.plan.route import tool_paths
 from controller.plan.route.stretch import Stretch, rotaries_of
 from controller.plan.route.turns import JUMP_RAD, NAN, SAME_AXIS_RAD, TURN, wrapped
@@ -81,7 +82,8 @@ class Field:
 def _grid(cut: SurfaceCut) -> Array:
     """Samples dense enough that no rotary turns half a turn unseen between two."""
     surface = cut.surface
-    turns = abs(surface.sweep_rad) / TURN if isinstance(surface, Cone) else 0.0
+    base = surface.base if isinstance(surface, Placed) else surface
+    turns = abs(base.sweep_rad) / TURN if isinstance(base, Cone) else 0.0
     return np.linspace(0.0, 1.0, 129 + 2 * math.ceil(32 * turns))
 
 

@@ -13,9 +13,11 @@ from functools import lru_cache
 from typing import Any
 
 from controller.curves import ArcLength, Bezier
-from controller.geometry import Number, Vector, add, cross, dot, norm, scale, subtract, unit
+from controller.geometry import Number, Vector, add, cross, dot, norm, rotate, scale, subtract, unit
 from controller.machine import Machine, Tool
 from controller.motions import SurfaceCut
+from controller.placement import Placed, Strategy, Turn
+from controller.plan.route.placing import Cutter, place
 from controller.plan.route.stretch import Voice
 from controller.plan.text.program import CutBlock, CutCone, CutRuled
 from controller.rulings import smooth_parts
@@ -51,6 +53,7 @@ DEFECTS = {
 
 # A check builds every block twice: to choose the branches of the whole program, and to trace it.
 REMEMBERED = 256
+SAME_RAD = math.radians(1e-6)  # axes nearer than this are one
 _defect = lru_cache(REMEMBERED)(defect)
 _concave_radius = lru_cache(REMEMBERED)(concave_radius)
 _arc: Callable[[Any], ArcLength] = lru_cache(REMEMBERED)(ArcLength.of)
@@ -63,6 +66,7 @@ class Edge:
     contact: Vector
     tip: Vector
     axis: Vector
+    ruling: Vector  # unit vector along the ruling, upward: the axis itself where the paper places it
     tangent: Vector  # unit vector along C1, in the direction of travel
     out: Vector  # unit normal towards the cutter's side
 
@@ -108,10 +112,19 @@ def build(block: CutBlock, machine: Machine, voice: Voice) -> tuple[Cut, ...]:
 
 
 def _cut(block: CutBlock, surface: Surface, part: tuple[float, float], tool: Tool, machine: Machine) -> Cut:
-    offset = tool.radius_mm * block.modal.side.value
-    frame = machine.offsets[block.modal.offset]
-    motion = SurfaceCut(surface, _arc(surface.lower), offset, tool.length_mm, frame)
+    modal = block.modal
+    cutter = Cutter.of(tool, modal.side.value, modal.allowance_mm, tool.below_mm)
+    placed = place(surface, cutter, strategy(block, tool, machine))
+    frame = machine.offsets[modal.offset]
+    motion = SurfaceCut(placed, _arc(surface.lower), cutter.offset_mm, tool.length_mm, frame)
     return Cut(block, tool, motion, edge(motion, 0.0), edge(motion, 1.0), part)
+
+
+def strategy(block: CutBlock, tool: Tool, machine: Machine) -> Strategy:
+    """How the cutter is placed: as the program says, else the tool, else the machine."""
+    if block.modal.placement:
+        return Strategy(block.modal.placement)
+    return Strategy[(tool.placement or machine.placement).upper()]
 
 
 def code(block: CutBlock) -> str:
@@ -178,10 +191,12 @@ def edge(cut: SurfaceCut, u: float) -> Edge:
     surface, part = cut.surface, cut.part
     tip, axis = surface.pose(u, cut.offset_mm)
     out = scale(surface.normal(u), math.copysign(1.0, cut.offset_mm))
+    ruling = unit(surface.ruling(u)) if isinstance(surface, Placed) else axis
     return Edge(
         contact=part.to_parent(surface.contact(u)),
         tip=part.to_parent(tip),
         axis=part.turn(axis),
+        ruling=part.turn(ruling),
         tangent=part.turn(_tangent(surface, u)),
         out=part.turn(out),
     )
@@ -203,7 +218,7 @@ def hollow(cut: Cut, u: float) -> bool:
     the part of C1' across it (the twist of the ruling takes part where C1 is oblique).
     """
     surface = cut.motion.surface
-    axis, normal = surface.axis(u), surface.normal(u)
+    axis, normal = unit(surface.ruling(u)), surface.normal(u)
     tangent, second = surface.lower.derivative(u), surface.lower.derivative(u, 2)
     along = dot(tangent, axis)
     across = subtract(tangent, scale(axis, along))
@@ -214,8 +229,27 @@ def hollow(cut: Cut, u: float) -> bool:
 
 def turned(before: Edge, after: Edge) -> float:
     """Angle (rad) by which the side normal turns about the shared ruling, left positive."""
-    across = dot(cross(before.out, after.out), before.axis)
+    across = dot(cross(before.out, after.out), before.ruling)
     return math.atan2(across, dot(before.out, after.out))
+
+
+def turned_axis(edge: Edge, angle_rad: float) -> Vector:
+    """The axis of an edge after a turn about its ruling."""
+    return rotate(edge.ruling, angle_rad, edge.axis) if edge.ruling is not edge.axis else edge.axis
+
+
+def turn(before: Cut, after: Cut) -> SurfaceCut | None:
+    """What leads from one cut to the next about the ruling they share, contact standing.
+
+    None where the axis of both is along that ruling: it is held then, and an arc will do.
+    """
+    end, start = before.end, after.start
+    if all(apart(edge.axis, edge.ruling) <= SAME_RAD for edge in (end, start)):
+        return None
+    first, second = before.motion.surface, after.motion.surface
+    poses = first.pose(1.0, before.motion.offset_mm), second.pose(0.0, after.motion.offset_mm)
+    way = Turn(first.contact(1.0), unit(first.ruling(1.0)), *poses, turned(end, start))
+    return SurfaceCut(way, ArcLength.of(way.lower), 0.0, after.motion.length_mm, after.motion.part)
 
 
 def apart(a: Vector, b: Vector) -> float:

@@ -17,7 +17,7 @@ import numpy as np
 
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
-from controller.motions import JointMove, Rotaries, ToolLine
+from controller.motions import JointMove, Rotaries, SurfaceCut, ToolLine
 from controller.plan.route import approach, audit, choices, clamps, cuts, lines, moves, rows, train, unwind
 from controller.plan.route.branch import BranchLost, joints_along
 from controller.plan.route.lines import Stand
@@ -320,7 +320,8 @@ class Tracer:
         """Travel of everything that is not a cut: those were audited as their branch was chosen."""
         if isinstance(stretch.motion, ToolLine):
             rows.audit_line(stretch, self._machine, self._kinematics, self._voice)
-        if not isinstance(stretch.motion, JointMove):
+        turns = isinstance(stretch.motion, SurfaceCut) and not stretch.cutting  # a pivot of placed axes
+        if not isinstance(stretch.motion, JointMove) and not turns:
             return
         excess = audit.outside_at(self._machine, stretch.end)
         if excess is None and stretch.name in ("arc", "lead in", "lead out", "pivot", "swivel"):

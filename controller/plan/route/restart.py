@@ -296,7 +296,7 @@ def _feed(stretch: Stretch, s: float) -> float:
 def _tops(stretch: Stretch, length_mm: float, kinematics: Kinematics) -> list[Vector]:
     """Points of the table frame that are at least as high as what a stretch cuts."""
     motion = stretch.motion
-    if isinstance(motion, SurfaceCut):
+    if isinstance(motion, SurfaceCut) and stretch.cutting:
         u = np.linspace(0.0, 1.0, SIDE)
         top, tip = motion.surface.point(u, 0.0 * u, np), motion.surface.contact(u, np)
         return [*_points(motion.part.to_parent(top)), *_points(motion.part.to_parent(tip))]

@@ -21,7 +21,7 @@ from controller.machine import Kind, Machine
 from controller.motions import Rotaries
 from controller.plan.route import audit, unwind, winding
 from controller.plan.route.branch import BranchLost, Field, field, joints_on
-from controller.plan.route.cuts import Cut, apart, turned
+from controller.plan.route.cuts import SAME_RAD, Cut, apart, turn, turned, turned_axis
 from controller.plan.route.stretch import Voice
 from controller.plan.route.turns import wrapped
 from controller.plan.route.winding import Way
@@ -30,7 +30,6 @@ from controller.plan.text.program import ProgramError
 Array = npt.NDArray[np.float64]
 
 SAME_MM = 1e-6
-SAME_RAD = math.radians(1e-6)
 SAME_ROTARY_RAD = 1e-6  # rotaries nearer than this at a joint run through, as the poses do
 FLAT_MM = 1e-6  # a concave corner that costs less overcut than this is rounding of the program
 TURNED_BACK_RAD = math.pi - 1e-6
@@ -70,9 +69,9 @@ def _meeting(before: Cut, after: Cut, voice: Voice) -> tuple[Meeting, str]:
     if differ:
         return Meeting.APART, f"Departs from {{}} and approaches again: another {' and '.join(differ)}."
     end, start = before.end, after.start
-    if apart(end.axis, start.axis) > SAME_RAD or apart(end.contact, start.contact) > SAME_MM:
+    if apart(end.ruling, start.ruling) > SAME_RAD or apart(end.contact, start.contact) > SAME_MM:
         return Meeting.APART, "Departs from {} and approaches again: it ends elsewhere or on another ruling."
-    if apart(end.tip, start.tip) <= SAME_MM:
+    if apart(end.tip, start.tip) <= SAME_MM and apart(end.axis, start.axis) <= SAME_RAD:
         return Meeting.JOIN, "Joins {}: the poses agree and the cut runs through."
     return _corner(before, after, voice)
 
@@ -94,7 +93,10 @@ def _corner(before: Cut, after: Cut, voice: Voice) -> tuple[Meeting, str]:
             f"{degrees:.4f} degrees; a cutter of radius {radius:.3f} mm would cut into one of the two; "
             "blend the corner with a surface of a larger radius, or cut on the other side",
         )
-    return Meeting.PIVOT, f"Pivots by {degrees:.4f} degrees about the ruling it shares with {{}}."
+    tilt = math.degrees(apart(turned_axis(before.end, angle), after.start.axis))
+    and_tilts = f" and tilts by {tilt:.4f} degrees, as the cutter is placed," if tilt > 1e-6 else ""
+    sentence = f"Pivots by {degrees:.4f} degrees{and_tilts} about the ruling it shares with {{}}."
+    return Meeting.PIVOT, sentence
 
 
 def _where(before: Cut, after: Cut) -> str:
@@ -207,6 +209,8 @@ def _followed(fields: Fields, branch: int, near: Rotaries, voice: Voice) -> list
     legs: list[Leg] = []
     for i, cut in enumerate(fields.cuts):
         try:
+            if i:
+                near = _turned(fields, i, near)
             found = fields.of(i)
             start = _start(found.pairs[branch if i == 0 else slice(None), 0], near)
             rotaries = found.follow(start)
@@ -217,6 +221,15 @@ def _followed(fields: Fields, branch: int, near: Rotaries, voice: Voice) -> list
         legs.append(Leg(cut, found.u, rotaries, joints))
         near = legs[-1].end
     return legs
+
+
+def _turned(fields: Fields, i: int, near: Rotaries) -> Rotaries:
+    """The rotaries after the turn that leads to the i-th cut, if there is one."""
+    way = turn(fields.cuts[i - 1], fields.cuts[i])
+    if way is None:
+        return near
+    first, second = field(way, fields.kinematics).follow(near)[-1]
+    return float(first), float(second)
 
 
 def _way(legs: Sequence[Leg], machine: Machine) -> Way:

@@ -22,7 +22,7 @@ from types import MappingProxyType
 from controller.geometry import Vector
 from controller.machine import Machine
 from controller.plan.text import codes, modal, nurbs_words, surface_words, words
-from controller.plan.text.codes import CONE_WORDS, GROUP_OF, SURFACES, Ask
+from controller.plan.text.codes import CONE_WORDS, GROUP_OF, SIDES, SURFACES, Ask
 from controller.plan.text.modal import TIPS, State
 from controller.plan.text.plain import PlainLines
 from controller.plan.text.program import (
@@ -91,7 +91,8 @@ class _Turn:
 
     def run(self) -> None:
         self._check_words()
-        self.state, self.made = modal.apply(self.ask, self._motion, self.state, self._machine)
+        sides = [letters for code, letters in self._takers() if code in SIDES]
+        self.state, self.made = modal.apply(self.ask, self._motion, self.state, self._machine, "".join(sides))
         self._check_frame()
         if self._motion:
             self.made.append(self._move())
@@ -113,7 +114,13 @@ class _Turn:
         letters |= dict.fromkeys(("G0", "G1"), "XYZIJK" if self._vectors() else self._axes)
         letters |= dict.fromkeys(("G2", "G3"), self._axes + "IJKRP")
         running = [code for code, _ in self.ask.codes.values() if GROUP_OF[code] != "motion"]
-        return [(code, letters.get(code, "")) for code in [*running, self._motion]]
+        takers = [(code, letters.get(code, "")) for code in [*running, self._motion]]
+        return [(code, self._side_letters(takers) if code in SIDES else taken) for code, taken in takers]
+
+    def _side_letters(self, takers: list[tuple[str, str]]) -> str:
+        """P and Q of G40 to G42: those that no other code of the line takes."""
+        others = "".join(letters for _, letters in takers)
+        return "".join(letter for letter in "PQ" if letter not in others)
 
     def _vectors(self) -> bool:
         """Whether G0 and G1 of this line take tool vectors: G43.5, but for machine positions."""
@@ -160,8 +167,9 @@ class _Turn:
             )
         return self.ask.refusal(
             word,
-            f"no code on this line takes {word.text}: P belongs to G4, G64, G2, G3, G6.2, Q to G64, G6.2, H "
-            "to G43 and G51, I J K R to G2, G3 and G51, D to G51; add the code or remove the word",
+            f"no code on this line takes {word.text}: P belongs to G4, G64, G2, G3, G6.2, Q to G64, G6.2, "
+            "both to G40 to G42, H to G43 and G51, I J K R to G2, G3 and G51, D to G51; add the code or "
+            "remove the word",
         )
 
     def _check_frame(self) -> None:

@@ -14,6 +14,7 @@ from controller.machine import Machine
 from controller.plan.text.program import Place, ProgramError
 from controller.plan.text.words import Line, Word
 
+SIDES = ("G40", "G41", "G42")
 SURFACES = ("G51", "G52", "G6.2")
 CONE_WORDS = "XYZIJKHRD"
 GROUPS = MappingProxyType(

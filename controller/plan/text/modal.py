@@ -66,12 +66,16 @@ def power_on() -> State:
     return State(Modal(1, 0, Side.RIGHT, 0.0, True, 0.0, 0.0, None, 0.0, 0))
 
 
-def apply(ask: Ask, motion: str, state: State, machine: Machine) -> tuple[State, list[Block]]:
+def apply(
+    ask: Ask, motion: str, state: State, machine: Machine, side_letters: str = ""
+) -> tuple[State, list[Block]]:
     """The state after all codes of the line but its motion and stop, and their actions in order.
 
     ``motion`` is the motion the line will make ("" = none); it says how F is counted.
+    ``side_letters`` are the words of G40 to G42 on this line.
     """
     settings = _Settings(ask, motion, state, machine)
+    settings.side_letters = side_letters
     settings.run()
     return settings.state, settings.made
 
@@ -85,6 +89,7 @@ class _Settings:
         self.made: list[Block] = []
         self._motion = motion
         self._machine = machine
+        self.side_letters = ""
 
     def run(self) -> None:
         self._units()
@@ -207,7 +212,22 @@ class _Settings:
     def _side(self) -> None:
         if code := self.ask.code("side"):
             side = Side.LEFT if code == "G41" else Side.RIGHT
-            self.state = replace(self.state, side=code, modal=replace(self.state.modal, side=side))
+            placement, allowance = self._placement()
+            modal = replace(self.state.modal, side=side, placement=placement, allowance_mm=allowance)
+            self.state = replace(self.state, side=code, modal=modal)
+
+    def _placement(self) -> tuple[int, float]:
+        """P and Q of G40 to G42, where no other code of the line takes them."""
+        words = {letter: self.ask.words[letter] for letter in self.side_letters if letter in self.ask.words}
+        placement = self.ask.whole(words["P"]) if "P" in words else 0
+        if "P" in words and placement not in (1, 2, 3):
+            raise self.ask.refusal(
+                words["P"],
+                f"{words['P'].text} is no placement of the cutter: P of {self.ask.code('side')} is 1 "
+                "(single), 2 (double) or 3 (optimal); write one of these, or nothing for the machine's own",
+            )
+        allowance = self.ask.not_negative(words["Q"]) if "Q" in words else 0.0
+        return placement, allowance * self.state.mm_per_unit
 
     def _length(self) -> None:
         """G43 adds the length of the tool in the spindle, or of tool H; H0 is none.

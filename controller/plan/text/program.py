@@ -57,6 +57,8 @@ class Modal:
     spindle_rev_min: float  # signed; 0 = off
     coolant: int  # 0 off, 1 mist, 2 flood, 3 both
     tip: Tip = Tip.OFF
+    placement: int = 0  # P of G40, G41, G42: 1 single, 2 double, 3 optimal; 0 as tool or machine has it
+    allowance_mm: float = 0.0  # Q of the same: what stays on G51, G52 and G6.2
 
 
 @dataclass(frozen=True, slots=True)

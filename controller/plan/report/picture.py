@@ -1,0 +1,221 @@
+"""A program's path as a picture needs it: points of the tip, and the rulings of its surfaces.
+
+    taker = Picture(machine, kinematics)
+    for item in taker.watched(items): ...     # the path, as somebody else reads it
+    shape = taker.shape()
+
+Programs may have any number of lines, a screen has not: whenever too many points have come,
+they are thinned, and the tolerance grows. All points are in the table's frame (rotaries at
+zero), where the work stands still whatever its offset is.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.curves import Line
+from controller.kinematics import Kinematics
+from controller.machine import Machine
+from controller.motions import JointMove, SurfaceCut, ToolLine
+from controller.plan.report.thinning import thin
+from controller.plan.route.path import joints_along
+from controller.plan.route.stretch import Chain, Pause, Stretch
+from controller.plan.text.program import Act
+
+Array = NDArray[np.float64]
+Whole = NDArray[np.int64]
+
+MOST_POINTS = 20_000
+MOST_RULINGS = 4_000
+FIRST_TOLERANCE_MM = 0.002
+DEG_PER_POINT = 3.0  # of turning rotaries and arcs, before thinning
+MM_PER_POINT = 0.5  # of a surface or a spline
+MOST_PER_STRETCH = 2_000
+PER_SURFACE = 60  # rulings
+RAPID, FEED, SURFACE = 0, 1, 2
+KEPT = 200  # files; the oldest go
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """What is drawn of a program; table frame, mm."""
+
+    tips: Array  # (N, 3)
+    kinds: Whole  # (N,) of the way to each point: RAPID, FEED, SURFACE
+    motions: Whole  # (N,) number of the point's motion, as a snapshot tells it
+    lines: Whole  # (N,) of the program
+    rulings: Array  # (R, 6) upper and lower end
+    surfaces: Whole  # (S,) how many rulings each surface has
+    tolerance_mm: float  # no point that was left out is further from the lines than this
+
+    def save(self, file: Path) -> None:
+        """Write it whole or not at all; the oldest of the folder go. Raises OSError."""
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile("wb", dir=file.parent, suffix=".new", delete=False) as new:
+            try:
+                np.savez_compressed(new, **{name: getattr(self, name) for name in self.__slots__})
+                os.fchmod(new.fileno(), 0o640)
+                new.close()
+                os.replace(new.name, file)
+            except BaseException:
+                with contextlib.suppress(OSError):
+                    os.unlink(new.name)
+                raise
+        for old in sorted(file.parent.glob("*.npz"), key=lambda one: one.stat().st_mtime)[:-KEPT]:
+            old.unlink(missing_ok=True)
+
+
+def load(file: Path) -> Shape:
+    """A shape as it was saved. Raises OSError, ValueError or KeyError where there is none."""
+    with np.load(file, allow_pickle=False) as kept:
+        values = {name: kept[name] for name in Shape.__slots__}
+    return Shape(**{**values, "tolerance_mm": float(values["tolerance_mm"])})
+
+
+@dataclass(slots=True)
+class Picture:
+    """Takes a path in its order; memory is bounded however long it is."""
+
+    machine: Machine
+    kinematics: Kinematics
+    most: int = MOST_POINTS
+    _tips: Array = field(default_factory=lambda: np.empty((0, 3)))
+    _marks: Whole = field(default_factory=lambda: np.empty((0, 3), dtype=np.int64))  # kind, motion, line
+    _slack: Array = field(default_factory=lambda: np.empty(0))  # of what was left out before each point
+    _new: list[tuple[Array, float, int, int, int]] = field(default_factory=list)
+    _waiting: int = 0  # points in ``_new``
+    _tolerance_mm: float = FIRST_TOLERANCE_MM
+    _rulings: list[Array] = field(default_factory=list)
+    _motion: int = 0
+    _length_mm: float | None = None  # of the tool in the spindle, as far as the path has told
+
+    def watched(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+        """The same path; what it looks like is noted as it is read."""
+        for item in items:
+            if isinstance(item, Chain):
+                self.take(item)
+            elif item.act is Act.TOOL:
+                tool = self.machine.tool(item.modal.tool)
+                self._length_mm = tool.length_mm if tool is not None else self._length_mm
+            yield item
+
+    def take(self, chain: Chain) -> None:
+        """The next chain of the path."""
+        if chain.first_id is not None:
+            self._motion = chain.first_id
+        for stretch in chain.stretches:
+            self._stretch(stretch)
+            self._motion += 1
+            if self._waiting > self.most:
+                self._gather()
+
+    def shape(self) -> Shape:
+        """What came so far."""
+        self._gather()
+        found = self._fewer_rulings()
+        return Shape(
+            self._tips,
+            self._marks[:, 0],
+            self._marks[:, 1],
+            self._marks[:, 2],
+            np.concatenate(found) if found else np.empty((0, 6)),
+            np.array([len(one) for one in found], dtype=np.int64),
+            self._tolerance_mm if len(self._slack) and self._slack.max() > 0.0 else 0.0,
+        )
+
+    # ---- points
+
+    def _stretch(self, stretch: Stretch) -> None:
+        motion = stretch.motion
+        length_mm: float | None = getattr(motion, "length_mm", None)
+        if length_mm is not None:
+            self._length_mm = length_mm
+        elif self._length_mm is None:
+            first = self.machine.tool(1)
+            self._length_mm = first.length_mm if first is not None else 0.0
+        kind = SURFACE if stretch.cutting else RAPID if stretch.feed_mm_s is None else FEED
+        joints = self._joints(stretch)
+        self._new.append((joints, self._length_mm or 0.0, kind, self._motion, stretch.place.line))
+        self._waiting += len(joints)
+        if isinstance(motion, SurfaceCut) and stretch.cutting:
+            self._surface(motion)
+
+    def _joints(self, stretch: Stretch) -> Array:
+        """Joints (n, 5) at so many places that nothing that bends is missed."""
+        n = _places(stretch)
+        if n <= 2:
+            return np.array([stretch.start, stretch.end])
+        s = np.linspace(0.0, stretch.motion.end, min(n, MOST_PER_STRETCH))
+        return np.concatenate([[stretch.start], joints_along(stretch, s, self.kinematics), [stretch.end]])
+
+    def _gather(self) -> None:
+        """New points join the others; too many are thinned."""
+        if not self._new:
+            return
+        counts = [len(joints) for joints, *_ in self._new]
+        joints, lengths = [one[0] for one in self._new], [one[1] for one in self._new]
+        tips = self._forward(np.concatenate(joints), np.repeat(lengths, counts))
+        marks = np.repeat(np.array([one[2:] for one in self._new], dtype=np.int64), counts, axis=0)
+        self._new.clear()
+        self._waiting = 0
+        self._tips, self._marks = np.concatenate([self._tips, tips]), np.concatenate([self._marks, marks])
+        self._slack = np.concatenate([self._slack, np.zeros(len(tips))])
+        self._thin()
+        while len(self._tips) > self.most:
+            self._tolerance_mm *= 2.0
+            self._thin()
+
+    def _thin(self) -> None:
+        """Kinds are kept apart: a rapid does not melt into a cut. Motions may."""
+        kept, self._slack = thin(self._tips, self._marks[:, 0], self._tolerance_mm, self._slack)
+        self._tips, self._marks = self._tips[kept], self._marks[kept]
+
+    def _forward(self, joints: Array, length_mm: Array) -> Array:
+        """Tips in the table frame, (n, 3)."""
+        x, y, z, first, second = joints.T
+        tip = self.kinematics.forward((x, y, z, first, second), length_mm, np).tip  # type: ignore[arg-type]
+        return np.stack([np.broadcast_to(np.asarray(c, dtype=float), (len(joints),)) for c in tip], axis=1)
+
+    # ---- surfaces
+
+    def _surface(self, cut: SurfaceCut) -> None:
+        u = cut.arc.u_along(np.linspace(0.0, cut.end, PER_SURFACE))
+        upper, lower = cut.surface.upper.at(u, np), cut.surface.lower.at(u, np)
+        ends = [cut.part.to_parent(end) for end in (upper, lower)]
+        self._rulings.append(np.stack([np.broadcast_to(c, u.shape) for end in ends for c in end], axis=1))
+        if len(self._rulings) * PER_SURFACE > 4 * MOST_RULINGS:
+            self._rulings = self._fewer_rulings()
+
+    def _fewer_rulings(self) -> list[Array]:
+        """At most so many; each surface keeps its first and its last one."""
+        per_surface = max(2, MOST_RULINGS // max(1, len(self._rulings)))
+        found = [one[_spread(len(one), per_surface)] for one in self._rulings]
+        most = MOST_RULINGS // 2
+        return found if len(found) <= most else [found[i] for i in _spread(len(found), most)]
+
+
+def _places(stretch: Stretch) -> int:
+    """How many points show a motion: two where its tip goes straight on."""
+    motion = stretch.motion
+    if isinstance(motion, ToolLine):
+        return 2
+    if isinstance(motion, JointMove):
+        turns = zip(motion.start_rotaries, motion.end_rotaries, strict=True)
+        turned = float(np.degrees(max(abs(b - a) for a, b in turns)))
+        if not isinstance(motion.curve, Line):
+            turned += abs(float(np.degrees(getattr(motion.curve, "sweep_rad", np.pi))))
+        return 2 + int(turned / DEG_PER_POINT)
+    return 8 + int(motion.end / MM_PER_POINT)
+
+
+def _spread(n: int, most: int) -> Whole:
+    """Indices of at most ``most`` out of ``n``, first and last among them."""
+    return np.unique(np.linspace(0, n - 1, min(n, most)).round().astype(np.int64))

@@ -1,0 +1,259 @@
+"""Which placement of the cutter a surface gets: found ahead, evaluated on every tick.
+
+``double`` has two numbers, the ruling parameters of its two points: the pair with the least
+largest deviation is taken. ``optimal`` adds three small functions of u (see ``Placed``), cubic
+splines with knots that stand closer at the ends, where surfaces turn most; their control points are found
+by minimising the largest deviation:
+
+    deviation at point i  ~  y_i + J_i x        to the first order in the control points x,
+                                                for a nearest position is nearest: its own
+                                                shift along the path counts in the second.
+
+Each step solves min over x of max |y + J x| by Lawson's weighted least squares (weights grow
+where the deviation stays large) with a small price on bends of x, so that joints stay smooth; a
+step counts only if the true deviation falls, so ``optimal`` is never worse than ``double``.
+
+The outermost 2 % at either end count less: there the flank reaches over the end of the
+block, and what it leaves or cuts there hangs on the neighbour or the lead.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.geometry import Vector
+from controller.machine import Tool
+from controller.placement import ENDS, Placed, Strategy
+from controller.plan.route import deviation
+from controller.splines import BSpline
+from controller.surfaces import Surface
+
+Array = npt.NDArray[np.float64]
+
+ALONG, ACROSS = 97, 11  # points of the surface that are looked at
+END = 0.02  # share of u at either end that counts less
+SAME_MM = 2e-5  # a surface that ``single`` cuts as well as this needs no other
+ORDER = 4
+SPANS = 12  # of the corrections
+END_WEIGHTS = (0.1, 0.25, 0.6, 1.0)  # tried in turn
+STEPS = 14
+LAWSON = 30
+BEND_PRICE = 1e-7  # against squared deviations
+LEAST_GAIN = 2e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Cutter:
+    """What placing needs of a tool on one side of the surface: signed radius beside C1, mm and rad."""
+
+    offset_mm: float
+    taper_rad: float
+    shift_mm: float
+
+    @staticmethod
+    def of(tool: Tool, side: float, allowance_mm: float = 0.0, shift_mm: float = 0.0) -> Cutter:
+        """The cutter with its tip so far below the contact that the flank cuts there, not the corner.
+
+        ``shift_mm`` more than that; ``allowance_mm`` is what stays on the surface.
+        """
+        corner, taper = tool.corner_mm, tool.taper_rad
+        low = corner * (1.0 - math.sin(taper)) + shift_mm
+        flank = tool.radius_mm - corner + corner / math.cos(taper) + (low - corner) * math.tan(taper)
+        return Cutter(math.copysign(flank + allowance_mm * math.cos(taper), side), taper, low)
+
+
+def place(surface: Surface, cutter: Cutter, strategy: Strategy) -> Surface:
+    """``surface`` with the cutter placed; itself where that is what Eq. 5 and 8 say."""
+    if strategy is not Strategy.SINGLE:
+        better = _better(surface, cutter, strategy)
+        if better is not None:
+            return better
+    return surface if cutter.taper_rad == 0.0 and cutter.shift_mm == 0.0 else _single(surface, cutter)
+
+
+def _single(surface: Surface, cutter: Cutter) -> Placed:
+    return Placed(surface, cutter.offset_mm, taper_rad=cutter.taper_rad, shift_mm=cutter.shift_mm)
+
+
+@lru_cache(256)
+def _better(surface: Surface, cutter: Cutter, strategy: Strategy) -> Placed | None:
+    """The best placement of its kind; None where the paper's is as good."""
+    single = _Judge(_single(surface, cutter))
+    if single.inner(single.placed) < SAME_MM:
+        return None
+    found = min(_doubles(single), key=single.inner)
+    found = found if single.inner(found) < single.inner(single.placed) else single.placed
+    if strategy is Strategy.OPTIMAL:
+        found = _optimal(replace(found, normals_v=found.points_v), single)
+    return None if found == single.placed else replace(found, paper_mm=single.inner(single.placed))
+
+
+class _Judge:
+    """The points at which placements of one surface are compared."""
+
+    def __init__(self, placed: Placed, along: int = ALONG, across: int = ACROSS) -> None:
+        self.placed = placed
+        u = np.sort(np.concatenate((_cosine(along), (END, 1.0 - END))))
+        u, v = (a.ravel() for a in np.meshgrid(u, _cosine(across), indexing="ij"))
+        self.at = deviation.points(placed, u, v)
+        edge = np.minimum(u, 1.0 - u)
+        self.share = edge / END  # < 1 in the ends
+        self._inside = edge >= END * (1.0 - 1e-9)
+
+    def inner(self, placed: Placed) -> float:
+        """Largest deviation but for the ends, mm."""
+        return float(np.abs(deviation.of(placed, self.at).left[self._inside]).max())
+
+    def whole(self, placed: Placed) -> float:
+        """Largest deviation with the ends, mm."""
+        return float(np.abs(deviation.of(placed, self.at).left).max())
+
+    def weights(self, least: float) -> Array:
+        """1, falling to ``least`` at the ends."""
+        return np.asarray(np.where(self._inside, 1.0, least + (1.0 - least) * self.share))
+
+
+def _cosine(n: int) -> Array:
+    return np.asarray(0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, n)))
+
+
+def _doubles(judge: _Judge) -> Iterator[Placed]:
+    """``double`` with the pairs of a coarse grid, then of finer ones about the best."""
+    rough = _Judge(judge.placed, 33, 7)
+    pair, width = (0.2, 0.8), 0.15
+    for _ in range(4):
+        pairs = [
+            (pair[0] + i * width, pair[1] + j * width) for i in (-1.0, 0.0, 1.0) for j in (-1.0, 0.0, 1.0)
+        ]
+        sound = [p for p in pairs if 0.02 <= p[0] <= p[1] - 0.2 and p[1] <= 1.0]
+        made = [replace(judge.placed, points_v=p, normals_v=p) for p in sound]
+        best = min(made, key=rough.inner)
+        yield best
+        pair, width = best.points_v, 0.5 * width
+
+
+# ---- optimal -----------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Basis:
+    """Splines over 0 <= u <= 1; control points are columns of one vector x: upper, lower, slide."""
+
+    knots: Array
+
+    @staticmethod
+    def over(surface: Surface) -> _Basis:
+        curves = (surface.lower, surface.upper)
+        breaks = np.unique(np.concatenate([getattr(curve, "breaks", ENDS) for curve in curves]))
+        inner = _merged(_cosine(SPANS + 1), breaks)
+        return _Basis(np.concatenate(([0.0] * (ORDER - 1), inner, [1.0] * (ORDER - 1))))
+
+    @property
+    def size(self) -> int:
+        return len(self.knots) - ORDER
+
+    def values(self, u: Array) -> Array:
+        """(N, size), by Cox and de Boor."""
+        knots = self.knots
+        span = np.clip(np.searchsorted(knots, u, side="right") - 1, ORDER - 1, self.size - 1)
+        table = np.zeros((len(u), len(knots) - 1))
+        table[np.arange(len(u)), span] = 1.0
+        for degree in range(1, ORDER):
+            n = len(knots) - 1 - degree
+            left, right = knots[degree : degree + n] - knots[:n], knots[degree + 1 :] - knots[1 : n + 1]
+            rise = (u[:, None] - knots[:n]) / np.where(left > 0.0, left, 1.0) * (left > 0.0)
+            fall = (knots[degree + 1 :] - u[:, None]) / np.where(right > 0.0, right, 1.0) * (right > 0.0)
+            table = rise * table[:, :n] + fall * table[:, 1 : n + 1]
+        return table
+
+    def bends(self) -> Array:
+        """Second differences of neighbouring control points, of the size of the middle of the block's."""
+        places = np.array([self.knots[i + 1 : i + ORDER].mean() for i in range(self.size)])
+        h0, h1 = np.diff(places)[:-1], np.diff(places)[1:]
+        rows = np.zeros((self.size - 2, self.size))
+        i = np.arange(self.size - 2)
+        rows[i, i], rows[i, i + 2] = 2.0 / (h0 * (h0 + h1)), 2.0 / (h1 * (h0 + h1))
+        rows[i, i + 1] = -rows[i, i] - rows[i, i + 2]
+        return np.asarray(rows * float(np.diff(places).max()) ** 2)
+
+    def curve(self, x: Array) -> BSpline:
+        rows: list[Vector] = [(float(a), float(b), float(c)) for a, b, c in x.reshape(3, -1).T]
+        return BSpline.of(ORDER, self.knots.tolist(), rows)
+
+
+def _merged(knots: Array, breaks: Array) -> Array:
+    """Both, without knots that all but fall on a break."""
+    gap = np.abs(knots[:, None] - breaks).min(axis=1)
+    return np.unique(np.concatenate((knots[gap > 0.01], breaks)))
+
+
+def _optimal(start: Placed, judge: _Judge) -> Placed:
+    """``start`` corrected; with ends that count more where they would come out worse than at the start."""
+    inner, whole = judge.inner(start), judge.whole(start)
+    for least in END_WEIGHTS:
+        found = _corrected(start, judge, judge.weights(least))
+        if judge.inner(found) <= inner and judge.whole(found) <= whole:
+            return found
+    return start
+
+
+def _corrected(start: Placed, judge: _Judge, weights: Array) -> Placed:
+    """``start`` with the corrections that make its largest weighted deviation least."""
+    basis = _Basis.over(start)
+    x = np.zeros(3 * basis.size)
+    bends = np.kron(np.eye(3), basis.bends())
+    price = BEND_PRICE * (bends.T @ bends)
+    best, now = start, deviation.of(start, judge.at)
+    most, damping = float(np.abs(weights * now.left).max()), 1e-7
+    for _ in range(STEPS):
+        rows = _slopes(best, now, basis) * weights[:, None]
+        before = most
+        while damping < 10.0:
+            step = _least_largest(rows, weights * now.left, x, price, damping)
+            trial = replace(best, corrections=basis.curve(x + step))
+            seen = deviation.of(trial, judge.at, now.at_u)
+            reached = float(np.abs(weights * seen.left).max())
+            if reached < most:
+                best, now, x, most = trial, seen, x + step, reached
+                damping *= 0.2
+                break
+            damping *= 10.0
+        if before - most < LEAST_GAIN * before:
+            break
+    return best
+
+
+def _slopes(placed: Placed, now: deviation.Deviation, basis: _Basis) -> Array:
+    """How the deviation of each point changes with the control points, (N, 3 size).
+
+    The axis moves at the foot of the point by the share that its upper and its lower point
+    have there; what of that leads away from the point is left on it.
+    """
+    upper, lower, slide = deviation.upper_direction(placed, now.at_u)
+    share = deviation.share_of_upper(placed, now)
+    toward = [-(now.away * d).sum(axis=0) for d in (upper, lower, slide)]
+    values = basis.values(now.at_u)
+    parts = (toward[0] * share, toward[1] * (1.0 - share), toward[2] * share)
+    return np.asarray(-math.cos(placed.taper_rad) * np.hstack([values * part[:, None] for part in parts]))
+
+
+def _least_largest(rows: Array, y: Array, x: Array, price: Array, damping: float) -> Array:
+    """The step that makes the largest of |y + rows step| small, by Lawson's weights."""
+    share = np.full(len(y), 1.0 / len(y))
+    best, least = np.zeros(rows.shape[1]), math.inf
+    steady = damping * np.eye(rows.shape[1])
+    for _ in range(LAWSON):
+        weighted = rows * share[:, None]
+        step = np.linalg.solve(rows.T @ weighted + price + steady, -(weighted.T @ y) - price @ x)
+        rest = np.abs(y + rows @ step)
+        if float(rest.max()) < least:
+            best, least = step, float(rest.max())
+        share = share * (rest + 1e-3 * rest.max())
+        share /= share.sum()
+    return best

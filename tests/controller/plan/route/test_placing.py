@@ -1,0 +1,126 @@
+"""Which placement is found for a surface, held against a plain search over many cutter positions."""
+
+import math
+import random
+
+import numpy as np
+import pytest
+from random_surfaces import compound
+from surfaces_of_the_paper import example_1, example_2
+
+from controller.curves import Bezier
+from controller.machine import Tool
+from controller.placement import Placed, Strategy
+from controller.plan.route import deviation
+from controller.plan.route.placing import Cutter, place
+from controller.surfaces import RuledSurface
+
+DENSE = 4001
+
+
+def deviations(surface, cutter, u, v):
+    """What is left (mm) on a grid of points, from every one of many positions: no series, no Newton."""
+    at = np.linspace(0.0, 1.0, DENSE)
+    tip, axis = (
+        np.array([np.broadcast_to(c, at.shape) for c in vector])
+        for vector in surface.pose(at, cutter.offset_mm, np)
+    )
+    rows = []
+    for x in u:
+        near = np.abs(at - x) < 0.15
+        points = np.array([np.broadcast_to(c, v.shape) for c in surface.point(np.full(v.shape, x), v, np)])
+        away = points[:, :, None] - tip[:, None, near]
+        height = (away * axis[:, None, near]).sum(axis=0)
+        across = np.sqrt(np.maximum((away * away).sum(axis=0) - height * height, 0.0))
+        radius = abs(cutter.offset_mm) + (height - cutter.shift_mm) * math.tan(cutter.taper_rad)
+        rows.append(((across - radius) * math.cos(cutter.taper_rad)).min(axis=1))
+    return np.array(rows)
+
+
+def largest(surface, cutter, along=65):
+    grid = deviations(surface, cutter, np.linspace(0.02, 0.98, along), np.linspace(0.0, 1.0, 15))
+    return float(np.abs(grid).max()) * 1e3  # um
+
+
+def plain(radius):
+    return Cutter(radius, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("member", "radius", "single", "double"),
+    [(0, 3.0, 183, 8), (1, 3.0, 312, 60), (0, -3.0, 29, 8), (1, -3.0, 311, 70)],
+)
+def test_double_cuts_example_2_to_the_figures_of_the_issue(member, radius, single, double):
+    surface, cutter = example_2()[member], plain(radius)
+    assert single - 3 < largest(place(surface, cutter, Strategy.SINGLE), cutter) < single
+    assert largest(place(surface, cutter, Strategy.DOUBLE), cutter) < double
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("member", "radius", "most"), [(0, 3.0, 1.4), (1, 3.0, 8.5), (0, -3.0, 0.8), (1, -3.0, 17.0)]
+)
+def test_optimal_goes_below_a_plain_least_squares_trial_on_example_2(member, radius, most):
+    surface, cutter = example_2()[member], plain(radius)
+    assert largest(place(surface, cutter, Strategy.OPTIMAL), cutter) < most
+
+
+def test_a_surface_without_twist_stays_with_the_papers_place():
+    cone = example_1()
+    for strategy in Strategy:
+        assert place(cone, plain(3.0), strategy) is cone
+
+
+def test_a_tool_with_a_corner_goes_so_far_down_that_the_flank_cuts_the_lower_edge():
+    ball = Tool(1, "ball", 3.0, 0.0, 20.0, corner_mm=3.0)
+    cutter = Cutter.of(ball, -1.0)
+    assert (cutter.offset_mm, cutter.shift_mm) == (-3.0, 3.0)
+    bull = Tool(1, "bull", 3.0, 0.0, 20.0, corner_mm=1.0, taper_rad=0.1)
+    cutter = Cutter.of(bull, 1.0, allowance_mm=0.2, shift_mm=0.5)
+    assert cutter.shift_mm == pytest.approx(1.0 - math.sin(0.1) + 0.5)
+    # The flank leaves the corner's circle (about rho 2, h 1) where its normal leans down by the taper.
+    where, height = 2.0 + math.cos(0.1), 1.0 - math.sin(0.1)
+    flank = where + (cutter.shift_mm - height) * math.tan(0.1)
+    assert cutter.offset_mm == pytest.approx(flank + 0.2 * math.cos(0.1))
+
+
+def test_a_tapered_cutter_is_placed_on_a_cone_without_any_deviation():
+    cutter = Cutter(2.0, 0.1, 0.0)
+    assert largest(place(example_1(), cutter, Strategy.DOUBLE), cutter, 17) < 0.05
+
+
+@pytest.mark.slow
+def test_tapered_cutters_are_placed_as_well():
+    surface = example_2()[0]
+    for side in (1.0, -1.0):
+        cutter = Cutter(side * 2.0, 0.06, 1.0)
+        found = [largest(place(surface, cutter, strategy), cutter) for strategy in Strategy]
+        assert found[2] <= found[1] < 0.3 * found[0] and found[2] < 3.0, found
+
+
+def test_the_deviation_is_that_of_a_plain_search():
+    rng = random.Random(11)
+    surface = example_2()[1]
+    for cutter in (plain(3.0), Cutter(-2.0, 0.05, 0.0)):
+        placed = Placed(surface, cutter.offset_mm, (0.1, 0.8), (0.1, 0.8), taper_rad=cutter.taper_rad)
+        u, v = np.array([rng.uniform(0.1, 0.9) for _ in range(12)]), np.linspace(0.0, 1.0, 7)
+        grid = deviations(placed, cutter, u, v)
+        points = deviation.points(placed, np.repeat(u, len(v)), np.tile(v, len(u)))
+        assert deviation.of(placed, points).left == pytest.approx(grid.ravel(), abs=1e-4)
+
+
+def surfaces(seeds):
+    for seed in seeds:
+        for upper, lower in compound(seed):
+            yield seed, RuledSurface(*(Bezier(tuple(map(tuple, c.tolist()))) for c in (upper, lower)))
+
+
+@pytest.mark.slow
+def test_optimal_is_never_worse_than_double_and_double_never_worse_than_single():
+    rng = random.Random()
+    seed = rng.randrange(10**6)
+    print(f"seeds from {seed}")
+    for at, surface in surfaces(range(seed, seed + 3)):
+        cutter = plain(rng.choice((3.0, -3.0, 1.5)))
+        single, double, optimal = (largest(place(surface, cutter, s), cutter) for s in Strategy)
+        assert optimal <= double + 0.05 and double <= single + 0.05, (at, cutter, single, double, optimal)
