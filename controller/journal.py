@@ -8,7 +8,8 @@ What stands there is where a restart begins, and never beyond what is cut:
     cut        ------------->              been there whatever happens between this look and the disk
                       ^ written
 ```
-At a standstill (hold, stop, fault on the path) it is the very place. Nothing starts by it: it only
+At a standstill (hold, stop, fault on the path) it is the very place; where the drives stopped by
+themselves, beside the path, it is again what was commanded a moment before. Nothing starts by it: it only
 says whether a restart may be offered, and from where.
 """
 
@@ -32,9 +33,9 @@ import numpy.typing as npt
 from controller.handoff import COLUMN, Snapshot
 from controller.machine import Joints, Machine, five
 from controller.plan.route.spot import ENTRY_ID, Spot
-from controller.state import Mode
+from controller.state import FAULTS, Mode, Reaction
 
-EVERY_S = 0.8  # between two entries of a run; with writing, never more than a second of cut is lost
+EVERY_S = 0.5  # between two entries of a run; with writing, never more than a second of cut is lost
 LAG_S = 0.05  # longer than drives lag behind and a tick may be late
 FORMAT = 1
 ROWS = 2000  # of the recorder, to look for the last place of a stop
@@ -195,25 +196,59 @@ class Journal:
         self._recent.clear()
         self._written_s, self._ran = float("-inf"), False
 
+    def go_on_as(self, job: Job) -> None:
+        """Other tools were fitted in a hold: what is left is of another path, so line and fraction count."""
+        self._job = job
+        if self._seen is not None:
+            self._seen = Spot(self._seen.line, self._seen.fraction)
+        self._recent.clear()
+
     def in_spindle(self, tool: int) -> None:
         """The program, or an operator, has changed the tool."""
         self._tool = tool
 
-    def look(self, now: Snapshot, rows: Callable[[int], Rows], ended: bool, fraction: float = 0.0) -> None:
+    def look(self, now: Snapshot, rows: Callable[[int], Rows], fraction: float = 0.0) -> None:
         """Call it with every new snapshot.
 
-        ``rows`` are the recorder's last so many; ``ended``: the program came to its end; ``fraction``
-        of the block, where the plan tells it (it is for people: the motion and its s are exact).
+        ``rows`` are the recorder's last so many; ``fraction`` of the block, where the plan tells it
+        (it is for people: the motion and its s are exact).
         """
         if self._job is None:
             return
         if now.mode is Mode.RUNNING:
             self._run(now, fraction)
+        elif now.mode is Mode.HOLD and not self._ran:
+            self._refine(now, fraction)
         elif self._ran and now.at_rest and now.mode is not Mode.STOPPING:
             self._ran = False
+            if now.mode is Mode.FAULT and FAULTS[now.fault].reaction >= Reaction.QUICK_STOP:
+                self._off_the_path(now)
+                return
             self._stand(now, rows, fraction)
             if self._seen is not None:
-                self._write(now, self._seen, True, ended and now.mode is Mode.READY)
+                self._write(now, self._seen, True, False)
+
+    def _refine(self, now: Snapshot, fraction: float) -> None:
+        """The plan has told the fraction of the block, now that the tool stands."""
+        seen = self._seen
+        if (
+            seen is not None
+            and (seen.motion_id, seen.s) == (now.motion_id, now.s)
+            and fraction > seen.fraction
+        ):
+            self._seen = seen._replace(fraction=fraction)
+            self._write(now, self._seen, True, False)
+
+    def _off_the_path(self, now: Snapshot) -> None:
+        """Each drive stopped by a ramp of its own: where the path was left the drives had not yet been."""
+        if self._recent:
+            self._write(now, self._recent[0][1], False, False)
+
+    def completed(self, last: Snapshot) -> None:
+        """The program came to its end, which the plan may tell later than the tick stands."""
+        if self._job is not None and self._seen is not None:
+            self._ran = False
+            self._write(last, self._seen, True, True)
 
     def lost(self, last: Snapshot) -> None:
         """The tick is gone: the drives have been where it led them a moment before."""

@@ -15,7 +15,7 @@ from controller import fitting
 from controller.door import Answer, DoorError, Values
 from controller.geometry import Frame
 from controller.handoff import Snapshot
-from controller.service import hearing, jobs, runs, sequences, status
+from controller.service import hearing, jobs, looks, offer, runs, sequences, status
 from controller.service.jobs import Job
 from controller.service.jogging import Jogging
 from controller.service.service import Service
@@ -38,6 +38,7 @@ class Desk:
         self._verbs: dict[str, Callable[[Values], Answer]] = {
             "status": self._status,
             "facts": self._facts,
+            "restart": lambda _: self._errands.submit(offer.restart, self._service),
             "load": self._load,
             "unload": self._unload,
             "start": self._start,
@@ -65,6 +66,8 @@ class Desk:
             "alarms": lambda _: {"alarms": self._service.alarms.list()},
             "acknowledge": lambda args: self._errands.submit(self._acknowledge, args),
             "runs": lambda _: self._errands.submit(lambda: {"runs": runs.list_runs(self._service.state)}),
+            "rows": lambda args: self._errands.submit(looks.rows, self._service.engine.recorder, args),
+            "buses": lambda _: self._errands.submit(self._buses),
         }
 
     def __call__(self, verb: str, args: Values) -> Answer:
@@ -81,10 +84,11 @@ class Desk:
         now = service.engine.snapshot()
         sequence = service.sequencer.now
         kept = {
-            "fault": service.fault_at(now) if now is not None else service.fault,
+            "fault": service.fault_at(now),
             "sequence": sequence.to_dict() if sequence is not None else None,
             "tick_alive": service.engine.tick_alive,
             "plan_alive": service.engine.plan_alive,
+            "commissioned": service.commissioned,
         }
         if now is None:
             return {"mode": "OFF", "control": None, "job": None, **kept}
@@ -92,6 +96,7 @@ class Desk:
         shown = job.to_dict(now) if job is not None else None
         way = job.way(now.motion_id) if job is not None and job.active else None
         values = status.machine_values(service.machine, now, way, service.engine.recorder)
+        values |= {"aside": service.aside, "tool": service.tool or None}
         return {
             "time_s": now.tick * service.machine.period_s,
             **values,
@@ -114,6 +119,10 @@ class Desk:
     def _drives(self, _: Values) -> Values:
         service = self._service
         return {"drives": hearing.drives(service.machine, service.now(), service.logs)}
+
+    def _buses(self) -> Values:
+        service = self._service
+        return looks.buses(service.machine, service.logs, service.engine.recorder)
 
     def _acknowledge(self, args: Values) -> Values:
         number = args.get("id")
@@ -161,7 +170,9 @@ class Desk:
         service = self._service
         found = service.engine.snapshot()
         way = service.running.way(found.motion_id) if service.running is not None and found else None
-        return way.part if way is not None and way.part is not None else service.machine.offsets[0]
+        if way is None:
+            return service.machine.offsets[0]
+        return way.part if way.part is not None else service.machine.offsets[way.offset]
 
     def _hold(self, _: Values) -> Values:
         service = self._service
@@ -183,7 +194,7 @@ class Desk:
         service = self._service
         service.stops += 1
         under_way = service.sequencer.busy
-        if under_way in ("load", "start", "mdi"):
+        if under_way in ("load", "start", "mdi", "return"):
             service.engine.line.give_up()
         try:
             return self._ask(Request.STOP)
@@ -198,6 +209,11 @@ class Desk:
         return {"mode": self._service.now().mode.name}
 
     def _resume(self, _: Values) -> Values:
+        """Along the program only from where it was held: off it the tool must return first."""
+        service = self._service
+        if not service.sequencer.busy and (why := service.no_resume):
+            now = service.now()
+            raise self._no(now, Request.RESUME, f"RESUME is refused in {now.mode.name}: {why}.")
         return self._ask(Request.RESUME)
 
     def _switch(self, request: Request, args: Values) -> Values:
@@ -260,7 +276,7 @@ class Desk:
         def work() -> Values:
             job = jobs.read(args, service.machine)
             if args.get("restart") is True:
-                job = service.gone_on_with(job)
+                job = offer.gone_on_with(service, job)
             service.job = job
             try:
                 return sequences.load(service, job)
@@ -336,10 +352,14 @@ class Desk:
         return self._fit("tools", str(number), tool, lambda m: fitting.with_tool(m, number, tool))
 
     def _fit(self, what: str, key: str, values: Any, change: Callable[[Any], Any]) -> Values:
-        """At rest only: a program under way was planned with what was fitted when it began."""
+        """At rest only: a program under way was planned with what was fitted when it began.
+
+        But a tool that was led off the path of a held program may be changed for another.
+        """
         service = self._service
         now = service.engine.snapshot()
-        if now is not None and (now.mode not in AT_REST or service.running is not None):
+        changing = what == "tools" and service.aside and now is not None and now.mode is Mode.HOLD
+        if now is not None and not changing and (now.mode not in AT_REST or service.running is not None):
             sentence = f"The {what} are not changed while the machine is in {now.mode.name}; stop first."
             raise DoorError("refused", sentence, now.mode.name, f"SET {what.upper()}")
         try:

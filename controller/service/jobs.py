@@ -9,12 +9,23 @@ from typing import Any
 
 from controller.door import DoorError
 from controller.handoff import Snapshot
-from controller.machine import Machine
-from controller.plan.route.spot import Spot
+from controller.machine import Joints, Machine, five
+from controller.plan.detour import FIRST_ID
+from controller.plan.route.spot import ENTRY_ID, Spot
 from controller.service.orders import News, Program, Way
+from controller.session.starts import Start
+from controller.state import Mode
 
 MDI = "MDI"
 MOST_BYTES = 1 << 30  # of a program
+_STATES = {
+    Mode.READY: "stopping",  # at its end already, and about to be filed
+    Mode.RUNNING: "running",
+    Mode.HOLD: "held",
+    Mode.JOG: "held",
+    Mode.STOPPING: "stopping",
+    Mode.FAULT: "stopping",
+}
 
 
 @dataclass(slots=True)
@@ -28,10 +39,16 @@ class Job:
     blocks: int | None = None
     notes: list[dict[str, Any]] = field(default_factory=list)
     restart: list[str] = field(default_factory=list)  # the state at the place where it begins
+    start: Start | None = None  # of its last run
     origin_s: float = 0.0  # plan time at which its first piece begins
     ways: dict[int, Way] = field(default_factory=dict)
     news: News = field(default_factory=News)
     sentence: str = ""  # why it ended
+    taken: bool = False  # the tick has begun with it
+    refused: bool = False  # a block on the way was; the tool stands before it
+    lost: bool = False  # the plan that knew the rest of it is gone
+    nominal_s: float = 0.0  # of its duration at 100 % that has passed
+    _seen_s: float | None = None  # plan time of the last look
 
     @property
     def is_mdi(self) -> bool:
@@ -43,24 +60,56 @@ class Job:
         """Between the start and the end."""
         return self.state in ("starting", "running", "held", "stopping")
 
+    def arm(self) -> None:
+        """What was of the run before is over."""
+        self.ways.clear()
+        self.news = News(finished=False)
+        self.state, self.sentence = "starting", ""
+        self.taken = self.refused = self.lost = False
+        self.nominal_s, self._seen_s = 0.0, None
+
+    def state_at(self, now: Snapshot) -> str:
+        """The state by this very snapshot, though nobody has drawn conclusions yet."""
+        if not self.taken or not self.active:
+            return self.state
+        return _STATES.get(now.mode, self.state)
+
+    def pass_time(self, now: Snapshot) -> None:
+        """Of a plan at another override than 100 % so much less, or more, of the check's time has passed."""
+        if self._seen_s is not None and now.motion_id < FIRST_ID:  # not on a way aside
+            way = self.ways.get(now.motion_id)
+            rapid = way is not None and way.feed_mm_s is None
+            share = min(now.rapid_override, 1.0) if rapid else now.override
+            self.nominal_s += (now.plan_time_s - self._seen_s) * share
+        self._seen_s = now.plan_time_s
+
+    def fraction(self, now: Snapshot) -> float:
+        """Of the block under way that is done for certain, by what the plan told last."""
+        spot = self.news.spot
+        known = spot is not None and spot.motion_id == now.motion_id and spot.s <= now.s
+        return spot.fraction if spot is not None and known else 0.0
+
     def hear(self, news: News) -> None:
         """What the plan tells while it runs."""
+        if self.lost:
+            return  # it is another plan, which knows nothing of this program
         self.ways.update(news.ways)
         self.news = news
 
     def way(self, motion_id: int) -> Way | None:
-        """Of the motion under way; those that lie behind it are forgotten."""
-        for old in [name for name in list(self.ways) if 0 <= name < motion_id]:
+        """Of the motion under way; those of the program that lie behind it are forgotten."""
+        passed = motion_id if motion_id < ENTRY_ID else 0  # an entry, and a way aside, lie beside it
+        for old in [name for name in list(self.ways) if 0 <= name < passed]:
             self.ways.pop(old, None)
         return self.ways.get(motion_id)
 
     def to_dict(self, now: Snapshot) -> dict[str, Any]:
-        left_s = self._left_s(now)
+        state, left_s = self.state_at(now), self._left_s(now)
         share = None if left_s is None or not self.duration_s else 1.0 - min(1.0, left_s / self.duration_s)
         return {
             "name": self.program.name,
             "sha256": self.sha256,
-            "state": self.state,
+            "state": state,
             "line": now.line if self.active else self.program.spot.line if self.program.spot else None,
             "restart": self.restart,
             "dry_run_mm": self.program.dry_run_mm or None,
@@ -76,14 +125,18 @@ class Job:
         }
 
     def _left_s(self, now: Snapshot) -> float | None:
-        """Exact once all has been planned; before it by the check, which planned all of it at 100 %."""
+        """Exact once all has been planned; before it by the check, which planned all of it at 100 %.
+
+        Under an override that is as if the feed alone held the speed down; None where it never ends.
+        """
         if not self.active:
             return self.duration_s if self.state == "loaded" else None
         if self.news.finished and self.state != "starting":
             return max(0.0, now.queue_end_s - now.plan_time_s)
-        if self.duration_s is None:
+        if self.duration_s is None or self.program.spot is not None:  # of a rest nobody knows it yet
             return None
-        return max(0.0, self.duration_s - (now.plan_time_s - self.origin_s))
+        left_s = max(0.0, self.duration_s - self.nominal_s)
+        return left_s / now.override if now.override > 0.0 else None
 
 
 def read(args: dict[str, Any], machine: Machine) -> Job:
@@ -108,6 +161,11 @@ def read(args: dict[str, Any], machine: Machine) -> Job:
     dry_run_mm = _number(args, "dry_run_mm", 0.0, 1000.0) or 0.0
     name = str(args.get("name") or path.name)
     return Job(Program(text, name, machine, spot, dry_run_mm=dry_run_mm), found)
+
+
+def homed_position(machine: Machine) -> Joints:
+    """Where the axes stand when all of them have been homed (mm, rad)."""
+    return five(tuple(axis.homing.position for axis in machine.axes))
 
 
 def mdi(text: str, machine: Machine) -> Job:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Any
 
+from controller.curves import ArcLength
 from controller.door import DoorError
 from controller.geometry import Frame
 from controller.machine import Joints, Machine
@@ -39,7 +40,11 @@ class Program:
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """``verb``: "commission", "home" (axes), "check" or "arm" (program), "drop", "retract" (mm), "return"."""
+    """``verb``: "commission", "home" (axes), "check" or "arm" (program), "drop", "retract" (mm), "return",
+    "beside" (program: how far the machine stands off it).
+
+    A "return" with a program: other tools were fitted meanwhile, and this is it with them.
+    """
 
     number: int
     verb: str
@@ -74,6 +79,10 @@ class Way:
     length_mm: float  # of the tool
     part: Frame | None  # of the work offset; None: a move of the joints
     name: str  # 'cut', 'lead in', 'retract' ...
+    tool: int | None = None  # number of the one that the program has changed to; None: the one it began with
+    offset: int = 0  # work offset that is active, 0 = G54
+    end_s: float = 0.0  # of the motion, in the unit of the snapshot's s
+    arc: ArcLength | None = None  # of a surface: which u an s is
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +93,8 @@ class News:
     whole: bool = False  # ... and nothing of it was dropped or refused
     refusal: str = ""  # why the program ends before its end; the machine stands before that block
     tool: int | None = None  # to which the program has changed, as far as it is read
+    spot: Spot | None = None  # where in the program the tool is, now and then while it moves
+    aside: bool = False  # the tool stands off the path, and must return before the program goes on
     checking: float | None = None  # share of the program's lines that are checked
     ways: dict[int, Way] = field(default_factory=dict)  # motions that were sent since, by their id
     turns: tuple[Turn, ...] = ()  # since the last news

@@ -9,6 +9,7 @@ from __future__ import annotations
 import multiprocessing.connection as connections
 import pickle
 import time
+from bisect import bisect_right
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -16,22 +17,30 @@ from pathlib import Path
 from typing import Any
 
 from controller.handoff import Snapshot
-from controller.machine import five
+from controller.kinematics import Kinematics
+from controller.machine import Machine, five
+from controller.motions import SurfaceCut
 from controller.plan.aside import NotPossible
 from controller.plan.report.stored import Stored
-from controller.plan.report.survey import BlockUse
+from controller.plan.route.beside import beside
 from controller.plan.route.restart import Rest
+from controller.plan.route.spot import Spot
 from controller.plan.route.stretch import Chain, Pause, Stretch
-from controller.plan.text.program import Act, ProgramError
+from controller.plan.text.program import Act, Block, ProgramError
 from controller.service.orders import Answer, News, Order, Program, Turn, Way
-from controller.session import checked, children
+from controller.session import checked, children, starts
+from controller.session.checked import Task
 from controller.session.plan_end import PLAN_TURN_S, PlanEnd
 from controller.session.processes import EXPECTED, own_error
+from controller.session.starts import Start
 from controller.session.startup import SessionError
+from controller.state import Mode
 
-SAME_PLACE = 1e-9  # mm or rad
 ARM_S = 120.0  # for the first piece to be taken
 NEWS_S = 0.1
+SPOT_S = 0.25
+MOST_OFFSETS = 99
+MOST_TOOLS = 100_000  # stretches whose tool is remembered: more than are ever read ahead
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,14 +56,15 @@ class PlanJob:
 
 
 class GivenUp(Exception):
-    """The operator does not want the check any more."""
+    """The operator does not want it any more: a check, or a start that is still being prepared."""
 
 
 def run(job_file: Path) -> int:
     """Until the parent ends it; the exit code. Whatever ends it too early is one sentence beside the job."""
     job: PlanJob = pickle.loads(job_file.read_bytes())
     try:
-        Planning(job).run()
+        end = PlanEnd(job.machine, job.pieces, job.requests, job.snapshot_path)
+        Planning(end, job.checks, connections.Connection(job.orders), job.machine).run()
     except EXPECTED as error:
         children.words_of(job_file).write_text(str(error))
     except Exception as error:  # the top of a process: its parent tells the operator
@@ -67,16 +77,19 @@ def run(job_file: Path) -> int:
 class Planning:
     """Orders in, answers and news out; between them the planner's turns."""
 
-    def __init__(self, job: PlanJob) -> None:
-        self._end = PlanEnd(job.machine, job.pieces, job.requests, job.snapshot_path)
-        self._checks = job.checks
-        self._parent: connections.Connection = connections.Connection(job.orders)
+    def __init__(self, end: PlanEnd, checks: Path, parent: connections.Connection, machine: Machine) -> None:
+        """``checks``: folder of stored checks; ``parent``: where orders come from."""
+        self._end, self._checks, self._parent = end, checks, parent
         self._arming: tuple[int, int, float] | None = None  # order, message accepted before, deadline
         self._tool: int | None = None
+        self._tools: dict[int, int | None] = {}  # by identity of a stretch: with which tool it is moved
+        self._offsets: list[tuple[int, int]] = []  # line from which on, and which
+        self._fitted = machine  # of what was armed
+        self._carrying_out = False
         self._facts: dict[str, Any] = {}  # of what is being armed
         self._turns: list[Turn] = []
         self._told = News()
-        self._told_s = 0.0
+        self._told_s = self._placed_s = 0.0
         self._verbs = {
             "commission": self._commission,
             "home": self._home,
@@ -85,6 +98,7 @@ class Planning:
             "drop": self._drop,
             "retract": self._retract,
             "return": self._return,
+            "beside": self._beside,
         }
 
     def run(self) -> None:
@@ -95,22 +109,23 @@ class Planning:
                     order: Order = self._parent.recv()
                 except EOFError:
                     return
-                self._carry_out(order)
+                self.carry_out(order)
             if not self._end.alone:
-                self._turn()
+                self.turn()
 
     # -- orders
 
-    def _carry_out(self, order: Order) -> None:
+    def carry_out(self, order: Order) -> None:
         """Every order is answered once; arming later, when its first piece is taken."""
         if order.verb not in self._verbs:
             return  # "give up", too late
+        self._carrying_out = True
         try:
             facts = self._verbs[order.verb](order)
         except ProgramError as error:
             self._answer(Answer(order.number, error=("bad", str(error))))
         except GivenUp:
-            self._answer(Answer(order.number, error=("refused", "The check was given up.")))
+            self._answer(Answer(order.number, error=("refused", f"The {order.verb} was given up.")))
         except (*EXPECTED, NotPossible) as error:
             self._answer(Answer(order.number, error=("refused", str(error))))
         except Exception as error:
@@ -118,6 +133,8 @@ class Planning:
         else:
             if facts is not None:
                 self._answer(Answer(order.number, facts))
+        finally:
+            self._carrying_out = False
 
     def _answer(self, answer: Answer) -> None:
         self._parent.send(answer)
@@ -146,15 +163,26 @@ class Planning:
             "notes": [{"line": note.place.line, "note": note.sentence} for note in kept.notes],
         }
 
+    def _task(self, program: Program) -> Task:
+        task = checked.task(program.text, program.name, program.machine)
+        return replace(task, look=self._read)
+
+    def _read(self, block: Block) -> None:
+        """Work offsets are noted where they change."""
+        self._look()
+        if not self._offsets or self._offsets[-1][1] != block.modal.offset:
+            self._offsets.append((block.place.line, block.modal.offset))
+
     def _kept(self, program: Program) -> Stored:
         """Raises ProgramError, GivenUp."""
-        task = checked.task(program.text, program.name, program.machine)
+        task = self._task(program)
         kept, _ = checked.find(task, self._checks)
         if kept is not None:
             return kept
         lines = max(1, program.text.count(b"\n"))
         with self._telling():
-            return checked.check(task, self._checks, self._look, lambda line: self._checked(line / lines))[1]
+            tell, progress = (lambda _: self._look()), (lambda line: self._checked(line / lines))
+            return checked.check(task, self._checks, tell, progress)[1]
 
     @contextmanager
     def _telling(self) -> Iterator[None]:
@@ -163,9 +191,9 @@ class Planning:
         finally:
             self._tell(replace(self._told, checking=None))
 
-    def _look(self, _: BlockUse) -> None:
+    def _look(self) -> None:
         """Nothing is ordered while an order is under way, but to give it up."""
-        if self._parent.poll():
+        if self._carrying_out and self._parent.poll():
             self._parent.recv()
             raise GivenUp
 
@@ -178,37 +206,38 @@ class Planning:
     def _arm(self, order: Order) -> None:
         """From where the machine stands; answered when the first piece has been taken."""
         program = _program(order)
+        kept, task = self._kept(program), self._task(program)
         now = self._end.snapshot()
-        task = checked.task(program.text, program.name, program.machine)
-        kept = self._kept(program)
-        if max(abs(a - b) for a, b in zip(now.joints, task.start, strict=True)) > SAME_PLACE:
-            task = replace(task, start=five(now.joints))
-        items: Iterable[Chain | Pause]
-        if program.spot is not None:
-            items = self._rest(program, kept).entered(five(now.joints), program.in_spindle)
-        elif program.dry_run_mm:
-            items = checked.path_of(task, kept.choices, program.dry_run_mm).items
-        else:
-            items = checked.walk_of(task, kept, False).items
+        start = _start(program, now)
+        self._offsets.clear()
+        items = starts.path_from(task, kept, start).items
         planner = self._end.new_planner(program.machine)
-        self._tool = None
+        self._tool, self._fitted = None, program.machine
+        self._tools.clear()
         planner.load(self._watched(items), now.queue_end_s, now.epoch)
         self._turns.clear()
-        self._facts = {"duration_s": kept.duration_s, "blocks": kept.blocks, "plan_time_s": now.queue_end_s}
+        facts = {"duration_s": kept.duration_s, "blocks": kept.blocks, "plan_time_s": now.queue_end_s}
+        self._facts = {**facts, "start": start}
         self._arming = (order.number, now.accepted, time.monotonic() + ARM_S)
 
     def _rest(self, program: Program, kept: Stored) -> Rest:
         """What is left of a program from its spot on. Raises ProgramError."""
-        assert program.spot is not None
-        task = checked.task(program.text, program.name, program.machine)
-        if program.start is not None:
-            task = replace(task, start=program.start)
-        return checked.rest_of(task, kept.choices, program.spot, program.dry_run_mm)
+        return starts.rest(self._task(program), kept.choices, _start(program, self._end.snapshot()))
+
+    def _beside(self, order: Order) -> dict[str, Any]:
+        """How far off the path the drives came to rest by themselves."""
+        program, now = _program(order), self._end.snapshot()
+        found = beside(
+            self._rest(program, self._kept(program)), five(now.actual), Kinematics(program.machine)
+        )
+        return {"sentence": found.sentence if found is not None else ""}
 
     def _watched(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
         """The same path; what it changes the tool to is noted as it is read."""
         for item in items:
-            if isinstance(item, Pause) and item.act is Act.TOOL:
+            if isinstance(item, Chain):
+                self._tools.update((id(stretch), self._tool) for stretch in item.stretches)
+            elif item.act is Act.TOOL:
                 self._tool = item.modal.tool
             yield item
 
@@ -218,9 +247,28 @@ class Planning:
         self._await_taken(order, now)
 
     def _return(self, order: Order) -> None:
-        now = self._end.snapshot()
-        self._end.planner.go_back(now)
+        """By the same way; with ``program``, another tool was fitted meanwhile, and cuts the rest."""
+        planner = self._end.planner
+        if order.program is not None and planner.aside is not None:
+            rest, lengths_mm = self._with_other_tool(order.program, planner.aside.spot)
+            now = self._end.snapshot()
+            planner.go_back(now, rest, lengths_mm)
+            self._fitted = order.program.machine
+        else:
+            now = self._end.snapshot()
+            planner.go_back(now)
         self._await_taken(order, now)
+
+    def _with_other_tool(self, program: Program, spot: Spot) -> tuple[Rest, tuple[float, float]]:
+        """The rest as the new tool cuts it, and the lengths (mm) of the old and the new one."""
+        program = replace(program, spot=Spot(spot.line, spot.fraction))
+        kept = self._kept(program)
+        self._offsets.clear()
+        rest = self._rest(program, kept)
+        number = rest.target.modal.tool
+        tools = (self._fitted.tool(number), program.machine.tool(number))
+        before_mm, after_mm = (tool.length_mm if tool is not None else 0.0 for tool in tools)
+        return rest, (before_mm, after_mm)
 
     def _await_taken(self, order: Order, now: Snapshot) -> None:
         """Answered when the tick has the way."""
@@ -229,7 +277,8 @@ class Planning:
 
     # -- the planner's turns
 
-    def _turn(self) -> None:
+    def turn(self) -> None:
+        """The planner acts on the newest snapshot, and what is new is told."""
         now, planner = self._end.snapshot(), self._end.planner
         before = planner.marks
         lead_s = planner.lead_s
@@ -259,7 +308,20 @@ class Planning:
     def _news(self, now: Snapshot) -> News:
         planner = self._end.planner
         refusal = str(planner.error) if planner.error is not None and _stands(now, planner.finished) else ""
-        return News(planner.finished, planner.finished_path, refusal, self._tool)
+        away = planner.aside
+        stands_aside = away is not None and away.off and not away.returning
+        whole = planner.finished_path
+        return News(planner.finished, whole, refusal, self._tool, self._spot(now), stands_aside)
+
+    def _spot(self, now: Snapshot) -> Spot | None:
+        """Now and then: the fraction of a block is for people, and for a restart with another tool."""
+        if now.mode not in (Mode.RUNNING, Mode.HOLD):
+            return None
+        now_s = time.monotonic()
+        if now_s - self._placed_s < SPOT_S:
+            return self._told.spot
+        self._placed_s = now_s
+        return self._end.planner.spot(now)
 
     def _tell(self, news: News) -> None:
         """What is new, and nothing twice."""
@@ -267,21 +329,41 @@ class Planning:
         if news == self._told and not self._turns and not fresh:
             return
         self._told = news
-        ways = {name: _way(stretch) for name, stretch in fresh.items()}
+        ways = {name: self._way(stretch) for name, stretch in fresh.items()}
+        self._forget_tools()
         self._parent.send(replace(news, ways=ways, turns=tuple(self._turns)))
         self._turns.clear()
         fresh.clear()
+
+    def _way(self, stretch: Stretch) -> Way:
+        motion, i = stretch.motion, bisect_right(self._offsets, (stretch.place.line, MOST_OFFSETS))
+        length_mm, part = getattr(motion, "length_mm", 0.0), getattr(motion, "part", None)
+        tool, offset = self._tools.get(id(stretch)), self._offsets[i - 1][1] if i else 0
+        told = (stretch.end, stretch.feed_mm_s, length_mm, part, stretch.name, tool, offset)
+        return Way(*told, motion.end, motion.arc if isinstance(motion, SurfaceCut) else None)
+
+    def _forget_tools(self) -> None:
+        """Those of stretches that were told long ago."""
+        while len(self._tools) > MOST_TOOLS:
+            del self._tools[next(iter(self._tools))]
+
+
+def _start(program: Program, now: Snapshot) -> Start:
+    """From where the machine stands."""
+    return Start(
+        five(now.joints),
+        now.queue_end_s,
+        program.spot,
+        program.start,
+        program.dry_run_mm,
+        program.in_spindle,
+    )
 
 
 def _program(order: Order) -> Program:
     if order.program is None:
         raise SessionError("There is no program to be run; load one.")
     return order.program
-
-
-def _way(stretch: Stretch) -> Way:
-    length_mm, part = getattr(stretch.motion, "length_mm", 0.0), getattr(stretch.motion, "part", None)
-    return Way(stretch.end, stretch.feed_mm_s, length_mm, part, stretch.name)
 
 
 def _stands(now: Snapshot, finished: bool) -> bool:

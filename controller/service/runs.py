@@ -11,6 +11,7 @@ Ticks count from cycle start, and those alone that sent a SYNC: the path clock c
 Which tick took a request is read from the recorder's rows, where the change shows, and not from
 a clock. What the planner made of an override depends on when it looked, so its turns are
 events, too: "plan" says before which tick it acted, "pieces" before which its message was taken.
+The first line, "begin", says from where, and with which tools and offsets.
 """
 
 from __future__ import annotations
@@ -27,9 +28,11 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
-from controller.handoff import COLUMN
+from controller.handoff import COLUMN, STOOD
+from controller.journal import sha256
 from controller.machine import Machine
-from controller.service.orders import Turn
+from controller.service.orders import Program, Turn
+from controller.session.starts import Start
 from controller.state import Mode
 
 FOLDER = "runs"
@@ -64,9 +67,11 @@ class RunRecord:
         self._turns: list[Turn] = []
         self._sent: list[npt.NDArray[np.int64]] = []  # ticks that sent a SYNC, since the start
         self._taken: list[npt.NDArray[np.int64]] = []  # ticks that took a message of the plan
+        self._start: dict[str, Any] | None = None
         self._started_s = time.time()
         self._kept_bytes = 0
         self._ticks = 0  # that sent a SYNC
+        self._busy = (0, -1)  # how many of them belong to the run, and the last tick of it
         self.folder = _new_folder(state / FOLDER, str(what.get("name", "")))
         self._file: BinaryIO | None = open(self.folder / "setpoints.part", "wb")  # noqa: SIM115
 
@@ -93,6 +98,18 @@ class RunRecord:
             self._find_events(rows)
             self._keep(rows)
             self.last_tick, self._before = int(rows[-1, COLUMN["tick"]]), rows[-1]
+
+    def begins(self, start: Start, program: Program, fitted: dict[str, Any]) -> None:
+        """From where, and on what: without it nothing could be run again but a start after homing."""
+        sums = {
+            "program_sha256": sha256(program.text),
+            "machine_sha256": sha256(program.machine.text.encode()),
+        }
+        self._start = {**start.to_dict(), "fitted": fitted, **sums}
+
+    def led_aside(self) -> None:
+        """The tool was led off the path, where an operator may jog it: that is not run again."""
+        self._events.append({"at": max(self.last_tick, self.first_tick), "request": "aside"})
 
     def planned(self, turns: tuple[Turn, ...]) -> None:
         """When the planner acted, and on which tick's snapshot."""
@@ -136,6 +153,8 @@ class RunRecord:
         for bit, name in _SWITCHES.items():
             if flipped & bit:
                 self._event(new, name, int(bool(int(new[COLUMN["switches"]]) & bit)))
+        if int(new[COLUMN["switches"]]) & STOOD:
+            self._event(new, "stand")
         if modes == (Mode.RUNNING, Mode.HOLD) and self.holds_asked:
             self.holds_asked = 0
             self._event(new, "hold")
@@ -155,6 +174,10 @@ class RunRecord:
         taken = sent[:, _TAKEN].copy()
         self._sent.append(sent[:, COLUMN["tick"]].astype(np.int64))
         taken[:, 0] = np.arange(self._ticks, self._ticks + len(sent))
+        busy = np.flatnonzero(sent[:, COLUMN["mode"]] != Mode.READY)
+        if len(busy):  # what stands behind the end is only the looking whether it stands
+            last = min(int(busy[-1]) + 1, len(sent) - 1)
+            self._busy = (self._ticks + int(busy[-1]) + 2, int(sent[last, COLUMN["tick"]]))
         self._ticks += len(sent)
         if self._file is None or self._kept_bytes > MOST_BYTES:
             return
@@ -169,7 +192,8 @@ class RunRecord:
 
     def end(self, result: str, **more: Any) -> dict[str, Any]:
         """Write the record; its facts."""
-        passed = self.last_tick - self.first_tick + 1 if self.began else 0
+        ticks, last_tick = min(self._busy[0], self._ticks), self._busy[1]
+        passed = last_tick - self.first_tick + 1 if self.began and ticks else 0
         shown = [
             float(e * abs(a.shown_per_unit)) for e, a in zip(self._errors, self.machine.axes, strict=True)
         ]
@@ -180,8 +204,8 @@ class RunRecord:
             "ended_s": time.time(),
             "result": result,
             "duration_s": passed * self.machine.period_s,
-            "ticks": self._ticks,
-            "skips": passed - self._ticks,
+            "ticks": ticks,
+            "skips": max(0, passed - ticks),
             "first_tick": self.first_tick,
             "cut_time_s": self._cut_ticks * self.machine.period_s,
             "following_error": {a.name: e for a, e in zip(self.machine.axes, shown, strict=True)},
@@ -203,6 +227,7 @@ class RunRecord:
         if self._file is not None:
             self._file.close()
             rows = np.fromfile(self.folder / "setpoints.part", dtype="<i4").reshape(-1, len(SETPOINTS))
+            rows = rows[: self._busy[0]]
             with open(self.folder / "setpoints.npz", "wb") as file:
                 np.savez_compressed(file, columns=np.array(SETPOINTS), rows=rows)
         (self.folder / "setpoints.part").unlink(missing_ok=True)
@@ -213,11 +238,17 @@ class RunRecord:
         """All events by the number of the SYNC before which they came; -1: before the start."""
         sent = np.concatenate([np.zeros(0, np.int64), *self._sent])
         taken = np.concatenate([np.zeros(0, np.int64), *self._taken])
-        found = [(int(e["at"]), 2, {k: v for k, v in e.items() if k != "at"}) for e in self._events]
+        found = [
+            (int(e["at"]), -1 if e["request"] == "stand" else 2, {k: v for k, v in e.items() if k != "at"})
+            for e in self._events
+        ]
         found += [(turn.tick + 1, 0, {"request": "plan", "value": turn.lead_s}) for turn in self._turns]
         found += [(int(tick), 1, {"request": "pieces"}) for tick in taken]
         found.sort(key=lambda event: event[:2])
-        return [{"tick": self._before_tick(tick, sent), **event} for tick, _, event in found]
+        timed = [{"tick": self._before_tick(tick, sent), **event} for tick, _, event in found]
+        if self._start is None:
+            return timed
+        return [{"tick": -1, "request": "begin", "value": self._start}, *timed]
 
     def _before_tick(self, tick: int, sent: npt.NDArray[np.int64]) -> int:
         """The number of the SYNC of a tick; what was there before the start is -1."""

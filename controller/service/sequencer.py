@@ -46,12 +46,19 @@ class Sequencer:
 
     def do(self, name: str, work: Callable[[], Values], mode: str = "") -> Future[Values]:
         """Begin; the future gives the result, or {"done": false} after a while. Raises DoorError if busy."""
+        return _patient(self._begin(name, work, mode))
+
+    def to_its_end(self, name: str, work: Callable[[], Values]) -> Values:
+        """Begin, and wait for the result, however long it takes. Raises DoorError."""
+        return self._begin(name, work, "").result()
+
+    def _begin(self, name: str, work: Callable[[], Values], mode: str) -> Future[Values]:
         with self._lock:
             if self.busy:
                 sentence = f"{name}: {self.busy} is under way; wait for its end, or stop it."
                 raise DoorError("busy", sentence, mode, name.upper())
             self.now = Sequence(name, "running")
-        return _patient(self._thread.submit(self._run, name, work))
+        return self._thread.submit(self._run, name, work)
 
     def later(self, work: Callable[[], None]) -> None:
         """Behind whatever is under way, and told to nobody."""

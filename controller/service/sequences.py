@@ -10,9 +10,11 @@ from dataclasses import replace
 from controller import state, times
 from controller.door import DoorError, Values
 from controller.handoff import Snapshot
-from controller.machine import Machine
+from controller.machine import Joints, Machine
+from controller.service import offer
 from controller.service.jobs import Job
 from controller.service.service import Service
+from controller.session.starts import Start
 from controller.state import FAULTS, Fault, Mode, Recovery, Request
 from drives.cia402 import State
 
@@ -82,7 +84,8 @@ def reset(service: Service) -> Values:
     if not service.engine.tick_alive:
         service.start_engine()
         service.commission()
-        service.fault = None
+        service.troubles.shown = None
+        offer.tell_beside(service)
         return {"mode": service.now().mode.name}
     now = service.now()
     if now.mode is Mode.FAULT:
@@ -133,22 +136,45 @@ def _go(service: Service, job: Job, facts: Values, stops: int) -> None:
         return now.mode is not Mode.READY or now.tick > tick + 50
 
     now = service.wait_for(taken, TAKEN_S, "the start to be taken")
+    job.taken = True
     if now.mode is Mode.READY and _interlocked(now, Request.START):
         row = FAULTS[now.interlock]
         raise DoorError("refused", f"{row.text} {row.remedy}", now.mode.name, "START")
 
 
 def aside(service: Service, verb: str, distance_mm: float = 0.0) -> Values:
-    """Off the path along the tool axis, or back to it by the same way; held before and after."""
-    service.engine.line.order(verb, distance_mm=distance_mm)
+    """Off the path along the tool axis, or back to it by the same way; held before and after.
+
+    Held on the way it stays there: a resume then goes on along the way.
+    """
+    job, stops = service.running, service.stops
+    refitted = verb == "return" and job is not None and job.program.machine.tools != service.machine.tools
+    program = replace(job.program, machine=service.machine) if job is not None and refitted else None
+    if program is not None and job is not None and job.start is not None:
+        program = replace(program, start=_whole_from(job.start))
+    service.engine.line.order(verb, program=program, distance_mm=distance_mm)
+    if refitted and job is not None:
+        service.refit(job)
+    service.led_aside()
     before = service.now().tick
     service.engine.request(Request.RESUME)
-    now = service.wait_for(
-        lambda now: now.tick > before + 5 and now.mode is not Mode.RUNNING, ASIDE_S, f"the end of {verb}"
-    )
+
+    def over(now: Snapshot) -> bool:
+        if now.tick <= before + 5 or now.mode is Mode.RUNNING:
+            return False
+        if now.mode is not Mode.HOLD:
+            return True
+        return now.at_rest and (service.aside == (verb == "retract") or service.stops != stops)
+
+    now = service.wait_for(over, ASIDE_S, f"the end of {verb}")
     if now.mode is not Mode.HOLD:
         raise DoorError("refused", f"{verb} ended in {now.mode.name}.", now.mode.name, verb.upper())
     return {"mode": now.mode.name}
+
+
+def _whole_from(start: Start) -> Joints | None:
+    """Where the whole run starts of which this was a start."""
+    return start.joints if start.spot is None else start.whole_from
 
 
 def _drop(service: Service) -> None:

@@ -22,8 +22,9 @@ from controller import config, fitting, journal
 from controller.door import DoorError
 from controller.handoff import Snapshot
 from controller.journal import Journal
-from controller.machine import Joints, Machine, five
+from controller.machine import Machine
 from controller.service import alarms as alarm_values
+from controller.service import jobs
 from controller.service.alarms import Alarms
 from controller.service.engine import Engine
 from controller.service.hearing import LastFrames
@@ -31,11 +32,13 @@ from controller.service.jobs import Job
 from controller.service.orders import News
 from controller.service.runs import RunRecord
 from controller.service.sequencer import Sequencer
+from controller.service.troubles import Troubles
 from controller.session.bus_load import overload
 from controller.session.listener import Listener
 from controller.session.recording import Keeper
+from controller.session.starts import Start
 from controller.session.startup import SessionError
-from controller.state import Fault, Mode, Request
+from controller.state import Fault, Mode, Request, sentence
 from drives.bus import BusError
 
 CHECKS = "checks"  # folders of the state folder
@@ -68,18 +71,14 @@ class Service:
         self.commissioned = False
         self.tool = 1  # number of the one in the spindle, as far as it is known; 0 = not known
         self.stops = 0  # asked for so far: a start that was under way is given up
-        self.fault: dict[str, Any] | None = None  # as shown
         self.lock = threading.RLock()  # of jobs and records; the door's thread never takes it
         self._records = ThreadPoolExecutor(1, "records")  # writes what runs leave behind
         self.journal = Journal(state / JOURNAL)
         self._folder = tempfile.TemporaryDirectory(prefix="directrix-")
         self.engine = Engine(machine, Path(self._folder.name), state / CHECKS, self._hear)
         self._listener: Listener | None = None
-        self._keeper: Keeper | None = None
-        self._last_fault = (Fault.NONE, Mode.OFF, 0)
-        self._last_warning = Fault.NONE
+        self.troubles = Troubles(self.machine, self.alarms)
         self._tick_died = self._plan_died = False
-        self._fault_id = 0
 
     # -- beginning and end
 
@@ -89,7 +88,7 @@ class Service:
         Raises SessionError where there is no tick.
         """
         try:
-            self.sequencer.do("power up", self._power_up).result()
+            self.sequencer.to_its_end("power up", self._power_up)
         except DoorError as error:
             if not self.engine.tick_alive:
                 raise SessionError(error.sentence) from error
@@ -103,10 +102,13 @@ class Service:
         """Tick and plan, from nothing. Called by the sequencer's thread alone. Raises DoorError."""
         self.commissioned = False
         with self.lock:
+            last = self.engine.snapshot()
+            if last is not None:
+                self._look_at_processes(last)  # of the tick's death nobody may have drawn conclusions yet
             self._close_listener()
             self.engine.start()
             self._tick_died = self._plan_died = False
-            self._last_fault = (Fault.NONE, Mode.OFF, 0)
+            self.troubles.begin()
         self.wait_for(lambda now: now.tick >= 0, FIRST_TICK_S, "the first tick")
         try:
             self._listener = Listener(config.bus_settings(self.engine.machine), LastFrames)
@@ -114,10 +116,11 @@ class Service:
             raise DoorError("gone", str(error)) from error
         recorder = self.engine.recorder
         if recorder is not None:
-            self._keeper = Keeper(self.machine, recorder, self._listener.logs, self.state / RECORDINGS)
+            where = self.state / RECORDINGS
+            self.troubles.keeper = Keeper(self.machine, recorder, self._listener.logs, where)
 
     def _close_listener(self) -> None:
-        listener, self._listener, self._keeper = self._listener, None, None
+        listener, self._listener, self.troubles.keeper = self._listener, None, None
         if listener is not None:
             listener.close()
 
@@ -133,16 +136,24 @@ class Service:
 
     # -- what verbs and sequences need
 
-    def fault_at(self, now: Snapshot) -> dict[str, Any] | None:
-        """The fault as it is shown; of this very snapshot, though nobody has drawn conclusions yet."""
-        known = self.fault
-        if not self.engine.tick_alive:
-            return known
-        if now.fault is Fault.NONE:
-            return None
-        if known is not None and known["name"] == now.fault.name:
-            return known
-        return {**alarm_values.of(self.machine, now.fault, now.fault_axis, now.warning), "recording": None}
+    def fault_at(self, now: Snapshot | None) -> dict[str, Any] | None:
+        """The fault as it is shown."""
+        return self.troubles.shown if now is None else self.troubles.at(now, self.engine.tick_alive)
+
+    @property
+    def aside(self) -> bool:
+        """Whether the tool stands off the path of a held program."""
+        return self.running is not None and self.running.news.aside
+
+    @property
+    def no_resume(self) -> str:
+        """Why a held program cannot go on from where the tool is; "" where it can."""
+        if self.aside:
+            return "the tool stands off the path, retracted; let it return first"
+        job = self.running
+        if job is not None and job.program.machine.tools != self.machine.tools:
+            return "other tools were fitted since; stop the program and start the rest of it"
+        return ""
 
     @property
     def logs(self) -> dict[str, Any]:
@@ -192,35 +203,36 @@ class Service:
     def begin(self, job: Job, facts: dict[str, Any]) -> None:
         """The start goes out with this."""
         with self.lock:
+            start: Start = facts["start"]
             job.duration_s, job.blocks = facts["duration_s"], facts["blocks"]
-            job.origin_s, job.state, job.sentence = facts["plan_time_s"], "starting", ""
+            job.origin_s, job.sentence = start.plan_time_s, ""
+            job.start = start
             if not job.is_mdi:
-                self.journal.begin(self._journal_job(job), self.tool, job.program.spot)
+                self.journal.begin(self.journal_job(job), self.tool, job.program.spot)
+            if self.record is not None:
+                self.record.begins(start, job.program, self.fitted)
             self.running = job
             self.engine.request(Request.START)
 
-    def _journal_job(self, job: Job) -> journal.Job:
+    def journal_job(self, job: Job) -> journal.Job:
         """What is run, with where a whole run of it starts."""
-        program, start = job.program, five(self.now().joints)
-        if program.spot is not None:
-            start = program.start or homed_position(program.machine)
-        return journal.Job.of(program.name, program.text, program.machine, start, program.dry_run_mm)
+        program, start = job.program, job.start
+        whole_from = None if start is None else start.joints if start.spot is None else start.whole_from
+        joints = whole_from or jobs.homed_position(program.machine)
+        return journal.Job.of(program.name, program.text, program.machine, joints, program.dry_run_mm)
 
-    def gone_on_with(self, job: Job) -> Job:
-        """The job from where the journal says that it was interrupted. Raises DoorError."""
-        entry, why = journal.read(self.state / JOURNAL)
-        now, program = self.now(), job.program
-        if entry is not None:
-            here = journal.Job.of(
-                program.name, program.text, self.machine, entry.job.start, entry.job.dry_run_mm
-            )
-            why = journal.refusal(entry, here, now.homed, now.untrusted, len(self.machine.axes))
-            spot, start, dry_run_mm = journal.spot_of(entry, here), entry.job.start, entry.job.dry_run_mm
-            job.program = replace(program, spot=spot, start=start, dry_run_mm=dry_run_mm)
-        if entry is None or why:
-            why = why or journal.refusal(None, self._journal_job(job), 0, 0, 0)
-            raise DoorError("refused", why, now.mode.name, "LOAD")
-        return job
+    def led_aside(self) -> None:
+        """The tool leaves the path, or comes back to it."""
+        with self.lock:
+            if self.record is not None:
+                self.record.led_aside()
+
+    def refit(self, job: Job) -> None:
+        """Other tools were fitted while the program was held; the rest of it is as they cut it."""
+        with self.lock:
+            job.program = replace(job.program, machine=self.machine)
+            if not job.is_mdi:
+                self.journal.go_on_as(self.journal_job(job))
 
     def _hear(self, news: News) -> None:
         """From the plan's thread."""
@@ -234,10 +246,8 @@ class Service:
     def arming(self, job: Job) -> None:
         """What the plan tells from now on is of this job."""
         with self.lock:
-            job.ways.clear()
-            job.news = News(finished=False)
+            job.arm()
             self.running = job
-            job.state = "starting"
             spot = job.program.spot
             what = {"name": job.program.name, "sha256": job.sha256, "line": spot.line if spot else None}
             recorder = self.engine.recorder
@@ -261,8 +271,9 @@ class Service:
             if job is None:
                 return
             job.state, job.sentence = result, sentence
-            if job.news.tool is not None:
-                self.tool = job.news.tool if result == "completed" else 0
+            job.program = replace(job.program, machine=self.machine)  # tools may have changed in a hold
+            if job.news.tool is not None and (result == "completed" or job.news.tool != self.tool):
+                self.tool = job.news.tool if result == "completed" else 0  # it may be in the hand
             self.running = self.record = None
         if record is not None:
             more = {"sentence": sentence or None, "planned_s": job.duration_s}
@@ -275,9 +286,11 @@ class Service:
         now = self.engine.snapshot()
         if now is None:
             return None
-        self._look_at_processes(now)
+        with self.lock:  # a tick that is gone is followed by another only when all of it was told
+            self._look_at_processes(now)
         self._look_at_rows()
-        self._look_at_faults(now)
+        if self.engine.tick_alive:
+            self.troubles.look(now)
         self._write_journal(now)
         self._look_at_job(now)
         return now
@@ -286,7 +299,7 @@ class Service:
         """Once a second and at every standstill; a line typed by hand is no part of a program."""
         job, recorder = self.running, self.engine.recorder
         if recorder is not None and self.engine.tick_alive and not (job is not None and job.is_mdi):
-            self.journal.look(now, recorder.last, job is not None and job.news.whole)
+            self.journal.look(now, recorder.last, job.fraction(now) if job is not None else 0.0)
 
     def _look_at_processes(self, now: Snapshot) -> None:
         if not self.engine.tick_alive:
@@ -295,10 +308,14 @@ class Service:
                 self._tick_gone(now)
         elif not self.engine.plan_alive and not self._plan_died:
             self._plan_died = True
-            words = self.engine.last_words()
-            shown = alarm_values.of(self.machine, Fault.PLANNER_GONE, -1)
-            self.alarms.add(**_alarm(shown, words), **alarm_values.where(now))
+            self.troubles.planner_gone(now, self.engine.last_words())
+            self._plan_gone()
             self.sequencer.later(self._mend)
+
+    def _plan_gone(self) -> None:
+        """Nobody knows the rest of the path any more."""
+        if self.running is not None:
+            self.running.lost = True
 
     def _mend(self) -> None:
         """A new plan; the tick, the drives and where they are stay as they were."""
@@ -307,18 +324,10 @@ class Service:
         self._plan_died = False
 
     def _tick_gone(self, now: Snapshot) -> None:
-        """The drives stop by themselves; what the last ticks were is kept."""
-        shown = alarm_values.of(self.machine, Fault.CONTROLLER_GONE, -1)
-        recording = None
-        if self._keeper is not None:
-            self._keeper.keep(now, Fault.CONTROLLER_GONE)
-            recording = str(self._keeper.saved) if self._keeper.saved else None
-        self.fault = {**shown, "recording": recording}
-        entry = _alarm(shown, self.engine.last_words())
-        self.alarms.add(**entry, **alarm_values.where(now), recording=recording)
+        said = self.troubles.tick_gone(now, self.engine.last_words())
         self.journal.lost(now)
         self._look_at_rows()
-        self._end_job("fault", str(shown["sentence"]))
+        self._end_job("fault", said)
 
     def _look_at_rows(self) -> None:
         recorder = self.engine.recorder
@@ -329,54 +338,44 @@ class Service:
             if self.record is not None and len(rows):
                 self.record.take(rows)
 
-    def _look_at_faults(self, now: Snapshot) -> None:
-        """A fault is told once, as soon as it is seen; its recording follows when the machine stands."""
-        if not self.engine.tick_alive:
-            return
-        key = (now.fault, now.mode, now.fault_axis)
-        if now.fault is not Fault.NONE and now.fault is not self._last_fault[0]:
-            self.fault = {
-                **alarm_values.of(self.machine, now.fault, now.fault_axis, now.warning),
-                "recording": None,
-            }
-            entry = _alarm(self.fault, "")
-            self._fault_id = self.alarms.add(**entry, **alarm_values.where(now))["id"]
-        elif now.fault is Fault.NONE:
-            self.fault = None
-        self._last_fault = key
-        if now.warning is not self._last_warning and now.warning is not Fault.NONE:
-            shown = alarm_values.of(self.machine, now.warning, -1)
-            self.alarms.add(**_alarm(shown, ""), **alarm_values.where(now))
-        self._last_warning = now.warning
-        self._look_at_recording(now)
-
-    def _look_at_recording(self, now: Snapshot) -> None:
-        keeper = self._keeper
-        if keeper is None or not keeper.look(now) or self.fault is None:
-            return
-        told = str(keeper.saved) if keeper.saved else None
-        if told != self.fault.get("recording"):
-            self.fault = {**self.fault, "recording": told}
-            self.alarms.change(self._fault_id, recording=told)
-
     def _look_at_job(self, now: Snapshot) -> None:
         job, record = self.running, self.record
         if job is None or record is None or not self.engine.tick_alive:
             return
         if now.mode is Mode.FAULT:
             if now.at_rest or now.stopping is False:
-                self._end_job("fault", str(self.fault["sentence"]) if self.fault else "")
+                shown = self.troubles.shown
+                self._end_job("fault", str(shown["sentence"]) if shown else "")
         elif now.mode in (Mode.RUNNING, Mode.HOLD, Mode.STOPPING, Mode.JOG):
-            names = {Mode.RUNNING: "running", Mode.STOPPING: "stopping"}
-            job.state = names.get(now.mode, "held")
+            job.state = job.state_at(now) if job.taken else job.state
+            job.pass_time(now)
+            self._see_tool(now, job)
             self._see_refused(now, job)
+            self._see_lost(now, job)
         elif record.began and now.tick > record.last_tick - 1:
-            whole = job.news.whole and not record.stopped and not job.sentence
-            self._end_job("completed" if whole else "refused" if job.sentence else "stopped", job.sentence)
+            whole = job.news.whole and not record.stopped and not job.refused
+            if whole and not job.is_mdi:
+                self.journal.completed(now)
+            self._end_job("completed" if whole else "refused" if job.refused else "stopped", job.sentence)
+
+    def _see_tool(self, now: Snapshot, job: Job) -> None:
+        """The one in the spindle, once the program moves with it."""
+        way = job.ways.get(now.motion_id)
+        if way is not None and way.tool is not None and way.tool != self.tool:
+            self.tool = way.tool
+            self.journal.in_spindle(way.tool)
+
+    def _see_lost(self, now: Snapshot, job: Job) -> None:
+        """A program whose plan is gone does not go on: where it moves the tick stops it by itself."""
+        if job.lost and now.at_rest and now.mode in (Mode.RUNNING, Mode.HOLD):
+            job.sentence = sentence(Fault.PLANNER_GONE)
+            with contextlib.suppress(DoorError):
+                self.engine.request(Request.STOP)
 
     def _see_refused(self, now: Snapshot, job: Job) -> None:
         """A block was refused on the way: the tool stands before it, and the program ends there."""
-        if now.mode is Mode.RUNNING and job.news.refusal and now.at_rest and not job.sentence:
+        if now.mode is Mode.RUNNING and job.news.refusal and now.at_rest and not job.refused:
+            job.refused = True
             job.sentence = f"{job.news.refusal} The tool stands on the path before that block."
             self.alarms.add("PROGRAM", job.sentence, **alarm_values.where(now))
             with contextlib.suppress(DoorError):
@@ -386,14 +385,3 @@ class Service:
         """Work that came to nothing after its answer may have gone out already."""
         if error.code != "busy" and name in ("power up", "home", "enable", "reset"):
             self.alarms.add(f"{name} failed".upper().replace(" ", "_"), error.sentence)
-
-
-def homed_position(machine: Machine) -> Joints:
-    """Where the axes stand when all of them have been homed (mm, rad)."""
-    return five(tuple(axis.homing.position for axis in machine.axes))
-
-
-def _alarm(shown: dict[str, Any], words: str) -> dict[str, Any]:
-    """An alarm out of a fault, with the last words of a process."""
-    entry = {name: value for name, value in shown.items() if name not in ("name", "sentence", "recording")}
-    return {"name": shown["name"], "words": f"{shown['sentence']} {words}".strip(), **entry}

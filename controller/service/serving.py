@@ -59,11 +59,16 @@ class _Asked:
 
 
 def _watch(service: Service, asked: _Asked, tell: Tell) -> None:
-    """The watchdog is fed by ticks, not by this loop: a tick that stands still starves it."""
+    """The watchdog is fed by ticks, not by this loop: a tick that hangs starves it.
+
+    A tick that is gone has done what a restart would bring: its drives stand, its alarm is told, and
+    a reset starts another. Then there is nothing to watch, and a restart would cost that reset.
+    """
     fed_tick, fed_s, told, told_s = -1, 0.0, "", 0.0
     while not asked.yes:
         now, now_s = service.look(), time.monotonic()
-        if now is not None and now.tick != fed_tick and now_s - fed_s >= FEED_S:
+        lives = now is not None and now.tick != fed_tick
+        if now is not None and now_s - fed_s >= FEED_S and (lives or not service.engine.tick_alive):
             tell("WATCHDOG=1")
             fed_tick, fed_s = now.tick, now_s
         words = _words(service)
@@ -77,5 +82,6 @@ def _words(service: Service) -> str:
     now, job = service.engine.snapshot(), service.running
     if now is None or not service.engine.tick_alive:
         return "the tick process is gone"
-    fault = f", {service.fault['name']}" if service.fault else ""
+    shown = service.fault_at(now)
+    fault = f", {shown['name']}" if shown else ""
     return f"{now.mode.name}{fault}" + (f", {job.program.name} line {now.line}" if job is not None else "")

@@ -27,6 +27,7 @@ def machine_values(
         **tip(machine, now, way),
         "feed_mm_min": {"programmed": _programmed(way), "actual": _feed(now, recorder)},
         "limited_by": _limited_by(machine, now),
+        "in_block": in_block(now, way),
         "override": now.override,
         "rapid_override": now.rapid_override,
         "single_block": now.single_block,
@@ -59,7 +60,7 @@ def joints(machine: Machine, now: Snapshot, way: Way | None) -> dict[str, dict[s
     """By axis: where it is told to be, where it is, how far it still goes."""
     shown, actual = machine.shown(now.joints), machine.shown(now.actual)
     ends = machine.shown(way.end) if way is not None else shown
-    work = _work(machine, shown)
+    work = _work(machine, shown, way.offset if way is not None else 0)
     return {
         axis.name: {
             "machine": shown[i],
@@ -74,9 +75,9 @@ def joints(machine: Machine, now: Snapshot, way: Way | None) -> dict[str, dict[s
     }
 
 
-def _work(machine: Machine, shown: tuple[float, ...]) -> list[float]:
-    """As words of a program under G54 read: joints less the work offset."""
-    origin = dict(zip(machine.linear(), machine.offsets[0].origin, strict=True))
+def _work(machine: Machine, shown: tuple[float, ...], offset: int) -> list[float]:
+    """As words of a program read under that work offset (0 = G54): joints less the offset."""
+    origin = dict(zip(machine.linear(), machine.offsets[offset].origin, strict=True))
     return [value - origin.get(i, 0.0) for i, value in enumerate(shown)]
 
 
@@ -95,7 +96,21 @@ def tip(machine: Machine, now: Snapshot, way: Way | None) -> dict[str, Any]:
     return {
         "tip": dict(zip("XYZ", map(float, frame.from_parent(pose.tip)), strict=True)),
         "axis": dict(zip("IJK", map(float, frame.turn_back(pose.axis)), strict=True)),
+        # The same seen from the table with the rotaries at zero, for pictures and for touching off.
+        "on_table": {
+            "tip": [float(p) for p in pose.tip],
+            "axis": [float(p) for p in pose.axis],
+            "length_mm": length_mm,
+        },
     }
+
+
+def in_block(now: Snapshot, way: Way | None) -> dict[str, Any] | None:
+    """What the motion under way is, the share of it that is done, and on a surface its parameter u."""
+    if way is None:
+        return None
+    done = min(1.0, max(0.0, now.s / way.end_s)) if way.end_s > 0.0 else 0.0
+    return {"what": way.name, "fraction": done, "u": way.arc.u_at(now.s) if way.arc is not None else None}
 
 
 def _programmed(way: Way | None) -> float | None:
@@ -137,6 +152,8 @@ def facts(machine: Machine, fitted: Mapping[str, Any]) -> dict[str, Any]:
                 "following_error": axis.following_error * abs(k),
                 "brake": axis.brake,
                 "home": axis.homing.position * k,
+                "direction": list(axis.direction),
+                "point_mm": list(axis.point_mm),
             }
             for axis in machine.axes
             for k in (axis.shown_per_unit,)

@@ -24,6 +24,7 @@ from controller.plan.route.spot import Spot
 from controller.plan.route.stretch import Chain, Note, Pause, Stretch
 from controller.plan.text import blocks
 from controller.plan.text.program import Block, ProgramError
+from controller.verify.audit import Watched, audit
 
 NOTHING = "The program has no block that does anything; nothing to run."
 
@@ -37,6 +38,7 @@ class Task:
     machine: Machine
     kinematics: Kinematics
     start: Joints
+    look: Callable[[Block], None] | None = None  # called with every block that is read; may raise
 
     @property
     def key(self) -> str:
@@ -80,8 +82,15 @@ def rest_of(asked: Task, chosen: Mapping[int, Rotaries] | None, spot: Spot, dry_
 
 
 def _source(asked: Task, chosen: Mapping[int, Rotaries] | None, dry_run_mm: float) -> Source:
-    read = blocks.stream(asked.text, asked.machine, asked.name)
+    read = _blocks(asked)
     return Source(read, asked.name, asked.machine, asked.kinematics, asked.start, chosen, dry_run_mm)
+
+
+def _blocks(asked: Task) -> Iterator[Block]:
+    for block in blocks.stream(asked.text, asked.machine, asked.name):
+        if asked.look is not None:
+            asked.look(block)
+        yield block
 
 
 class _Read:
@@ -111,7 +120,7 @@ def _whole(items: Iterator[Chain | Pause], read: _Read, name: str) -> Iterator[C
 
 def chosen_for(asked: Task) -> dict[int, Rotaries]:
     """Branch and turns over the whole program: a pass of its own over its blocks."""
-    read = blocks.stream(asked.text, asked.machine, asked.name)
+    read = _blocks(asked)
     return choices.choices(read, asked.machine, asked.kinematics, asked.start, asked.name)
 
 
@@ -121,10 +130,20 @@ def walk_of(asked: Task, kept: Stored | None, unchecked: bool) -> Walk:
     """
     if kept is None and not unchecked:
         whole = path_of(asked, chosen_for(asked))
-        for _ in whole.items:
+        watched = Watched(whole.items)
+        for _ in watched:
             pass
-        return _noted(path_of(asked, whole.choices), whole.notes)
+        return _noted(path_of(asked, whole.choices), whole.notes + _audited(asked, watched))
     return _noted(path_of(asked, kept.choices if kept else None), kept.notes if kept else ())
+
+
+def _audited(asked: Task, watched: Watched) -> list[Note]:
+    """What is told of gouges; raises ProgramError where they are refused."""
+
+    def read() -> Iterator[Block]:
+        return blocks.stream(asked.text, asked.machine, asked.name)
+
+    return audit(watched, read, asked.name, asked.machine, asked.kinematics)
 
 
 def _noted(walk: Walk, notes: Sequence[Note]) -> Walk:
@@ -144,14 +163,18 @@ def check(
     where: Path,
     tell: Callable[[BlockUse], None] = lambda _: None,
     progress: Callable[[int], None] = lambda _: None,
+    watch: Callable[[Iterable[Chain | Pause]], Iterable[Chain | Pause]] = lambda items: items,
 ) -> tuple[Survey, Stored, str]:
     """Look at the whole program and keep what was found: survey, check, and a warning or "".
 
-    ``tell`` and ``progress`` are those of ``survey.survey``. Raises ProgramError.
+    ``tell`` and ``progress`` are those of ``survey.survey``; ``watch`` hands the path on as it is
+    read. Raises ProgramError.
     """
     walk = path_of(asked, chosen_for(asked))
-    found = survey.survey(walk.items, asked.machine, asked.kinematics, tell, progress)
-    kept = Stored(found.ticks, found.duration_s, found.blocks, walk.choices, tuple(walk.notes))
+    watched = Watched(watch(walk.items))
+    found = survey.survey(watched, asked.machine, asked.kinematics, tell, progress)
+    notes = (*walk.notes, *_audited(asked, watched))
+    kept = Stored(found.ticks, found.duration_s, found.blocks, walk.choices, notes)
     try:
         stored.save(kept, asked.key, where)
     except OSError as error:

@@ -2,7 +2,8 @@
 
 The record of a live run has two more kinds of lines, for what an override makes depends on when
 the planner looked: "plan" (before this tick it acted, with ``value`` seconds for itself) and
-"pieces" (with this tick its message was taken); at tick -1 both were before the start.
+"pieces" (with this tick its message was taken); at tick -1 both were before the start. Its first
+line, "begin", has for its ``value`` where the machine stood, and what was fitted.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from controller.session.starts import Start
 from controller.state import Request
 from controller.tick.mode import MOST_OVERRIDE
 
@@ -24,9 +26,12 @@ REQUESTS = {
     "single_block": Request.SINGLE_BLOCK,
     "optional_stop": Request.OPTIONAL_STOP,
 }
-TURNS = ("plan", "pieces")
+TURNS = ("stand", "plan", "pieces")
 OVERRIDES = ("override", "rapid_override")
 SWITCHES = ("single_block", "optional_stop")
+
+
+ASIDE = "aside"
 
 
 class EventError(Exception):
@@ -44,11 +49,27 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """The planner acted before a tick, or its message was taken in it."""
+    """The planner acted before a tick, or its message was taken in it, or a long gap was before it."""
 
     tick: int
-    pieces: bool  # a message was taken; else the planner acted
+    pieces: bool  # a message was taken
     lead_s: float = 0.0
+    stand: bool = False  # the path stood still; else, and without ``pieces``, the planner acted
+
+
+@dataclass(frozen=True, slots=True)
+class Begin:
+    """How a recorded run began."""
+
+    start: Start
+    fitted: dict[str, Any]  # offsets and tools, as ``fitting`` keeps them
+    program_sha256: str
+    machine_sha256: str
+
+
+def begin(path: Path) -> Begin | None:
+    """How the run of a record began; None where an operator wrote the file. Raises EventError."""
+    return next((one for one in _lines(path) if isinstance(one, Begin)), None)
 
 
 def read(path: Path) -> tuple[Event, ...]:
@@ -62,7 +83,7 @@ def turns(path: Path) -> tuple[Turn, ...]:
     return tuple(one for one in _lines(path) if isinstance(one, Turn))
 
 
-def _lines(path: Path) -> list[Event | Turn]:
+def _lines(path: Path) -> list[Event | Turn | Begin]:
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except UnicodeDecodeError as error:
@@ -72,7 +93,7 @@ def _lines(path: Path) -> list[Event | Turn]:
     return [_event(f"{path}:{n}", line) for n, line in enumerate(lines, 1) if line.strip()]
 
 
-def _event(where: str, line: str) -> Event | Turn:
+def _event(where: str, line: str) -> Event | Turn | Begin:
     try:
         data = json.loads(line)
     except (ValueError, RecursionError) as error:  # also numbers of thousands of digits
@@ -83,6 +104,13 @@ def _event(where: str, line: str) -> Event | Turn:
         raise EventError(f'{where}: {named}; allowed are "tick", "request" and "value".')
     if data.get("request") in TURNS:
         return _turn(where, data)
+    if data.get("request") == "begin":
+        return _begin(where, data.get("value"))
+    if data.get("request") == ASIDE:
+        raise EventError(
+            f"{where}: in this run the tool was led off the path by hand, which is in no record; "
+            "only a run without a retract can be run again."
+        )
     tick = data.get("tick")
     if not isinstance(tick, int) or isinstance(tick, bool) or tick < 0:
         raise EventError(
@@ -94,6 +122,16 @@ def _event(where: str, line: str) -> Event | Turn:
     return Event(tick, REQUESTS[request], _value(where, request, data))
 
 
+def _begin(where: str, value: Any) -> Begin:
+    try:
+        sums = (str(value["program_sha256"]), str(value["machine_sha256"]))
+        return Begin(Start.from_dict(value), dict(value["fitted"]), *sums)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise EventError(
+            f"{where}: this is no beginning of a recorded run; give the file as the run's record has it."
+        ) from error
+
+
 def _turn(where: str, data: dict[str, Any]) -> Turn:
     tick, lead_s = data.get("tick"), data.get("value", 0.0)
     sound = type(lead_s) in (int, float) and 0.0 <= lead_s < 60.0
@@ -102,7 +140,7 @@ def _turn(where: str, data: dict[str, Any]) -> Turn:
             f'{where}: a turn of the planner has a whole "tick" from -1 and a "value" from 0 to 60 (s); '
             "give the file as the run's record has it."
         )
-    return Turn(tick, data["request"] == "pieces", float(lead_s))
+    return Turn(tick, data["request"] == "pieces", float(lead_s), data["request"] == "stand")
 
 
 def _value(where: str, request: str, data: dict[str, Any]) -> float:

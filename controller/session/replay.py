@@ -16,10 +16,12 @@ from controller.session.events import Turn
 
 
 class Replay:
-    """Stands between planner and tick; ``deliver`` is the planner's ``send``."""
+    """Between planner and tick; ``deliver`` is the planner's ``send``, ``stand`` what a long gap does."""
 
-    def __init__(self, deliver: Callable[[PieceMessage], bool]) -> None:
-        self._deliver = deliver
+    def __init__(
+        self, deliver: Callable[[PieceMessage], bool], stand: Callable[[], None] = lambda: None
+    ) -> None:
+        self._deliver, self._stand = deliver, stand
         self._turns: deque[Turn] = deque()
         self._waiting: deque[PieceMessage] = deque()
         self.active = False
@@ -57,7 +59,9 @@ class Replay:
             self._make(self._turns.popleft(), planner, now)
 
     def _make(self, turn: Turn, planner: Planner, now: Snapshot | None) -> None:
-        if turn.pieces:
+        if turn.stand:
+            self._stand()
+        elif turn.pieces:
             if self._waiting:
                 self._deliver(self._waiting.popleft())
         elif now is not None:

@@ -31,6 +31,8 @@ from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.plan.planner import Planner
 from controller.plan.route.path import Chain, Pause
+from controller.plan.route.stretch import straight
+from controller.plan.text.program import Place
 from controller.session import cyclic
 from controller.session.events import Event, Turn
 from controller.session.recording import Keeper
@@ -90,6 +92,13 @@ class Items(Protocol):
     def items(self) -> Iterable[Chain | Pause]: ...
 
 
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A path of a few items."""
+
+    items: Sequence[Chain | Pause]
+
+
 class SteppedMachine:
     """Powers up, commissions, homes and runs programs."""
 
@@ -139,7 +148,7 @@ class SteppedMachine:
         self._group.start()
         self._loop = Loop(self.cycle, self.clock)
         self._offset_s = self.rig.now_s
-        self._replay = Replay(PieceOutbox(self._plan_end).send)
+        self._replay = Replay(PieceOutbox(self._plan_end).send, self.cycle.stand)
         self.planner = Planner(machine, self.kinematics, self._replay.send, remember=True)
         self._keeper = None if recordings is None else self._keeping(recordings)
         self._rows: list[Rows] = []
@@ -211,6 +220,15 @@ class SteppedMachine:
                 return modes.mode, modes.interlock
             self.tick()
         return modes.mode, modes.fault
+
+    def stand_at(self, joints: Joints, plan_time_s: float) -> None:
+        """Where a recorded run began, by place and by the path clock; homed and enabled it goes there."""
+        way = straight("position", Place(1, 1), self.joints, joints, None, self.kinematics)
+        if way is not None:
+            self.run(Way((Chain((way,)),)))
+        self.cycle.follow.set_joints(joints)
+        self.cycle.follow.set_clock(plan_time_s)
+        self.tick()
 
     # --- a program
 

@@ -7,12 +7,15 @@ import random
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cutting import shipped
 
 from controller import journal
+from controller.handoff import SnapshotBoard
 from controller.journal import Entry, Job
 from controller.plan.route.spot import Spot
+from controller.state import Fault, Mode
 
 HOME = (0.0, 0.0, 260.0, 0.0, 0.0)
 ALL = 0b11111
@@ -101,3 +104,76 @@ def test_offsets_and_tools_count_by_their_values_and_the_machine_by_its_file() -
     moved = replace(machine, offsets=(machine.offsets[0]._replace(origin=(1.0, 2.0, 3.0)),))
     other = Job.of("part.ngc", b"G0 X1\n", moved, HOME)
     assert other.machine_sha256 == job().machine_sha256 and other.offsets_sha256 != job().offsets_sha256
+
+
+# --- what is written, and when
+
+
+class Looked:
+    """A journal with a clock and a snapshot that a test moves."""
+
+    def __init__(self, folder: Path) -> None:
+        self.file, self.now_s = folder / "journal.json", 0.0
+        self.journal = journal.Journal(self.file, lambda: self.now_s)
+        self.journal.begin(job())
+        block = SnapshotBoard()
+        block.write(*[0] * 53)
+        found = block.read()
+        assert found is not None
+        self.snapshot = found._replace(at_rest=False, homed=ALL, motion_id=5, line=19)
+
+    def look(self, fraction: float = 0.0, **changes: object) -> Entry | None:
+        self.snapshot = self.snapshot._replace(**changes)  # type: ignore[arg-type]
+        self.journal.look(self.snapshot, lambda _: np.zeros((0, 1)), fraction)
+        return journal.read(self.file)[0]
+
+    def run(self, length: float) -> None:
+        for s in np.arange(self.snapshot.s, self.snapshot.s + length, 0.1):
+            self.now_s += 0.02
+            self.look(mode=Mode.RUNNING, s=float(s))
+
+
+def test_of_a_stop_beside_the_path_a_place_before_it_is_kept_and_of_one_on_it_the_very_place(
+    tmp_path: Path,
+) -> None:
+    looked = Looked(tmp_path)
+    looked.run(4.0)
+    entry = looked.look(mode=Mode.HOLD, at_rest=True)
+    assert entry is not None and entry.exact and entry.spot.s == looked.snapshot.s
+    looked.run(4.0)
+    entry = looked.look(mode=Mode.FAULT, fault=Fault.EMERGENCY_STOP, at_rest=True)
+    assert entry is not None and not entry.exact
+    assert looked.snapshot.s - 0.6 < entry.spot.s < looked.snapshot.s - 0.1
+
+
+def test_the_fraction_of_the_block_is_added_when_the_plan_has_told_it(tmp_path: Path) -> None:
+    looked = Looked(tmp_path)
+    looked.run(2.0)
+    first = looked.look(mode=Mode.HOLD, at_rest=True)
+    then = looked.look(0.25)
+    assert first is not None and first.spot.fraction == 0.0
+    assert then == replace(first, spot=first.spot._replace(fraction=0.25), time_s=then.time_s if then else 0)
+
+
+def test_with_other_tools_fitted_in_a_hold_line_and_fraction_count(tmp_path: Path) -> None:
+    looked = Looked(tmp_path)
+    looked.run(2.0)
+    looked.look(0.25, mode=Mode.HOLD, at_rest=True)
+    looked.journal.go_on_as(replace(job(), tools_sha256="another"))
+    looked.journal.lost(looked.snapshot)
+    looked.look(mode=Mode.RUNNING, at_rest=False, motion_id=-1)
+    entry = looked.look(mode=Mode.HOLD, at_rest=True)
+    assert entry is not None and entry.job.tools_sha256 == "another" and entry.spot == Spot(19, 0.25)
+
+
+def test_a_program_that_came_to_its_end_is_not_offered_again(tmp_path: Path) -> None:
+    looked = Looked(tmp_path)
+    looked.run(2.0)
+    standing = looked.look(mode=Mode.READY, at_rest=True)
+    assert standing is not None and not standing.ended
+    looked.journal.completed(looked.snapshot)
+    entry, _ = journal.read(looked.file)
+    assert entry is not None and entry.ended
+    assert "no interrupted program" in journal.refusal(entry, job(), ALL, 0, 5)
+    looked.look()
+    assert journal.read(looked.file)[0] == entry, "looks after that leave it so"

@@ -4,48 +4,66 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
-from serving import serving
+from replaying import again, assert_same_setpoints, facts, records
+from serving import Serving, calm, calm_machine, serving
 
-from controller import config
-from controller.handoff import COLUMN
-from controller.session import checked, events
-from controller.session.stepped import SteppedMachine
+from controller.session import events
+from controller.session.events import EventError
 
+MACHINE = calm_machine()
 PART = "G21 G90 G54\nG0 X40.\nG1 X-40. Y10. F3000\nG1 X30. Y-10. A8.\nG0 X0 Y0\nM30\n"
 
 
-@pytest.mark.soak
+def disturbed(service: Serving) -> None:
+    """A run with overrides and a hold."""
+    service.done("start")
+    service.until(lambda now: now["mode"] == "RUNNING" and now["feed_mm_min"]["actual"] > 2000.0)
+    for share in (0.4, 1.6):
+        service.ask("override", share=share)
+        tick = service.status()["tick"]["number"]
+        service.until(lambda now, tick=tick: now["tick"]["number"] > tick + 200)  # type: ignore[misc]
+    service.ask("hold")
+    service.until(lambda now: now["mode"] == "HOLD" and now["at_rest"])
+    service.ask("override", share=1.0)
+    service.ask("resume")
+    assert service.ended()["job"]["state"] == "completed"
+
+
+@pytest.mark.slow
 def test_the_record_of_a_run_with_hold_and_overrides_gives_the_same_setpoints(tmp_path: Path) -> None:
-    with serving(tmp_path) as service:
+    """Of one from the homed position, of one from elsewhere with other offsets, and of a rest."""
+    with serving(tmp_path, *calm(tmp_path)) as service:
         service.ready()
         service.load(PART)
+        disturbed(service)
+        service.done("mdi", text="G0 X-7.3 Y11 A3.")
+        service.ended()
+        service.ask("set_offset", name="G54", values=[1.0, 90.0, 110.0])
+        service.load(PART)
+        disturbed(service)
+        service.done("load", path=str(service.state / "part.ngc"), name="part.ngc", line=3, fraction=0.4)
         service.done("start")
-        service.until(lambda now: now["mode"] == "RUNNING" and now["feed_mm_min"]["actual"] > 2000.0)
-        for share in (0.4, 1.6):
-            service.ask("override", share=share)
-            tick = service.status()["tick"]["number"]
-            service.until(lambda now, tick=tick: now["tick"]["number"] > tick + 200)  # type: ignore[misc]
-        service.ask("hold")
-        service.until(lambda now: now["mode"] == "HOLD" and now["at_rest"])
-        service.ask("override", share=1.0)
-        service.ask("resume")
         assert service.ended()["job"]["state"] == "completed"
-        service.until(lambda _: service.ask("runs")["runs"])
-        (run,) = service.ask("runs")["runs"]
-    folder = tmp_path / "state" / "runs" / run["id"]
-    live = np.load(folder / "setpoints.npz")["rows"]
-    bench = SteppedMachine(config.load("trunnion"))
-    bench.come_up()
-    task = checked.task(PART.encode(), "part.ngc", bench.machine)
-    kept, _ = checked.find(task, tmp_path / "state" / "checks")
-    assert kept is not None
-    file = folder / "events.jsonl"
-    made = bench.run(checked.walk_of(task, kept, False), events.read(file), turns=events.turns(file))
-    first = COLUMN["setpoint_0"]
-    again = made.rows[:, first : first + 5]
-    assert made.result == "completed"
-    length = min(len(live), len(again))
-    assert abs(len(live) - len(again)) <= 25  # looking whether it stands
-    np.testing.assert_array_equal(again[:length], live[:length, 1:])
+        service.until(lambda _: len(records(service.state)) == 4)
+    runs = [folder for folder in records(service.state) if facts(folder)["name"] == "part.ngc"]
+    assert len(runs) == 3
+    for folder in runs:
+        done = again(folder, PART, MACHINE)
+        assert done.run.result == "completed"
+        assert_same_setpoints(done)
+
+
+def test_a_record_with_a_way_aside_says_that_it_cannot_be_run_again(tmp_path: Path) -> None:
+    file = tmp_path / "events.jsonl"
+    file.write_text('{"tick": 7, "request": "aside"}\n')
+    with pytest.raises(EventError, match="led off the path by hand"):
+        events.read(file)
+
+
+@pytest.mark.parametrize("value", ["null", "{}", '{"joints": [0, 1]}', "[1]", '"x"'])
+def test_a_beginning_that_is_none_is_refused_in_a_sentence(tmp_path: Path, value: str) -> None:
+    file = tmp_path / "events.jsonl"
+    file.write_text(f'{{"tick": -1, "request": "begin", "value": {value}}}\n')
+    with pytest.raises(EventError, match=r"events.jsonl:1: this is no beginning .*\.$"):
+        events.begin(file)

@@ -11,6 +11,7 @@ import pytest
 from serving import Serving, serving
 
 SHORT = "G21 G90 G54 G0 X20.\nG1 X10. F3000\nM30\n"
+NOT_ASKED = ("begin", "stand", "plan", "pieces")  # by an operator
 LONG = "G21 G90 G54\n" + "G1 X100. F3000\nG1 X-100.\n" * 20 + "M30\n"
 
 
@@ -94,7 +95,7 @@ def test_hold_resume_override_and_stop(service: Serving) -> None:
     assert run["result"] == "stopped"
     folder = service.state / "runs" / run["id"]
     events = [json.loads(line) for line in (folder / "events.jsonl").read_text().splitlines()]
-    operators = [event["request"] for event in events if event["request"] not in ("plan", "pieces")]
+    operators = [event["request"] for event in events if event["request"] not in NOT_ASKED]
     assert operators == ["hold", "override", "resume", "stop"]
     rows = np.load(folder / "setpoints.npz")["rows"]
     assert len(rows) == run["ticks"] and (np.diff(rows[:, 0]) >= 1).all()

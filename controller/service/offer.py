@@ -1,0 +1,83 @@
+"""What was interrupted and could be gone on with: looked at only, nothing is loaded by it."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import replace
+from typing import Any
+
+from controller import journal
+from controller.door import DoorError
+from controller.service.jobs import Job
+from controller.service.service import JOURNAL, Service
+
+
+def restart(service: Service) -> dict[str, Any]:
+    """The journal's entry as plain values; ``sentence`` says why it is not ``offered``.
+
+    Whether the program is still there as it was is for who keeps the programs: it is told by its
+    ``sha256``. A load with ``restart`` looks at everything again.
+    """
+    entry, why = journal.read(service.state / JOURNAL)
+    if entry is None or entry.ended:
+        return {"offered": False, "sentence": why or journal.refusal(None, _nothing(service), 0, 0, 0)}
+    here = journal.Job.of(entry.job.name, b"", service.machine, entry.job.start, entry.job.dry_run_mm)
+    same_program = replace(here, program_sha256=entry.job.program_sha256)
+    homed, untrusted = _trusted(service)
+    why = journal.refusal(entry, same_program, homed, untrusted, len(service.machine.axes))
+    return {
+        "offered": not why,
+        "sentence": why or None,
+        "name": entry.job.name,
+        "sha256": entry.job.program_sha256,
+        "line": entry.spot.line,
+        "fraction": entry.spot.fraction,
+        "exact": entry.exact,
+        "tool": entry.tool,
+        "mode": entry.mode,
+        "fault": None if entry.fault == "NONE" else entry.fault,
+        "dry_run_mm": entry.job.dry_run_mm or None,
+        "interrupted_s": entry.time_s,
+    }
+
+
+def _nothing(service: Service) -> journal.Job:
+    return journal.Job.of("", b"", service.machine, (0.0, 0.0, 0.0, 0.0, 0.0))
+
+
+def _trusted(service: Service) -> tuple[int, int]:
+    """Bit masks of the axes that are homed, and of those whose position a fault has cost."""
+    try:
+        now = service.now()
+    except DoorError:  # no tick: nobody knows where the axes are
+        return 0, 0
+    return now.homed, now.untrusted
+
+
+def gone_on_with(service: Service, job: Job) -> Job:
+    """The job from where the journal says that it was interrupted. Raises DoorError."""
+    entry, why = journal.read(service.state / JOURNAL)
+    now, program = service.now(), job.program
+    if entry is not None:
+        here = journal.Job.of(
+            program.name, program.text, service.machine, entry.job.start, entry.job.dry_run_mm
+        )
+        why = journal.refusal(entry, here, now.homed, now.untrusted, len(service.machine.axes))
+        spot, start, dry_run_mm = journal.spot_of(entry, here), entry.job.start, entry.job.dry_run_mm
+        job.program = replace(program, spot=spot, start=start, dry_run_mm=dry_run_mm)
+    if entry is None or why:
+        why = why or journal.refusal(None, service.journal_job(job), 0, 0, 0)
+        raise DoorError("refused", why, now.mode.name, "LOAD")
+    return job
+
+
+def tell_beside(service: Service) -> None:
+    """After the tick was gone, the drives having kept count: how far off the path they stopped."""
+    entry, _ = journal.read(service.state / JOURNAL)
+    job = service.job
+    if entry is None or entry.ended or job is None or job.state != "fault":
+        return
+    program = replace(job.program, spot=entry.spot, start=entry.job.start)
+    with contextlib.suppress(DoorError):  # the program may be refused by now, and this is only told
+        said = str(service.engine.line.order("beside", program=program)["sentence"])
+        service.alarms.add("BESIDE_THE_PATH", said, line=entry.spot.line)

@@ -1,0 +1,208 @@
+"""Example 2 on the service of a simulated machine, killed at random instants: the rest is cut to the end.
+
+What was cut before the kill and after the restart is made again on the stepped clock out of the
+records: the same setpoints bit for bit, so what holds there held on the machine. A seed is
+printed; ``DIRECTRIX_SEED`` repeats it, and ``DIRECTRIX_KILLS`` (default 1) asks for more instants.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cutting import program
+from living import gone, until
+from replaying import Again, again, assert_cut, assert_same_setpoints, facts, records
+from serving import ROOT, Serving, Values, calm, calm_machine, serving
+
+from controller import journal
+from controller.handoff import COLUMN
+from controller.journal import Entry
+from controller.plan.route.spot import ENTRY_ID, Spot
+from controller.state import Mode
+
+pytestmark = pytest.mark.slow
+
+TEXT = program("example2_ready.ngc", "1000.")
+MACHINE = calm_machine()
+BEGIN = Spot(1, 0.0, 0, 0.0)
+MOST_LOST_S = 1.0  # of cut, after a power loss or without a tick
+SEED = int(os.environ.get("DIRECTRIX_SEED") or random.randrange(1_000_000))
+KILLS = int(os.environ.get("DIRECTRIX_KILLS") or 1)
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Serving]:
+    folder = tmp_path_factory.mktemp("killed")
+    with serving(folder, *calm(folder)) as running:
+        running.ready()
+        yield running
+
+
+@pytest.fixture(params=range(KILLS))
+def instant(request: pytest.FixtureRequest) -> float:
+    """A share of the program; most of it is cut."""
+    seed = f"{SEED}-{request.param}-{request.node.originalname}"
+    share = random.Random(seed).uniform(0.0, 0.95)
+    print(f"DIRECTRIX_SEED={SEED} DIRECTRIX_KILLS={KILLS}: {request.node.name} at {share:.3f} of the program")
+    return share
+
+
+def until_in(service: Serving, share: float) -> Values:
+    """The program is loaded, started, and has come so far."""
+    service.load(TEXT)
+    planned_s = service.status()["job"]["duration_s"]
+    service.done("start")
+    now = service.until(
+        lambda now: now["mode"] == "READY" or (now["job"]["elapsed_s"] or 0.0) >= share * planned_s
+    )
+    if now["mode"] == "READY":  # nobody had time to look
+        service.ended()
+        return until_in(service, 0.8 * share)
+    return now
+
+
+def interrupted(service: Serving, at_least: int) -> tuple[Path, Entry]:
+    """The record of the run that was killed, and the journal as it was then."""
+    service.until(lambda _: len(records(service.state)) >= at_least, "the record")
+    entry, why = journal.read(service.state / "journal.json")
+    assert entry is not None, why
+    return records(service.state)[-1], entry
+
+
+def finish(service: Serving) -> Path:
+    """The rest, as the journal offers it; the record. Where a tool is asked for, it is there."""
+    before = len(records(service.state))
+    service.done("load", path=str(service.state / "part.ngc"), name="part.ngc", restart=True)
+    service.done("start")
+    while (now := service.until(stands, "the end"))["mode"] == "HOLD":
+        service.ask("resume")
+        service.until(lambda now: now["mode"] != "HOLD")
+    assert now["job"]["state"] == "completed", now
+    service.until(lambda _: len(records(service.state)) > before, "the record")
+    return records(service.state)[-1]
+
+
+def stands(now: Values) -> bool:
+    over = not now["job"] or now["job"]["state"] not in ("starting", "running", "stopping")
+    return over and now["at_rest"] and now["mode"] in ("READY", "HOLD", "OFF", "FAULT")
+
+
+def program_rows(done: Again) -> np.ndarray:
+    """Ticks of the run, as far as it went, in which the program itself was moved along."""
+    rows = done.run.rows[: len(done.live)]
+    ids = rows[:, COLUMN["motion_id"]]
+    return rows[(ids >= 0) & (ids < ENTRY_ID) & (rows[:, COLUMN["mode"]] == Mode.RUNNING)]
+
+
+def places(rows: np.ndarray) -> list[tuple[int, float]]:
+    return [(int(row[COLUMN["motion_id"]]), float(row[COLUMN["s"]])) for row in rows]
+
+
+def assert_at_or_before(entry: Entry, first: Again) -> None:
+    """The restart begins at or before where the tool was led, and costs at most a second of cut."""
+    rows = program_rows(first)
+    gone = places(rows)
+    if not gone:
+        return  # on the way into the program
+    begin = (entry.spot.motion_id, entry.spot.s)
+    assert begin <= gone[-1], (begin, gone[-1])
+    again_s = sum(place > begin for place in gone) * first.stepped.machine.period_s
+    assert again_s <= MOST_LOST_S, again_s
+
+
+def assert_rest(folder: Path, entry: Entry) -> None:
+    """As recorded, and within 1e-6 mm of the program."""
+    rest = again(folder, TEXT, MACHINE)
+    assert_same_setpoints(rest)
+    assert_cut(rest, TEXT, entry.spot)
+
+
+def test_a_killed_plan_costs_nothing_of_the_cut(service: Serving, instant: float) -> None:
+    done = len(records(service.state))
+    until_in(service, instant)
+    service.kill("plan")
+    now = service.until(stands)
+    folder, entry = interrupted(service, done + 1)
+    service.until(lambda now: now["plan_alive"])
+    if now["mode"] == "READY" and now["job"]["state"] == "completed":
+        return  # all of it had been planned, and was run to its end
+    assert not now["not_homed"] and entry.exact
+    service.done("reset" if now["mode"] == "FAULT" else "unload")
+    service.done("enable")
+    before = now["joints"]
+    assert service.status()["joints"].keys() == before.keys()
+    assert facts(folder)["result"] in ("fault", "stopped")
+    assert_rest(finish(service), entry)
+
+
+def test_a_killed_tick_costs_at_most_a_second_of_cut(service: Serving, instant: float) -> None:
+    done = len(records(service.state))
+    until_in(service, instant)
+    service.kill("tick")
+    service.until(lambda now: not now["tick_alive"] and now["fault"], "the loss")
+    folder, entry = interrupted(service, done + 1)
+    first = again(folder, TEXT, MACHINE)
+    assert_same_setpoints(first, ended_itself=False)
+    assert_at_or_before(entry, first)
+    service.done("reset")
+    told = [one["sentence"] for one in service.ask("alarms")["alarms"] if one["name"] == "BESIDE_THE_PATH"]
+    assert "mm beside the path" in told[0]
+    service.ready()
+    assert_rest(finish(service), entry)
+
+
+def test_a_killed_panel_costs_nothing_at_all(service: Serving, instant: float) -> None:
+    where = ("--state", str(service.state), "--runtime", str(service.runtime), "--port", "0")
+    with open(service.state / "panel.log", "ab") as log:
+        panel = subprocess.Popen(
+            [sys.executable, "-m", "controller", "panel", *where],
+            cwd=ROOT,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            stdout=log,
+            stderr=log,
+        )
+    try:
+        done = len(records(service.state))
+        until_in(service, instant)
+    finally:
+        panel.send_signal(signal.SIGKILL)
+        panel.wait()
+    now = service.until(stands)
+    assert (now["mode"], now["job"]["state"]) == ("READY", "completed")
+    service.until(lambda _: len(records(service.state)) > done)
+    whole = again(records(service.state)[-1], TEXT, MACHINE)
+    assert_same_setpoints(whole)
+    assert_cut(whole, TEXT, BEGIN)
+
+
+def test_a_power_loss_costs_at_most_a_second_of_cut_and_starts_nothing(
+    tmp_path: Path, instant: float
+) -> None:
+    """The service's own process, and with it all others and the simulated drives."""
+    with serving(tmp_path, *calm(tmp_path)) as service:
+        service.ready()
+        until_in(service, instant)
+        pids = [service.pid("tick"), service.pid("plan")]
+        service.process.send_signal(signal.SIGKILL)
+        service.process.wait()
+        until(lambda: gone(pids))
+    entry, why = journal.read(tmp_path / "state" / "journal.json")
+    assert entry is not None and not entry.ended, why
+    shutil.copy(tmp_path / "state" / "journal.json", tmp_path / "journal.json")
+    with serving(tmp_path, *calm(tmp_path)) as service:
+        service.up()
+        now = service.status()
+        assert (now["mode"], len(now["not_homed"])) == ("OFF", 5)
+        error = service.refused("load", path=str(service.state / "part.ngc"), restart=True)
+        assert "home all of them first" in error.sentence
+        service.ready()
+        assert_rest(finish(service), entry)

@@ -1,0 +1,35 @@
+"""`directrix serve` tells systemd how it is; without systemd it tells nobody."""
+
+from __future__ import annotations
+
+import socket
+from pathlib import Path
+
+import pytest
+
+from controller.commands import serve
+
+
+def test_without_systemd_nobody_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
+    serve._notifier()("READY=1")
+
+
+@pytest.mark.parametrize("abstract", [False, True])
+def test_systemd_hears_every_word_on_the_socket_that_it_named(
+    abstract: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = f"@directrix-test{tmp_path}" if abstract else str(tmp_path / "notify")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
+        systemd.bind("\0" + name[1:] if abstract else name)
+        systemd.settimeout(10.0)
+        monkeypatch.setenv("NOTIFY_SOCKET", name)
+        tell = serve._notifier()
+        for words in ("READY=1", "STATUS=OFF", "WATCHDOG=1"):
+            tell(words)
+            assert systemd.recv(100).decode() == words
+
+
+def test_a_systemd_that_is_gone_ends_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "nobody"))
+    serve._notifier()("WATCHDOG=1")

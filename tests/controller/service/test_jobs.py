@@ -1,0 +1,85 @@
+"""The loaded program: its state and the time it still takes, by snapshots."""
+
+from __future__ import annotations
+
+import pytest
+from cutting import shipped
+
+from controller.handoff import Snapshot, SnapshotBoard
+from controller.plan.detour import FIRST_ID
+from controller.plan.route.spot import ENTRY_ID, Spot
+from controller.service import jobs
+from controller.service.jobs import Job
+from controller.service.orders import News, Way
+from controller.state import Mode
+
+
+def snapshot(**values: object) -> Snapshot:
+    board = SnapshotBoard()
+    board.write(*[0] * 53)
+    found = board.read()
+    assert found is not None
+    return found._replace(**{"mode": Mode.RUNNING, "override": 1.0, "rapid_override": 1.0, **values})  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def job() -> Job:
+    made = jobs.mdi("G0 X1", shipped())
+    made.duration_s = 10.0
+    made.arm()
+    made.taken, made.state = True, "running"
+    made.hear(News(finished=False))
+    return made
+
+
+def way(feed_mm_s: float | None) -> Way:
+    return Way((0.0, 0.0, 0.0, 0.0, 0.0), feed_mm_s, 0.0, None, "line")
+
+
+def test_the_time_left_counts_with_the_override_that_was_and_the_one_that_is(job: Job) -> None:
+    job.pass_time(snapshot(plan_time_s=100.0))
+    job.pass_time(snapshot(plan_time_s=102.0))
+    assert job.to_dict(snapshot(plan_time_s=102.0))["left_s"] == pytest.approx(8.0)
+    job.pass_time(snapshot(plan_time_s=106.0, override=0.5))  # 4 s at half: 2 s of the check's time
+    assert job.to_dict(snapshot(plan_time_s=106.0, override=0.5))["left_s"] == pytest.approx(12.0)
+    assert job.to_dict(snapshot(plan_time_s=106.0))["left_s"] == pytest.approx(6.0)
+    assert job.to_dict(snapshot(override=0.0))["left_s"] is None
+
+
+def test_a_rapid_goes_by_its_own_override_and_a_way_aside_costs_nothing(job: Job) -> None:
+    job.hear(News(finished=False, ways={3: way(None)}))
+    job.pass_time(snapshot(plan_time_s=0.0))
+    job.pass_time(snapshot(plan_time_s=2.0, motion_id=3, override=0.1))
+    job.pass_time(snapshot(plan_time_s=9.0, motion_id=FIRST_ID))
+    assert job.to_dict(snapshot())["left_s"] == pytest.approx(8.0)
+
+
+def test_once_all_is_planned_the_time_left_is_that_of_the_plan(job: Job) -> None:
+    job.hear(News(finished=True))
+    assert job.to_dict(snapshot(plan_time_s=3.0, queue_end_s=5.5))["left_s"] == 2.5
+
+
+@pytest.mark.parametrize(
+    ("mode", "state"),
+    [(Mode.RUNNING, "running"), (Mode.HOLD, "held"), (Mode.JOG, "held"), (Mode.READY, "stopping")],
+)
+def test_the_state_is_that_of_the_snapshot(job: Job, mode: Mode, state: str) -> None:
+    assert job.to_dict(snapshot(mode=mode))["state"] == state
+
+
+def test_what_another_plan_tells_is_not_of_a_program_whose_plan_is_gone(job: Job) -> None:
+    job.lost = True
+    job.hear(News(finished=True, whole=True))
+    assert not job.news.whole
+
+
+def test_ways_of_the_program_outlast_an_entry_and_a_way_aside(job: Job) -> None:
+    job.hear(News(ways={1: way(1.0), 2: way(2.0), ENTRY_ID: way(3.0)}))
+    assert job.way(ENTRY_ID) == way(3.0) and job.way(FIRST_ID) is None
+    assert job.way(2) == way(2.0) and job.way(1) is None, "it lies behind"
+
+
+def test_the_fraction_of_a_block_is_never_more_than_what_is_done(job: Job) -> None:
+    job.hear(News(spot=Spot(4, 0.5, 7, 12.0)))
+    assert job.fraction(snapshot(motion_id=7, s=12.5)) == 0.5
+    assert job.fraction(snapshot(motion_id=7, s=11.0)) == job.fraction(snapshot(motion_id=8, s=20.0)) == 0.0

@@ -1,0 +1,126 @@
+"""The plan's orders carried out on the stepped clock: starts, rests, ways aside, with answers and news."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from planning_bench import Bench
+from restarting import with_tool
+
+from controller.handoff import COLUMN
+from controller.machine import five
+from controller.plan.route.spot import Spot
+from controller.service.orders import Answer, Program
+from controller.state import Mode, Request
+
+SAME = 1e-6
+LONGEST = 20_000  # ticks
+TEXT = """G21 G90 G55 T2 M6
+G43.4
+G0 X0 Y0 Z60 A0 C0
+G1 Z40 F3000
+G1 X30 Y8 A6
+G1 X-10 A2
+G49
+G0 Z120
+M30
+"""
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Bench:
+    return Bench(tmp_path)
+
+
+def armed(bench: Bench, **more: Any) -> Answer:
+    return bench.armed(TEXT, **more)
+
+
+def held(bench: Bench, line: int) -> tuple[float, ...]:
+    bench.until_line(line)
+    bench.request(Request.HOLD)
+    bench.until(Mode.HOLD)
+    return bench.stepped.joints
+
+
+def led(bench: Bench, verb: str, **more: Any) -> None:
+    answer = bench.order(verb, **more)
+    assert answer.error is None, answer.error
+    bench.request(Request.RESUME)
+    bench.until(Mode.HOLD)
+
+
+def test_a_start_tells_tool_offset_and_place_on_the_way(bench: Bench) -> None:
+    answer = armed(bench, in_spindle=1)
+    assert answer.facts["start"].joints == pytest.approx(bench.snapshot().joints, abs=1.0)
+    bench.until(Mode.READY)
+    ways = {name: way for news in bench.news for name, way in news.ways.items()}
+    assert {(way.tool, way.offset) for way in ways.values()} == {(2, 1)}, "T2 and G55"
+    assert bench.news[-1].finished and bench.news[-1].whole and bench.news[-1].tool == 2
+    bench.assert_cut(TEXT, bench.machine, Spot(1, 0.0, 0, 0.0))
+
+
+def test_a_rest_begins_in_the_middle_of_a_line_from_wherever_the_machine_stands(bench: Bench) -> None:
+    armed(bench, spot=Spot(5, 0.5), in_spindle=2)
+    bench.until(Mode.READY)
+    rows = np.concatenate(bench.rows)
+    assert rows[rows[:, COLUMN["line"]] > 0][:, COLUMN["line"]].min() == 5
+    bench.rows.clear()
+    armed(bench, spot=Spot(6, 0.25), in_spindle=2)
+    bench.until(Mode.READY)
+    first = bench.program_rows()
+    assert first[first[:, COLUMN["motion_id"]] < 1 << 24][0, COLUMN["line"]] == 6
+
+
+def test_off_the_path_and_back_with_the_same_tool_is_told_and_goes_on(bench: Bench) -> None:
+    armed(bench)
+    joints = held(bench, 5)
+    led(bench, "retract", distance_mm=5.0)
+    assert bench.news[-1].aside and bench.news[-1].spot is not None
+    led(bench, "return")
+    assert not bench.news[-1].aside
+    assert np.abs(np.subtract(bench.stepped.joints, joints)).max() < 1e-9
+    bench.request(Request.RESUME)
+    bench.until(Mode.READY)
+    bench.assert_cut(TEXT, bench.machine, Spot(1, 0.0, 0, 0.0))
+
+
+@pytest.mark.slow
+def test_another_tool_that_was_fitted_meanwhile_cuts_the_rest(bench: Bench) -> None:
+    answer = armed(bench)
+    joints = held(bench, 5)
+    spot = bench.planner.spot(bench.snapshot())
+    assert spot is not None and 0.0 < spot.fraction < 1.0
+    led(bench, "retract", distance_mm=20.0)
+    other = with_tool(bench.machine, 2, length_mm=8.0)
+    start = answer.facts["start"].joints
+    led(bench, "return", program=Program(TEXT.encode(), "part.ngc", other, start=start))
+    assert bench.stepped.joints[2] - joints[2] == pytest.approx(8.0, abs=0.2)
+    before = len(bench.rows)
+    bench.request(Request.RESUME)
+    bench.until(Mode.READY)
+    bench.assert_cut(TEXT, other, spot._replace(s=spot.s + 0.05), before)
+
+
+def test_how_far_the_drives_stopped_beside_the_path_is_told(bench: Bench) -> None:
+    armed(bench)
+    held(bench, 5)
+    spot = bench.planner.spot(bench.snapshot())
+    program = Program(TEXT.encode(), "part.ngc", bench.machine, spot=spot)
+    on_path = bench.order("beside", program=program).facts["sentence"]
+    assert "0.000 mm beside the path near line 5" in on_path
+    led(bench, "retract", distance_mm=3.0)
+    off = bench.order("beside", program=program).facts["sentence"]
+    assert 2.0 < float(off.split("rest ")[1].split(" mm")[0]) <= 3.0005
+
+
+def test_an_order_that_fails_is_answered_with_its_sentence(bench: Bench) -> None:
+    refused = bench.order("retract", distance_mm=1.0).error
+    assert refused is not None and refused[0] == "refused" and "needs HOLD" in refused[1]
+    bad = Program(b"G0 X1\nG99\n", "bad.ngc", bench.machine)
+    error = bench.order("check", program=bad).error
+    assert error is not None and error[0] == "bad" and "bad.ngc:2" in error[1]
+    assert five(bench.stepped.joints) == five(bench.snapshot().joints)

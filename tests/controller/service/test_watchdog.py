@@ -1,0 +1,46 @@
+"""systemd's watchdog: fed by a tick that goes on, starved by one that hangs."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from controller.service import serving
+
+
+class Watched:
+    """A service of which only the tick is looked at; it ends after so many looks."""
+
+    def __init__(self, ticks: list[int], alive: bool) -> None:
+        self._ticks, self.yes = ticks, False
+        self.engine = SimpleNamespace(tick_alive=alive, snapshot=lambda: None)
+        self.running = None
+
+    def look(self) -> Any:
+        tick = self._ticks.pop(0)
+        self.yes = not self._ticks
+        return SimpleNamespace(tick=tick)
+
+    def fault_at(self, _: object) -> None:
+        return None
+
+
+@pytest.mark.parametrize(
+    ("ticks", "alive", "fed"),
+    [
+        (list(range(6)), True, 6),
+        ([7] * 6, True, 1),  # it hangs: the first look found a new tick
+        ([7, 7, 8, 8, 8, 9], True, 3),
+        ([7] * 6, False, 6),  # it is gone: its alarm is told, and a reset starts another
+    ],
+)
+def test_the_watchdog_is_fed_by_a_tick_that_goes_on_or_is_known_to_be_gone(
+    ticks: list[int], alive: bool, fed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(serving, "FEED_S", 0.0)
+    monkeypatch.setattr(serving, "LOOK_S", 0.0)
+    watched, told = Watched(ticks, alive), []
+    serving._watch(watched, watched, told.append)  # type: ignore[arg-type]
+    assert told.count("WATCHDOG=1") == fed
