@@ -3,6 +3,9 @@
 The installation lies in /opt/directrix, as README proposes: this checkout, the packages of this
 Python and the Python itself are put there by bind mounts, because a service sees neither /root nor
 /home nor /tmp, where they may come from.
+
+The guest has one core for everything, and it may be a busy one. So nothing here is timed: states are
+waited for, and asked for seldom enough to leave the core to those who are to reach them.
 """
 
 from __future__ import annotations
@@ -10,17 +13,20 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
+import socket
 import subprocess
 import sys
 import sysconfig
+import time
+import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from guest import on_can
-from living import until
 
 from controller import config
-from controller.commands.installation import ENVIRONMENT, PANEL, SERVICE, TARGET
+from controller.commands.installation import ENVIRONMENT, PANEL, SERVICE, STATE, TARGET
 from controller.door import Client, DoorError, control_path
 from drives import bus, pdo
 
@@ -29,9 +35,24 @@ OPT = Path("/opt/directrix")
 MACHINE = Path("/etc/directrix/machine.toml")
 RUNTIME = Path("/run/directrix")
 INTERFACE = "vcan0"
-SPEED_MM_S = 10.0
-STOPPED_WITHIN_S = 1.0  # heartbeat time, ramp, and the time until somebody looked
+PANEL_AT = ("127.0.0.1", 8080)
+LOOK_S = 0.1
+HANGS_S = 150.0  # no test is meant to come near
+SO_RCVBUFFORCE = 33  # asm-generic/socket.h
+KEPT_BYTES = 1 << 26  # of frames: some minutes
 _PYTHON = OPT / "python/bin" / os.path.basename(os.path.realpath(sys.executable))
+
+
+def until(done: Callable[[], Any], what: Callable[[], object] = str) -> Any:
+    """Waits for something to become true, and gives it; ``what`` is told where it does not."""
+    give_up_s = time.monotonic() + HANGS_S
+    while not (found := done()):
+        assert time.monotonic() < give_up_s, f"waited in vain: {what()}"
+        time.sleep(LOOK_S)
+    return found
+
+
+# --- installation ------------------------------------------------------------------------
 
 
 def prepare() -> None:
@@ -64,22 +85,21 @@ def _machine_text() -> str:
     return text
 
 
-def run(*words: str, check: bool = True) -> str:
+# --- commands ----------------------------------------------------------------------------
+
+
+def run(*words: str, check: bool = True, **more: Any) -> str:
     """A command; its output, both kinds. Raises AssertionError with it."""
-    done = subprocess.run(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    done = subprocess.run(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **more)
     assert done.returncode == 0 or not check, f"{' '.join(words)}: {done.returncode}\n{done.stdout}"
     return done.stdout
 
 
 def directrix(*words: str, check: bool = True) -> str:
     """The installed command line, as root."""
-    environment = {**os.environ, **_environment()}
-    command = [str(_PYTHON), "-P", "-m", "controller", *words]
-    done = subprocess.run(
-        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    return run(
+        str(_PYTHON), "-P", "-m", "controller", *words, check=check, env={**os.environ, **_environment()}
     )
-    assert done.returncode == 0 or not check, f"{words}: {done.returncode}\n{done.stdout}"
-    return done.stdout
 
 
 def shown(what: str, unit: str = SERVICE) -> str:
@@ -91,8 +111,13 @@ def active(unit: str = SERVICE) -> bool:
     return shown("ActiveState", unit) == "active"
 
 
+def restarts(unit: str = SERVICE) -> int:
+    """How often systemd started it again by itself, since ``start``."""
+    return int(shown("NRestarts", unit))
+
+
 def told(unit: str = SERVICE) -> str:
-    """The end of a unit's journal, for a failed test."""
+    """The end of a unit's journal."""
     return run("journalctl", "--no-pager", "-n", "40", "-o", "cat", "-u", unit, check=False)
 
 
@@ -106,59 +131,192 @@ def pid_of(name: str) -> int:
     return 0
 
 
+def start() -> Machine:
+    """Both services, which may run already; returns when both are active, with the counters at zero."""
+    run("systemctl", "reset-failed")
+    try:
+        run("systemctl", "start", TARGET, SERVICE, PANEL)
+        until(lambda: active() and active(PANEL) and panel_answers())  # its start is work for the only core
+    except AssertionError as error:
+        raise AssertionError(f"{error}\n{told()}\n{told(PANEL)}") from None
+    return Machine()
+
+
+def panel_answers() -> bool:
+    with contextlib.suppress(OSError), socket.create_connection(PANEL_AT):
+        return True
+    return False
+
+
+def stop() -> None:
+    run("systemctl", "stop", TARGET, SERVICE, PANEL)
+
+
+def unreadable_for_the_panel() -> list[str]:
+    """Files of the state folder that the panel's user cannot read."""
+    found = run("runuser", "-u", "directrix-panel", "--", "find", str(STATE), "-type", "f", "!", "-readable")
+    return found.splitlines()
+
+
+# --- the machine, and what is seen of it on the bus -----------------------------------------
+
+
 class Machine:
     """The running controller, spoken to by its local socket."""
 
+    FEED_MM_MIN = 600.0
+    FAR_MM = 150.0
+
     def __init__(self) -> None:
-        self._client = Client(control_path(RUNTIME), 120.0)
+        self._client = Client(control_path(RUNTIME), HANGS_S)
+        self._from_mm: float | None = None
 
     def ask(self, verb: str, **args: Any) -> dict[str, Any]:
         return self._client.ask(verb, **args)
 
+    def status(self) -> dict[str, Any]:
+        """Empty while nobody answers."""
+        try:
+            return self.ask("status")
+        except DoorError:
+            return {}
+
     def mode(self) -> str:
         """ "" while nobody answers."""
-        try:
-            return str(self.ask("status")["mode"])
-        except DoorError:
-            return ""
+        return str(self.status().get("mode", ""))
 
     def x_mm(self) -> float:
         """Where the drive of X says that it is."""
         return float(self.ask("status")["joints"]["X"]["actual"])
 
-    def moving(self) -> float:
-        """Homed, enabled and on its way along X for a long time; where it is (mm)."""
-        until(lambda: self.mode() == "OFF")
-        self.ask("home", axes=None)
-        until(lambda: not self.ask("status")["not_homed"])
-        self.ask("enable")
-        until(lambda: self.mode() == "READY")
-        self.ask("mdi", text=f"G21 G90 G1 X150. F{60.0 * SPEED_MM_S}")
-        until(lambda: self.mode() == "RUNNING" and self.x_mm() > 1.0)
-        return self.x_mm()
+    def moving(self) -> None:
+        """Homed, enabled and on a long way along X."""
+        self._from_mm = None
+        until(self._is_moving, self.status)
 
-    def stands(self, since_mm: float) -> bool:
-        """After a restart: the drives are off and X is near to where it was when things went wrong.
-
-        Nobody else may ask the drives by SDO meanwhile: the controller, which does, would get the answers.
-        """
-        until(lambda: self.mode() == "OFF")
-        off = all(drive["statusword"] & 0x6F != 0x27 for drive in self.ask("status")["drives"])
-        place_mm = self.x_mm()
-        return off and abs(place_mm - since_mm) < STOPPED_WITHIN_S * SPEED_MM_S and self.x_mm() == place_mm
-
-    def reset_to_off(self) -> bool:
-        """After a fault; whether it is over. Another start of the service is as good."""
-        if self.mode() == "FAULT":
-            with contextlib.suppress(DoorError):
+    def _is_moving(self) -> bool:
+        """One step towards it, whatever the machine's state is; a fault on the way is reset, and told."""
+        status = self.status()
+        mode = status.get("mode", "")
+        if not mode or "joints" not in status or (status["sequence"] or {}).get("state") == "running":
+            return False
+        x_mm = float(status["joints"]["X"]["actual"])
+        if mode == "RUNNING" and self._from_mm is not None and abs(x_mm - self._from_mm) > 1.0:
+            return True
+        with contextlib.suppress(DoorError):  # refused: the next look will show why
+            if mode == "FAULT":
+                warnings.warn(f"on the way to a motion: {status['fault']}", stacklevel=2)
                 self.ask("reset")
-        return self.mode() == "OFF"
+            elif mode == "OFF":
+                self.ask("home" if status["not_homed"] else "enable")
+            elif mode == "READY":
+                self._from_mm = x_mm
+                end_mm = self.FAR_MM if x_mm < self.FAR_MM / 2.0 else 0.0
+                self.ask("mdi", text=f"G21 G90 G1 X{end_mm} F{self.FEED_MM_MIN}")
+        return False
 
     def off(self) -> bool:
-        """Up again, and nothing has begun by itself."""
-        until(lambda: self.mode() == "OFF")
+        """Waits until it is up again with its work done; whether nothing has begun by itself."""
+        until(self._settled, self.status)
         status = self.ask("status")
-        return not status.get("job") and not status.get("spindle", {}).get("actual_rev_min")
+        return not status["job"] and not status["spindle"]["actual_rev_min"]
+
+    def _settled(self) -> bool:
+        status = self.status()
+        return (
+            status.get("mode") == "OFF"
+            and "joints" in status
+            and (status["sequence"] or {}).get("state") != "running"
+        )
+
+    def back_to_off(self) -> bool:
+        """One step towards it from wherever the machine is; whether it is there, with nothing under way."""
+        status = self.status()
+        asked = {"READY": "disable", "FAULT": "reset"}.get(status.get("mode", ""), "stop")
+        if status and not self._settled() and (status["sequence"] or {}).get("state") != "running":
+            with contextlib.suppress(DoorError):
+                self.ask("reset" if not status["tick_alive"] else asked)
+        return self._settled()
+
+    def alarms(self) -> set[str]:
+        """Names of all that are kept."""
+        return {alarm["name"] for alarm in self.ask("alarms")["alarms"]}
+
+
+class Witness:
+    """Hears what the drive of X is told and what it answers, from now on; all in counts, from the bus itself.
+
+    The kernel keeps the frames while this process waits for its turn. What it shows holds however late
+    anybody looks: a drive stands within ``STRAY_MM`` of the last setpoint that it got while it was enabled.
+    """
+
+    NODE = 1
+    STRAY_MM = 5.0  # of 150: heartbeat time and ramp at 10 mm/s, and as much again for a guest that stalls
+    ON_PATH_MM = 0.05
+    AT_REST = 20  # feedbacks
+
+    def __init__(self) -> None:
+        self._machine = on_can.machine(INTERFACE)
+        (settings,) = config.bus_settings(self._machine)
+        self._command, self._feedback = pdo.RPDO1 + self.NODE, pdo.TPDO1 + self.NODE
+        self._port = bus.open(settings, [(self._command, 0x7FF), (self._feedback, 0x7FF)])
+        with socket.socket(fileno=os.dup(self._port.fileno())) as own:  # else the newest frames are lost
+            own.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, KEPT_BYTES)
+        self._buffer = bytearray(pdo.FRAME_BYTES)
+        self._told = 0
+        self.said: list[tuple[int, int]] = []  # statusword, position; newest last
+
+    def __enter__(self) -> Witness:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._port.close()
+
+    def _listen(self) -> None:
+        while self._port.receive_into(self._buffer):
+            can_id, data = pdo.unpack(self._buffer)
+            first, second = pdo.COMMAND.unpack(data[: pdo.PDO_BYTES])
+            if can_id == self._feedback:
+                self.said.append((first, second))
+            else:
+                self._told = second if _enabled(first) else self._told
+
+    def forget(self) -> None:
+        """What comes from now on counts."""
+        self._listen()
+        self.said.clear()
+
+    def stands(self) -> bool:
+        """Waits until the drive says many times that it is off and where it was; whether that is near.
+
+        ``forget`` is to be called when the controller is back, or it is the time before that is seen.
+        """
+        until(self._rests, lambda: self.said[-self.AT_REST :])
+        return self.stray_mm() < self.STRAY_MM
+
+    def stray_mm(self) -> float:
+        """From the last setpoint to where the drive is."""
+        self._listen()
+        return abs(self.said[-1][1] - self._told) / abs(self._machine.axes[0].counts_per_unit)
+
+    def on_the_path(self) -> bool:
+        """Waits until the drive says many times the same place; whether that is the last setpoint."""
+        until(self._same, lambda: self.said[-self.AT_REST :])
+        return self.stray_mm() < self.ON_PATH_MM
+
+    def _rests(self) -> bool:
+        """CiA 402: 27h is "operation enabled"."""
+        return self._same() and all(word & 0x6F != 0x27 for word, _ in self.said[-self.AT_REST :])
+
+    def _same(self) -> bool:
+        self._listen()
+        last = self.said[-self.AT_REST :]
+        return len(last) == self.AT_REST and len({position for _, position in last}) == 1
+
+
+def _enabled(controlword: int) -> bool:
+    """CiA 402: enable operation."""
+    return controlword & 0x8F == 0x0F
 
 
 def drives_stand() -> bool:
@@ -169,18 +327,3 @@ def drives_stand() -> bool:
     port.send(pdo.frame(pdo.NMT, bytes((0x80, 0))))  # enter pre-operational, all nodes
     port.close()
     return on_can.stopped(machine)
-
-
-def start() -> Machine:
-    """Both services, which may run already; returns when both are active, with the counters at zero."""
-    run("systemctl", "reset-failed")
-    try:
-        run("systemctl", "start", TARGET, SERVICE, PANEL)
-        until(lambda: active() and active(PANEL))
-    except AssertionError as error:
-        raise AssertionError(f"{error}\n{told()}\n{told(PANEL)}") from None
-    return Machine()
-
-
-def stop() -> None:
-    run("systemctl", "stop", TARGET, SERVICE, PANEL)
