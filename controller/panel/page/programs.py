@@ -1,0 +1,362 @@
+"""The view of the store: programs come in by drag and drop, are checked, and are loaded from here."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import asdict
+from typing import Any
+from urllib.parse import quote
+
+from nicegui import ui
+
+from controller.panel.page.view import Page, act, card, row, tagged, text
+from controller.panel.page.words import Words
+from controller.panel.programs import Program
+
+NAME, ICON, SCRIPT = "programs", "description", "programs.js"
+WORDS: Words = {
+    "view.programs": ("Programs", "Programme"),
+    "programs.drop": ("Drop programs here, or", "Programme hierher ziehen oder"),
+    "programs.choose": ("choose files", "Dateien wählen"),
+    "programs.uploading": ("uploading", "wird übertragen"),
+    "programs.none": ("No programs yet.", "Noch keine Programme."),
+    "programs.name": ("Name", "Name"),
+    "programs.size": ("Size", "Größe"),
+    "programs.check": ("Check", "Prüfung"),
+    "programs.time": ("Time", "Zeit"),
+    "programs.last": ("Last run", "Letzter Lauf"),
+    "programs.uploaded": ("Uploaded", "Übertragen"),
+    "programs.load": ("Load", "Laden"),
+    "programs.ask_check": ("Check", "Prüfen"),
+    "programs.download": ("Download", "Herunterladen"),
+    "programs.rename": ("Rename", "Umbenennen"),
+    "programs.rename_ask": ("New name of {0}", "Neuer Name von {0}"),
+    "programs.delete": ("Delete", "Löschen"),
+    "programs.delete_ask": ("Delete {0}?", "{0} löschen?"),
+    "programs.loaded": ("loaded", "geladen"),
+    "programs.line": ("From line", "Ab Zeile"),
+    "programs.fraction": ("at % of its block", "bei % des Satzes"),
+    "programs.dry": ("Dry run, mm above", "Probelauf, mm darüber"),
+    "programs.load_there": ("Load from there", "Von dort laden"),
+    "programs.state_there": ("State at that place", "Zustand an dieser Stelle"),
+    "programs.cut": ("Cut", "Schnitt"),
+    "programs.blocks": ("Blocks", "Sätze"),
+    "programs.box": ("Travel used", "Genutzter Weg"),
+    "programs.limits": ("Largest share of the limits", "Größter Anteil der Grenzen"),
+    "programs.binds": ("Held by", "Begrenzt durch"),
+    "programs.overcut": ("Overcut", "Überschnitt"),
+    "programs.velocity": ("velocity", "Geschwindigkeit"),
+    "programs.acceleration": ("acceleration", "Beschleunigung"),
+    "programs.jerk": ("jerk", "Ruck"),
+    "programs.from": ("from", "von"),
+    "programs.to": ("to", "bis"),
+    "programs.select": (
+        "Choose a program to see its check.",
+        "Ein Programm wählen, um seine Prüfung zu sehen.",
+    ),
+    "check.none": ("not checked", "ungeprüft"),
+    "check.waiting": ("waiting", "wartet"),
+    "check.running": ("checking", "wird geprüft"),
+    "check.passed": ("passed", "in Ordnung"),
+    "check.refused": ("refused", "abgelehnt"),
+    "check.failed": ("failed", "gescheitert"),
+    "result.completed": ("completed", "fertig"),
+    "result.stopped": ("stopped", "gestoppt"),
+    "result.fault": ("fault", "Störung"),
+    "result.refused": ("refused", "abgelehnt"),
+    "result.lost": ("lost", "verloren"),
+    "result.running": ("running", "läuft"),
+}
+TONES = {"passed": "go", "refused": "stop", "failed": "stop", "running": "info", "waiting": "info"}
+RESULT_TONES = {"completed": "go", "fault": "stop", "refused": "stop", "lost": "stop", "stopped": "hold"}
+LOOK_S = 1.0  # between two looks at checks under way
+SHOWN_BEFORE = 3  # lines of text above the one that is wrong
+BOX_SHARES = ("velocity", "acceleration", "jerk")
+
+
+async def build(page: Page) -> None:
+    """Make the view."""
+    await _Programs(page).build()
+
+
+class _Programs:
+    """List and details; both are made anew when what the store tells has changed."""
+
+    def __init__(self, page: Page) -> None:
+        self._page = page
+        self._rows: list[dict[str, Any]] = []
+        self._chosen = ""
+        self._loaded = ""
+
+    async def build(self) -> None:
+        page = self._page
+        with ui.element("div").classes("programs"):
+            with card(page, "", "programs-list"):
+                self._drop()
+                self._list()
+            with card(page, "", "programs-detail"):
+                await self._detail()
+        page.on("programs", lambda _: self._look())
+        page.on("job", self._job)
+        page.when_shown(NAME, self._look)
+        ui.timer(LOOK_S, self._watch, immediate=True)
+
+    async def _watch(self) -> None:
+        """Checks tell nobody how far they are."""
+        if self._page.showing(NAME):
+            await self._look()
+
+    async def _look(self) -> None:
+        rows = await asyncio.to_thread(self._read)
+        if rows != self._rows:
+            self._rows = rows
+            self._list.refresh()
+            self._detail.refresh()
+
+    def _read(self) -> list[dict[str, Any]]:
+        return [self._row(program) for program in self._page.panel.store.programs.list()]
+
+    def _row(self, program: Program) -> dict[str, Any]:
+        panel = self._page.panel
+        check = panel.checker.of(program) if panel.checker is not None else None
+        run = panel.store.runs.last_of(program.name)
+        return {
+            **asdict(program),
+            "state": check.state if check else "none",
+            "progress": check.progress if check else 0.0,
+            "check": dict(check.result) if check else {},
+            "run": asdict(run) if run else None,
+        }
+
+    def _job(self, job: dict[str, Any] | None) -> None:
+        name = str((job or {}).get("name") or "")
+        if name != self._loaded:
+            self._loaded = name
+            self._list.refresh()
+
+    # ---- the list
+
+    def _drop(self) -> None:
+        page = self._page
+        with tagged(ui.element("div").classes("drop"), id="programs-drop"):
+            tagged(ui.icon("upload_file"), aria_hidden="true")
+            text(page.word("programs.drop"), "span")
+            choose = tagged(ui.element("label").classes("act"), tabindex="0")
+            with choose:
+                text(page.word("programs.choose"), "span")
+                tagged(ui.element("input"), type="file", multiple="", id="programs-file")
+        tagged(ui.element("div").classes("uploads"), id="programs-uploads", aria_live="polite")
+
+    @ui.refreshable_method
+    def _list(self) -> None:
+        page = self._page
+        if not self._rows:
+            text(page.word("programs.none"), "p", "dim")
+            return
+        with ui.element("div").classes("scroll"), ui.element("table").classes("list"):
+            with ui.element("thead"), ui.element("tr"):
+                for column in ("name", "check", "time", "last", "size"):
+                    tagged(text(page.word(f"programs.{column}"), "th", f"p-{column}"), scope="col")
+            with ui.element("tbody"):
+                for one in self._rows:
+                    self._entry(one)
+
+    def _entry(self, one: dict[str, Any]) -> None:
+        page, name = self._page, str(one["name"])
+        line = tagged(ui.element("tr").classes("entry"), data_program=name)
+        if name == self._chosen:
+            line.props["aria-selected"] = "true"
+        with line.on("click", lambda: self._choose(name)):
+            with ui.element("td").classes("p-name"):
+                choose = tagged(ui.element("button").classes("plain"), type="button")
+                with choose:
+                    text(name, "span")
+                if name == self._loaded:
+                    chip(page.word("programs.loaded"), "info")
+            with ui.element("td").classes("p-check"):
+                self._state(one)
+            text(clock(one["check"].get("duration_s")), "td", "figures p-time")
+            with ui.element("td").classes("p-last"):
+                if one["run"]:
+                    result = str(one["run"]["result"])
+                    chip(_word(page, f"result.{result}", result), RESULT_TONES.get(result, "dim"))
+            text(size(one["size"]), "td", "figures p-size")
+
+    def _state(self, one: dict[str, Any]) -> None:
+        page, state = self._page, str(one["state"])
+        chip(page.word(f"check.{state}"), TONES.get(state, "dim"))
+        if state == "running":
+            text(f"{one['progress'] * 100:.0f} %", "span", "figures dim")
+
+    def _choose(self, name: str) -> None:
+        self._chosen = name
+        self._list.refresh()
+        self._detail.refresh()
+
+    # ---- one program
+
+    @ui.refreshable_method
+    async def _detail(self) -> None:
+        page = self._page
+        one = next((row for row in self._rows if row["name"] == self._chosen), None)
+        if one is None:
+            text(page.word("programs.select"), "p", "dim")
+            return
+        text(one["name"], "h2", "program-title")
+        self._acts(one)
+        if "sentence" in one["check"]:
+            await self._wrong(one)
+        elif one["state"] == "passed":
+            self._figures(one["check"])
+            self._places(one)
+
+    def _acts(self, one: dict[str, Any]) -> None:
+        page, name = self._page, str(one["name"])
+        path = f"programs/{quote(name, safe='')}"
+        with row("program-acts"):
+            act(
+                page,
+                "programs.load",
+                "POST job",
+                {"program": name},
+                kind="go",
+                icon="input",
+                modes="OFF READY",
+            )
+            act(page, "programs.ask_check", f"POST {path}/check", needs="role", icon="fact_check")
+            link = tagged(ui.element("a").classes("act"), href=f"/api/v1/{path}/text", download=name)
+            with link:
+                tagged(ui.icon("download"), aria_hidden="true")
+                text(page.word("programs.download"), "span")
+            rename = act(page, "programs.rename", needs="role", icon="edit")
+            tagged(rename, data_rename=name, data_question=page.word("programs.rename_ask").format(name))
+            delete = act(page, "programs.delete", f"DELETE {path}", needs="role", kind="warn", icon="delete")
+            tagged(delete, data_ask=page.word("programs.delete_ask").format(name))
+
+    async def _wrong(self, one: dict[str, Any]) -> None:
+        """The sentence, and the text around the place with a caret below it."""
+        check = one["check"]
+        tagged(text(str(check["sentence"]), "p", "wrong"), role="alert")
+        if not check.get("line"):
+            return
+        path = self._page.panel.store.programs.path(str(one["sha256"]))
+        lines = await asyncio.to_thread(around, path, int(check["line"]), int(check.get("column") or 0))
+        tagged(text("\n".join(lines), "pre", "listing caret"), id="programs-wrong", tabindex="0")
+
+    def _figures(self, check: dict[str, Any]) -> None:
+        page = self._page
+        with ui.element("dl").classes("facts wide"):
+            for word, shown in (
+                ("time", clock(check.get("duration_s"))),
+                ("cut", f"{check.get('cut_length_mm', 0.0):.1f} mm, {clock(check.get('cut_time_s'))}"),
+                ("blocks", str(check.get("blocks", "–"))),
+                ("binds", ", ".join(_binds(page, check))),
+                ("overcut", overcut(check)),
+            ):
+                if shown:
+                    text(page.word(f"programs.{word}"), "dt")
+                    text(shown, "dd", "figures")
+        if check.get("warning"):
+            text(str(check["warning"]), "p", "wrong")
+        self._box(check)
+        for note in check.get("notes") or ():
+            text(f"{page.word('run.line')} {note.get('line')}: {note.get('note')}", "p", "dim note")
+
+    def _box(self, check: dict[str, Any]) -> None:
+        page = self._page
+        with ui.element("div").classes("scroll"), ui.element("table").classes("list box"):
+            with ui.element("thead"), ui.element("tr"):
+                for word in (
+                    "run.axis",
+                    "programs.from",
+                    "programs.to",
+                    *(f"programs.{n}" for n in BOX_SHARES),
+                ):
+                    tagged(text(page.word(word), "th"), scope="col")
+            with ui.element("tbody"):
+                for joint in check.get("joints") or ():
+                    with ui.element("tr"):
+                        tagged(text(str(joint["name"]), "th"), scope="row")
+                        for key in ("lowest", "highest"):
+                            text(f"{joint[key]:.2f}", "td", "figures")
+                        for key in BOX_SHARES:
+                            text(f"{joint[f'{key}_share'] * 100:.0f} %", "td", "figures")
+
+    def _places(self, one: dict[str, Any]) -> None:
+        """To begin elsewhere; what will be in force there is shown once it is loaded."""
+        page = self._page
+        with tagged(ui.element("form").classes("row places"), data_program=str(one["name"])):
+            for key, most in (("line", one["lines"]), ("fraction", 100), ("dry", 1000)):
+                with ui.element("label"):
+                    text(page.word(f"programs.{key}"), "span", "dim")
+                    field = tagged(ui.element("input"), type="number", name=key, min="0", max=str(most))
+                    tagged(field, step="1" if key == "line" else "any")
+            act(page, "programs.load_there", kind="go", icon="low_priority", modes="OFF READY")
+        with tagged(ui.element("div").classes("restart"), id="programs-restart", hidden=""):
+            text(page.word("programs.state_there"), "h2")
+            tagged(ui.element("ul"), id="programs-state")
+
+
+def chip(words: str, tone: str) -> None:
+    """A word on its colour."""
+    tagged(text(words, "span", "chip"), data_tone=tone)
+
+
+def around(path: Any, line: int, column: int) -> list[str]:
+    """The lines up to a place (1-based) with their numbers, and a caret under its column."""
+    found = []
+    with open(path, encoding="utf-8", errors="replace") as file:
+        for number, words in enumerate(file, 1):
+            if number > line:
+                break
+            if number >= line - SHOWN_BEFORE:
+                found.append(f"{number:>6}  {words.rstrip()}"[:300])
+    if column > 0:
+        found.append(" " * (8 + column - 1) + "^")
+    return found
+
+
+def size(count: int) -> str:
+    """Bytes in words."""
+    value, unit = float(count), "B"
+    for unit in ("B", "kB", "MB", "GB"):
+        if value < 1000.0 or unit == "GB":
+            break
+        value /= 1000.0
+    return f"{value:.0f} {unit}" if unit == "B" else f"{value:.1f} {unit}"
+
+
+def clock(seconds: float | None) -> str:
+    """``67.7`` as ``1:08``; a dash where nothing is known."""
+    if seconds is None:
+        return "–"
+    whole = round(seconds)
+    hours, minutes = divmod(whole // 60, 60)
+    return f"{hours}:{minutes:02d}:{whole % 60:02d}" if hours else f"{minutes}:{whole % 60:02d}"
+
+
+def overcut(check: dict[str, Any]) -> str:
+    """The deepest cut into the part, where a verification has told it."""
+    deepest = (check.get("verified") or {}).get("overcut_mm")
+    return "" if deepest is None else f"{deepest * 1000.0:.1f} µm"
+
+
+def _binds(page: Page, check: dict[str, Any]) -> list[str]:
+    """What held the feed for at least a hundredth of the time."""
+    return [
+        f"{bound(page, str(one['what']))} {one['share'] * 100:.0f} %"
+        for one in check.get("cut_binds") or ()
+        if one["share"] >= 0.01
+    ]
+
+
+def bound(page: Page, what: str) -> str:
+    """``Y velocity`` in the page's language."""
+    if (whole := page.words.get(f"bound.{what}")) is not None:
+        return whole
+    axis, _, kind = what.partition(" ")
+    return f"{axis} {page.words.get(f'bound.{kind}', kind)}"
+
+
+def _word(page: Page, key: str, otherwise: str) -> str:
+    return page.words.get(key, otherwise)

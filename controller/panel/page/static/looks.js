@@ -1,0 +1,62 @@
+// What several views use: elements, lists that are asked for while their view is on the screen.
+(() => {
+  "use strict";
+  const dx = window.dx;
+
+  // <tag attrs>children</tag>; a text is a child, too. Attributes beginning with "on" are listeners.
+  dx.el = (tag, attrs = {}, ...children) => {
+    const made = document.createElement(tag);
+    for (const [name, value] of Object.entries(attrs)) {
+      if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
+      else if (name in made && typeof value === "boolean") made[name] = value;
+      else if (value !== null && value !== undefined && value !== false) made.setAttribute(name, value === true ? "" : value);
+    }
+    made.append(...children.filter((child) => child !== null && child !== undefined));
+    return made;
+  };
+
+  dx.chip = (words, tone = "") => dx.el("span", { class: "chip", "data-tone": tone || null }, words);
+  dx.button = (words, press, attrs = {}) => dx.el("button", { class: "act", type: "button", onclick: press, ...attrs }, words);
+
+  // Children are exchanged only where they changed: what one is pointing at stays under the finger.
+  dx.fill = (id, make, ...from) => {
+    const place = document.getElementById(id);
+    if (!place) return;
+    const key = JSON.stringify(from);
+    if (place.dataset.key === key) return;
+    place.dataset.key = key;
+    place.replaceChildren(...[make(...from)].flat());
+  };
+
+  dx.write = (place, text) => {
+    if (place && place.textContent !== text) place.textContent = text;
+  };
+
+  // Ask for a path again and again while a view is shown; fn gets the body of each answer.
+  dx.every = (view, seconds, path, fn) => {
+    let busy = false;
+    let told = "";
+    const look = async () => {
+      if (!dx.shown(view) || busy || document.hidden) return;
+      busy = true;
+      try {
+        const said = await dx.call("GET", typeof path === "function" ? path() : path, null, true);
+        const place = document.getElementById(`${view}-said`);
+        told = said.ok ? "" : (said.body.error?.sentence ?? "");
+        dx.write(place, told);
+        if (said.ok) fn(said.body);
+      } finally {
+        busy = false;
+      }
+    };
+    dx.on("view", (name) => name === view && setTimeout(look, 50));
+    dx.on("built", look);
+    setInterval(look, seconds * 1000);
+    return look;
+  };
+
+  // In the page's language, where it was told in both.
+  dx.sentence = (facts, english) => (dx.language === "de" && facts?.sentence_de) || english || "";
+  dx.link = (words, path) => dx.el("a", { class: "act", href: `/api/v1/${path}`, download: "" }, words);
+  dx.seconds = (v) => (typeof v !== "number" ? "–" : v < 60 ? `${v.toFixed(1)} s` : dx.forms.time(v));
+})();

@@ -1,0 +1,392 @@
+// The machine as a picture: part, path, tool, rotaries. One object of the scene that moves itself by the
+// machine's events, so that nothing of it passes through the page's server side twenty times a second.
+//
+//   root ── limits box, rotary lines            machine frame, rotaries at zero
+//     └─ table ─┬─ part (offset), surfaces, path, trail    turns with the table rotaries
+//               └─ tool                                     at the tip that the status tells
+//
+// In the view of the part the root turns back what the table turned, so the part stands still.
+import { THREE } from "nicegui-scene";
+
+const RAPID = 0;
+const TRAIL = 4000; // points
+const SHANK_MM = 35;
+const css = (name) => getComputedStyle(document.body).getPropertyValue(name).trim() || "#888888";
+const vector = (v) => new THREE.Vector3(...(v ?? [0, 0, 0]));
+const UP = new THREE.Vector3(0, 0, 1);
+
+export default class MachinePicture {
+  create_mesh(scene, facts) {
+    this.scene = scene; // id of the element
+    this.facts = facts;
+    this.root = new THREE.Group();
+    this.table = new THREE.Group();
+    this.rotaries = []; // groups of table rotaries, base to work
+    this.frame = "part";
+    this.named = ""; // of the path that is shown
+    this.trail_count = 0;
+    this.root.matrixAutoUpdate = false;
+    this.build();
+    const dx = window.dx;
+    dx.on("status", (status) => this.status(status));
+    dx.on("painted", () => this.theme());
+    dx.on("view", (name) => name === "scene" && setTimeout(() => window.dispatchEvent(new Event("resize")), 50));
+    window.dxScene = this;
+    setTimeout(() => window.dxScene.look("iso"), 300);
+    return this.root;
+  }
+
+  // ---- what does not change
+
+  build() {
+    const axes = this.facts.axes ?? [];
+    let inner = this.root;
+    for (const axis of axes.filter((one) => one.kind === "table" && one.direction)) {
+      const turning = new THREE.Group();
+      turning.matrixAutoUpdate = false;
+      inner.add(turning);
+      inner = turning;
+      const sense = axis.sense === "iso" ? -1 : 1;
+      this.rotaries.push({ name: axis.name, group: turning, direction: vector(axis.direction), point: vector(axis.point_mm), sense });
+    }
+    inner.add(this.table);
+    this.axis_lines(axes);
+    this.limits(axes);
+    this.plate();
+    this.offset = new THREE.AxesHelper(20);
+    this.table.add(this.offset);
+    this.home = new THREE.AxesHelper(60);
+    this.root.add(this.home);
+    this.part = new THREE.Group();
+    this.table.add(this.part);
+    this.make_tool();
+    this.make_trail();
+    this.place_offset();
+    this.theme();
+  }
+
+  line(points, colour, parent, dashed = false) {
+    const geometry = new THREE.BufferGeometry().setFromPoints(points);
+    const Material = dashed ? THREE.LineDashedMaterial : THREE.LineBasicMaterial;
+    const made = new THREE.Line(geometry, new Material({ color: colour, dashSize: 6, gapSize: 4, transparent: true }));
+    if (dashed) made.computeLineDistances();
+    parent.add(made);
+    return made;
+  }
+
+  axis_lines(axes) {
+    this.axis_marks = axes
+      .filter((one) => one.unit === "deg" && one.direction)
+      .map((axis) => {
+        const [point, way] = [vector(axis.point_mm), vector(axis.direction).multiplyScalar(120)];
+        return this.line([point.clone().sub(way), point.clone().add(way)], css("--dim"), this.root, true);
+      });
+  }
+
+  limits(axes) {
+    const travel = ["X", "Y", "Z"].map((name) => axes.find((axis) => axis.name === name)?.travel ?? [0, 0]);
+    const size = travel.map(([low, high]) => Math.max(1e-3, high - low));
+    const middle = travel.map(([low, high]) => (low + high) / 2);
+    const edges = new THREE.EdgesGeometry(new THREE.BoxGeometry(...size));
+    this.box = new THREE.LineSegments(edges, new THREE.LineBasicMaterial({ transparent: true, opacity: 0.5 }));
+    this.box.position.set(...middle);
+    this.root.add(this.box);
+  }
+
+  // What carries the work: a disc across the last table rotary, a square where there is none.
+  plate() {
+    const last = this.rotaries[this.rotaries.length - 1];
+    const geometry = last ? new THREE.CylinderGeometry(60, 60, 2, 64) : new THREE.BoxGeometry(150, 2, 150);
+    this.disc = new THREE.Mesh(geometry, new THREE.MeshPhongMaterial({ transparent: true, opacity: 0.25, depthWrite: false }));
+    this.disc.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), last ? last.direction : UP);
+    if (last) this.disc.position.copy(last.point);
+    this.disc.position.addScaledVector(last ? last.direction : UP, -1);
+    this.table.add(this.disc);
+  }
+
+  place_offset() {
+    const offset = this.facts.offsets?.G54;
+    if (!offset) return;
+    this.offset.position.set(...offset.origin_mm);
+    if (offset.axes) {
+      const turned = new THREE.Matrix4().makeBasis(...offset.axes.map(vector));
+      this.offset.quaternion.setFromRotationMatrix(turned);
+    }
+  }
+
+  make_tool() {
+    const tools = this.facts.tools ?? [];
+    const tool = (Array.isArray(tools) ? tools[0] : Object.values(tools)[0]) ?? { radius_mm: 3, flute_mm: 15, length_mm: 0 };
+    this.tool = new THREE.Group();
+    this.cutter = new THREE.MeshPhongMaterial({ transparent: true, opacity: 0.9 });
+    this.shank = new THREE.MeshPhongMaterial({ transparent: true, opacity: 0.5 });
+    const { radius_mm: r, flute_mm: flute } = tool;
+    const length = Math.max(tool.length_mm, flute);
+    const cylinder = (radius_low, radius_high, from, to, material) => {
+      if (to - from < 1e-3) return;
+      const made = new THREE.Mesh(new THREE.CylinderGeometry(radius_high, radius_low, to - from, 32), material);
+      made.rotation.x = Math.PI / 2; // a cylinder of three.js lies along Y; ours along the tool's axis
+      made.position.z = (from + to) / 2;
+      this.tool.add(made);
+    };
+    cylinder(r, r, 0, flute, this.cutter);
+    cylinder(r, r, flute, length + 5, this.shank);
+    cylinder(2.5 * r + 4, 3 * r + 8, length + 5, length + SHANK_MM, this.shank);
+    this.table.add(this.tool);
+  }
+
+  make_trail() {
+    this.trail_geometry = new THREE.BufferGeometry();
+    this.trail_geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(3 * TRAIL), 3));
+    this.trail_geometry.setDrawRange(0, 0);
+    this.trail = new THREE.Line(this.trail_geometry, new THREE.LineBasicMaterial());
+    this.trail.frustumCulled = false;
+    this.table.add(this.trail);
+  }
+
+  theme() {
+    const key = document.body.className;
+    if (key === this.themed) return;
+    const renderer = window.getElement?.(this.scene)?.renderer;
+    if (!renderer) return; // not mounted yet; the next figure tries again
+    this.themed = key;
+    renderer.setClearColor(css("--bg"));
+    this.box.material.color.set(css("--dim"));
+    for (const mark of this.axis_marks) mark.material.color.set(css("--dim"));
+    this.disc.material.color.set(css("--dim"));
+    this.cutter.color.set(css("--hold"));
+    this.shank.color.set(css("--dim"));
+    this.trail.material.color.set(css("--hold"));
+    this.paint();
+  }
+
+  // ---- the program's path
+
+  async load(name) {
+    const said = await window.dx.call("GET", `programs/${encodeURIComponent(name)}/picture`, null, true);
+    const place = document.getElementById("scene-said");
+    window.dx.write?.(place, said.ok ? "" : (said.body.error?.sentence ?? ""));
+    if (name !== this.named) return; // another one was loaded meanwhile
+    this.clear_path();
+    if (!said.ok) {
+      this.retry = performance.now() + 2000; // its check may be under way
+      return;
+    }
+    this.retry = Infinity;
+    this.shape = said.body;
+    this.surfaces();
+    this.lines();
+    this.paint();
+    this.look("iso");
+  }
+
+  clear_path() {
+    for (const child of [...this.part.children]) {
+      this.part.remove(child);
+      child.geometry?.dispose();
+      child.material?.dispose();
+    }
+    this.shape = null;
+    this.done = this.ahead = this.mesh = this.ruled = null;
+  }
+
+  surfaces() {
+    const { rulings, surfaces } = this.shape;
+    if (!rulings.length) return;
+    const points = new Float32Array(rulings.flat());
+    const position = new THREE.BufferAttribute(points, 3);
+    const faces = [];
+    let first = 0;
+    for (const count of surfaces) {
+      for (let i = first; i + 1 < first + count; i += 1) {
+        const [a, b, c, d] = [2 * i, 2 * i + 1, 2 * i + 2, 2 * i + 3];
+        faces.push(a, b, c, b, d, c);
+      }
+      first += count;
+    }
+    const skin = new THREE.BufferGeometry();
+    skin.setAttribute("position", position);
+    skin.setIndex(faces);
+    skin.computeVertexNormals();
+    const material = new THREE.MeshPhongMaterial({ side: THREE.DoubleSide, transparent: true, opacity: 0.45, depthWrite: false });
+    this.mesh = new THREE.Mesh(skin, material);
+    const wires = new THREE.BufferGeometry();
+    wires.setAttribute("position", position); // upper and lower end in turn: pairs are the rulings
+    this.ruled = new THREE.LineSegments(wires, new THREE.LineBasicMaterial({ transparent: true, opacity: 0.5 }));
+    this.part.add(this.mesh, this.ruled);
+  }
+
+  // Two lines over the same points: what is done, and what is to do.
+  lines() {
+    const { tips } = this.shape;
+    const position = new THREE.BufferAttribute(new Float32Array(tips.flat()), 3);
+    const make = (colours) => {
+      const geometry = new THREE.BufferGeometry();
+      geometry.setAttribute("position", position);
+      if (colours) geometry.setAttribute("color", new THREE.BufferAttribute(new Float32Array(3 * tips.length), 3));
+      const made = new THREE.Line(geometry, new THREE.LineBasicMaterial({ vertexColors: colours }));
+      made.frustumCulled = false;
+      this.part.add(made);
+      return made;
+    };
+    this.ahead = make(true);
+    this.done = make(false);
+    this.reached(0);
+  }
+
+  paint() {
+    if (!this.shape) return;
+    this.done.material.color.set(css("--go"));
+    this.mesh?.material.color.set(css("--accent"));
+    this.ruled?.material.color.set(css("--accent"));
+    const colours = this.ahead.geometry.getAttribute("color");
+    const kinds = [css("--dim"), css("--info"), css("--text")].map((one) => new THREE.Color(one));
+    this.shape.kinds.forEach((kind, i) => colours.setXYZ(i, kinds[kind].r, kinds[kind].g, kinds[kind].b));
+    colours.needsUpdate = true;
+  }
+
+  reached(i) {
+    this.at = i;
+    const n = this.shape.tips.length;
+    this.done.geometry.setDrawRange(0, i + 1);
+    this.ahead.geometry.setDrawRange(i, n - i);
+  }
+
+  // The point of the path that the tool has passed last: of its motion, the nearest.
+  progress(job, tip) {
+    const { motions, tips } = this.shape;
+    if (job.block === null || job.block === undefined || !tip) return this.reached(job.state === "completed" ? tips.length - 1 : 0);
+    let first = lower(motions, job.block);
+    const end = lower(motions, job.block + 1);
+    // Where the motion lost its own points by thinning, its neighbours stand for it.
+    first = Math.max(0, first - 1);
+    let best = first;
+    let least = Infinity;
+    for (let i = first; i < Math.min(tips.length, end + 1); i += 1) {
+      const away = (tips[i][0] - tip[0]) ** 2 + (tips[i][1] - tip[1]) ** 2 + (tips[i][2] - tip[2]) ** 2;
+      if (away < least) [best, least] = [i, away];
+    }
+    this.reached(best);
+  }
+
+  // ---- what moves
+
+  status(status) {
+    const job = status.job;
+    const name = job?.name ?? "";
+    if (!window.dx.shown("scene")) return;
+    if (name !== this.named || performance.now() > (this.retry ?? Infinity)) {
+      this.named = name;
+      this.retry = Infinity;
+      if (name) this.load(name);
+      else this.clear_path();
+    }
+    this.turn(status.joints ?? {});
+    this.hold_tool(status.on_table);
+    if (this.shape && job) this.progress(job, status.on_table?.tip);
+  }
+
+  turn(joints) {
+    for (const rotary of this.rotaries) {
+      const shown = joints[rotary.name]?.actual ?? joints[rotary.name]?.machine ?? 0;
+      const turned = new THREE.Matrix4().makeRotationAxis(rotary.direction, (rotary.sense * shown * Math.PI) / 180);
+      const { x, y, z } = rotary.point;
+      rotary.group.matrix.makeTranslation(x, y, z).multiply(turned).multiply(new THREE.Matrix4().makeTranslation(-x, -y, -z));
+    }
+    const back = new THREE.Matrix4();
+    if (this.frame === "part") for (const rotary of this.rotaries) back.multiply(rotary.group.matrix);
+    this.root.matrix.copy(back.invert());
+    this.root.matrixWorldNeedsUpdate = true;
+  }
+
+  hold_tool(pose) {
+    this.tool.visible = Boolean(pose);
+    if (!pose) return;
+    this.tool.position.set(...pose.tip);
+    this.tool.quaternion.setFromUnitVectors(UP, vector(pose.axis).normalize());
+    this.leave(pose.tip);
+  }
+
+  leave([x, y, z]) {
+    const points = this.trail_geometry.getAttribute("position");
+    const n = this.trail_count;
+    if (n && Math.hypot(points.getX(n - 1) - x, points.getY(n - 1) - y, points.getZ(n - 1) - z) < 0.02) return;
+    if (n === TRAIL) {
+      // The older half goes: copying every point at every status would cost more.
+      points.array.copyWithin(0, (3 * TRAIL) / 2);
+      this.trail_count = TRAIL / 2;
+    }
+    points.setXYZ(this.trail_count, x, y, z);
+    this.trail_count += 1;
+    points.needsUpdate = true;
+    this.trail_geometry.setDrawRange(0, this.trail_count);
+  }
+
+  // ---- what is pressed
+
+  clear() {
+    this.trail_count = 0;
+    this.trail_geometry.setDrawRange(0, 0);
+  }
+
+  see(frame) {
+    this.frame = frame;
+    if (window.dx.status) this.turn(window.dx.status.joints ?? {});
+  }
+
+  // Looks at the part from a side; at the machine where there is none.
+  look(from) {
+    const scene = window.getElement?.(this.scene);
+    if (!scene?.move_camera) return;
+    const ways = { iso: [-0.9, -1.2, 0.9], top: [0, -0.001, 1], front: [0, -1, 0.001], side: [1, 0, 0.001], machine: [-0.9, -1.2, 0.9] };
+    this.root.updateMatrixWorld(true);
+    const box = new THREE.Box3();
+    if (from === "machine" || !this.shape) box.setFromObject(from === "machine" ? this.box : this.disc);
+    else this.bound(box);
+    const ball = box.getBoundingSphere(new THREE.Sphere());
+    const way = vector(ways[from] ?? ways.iso).normalize();
+    const far = Math.max(20, ball.radius) * (from === "machine" ? 2.1 : 2.6);
+    const { x, y, z } = ball.center;
+    scene.move_camera(x + far * way.x, y + far * way.y, z + far * way.z, x, y, z, 0, 0, 1, 0.3);
+  }
+
+  // The part is what is fed: rapids lead far away.
+  bound(box) {
+    const point = new THREE.Vector3();
+    const world = this.part.matrixWorld;
+    this.shape.tips.forEach((tip, i) => {
+      if (this.shape.kinds[i] !== RAPID) box.expandByPoint(point.set(...tip).applyMatrix4(world));
+    });
+    for (const r of this.shape.rulings) {
+      box.expandByPoint(point.set(r[0], r[1], r[2]).applyMatrix4(world));
+      box.expandByPoint(point.set(r[3], r[4], r[5]).applyMatrix4(world));
+    }
+    if (box.isEmpty()) box.setFromObject(this.disc);
+  }
+}
+
+// The first index whose number is not below the wanted one.
+function lower(numbers, wanted) {
+  let low = 0;
+  let high = numbers.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (numbers[middle] < wanted) low = middle + 1;
+    else high = middle;
+  }
+  return low;
+}
+
+document.addEventListener("click", (event) => {
+  const press = event.target.closest?.("[data-scene]")?.dataset.scene;
+  const picture = window.dxScene;
+  if (!press || !picture) return;
+  const [what, value] = press.split(" ");
+  if (what === "look") picture.look(value);
+  if (what === "clear") picture.clear();
+  if (what === "frame") {
+    picture.see(value);
+    for (const one of document.querySelectorAll('[data-scene^="frame"]')) one.setAttribute("aria-pressed", String(one.dataset.scene === press));
+    picture.look(value === "machine" ? "machine" : "iso");
+  }
+});

@@ -1,0 +1,108 @@
+// Uploads with their progress, by the same route as any script; new names; begin elsewhere.
+(() => {
+  "use strict";
+  const dx = window.dx;
+
+  function upload(file) {
+    const place = document.getElementById("programs-uploads");
+    const line = document.createElement("div");
+    line.className = "upload";
+    line.innerHTML = '<span class="upload-name"></span><div class="bar"></div><span class="figures upload-share"></span>';
+    line.querySelector(".upload-name").textContent = file.name;
+    place.append(line);
+    const form = new FormData();
+    form.append("file", file, file.name);
+    const asking = new XMLHttpRequest();
+    asking.open("POST", "/api/v1/programs");
+    for (const [name, value] of Object.entries(dx.headers())) asking.setRequestHeader(name, value);
+    asking.upload.onprogress = (event) => {
+      const share = event.total ? event.loaded / event.total : 0;
+      line.querySelector(".bar").style.setProperty("--share", share);
+      line.querySelector(".upload-share").textContent = `${Math.round(share * 100)} %`;
+    };
+    asking.onloadend = () => ended(asking, line, file);
+    asking.send(form);
+  }
+
+  function ended(asking, line, file) {
+    if (asking.status === 201) {
+      line.remove();
+      return;
+    }
+    let sentence = dx.word("frame.no_panel");
+    try {
+      sentence = JSON.parse(asking.responseText).error.sentence;
+    } catch (error) {
+      // no answer at all: the panel is gone
+    }
+    line.dataset.tone = "stop";
+    line.querySelector(".upload-share").textContent = sentence;
+    setTimeout(() => line.remove(), 15000);
+    dx.say(`${file.name}: ${sentence}`, "warn");
+  }
+
+  // Dropped anywhere on the page it is an upload: never a page that is opened in place of this one.
+  const over = (on) => document.getElementById("programs-drop")?.toggleAttribute("data-over", on);
+  document.addEventListener("dragover", (event) => {
+    event.preventDefault();
+    if (event.dataTransfer?.types.includes("Files")) dx.show("programs");
+    over(true);
+  });
+  document.addEventListener("dragleave", (event) => event.relatedTarget === null && over(false));
+  document.addEventListener("drop", (event) => {
+    event.preventDefault();
+    over(false);
+    for (const file of event.dataTransfer?.files ?? []) upload(file);
+  });
+  document.addEventListener("change", (event) => {
+    if (event.target.id !== "programs-file") return;
+    for (const file of event.target.files) upload(file);
+    event.target.value = "";
+  });
+
+  document.addEventListener("click", async (event) => {
+    const button = event.target.closest?.("[data-rename]");
+    if (!button || button.disabled) return;
+    const name = await asked(button.dataset.question, button.dataset.rename);
+    if (name) dx.call("PATCH", `programs/${encodeURIComponent(button.dataset.rename)}`, { name });
+  });
+
+  // A question with an answer in words.
+  function asked(question, value) {
+    const answer = dx.ask(question, "programs.rename");
+    const field = document.createElement("input");
+    field.value = value;
+    field.maxLength = 200;
+    field.setAttribute("aria-label", question);
+    document.querySelector(".dx-ask p").after(field);
+    field.onkeydown = (event) => event.key === "Enter" && document.querySelector(".dx-ask button").click();
+    field.select();
+    return answer.then((yes) => (yes && field.value.trim() !== value ? field.value.trim() : ""));
+  }
+
+  document.addEventListener("submit", (event) => event.target.matches?.(".places") && event.preventDefault());
+  document.addEventListener("click", async (event) => {
+    const button = event.target.closest?.(".places button");
+    if (!button || button.disabled) return;
+    const form = button.closest("form");
+    const value = (name) => form.querySelector(`[name=${name}]`).valueAsNumber;
+    const body = { program: form.dataset.program };
+    if (value("line") >= 1) body.line = Math.round(value("line"));
+    if (value("fraction") >= 0) body.fraction = value("fraction") / 100;
+    if (value("dry") > 0) body.dry_run_mm = value("dry");
+    await dx.call("POST", "job", body);
+  });
+
+  // What will be in force at the place where the loaded program begins.
+  dx.on("painted", ({ job }) => {
+    if (!dx.shown("programs")) return;
+    const place = document.getElementById("programs-restart");
+    if (!place) return;
+    const told = job?.restart ?? [];
+    place.hidden = told.length === 0;
+    const list = document.getElementById("programs-state");
+    if (list.dataset.told === told.join("\n")) return;
+    list.dataset.told = told.join("\n");
+    list.replaceChildren(...told.map((words) => Object.assign(document.createElement("li"), { textContent: words })));
+  });
+})();

@@ -1,0 +1,126 @@
+// The run view's own figures: the text with the line that runs, bars of following errors, overrides.
+(() => {
+  "use strict";
+  const AROUND = 14; // lines shown before the one that runs
+  const ROWS = 60;
+  const dx = window.dx;
+  let program = { key: "", lines: null };
+  let painted = "";
+
+  dx.forms.u = (v) => (typeof v === "number" ? v.toFixed(4) : "–");
+  dx.forms.what = (v) => (v ? (dx.words["what." + v] ?? v) : "");
+  dx.forms.unit = (v) => (typeof v === "number" ? v.toFixed(5).replace("-", "−") : "–");
+
+  // ---- the program text
+
+  async function fetched(job) {
+    const key = job ? `${job.name} ${job.sha256}` : "";
+    if (key === program.key) return;
+    program = { key, lines: null };
+    painted = "";
+    if (!job) return;
+    const answer = await fetch(`/api/v1/programs/${encodeURIComponent(job.name)}/text`, { headers: dx.headers() });
+    if (!answer.ok || key !== program.key) return;
+    program.lines = (await answer.text()).split(/\r\n|\n|\r/);
+    listing();
+  }
+
+  function listing() {
+    const place = document.getElementById("run-listing");
+    if (!place) return;
+    const job = dx.status?.job;
+    const empty = document.getElementById("run-empty");
+    if (empty) empty.hidden = Boolean(job);
+    place.hidden = !job;
+    if (!job) return;
+    const now = job.line ?? 0;
+    const first = Math.max(1, now - AROUND);
+    const key = `${program.key} ${first} ${now} ${program.lines?.length}`;
+    if (key === painted) return;
+    painted = key;
+    place.replaceChildren(...rows(program.lines ?? [], first, now));
+    place.querySelector(".now")?.scrollIntoView({ block: "center" });
+  }
+
+  function rows(lines, first, now) {
+    const found = [];
+    for (let n = first; n <= Math.min(lines.length, first + ROWS); n++) {
+      const one = document.createElement("div");
+      one.className = n === now ? "now" : n < now ? "past" : "";
+      const number = document.createElement("span");
+      number.className = "n";
+      number.textContent = n;
+      const words = document.createElement("span");
+      words.textContent = lines[n - 1] || " ";
+      one.append(number, words);
+      found.push(one);
+    }
+    return found;
+  }
+
+  // ---- axes
+
+  function marks(status) {
+    for (const one of document.querySelectorAll("[data-homed]")) {
+      const homed = Boolean(status.joints?.[one.dataset.homed]?.homed);
+      one.dataset.state = homed ? "yes" : "no";
+      const shown = dx.word(homed ? "run.homed" : "run.not_homed");
+      if (one.textContent !== shown) one.textContent = shown;
+    }
+    for (const one of document.querySelectorAll("[data-limit]")) {
+      const limit = status.joints?.[one.dataset.limit]?.limit;
+      const shown = limit ? `${dx.word("run.limit")} ${limit}` : "";
+      if (one.textContent !== shown) one.textContent = shown;
+    }
+    for (const one of document.querySelectorAll("[data-error]")) {
+      const axis = dx.facts.axes?.find((a) => a.name === one.dataset.error);
+      const error = status.joints?.[one.dataset.error]?.error;
+      const share = axis && typeof error === "number" ? error / axis.following_error : 0;
+      const size = Math.min(1, Math.abs(share));
+      one.style.setProperty("--size", size);
+      one.style.setProperty("--side", share < 0 ? 1 : 0);
+      one.dataset.tone = size > 0.8 ? "stop" : size > 0.5 ? "hold" : "go";
+    }
+  }
+
+  // ---- overrides: what is told by the machine is shown, what is dragged is sent when it is let go
+
+  let dragging = false;
+  document.addEventListener("input", (event) => event.target.id === "run-override" && (dragging = true));
+  document.addEventListener("change", async (event) => {
+    if (event.target.id !== "run-override") return;
+    await dx.call("PUT", "overrides/feed", { share: event.target.valueAsNumber / 100 });
+    dragging = false;
+  });
+  document.addEventListener("click", (event) => {
+    const step = event.target.closest?.("[data-override]");
+    if (step && dx.status) {
+      const share = Math.min(2, Math.max(0, Math.round(dx.status.override * 100 + Number(step.dataset.override)) / 100));
+      dx.call("PUT", "overrides/feed", { share });
+    }
+    const toggle = event.target.closest?.("[data-toggle]");
+    if (toggle && !toggle.disabled) {
+      const [method, path] = toggle.dataset.toggle.split(" ");
+      dx.call(method, path, { on: toggle.getAttribute("aria-pressed") !== "true" });
+    }
+  });
+
+  function overrides(status) {
+    const slider = document.getElementById("run-override");
+    if (slider && !dragging && typeof status.override === "number") slider.value = Math.round(status.override * 100);
+    for (const one of document.querySelectorAll("[data-rapid]")) {
+      const now = Math.round((status.rapid_override ?? -1) * 100) === Number(one.dataset.rapid);
+      one.setAttribute("aria-pressed", String(now));
+    }
+  }
+
+  dx.on("status", (status) => fetched(status.job));
+  dx.on("painted", (status) => {
+    if (!dx.shown("run")) return;
+    listing();
+    marks(status);
+    overrides(status);
+  });
+  // A page that was opened before the machine was there has no axes: it is built anew when they come.
+  dx.on("service", (told) => told.answers && !dx.facts.axes && location.reload());
+})();

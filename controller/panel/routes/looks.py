@@ -1,0 +1,122 @@
+"""What views ask for beside the status: buses, machine file, a program's path, an offset from the tool."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Request
+from pydantic import Field
+
+from controller.panel import machine_table, models, models_of_looks, ticks, touch_off
+from controller.panel.access import moves, needs, panel_of
+from controller.panel.answers import Refusal, documented
+from controller.panel.core import Panel
+from controller.panel.roles import Role
+from controller.panel.routes.machine import LOOKS, MOVES, ask
+from controller.panel.routes.tables import OffsetName, rows_by
+from controller.plan.report import picture
+
+router = APIRouter(tags=["looks"])
+PICTURES = "pictures"  # folder of the state folder, where checks leave them
+Reads = Annotated[float | None, Field(ge=-1e5, le=1e5, description="What the tip is to read (mm).")]
+
+
+class TouchOff(models.Sent):
+    """What the tip reads here from now on."""
+
+    X: Reads = None
+    Y: Reads = None
+    Z: Reads = None
+    tool: Annotated[int, Field(ge=1, le=99999, description="Number of the tool in the spindle.")] = 1
+
+
+@router.get("/machine/buses", dependencies=[needs(Role.VIEW)], responses=LOOKS)
+async def buses(request: Request) -> models_of_looks.BusList:
+    """How full each bus is by its budget and as heard, error counters, and how late ticks came."""
+    return models_of_looks.BusList(**await panel_of(request).door.ask("buses"))
+
+
+@router.get("/machine/file", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 404))
+async def machine_file(request: Request) -> models_of_looks.MachineFile:
+    """The machine file that the service runs on, value by value, with lines."""
+    machine = await asyncio.to_thread(ticks.machine_of, panel_of(request).store.folder)
+    rows = [models_of_looks.FileRow(**one.to_dict()) for one in machine_table.rows(machine.text)]
+    return models_of_looks.MachineFile(name=machine.name, rows=rows, text=machine.text)
+
+
+@router.get("/statistics/runs", dependencies=[needs(Role.VIEW)], responses=documented(401, 403))
+async def run_sums(request: Request) -> models_of_looks.RunSums:
+    """Runs counted by their result, and the time they took."""
+    panel = panel_of(request)
+    await asyncio.to_thread(panel.gatherer.gather)
+    found = await asyncio.to_thread(panel.store.runs.sums)
+    return models_of_looks.RunSums(
+        results={result: count for result, (count, _, _) in found.items()},
+        duration_s=sum(moved_s for _, moved_s, _ in found.values()),
+        cut_time_s=sum(cut_s for _, _, cut_s in found.values()),
+    )
+
+
+@router.get(
+    "/programs/{name}/picture",
+    dependencies=[needs(Role.VIEW)],
+    responses=documented(401, 403, 404, 422),
+)
+async def path_picture(request: Request, name: str) -> models_of_looks.PathPicture:
+    """A checked program's path, to be drawn."""
+    return await asyncio.to_thread(_picture, panel_of(request), name)
+
+
+def _picture(panel: Panel, name: str) -> models_of_looks.PathPicture:
+    program = panel.store.programs.get(name)
+    check = panel.checker.of(program) if panel.checker is not None else None
+    key = str(check.result.get("stored") or "") if check is not None else ""
+    if not key:
+        raise Refusal(404, "missing", f"{name}: it has no picture before its check has passed; wait for it.")
+    try:
+        found = picture.load(panel.store.folder / PICTURES / f"{Path(key).name}.npz")
+    except (OSError, ValueError, KeyError):
+        raise Refusal(404, "missing", f"{name}: its picture is gone; upload it again.") from None
+    return models_of_looks.PathPicture(**_listed(found))
+
+
+def _listed(found: picture.Shape) -> dict[str, Any]:
+    """To the micrometre: a screen shows no more."""
+    listed = {name: value.tolist() for name, value in asdict(found).items() if name != "tolerance_mm"}
+    for name in ("tips", "rulings"):
+        listed[name] = getattr(found, name).round(3).tolist()
+    return {**listed, "tolerance_mm": found.tolerance_mm}
+
+
+@router.post("/offsets/{name}/touch_off", dependencies=[moves()], responses=MOVES)
+async def touch(request: Request, name: OffsetName, body: TouchOff) -> models.Done:
+    """Set a work offset from where the tool's tip is: here it reads what is given, axis by axis."""
+    panel = panel_of(request)
+    wanted = body.model_dump(include={"X", "Y", "Z"}, exclude_none=True)
+    if not wanted:
+        raise Refusal(422, "form", "X, Y and Z are all null; give what at least one of them is to read.")
+    facts, now = await panel.door.ask("facts"), await panel.door.ask("status")
+    offset = dict(facts.get("offsets") or {}).get(name)
+    if offset is None or not now.get("on_table"):
+        raise Refusal(409, "refused", "Where the tip is, is not known now; start the service's tick first.")
+    if homeless := [axis for axis in now.get("not_homed") or ()]:
+        sentence = f"{', '.join(homeless)} not homed: the position means nothing yet; home first."
+        raise Refusal(409, "refused", sentence, mode=str(now.get("mode")), request="TOUCH OFF")
+    frame = touch_off.frame(offset)
+    tip = touch_off.tip_with(dict(now["on_table"]), _length_mm(facts, body.tool))
+    values = {
+        "origin_mm": list(touch_off.origin_for(frame, tip, wanted)),
+        "turned_deg": list(touch_off.turned_deg(frame)),
+    }
+    return await ask(request, "set_offset", name=name, values=values)
+
+
+def _length_mm(facts: dict[str, Any], number: int) -> float:
+    """Of a tool in the table. Raises Refusal."""
+    tool = rows_by(facts, "tools", "number").get(str(number))
+    if tool is None:
+        raise Refusal(409, "refused", f"Tool {number} is not in the tool table; enter it there first.")
+    return float(tool["length_mm"])

@@ -1,0 +1,148 @@
+"""Where a scope's ticks come from: the machine's last half minute, a fault's recording, a run's record.
+
+"now"              asked of the service bit by bit, while somebody looks
+"recording:NAME"   trace.npz of what was kept of a fault
+"run:NUMBER"       the setpoints of a run
+"""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import binascii
+import time
+import zipfile
+import zlib
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from controller import config, fitting
+from controller.handoff import COLUMN, ROW
+from controller.machine import Machine
+from controller.panel import signals
+from controller.panel.answers import Refusal
+from controller.panel.link import Door
+from controller.panel.signals import Array, Signals
+from controller.toml_table import ConfigError
+
+KEPT_S = 30.0
+AT_ONCE = 500  # rows of one answer of the service: 170 kB at worst
+FRESH_S = 0.02  # two who look at the same time ask once
+MOST_ROWS = 4_000_000  # of a run's record
+MOST_TURNS = 200  # questions in one look: the service writes rows faster than nobody can read
+
+
+@dataclass(slots=True)
+class Latest:
+    """The machine's last ticks; asks only while it is asked itself."""
+
+    _door: Door
+    rows: Array = field(default_factory=lambda: np.empty((0, len(ROW))))
+    _asking: asyncio.Lock = field(default_factory=asyncio.Lock)
+    _at_s: float = -1e9
+
+    async def look(self, period_s: float) -> Array:
+        """The rows of the last ``KEPT_S``, oldest first. Raises Refusal."""
+        async with self._asking:
+            if time.monotonic() - self._at_s > FRESH_S:
+                await self._fetch(max(1, round(KEPT_S / period_s)))
+                self._at_s = time.monotonic()
+            return self.rows
+
+    async def _fetch(self, kept: int) -> None:
+        for _ in range(MOST_TURNS):
+            after = int(self.rows[-1, COLUMN["tick"]]) if len(self.rows) else None
+            told = await self._door.ask("rows", after=after, most=AT_ONCE, kept=kept)
+            came = unpacked(told)
+            if told.get("anew"):  # another tick process, which counts from zero
+                self.rows = self.rows[:0]
+            self.rows = np.concatenate([self.rows, came])[-kept:]
+            if len(came) < AT_ONCE:
+                return
+
+
+def packed(rows: Array) -> dict[str, Any]:
+    """Rows as they go through the door."""
+    data = zlib.compress(np.ascontiguousarray(rows, dtype="<f8").tobytes(), 1)
+    return {"columns": len(ROW), "rows": base64.b64encode(data).decode()}
+
+
+def unpacked(told: dict[str, Any]) -> Array:
+    """The rows of an answer. Raises Refusal where it is not what a service of this version says."""
+    try:
+        data = zlib.decompress(base64.b64decode(str(told["rows"]), validate=True))
+        if int(told["columns"]) != len(ROW):
+            raise ValueError("other columns")
+        return np.frombuffer(data, dtype="<f8").reshape(-1, len(ROW)).astype(float)
+    except (KeyError, ValueError, TypeError, zlib.error, binascii.Error) as error:
+        sentence = "The service's rows are of another version; install service and panel alike."
+        raise Refusal(503, "version", sentence) from error
+
+
+def machine_of(state: Path) -> Machine:
+    """The machine of the service that runs, or ran last. Raises Refusal."""
+    try:
+        return _noted(state, *(_stamp(state / name) for name in (fitting.MACHINE, fitting.FILE)))
+    except (ConfigError, OSError, ValueError, KeyError) as error:
+        sentence = "No machine has run on this state folder yet; start directrix serve."
+        raise Refusal(404, "missing", sentence) from error
+
+
+@lru_cache(maxsize=4)
+def _noted(state: Path, *_: tuple[int, int]) -> Machine:
+    return fitting.machine(state)
+
+
+def of_recording(folder: Path) -> Signals:
+    """What was kept of a fault, on the machine as it was then. Raises Refusal."""
+    file = folder / "trace.npz"
+    try:
+        return _recording(file, *_stamp(file))
+    except (OSError, ValueError, KeyError, ConfigError, zipfile.BadZipFile) as error:
+        raise _unreadable(file) from error
+
+
+@lru_cache(maxsize=3)
+def _recording(file: Path, *_: int) -> Signals:
+    with np.load(file, allow_pickle=False) as kept:
+        columns, found = [str(name) for name in kept["columns"]], np.asarray(kept["rows"], dtype=float)
+        machine = config.read(str(kept["machine"]), "machine.toml")
+    rows = np.full((len(found), len(ROW)), np.nan)  # also of a version that kept other columns
+    for i, name in enumerate(columns):
+        if name in COLUMN:
+            rows[:, COLUMN[name]] = found[:, i]
+    return Signals(rows, machine)
+
+
+def of_run(folder: Path, machine: Machine) -> Signals:
+    """The setpoints of a run, on the machine as it is now. Raises Refusal."""
+    file = folder / "setpoints.npz"
+    try:
+        return _run(file, machine, *_stamp(file))
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        raise _unreadable(file) from error
+
+
+@lru_cache(maxsize=2)
+def _run(file: Path, machine: Machine, *_: int) -> Signals:
+    with np.load(file, allow_pickle=False) as kept:
+        found = kept["rows"][:MOST_ROWS]
+        return Signals(signals.rows_of_setpoints([str(n) for n in kept["columns"]], found, machine), machine)
+
+
+def _unreadable(file: Path) -> Refusal:
+    name = f"{file.parent.name}/{file.name}"
+    return Refusal(404, "missing", f"{name}: cannot be read as ticks; choose another recording.")
+
+
+def _stamp(file: Path) -> tuple[int, int]:
+    """Of a file that may not be there."""
+    try:
+        found = file.stat()
+    except OSError:
+        return 0, 0
+    return found.st_size, found.st_mtime_ns

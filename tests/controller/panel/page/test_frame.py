@@ -1,0 +1,117 @@
+"""What is on every view: the stop, the connection, who has control."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from browsing import Site, until
+
+pytestmark = pytest.mark.slow
+
+SLOW_UPLOAD = """
+const asking = new XMLHttpRequest();
+asking.open("POST", "/api/v1/programs");
+const form = new FormData();
+form.append("file", new Blob([new Uint8Array(60e6).fill(10)]), "big.ngc");
+asking.send(form);
+"""
+STATES: dict[str, Callable[[Any], object]] = {
+    "nothing is open": lambda page: None,
+    "a question is open": lambda page: page.evaluate("void dx.ask('Start the loaded program?')"),
+    "a menu is open": lambda page: page.evaluate(
+        "const menu = document.createElement('div'); menu.className = 'q-menu';"
+        "menu.style = 'position:fixed;inset:0;z-index:6000'; document.body.append(menu)"
+    ),
+    "a dialog lies over the page": lambda page: page.evaluate(
+        "const box = document.createElement('div'); box.className = 'q-dialog__backdrop';"
+        "box.style = 'position:fixed;inset:0;z-index:6000'; document.body.append(box)"
+    ),
+    "an upload runs": lambda page: page.evaluate(SLOW_UPLOAD),
+    "the socket of the page's structure is gone": lambda page: page.evaluate("window.socket.disconnect()"),
+    "text is being typed": lambda page: (page.evaluate("dx.show('jog')"), page.fill("#mdi-text", "G0 X")),
+}
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_stop_acts_while(state: str, page: Any, site: Site) -> None:
+    STATES[state](page)
+    before = len(site.asked("stop"))
+    page.click("#dx-stop")
+    until(lambda: len(site.asked("stop")) > before, "the stop")
+
+
+def test_stop_has_a_key_and_the_e_stop_asks_nothing(page: Any, site: Site) -> None:
+    before = len(site.asked("stop"))
+    page.keyboard.press("F9")
+    until(lambda: len(site.asked("stop")) > before, "the stop")
+    page.click("#dx-estop")
+    until(lambda: site.asked("estop"), "the e-stop")
+    page.wait_for_selector("body[data-mode=FAULT]")
+    page.wait_for_selector(".line.alarm >> text=emergency stop")
+    page.click(".line.alarm button")
+    page.wait_for_selector("body[data-mode=OFF]")
+    page.evaluate("dx.call('POST', 'machine/enable')")
+    page.wait_for_selector("body[data-mode=READY]")
+
+
+def test_a_start_asks_first(page: Any, site: Site) -> None:
+    before = len(site.asked("start"))
+    page.click(".cycle button[data-kind=go] >> nth=0")
+    page.wait_for_selector(".dx-ask")
+    page.keyboard.press("Escape")
+    page.wait_for_selector(".dx-ask", state="detached")
+    assert len(site.asked("start")) == before
+
+
+def test_what_is_refused_is_told_in_the_machines_own_sentence(page: Any, site: Site) -> None:
+    page.evaluate("void dx.call('POST', 'cycle/resume')")
+    page.wait_for_selector("#dx-said:not([hidden])")
+    assert page.inner_text("#dx-said") == "resume is refused in READY."
+
+
+def test_figures_are_greyed_while_the_panel_is_away_and_the_page_comes_back(page: Any, site: Site) -> None:
+    site.end()
+    page.wait_for_selector("body[data-stale='1']")
+    assert page.is_visible(".line.stale")
+    assert float(page.eval_on_selector(".dro .figures", "(e) => getComputedStyle(e).opacity")) < 1.0
+    site.start()
+    page.wait_for_function("() => window.dx && !dx.stale && document.querySelector('.dro')")
+    assert not page.is_visible(".line.stale")
+    page.wait_for_selector("body[data-control=free]")  # a panel that was started anew knows of nobody
+
+
+def test_control_is_kept_over_a_reload_of_the_page_and_given_by_hand(page: Any, site: Site) -> None:
+    page.reload()
+    page.wait_for_selector("body[data-control=mine]")
+    page.click("#dx-control")
+    page.wait_for_selector("body[data-control=free]")
+    page.click("#dx-control")
+    page.wait_for_selector("body[data-control=mine]")
+
+
+def test_a_page_that_is_opened_beside_it_has_no_control_of_its_own(page: Any, site: Site) -> None:
+    """A tab that is duplicated takes its storage along; the token is not in it."""
+    assert page.evaluate("sessionStorage.length && sessionStorage.getItem('directrix.control')") in (0, None)
+
+
+def test_overrides_show_what_the_machine_has(page: Any, site: Site) -> None:
+    page.click("[data-override='-10']")
+    page.wait_for_selector("text=90 %")
+    assert site.asked("override")[-1][2] == {"share": 0.9}
+    page.click("[data-rapid='25']")
+    page.wait_for_selector("[data-rapid='25'][aria-pressed=true]")
+    page.click("[data-call='PUT overrides/feed']")
+    page.wait_for_function("() => dx.status.override === 1")
+    page.click("[data-toggle='PUT cycle/single_block']")
+    page.wait_for_selector("[data-toggle='PUT cycle/single_block'][aria-pressed=true]")
+
+
+def test_nothing_is_loaded_from_other_computers(page: Any, site: Site) -> None:
+    asked: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.reload()
+    page.wait_for_function("() => !dx.stale")
+    assert asked
+    assert [url for url in asked if not url.startswith((site.url, "data:", "blob:"))] == []

@@ -1,0 +1,91 @@
+"""Every view in three sizes, both themes and both languages: nothing is clipped, and all can read it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import browsing
+import pytest
+from browsing import Site
+
+from controller.panel.page.views import VIEWS
+
+pytestmark = pytest.mark.slow
+
+SIZES = {"wide": (1920, 1080), "touch": (1280, 720), "phone": (390, 844)}
+# Where axe looks, which takes longest: a colour is the same in all sizes, a name in both themes.
+AXE = {"wide-dark-en", "touch-light-de", "phone-light-en", "phone-dark-de"}
+# What reaches over the right edge, or is cut off within its own box, where nothing scrolls.
+CLIPPED = """() => {
+  const bad = [];
+  const scrolls = ".scroll, nav, .listing, .mdi-history, :has(> canvas), svg, input, textarea";
+  for (const one of document.querySelectorAll(".shell *")) {
+    const box = one.getBoundingClientRect();
+    if (!box.width || one.closest(scrolls)) continue;
+    const text = one.childElementCount === 0 && one.textContent.trim();
+    const hides = getComputedStyle(one).overflowX !== "visible";
+    const named = one.classList.contains("program-name"); // long names end in dots
+    const cut = text && hides && !named && one.scrollWidth > one.clientWidth + 1;
+    if (box.right > innerWidth + 1 || cut) bad.push(`${one.tagName}.${one.className} ${text || ""}`);
+  }
+  return [...new Set(bad)];
+}"""
+OVERLAPS = """() => {
+  const bad = [];
+  const all = [...document.querySelectorAll("header button, nav button, section[data-shown] button")];
+  const seen = all.filter((one) => one.getBoundingClientRect().width);
+  for (const a of seen) for (const b of seen) {
+    if (a === b || a.contains(b) || b.contains(a)) continue;
+    const inside = (one) => one.closest("header, nav, section");
+    if (inside(a) !== inside(b)) continue;
+    const p = a.getBoundingClientRect(), q = b.getBoundingClientRect();
+    if (p.left < q.right - 1 && q.left < p.right - 1 && p.top < q.bottom - 1 && q.top < p.bottom - 1)
+      bad.push(`${a.textContent} over ${b.textContent}`);
+  }
+  return bad;
+}"""
+SMALL = """() => {
+  const all = document.querySelectorAll("header button, nav button, section[data-shown] button:not(.plain)");
+  const small = (box) => box.width && (box.width < 43.5 || box.height < 43.5);
+  return [...all].filter((one) => small(one.getBoundingClientRect())).map((one) => one.textContent);
+}"""
+
+
+@pytest.fixture(params=[(s, t, lang) for s in SIZES for t in ("dark", "light") for lang in ("en", "de")])
+def looked_at(request: Any, chromium: Any, site: Site) -> Any:
+    size, theme, language = request.param
+    width, height = SIZES[size]
+    context = chromium.new_context(viewport={"width": width, "height": height}, reduced_motion="reduce")
+    cookies = {"directrix_theme": theme, "directrix_language": language}
+    context.add_cookies([{"name": name, "value": value, "url": site.url} for name, value in cookies.items()])
+    page = browsing.opened(context, site)
+    page.evaluate("dx.call('POST', 'control', {take_over: true}).then((s) => { dx.token = s.body.token; })")
+    yield page, "-".join(request.param)
+    assert not page.errors, page.errors
+    context.close()
+
+
+def test_nothing_is_clipped_and_no_finding_of_axe_is_serious(looked_at: Any, tmp_path: Path) -> None:
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="needs axe-playwright-python")
+    page, name = looked_at
+    found: list[str] = []
+    for view in VIEWS:
+        page.evaluate("(name) => dx.show(name)", view.NAME)
+        page.wait_for_selector(f"section[data-view={view.NAME}] .card")
+        page.wait_for_timeout(200)
+        picture = page.screenshot(path=str(tmp_path / f"{view.NAME}-{name}.png"))
+        assert len(picture) > 5000, "an empty picture"
+        for what, script in (("clipped", CLIPPED), ("overlapping", OVERLAPS), ("small", SMALL)):
+            found += [f"{view.NAME} {name}: {what}: {one}" for one in page.evaluate(script)]
+        found += [f"{view.NAME} {name}: {one}" for one in serious(axe.Axe().run(page).response)]
+    assert not found, "\n".join(found)
+
+
+def serious(said: dict[str, Any]) -> list[str]:
+    """Findings that keep somebody from using the page, with the elements."""
+    return [
+        f"{one['id']}: {one['help']}: {[node['target'] for node in one['nodes']][:4]}"
+        for one in said["violations"]
+        if one["impact"] in ("serious", "critical")
+    ]

@@ -1,0 +1,49 @@
+"""A work offset from where the tip is."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from controller import config, fitting
+from controller.panel import touch_off
+
+MACHINE = config.load("trunnion")
+
+
+def turned(deg: list[float], origin: list[float]) -> dict[str, object]:
+    """An offset as the service tells it."""
+    made = fitting.with_offset(MACHINE, "G55", {"origin_mm": origin, "turned_deg": deg})
+    return dict(fitting.offsets_of(made)["G55"])
+
+
+def test_the_tip_reads_what_was_wanted_and_other_axes_stay() -> None:
+    seed = random.randrange(2**32)
+    rng = random.Random(seed)
+    for _ in range(50):
+        told = turned([rng.uniform(-180, 180) for _ in range(3)], [rng.uniform(-99, 99) for _ in range(3)])
+        before = touch_off.frame(told)
+        tip = (rng.uniform(-50, 50), rng.uniform(-50, 50), rng.uniform(-50, 50))
+        origin = touch_off.origin_for(before, tip, {"Z": 1.5})
+        reads = before._replace(origin=origin).from_parent(tip)
+        assert reads[2] == pytest.approx(1.5, abs=1e-9), f"seed {seed}"
+        assert reads[:2] == pytest.approx(before.from_parent(tip)[:2], abs=1e-9), f"seed {seed}"
+
+
+@pytest.mark.parametrize("about_y", [0.0, 30.0, -89.0, 90.0, -90.0])
+def test_the_turns_that_are_told_make_the_same_axes_again(about_y: float) -> None:
+    first = turned([25.0, about_y, -140.0], [1.0, 2.0, 3.0])
+    frame = touch_off.frame(first)
+    again = touch_off.frame(turned(list(touch_off.turned_deg(frame)), [1.0, 2.0, 3.0]))
+    for old, new in zip(frame, again, strict=True):
+        assert new == pytest.approx(old, abs=1e-9)
+
+
+def test_an_offset_that_is_not_turned_has_no_turns() -> None:
+    assert touch_off.turned_deg(touch_off.frame(turned([0.0] * 3, [8.0, 96.0, 120.0]))) == (0.0, 0.0, 0.0)
+
+
+def test_a_longer_tool_reaches_further_against_its_axis() -> None:
+    told = {"tip": [1.0, 2.0, 3.0], "axis": [0.0, 0.6, 0.8], "length_mm": 10.0}
+    assert touch_off.tip_with(told, 20.0) == pytest.approx((1.0, -4.0, -5.0))

@@ -1,0 +1,197 @@
+"""A panel with its page before a machine that only keeps its mode, as a process of its own.
+
+    python page_server.py FOLDER PORT      # what was asked of the machine: FOLDER/asked.jsonl
+
+Its axes move while they are jogged, so that a jog that goes on shows.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+from fake_door import AXES, FakeDoor
+
+from controller.panel.checker import Checker
+from controller.panel.core import Panel
+from controller.panel.http import make_app
+from controller.panel.page.shell import add_page
+from controller.panel.programs import Program, ProgramCheck
+from controller.panel.store import Store
+
+DEAD_MAN_S = 0.2
+SPEED_S = 50.0  # mm or degrees a second at full jog
+
+
+class MovingDoor(FakeDoor):
+    """Notes what it is asked in a file, with the time, and has all that the page shows."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__()
+        self.mode = "READY"
+        self._asked = open(folder / "asked.jsonl", "a", buffering=1)  # noqa: SIM115
+        self._where = dict.fromkeys(AXES, 0.0)
+        self._jog: tuple[str, float, float, float] | None = None  # axis, speed, last look, until
+        self._overrides = {"override": 1.0, "rapid_override": 1.0}
+        self._switches = {"single_block": False, "optional_stop": False}
+
+    def answer(self, verb: str, args: dict[str, Any]) -> dict[str, Any]:
+        if verb != "status":
+            self._asked.write(json.dumps([time.time(), verb, args]) + "\n")
+        if verb in self._overrides:
+            self._overrides[verb] = args["share"]
+        if verb in self._switches:
+            self._switches[verb] = args["on"]
+        if verb == "jog":
+            self._jogged()
+            now = time.monotonic()
+            self._jog = (args["axis"], args["speed"] * SPEED_S, now, now + DEAD_MAN_S)
+        if verb in ("jog_stop", "stop", "estop"):
+            self._jogged()
+            self._jog = None
+        return super().answer(verb, args)
+
+    def _jogged(self) -> None:
+        """Let the axis have moved until now, or until the dead-man has ended it."""
+        if self._jog is None:
+            return
+        axis, speed, last, until = self._jog
+        now = time.monotonic()
+        self._where[axis] += speed * max(0.0, min(now, until) - last)
+        self._jog = (axis, speed, now, until) if now < until else None
+
+    def status(self) -> dict[str, Any]:
+        self._jogged()
+        told = super().status()
+        fault = FAULT if self.mode == "FAULT" else None
+        told.update(
+            mode="JOG" if self._jog and self.mode == "READY" else self.mode,
+            time_s=time.monotonic(),
+            joints={name: _joint(where) for name, where in self._where.items()},
+            tip={"X": 12.5, "Y": -3.25, "Z": 0.0},
+            axis={"I": 0.0, "J": 0.70711, "K": 0.70711},
+            feed_mm_min={"programmed": 1000.0, "actual": 593.2},
+            limited_by="Y velocity" if self.mode == "RUNNING" else None,
+            in_block={"what": "cut", "fraction": 0.4, "u": 0.3721} if told.get("job") else None,
+            fault=fault,
+            sequence=None,
+            **self._overrides,
+            **self._switches,
+        )
+        if told.get("job"):
+            told["job"] = {**JOB, **told["job"]}
+        return told
+
+    def facts(self) -> dict[str, Any]:
+        return {**super().facts(), "name": "fake", "axes": [_axis(name) for name in AXES], "period_s": 0.002}
+
+
+FAULT = {
+    "name": "ESTOP",
+    "axis": None,
+    "sentence": "The emergency stop was asked for. Release it, reset, and enable the drives.",
+    "sentence_de": "Not-Halt wurde verlangt. Entriegeln, quittieren, Antriebe einschalten.",
+    "recovery": "reset",
+    "position_trusted": True,
+    "recording": None,
+}
+JOB = {
+    "state": "running",
+    "line": 3,
+    "block": 2,
+    "blocks": 6,
+    "fraction": 0.62,
+    "elapsed_s": 42.0,
+    "left_s": 26.0,
+    "duration_s": 68.0,
+    "restart": [],
+}
+
+
+def _joint(where: float) -> dict[str, Any]:
+    return {
+        "machine": where,
+        "work": where - 8.0,
+        "to_go": -123.456,
+        "actual": where,
+        "error": 0.0123,
+        "homed": True,
+        "limit": None,
+    }
+
+
+def _axis(name: str) -> dict[str, Any]:
+    rotary = name in "ABC"
+    return {
+        "name": name,
+        "kind": "table" if rotary else "linear",
+        "unit": "deg" if rotary else "mm",
+        "travel": [-300.0, 300.0],
+        "following_error": 4.0,
+    }
+
+
+class ToldChecker(Checker):
+    """Says at once what the text itself says of it: WRONG stands where it is refused."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+
+    def ask(self, program: Program) -> None:
+        """Nothing is left to be done."""
+
+    def look(self) -> None:
+        """Nothing comes by other ways."""
+
+    def close(self) -> None:
+        """Nothing runs."""
+
+    def of(self, program: Program) -> ProgramCheck:
+        text = self._store.programs.path(program.sha256).read_text()
+        before, found, _ = text.partition("WRONG")
+        state, result = ("refused", _wrong(before)) if found else ("passed", PASSED)
+        return ProgramCheck(program.sha256, "", state, 1.0, result, 0.0)
+
+
+def _wrong(before: str) -> dict[str, Any]:
+    line, column = before.count("\n") + 1, len(before) - (before.rfind("\n") + 1) + 1
+    sentence = f"line {line}: WRONG is no word of a program; take it out."
+    return {"sentence": sentence, "line": line, "column": column}
+
+
+PASSED = {
+    "duration_s": 67.7,
+    "cut_time_s": 52.4,
+    "cut_length_mm": 87.27,
+    "blocks": 6,
+    "cut_binds": [{"what": "feed", "share": 0.93}, {"what": "Y velocity", "share": 0.07}],
+    "joints": [
+        {
+            "name": name,
+            "lowest": -27.6,
+            "highest": 150.0,
+            "velocity_share": 0.42,
+            "acceleration_share": 0.3,
+            "jerk_share": 0.9,
+        }
+        for name in AXES
+    ],
+    "notes": [{"line": 19, "note": "Joins the block of line 10: the poses agree and the cut runs through."}],
+}
+
+
+def main(folder: Path, port: int) -> None:
+    """Serve until killed."""
+    store = Store(folder)
+    panel = Panel(store, MovingDoor(folder), ToldChecker(store))
+    app = make_app(panel)
+    add_page(app, panel)
+    uvicorn.run(app, host="127.0.0.1", port=port, log_level="warning", timeout_graceful_shutdown=1)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]))
