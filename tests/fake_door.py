@@ -9,7 +9,9 @@ from __future__ import annotations
 from typing import Any
 
 from controller.door import DoorError
+from controller.handoff import Recorder
 from controller.panel.link import refusal
+from controller.service import looks
 
 AXES = ("X", "Y", "Z", "A", "C")
 # verb -> modes in which it is taken, and the mode after it (None: as it was)
@@ -48,8 +50,10 @@ class FakeDoor:
         self.mode = "OFF"
         self.asked: list[tuple[str, dict[str, Any]]] = []
         self.there = True
+        self.recorder = Recorder(rows=4096)
         self.job: dict[str, Any] | None = None
         self.offsets: dict[str, Any] = {"G54": {"origin_mm": [0.0, 0.0, 0.0], "turned_deg": [0.0, 0.0, 0.0]}}
+        self.restart: dict[str, Any] = {"offered": False, "sentence": "Nothing was interrupted."}
         self.tools: dict[str, Any] = {"1": {"name": "", "radius_mm": 3.0, "length_mm": 0.0, "flute_mm": 15.0}}
 
     @property
@@ -68,9 +72,18 @@ class FakeDoor:
         """As the service's handler. Raises DoorError."""
         if not self.there:
             raise DoorError("gone", "The machine's service does not answer; start it with directrix serve.")
-        looks = {"status": self.status, "facts": self.facts, "drives": self.drives, "alarms": dict}
-        if verb in looks:
-            return dict(looks[verb]())
+        if verb == "rows":
+            return looks.rows(self.recorder, args)
+        looks_at = {
+            "status": self.status,
+            "facts": self.facts,
+            "drives": self.drives,
+            "alarms": dict,
+            "buses": self.buses,
+            "restart": lambda: self.restart,
+        }
+        if verb in looks_at:
+            return dict(looks_at[verb]())
         modes, after = TABLE[verb]
         if modes and self.mode not in modes:
             raise DoorError("refused", f"{verb} is refused in {self.mode}.", self.mode, verb.upper())
@@ -101,12 +114,18 @@ class FakeDoor:
             "job": self.job,
             "joints": {axis: dict(joint) for axis in AXES},
             "feed_mm_min": {"programmed": 0.0, "actual": 0.0},
+            "on_table": {"tip": [10.0, 20.0, 30.0], "axis": [0.0, 0.0, 1.0], "length_mm": 0.0},
             "limited_by": "nothing",
             "override": 1.0,
             "rapid_override": 1.0,
             "drives": self.drives()["drives"],
             "tick": {"number": 500, "skips": 0, "late_max_ms": 0.1, "period_ms": 2.0},
         }
+
+    def buses(self) -> dict[str, Any]:
+        bus = {"name": "can0", "bit_rate": 1_000_000, "budget_share": 0.6, "measured_share": 0.5}
+        late = {"from_us": [0.0], "ticks": [1], "seconds": 1.0}
+        return {"buses": [bus], "max_share": 0.8, "lateness": late}
 
     def facts(self) -> dict[str, Any]:
         return {"axes": list(AXES), "offsets": self.offsets, "tools": self.tools, "period_s": 0.002}

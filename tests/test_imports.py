@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 LEAVES = {"machine", "state", "geometry"}
-SHAPES = {"jets", "curves", "splines", "rulings", "surfaces", "kinematics", "motions"}
+SHAPES = {"jets", "curves", "splines", "rulings", "surfaces", "placement", "kinematics", "motions"}
 
 # Part of controller -> parts of controller it may import. A file of a folder counts as
 # the folder, and every part may import itself.
@@ -26,6 +26,7 @@ ARROWS: dict[str, set[str]] = {
     "splines": {"geometry", "jets", "curves"},
     "rulings": {"geometry", "curves", "splines"},
     "surfaces": LEAVES | {"jets", "curves", "splines", "rulings"},
+    "placement": LEAVES | {"curves", "surfaces"},
     "kinematics": LEAVES | {"jets", "curves"},
     "motions": LEAVES | {"curves", "surfaces", "kinematics"},
     "pieces": {"motions"},  # values of the hand-over
@@ -34,7 +35,7 @@ ARROWS: dict[str, set[str]] = {
     "jog_frames": LEAVES | {"kinematics", "pieces"},  # what is jogged, as a line of the joints
     "door": set(),  # the service's local protocol, both sides
     "toml_table": {"geometry"},  # reads tables for config, knows no machine
-    "equipment": {"machine", "toml_table"},  # tables of config's: spindle, inputs and outputs, clamps
+    "equipment": {"machine", "geometry", "toml_table"},  # config's: spindle, inputs and outputs, clamps
     "profiles": {"toml_table"},  # drive profiles, for config
     "nodes": {
         "machine",
@@ -48,14 +49,16 @@ ARROWS: dict[str, set[str]] = {
     "journal": LEAVES | {"handoff", "plan"},  # where the running program is, on disk
     "verify": LEAVES | SHAPES | {"plan", "handoff"},
     # Puts the parts together, as the command line does; nothing but that imports it.
-    "session": LEAVES | SHAPES | {"config", "handoff", "plan", "tick"},
+    "session": LEAVES | SHAPES | {"config", "handoff", "plan", "tick", "verify"},
     "fitting": LEAVES | {"config", "toml_table"},  # what the operator changed, laid over the machine
     # The process of `serve`: parent of tick and plan, and the far side of the door.
     "service": LEAVES
     | SHAPES
     | {"config", "toml_table", "fitting", "jog_frames", "door", "journal"}
     | {"handoff", "plan", "session", "tick", "times"},
-    "panel": LEAVES | {"handoff", "config", "toml_table", "fitting", "door", "plan", "verify"},
+    "panel": LEAVES
+    | {"handoff", "config", "toml_table", "fitting", "door", "plan", "verify"}
+    | {"faults", "catalogue"},
     # Commands of the command line, each a file of its own: as free as that, but for tick.
     "commands": LEAVES
     | SHAPES
@@ -91,7 +94,7 @@ TO_DRIVES: dict[str, set[str]] = {
     "config": {"settings", "profile"},
     "tick": {"settings", "scale", "cia402", "pdo", "bus", "cyclic"},
     "session": VALUES | {"bus", "cyclic", "load", "log", "commission", "simulated"},
-    "service": VALUES | {"bus", "log"},
+    "service": VALUES | {"bus", "load", "log"},
     "profiles": {"profile"},
     "nodes": {"settings"},
     "times": {"settings"},

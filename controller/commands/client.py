@@ -96,30 +96,45 @@ def start(
         float | None, typer.Option("--fraction", help="Of that line's block, 0 to 1.")
     ] = None,
     dry_run: Annotated[float | None, typer.Option("--dry-run", help="So many mm off the part.")] = None,
+    restart: Annotated[bool, typer.Option("--restart", help="Go on where it was interrupted.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before a start in mid program.")] = False,
     take_over: TakeOver = False,
     url: Url = remote.URL,
     as_json: Json = False,
 ) -> None:
-    """Load a program of the store and start it; from its beginning, or at a line."""
+    """Load a program and start it: from its beginning, at a line, or where it was interrupted."""
     with asked(url, as_json) as machine:
-        if not program and (line, fraction, dry_run) != (None, None, None):
+        place: dict[str, Any] = {"line": line, "fraction": fraction, "dry_run_mm": dry_run}
+        if not (program or restart) and any(value is not None for value in place.values()):
             raise Refused("--line, --fraction and --dry-run need the name of a program; give it.")
+        if as_json and not yes and (restart or line is not None):
+            raise Refused(
+                "In mid program --json needs --yes: nobody can be asked whether the state is right."
+            )
         with machine.control(take_over):
+            if restart:
+                offer = _interrupted(machine, program)
+                program, line, place["restart"] = offer["program"], offer["line"], True
             if program:
-                place = {"line": line, "fraction": fraction, "dry_run_mm": dry_run}
                 loaded = carried_out(machine, "job", {"program": program, **place})
-                _agreed(loaded, line, yes, as_json)
+                if line is not None and not yes:
+                    _agreed(loaded, line)
             done = carried_out(machine, "cycle/start")
         tell_done(f"Started{f' {program}' if program else ''}.", done, as_json)
 
 
-def _agreed(loaded: Any, line: int | None, yes: bool, as_json: bool) -> None:
+def _interrupted(machine: Machine, program: str) -> dict[str, Any]:
+    """What is offered. Raises Refused where it is nothing, or another program."""
+    offer: dict[str, Any] = machine.get("restart")
+    if not offer["offered"]:
+        raise Refused(str(offer["sentence"]), line=offer.get("line"))
+    if program and program != offer["program"]:
+        raise Refused(f"{offer['program']} was interrupted, not {program}; name that one, or none.")
+    return offer
+
+
+def _agreed(loaded: Any, line: int) -> None:
     """A start in mid program shows the state that it begins with, and asks."""
-    if line is None or yes:
-        return
-    if as_json:
-        raise Refused("--line with --json needs --yes: nobody can be asked whether the state is right.")
     for name, value in (loaded.get("result") or {}).items():
         tell.print(f"{name.replace('_', ' ')}: {_shown(value)}", markup=False)
     if not typer.confirm(f"Start at line {line} with this state?", err=True):

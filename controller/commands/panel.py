@@ -39,6 +39,7 @@ def panel(
     tls_certificate: Certificate = None,
     tls_key: Key = None,
     proxy: Proxy = "",
+    page: Annotated[bool, typer.Option("--page/--no-page", help="Or the routes alone.")] = True,
 ) -> None:
     """Serve programs, status and control of a machine over HTTP; it may end and come back at any time."""
     from controller.commands import panel_users
@@ -59,7 +60,7 @@ def panel(
         socket = door.control_path(runtime or door.runtime_folder())
         tell.print(f"Panel on {host}:{port}, machine behind {socket}, store in {store.folder}", markup=False)
         uvicorn.run(
-            _app(store, socket),
+            _app(store, socket, page),
             host=host,
             port=port,
             log_level="warning",
@@ -70,7 +71,7 @@ def panel(
             ssl_certfile=tls_certificate,
             ssl_keyfile=tls_key,
             timeout_graceful_shutdown=CLOSE_S,
-            ws_max_size=4096,
+            ws_max_size=1 << 20,  # the page's own socket; nothing is read from that of the events
         )
 
 
@@ -87,11 +88,20 @@ def _may_leave(host: str, users: bool, certificate: bool, proxy: bool) -> None:
         )
 
 
-def _app(store: Store, socket: Path) -> Any:
+def _app(store: Store, socket: Path, page: bool = True) -> Any:
     from controller.panel.checker import Checker
     from controller.panel.core import Panel
     from controller.panel.http import make_app
     from controller.panel.link import SocketDoor
 
     store.sweep()
-    return make_app(Panel(store, SocketDoor(socket), Checker(store)))
+    made = Panel(store, SocketDoor(socket), Checker(store))
+    app = make_app(made)
+    if page:
+        try:
+            from controller.panel.page.shell import add_page
+        except ImportError as error:  # the routes are of use alone
+            tell.print(f"Without the page: {EXTRA} ({error})", markup=False)
+        else:
+            add_page(app, made)
+    return app

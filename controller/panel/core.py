@@ -14,6 +14,7 @@ from controller.panel.gather import Gatherer
 from controller.panel.link import Door, Watch
 from controller.panel.roles import Control
 from controller.panel.store import Store
+from controller.panel.ticks import Latest
 from controller.panel.users import REFRESH_S, Users
 
 MOST_NOTES = 1000  # lines of the audit log that wait for the disk
@@ -28,6 +29,7 @@ class Panel:
         self.store, self.door, self.checker = store, door, checker
         self.gatherer = Gatherer(store.database, store.folder)
         self.watch = Watch(door)
+        self.latest = Latest(door)  # ticks for scopes
         self.users = Users(store.users)
         self.control = Control()
         self.events = Events(self.watch, store)

@@ -18,6 +18,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from fastapi.routing import APIRoute, APIWebSocketRoute
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 from starlette.routing import compile_path
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -27,14 +28,27 @@ from controller.panel.answers import DESCRIPTIONS, Refusal, sentence_of
 from controller.panel.core import Panel
 from controller.panel.database import StoreError
 from controller.panel.roles import Role
-from controller.panel.routes import cycle, jog, listen, machine, programs, records, session, tables, users
+from controller.panel.routes import (
+    cycle,
+    jog,
+    listen,
+    looks,
+    machine,
+    programs,
+    records,
+    session,
+    tables,
+    ticks,
+    users,
+)
 
 API = "/api/v1"
 MOST_BODY_BYTES = 100_000  # of everything but uploads, which count for themselves
 UPLOADS = (f"{API}/programs", "/api/files/local")
 STORE_STATUSES = {"missing": 404, "size": 413, "form": 422, "empty": 422, "many": 429, "space": 507}
 PARTS = (
-    *((API, part) for part in (machine, cycle, jog, programs, tables, records, session, users, listen)),
+    *((API, part) for part in (machine, cycle, jog, programs, tables, records, ticks)),
+    *((API, part) for part in (looks, session, users, listen)),
     ("", metrics),
     ("", octoprint),
 )
@@ -117,6 +131,11 @@ def _refusals(app: FastAPI) -> None:
     @app.exception_handler(RequestValidationError)
     async def not_as_described(_: Request, error: RequestValidationError) -> JSONResponse:
         return Refusal(422, "form", sentence_of(error.errors())).response()
+
+    @app.exception_handler(ClientDisconnect)
+    async def gone(_: Request, error: ClientDisconnect) -> JSONResponse:
+        # Nobody reads it any more; but one who goes away is no mistake of ours that belongs into a log.
+        return Refusal(422, "form", "What was sent was cut off before its end; send it again.").response()
 
     @app.exception_handler(HTTPException)
     async def no_route(request: Request, error: HTTPException) -> JSONResponse:

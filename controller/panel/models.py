@@ -48,6 +48,9 @@ class Load(Sent):
         float | None,
         Field(ge=0.0, le=1000.0, description="Spindle off, this far away along the tool axis."),
     ] = None
+    restart: Annotated[
+        bool, Field(description="Where it was interrupted, as GET /restart offers; without a line.")
+    ] = False
 
 
 class Switch(Sent):
@@ -186,6 +189,21 @@ class JobFacts(Told):
     state: str | None = None
 
 
+class RestartFacts(Told):
+    """The program that was interrupted last, and whether it may be gone on with."""
+
+    offered: bool
+    sentence: str | None = Field(None, description="Why it is not offered.")
+    program: str | None = Field(None, description="Its name in the store: POST /job with restart = true.")
+    name: str | None = Field(None, description="What it was called when it ran.")
+    sha256: str | None = None
+    line: int | None = None
+    fraction: Number = Field(None, description="Of the block.")
+    exact: bool | None = Field(None, description="Otherwise at or before the place, at most 1 s of cut.")
+    tool: int | None = None
+    interrupted_s: Number = Field(None, description="Seconds since 1970.")
+
+
 class JointFacts(Told):
     machine: Number = None
     work: Number = None
@@ -216,6 +234,7 @@ class Status(Told):
     axis: Any = None
     feed_mm_min: Feed | None = None
     limited_by: Any = Field(None, description="What holds the feed down now, in words.")
+    in_block: Any = Field(None, description="What the motion is, the share of it that is done, and u.")
     override: Number = None
     rapid_override: Number = None
     single_block: bool | None = None
@@ -312,6 +331,7 @@ class ToolList(Told):
 class ControlFacts(Told):
     holder: str | None
     since_s: Number
+    mine: bool = Field(description="Whether the X-Control-Token that was sent is the one.")
 
 
 class ControlToken(Told):

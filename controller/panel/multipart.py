@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import time
 from collections.abc import AsyncIterator, Callable, Collection
 from dataclasses import dataclass, field
@@ -26,6 +27,8 @@ from controller.panel import names
 from controller.panel.database import StoreError
 from controller.panel.programs import Program
 from controller.panel.uploads import Upload, Uploads
+
+logging.getLogger("python_multipart").setLevel(logging.ERROR)  # what is sent wrong is told to its sender
 
 MOST_FIELDS = 16
 MOST_FIELD_BYTES = 1024

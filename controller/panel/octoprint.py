@@ -12,7 +12,7 @@ from fastapi import APIRouter, Request, Response
 from controller.panel.access import needs
 from controller.panel.answers import documented
 from controller.panel.roles import Role
-from controller.panel.routes.programs import BODY, take
+from controller.panel.routes.programs import BODY, place_of, take
 
 router = APIRouter(tags=["OctoPrint's way to upload"])
 
@@ -33,7 +33,7 @@ async def octoprint_version() -> dict[str, str]:
 async def octoprint_upload(request: Request, response: Response) -> dict[str, Any]:
     """Upload a program; the same rules as POST /api/v1/programs."""
     program = (await take(request)).program
-    where = str(request.url_for("program", name=program.name))
+    where = place_of(request, program)
     response.headers["Location"] = where
     file = {"name": program.name, "path": program.name, "origin": "local", "refs": {"resource": where}}
     return {"done": True, "effectiveSelect": False, "effectivePrint": False, "files": {"local": file}}

@@ -117,6 +117,14 @@ class Runs:
         )
         return [_run(row) for row in rows]
 
+    def sums(self) -> dict[str, tuple[int, float, float]]:
+        """By result: how many runs, seconds in motion, seconds of cutting."""
+        rows = self._database.rows(
+            "SELECT result, COUNT(*), TOTAL(json_extract(facts, '$.duration_s')), "
+            "TOTAL(json_extract(facts, '$.cut_time_s')) FROM runs GROUP BY result"
+        )
+        return {row[0]: (row[1], row[2], row[3]) for row in rows}
+
     def get(self, run: int) -> Run | None:
         return next((_run(r) for r in self._database.rows("SELECT * FROM runs WHERE id = ?", (run,))), None)
 

@@ -6,53 +6,29 @@ Nothing here asserts wall-clock times; every wait is for something that the mach
 from __future__ import annotations
 
 import json
-import os
-import socket
-import subprocess
-import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from shop import Shop, opened
 from typer.testing import CliRunner
 
 from controller.__main__ import app
 
 pytestmark = pytest.mark.soak
-
-ROOT = Path(__file__).resolve().parent.parent.parent
-PATIENCE_S = 120.0
 PROGRAM = "G21 G90 G54\nT1 M6\nS1000 M3\nG43.4\nG0 X-20 Y0 Z60 A0 C0\nG1 X20 F300\nG1 X-20\nG49\nM5\nM30\n"
-COMMAND = [sys.executable, "-m", "controller"]
 
 
 class Machine:
-    """Serve and panel as processes of their own, and a command line beside them."""
+    """A command line beside a shop."""
 
-    def __init__(self, folder: Path, port: int) -> None:
-        self.folder = folder
-        state, runtime = folder / "state", folder / "run"
-        self._environment = {
-            **os.environ,
-            "PYTHONPATH": str(ROOT),
-            "XDG_STATE_HOME": str(folder / "home"),
-        }
-        self._url = f"http://127.0.0.1:{port}"
-        where = ["--state", str(state), "--runtime", str(runtime)]
-        self._processes = [
-            self._begin("serve", "--simulate", *where),
-            self._begin("panel", "--port", str(port), *where),
-        ]
-
-    def _begin(self, *words: str) -> subprocess.Popen[bytes]:
-        with open(self.folder / f"{words[0]}.log", "wb") as log:
-            return subprocess.Popen([*COMMAND, *words], env=self._environment, stdout=log, stderr=log)
+    def __init__(self, shop: Shop) -> None:
+        self._shop = shop
 
     def run(self, *words: str) -> tuple[int, Any]:
         """Exit code and what was answered."""
-        ran = CliRunner().invoke(app, [*words, "--url", self._url, "--json"])
+        ran = CliRunner().invoke(app, [*words, "--url", self._shop.url, "--json"])
         assert ran.stdout.count("\n") == 1, ran.stdout + ran.stderr
         return ran.exit_code, json.loads(ran.stdout)
 
@@ -62,34 +38,16 @@ class Machine:
         return told
 
     def wait(self, words: str, holds: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
-        """The first status that ``holds``; ``words`` for whoever waits in vain."""
-        until_s = time.monotonic() + PATIENCE_S
-        now: dict[str, Any] = {}
-        while time.monotonic() < until_s:
-            code, now = self.run("status")
-            if code == 0 and holds(now):
-                return now
-            assert all(process.poll() is None for process in self._processes), self.logs()
-            time.sleep(0.1)
-        raise AssertionError(f"never {words}: {now}\n{self.logs()}")
-
-    def logs(self) -> str:
-        return "\n".join(file.read_text() for file in self.folder.glob("*.log"))
-
-    def end(self) -> None:
-        for process in reversed(self._processes):
-            process.terminate()
-        for process in self._processes:
-            process.wait(30.0)
+        """A status after one that ``holds``; ``words`` for whoever waits in vain."""
+        self._shop.until(holds, words)
+        told: dict[str, Any] = self.do("status")
+        return told
 
 
 @pytest.fixture
 def machine(tmp_path: Path) -> Iterator[Machine]:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
-    found = Machine(tmp_path, port)
-    yield found
-    found.end()
+    with opened(tmp_path) as shop:
+        yield Machine(shop)
 
 
 def mode(name: str) -> Callable[[dict[str, Any]], bool]:

@@ -8,21 +8,40 @@ from fastapi import APIRouter, Request
 
 from controller.panel import models
 from controller.panel.access import moves, needs, panel_of
-from controller.panel.answers import documented
+from controller.panel.answers import Refusal, documented
 from controller.panel.roles import Role
-from controller.panel.routes.machine import MOVES, ask
+from controller.panel.routes.machine import LOOKS, MOVES, ask
 
 router = APIRouter(tags=["cycle"])
+GONE = "{name} is not in the store as it was when it was interrupted; upload it again, or start another one."
 
 
 @router.post("/job", dependencies=[moves()], responses=documented(401, 403, 404, 409, 422, 503))
 async def load(request: Request, body: models.Load) -> models.Done:
-    """Load a program of the store, also from a line and a fraction of its block; nothing moves."""
+    """Load a program: whole, from a line and a fraction of its block, or where it was interrupted."""
+    if body.restart and (body.line, body.fraction, body.dry_run_mm) != (None, None, None):
+        raise Refusal(409, "bad", "A restart is where the program was interrupted; give no line with it.")
     programs = panel_of(request).store.programs
     program = await asyncio.to_thread(programs.get, body.program)
     where = body.model_dump(include={"line", "fraction", "dry_run_mm"}, exclude_none=True)
+    where |= {"restart": True} if body.restart else {}
     path = str(programs.path(program.sha256))
     return await ask(request, "load", path=path, name=program.name, sha256=program.sha256, **where)
+
+
+@router.get("/restart", dependencies=[needs(Role.VIEW)], responses=LOOKS)
+async def restart(request: Request) -> models.RestartFacts:
+    """What was interrupted, and whether it may be gone on with; by itself nothing is."""
+    panel = panel_of(request)
+    found = await panel.door.ask("restart")
+    if not found.get("sha256"):
+        return models.RestartFacts(**found)
+    kept = await asyncio.to_thread(panel.store.programs.list)
+    same = [program.name for program in kept if program.sha256 == found["sha256"]]
+    if not same:
+        why = found.get("sentence") or GONE.format(name=found["name"])
+        return models.RestartFacts(**{**found, "offered": False, "sentence": why})
+    return models.RestartFacts(**found, program=found["name"] if found["name"] in same else same[0])
 
 
 @router.delete("/job", dependencies=[moves()], responses=MOVES)

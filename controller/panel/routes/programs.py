@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from dataclasses import asdict
 from typing import Any
+from urllib.parse import quote
 
 from fastapi import APIRouter, Request, Response
 from fastapi.responses import FileResponse
@@ -50,6 +51,11 @@ async def take(request: Request) -> Received:
     return received
 
 
+def place_of(request: Request, program: Program) -> str:
+    """Address of a program; a header takes no letters beyond Latin-1, so its name is encoded."""
+    return str(request.url_for("program", name=quote(program.name, safe="")))
+
+
 @router.post(
     "/programs",
     status_code=201,
@@ -60,7 +66,7 @@ async def take(request: Request) -> Received:
 async def upload(request: Request, response: Response) -> models.ProgramFacts:
     """Upload a program under its file's name; it is checked, and never starts by itself."""
     program = (await take(request)).program
-    response.headers["Location"] = str(request.url_for("program", name=program.name))
+    response.headers["Location"] = place_of(request, program)
     return await asyncio.to_thread(_facts, panel_of(request), program)
 
 

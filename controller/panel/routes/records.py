@@ -92,6 +92,14 @@ async def run_file(request: Request, number: Number, file: FileName) -> FileResp
     return await _sent(panel.run_records, _record(await _run(panel, number)), file)
 
 
+async def record_of(panel: Panel, number: int) -> str:
+    """Name of the folder of a run's record, which is there. Raises Refusal."""
+    name = _record(await _run(panel, number))
+    if name not in {one.name for one in await asyncio.to_thread(inside, panel.run_records)}:
+        raise Refusal(404, "missing", f"run {number}: its record is gone; see the list of runs.")
+    return name
+
+
 async def _run(panel: Panel, number: int) -> Run:
     found = await asyncio.to_thread(panel.store.runs.get, number)
     if found is None:
@@ -122,7 +130,7 @@ async def recording(request: Request, name: FileName, file: FileName) -> FileRes
 
 
 def _listed(folder: FilePath) -> list[models.RecordingFacts]:
-    names = sorted((one.name for one in _inside(folder) if one.is_dir()), reverse=True)
+    names = sorted((one.name for one in inside(folder) if one.is_dir()), reverse=True)
     return [_recording(folder, name) for name in names]
 
 
@@ -137,9 +145,9 @@ def _recording(folder: FilePath, name: str) -> models.RecordingFacts:
 
 def files_of(folder: FilePath, name: str) -> list[str]:
     """Names of the files of one record."""
-    if name not in {one.name for one in _inside(folder)}:
+    if name not in {one.name for one in inside(folder)}:
         return []
-    return sorted(file.name for file in _inside(folder / name) if file.is_file() and not file.is_symlink())
+    return sorted(file.name for file in inside(folder / name) if file.is_file() and not file.is_symlink())
 
 
 async def _sent(folder: FilePath, name: str, file: str) -> FileResponse:
@@ -149,7 +157,8 @@ async def _sent(folder: FilePath, name: str, file: str) -> FileResponse:
     return FileResponse(folder / name / file, media_type="application/octet-stream", filename=file)
 
 
-def _inside(folder: FilePath) -> list[FilePath]:
+def inside(folder: FilePath) -> list[FilePath]:
+    """What a folder holds."""
     try:
         return list(folder.iterdir())
     except OSError:  # not made yet, or just taken away with the oldest

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Request, Response
+from typing import Annotated
+
+from fastapi import APIRouter, Header, Request, Response
 
 from controller.panel import models
 from controller.panel.access import COOKIE, address, check_origin, moves, needs, panel_of, principal
@@ -53,11 +55,17 @@ def _facts(who: Principal) -> models.SessionFacts:
 # ---- the control token
 
 
-@router.get("/control", dependencies=[needs(Role.VIEW)], responses=documented(401, 403))
-async def control(request: Request) -> models.ControlFacts:
+@router.get("/control", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 422))
+async def control(
+    request: Request, x_control_token: Annotated[str, Header(description="Whether it is this one.")] = ""
+) -> models.ControlFacts:
     """Who may move the machine now."""
     held = panel_of(request).control
-    return models.ControlFacts(holder=held.holder or None, since_s=held.since_s if held.holder else None)
+    return models.ControlFacts(
+        holder=held.holder or None,
+        since_s=held.since_s if held.holder else None,
+        mine=held.holds(x_control_token),
+    )
 
 
 @router.post("/control", dependencies=[needs(Role.OPERATE)], responses=documented(401, 403, 409, 422))

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Request
 
-from controller.panel import models
+from controller.panel import models, touch_off
 from controller.panel.access import moves, needs, panel_of
 from controller.panel.roles import Role
 from controller.panel.routes.machine import LOOKS, MOVES, ask
@@ -19,7 +19,9 @@ ToolNumber = Annotated[int, Path(ge=1, le=9999)]
 @router.get("/offsets", dependencies=[needs(Role.VIEW)], responses=LOOKS)
 async def offsets(request: Request) -> models.OffsetList:
     """The work offsets as they are in force."""
-    return models.OffsetList(offsets=_by(await panel_of(request).door.ask("facts"), "offsets", "name"))
+    found = rows_by(await panel_of(request).door.ask("facts"), "offsets", "name")
+    turned = {name: {"turned_deg": touch_off.turned_deg(touch_off.frame(one))} for name, one in found.items()}
+    return models.OffsetList(offsets={name: {**turned[name], **one} for name, one in found.items()})
 
 
 @router.put("/offsets/{name}", dependencies=[moves()], responses=MOVES)
@@ -31,7 +33,7 @@ async def set_offset(request: Request, name: OffsetName, body: models.OffsetValu
 @router.get("/tools", dependencies=[needs(Role.VIEW)], responses=LOOKS)
 async def tools(request: Request) -> models.ToolList:
     """The tool table as it is in force."""
-    return models.ToolList(tools=_by(await panel_of(request).door.ask("facts"), "tools", "number"))
+    return models.ToolList(tools=rows_by(await panel_of(request).door.ask("facts"), "tools", "number"))
 
 
 @router.put("/tools/{number}", dependencies=[moves()], responses=MOVES)
@@ -47,7 +49,7 @@ async def remove_tool(request: Request, number: ToolNumber) -> models.Done:
     return await ask(request, "set_tool", number=number, remove=True)
 
 
-def _by(facts: dict[str, Any], what: str, key: str) -> dict[str, Any]:
+def rows_by(facts: dict[str, Any], what: str, key: str) -> dict[str, Any]:
     """Rows by their key, however the service tells them."""
     found = facts.get(what) or {}
     if isinstance(found, dict):

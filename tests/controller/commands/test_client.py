@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import json
 from collections.abc import Callable, Iterator, Mapping
 from io import StringIO
@@ -235,8 +236,34 @@ def test_a_start_in_mid_program_by_a_script_must_say_yes(
 ) -> None:
     done("upload", str(program))
     ran = run("start", "part.ngc", "--line", "2", "--json")
-    assert ran.exit_code == 1 and "--yes" in json.loads(ran.stdout)["error"] and "start" not in door.verbs
+    assert ran.exit_code == 1 and "--yes" in json.loads(ran.stdout)["error"] and door.verbs == []
     assert json.loads(done("start", "part.ngc", "--line", "2", "--yes", "--json"))["ok"]
+
+
+OFFER = {"offered": True, "name": "part.ngc", "sha256": hashlib.sha256(PROGRAM).hexdigest(), "line": 2}
+
+
+def test_what_was_interrupted_is_shown_and_gone_on_with(
+    panel: Panel, door: NotingDoor, program: Path
+) -> None:
+    done("upload", str(program))
+    door.results["restart"] = OFFER
+    no = run("start", "--restart", answer="n\n")
+    assert no.exit_code == 1 and "offset: G54" in no.stderr and "start" not in door.verbs
+    assert run("start", "--restart", answer="y\n").exit_code == 0
+    assert [args.get("restart") for verb, args in door.asked if verb == "load"] == [True, True]
+    assert door.verbs[-1] == "start"
+    other = run("start", "other.ngc", "--restart")
+    assert other.exit_code == 1 and "part.ngc was interrupted, not other.ngc" in other.stderr
+
+
+def test_where_nothing_is_offered_the_reason_is_told_and_nothing_is_loaded(
+    panel: Panel, door: NotingDoor
+) -> None:
+    door.results["restart"] = {"offered": False, "sentence": "Home all axes first."}
+    ran = run("start", "--restart", "--yes", "--json")
+    assert ran.exit_code == 1 and json.loads(ran.stdout)["error"] == "Home all axes first."
+    assert "load" not in door.verbs and "start" not in door.verbs
 
 
 def test_a_place_needs_a_program(panel: Panel, door: NotingDoor) -> None:

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import hashlib
 import json
-import os
 import random
-import select
 import termios
 import threading
 import time
-import tty
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from ci_seed import SEED
+from serial_pty import Pty
 from typer.testing import CliRunner
 
 from controller.commands import dnc as command
@@ -26,6 +24,7 @@ from controller.panel.store import Store
 from controller.panel.tape import TapeError
 
 FORMATS = ["7E2", "7E1", "8N1"]
+HARMS = ["none", "bit", "lost", "cut"]
 BITS_A_BYTE = 11
 Write = Callable[[bytes], None]
 
@@ -38,43 +37,6 @@ def program(size: int, seed: int = 1) -> bytes:
             b"G1 X%.3f Y%.3f F%d" % (draw.uniform(-99, 99), draw.uniform(-99, 99), draw.randrange(9))
         )
     return b"\n".join([*lines, b"M30", b""])
-
-
-class Pty:
-    """A machine's end of a serial line, and the path of ours."""
-
-    def __init__(self) -> None:
-        self.machine, ours = os.openpty()
-        tty.setraw(self.machine)
-        os.set_blocking(self.machine, False)
-        self.ended = threading.Event()  # nobody reads any more
-        self.path = os.ttyname(ours)
-        self._ours = ours  # stays open, as a port stays there without anybody using it
-
-    def write(self, data: bytes) -> None:
-        while data and not self.ended.is_set():
-            if select.select([], [self.machine], [], 0.1)[1]:
-                with contextlib.suppress(BlockingIOError):
-                    data = data[os.write(self.machine, data) :]
-
-    def read(self, wait_s: float = 0.2) -> bytes:
-        if not select.select([self.machine], [], [], wait_s)[0]:
-            return b""
-        try:
-            return os.read(self.machine, 65536)
-        except OSError as error:
-            if error.errno != errno.EIO:
-                raise
-            return b""
-
-    def cut(self) -> None:
-        if self.machine >= 0:
-            os.close(self.machine)
-            self.machine = -1
-
-    def close(self) -> None:
-        self.cut()
-        os.close(self._ours)
 
 
 @pytest.fixture
@@ -354,11 +316,11 @@ def wild(pty: Pty, data: bytes, draw: random.Random, even: bool, paced: bool) ->
             time.sleep(max(0.0, at * BITS_A_BYTE / 115200 - (time.monotonic() - began_s)))
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize("data_format", FORMATS)
-@pytest.mark.parametrize("harm", ["none", "bit", "lost", "cut"])
-def test_a_megabyte_at_115200_arrives_identical_or_is_refused(pty: Pty, data_format: str, harm: str) -> None:
-    used, text, draw = settings(pty, data_format, silence_s=2.0), program(1_000_000), random.Random(7)
+def arrives_or_is_refused(
+    pty: Pty, data_format: str, harm: str, text: bytes, draw: random.Random, paced: bool = False
+) -> None:
+    """Identical where nothing was wrong, and else there is nothing."""
+    used = settings(pty, data_format, silence_s=2.0)
     data = bytearray(tape.punched(text, used.even_parity))
     at = draw.randrange(200, len(data) - 200)
     if harm == "bit":
@@ -368,10 +330,36 @@ def test_a_megabyte_at_115200_arrives_identical_or_is_refused(pty: Pty, data_for
     elif harm == "cut":
         del data[at:]
     outcome: tape.Tape | None = None
-    paced = harm == "none" and data_format == "7E2"  # 95 s; the pace of the others is the pty's
     with contextlib.suppress(TapeError):
         outcome = received(pty, used, lambda: wild(pty, bytes(data), draw, used.even_parity, paced))
     assert (outcome.text if outcome else None) == (text if harm == "none" else None)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("harm", HARMS)
+def test_some_of_a_tape_arrives_identical_or_is_refused_each_time_with_another_harm(
+    pty: Pty, harm: str
+) -> None:
+    print(f"seed {SEED}")
+    draw = random.Random(f"{SEED} {harm}")
+    arrives_or_is_refused(pty, draw.choice(FORMATS), harm, program(150_000, SEED), draw)
+
+
+@pytest.mark.slow
+def test_some_of_a_tape_is_punched_through_xoff_storms(pty: Pty) -> None:
+    print(f"seed {SEED}")
+    used, text = settings(pty, random.Random(SEED).choice(FORMATS)), program(150_000, SEED)
+    found = sent(pty, used, tape.punched(text, used.even_parity), storms=25, seed=SEED)
+    reader = tape.Reader(used.even_parity)
+    assert reader.feed(found) and reader.tape is not None and reader.tape.text == text
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("data_format", FORMATS)
+@pytest.mark.parametrize("harm", HARMS)
+def test_a_megabyte_at_115200_arrives_identical_or_is_refused(pty: Pty, data_format: str, harm: str) -> None:
+    paced = harm == "none" and data_format == "7E2"  # 95 s; the pace of the others is the pty's
+    arrives_or_is_refused(pty, data_format, harm, program(1_000_000), random.Random(7), paced)
 
 
 @pytest.mark.soak

@@ -69,6 +69,52 @@ def test_a_refusal_of_the_machine_names_mode_request_and_reason(tmp_path: Path) 
     asyncio.run(story())
 
 
+OFFER = {
+    "offered": True,
+    "sentence": None,
+    "name": "part.ngc",
+    "sha256": SHA,
+    "line": 2,
+    "fraction": 0.5,
+    "exact": True,
+}
+
+
+def test_what_was_interrupted_is_offered_by_the_name_of_its_content_and_gone_on_with_only_when_asked(
+    tmp_path: Path,
+) -> None:
+    async def story() -> None:
+        scene = Scene(tmp_path)
+        async with scene.client() as client:
+
+            async def offer() -> dict[str, Any]:
+                answer = await client.get("/api/v1/restart")
+                assert answer.status_code == 200, answer.text
+                return dict(answer.json())
+
+            assert (await offer())["offered"] is False
+            scene.door.restart = OFFER
+            found = await offer()
+            assert (found["offered"], found["program"]) == (False, None) and "upload it again" in found[
+                "sentence"
+            ]
+            await client.post("/api/v1/programs", **part())
+            assert (await offer())["program"] == "part.ngc"
+            await client.patch("/api/v1/programs/part.ngc", json={"name": "other.ngc"})
+            found = await offer()
+            assert (found["offered"], found["program"], found["line"]) == (True, "other.ngc", 2)
+            await take_control(client)
+            job = {"program": "other.ngc", "restart": True}
+            assert (await client.post("/api/v1/job", json={**job, "line": 1})).status_code == 409
+            assert (await client.post("/api/v1/job", json=job)).status_code == 200
+            assert [args["restart"] for verb, args in scene.door.asked if verb == "load"] == [True]
+            scene.door.restart = {**OFFER, "offered": False, "sentence": "Home all axes first."}
+            found = await offer()
+            assert (found["offered"], found["sentence"]) == (False, "Home all axes first.")
+
+    asyncio.run(story())
+
+
 def test_the_loaded_program_is_neither_overwritten_nor_renamed_nor_deleted(tmp_path: Path) -> None:
     async def story() -> None:
         async with Scene(tmp_path).client() as client:

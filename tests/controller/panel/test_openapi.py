@@ -13,17 +13,21 @@ from hypothesis import HealthCheck, settings
 from panels import Scene
 from schemathesis.checks import CHECKS
 
+from controller import config, fitting
 from controller.panel.roles import Principal, Role
 
 EVERY_CHECK = list(CHECKS.get_all())
-HURRY = settings(max_examples=2, deadline=None, suppress_health_check=list(HealthCheck))
-PATIENCE = settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+ANYHOW: dict[str, Any] = {"deadline": None, "suppress_health_check": list(HealthCheck), "print_blob": True}
+HURRY = settings(max_examples=2, **ANYHOW)
+SHIFT = settings(max_examples=15, **ANYHOW)
+PATIENCE = settings(max_examples=150, **ANYHOW)
 OPERATOR = Principal("test", Role.OPERATE, "local")
 
 
 def scene_of(users: bool) -> Scene:
     """One store for a whole module: what one request leaves behind is met by the next ones."""
     scene = Scene(Path(mkdtemp()))
+    fitting.note(scene.folder, config.load("trunnion"))  # as the service does when it starts
     if users:
         asyncio.run(scene.with_users())
     return scene
@@ -59,6 +63,13 @@ def ask(scene: Scene, case: Any, **more: Any) -> None:
 @local.parametrize()
 @HURRY
 def test_what_is_made_up_is_answered_as_described(case: Any) -> None:
+    ask(LOCAL, case)
+
+
+@pytest.mark.slow
+@local.parametrize()
+@SHIFT
+def test_more_that_is_made_up_is_answered_as_described(case: Any) -> None:
     ask(LOCAL, case)
 
 
