@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from restarting import assert_rest_is_cut, distance, stretches
+from restarting import assert_rest_is_cut, distance, program_rows, stretches
 
 from controller import config, fitting
 from controller.handoff import COLUMN
@@ -71,5 +71,8 @@ def assert_same_setpoints(done: Again, ended_itself: bool = True) -> None:
 def assert_cut(done: Again, text: str, spot: Spot) -> None:
     """From the spot on every feed motion of the program, to its end, within 1e-6 mm."""
     wanted = stretches(text, done.stepped.machine)
-    assert distance(done.run.rows, wanted, done.stepped.kinematics) < SAME_MM
+    rows = program_rows(done.run.rows)  # rapids begin wherever the run did
+    feeds = [number for number, stretch in wanted.items() if stretch.feed_mm_s is not None]
+    cut = rows[np.isin(rows[:, COLUMN["motion_id"]], feeds)]
+    assert len(cut) and distance(cut, wanted, done.stepped.kinematics) < SAME_MM
     assert_rest_is_cut(done.run.rows, wanted, spot)

@@ -95,8 +95,12 @@ class Serving:
         self.until(lambda now: now["sequence"] and now["sequence"]["state"] == "done", "power up")
 
     def ready(self) -> None:
-        """Homed and enabled."""
+        """Powered up, homed and enabled."""
         self.up()
+        self.home()
+
+    def home(self) -> None:
+        """Homed and enabled."""
         self.done("home")
         self.until(lambda now: now["mode"] == "READY", "READY")
 

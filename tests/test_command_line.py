@@ -132,7 +132,12 @@ def test_simulate_refuses_as_check_does_and_writes_nothing(at_work):
 def test_gouge_warn_cuts_it_anyway_and_says_so():
     code, out, err = run("check", config.shipped_program("example2"), "--gouge", "warn")
     assert code == 0
-    for line, what in ((1, "lead in"), (9, "lead out"), (1, "cut"), (9, "cut")):  # the corner, from both sides
+    for line, what in (
+        (1, "lead in"),
+        (9, "lead out"),
+        (1, "cut"),
+        (9, "cut"),
+    ):  # the corner, from both sides
         assert re.search(rf"ngc:{line}:6: Gouge: the {what} of [^\n]* cuts? \d", err), (line, what)
     assert "87.2733 mm of C1" in out
 

@@ -108,7 +108,8 @@ class Drive(PowerStage):
 
     def _look(self, enabled: bool) -> None:
         super()._look(enabled)
-        follows = enabled and self.cyclic and bool(self.statusword & cia402.FOLLOWS_COMMAND)
+        told = enabled and bool(self.statusword & cia402.FOLLOWS_COMMAND)
+        follows = told and self.cyclic and not self._stale
         if self.wanted is _ENABLED:
             if follows:
                 self._followed = True

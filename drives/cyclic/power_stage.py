@@ -14,8 +14,8 @@ from drives.cyclic import drive_fault
 from drives.cyclic.drive_fault import DriveFault
 from drives.cyclic.supervised import Supervised
 
-# Feedback of every n-th SYNC may tell of what was before ENABLED was wanted: a drive on its way to off
-# still says that it is enabled. So many later ones must have come before it can have dropped out.
+# Feedback may tell of what was before ENABLED was wanted: a drive on its way to off still says that it
+# is enabled. So many later ones must have come before it can have dropped out.
 STALE_FEEDBACKS = 3
 LOST_IN_A_ROW = 2  # one lost TPDO is counted, the second in a row is a fault
 
@@ -110,7 +110,8 @@ class PowerStage(Supervised):
             self._reset_armed = False
             if wanted is _ENABLED:
                 self._forget()
-                self._stale = STALE_FEEDBACKS if self._every > 1 else 0
+                on_its_way = self._every > 1 or self.state is _OPERATION_ENABLED
+                self._stale = STALE_FEEDBACKS if on_its_way else 0
         self.wanted = wanted
         self._judged = wanted is _ENABLED or wanted is Wanted.QUICK_STOP
         self._step()

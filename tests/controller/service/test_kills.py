@@ -32,7 +32,7 @@ def rows(lines: int) -> str:
     return "G21 G90 G54 G43.4 G0 X0 Y0 Z50. A0 C0\nF2000\n" + "".join(points) + "M30\n"
 
 
-LARGE, TOO_LARGE = rows(500), rows(700)
+LARGE, TOO_LARGE = rows(100), rows(700)
 LONG = "G21 G90 G54\n" + "G1 X100. F3000\nG1 X-100.\n" * 20 + "M30\n"
 
 

@@ -66,6 +66,24 @@ def test_until_the_drive_follows_it_is_sent_its_own_position():
     assert sent(drive, 777)[1] == 777
 
 
+def test_a_drive_enabled_again_at_once_is_not_taken_for_enabled_by_what_it_said_before():
+    drive = enabled()
+    drive.want(Wanted.OFF)
+    sent(drive)
+    drive.want(Wanted.ENABLED)
+    for statusword in (OE | FOLLOWS, SO, OE, OE | FOLLOWS):  # of before; off; on its way; there
+        drive.expect()
+        tell(drive, statusword)
+        drive.settle()
+        sent(drive)
+        assert drive.fault(0.0, CONSUMER_S) is DriveFault.NONE
+    drive.expect()
+    tell(drive, OE | FOLLOWS)
+    assert drive.following
+    tell(drive, SO)
+    assert drive.fault(0.0, CONSUMER_S) is DriveFault.STATE_LOST
+
+
 def test_quick_stop_acts_with_the_next_frame_without_waiting_for_feedback():
     drive = enabled()
     drive.want(Wanted.QUICK_STOP)
