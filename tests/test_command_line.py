@@ -137,7 +137,7 @@ def test_gouge_warn_cuts_it_anyway_and_says_so():
         (9, "lead out"),
         (1, "cut"),
         (9, "cut"),
-    ):  # the corner, from both sides
+    ):
         assert re.search(rf"ngc:{line}:6: Gouge: the {what} of [^\n]* cuts? \d", err), (line, what)
     assert "87.2733 mm of C1" in out
 
