@@ -10,13 +10,20 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from cutting import shipped
-from living import Listener, until
+from living import Listener, now_of, session, until
 
+from controller.handoff import Snapshot
 from controller.machine import Bus, Machine
+from controller.session.live import Live
+from controller.session.startup import SessionError
+from controller.state import Fault
 from drives import pdo
 
 HERE = Path(__file__).parent
 PERIOD_S = 0.01  # what a guest on a busy computer keeps; limits are counted, never timed
+# A busy computer may hold its guest up for longer than a machine may bear: then it is tried again.
+ATTEMPTS = 4
+HELD_UP = (Fault.PLANNER_GONE, Fault.TOO_MANY_SKIPS, Fault.FEEDBACK_LOST)
 SIMULATED = (sys.executable, "-m", "drives.simulated", "--socketcan")
 
 
@@ -35,6 +42,21 @@ def drives(interface: str = "vcan0") -> Iterator[subprocess.Popen[bytes]]:
     finally:
         process.kill()
         process.wait()
+
+
+@contextlib.contextmanager
+def ready(text: str, machine: Machine) -> Iterator[tuple[Live, Snapshot]]:
+    """A session that has come up, and its snapshot then."""
+    for left in reversed(range(ATTEMPTS)):
+        with session(text, machine) as running:
+            try:
+                start = running.ready()
+            except SessionError:
+                if not left or now_of(running).fault not in HELD_UP:
+                    raise
+                continue
+            yield running, start
+            return
 
 
 @contextlib.contextmanager

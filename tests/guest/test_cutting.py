@@ -5,27 +5,23 @@ from __future__ import annotations
 import numpy as np
 from cutting import program
 from guest import on_can
-from living import assert_within_limits, now_of, off_path, session, traced
+from living import assert_within_limits, off_path, traced
 
 from controller.handoff import COLUMN
 from controller.machine import Machine
-from controller.session.startup import SessionError
 from controller.state import Fault, Mode
 
 ON_PATH_MM = 1e-6
-ATTEMPTS = 4
-HELD_UP = (Fault.PLANNER_GONE, Fault.TOO_MANY_SKIPS, Fault.FEEDBACK_LOST)
 
 
 def cut(machine: Machine, feed: str) -> int:
     """Example 2, cut on the path and within the limits; the number of cutting ticks that sent SYNC.
 
-    A busy computer may hold its guest up for longer than a machine may bear. That ends on the path,
-    too, and the part is cut anew.
+    A cut that the computer held up ends on the path, too, and is begun anew.
     """
-    for _ in range(ATTEMPTS - 1):
+    for _ in range(on_can.ATTEMPTS - 1):
         sent, fault = attempt(machine, feed)
-        if fault not in HELD_UP:
+        if fault not in on_can.HELD_UP:
             break
         print(f"held up: {fault.name} after {sent} ticks of cutting")
     else:
@@ -37,14 +33,7 @@ def cut(machine: Machine, feed: str) -> int:
 def attempt(machine: Machine, feed: str) -> tuple[int, Fault]:
     """(cutting ticks that sent SYNC, what ended it), on the path and within the limits until then."""
     text = program("example2_ready", feed)
-    with on_can.drives(), session(text, machine) as running:
-        try:
-            start = running.ready()
-        except SessionError:
-            fault = now_of(running).fault
-            if fault not in HELD_UP:
-                raise
-            return 0, fault
+    with on_can.drives(), on_can.ready(text, machine) as (running, start):
         rows, last = running.run()  # minutes: the guest itself is what would end a run that hangs
     assert last.mode is (Mode.READY if last.fault is Fault.NONE else Mode.FAULT)
     cutting = rows[rows[:, COLUMN["cutting"]] != 0.0]

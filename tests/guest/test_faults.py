@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import pytest
 from guest import on_can
-from living import Listener, at, run, session, until
+from living import Listener, at, run, until
 
 from controller.handoff import Snapshot
 from controller.machine import Machine
@@ -28,16 +28,14 @@ CONTROLLER, BUS_OFF = 0x004, 0x040
 
 def struck(machine: Machine, strike: Callable[[Live], None]) -> tuple[Snapshot, Live]:
     """A program struck on its way; the last snapshot, and the session that has ended by now."""
-    with session(PROGRAM, machine) as running:
-        running.ready()
+    with on_can.ready(PROGRAM, machine) as (running, _):
         _, last = run(running, at(running, INSTANT_S, lambda: strike(running)))
     return last, running
 
 
 def comes_up_again(machine: Machine) -> bool:
     """Whether a new start on the same drives commissions, homes, enables and runs."""
-    with session(DRY, machine) as running:
-        running.ready()
+    with on_can.ready(DRY, machine) as (running, _):
         _, last = run(running)
     return (last.mode, last.fault) == (Mode.READY, Fault.NONE)
 
@@ -96,8 +94,7 @@ def test_an_interface_that_goes_down_stops_the_machine() -> None:
 
 def test_the_kernels_sync_ends_with_the_tick_and_the_drives_stop_by_themselves() -> None:
     machine = on_can.machine(sync="kernel")
-    with on_can.drives(), session(PROGRAM, machine) as running:
-        running.ready()
+    with on_can.drives(), on_can.ready(PROGRAM, machine) as (running, _):
         kill = at(running, INSTANT_S, lambda: os.kill(running.tick.pid, signal.SIGKILL))
         with pytest.raises(SessionError, match="SIGKILL"):
             run(running, kill)
