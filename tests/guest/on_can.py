@@ -23,7 +23,7 @@ HERE = Path(__file__).parent
 PERIOD_S = 0.01  # what a guest on a busy computer keeps; limits are counted, never timed
 # A busy computer may hold its guest up for longer than a machine may bear: then it is tried again.
 ATTEMPTS = 4
-HELD_UP = (Fault.PLANNER_GONE, Fault.TOO_MANY_SKIPS, Fault.FEEDBACK_LOST)
+HELD_UP = (Fault.PLANNER_GONE, Fault.TOO_MANY_SKIPS, Fault.FEEDBACK_LOST, Fault.SYNC_LOST)
 SIMULATED = (sys.executable, "-m", "drives.simulated", "--socketcan")
 
 
