@@ -14,11 +14,12 @@ import shutil
 import signal
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from cutting import program
-from fault_scene import machine as homing_machine
+from cutting import program, shipped
+from fault_scene import RETRACT
 from living import Listener as Client
 from living import until
 
@@ -33,6 +34,7 @@ from controller.handoff import (
     send_jog,
     send_request,
 )
+from controller.machine import Homing, Machine
 from controller.session import children, live
 from controller.session.children import Child, Job
 from controller.session.listener import Listener
@@ -44,7 +46,21 @@ EXAMPLE_2 = program("example2_ready", "1500.")
 JOG_MM, JOG_MM_S = 120.0, 150.0
 AXIS = 1  # Y is jogged
 STANDS = 0.01  # mm or degrees: less is a servo's last creeping
+LIMIT_SWITCH = 17  # the negative one; on the virtual bus that is some 10^8 counts away
+FAST, SLOW, ACCELERATION = (150.0, 3.0), (20.0, 0.5), (1000.0, 20.0)  # mm or rad, per s, per s^2
 MODES = ("homing", "idle", "jog", "cutting", "hold", "resume")
+
+
+def _homed_by_switches(made: Machine) -> Machine:
+    """The same, with drives that move for some seconds when they home: time for a fault to come and go."""
+    axes = []
+    for axis in made.axes:
+        fast, slow, acceleration = (pair[axis.is_rotary] for pair in (FAST, SLOW, ACCELERATION))
+        homing = Homing(
+            LIMIT_SWITCH, 1, axis.homing.position, fast=fast, slow=slow, acceleration=acceleration
+        )
+        axes.append(replace(axis, homing=homing))
+    return replace(made, axes=tuple(axes), retract_mm=RETRACT)
 
 
 class ProcessScene:
@@ -56,7 +72,7 @@ class ProcessScene:
         self.recordings.mkdir()
         self._ending = contextlib.ExitStack()
         self.hubs: dict[str, Child] = {}
-        self.machine = live.with_hubs(homing_machine(), folder, self._ending, self.hubs, {})
+        self.machine = live.with_hubs(_homed_by_switches(shipped()), folder, self._ending, self.hubs, {})
         self.nodes = [axis.node for axis in self.machine.axes]
         self.tick: Child | None = None
         self.plan: Child | None = None
