@@ -293,56 +293,55 @@ def demo(
         with _refusals(as_json):
             demo_panel.run(out / "panel", port, as_json)
         return
+    with _refusals(as_json):
+        if part not in PARTS:
+            raise Refused(f"--part {part} is not known; allowed are {' and '.join(PARTS)}.")
+        out.mkdir(parents=True, exist_ok=True)
+        _demo(part, out, store, unchecked, as_json)
+
+
+def _demo(part: str, out: Path, store: Path | None, unchecked: bool, as_json: bool) -> None:
     from controller.session import live
     from controller.verify import trace as traces
     from controller.verify.live_line import LiveLine
 
-    with _refusals(as_json):
-        if part not in PARTS:
-            raise Refused(f"--part {part} is not known; allowed are {' and '.join(PARTS)}.")
-        made = config.load("trunnion")
-        file = config.shipped_program(PARTS[part])
-        out.mkdir(parents=True, exist_ok=True)
-        picture, trace_file = out / f"{part}.png", out / f"{part}.npz"
-        _writable(picture, trace_file)
-        task = checked.task(file.read_bytes(), file.name, made)
-        kept = None if unchecked else _kept(task, store, as_json)
-        if kept is None and not unchecked:
-            kept = _checked(task, store, Rows(), as_json)[1]
-        if not as_json:
-            tell.print(
-                f"Starting the virtual bus, five simulated drives, plan and tick; {file.name} on {made.name}."
-            )
-        with live.started(made, task.text, file.name, kept, unchecked, recording.folder()) as machine:
-            now = machine.ready()
-            task = replace(task, start=five(now.joints))
-            stretches = checked.stretches(checked.walk_of(task, kept, unchecked))
-            line = LiveLine(made, stretches)
-            title = f"cutting ({kept.duration_s:.0f} s)" if kept else "cutting"
-            with bar(title, as_json) as progress:
-                rows, last = machine.run(lambda now: progress(_share(now.plan_time_s, kept), line.of(now)))
-        trace = traces.from_rows(rows, made, task.kinematics, stretches)
-        syncs = {
-            name: asdict(traces.sync_intervals(s, made.period_s)) for name, s in machine.sync_stamps_s.items()
-        }
-        _write(trace, made, stretches, trace_file, picture)
-        result = "fault" if last.fault is not Fault.NONE else "completed"
-        figures = {
-            **_figures(task, result, last.fault, unchecked),
-            "program": str(file),
-            **traces.summary(trace, made, task.kinematics, _length_mm(stretches)).to_dict(),
-            "binds": [bound.to_dict() for bound in tables.bound_in(rows, made)],
-            "planned_s": kept.duration_s if kept else None,
-            "skips": last.skips,
-            "sync": syncs,
-            "picture": str(picture),
-            "trace": str(trace_file),
-        }
-        if last.fault is not Fault.NONE:
-            raise Refused(machine.fault_text(last), **figures)
-        _end("Cut in real time on the virtual bus", figures, as_json)
-        if not as_json:
-            show.print(f"Picture: {picture}   Trace: {trace_file}", markup=False)
+    made = config.load("trunnion")
+    file = config.shipped_program(PARTS[part])
+    picture, trace_file = out / f"{part}.png", out / f"{part}.npz"
+    _writable(picture, trace_file)
+    task = checked.task(file.read_bytes(), file.name, made)
+    kept = None if unchecked else _kept(task, store, as_json)
+    if kept is None and not unchecked:
+        kept = _checked(task, store, Rows(), as_json)[1]
+    if not as_json:
+        tell.print(
+            f"Starting the virtual bus, five simulated drives, plan and tick; {file.name} on {made.name}."
+        )
+    with live.started(made, task.text, file.name, kept, unchecked, recording.folder()) as machine:
+        task = replace(task, start=five(machine.ready().joints))
+        stretches = checked.stretches(checked.walk_of(task, kept, unchecked))
+        line = LiveLine(made, stretches)
+        with bar(f"cutting ({kept.duration_s:.0f} s)" if kept else "cutting", as_json) as progress:
+            rows, last = machine.run(lambda now: progress(_share(now.plan_time_s, kept), line.of(now)))
+    trace = traces.from_rows(rows, made, task.kinematics, stretches)
+    _write(trace, made, stretches, trace_file, picture)
+    stamps = machine.sync_stamps_s.items()
+    figures = {
+        **_figures(task, "fault" if last.fault is not Fault.NONE else "completed", last.fault, unchecked),
+        "program": str(file),
+        **traces.summary(trace, made, task.kinematics, _length_mm(stretches)).to_dict(),
+        "binds": [bound.to_dict() for bound in tables.bound_in(rows, made)],
+        "planned_s": kept.duration_s if kept else None,
+        "skips": last.skips,
+        "sync": {name: asdict(traces.sync_intervals(s, made.period_s)) for name, s in stamps},
+        "picture": str(picture),
+        "trace": str(trace_file),
+    }
+    if last.fault is not Fault.NONE:
+        raise Refused(machine.fault_text(last), **figures)
+    _end("Cut in real time on the virtual bus", figures, as_json)
+    if not as_json:
+        show.print(f"Picture: {picture}   Trace: {trace_file}", markup=False)
 
 
 # --- paper ---------------------------------------------------------------------
