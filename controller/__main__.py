@@ -21,6 +21,8 @@ from typer.core import TyperGroup
 FILES = {
     "programs": ("check", "simulate", "demo", "paper"),
     "verify": ("verify",),
+    "cad": ("import",),
+    "post": ("post",),
     "bus": ("bus",),
     "faults": ("faults",),
     "serve": ("serve",),

@@ -1,0 +1,1 @@
+"""From CAD: the ruled faces of a STEP file as a part program."""

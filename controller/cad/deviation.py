@@ -1,0 +1,134 @@
+"""How far the surface that a program says is from the CAD face that it was made from, both ways.
+
+The program's text is read again, so whatever it lost is in the figures. The places are those of
+a low-discrepancy sequence: none of them is a place at which anything was fitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from controller.cad.outline import Outline
+from controller.plan.text.program import Block, CutCone, CutNurbs, CutRuled
+from controller.surfaces import Surface
+
+if TYPE_CHECKING:
+    from controller.cad.kernel import Face
+
+Array = NDArray[np.float64]
+
+ONTO_FACE = 240  # points of the written surface
+ONTO_WRITTEN = 2000  # points of the face
+PER_EDGE = 64
+STEPS = np.array([0.7548776662466927, 0.5698402909980532])  # the plastic number's: even in two dimensions
+FIRST_GRID = (257, 17)
+ROUNDS = 25
+
+
+@dataclass(frozen=True, slots=True)
+class Deviation:
+    """Largest distances, mm: of the written surface from the face, and of the face from it."""
+
+    to_face_mm: float
+    to_written_mm: float
+
+    @property
+    def largest_mm(self) -> float:
+        return max(self.to_face_mm, self.to_written_mm)
+
+
+def places(count: int) -> tuple[Array, Array]:
+    """Shares of two parameters, each (count,)."""
+    rows = np.mod(0.5 + np.arange(1, count + 1)[:, None] * STEPS, 1.0)
+    return rows[:, 0], rows[:, 1]
+
+
+def surfaces(blocks: Iterable[Block]) -> list[Surface]:
+    """What a program cuts, in its order."""
+    from controller.plan.route.cuts import surface_of
+
+    return [surface_of(block) for block in blocks if isinstance(block, CutCone | CutRuled | CutNurbs)]
+
+
+def deviation(face: Face, written: Surface, trimmed: bool = False) -> Deviation:
+    """Of one face. ``trimmed``: the box about it was cut on purpose; only its own points are looked at."""
+    to_face = 0.0
+    if not trimmed:
+        u, v = places(ONTO_FACE)
+        # Corners and edges too: what is too long shows there.
+        u, v = (
+            np.concatenate([u, [0.0, 1.0, 0.0, 1.0], u[:20], u[:20]]),
+            np.concatenate([v, [0.0, 0.0, 1.0, 1.0], np.zeros(20), np.ones(20)]),
+        )
+        to_face = max(face.distance(point) for point in _points(written, u, v))
+    return Deviation(to_face, float(distances(written, face_points(face)).max()))
+
+
+def face_points(face: Face) -> Array:
+    """Points (N, 3) of a trimmed face and of its edges."""
+    box = Outline(face).box
+    u, v = places(ONTO_WRITTEN)
+    rows = zip(box[0] + u * (box[1] - box[0]), box[2] + v * (box[3] - box[2]), strict=True)
+    inside = [face.point(a, b) for a, b in rows if face.holds(a, b)]
+    return np.concatenate([np.array(inside).reshape(-1, 3), face.edge_points(PER_EDGE)])
+
+
+def _points(surface: Surface, u: Array, v: Array) -> Array:
+    return np.stack([np.broadcast_to(c, u.shape) for c in surface.point(u, v, np)], axis=1)
+
+
+def distances(surface: Surface, points: Array) -> Array:
+    """From points (N, 3) to the whole of a ruled surface, (N,) mm: nearest of a grid, then Gauss-Newton.
+
+    Both halves of the way along are tried: where a surface closes, its two ends are one place.
+    """
+    return np.minimum(*(_from_half(surface, points, half) for half in (0.0, 0.5)))
+
+
+def _from_half(surface: Surface, points: Array, half: float) -> Array:
+    u, v = _nearest(surface, points, half)
+    best = np.full(len(points), np.inf)
+    for _ in range(ROUNDS):
+        off = points - _points(surface, u, v)
+        best = np.minimum(best, np.linalg.norm(off, axis=1))
+        u, v = _stepped(surface, u, v, off)
+    return best
+
+
+def _nearest(surface: Surface, points: Array, half: float) -> tuple[Array, Array]:
+    along, across = np.linspace(half, half + 0.5, FIRST_GRID[0]), np.linspace(0.0, 1.0, FIRST_GRID[1])
+    a, b = (m.ravel() for m in np.meshgrid(along, across, indexing="ij"))
+    _, nearest = cKDTree(_points(surface, a, b)).query(points)
+    return a[nearest], b[nearest]
+
+
+def _stepped(surface: Surface, u: Array, v: Array, off: Array) -> tuple[Array, Array]:
+    """One step of Gauss-Newton; a side of the square that a step would leave is kept to."""
+    upper, lower = (_rows(c.derivative(u, 1, np), u) for c in (surface.upper, surface.lower))
+    su = (1.0 - v)[:, None] * upper + v[:, None] * lower
+    sv = -_rows(surface.ruling(u, np), u)
+    for _ in range(2):
+        uu, uv, vv = ((a * b).sum(axis=1) for a, b in ((su, su), (su, sv), (sv, sv)))
+        fu, fv = (su * off).sum(axis=1), (sv * off).sum(axis=1)
+        det = uu * vv - uv * uv
+        sound = det > 1e-14 * uu * vv
+        safe = np.where(sound, det, 1.0)
+        du = np.where(sound, (vv * fu - uv * fv) / safe, fu / np.maximum(uu, 1e-30) * (uu > 0.0))
+        dv = np.where(sound, (uu * fv - uv * fu) / safe, fv / np.maximum(vv, 1e-30) * (vv > 0.0))
+        out_u, out_v = (u + du < 0.0) | (u + du > 1.0), (v + dv < 0.0) | (v + dv > 1.0)
+        # What is held at a side takes no part in the other's step.
+        held_u, held_v = out_u & ((u <= 0.0) | (u >= 1.0)), out_v & ((v <= 0.0) | (v >= 1.0))
+        su, sv = np.where(held_u[:, None], 0.0, su), np.where(held_v[:, None], 0.0, sv)
+        if not (held_u.any() or held_v.any()):
+            break
+    return np.clip(u + du, 0.0, 1.0), np.clip(v + dv, 0.0, 1.0)
+
+
+def _rows(vector: tuple[Array, Array, Array], like: Array) -> Array:
+    return np.stack([np.broadcast_to(np.asarray(c, dtype=float), like.shape) for c in vector], axis=1)

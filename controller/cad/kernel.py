@@ -1,0 +1,274 @@
+"""OpenCASCADE behind a few plain questions: the only file that imports it.
+
+A face answers in millimetres of the part frame: points and normals over its own parameters,
+the outline it is trimmed to, its surface as a B-spline, the distance from a point to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from OCP.BRep import BRep_Tool
+from OCP.BRepAdaptor import BRepAdaptor_Curve, BRepAdaptor_Curve2d, BRepAdaptor_Surface
+from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeVertex
+from OCP.BRepClass import BRepClass_FaceClassifier
+from OCP.BRepExtrema import BRepExtrema_DistShapeShape
+from OCP.BRepTools import BRepTools_WireExplorer
+from OCP.collections import IndexedMap_TopoDS_Shape_TopTools_ShapeMapHasher as ShapeMap
+from OCP.collections import Sequence_TCollection_AsciiString as Names
+from OCP.Geom import Geom_RectangularTrimmedSurface
+from OCP.GeomAbs import GeomAbs_SurfaceType as SurfaceType
+from OCP.GeomConvert import GeomConvert
+from OCP.gp import gp_Pnt, gp_Pnt2d, gp_Trsf, gp_Vec
+from OCP.IFSelect import IFSelect_ReturnStatus
+from OCP.Message import Message
+from OCP.ShapeAnalysis import ShapeAnalysis_Surface
+from OCP.Standard import Standard_Failure
+from OCP.STEPControl import STEPControl_Reader
+from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum, TopAbs_State
+from OCP.TopExp import TopExp, TopExp_Explorer
+from OCP.TopLoc import TopLoc_Location
+from OCP.TopoDS import TopoDS
+
+from controller.cad.curve import Nurbs
+from controller.geometry import Frame
+
+Array = NDArray[np.float64]
+Box = tuple[float, float, float, float]  # u from, to, v from, to
+
+Failure = Standard_Failure  # what the kernel raises where it cannot compute something
+
+KINDS = {
+    SurfaceType.GeomAbs_Plane: "plane",
+    SurfaceType.GeomAbs_Cylinder: "cylinder",
+    SurfaceType.GeomAbs_Cone: "cone",
+    SurfaceType.GeomAbs_Sphere: "sphere",
+    SurfaceType.GeomAbs_Torus: "torus",
+    SurfaceType.GeomAbs_BezierSurface: "Bezier",
+    SurfaceType.GeomAbs_BSplineSurface: "B-spline",
+    SurfaceType.GeomAbs_SurfaceOfRevolution: "revolution",
+    SurfaceType.GeomAbs_SurfaceOfExtrusion: "extrusion",
+    SurfaceType.GeomAbs_OffsetSurface: "offset",
+}
+SLACK = 1e-9  # rounding of parameters in a file
+NEAR_MM = 1e-3  # a foot that is nearer needs no second look
+OUTLINE = 65  # samples of an edge of the outline
+
+
+class CadError(Exception):
+    """One sentence on why a file is not imported."""
+
+
+class Face:
+    """A trimmed face of the part, numbered from 1 in the file's order."""
+
+    def __init__(self, number: int, shape: Any, in_solid: bool) -> None:
+        self.number, self.in_solid = number, in_solid
+        self._face = shape
+        self._surface = BRep_Tool.Surface_s(shape)
+        self._adaptor = BRepAdaptor_Surface(shape)
+        self._projector = ShapeAnalysis_Surface(self._surface)
+        self.kind = KINDS.get(self._adaptor.GetType(), "other")
+        self.sign = -1.0 if shape.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else 1.0
+
+    def point(self, u: float, v: float) -> Array:
+        """(3,) mm."""
+        return _three(self._surface.Value(u, v))
+
+    def outward(self, u: float, v: float) -> Array:
+        """The normal out of the material, (3,), not of unit length; 0 at a tip."""
+        along, across, at = gp_Vec(), gp_Vec(), gp_Pnt()
+        self._surface.D1(u, v, at, along, across)
+        return self.sign * np.cross(_three(along), _three(across))
+
+    def outlines(self) -> list[list[Edge]]:
+        """Its wires, each as its edges in turn."""
+        wires = TopExp_Explorer(self._face, TopAbs_ShapeEnum.TopAbs_WIRE)
+        return [list(self._edges(TopoDS.Wire(wire))) for wire in _all(wires)]
+
+    def _edges(self, wire: Any) -> Iterator[Edge]:
+        walk = BRepTools_WireExplorer(wire, self._face)
+        while walk.More():
+            yield Edge(walk.Current(), self._face)
+            walk.Next()
+
+    def edge_points(self, per_edge: int) -> Array:
+        """Points of its edges, (N, 3) mm."""
+        rows: list[Array] = []
+        edges = TopExp_Explorer(self._face, TopAbs_ShapeEnum.TopAbs_EDGE)
+        for shape in _all(edges):
+            edge = TopoDS.Edge(shape)
+            if BRep_Tool.Degenerated_s(edge):
+                continue
+            curve = BRepAdaptor_Curve(edge)
+            ends = curve.FirstParameter(), curve.LastParameter()
+            rows += [_three(curve.Value(t)) for t in np.linspace(*ends, per_edge)]
+        return np.array(rows).reshape(-1, 3)
+
+    def holds(self, u: float, v: float) -> bool:
+        """Whether a place of its surface is inside its outline."""
+        found = BRepClass_FaceClassifier(self._face, gp_Pnt2d(u, v), 1e-9)
+        return bool(found.State() != TopAbs_State.TopAbs_OUT)
+
+    def distance(self, point: Sequence[float]) -> float:
+        """From a point (3,) to the face as trimmed, mm.
+
+        The foot on the surface first: a search over a strongly bent face may miss the nearest place.
+        """
+        at = gp_Pnt(*map(float, point))
+        foot = self._projector.ValueOfUV(at, 1e-9)
+        straight = float(at.Distance(self._surface.Value(foot.X(), foot.Y())))
+        if straight <= NEAR_MM and self.holds(foot.X(), foot.Y()):
+            return straight
+        vertex = BRepBuilderAPI_MakeVertex(at).Vertex()
+        found = float(BRepExtrema_DistShapeShape(vertex, self._face).Value())
+        return min(found, straight) if self.holds(foot.X(), foot.Y()) else found
+
+    def snapped(self, box: Box) -> Box:
+        """A box of its parameters, freed of the rounding of a file: at bounds, and at whole turns."""
+        surface = self._surface
+        u0, u1, v0, v1 = map(float, surface.Bounds())
+        u = _snapped((box[0], box[1]), (u0, u1), bool(surface.IsUPeriodic()))
+        return (*u, *_snapped((box[2], box[3]), (v0, v1), bool(surface.IsVPeriodic())))
+
+    def spline(self, box: Box) -> Spline:
+        """Its surface over a box of its parameters as a rational B-spline (exact but for offsets)."""
+        return Spline(self._surface, box)
+
+    def turned(self) -> tuple[Array, Array] | None:
+        """A point of the axis and its unit direction, of a cylinder or a cone."""
+        made = {"cylinder": self._adaptor.Cylinder, "cone": self._adaptor.Cone}.get(self.kind)
+        if made is None:
+            return None
+        axis = made().Axis()
+        return _three(axis.Location()), _three(axis.Direction())
+
+
+class Edge:
+    """A curve of an outline in the two parameters of its face's surface."""
+
+    def __init__(self, edge: Any, face: Any) -> None:
+        self._curve = BRepAdaptor_Curve2d(edge, face)
+        self.t = np.linspace(self._curve.FirstParameter(), self._curve.LastParameter(), OUTLINE)
+        self.rows = np.array([self.at(t) for t in self.t])  # (OUTLINE, 2)
+
+    def at(self, t: float) -> tuple[float, float]:
+        """u and v at the curve's own parameter."""
+        found = self._curve.Value(float(t))
+        return float(found.X()), float(found.Y())
+
+
+class Spline:
+    """A surface over a box as a tensor product B-spline."""
+
+    def __init__(self, surface: Any, box: Box) -> None:
+        trimmed = Geom_RectangularTrimmedSurface(surface, *box, True, True)
+        made = GeomConvert.SurfaceToBSplineSurface_s(trimmed)
+        if made.IsUPeriodic():
+            made.SetUNotPeriodic()
+        if made.IsVPeriodic():
+            made.SetVNotPeriodic()
+        self._made = made
+        self.box: Box = tuple(map(float, made.Bounds()))  # type: ignore[assignment]
+
+    def edge(self, along_u: bool, at: float) -> Nurbs:
+        """Its curve at constant v (``along_u``) or at constant u."""
+        return _nurbs(self._made.VIso(at) if along_u else self._made.UIso(at))
+
+    def knots(self, along_u: bool) -> Array:
+        """The distinct knots in one direction."""
+        count, knot = (
+            (self._made.NbUKnots(), self._made.UKnot)
+            if along_u
+            else (self._made.NbVKnots(), self._made.VKnot)
+        )
+        return np.array([knot(i + 1) for i in range(count)])
+
+
+class Part:
+    """What a STEP file holds."""
+
+    def __init__(self, faces: list[Face], unit: str) -> None:
+        self.faces, self.unit = faces, unit
+
+
+def read(path: Path, placed: Frame = Frame()) -> Part:  # noqa: B008  (frozen)
+    """The faces of a STEP file, in mm, its origin put at ``placed`` of the part frame. Raises CadError."""
+    _be_quiet()
+    reader = STEPControl_Reader()
+    if reader.ReadFile(str(path)) != IFSelect_ReturnStatus.IFSelect_RetDone:
+        raise CadError(f"{path}: is no STEP file that can be read; export the part as STEP AP214 or AP242.")
+    unit = _unit(reader)
+    reader.TransferRoots()
+    shape = reader.OneShape()
+    if shape is None or shape.IsNull():
+        raise CadError(f"{path}: holds no shape; export the part as a solid or as surfaces.")
+    shape = shape.Moved(TopLoc_Location(_moved(placed)))
+    inside = ShapeMap()
+    for solid in _mapped(shape, TopAbs_ShapeEnum.TopAbs_SOLID):
+        TopExp.MapShapes_s(solid, TopAbs_ShapeEnum.TopAbs_FACE, inside)
+    faces = _mapped(shape, TopAbs_ShapeEnum.TopAbs_FACE)
+    if not faces:
+        raise CadError(f"{path}: holds no face; export the part as a solid or as surfaces.")
+    made = [Face(i, TopoDS.Face(face), inside.Contains(face)) for i, face in enumerate(faces, start=1)]
+    return Part(made, unit)
+
+
+def _be_quiet() -> None:
+    """The kernel speaks on standard output, where results stand."""
+    messenger = Message.DefaultMessenger_s()
+    for printer in list(messenger.Printers()):
+        messenger.RemovePrinter(printer)
+
+
+def _unit(reader: Any) -> str:
+    lengths, angles, solid_angles = Names(), Names(), Names()
+    reader.FileUnits(lengths, angles, solid_angles)
+    return str(lengths.Value(1).ToCString()).lower() if lengths.Length() else "millimetre"
+
+
+def _moved(placed: Frame) -> Any:
+    moved = gp_Trsf()
+    columns = (placed.x, placed.y, placed.z, placed.origin)
+    moved.SetValues(*(float(column[i]) for i in range(3) for column in columns))
+    return moved
+
+
+def _mapped(shape: Any, kind: Any) -> list[Any]:
+    found = ShapeMap()
+    TopExp.MapShapes_s(shape, kind, found)
+    return [found.FindKey(i) for i in range(1, found.Extent() + 1)]
+
+
+def _all(explorer: Any) -> Iterator[Any]:
+    while explorer.More():
+        yield explorer.Current()
+        explorer.Next()
+
+
+def _snapped(range_: tuple[float, float], whole: tuple[float, float], turns: bool) -> tuple[float, float]:
+    low, high = (
+        next((bound for bound in whole if abs(at - bound) <= SLACK * (1.0 + abs(bound))), at) for at in range_
+    )
+    period = whole[1] - whole[0]
+    return (low, low + period) if turns and abs(high - low - period) <= SLACK * period else (low, high)
+
+
+def _nurbs(curve: Any) -> Nurbs:
+    """A B-spline curve in plain numbers."""
+    curve.Segment(curve.FirstParameter(), curve.LastParameter())  # what was closed then starts on a point
+    knots: list[float] = []
+    for i in range(1, curve.NbKnots() + 1):
+        knots += [float(curve.Knot(i))] * curve.Multiplicity(i)
+    count = range(1, curve.NbPoles() + 1)
+    points = np.array([_three(curve.Pole(i)) for i in count])
+    weights = np.array([float(curve.Weight(i)) for i in count])
+    return Nurbs(curve.Degree() + 1, np.array(knots), points, weights)
+
+
+def _three(at: Any) -> Array:
+    return np.array([at.X(), at.Y(), at.Z()])

@@ -1,0 +1,160 @@
+"""Strips in cut order, with side and tool, as the text of a part program.
+
+Climb milling (the spindle turns clockwise) has the cutter on the left of its travel, G41, so
+side and direction of travel are one choice for the whole program. Strips that share a ruling
+follow each other and run through; how the cutter comes to the first of a row and leaves the
+last of it is the controller's own affair (approach and departure of every block).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from controller.cad import words
+from controller.cad.curve import Array, Nurbs
+from controller.cad.strip import Strip
+from controller.machine import Machine, Tool
+
+MEET_MM = 1e-3  # ends of rulings that are nearer are one
+TWISTED_RAD = 1e-5
+FITS = 0.999  # of the tightest hollow, for the largest cutter
+PLACEMENTS = {"single": 1, "double": 2, "optimal": 3}
+
+
+class NoTool(Exception):
+    """One sentence on why no tool of the table cuts these faces."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What the operator chooses."""
+
+    feed_mm_min: float
+    spindle_rev_min: float
+    conventional: bool
+    placement: str  # of twisted faces; "" leaves it to tool and machine
+
+
+@dataclass(frozen=True, slots=True)
+class Written:
+    """A program and, for each of its faces in cut order, the strip as it was written."""
+
+    text: str
+    strips: tuple[Strip, ...]
+
+
+def write(notes: Sequence[str], strips: Sequence[Strip], tool: Tool, wanted: Wanted) -> Written:
+    """The program that cuts ``strips``; ``notes`` stand above it as comments."""
+    row = tuple(_joined(ordered([_faced(one, wanted.conventional) for one in strips])))
+    body = ["%", *(words.comment(note) for note in notes)]
+    body += list(_numbered(_blocks(row, tool, wanted)))
+    return Written("\n".join([*body, "%", ""]), row)
+
+
+def _faced(one: Strip, right: bool) -> Strip:
+    return one if one.right == right else one.turned()
+
+
+def _blocks(row: Sequence[Strip], tool: Tool, wanted: Wanted) -> Iterator[str]:
+    yield "G21 G90 G17 G54 G61 G94"
+    yield f"T{tool.number} M6 {words.comment(tool.name)}"
+    yield f"S{wanted.spindle_rev_min:.0f} M3"
+    said = ""
+    for one in row:
+        side = _side(one, wanted)
+        if side != said:
+            yield side
+            said = side
+        yield words.comment(f"face {one.face.number}: {one.face.kind}")
+        yield from words.lines(one, wanted.feed_mm_min)
+    yield from ("G40", "M5", "M30")
+
+
+def _side(one: Strip, wanted: Wanted) -> str:
+    side = "G42" if one.right else "G41"
+    twisted = one.twist_rad() > TWISTED_RAD
+    return f"{side} P{PLACEMENTS[wanted.placement]}" if twisted and wanted.placement else side
+
+
+def _numbered(blocks: Iterator[str]) -> Iterator[str]:
+    count = 0
+    for block in blocks:
+        plain = not block.startswith("(")
+        count += 10 * plain
+        yield f"N{count} {block}" if plain else block
+
+
+# ---- order -------------------------------------------------------------------------
+
+
+def ordered(strips: Sequence[Strip]) -> list[Strip]:
+    """As given, but each is followed by what begins where it ends, and a row begins at its beginning."""
+    left, row = list(strips), []
+    while left:
+        one: Strip | None = _first(left)
+        while one is not None:
+            left.remove(one)
+            row.append(one)
+            one = next((other for other in left if meets(row[-1], other)), None)
+    return row
+
+
+def _first(left: Sequence[Strip]) -> Strip:
+    """Back from the first that is left, as far as others lead to it; all the way round: itself."""
+    one, seen = left[0], {id(left[0])}
+    while (before := next((o for o in left if o is not one and meets(o, one)), None)) is not None:
+        if id(before) in seen:
+            return left[0]
+        seen.add(id(before))
+        one = before
+    return one
+
+
+def meets(before: Strip, after: Strip) -> bool:
+    """Whether two strips share the ruling between them."""
+    pairs = ((before.upper, after.upper), (before.lower, after.lower))
+    return all(float(np.linalg.norm(a.points[-1] - b.points[0])) <= MEET_MM for a, b in pairs)
+
+
+def _joined(row: Sequence[Strip]) -> Iterator[Strip]:
+    """With the very same points where one strip ends and the next begins: CAD keeps them apart by nm."""
+    before: Strip | None = None
+    for one in row:
+        if before is not None and one.cone is None and meets(before, one):
+            one = replace(
+                one,
+                upper=_from(before.upper.points[-1], one.upper),
+                lower=_from(before.lower.points[-1], one.lower),
+            )
+        yield one
+        before = one
+
+
+def _from(start: Array, curve: Nurbs) -> Nurbs:
+    return replace(curve, points=np.concatenate([start[None, :], curve.points[1:]]))
+
+
+# ---- tool --------------------------------------------------------------------------
+
+
+def fitting(strips: Sequence[Strip], machine: Machine) -> Tool:
+    """The thickest tool that fits into every hollow and is long enough; raises NoTool."""
+    tightest = min((one.concave_mm() for one in strips), default=math.inf)
+    longest = max((one.size()[1] for one in strips), default=0.0)
+    fits = [
+        tool
+        for tool in machine.tools
+        if tool.radius_mm <= FITS * tightest and (tool.flute_mm >= longest or tool.flute_mm == 0.0)
+    ]
+    if not fits:
+        hollow = f"a radius of at most {FITS * tightest:.3f} mm and " if tightest < math.inf else ""
+        known = ", ".join(f"T{t.number} (r {t.radius_mm:g}, flute {t.flute_mm:g} mm)" for t in machine.tools)
+        raise NoTool(
+            f"These faces take a tool with {hollow}a flute of at least {longest:.3f} mm, and the tool table "
+            f"has {known}; add one, or choose one of them by --tool."
+        )
+    return max(fits, key=lambda tool: (tool.radius_mm, -tool.length_mm))

@@ -1,0 +1,135 @@
+"""``directrix import``: from a STEP file to a program that the controller checks, and what it refuses."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import step_text
+from typer.testing import CliRunner
+
+pytest.importorskip("OCP", reason="OpenCASCADE is missing: the extra cad, and libGL", exc_type=ImportError)
+
+from controller.__main__ import app
+
+LOW = [(0, 0, 0), (10, 9, 0), (20, -6, 0), (30, 0, 0)]
+HIGH = [(1, 2, 14), (9, 8, 14), (21, 3, 15), (31, 6, 16)]
+
+
+@pytest.fixture
+def blade(tmp_path: Path) -> Path:
+    file = tmp_path / "blade.step"
+    file.write_text(step_text.ruled_face(LOW, HIGH))
+    return file
+
+
+def run(*words: object) -> tuple[int, dict[str, Any]]:
+    """Exit code and the JSON object of ``directrix import``."""
+    result = CliRunner().invoke(app, ["import", *map(str, words), "--json"])
+    return result.exit_code, json.loads(result.stdout)
+
+
+def test_a_face_written_by_hand_is_listed_and_written(blade: Path) -> None:
+    code, told = run(blade, "--list")
+    (face,) = told["faces"]
+    assert (code, face["cut_as"]) == (0, "G52")
+    assert face["off_ruled_mm"] < 1e-9
+    assert face["twist_deg"] > 10.0
+    code, told = run(blade, "--faces", "1")
+    assert code == 0
+    assert max(told["faces"][0]["to_face_mm"], told["faces"][0]["to_written_mm"]) < 1e-6
+    text = blade.with_suffix(".ngc").read_text()
+    assert "G52 X31. Y6. Z16. F300." in text
+    assert "G41 P2" in text
+
+
+def test_conventional_cutting_runs_the_other_way_on_the_other_side(blade: Path) -> None:
+    assert run(blade, "--faces", "1", "--direction", "conventional", "--placement", "machine")[0] == 0
+    text = blade.with_suffix(".ngc").read_text()
+    assert "G52 X1. Y2. Z14." in text
+    assert "G42\n" in text
+
+
+def test_a_cone_written_by_hand_becomes_a_g51_that_the_controller_checks(tmp_path: Path) -> None:
+    file = tmp_path / "cone.step"
+    file.write_text(step_text.cone_face((3, 4, -5), 5.0, 9.0, 12.0, 2.0))
+    assert run(file, "--faces", "all", "--move", "0,0,5")[0] == 0
+    program = file.with_suffix(".ngc")
+    assert f"Z0. I3. J4. K0. H12. R9. D-{math.degrees(2.0):.6f}"[:-3] in program.read_text()
+    words = ["check", str(program), "--store", str(tmp_path / "store"), "--json"]
+    result = CliRunner().invoke(app, words)
+    found = json.loads(result.stdout)
+    assert found["ok"], found
+    assert found["cuts_mm"] == pytest.approx([10.0])
+
+
+def test_a_turned_part_is_cut_where_it_was_turned_to(blade: Path) -> None:
+    assert run(blade, "--faces", "1", "--turn", "Z90", "--move", "1,2,3")[0] == 0
+    assert "G52 X-5. Y33. Z19." in blade.with_suffix(".ngc").read_text()
+
+
+REFUSED = [
+    # options, what the sentence says, why
+    (["--list", "--faces", "1"], "either --list", "both"),
+    ([], "either --list", "neither"),
+    (["--faces", "2"], "'2' is no face of the file, which has 1 to 1", "a number that is not there"),
+    (["--faces", "one"], "'one' is no face", "no number"),
+    (["--faces", "1", "--direction", "up"], "allowed are climb, conventional", "unknown word"),
+    (["--faces", "1", "--feed", "0"], "--feed 0: it must be greater than 0", "no feed"),
+    (["--faces", "1", "--turn", "Q9"], "write axis and degrees", "no axis"),
+    (["--faces", "1", "--move", "1,2"], "three numbers", "too few"),
+    (["--faces", "1", "--tool", "9"], "the tool table has T1, T2, T3", "unknown tool"),
+    (["--faces", "1", "--out", "nowhere/at/all.ngc"], "there is no folder", "no such folder"),
+]
+
+
+@pytest.mark.parametrize(("options", "sentence", "why"), REFUSED, ids=[row[2] for row in REFUSED])
+def test_what_cannot_be_done_is_refused_and_nothing_is_written(
+    blade: Path, options: list[str], sentence: str, why: str
+) -> None:
+    code, told = run(blade, *options)
+    assert code == 1, why
+    assert sentence in told["error"]
+    assert list(blade.parent.iterdir()) == [blade]
+
+
+def test_a_program_that_is_there_is_left_alone(blade: Path) -> None:
+    program = blade.with_suffix(".ngc")
+    program.write_text("(mine)")
+    code, told = run(blade, "--faces", "1")
+    assert (code, program.read_text()) == (1, "(mine)")
+    assert "--overwrite" in told["error"]
+    assert run(blade, "--faces", "1", "--overwrite")[0] == 0
+    assert "G52" in program.read_text()
+
+
+@pytest.mark.parametrize("content", [b"", b"no STEP at all", step_text.HEAD.encode(), b"\xff\x00" * 50])
+def test_a_file_that_is_no_step_is_refused_in_one_sentence(tmp_path: Path, content: bytes) -> None:
+    file = tmp_path / "bad.step"
+    file.write_bytes(content)
+    code, told = run(file, "--list")
+    assert code == 1
+    assert str(file) in told["error"]
+    assert "export the part" in told["error"]
+
+
+def test_without_opencascade_the_extra_is_named(blade: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in [name for name in sys.modules if name.startswith(("OCP", "controller.cad"))]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "OCP", None)
+    code, told = run(blade, "--list")
+    assert code == 1
+    assert "pip install 'directrix[cad]'" in told["error"]
+
+
+def test_a_tool_that_fits_is_chosen_or_its_size_is_told(tmp_path: Path) -> None:
+    file = tmp_path / "tall.step"
+    file.write_text(step_text.ruled_face(LOW, [(x, y, 40.0) for x, y, _ in LOW]))
+    code, told = run(file, "--faces", "1")
+    assert code == 1
+    assert "a flute of at least 40.000 mm" in told["error"]
+    assert run(file, "--faces", "1", "--tool", "1")[0] == 0
