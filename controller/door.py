@@ -37,6 +37,7 @@ CONTROL = "control.sock"  # in the runtime folder
 MOST_BYTES = 200_000  # of a packet; bigger things go by their path in the store
 MOST_PEERS = 64
 CODES = ("refused", "bad", "busy", "gone")
+FACTS = ("code", "sentence", "mode", "request", "sentence_de")  # of a refusal
 ANSWER_S = 600.0  # a whole program may have to be read before the answer
 
 _BUFFER_BYTES = 1 << 20
@@ -44,21 +45,24 @@ _CREDENTIALS = struct.Struct("3i")  # pid, uid, gid
 
 
 class DoorError(Exception):
-    """Why a request was not done: ``sentence`` for the operator.
+    """Why a request was not done: ``sentence`` for the operator, also in German where it is known.
 
     ``code``: "refused" by the machine's state, "bad" request, "busy", "gone" = nobody answers.
     """
 
-    def __init__(self, code: str, sentence: str, mode: str = "", request: str = "") -> None:
+    def __init__(
+        self, code: str, sentence: str, mode: str = "", request: str = "", sentence_de: str = ""
+    ) -> None:
         super().__init__(sentence)
         self.code, self.sentence, self.mode, self.request = code, sentence, mode, request
+        self.sentence_de = sentence_de
 
     def to_dict(self) -> Values:
-        return {"code": self.code, "mode": self.mode, "request": self.request, "sentence": self.sentence}
+        return {name: getattr(self, name) for name in FACTS}
 
     @classmethod
     def from_dict(cls, said: Mapping[str, Any]) -> DoorError:
-        return cls(*(str(said.get(name, "")) for name in ("code", "sentence", "mode", "request")))
+        return cls(**{name: str(said.get(name, "")) for name in FACTS})
 
 
 def control_path(runtime: Path) -> Path:

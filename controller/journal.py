@@ -30,6 +30,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from controller import catalogue
 from controller.handoff import COLUMN, Snapshot
 from controller.machine import Joints, Machine, five
 from controller.plan.route.spot import ENTRY_ID, Spot
@@ -133,34 +134,32 @@ def _entry(values: Any) -> Entry:
 # --- whether a restart may be offered
 
 
-def refusal(entry: Entry | None, now: Job, homed: int, untrusted: int, axes: int) -> str:
+def refusal(
+    entry: Entry | None, now: Job, homed: int, untrusted: int, axes: int, language: str = "en"
+) -> str:
     """Why the program is not gone on with, as a sentence; "" where a restart may be offered.
 
     ``now``: the same program on the machine as it is now; ``homed`` and ``untrusted``: bit
     masks of the ``axes`` axes. A changed tool is no reason: the rest is cut as the new one does it.
     """
     if entry is None or entry.ended:
-        return "There is no interrupted program to go on with; start one from its beginning or at a line."
+        return catalogue.refusal("not_interrupted", language)
     then = entry.job
     changed = [
         name
         for name, same in (
-            ("the program", then.program_sha256 == now.program_sha256),
-            ("the machine file", then.machine_sha256 == now.machine_sha256),
-            ("a work offset", then.offsets_sha256 == now.offsets_sha256),
+            ("the_program", then.program_sha256 == now.program_sha256),
+            ("the_machine_file", then.machine_sha256 == now.machine_sha256),
+            ("a_work_offset", then.offsets_sha256 == now.offsets_sha256),
         )
         if not same
     ]
     if changed:
-        return (
-            f"{then.name} cannot be gone on with at line {entry.spot.line}: {' and '.join(changed)} changed "
-            "since it was interrupted; undo the change, or start at a line by your own judgement."
-        )
+        said = catalogue.of(language).refusals
+        what = said["and"].join(said[name] for name in changed)
+        return said["changed"].format(program=then.name, line=entry.spot.line, what=what)
     if homed != (1 << axes) - 1 or untrusted:
-        return (
-            f"{then.name} cannot be gone on with at line {entry.spot.line} yet: the machine does not know "
-            "where its axes are; home all of them first."
-        )
+        return catalogue.refusal("lost", language, program=then.name, line=entry.spot.line)
     return ""
 
 

@@ -30,6 +30,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import IntEnum
 
+from controller import catalogue
 from controller.fault_table import FAULTS, sentence, stands_within_s, waits_s
 from controller.faults import Fault, FaultRow, Reaction, Recovery, Times, Wait
 
@@ -158,23 +159,7 @@ def bars(interlock: Fault, request: Request) -> bool:
     return request is not Request.ENABLE or FAULTS[interlock].reaction >= Reaction.QUICK_STOP
 
 
-_NOW = {
-    Mode.OFF: ("the drives are off", "enable them first"),
-    Mode.READY: ("the machine is ready and no program runs", "switch the drives off first"),
-    Mode.RUNNING: ("a program runs", "stop it, or wait for its end"),
-    Mode.HOLD: ("a program is held", "resume or stop it first"),
-    Mode.STOPPING: ("the machine is coming to rest", "wait until it stands"),
-    Mode.FAULT: ("a fault is not reset", "remove its cause and reset it first"),
-    Mode.HOMING: ("axes are looking for their zero", "wait until they have it, or stop it"),
-    Mode.JOG: ("axes are being jogged", "end the jog and wait until they stand"),
-}
-_NOTHING_TO = {
-    Request.HOLD: "there is nothing to hold",
-    Request.RESUME: "there is nothing to resume",
-    Request.STOP: "there is nothing to stop",
-    Request.RESET: "there is nothing to reset",
-    Request.ENABLE: "the drives are on already",
-}
+_NOTHING_TO = (Request.HOLD, Request.RESUME, Request.STOP, Request.RESET, Request.ENABLE)
 
 
 def refusal(
@@ -187,41 +172,50 @@ def refusal(
     interlock: Fault = Fault.NONE,
     away: bool = False,
     axes: Sequence[str] = (),
+    language: str = "en",
 ) -> str:
     """Why ``request`` is refused: mode, request, reason and what to do, in one sentence; "" if it is not.
 
     ``homed`` and ``untrusted`` are bit masks of the axes, whose names are ``axes``; ``away``: the tool has
-    been jogged off the place of the hold.
+    been jogged off the place of the hold. Raises ValueError where the catalogue has no such language.
     """
     if request in ALWAYS:
         return ""
-    said = f"{request.name} is refused in {mode.name}: "
     if (mode, request) not in TRANSITIONS:
-        return said + _where_then(mode, request)
-    why = _condition(mode, request, standing, away)
-    if not why and bars(interlock, request):
-        return said + sentence(interlock)
-    if not why and request is Request.START and (missing := untrusted | (ALL_AXES & ~homed)):
+        why = _where_then(mode, request, language)
+    elif condition := _condition(mode, request, standing, away):
+        why = catalogue.refusal(condition, language)
+    elif bars(interlock, request):
+        why = sentence(interlock, language=language)
+    elif request is Request.START and (missing := untrusted | (ALL_AXES & ~homed)):
         names = ", ".join(name for i, name in enumerate(axes) if missing >> i & 1)
-        why = f"{names or 'some axes'} must be homed before a program may start; home first"
-    return f"{said}{why}." if why else ""
+        why = catalogue.refusal("not_homed", language, axes=names or catalogue.Key("some_axes"))
+    else:
+        return ""
+    return catalogue.refusal("refused", language, request=request.name, mode=mode.name, why=why)
 
 
-def _where_then(mode: Mode, request: Request) -> str:
+def _where_then(mode: Mode, request: Request, language: str) -> str:
     """What the mode is, what to do, and the modes that know the request."""
-    now, way_out = _NOW[mode]
-    if request in _NOTHING_TO and (request is not Request.ENABLE or mode not in (Mode.FAULT, Mode.HOMING)):
-        way_out = _NOTHING_TO[request]
-    known = " or ".join(m.name for m, r in TRANSITIONS if r is request)
-    return f"{now}; {way_out} ({request.name} is for {known})."
+    nothing = request in _NOTHING_TO and (
+        request is not Request.ENABLE or mode not in (Mode.FAULT, Mode.HOMING)
+    )
+    return catalogue.refusal(
+        "known",
+        language,
+        now=catalogue.Key(f"now.{mode.name}"),
+        way_out=catalogue.Key(f"nothing_to.{request.name}" if nothing else f"way_out.{mode.name}"),
+        request=request.name,
+        modes=catalogue.refusal("or", language).join(m.name for m, r in TRANSITIONS if r is request),
+    )
 
 
 def _condition(mode: Mode, request: Request, standing: bool, away: bool) -> str:
-    """What besides the mode and the doors forbids it."""
+    """What besides the mode and the doors forbids it: its key in the catalogue's refusals."""
     if request is Request.RESUME and away:
-        return "the tool has left the place where the program is held; let it return first"
+        return "away"
     if not standing and (request is Request.RESET or (request is Request.JOG and mode is not Mode.JOG)):
-        return "the axes still move; wait until they stand"
+        return "moves"
     return ""
 
 

@@ -3,7 +3,8 @@
 A fault has the same three sentences in every language: what happened, where that usually
 comes from, what to do. What the machine does about it is no matter of language and stands
 in ``fault_table``. Plain values in plain modules, so that no file can be missing at the
-moment when something has gone wrong.
+moment when something has gone wrong. Refusals, which are no faults, stand beside them by a key
+each, as sentences or parts of one with {placeholders}.
 """
 
 from __future__ import annotations
@@ -15,18 +16,26 @@ from controller.faults import Fault, Reaction, Recovery, Words
 
 
 class Catalogue(NamedTuple):
-    """All texts of one language. ``frames``: what is put round them, with {placeholders}."""
+    """All texts of one language. ``frames``: what is put round them; both it and ``refusals`` with
+    {placeholders}."""
 
     faults: dict[Fault, Words]
     classes: dict[Reaction, str]
     recoveries: dict[Recovery, str]
     frames: dict[str, str]
+    refusals: dict[str, str]
 
 
 LANGUAGES: dict[str, Catalogue] = {
-    module.LANGUAGE: Catalogue(module.FAULTS, module.CLASSES, module.RECOVERIES, module.FRAMES)
+    module.LANGUAGE: Catalogue(
+        module.FAULTS, module.CLASSES, module.RECOVERIES, module.FRAMES, module.REFUSALS
+    )
     for module in (english, german)
 }
+
+
+class Key(str):
+    """A value of a refusal that is itself a text of the refusals, for instance what was waited for."""
 
 
 def of(language: str) -> Catalogue:
@@ -36,4 +45,12 @@ def of(language: str) -> Catalogue:
     raise ValueError(
         f"language {language!r}: there are no texts in it; allowed are {' and '.join(LANGUAGES)}; "
         "choose one of these."
+    )
+
+
+def refusal(key: str, language: str = "en", **values: object) -> str:
+    """The text of a refusal. Raises ValueError where the catalogue has no such language."""
+    said = of(language).refusals
+    return said[key].format(
+        **{name: said[value] if isinstance(value, Key) else value for name, value in values.items()}
     )

@@ -1,4 +1,4 @@
-"""The texts of the faults in English."""
+"""The texts of the faults and refusals in English."""
 
 from __future__ import annotations
 
@@ -224,4 +224,99 @@ FAULTS: dict[Fault, Words] = {
         "Its supply dipped, its cable is loose, or its firmware hangs.",
         "Check its supply and cable; reset (it is commissioned again at the next start).",
     ),
+}
+
+REFUSALS = {
+    # --- by the machine's mode: "START is refused in OFF: the drives are off; enable them first (...)."
+    "refused": "{request} is refused in {mode}: {why}",
+    "known": "{now}; {way_out} ({request} is for {modes}).",
+    "or": " or ",
+    "now.OFF": "the drives are off",
+    "now.READY": "the machine is ready and no program runs",
+    "now.RUNNING": "a program runs",
+    "now.HOLD": "a program is held",
+    "now.STOPPING": "the machine is coming to rest",
+    "now.FAULT": "a fault is not reset",
+    "now.HOMING": "axes are looking for their zero",
+    "now.JOG": "axes are being jogged",
+    "way_out.OFF": "enable them first",
+    "way_out.READY": "switch the drives off first",
+    "way_out.RUNNING": "stop it, or wait for its end",
+    "way_out.HOLD": "resume or stop it first",
+    "way_out.STOPPING": "wait until it stands",
+    "way_out.FAULT": "remove its cause and reset it first",
+    "way_out.HOMING": "wait until they have it, or stop it",
+    "way_out.JOG": "end the jog and wait until they stand",
+    "nothing_to.HOLD": "there is nothing to hold",
+    "nothing_to.RESUME": "there is nothing to resume",
+    "nothing_to.STOP": "there is nothing to stop",
+    "nothing_to.RESET": "there is nothing to reset",
+    "nothing_to.ENABLE": "the drives are on already",
+    "not_homed": "{axes} must be homed before a program may start; home first.",
+    "some_axes": "some axes",
+    "away": "the tool has left the place where the program is held; let it return first.",
+    "moves": "the axes still move; wait until they stand.",
+    # --- by what the service does, or has
+    "aside": "the tool stands off the path, retracted; let it return first.",
+    "other_tools": "other tools were fitted since; stop the program and start the rest of it.",
+    "no_fault": "There is no fault to be reset.",
+    "running": "{program} is running; stop it, or wait for its end.",
+    "not_loaded": "No program is loaded; load one first.",
+    "not_ready": "{program} is not ready. {why}",
+    "not_held": "{request} is refused in {mode}: hold the program and wait until it stands.",
+    "not_fitted": "The {what} are not changed while the machine is in {mode}; stop first.",
+    "offsets": "offsets",
+    "tools": "tools",
+    "under_way": "{request}: {other} is under way; wait for its end, or stop it.",
+    "stopped": "It was stopped before it began.",
+    "by_now": "The machine is in {mode} by now.",
+    "ended_in": "{request} ended in {mode}.",
+    "not_all_homed": "{axes} did not become homed; look at the drives.",
+    "waited": "Waited {seconds:.0f} s for {what} in vain.",
+    "first_tick": "the first tick",
+    "enabled": "the drives to be enabled",
+    "switched_off": "the drives to be switched off",
+    "standstill": "standstill",
+    "end_of_fault": "the end of the fault",
+    "start_taken": "the start to be taken",
+    "end_of_way": "the end of the way off the path or back",
+    "no_tick": "The tick process is not running; ask for a reset.",
+    "no_plan": "The planner is gone; it is started anew. Ask again.",
+    "busy_tick": "The tick does not take requests; is the computer very busy?",
+    # --- by what was interrupted
+    "not_interrupted": "There is no interrupted program to go on with; start one from its beginning or at a "
+    "line.",
+    "changed": "{program} cannot be gone on with at line {line}: {what} changed since it was interrupted; "
+    "undo the change, or start at a line by your own judgement.",
+    "and": " and ",
+    "the_program": "the program",
+    "the_machine_file": "the machine file",
+    "a_work_offset": "a work offset",
+    "lost": "{program} cannot be gone on with at line {line} yet: the machine does not know where its axes "
+    "are; home all of them first.",
+    "not_stored": "{program} is not in the store as it was when it was interrupted; upload it again, or "
+    "start another one.",
+    # --- by who asks
+    "control_held": "{holder} holds control; ask for it to be given back, or take it over by "
+    '{{"take_over": true}}.',
+    "no_control": "{holder} holds control; take it by POST /api/v1/control and send its token as "
+    "X-Control-Token.",
+    "nobody": "Nobody",
+    "late": "It was asked for at tick {seen}, and now it is tick {now}: at most {most} s may lie between; "
+    "press again if it is still wanted.",
+    "role": "{name} has the role {has}; this needs {needs}; ask who sets up users.",
+    "too_often": "Too many wrong passwords; try again in {seconds:.0f} s.",
+    "wrong_password": "Name or password is wrong; try again.",
+    # --- by what was sent
+    "no_verb": "{verb}: there is no such verb; allowed are {allowed}.",
+    "no_alarm": "There is no alarm {number}; ask for the list of alarms.",
+    "not_number": "{name} {value!r}: must be a number from {lowest:g} to {highest:g}; correct it.",
+    "not_whole": "{name} {value!r}: must be a whole number from 0; correct it.",
+    "not_switch": "{name} {value!r}: must be true or false; correct it.",
+    "no_line": "fraction {fraction:g}: of which line? Give line, too.",
+    "no_text": "text: must be a line of program of at most {most} characters.",
+    "too_large": "{path}: is larger than {most} MB; split the program.",
+    "unreadable": "{path}: cannot be read: {why}; upload the program again.",
+    "not_written": "{path}: cannot be written: {why}.",
+    "other_sum": "{path}: its sha256 is {found}, not {wanted}; upload the program again.",
 }

@@ -1,4 +1,4 @@
-"""Die Texte der Störungen auf Deutsch: the texts of the faults in German."""
+"""Die Texte der Störungen und Ablehnungen auf Deutsch: the texts of the faults and refusals in German."""
 
 from __future__ import annotations
 
@@ -238,4 +238,98 @@ FAULTS: dict[Fault, Words] = {
         "Seine Versorgung brach ein, sein Kabel ist lose, oder seine Firmware hängt.",
         "Versorgung und Kabel prüfen; zurücksetzen (beim nächsten Start wird er neu in Betrieb genommen).",
     ),
+}
+
+REFUSALS = {
+    # --- by the machine's mode
+    "refused": "{request} ist in {mode} abgelehnt: {why}",
+    "known": "{now}; {way_out} ({request} gilt in {modes}).",
+    "or": " oder ",
+    "now.OFF": "die Antriebe sind aus",
+    "now.READY": "die Maschine ist bereit, und kein Programm läuft",
+    "now.RUNNING": "ein Programm läuft",
+    "now.HOLD": "ein Programm ist angehalten",
+    "now.STOPPING": "die Maschine kommt zum Stillstand",
+    "now.FAULT": "eine Störung ist nicht zurückgesetzt",
+    "now.HOMING": "Achsen suchen ihren Nullpunkt",
+    "now.JOG": "Achsen werden von Hand verfahren",
+    "way_out.OFF": "zuerst freigeben",
+    "way_out.READY": "zuerst die Antriebe ausschalten",
+    "way_out.RUNNING": "stoppen oder das Ende abwarten",
+    "way_out.HOLD": "zuerst fortsetzen oder stoppen",
+    "way_out.STOPPING": "warten, bis sie steht",
+    "way_out.FAULT": "zuerst ihre Ursache beseitigen und zurücksetzen",
+    "way_out.HOMING": "warten, bis sie ihn haben, oder stoppen",
+    "way_out.JOG": "das Verfahren beenden und warten, bis sie stehen",
+    "nothing_to.HOLD": "es gibt nichts anzuhalten",
+    "nothing_to.RESUME": "es gibt nichts fortzusetzen",
+    "nothing_to.STOP": "es gibt nichts zu stoppen",
+    "nothing_to.RESET": "es gibt nichts zurückzusetzen",
+    "nothing_to.ENABLE": "die Antriebe sind schon an",
+    "not_homed": "{axes}: vor dem Start eines Programms zu referenzieren; zuerst referenzieren.",
+    "some_axes": "einige Achsen",
+    "away": "das Werkzeug hat die Stelle verlassen, an der das Programm angehalten ist; zuerst zurückfahren.",
+    "moves": "die Achsen bewegen sich noch; warten, bis sie stehen.",
+    # --- by what the service does, or has
+    "aside": "das Werkzeug steht abgehoben neben der Bahn; zuerst zurückfahren.",
+    "other_tools": "seither wurden andere Werkzeuge eingesetzt; das Programm stoppen und den Rest starten.",
+    "no_fault": "Es gibt keine Störung zurückzusetzen.",
+    "running": "{program} läuft; stoppen oder das Ende abwarten.",
+    "not_loaded": "Kein Programm ist geladen; zuerst eines laden.",
+    "not_ready": "{program} ist nicht bereit. {why}",
+    "not_held": "{request} ist in {mode} abgelehnt: das Programm anhalten und warten, bis es steht.",
+    "not_fitted": "Die {what} werden in {mode} nicht geändert; zuerst stoppen.",
+    "offsets": "Nullpunkte",
+    "tools": "Werkzeuge",
+    "under_way": "{request}: {other} ist im Gang; das Ende abwarten oder stoppen.",
+    "stopped": "Es wurde gestoppt, bevor es begann.",
+    "by_now": "Die Maschine ist inzwischen in {mode}.",
+    "ended_in": "{request} endete in {mode}.",
+    "not_all_homed": "{axes}: nicht referenziert; die Antriebe ansehen.",
+    "waited": "{seconds:.0f} s vergeblich gewartet: {what}.",
+    "first_tick": "auf den ersten Takt",
+    "enabled": "auf die Freigabe der Antriebe",
+    "switched_off": "auf das Ausschalten der Antriebe",
+    "standstill": "auf den Stillstand",
+    "end_of_fault": "auf das Ende der Störung",
+    "start_taken": "darauf, dass der Start angenommen wird",
+    "end_of_way": "auf das Ende des Weges von der Bahn oder zurück",
+    "no_tick": "Der Prozess des Takts läuft nicht; Zurücksetzen anfordern.",
+    "no_plan": "Die Planung ist weg und wird neu gestartet; noch einmal anfordern.",
+    "busy_tick": "Der Takt nimmt keine Anforderungen an; ist der Rechner überlastet?",
+    # --- by what was interrupted
+    "not_interrupted": "Kein Programm ist unterbrochen; eines von vorn oder ab einer Zeile starten.",
+    "changed": "{program} kann ab Zeile {line} nicht fortgesetzt werden: seit der Unterbrechung geändert: "
+    "{what}; die Änderung rückgängig machen oder nach eigenem Urteil ab einer Zeile starten.",
+    "and": " und ",
+    "the_program": "das Programm",
+    "the_machine_file": "die Maschinendatei",
+    "a_work_offset": "ein Nullpunkt",
+    "lost": "{program} kann ab Zeile {line} noch nicht fortgesetzt werden: die Maschine weiß nicht, wo ihre "
+    "Achsen sind; zuerst alle referenzieren.",
+    "not_stored": "{program} liegt nicht mehr so vor, wie es unterbrochen wurde; noch einmal hochladen oder "
+    "ein anderes starten.",
+    # --- by who asks
+    "control_held": "{holder} hat die Bedienung; um Rückgabe bitten oder sie übernehmen durch "
+    '{{"take_over": true}}.',
+    "no_control": "{holder} hat die Bedienung; sie durch POST /api/v1/control nehmen und als "
+    "X-Control-Token mitsenden.",
+    "nobody": "Niemand",
+    "late": "Verlangt wurde es bei Takt {seen}, jetzt ist Takt {now}: höchstens {most} s dürfen dazwischen "
+    "liegen; erneut drücken, falls noch gewünscht.",
+    "role": "{name} hat die Rolle {has}; nötig ist {needs}; wer Benutzer einrichtet, kann helfen.",
+    "too_often": "Zu viele falsche Passwörter; in {seconds:.0f} s noch einmal versuchen.",
+    "wrong_password": "Name oder Passwort ist falsch; noch einmal versuchen.",
+    # --- by what was sent
+    "no_verb": "{verb}: gibt es nicht; erlaubt sind {allowed}.",
+    "no_alarm": "Die Meldung {number} gibt es nicht; die Liste der Meldungen abfragen.",
+    "not_number": "{name} {value!r}: muss eine Zahl von {lowest:g} bis {highest:g} sein; berichtigen.",
+    "not_whole": "{name} {value!r}: muss eine ganze Zahl ab 0 sein; berichtigen.",
+    "not_switch": "{name} {value!r}: muss true oder false sein; berichtigen.",
+    "no_line": "fraction {fraction:g}: von welcher Zeile? Auch line angeben.",
+    "no_text": "text: muss eine Programmzeile von höchstens {most} Zeichen sein.",
+    "too_large": "{path}: ist größer als {most} MB; das Programm teilen.",
+    "unreadable": "{path}: nicht lesbar ({why}); das Programm noch einmal hochladen.",
+    "not_written": "{path}: nicht zu schreiben ({why}).",
+    "other_sum": "{path}: sha256 ist {found}, nicht {wanted}; das Programm noch einmal hochladen.",
 }

@@ -14,9 +14,9 @@ import time
 from pathlib import Path
 from typing import Any
 
-from controller.door import DoorError
 from controller.handoff import Snapshot
 from controller.machine import Machine
+from controller.service.refused import refused
 from controller.state import FAULTS, Fault, sentence
 
 FILE = "alarms.jsonl"
@@ -58,7 +58,7 @@ class Alarms:
         """One alarm, or all; how many that were. Raises DoorError."""
         with self._lock:
             if number is not None and number not in self._known:
-                raise DoorError("bad", f"There is no alarm {number}; ask for the list of alarms.")
+                raise refused("no_alarm", code="bad", number=number)
             wanted = [number] if number is not None else list(self._known)
             fresh = [self._known[one] for one in wanted if self._known[one]["acknowledged_s"] is None]
             for alarm in fresh:

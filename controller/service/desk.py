@@ -9,15 +9,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any
 
-from controller import fitting
+from controller import catalogue, fitting
 from controller.door import Answer, DoorError, Values
 from controller.geometry import Frame
 from controller.handoff import Snapshot
 from controller.service import hearing, jobs, looks, offer, runs, sequences, status
 from controller.service.jobs import Job
 from controller.service.jogging import Jogging
+from controller.service.refused import in_both, refused
 from controller.service.service import Service
 from controller.state import Mode, Request
 from controller.tick.mode import MOST_OVERRIDE
@@ -74,7 +76,7 @@ class Desk:
         """The result, or a future of it. Raises DoorError."""
         act = self._verbs.get(verb)
         if act is None:
-            raise DoorError("bad", f"{verb}: there is no such verb; allowed are {', '.join(self._verbs)}.")
+            raise refused("no_verb", code="bad", verb=verb, allowed=", ".join(self._verbs))
         return act(args)
 
     # -- looking
@@ -95,7 +97,7 @@ class Desk:
         job = service.running or service.job
         shown = job.to_dict(now) if job is not None else None
         way = job.way(now.motion_id) if job is not None and job.active else None
-        values = status.machine_values(service.machine, now, way, service.engine.recorder)
+        values = status.machine_values(service.machine, now, way, service.engine.recorder, service.tool)
         values |= {"aside": service.aside, "tool": service.tool or None}
         return {
             "time_s": now.tick * service.machine.period_s,
@@ -127,7 +129,7 @@ class Desk:
     def _acknowledge(self, args: Values) -> Values:
         number = args.get("id")
         if number is not None and (not isinstance(number, int) or isinstance(number, bool)):
-            raise DoorError("bad", f"id {number!r}: must be the number of an alarm, or missing for all.")
+            raise refused("not_whole", code="bad", name="id", value=number)
         return {"acknowledged": self._service.alarms.acknowledge(number)}
 
     # -- at once
@@ -141,12 +143,10 @@ class Desk:
     def _permitted(self, request: Request) -> Snapshot:
         """The newest snapshot. Raises DoorError where it refuses the request."""
         now = self._service.now()
-        if why := sequences.refusal(self._service.machine, now, request):
-            raise self._no(now, request, why)
+        if sequences.refusal(self._service.machine, now, request):
+            words = partial(sequences.refusal, self._service.machine, now, request)
+            raise in_both(words, now.mode.name, request.name)
         return now
-
-    def _no(self, now: Snapshot, request: Request, why: str) -> DoorError:
-        return DoorError("refused", why, now.mode.name, request.name)
 
     def _jog(self, args: Values) -> Values:
         """Dead-man: without the next one within 200 ms the axes come to rest."""
@@ -212,14 +212,13 @@ class Desk:
         """Along the program only from where it was held: off it the tool must return first."""
         service = self._service
         if not service.sequencer.busy and (why := service.no_resume):
-            now = service.now()
-            raise self._no(now, Request.RESUME, f"RESUME is refused in {now.mode.name}: {why}.")
+            raise refused("refused", service.now().mode.name, "RESUME", why=catalogue.Key(why))
         return self._ask(Request.RESUME)
 
     def _switch(self, request: Request, args: Values) -> Values:
         on = args.get("on")
         if not isinstance(on, bool):
-            raise DoorError("bad", f"on {on!r}: must be true or false; correct it.")
+            raise refused("not_switch", code="bad", name="on", value=on)
         self._ask(request, float(on))
         return {"on": on}
 
@@ -266,7 +265,7 @@ class Desk:
             and now.mode is not Mode.FAULT
             and service.commissioned
         ):
-            raise self._no(now, Request.RESET, "There is no fault to be reset.")
+            raise refused("no_fault", now.mode.name, "RESET")
         return self._sequence("reset", lambda: sequences.reset(service))
 
     def _load(self, args: Values) -> Answer:
@@ -294,8 +293,8 @@ class Desk:
     def _not_running(self, request: str) -> None:
         running, found = self._service.running, self._service.engine.snapshot()
         if running is not None:
-            sentence = f"{running.program.name} is running; stop it, or wait for its end."
-            raise DoorError("refused", sentence, found.mode.name if found is not None else "OFF", request)
+            mode = found.mode.name if found is not None else "OFF"
+            raise refused("running", mode, request, program=running.program.name)
 
     def _start(self, _: Values) -> Answer:
         service = self._service
@@ -303,13 +302,10 @@ class Desk:
         job = service.job
         if now.mode is Mode.HOLD:
             return self._resume({})
-        if job is None or job.state in ("loading", "refused"):
-            why = (
-                "No program is loaded; load one first."
-                if job is None
-                else f"{job.program.name} is not ready."
-            )
-            raise self._no(now, Request.START, f"{why} {job.sentence if job else ''}".strip())
+        if job is None:
+            raise refused("not_loaded", now.mode.name, "START")
+        if job.state in ("loading", "refused"):
+            raise refused("not_ready", now.mode.name, "START", program=job.program.name, why=job.sentence)
         return self._begin("start", job)
 
     def _begin(self, name: str, job: Job) -> Answer:
@@ -322,7 +318,7 @@ class Desk:
     def _mdi(self, args: Values) -> Answer:
         text = args.get("text")
         if not isinstance(text, str) or not text.strip() or len(text) > MOST_MDI:
-            raise DoorError("bad", f"text: must be a line of program of at most {MOST_MDI} characters.")
+            raise refused("no_text", code="bad", most=MOST_MDI)
         return self._begin("mdi", jobs.mdi(text, self._service.machine))
 
     def _retract(self, args: Values) -> Answer:
@@ -331,10 +327,7 @@ class Desk:
     def _aside(self, verb: str, distance_mm: float = 0.0) -> Answer:
         service, now = self._service, self._service.now()
         if now.mode is not Mode.HOLD or not now.at_rest:
-            sentence = (
-                f"{verb.upper()} is refused in {now.mode.name}: hold the program and wait until it stands."
-            )
-            raise DoorError("refused", sentence, now.mode.name, verb.upper())
+            raise refused("not_held", now.mode.name, verb.upper())
         return self._sequence(verb, lambda: sequences.aside(service, verb, distance_mm))
 
     # -- what is fitted
@@ -347,7 +340,7 @@ class Desk:
         values = dict(args)
         number = values.pop("number", None)
         if not isinstance(number, int) or isinstance(number, bool):
-            raise DoorError("bad", f"number {number!r}: must be the number of a tool; correct it.")
+            raise refused("not_whole", code="bad", name="number", value=number)
         tool = None if values.pop("remove", False) else values
         return self._fit("tools", str(number), tool, lambda m: fitting.with_tool(m, number, tool))
 
@@ -360,8 +353,7 @@ class Desk:
         now = service.engine.snapshot()
         changing = what == "tools" and service.aside and now is not None and now.mode is Mode.HOLD
         if now is not None and not changing and (now.mode not in AT_REST or service.running is not None):
-            sentence = f"The {what} are not changed while the machine is in {now.mode.name}; stop first."
-            raise DoorError("refused", sentence, now.mode.name, f"SET {what.upper()}")
+            raise refused("not_fitted", now.mode.name, f"SET {what.upper()}", what=catalogue.Key(what))
         try:
             machine = change(service.machine)
         except ConfigError as error:
@@ -375,7 +367,5 @@ def number(args: Values, key: str, lowest: float, highest: float) -> float:
     value = args.get(key)
     sound = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
     if not sound or not lowest <= value <= highest:  # type: ignore[operator]
-        raise DoorError(
-            "bad", f"{key} {value!r}: must be a number from {lowest:g} to {highest:g}; correct it."
-        )
+        raise refused("not_number", code="bad", name=key, value=value, lowest=lowest, highest=highest)
     return float(value)  # type: ignore[arg-type]

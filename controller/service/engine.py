@@ -17,11 +17,11 @@ from __future__ import annotations
 import contextlib
 import pickle
 import socket
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from controller.door import DoorError
 from controller.handoff import (
     Jog,
     Recorder,
@@ -33,13 +33,15 @@ from controller.handoff import (
     send_request,
 )
 from controller.machine import Machine
-from controller.service.orders import GONE, Line, News
+from controller.service.orders import Line, News
 from controller.service.planning import PlanJob
+from controller.service.refused import in_both, refused
 from controller.session import children, live
 from controller.session.children import Child, Job
 from controller.state import Fault, Request, sentence
 
 SERVICE = "controller.service"
+START_S = 60.0  # longer than any tick takes from the order to its first turn
 
 
 @dataclass(slots=True)
@@ -70,6 +72,7 @@ class Engine:
         self._folder, self._checks, self._hear = folder, checks, hear
         self._run: _Run | None = None
         self._starts = 0
+        self._begun_s = -START_S
         self._ending = contextlib.ExitStack()
 
     def start_hubs(self) -> None:
@@ -78,6 +81,7 @@ class Engine:
 
     def start(self) -> None:
         """Tick and plan, after ending those that were there."""
+        self._begun_s = time.monotonic()
         self.end_run()
         self._starts += 1
         paths = [str(self._folder / f"{name}.{self._starts}") for name in ("snapshot", "recorder")]
@@ -131,7 +135,7 @@ class Engine:
 
     def _there(self) -> _Run:
         if self._run is None:
-            raise DoorError("gone", "The tick process is not running; ask for a reset.")
+            raise refused("no_tick", code="gone")
         return self._run
 
     @property
@@ -139,12 +143,18 @@ class Engine:
         """To the plan. Raises DoorError."""
         run = self._there()
         if not run.plan.is_alive():
-            raise DoorError("gone", GONE)
+            raise refused("no_plan", code="gone")
         return run.line
 
     @property
     def tick_alive(self) -> bool:
         return self._run is not None and self._run.tick.is_alive()
+
+    @property
+    def starting(self) -> bool:
+        """Whether a tick is on its way that has not ticked yet, and may still come."""
+        now = self.snapshot()
+        return (now is None or now.tick < 0) and time.monotonic() - self._begun_s < START_S
 
     @property
     def plan_alive(self) -> bool:
@@ -179,10 +189,9 @@ class Engine:
         try:
             yield self._there().operator
         except BlockingIOError:
-            sentence_of = "The tick does not take requests; is the computer very busy?"
-            raise DoorError("busy", sentence_of, request=request.name) from None
+            raise refused("busy_tick", request=request.name, code="busy") from None
         except OSError:
-            raise DoorError("gone", sentence(Fault.CONTROLLER_GONE), request=request.name) from None
+            raise in_both(_controller_gone, request=request.name, code="gone") from None
 
     def last_words(self) -> str:
         """Of the tick, or of the plan, whichever died with some."""
@@ -194,3 +203,7 @@ class Engine:
 def simulated(machine: Machine) -> Machine:
     """The machine with virtual buses in place of its own."""
     return replace(machine, buses=tuple(replace(bus, interface="virtual") for bus in machine.buses))
+
+
+def _controller_gone(language: str) -> str:
+    return sentence(Fault.CONTROLLER_GONE, language=language)

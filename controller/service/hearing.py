@@ -8,7 +8,7 @@ from typing import Any
 
 from controller import config
 from controller.handoff import Snapshot
-from controller.machine import Machine
+from controller.machine import Machine, Temperature
 from drives import emergency_codes, pdo
 from drives.cia402 import State
 from drives.log.frame_log import FrameLog
@@ -38,8 +38,23 @@ class LastFrames(FrameLog):
 def drives(machine: Machine, now: Snapshot, logs: Mapping[str, FrameLog]) -> list[dict[str, Any]]:
     """A row per axis: where its drive is, what it said last, and how long ago it showed life."""
     nodes = config.node_settings(machine)
-    states = now.drive_states
-    return [_drive(node, State(state), logs.get(node.bus)) for node, state in zip(nodes, states, strict=True)]
+    found = [
+        _drive(node, State(state), logs.get(node.bus))
+        for node, state in zip(nodes, now.drive_states, strict=True)
+    ]
+    for row, axis in zip(found, machine.axes, strict=True):
+        if axis.temperature is not None:
+            row["temperature_c"] = _temperature(axis.temperature, axis.node, logs.get(axis.bus))
+    return found
+
+
+def _temperature(told: Temperature, node: int, log: FrameLog | None) -> float | None:
+    """As it was told last; None where it never was."""
+    last = log.of(pdo.tpdo(told.tpdo, node)) if isinstance(log, LastFrames) else None
+    size = told.bits // 8
+    if last is None or len(last[1]) < size:
+        return None
+    return int.from_bytes(last[1][:size], "little", signed=True) / told.per_degree
 
 
 def _drive(node: NodeSettings, state: State, log: FrameLog | None) -> dict[str, Any]:
@@ -54,6 +69,7 @@ def _drive(node: NodeSettings, state: State, log: FrameLog | None) -> dict[str, 
         "node": node.node,
         "bus": node.bus,
         "state": state.name,
+        "cyclic_mode": node.profile.mode.name,
         "statusword": word,
         "error": emergency_codes.text(code) if code else None,
         "heartbeat_age_s": max(0.0, time.time() - alive[0]) if alive else None,

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from controller.door import DoorError
 from controller.handoff import Snapshot
 from controller.machine import Joints, Machine, five
 from controller.plan.detour import FIRST_ID
 from controller.plan.route.spot import ENTRY_ID, Spot
 from controller.service.orders import News, Program, Way
+from controller.service.refused import refused
 from controller.session.starts import Start
 from controller.state import Mode
 
@@ -144,19 +144,17 @@ def read(args: dict[str, Any], machine: Machine) -> Job:
     path = Path(str(args.get("path", "")))
     try:
         if path.stat().st_size > MOST_BYTES:
-            raise DoorError("bad", f"{path}: is larger than {MOST_BYTES >> 20} MB; split the program.")
+            raise refused("too_large", code="bad", path=path, most=MOST_BYTES >> 20)
         text = path.read_bytes()
     except OSError as error:
-        raise DoorError(
-            "bad", f"{path}: cannot be read: {error.strerror}; upload the program again."
-        ) from error
+        raise refused("unreadable", code="bad", path=path, why=error.strerror) from error
     found = hashlib.sha256(text).hexdigest()
     wanted = args.get("sha256")
     if wanted is not None and wanted != found:
-        raise DoorError("bad", f"{path}: its sha256 is {found}, not {wanted}; upload the program again.")
+        raise refused("other_sum", code="bad", path=path, found=found, wanted=wanted)
     line, fraction = _whole(args, "line"), _number(args, "fraction", 0.0, 1.0) or 0.0
     if fraction and not line:
-        raise DoorError("bad", f"fraction {fraction:g}: of which line? Give line, too.")
+        raise refused("no_line", code="bad", fraction=fraction)
     spot = Spot(line, fraction) if line else None
     dry_run_mm = _number(args, "dry_run_mm", 0.0, 1000.0) or 0.0
     name = str(args.get("name") or path.name)
@@ -179,7 +177,7 @@ def _whole(args: dict[str, Any], key: str) -> int:
     if value is None:
         return 0
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise DoorError("bad", f"{key} {value!r}: must be a whole number from 0; correct it.")
+        raise refused("not_whole", code="bad", name=key, value=value)
     return value
 
 
@@ -189,7 +187,5 @@ def _number(args: dict[str, Any], key: str, lowest: float, highest: float) -> fl
         return None
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if not number or not lowest <= value <= highest:
-        raise DoorError(
-            "bad", f"{key} {value!r}: must be a number from {lowest:g} to {highest:g}; correct it."
-        )
+        raise refused("not_number", code="bad", name=key, value=value, lowest=lowest, highest=highest)
     return float(value)

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from controller.door import DoorError, Values
+from controller.door import Values
 from controller.handoff import COLUMN, ROW, Recorder
 from controller.machine import Bus, Machine
+from controller.service.refused import refused
 from controller.session.bus_load import budgets
 from drives import pdo
 from drives.load.budget import BusBudget, worst_bits
@@ -55,7 +56,7 @@ def _whole(args: Mapping[str, Any], name: str) -> int | None:
     if value is None:
         return None
     if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < 2**53:
-        raise DoorError("bad", f"{name} {value!r}: must be a whole number from 0, or null; correct it.")
+        raise refused("not_whole", code="bad", name=name, value=value)
     return value
 
 

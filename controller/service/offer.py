@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from controller import journal
 from controller.door import DoorError
 from controller.service.jobs import Job
+from controller.service.refused import in_both
 from controller.service.service import JOURNAL, Service
 
 
@@ -20,14 +23,16 @@ def restart(service: Service) -> dict[str, Any]:
     """
     entry, why = journal.read(service.state / JOURNAL)
     if entry is None or entry.ended:
-        return {"offered": False, "sentence": why or journal.refusal(None, _nothing(service), 0, 0, 0)}
+        none = partial(journal.refusal, None, _nothing(service), 0, 0, 0)
+        return {"offered": False, **({"sentence": why} if why else _sentences(none))}
     here = journal.Job.of(entry.job.name, b"", service.machine, entry.job.start, entry.job.dry_run_mm)
     same_program = replace(here, program_sha256=entry.job.program_sha256)
     homed, untrusted = _trusted(service)
-    why = journal.refusal(entry, same_program, homed, untrusted, len(service.machine.axes))
+    axes = len(service.machine.axes)
+    words = _sentences(partial(journal.refusal, entry, same_program, homed, untrusted, axes))
     return {
-        "offered": not why,
-        "sentence": why or None,
+        "offered": words["sentence"] is None,
+        **words,
         "name": entry.job.name,
         "sha256": entry.job.program_sha256,
         "line": entry.spot.line,
@@ -39,6 +44,11 @@ def restart(service: Service) -> dict[str, Any]:
         "dry_run_mm": entry.job.dry_run_mm or None,
         "interrupted_s": entry.time_s,
     }
+
+
+def _sentences(why: Callable[..., str]) -> dict[str, str | None]:
+    """The same in both languages; None where there is no reason."""
+    return {"sentence": why() or None, "sentence_de": why(language="de") or None}
 
 
 def _nothing(service: Service) -> journal.Job:
@@ -62,12 +72,15 @@ def gone_on_with(service: Service, job: Job) -> Job:
         here = journal.Job.of(
             program.name, program.text, service.machine, entry.job.start, entry.job.dry_run_mm
         )
-        why = journal.refusal(entry, here, now.homed, now.untrusted, len(service.machine.axes))
+        changed = partial(journal.refusal, entry, here, now.homed, now.untrusted, len(service.machine.axes))
         spot, start, dry_run_mm = journal.spot_of(entry, here), entry.job.start, entry.job.dry_run_mm
         job.program = replace(program, spot=spot, start=start, dry_run_mm=dry_run_mm)
-    if entry is None or why:
-        why = why or journal.refusal(None, service.journal_job(job), 0, 0, 0)
+    else:
+        changed = partial(journal.refusal, None, service.journal_job(job), 0, 0, 0)
+    if why:
         raise DoorError("refused", why, now.mode.name, "LOAD")
+    if changed():
+        raise in_both(changed, now.mode.name, "LOAD")
     return job
 
 

@@ -21,8 +21,7 @@ from controller.door import DoorError
 from controller.geometry import Frame
 from controller.machine import Joints, Machine
 from controller.plan.route.spot import Spot
-
-GONE = "The planner is gone; it is started anew. Ask again."
+from controller.service.refused import refused
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +128,7 @@ class Line:
             self._connection.send(order)
         except OSError:
             self._waiting.pop(order.number, None)
-            raise DoorError("gone", GONE) from None
+            raise refused("no_plan", code="gone") from None
         return answer.result()
 
     def give_up(self) -> None:
@@ -152,7 +151,7 @@ class Line:
             else:
                 self._hear(said)
         for answer in list(self._waiting.values()):
-            answer.set_exception(DoorError("gone", GONE))
+            answer.set_exception(refused("no_plan", code="gone"))
         self._waiting.clear()
 
     def _answered(self, said: Answer) -> None:

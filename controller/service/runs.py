@@ -32,6 +32,7 @@ from controller.handoff import COLUMN, STOOD
 from controller.journal import sha256
 from controller.machine import Machine
 from controller.service.orders import Program, Turn
+from controller.session.recording import forget_oldest, new_folder
 from controller.session.starts import Start
 from controller.state import Mode
 
@@ -72,7 +73,7 @@ class RunRecord:
         self._kept_bytes = 0
         self._ticks = 0  # that sent a SYNC
         self._busy = (0, -1)  # how many of them belong to the run, and the last tick of it
-        self.folder = _new_folder(state / FOLDER, str(what.get("name", "")))
+        self.folder = new_folder(state / FOLDER, _stem(str(what.get("name", ""))))
         self._file: BinaryIO | None = open(self.folder / "setpoints.part", "wb")  # noqa: SIM115
 
     # -- while it runs
@@ -232,7 +233,7 @@ class RunRecord:
                 np.savez_compressed(file, columns=np.array(SETPOINTS), rows=rows)
         (self.folder / "setpoints.part").unlink(missing_ok=True)
         _write_whole(self.folder / "run.json", facts)
-        _forget_oldest(self.folder.parent)
+        forget_oldest(self.folder.parent, KEPT)
 
     def _timed(self) -> list[dict[str, Any]]:
         """All events by the number of the SYNC before which they came; -1: before the start."""
@@ -264,22 +265,10 @@ def _write_whole(file: Path, facts: dict[str, Any]) -> None:
     os.replace(new, file)
 
 
-def _new_folder(base: Path, name: str) -> Path:
+def _stem(name: str) -> str:
     plain = re.sub(r"[^A-Za-z0-9._-]+", "_", name)[:60].strip(".") or "program"
     now_s = time.time()  # to the millisecond, so that the names' order is that of the runs
-    stem = time.strftime("%Y-%m-%dT%H%M%S", time.localtime(now_s)) + f".{int(now_s * 1e3) % 1000:03d}-{plain}"
-    for n in range(1, 1000):
-        made = base / (stem if n == 1 else f"{stem}-{n}")
-        with contextlib.suppress(FileExistsError):
-            made.mkdir(parents=True)
-            return made
-    raise FileExistsError(f"{base}: there are a thousand runs of this second")
-
-
-def _forget_oldest(base: Path) -> None:
-    """Names begin with the time, so the first are the oldest."""
-    for old in sorted(base.iterdir())[:-KEPT]:
-        shutil.rmtree(old, ignore_errors=True)
+    return time.strftime("%Y-%m-%dT%H%M%S", time.localtime(now_s)) + f".{int(now_s * 1e3) % 1000:03d}-{plain}"
 
 
 def list_runs(state: Path, most: int = 100) -> list[dict[str, Any]]:

@@ -12,6 +12,7 @@ from concurrent.futures import Future, InvalidStateError, ThreadPoolExecutor
 from dataclasses import dataclass
 
 from controller.door import DoorError, Values, own_error
+from controller.service.refused import refused
 
 ANSWER_S = 4.0  # an answer comes so soon, with {"done": false} where the work goes on
 
@@ -23,9 +24,11 @@ class Sequence:
     name: str
     state: str
     sentence: str = ""
+    sentence_de: str = ""
 
     def to_dict(self) -> Values:
-        return {"name": self.name, "state": self.state, "sentence": self.sentence or None}
+        words = {"sentence": self.sentence or None, "sentence_de": self.sentence_de or None}
+        return {"name": self.name, "state": self.state, **words}
 
 
 class Sequencer:
@@ -55,8 +58,7 @@ class Sequencer:
     def _begin(self, name: str, work: Callable[[], Values], mode: str) -> Future[Values]:
         with self._lock:
             if self.busy:
-                sentence = f"{name}: {self.busy} is under way; wait for its end, or stop it."
-                raise DoorError("busy", sentence, mode, name.upper())
+                raise refused("under_way", mode, name.upper(), "busy", other=self.busy)
             self.now = Sequence(name, "running")
         return self._thread.submit(self._run, name, work)
 
@@ -73,7 +75,7 @@ class Sequencer:
             result = work()
         except Exception as error:
             known = error if isinstance(error, DoorError) else own_error(error)
-            self.now = Sequence(name, "failed", known.sentence)
+            self.now = Sequence(name, "failed", known.sentence, known.sentence_de)
             self._failed(name, known)
             raise known from error
         self.now = Sequence(name, "done")

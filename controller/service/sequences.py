@@ -13,9 +13,10 @@ from controller.handoff import Snapshot
 from controller.machine import Joints, Machine
 from controller.service import offer
 from controller.service.jobs import Job
+from controller.service.refused import in_both, refused
 from controller.service.service import Service
 from controller.session.starts import Start
-from controller.state import FAULTS, Fault, Mode, Recovery, Request
+from controller.state import FAULTS, Fault, Mode, Recovery, Request, sentence
 from drives.cia402 import State
 
 MARGIN_S = 2.0  # on top of what the tick itself waits
@@ -31,11 +32,11 @@ def enable(service: Service) -> Values:
     now = service.wait_for(
         lambda now: now.mode in (Mode.READY, Mode.FAULT) or _interlocked(now, Request.ENABLE),
         times.ENABLE_S + MARGIN_S,
-        "the drives to be enabled",
+        "enabled",
     )
     if now.mode is not Mode.READY:
         fault = now.interlock if now.mode is not Mode.FAULT else now.fault
-        raise DoorError("refused", f"{FAULTS[fault].text} {FAULTS[fault].remedy}", now.mode.name, "ENABLE")
+        raise in_both(lambda language: sentence(fault, language=language), now.mode.name, "ENABLE")
     return {"mode": now.mode.name}
 
 
@@ -62,9 +63,7 @@ def home(service: Service, axes: tuple[int, ...]) -> Values:
     homed = service.now().homed
     missing = [axis.name for i, axis in enumerate(machine.axes) if i in axes and not homed >> i & 1]
     if missing:
-        raise DoorError(
-            "refused", f"{' '.join(missing)} did not become homed; look at the drives.", "OFF", "HOME"
-        )
+        raise refused("not_all_homed", "OFF", "HOME", axes=" ".join(missing))
     return {**enable(service), "homed": [axis.name for i, axis in enumerate(machine.axes) if homed >> i & 1]}
 
 
@@ -72,7 +71,7 @@ def _disable(service: Service) -> None:
     """A drive changes its mode of operation without torque."""
     if service.now().mode is not Mode.OFF:
         service.engine.request(Request.DISABLE)
-    service.wait_for(_off, times.ENABLE_S, "the drives to be switched off")
+    service.wait_for(_off, times.ENABLE_S, "switched_off")
 
 
 def _off(now: Snapshot) -> bool:
@@ -92,7 +91,7 @@ def reset(service: Service) -> Values:
         now = service.wait_for(lambda now: now.at_rest, STAND_S, "standstill")
         needs = max(FAULTS[now.fault].recovery, FAULTS[now.warning].recovery)
         service.engine.request(Request.RESET)
-        service.wait_for(lambda now: now.mode is not Mode.FAULT, TAKEN_S, "the end of the fault")
+        service.wait_for(lambda now: now.mode is not Mode.FAULT, TAKEN_S, "end_of_fault")
         if needs >= Recovery.COMMISSION:
             service.commissioned = False
     _commissioned(service)
@@ -126,20 +125,19 @@ def _go(service: Service, job: Job, facts: Values, stops: int) -> None:
     with service.lock:  # a stop is counted before it is sent, so none can slip in between
         now = service.now()
         if service.stops != stops:
-            raise DoorError("refused", "It was stopped before it began.", now.mode.name, "START")
+            raise refused("stopped", now.mode.name, "START")
         if now.mode is not Mode.READY:
-            raise DoorError("refused", f"The machine is in {now.mode.name} by now.", now.mode.name, "START")
+            raise refused("by_now", now.mode.name, "START")
         service.begin(job, facts)
     tick = now.tick
 
     def taken(now: Snapshot) -> bool:
         return now.mode is not Mode.READY or now.tick > tick + 50
 
-    now = service.wait_for(taken, TAKEN_S, "the start to be taken")
+    now = service.wait_for(taken, TAKEN_S, "start_taken")
     job.taken = True
     if now.mode is Mode.READY and _interlocked(now, Request.START):
-        row = FAULTS[now.interlock]
-        raise DoorError("refused", f"{row.text} {row.remedy}", now.mode.name, "START")
+        raise in_both(lambda language: sentence(now.interlock, language=language), now.mode.name, "START")
 
 
 def aside(service: Service, verb: str, distance_mm: float = 0.0) -> Values:
@@ -166,9 +164,9 @@ def aside(service: Service, verb: str, distance_mm: float = 0.0) -> Values:
             return True
         return now.at_rest and (service.aside == (verb == "retract") or service.stops != stops)
 
-    now = service.wait_for(over, ASIDE_S, f"the end of {verb}")
+    now = service.wait_for(over, ASIDE_S, "end_of_way")
     if now.mode is not Mode.HOLD:
-        raise DoorError("refused", f"{verb} ended in {now.mode.name}.", now.mode.name, verb.upper())
+        raise refused("ended_in", now.mode.name, verb.upper())
     return {"mode": now.mode.name}
 
 
@@ -185,7 +183,7 @@ def _drop(service: Service) -> None:
         service.engine.request(Request.STOP)
 
 
-def refusal(machine: Machine, now: Snapshot, request: Request) -> str:
+def refusal(machine: Machine, now: Snapshot, request: Request, language: str = "en") -> str:
     """Why the machine as it is refuses a request; "" where it does not."""
     return state.refusal(
         now.mode,
@@ -196,4 +194,5 @@ def refusal(machine: Machine, now: Snapshot, request: Request) -> str:
         interlock=now.interlock,
         away=now.away,
         axes=[axis.name for axis in machine.axes],
+        language=language,
     )

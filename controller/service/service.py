@@ -18,7 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from controller import config, fitting, journal
+from controller import catalogue, config, fitting, journal
 from controller.door import DoorError
 from controller.handoff import Snapshot
 from controller.journal import Journal
@@ -30,6 +30,7 @@ from controller.service.engine import Engine
 from controller.service.hearing import LastFrames
 from controller.service.jobs import Job
 from controller.service.orders import News
+from controller.service.refused import refused
 from controller.service.runs import RunRecord
 from controller.service.sequencer import Sequencer
 from controller.service.troubles import Troubles
@@ -109,7 +110,7 @@ class Service:
             self.engine.start()
             self._tick_died = self._plan_died = False
             self.troubles.begin()
-        self.wait_for(lambda now: now.tick >= 0, FIRST_TICK_S, "the first tick")
+        self.wait_for(lambda now: now.tick >= 0, FIRST_TICK_S, "first_tick")
         try:
             self._listener = Listener(config.bus_settings(self.engine.machine), LastFrames)
         except BusError as error:
@@ -147,12 +148,12 @@ class Service:
 
     @property
     def no_resume(self) -> str:
-        """Why a held program cannot go on from where the tool is; "" where it can."""
+        """Why a held program cannot go on from where the tool is, as the refusal's key; "" where it can."""
         if self.aside:
-            return "the tool stands off the path, retracted; let it return first"
+            return "aside"
         job = self.running
         if job is not None and job.program.machine.tools != self.machine.tools:
-            return "other tools were fitted since; stop the program and start the rest of it"
+            return "other_tools"
         return ""
 
     @property
@@ -164,11 +165,14 @@ class Service:
         """The newest snapshot. Raises DoorError where there is no tick."""
         found = self.engine.snapshot()
         if found is None or not self.engine.tick_alive:
-            raise DoorError("gone", "The tick process is not running; ask for a reset.", "OFF")
+            raise refused("no_tick", "OFF", code="gone")
         return found
 
     def wait_for(self, done: Callable[[Snapshot], bool], longest_s: float, what: str) -> Snapshot:
-        """The first snapshot that is ``done``. Raises DoorError on a dead tick, or when time is over."""
+        """The first snapshot that is ``done``; ``what`` is a key of the refusals.
+
+        Raises DoorError on a dead tick, or when time is over.
+        """
         give_up_s = time.monotonic() + longest_s
         while True:
             now = self.engine.snapshot()
@@ -176,10 +180,10 @@ class Service:
                 return now
             if not self.engine.tick_alive:
                 words = self.engine.last_words()
-                raise DoorError("gone", words or "The tick process is gone; ask for a reset.")
+                raise DoorError("gone", words) if words else refused("no_tick", code="gone")
             if time.monotonic() > give_up_s:
                 mode = now.mode.name if now is not None else ""
-                raise DoorError("refused", f"Waited {longest_s:.0f} s for {what} in vain.", mode)
+                raise refused("waited", mode, seconds=longest_s, what=catalogue.Key(what))
             time.sleep(WAIT_S)
 
     def commission(self) -> None:
@@ -192,7 +196,7 @@ class Service:
         try:
             fitting.save(self.state, values)
         except OSError as error:
-            raise DoorError("busy", f"{self.state}: cannot be written: {error.strerror}.") from error
+            raise refused("not_written", code="busy", path=self.state, why=error.strerror) from error
         with self.lock:
             self.fitted, self.machine = values, machine
             if self.job is not None and not self.job.active:
@@ -286,9 +290,13 @@ class Service:
         now = self.engine.snapshot()
         if now is None:
             return None
-        with self.lock:  # a tick that is gone is followed by another only when all of it was told
+        if not self.lock.acquire(timeout=LOOK_S):  # a tick is being started: that takes long
+            return now
+        try:  # a tick that is gone is followed by another only when all of it was told
             self._look_at_processes(now)
-        self._look_at_rows()
+            self._look_at_rows()
+        finally:
+            self.lock.release()
         if self.engine.tick_alive:
             self.troubles.look(now)
         self._write_journal(now)

@@ -62,15 +62,17 @@ def _watch(service: Service, asked: _Asked, tell: Tell) -> None:
     """The watchdog is fed by ticks, not by this loop: a tick that hangs starves it.
 
     A tick that is gone has done what a restart would bring: its drives stand, its alarm is told, and
-    a reset starts another. Then there is nothing to watch, and a restart would cost that reset.
+    a reset starts another. Then there is nothing to watch, and a restart would cost that reset; the
+    same holds until the first tick of the other.
     """
     fed_tick, fed_s, told, told_s = -1, 0.0, "", 0.0
     while not asked.yes:
         now, now_s = service.look(), time.monotonic()
         lives = now is not None and now.tick != fed_tick
-        if now is not None and now_s - fed_s >= FEED_S and (lives or not service.engine.tick_alive):
+        due = now_s - fed_s >= FEED_S
+        if due and (service.engine.starting or (now and (lives or not service.engine.tick_alive))):
             tell("WATCHDOG=1")
-            fed_tick, fed_s = now.tick, now_s
+            fed_tick, fed_s = now.tick if now else -1, now_s
         words = _words(service)
         if words != told and now_s - told_s >= STATUS_S:
             tell(f"STATUS={words}")

@@ -16,15 +16,15 @@ AT_LIMIT = 1e-3  # mm or rad from the end of the travel
 
 
 def machine_values(
-    machine: Machine, now: Snapshot, way: Way | None, recorder: Recorder | None
+    machine: Machine, now: Snapshot, way: Way | None, recorder: Recorder | None, in_spindle: int = 1
 ) -> dict[str, Any]:
-    """All of ``status`` that a snapshot tells, with the motion under way."""
+    """All of ``status`` that a snapshot tells, with the motion under way; ``in_spindle``: a tool's number."""
     return {
         "mode": now.mode.name,
         "not_homed": [axis.name for i, axis in enumerate(machine.axes) if not now.homed >> i & 1],
         "warning": now.warning.name if now.warning is not Fault.NONE else None,
         "joints": joints(machine, now, way),
-        **tip(machine, now, way),
+        **tip(machine, now, way, in_spindle),
         "feed_mm_min": {"programmed": _programmed(way), "actual": _feed(now, recorder)},
         "limited_by": _limited_by(machine, now),
         "in_block": in_block(now, way),
@@ -87,9 +87,9 @@ def _limit(q: float, lowest: float, highest: float, shown_per_unit: float) -> st
     return low if q <= lowest + AT_LIMIT else high if q >= highest - AT_LIMIT else None
 
 
-def tip(machine: Machine, now: Snapshot, way: Way | None) -> dict[str, Any]:
-    """Tip and axis of the tool in the part frame; of T1 in G54 where nothing else is under way."""
-    tool = machine.tool(1)
+def tip(machine: Machine, now: Snapshot, way: Way | None, in_spindle: int = 1) -> dict[str, Any]:
+    """Tip and axis of the tool in the part frame; in G54 where no motion under way says otherwise."""
+    tool = machine.tool(in_spindle)
     length_mm = way.length_mm if way is not None else tool.length_mm if tool is not None else 0.0
     frame = way.part if way is not None and way.part is not None else machine.offsets[0]
     pose = Kinematics(machine).forward(five(now.joints), length_mm)

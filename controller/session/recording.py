@@ -37,6 +37,7 @@ STOP_S = 3.0  # at most after it
 CAUSE_S = 0.3  # at least after it: what a node says when it speaks again tells the cause
 KEPT = 50  # recordings; the oldest go
 STILL_TICKS = 25  # the actual positions of so many ticks agree: the drives stand
+NODE_BITS = 0x7F  # of an identifier (CiA 301, 7.3.5)
 STILL_COUNTS = 50.0  # encoder noise and a servo's last creeping are no motion
 
 Rows = npt.NDArray[np.float64]
@@ -81,12 +82,14 @@ class Facts:
 
 
 def _emergencies(machine: Machine, logs: Logs) -> Iterator[str]:
-    for axis in machine.axes:
-        code = 0
-        for _, frame in logs[axis.bus].frames() if axis.bus in logs else ():
+    codes: dict[tuple[str, int], int] = {}
+    for bus, log in logs.items():
+        for _, frame in log.frames():
             can_id, length, data = pdo.FRAME.unpack(frame)
-            if can_id == pdo.EMCY + axis.node and length >= 2 and data[:2] != b"\0\0":
-                code = int.from_bytes(data[:2], "little")
+            if can_id & ~NODE_BITS == pdo.EMCY and length >= 2 and data[:2] != b"\0\0":
+                codes[bus, can_id & NODE_BITS] = int.from_bytes(data[:2], "little")
+    for axis in machine.axes:
+        code = codes.get((axis.bus, axis.node), 0)
         yield emergency_codes.text(code) if code else ""
 
 
@@ -101,14 +104,14 @@ def save(base: Path, machine: Machine, facts: Facts, rows: Rows, logs: Logs) -> 
 
     ``rows``: (N, len(ROW)) of the recorder, oldest first.
     """
-    made = _new_folder(base, facts)
+    made = new_folder(base, _stem(facts))
     with open(made / "trace.npz", "wb") as file:
         np.savez_compressed(
             file, columns=np.array(ROW), rows=rows, machine=np.array(machine.text), period_s=machine.period_s
         )
     frame_log.save(made / "frames.log", logs)
     (made / "fault.json").write_text(json.dumps(facts.to_dict(), indent=1) + "\n", encoding="utf-8")
-    _forget_oldest(base)
+    forget_oldest(base, KEPT)
     return made
 
 
@@ -165,18 +168,22 @@ def stands(rows: Rows, machine: Machine) -> bool:
     return bool((moved <= STILL_COUNTS).all())
 
 
-def _new_folder(base: Path, facts: Facts) -> Path:
-    stem = time.strftime("%Y-%m-%dT%H%M%S", time.localtime()) + f"-{facts.fault.name}"
-    stem += f"-{facts.axis}" if facts.axis else ""
+def new_folder(base: Path, stem: str) -> Path:
+    """A folder that was not there, named after ``stem``, which begins with the time. Raises OSError."""
     for n in range(1, 1000):
         made = base / (stem if n == 1 else f"{stem}-{n}")
         with contextlib.suppress(FileExistsError):
             made.mkdir(parents=True)
             return made
-    raise FileExistsError(f"{base}: there are a thousand recordings of this second")
+    raise FileExistsError(f"{base}: there are a thousand folders named {stem}")
 
 
-def _forget_oldest(base: Path) -> None:
-    """Names begin with the time, so the first are the oldest."""
-    for old in sorted(base.iterdir())[:-KEPT]:
+def forget_oldest(base: Path, kept: int) -> None:
+    """All but so many are deleted; names begin with the time, so the first are the oldest."""
+    for old in sorted(base.iterdir())[:-kept]:
         shutil.rmtree(old, ignore_errors=True)
+
+
+def _stem(facts: Facts) -> str:
+    stem = time.strftime("%Y-%m-%dT%H%M%S", time.localtime()) + f"-{facts.fault.name}"
+    return f"{stem}-{facts.axis}" if facts.axis else stem

@@ -19,7 +19,11 @@ from drives import pdo
 from drives.commissioning import sheet
 
 SDO_REQUEST, SDO_ANSWER_BEFORE = 0x600, 0x80
-CLIENT_ABORT = 0x80
+ABORT = 0x80
+# CiA 301, 7.2.4.3: what begins a download or an upload, by the command of its answer, which names the object
+# again. Segments name none.
+COMMAND_MASK, ANSWERED_BY = 0xE0, {0x20: 0x60, 0x40: 0x40}
+NO_OBJECT = bytes(3)  # in some drives' aborts
 SEND_TRIES = 20
 
 # Everything it would log here is raised as well, with a better sentence.
@@ -94,7 +98,8 @@ class Network(canopen.Network):
         self._port = port
         self._pump = pump
         self._buffer = bytearray(pdo.FRAME_BYTES)
-        self._awaited = -1
+        self._awaited = -1  # identifier of the answer that is waited for
+        self._asked = b""  # the request, if its answer shows that it is one to it
         self._joined: dict[tuple[int, str], canopen.RemoteNode] = {}
         self.patience_s = patience_s
         self.nmt_states: dict[int, int] = {}  # by node, as its newest heartbeat says
@@ -126,11 +131,14 @@ class Network(canopen.Network):
 
     def send_message(self, can_id: int, data: bytes, remote: bool = False) -> None:
         """Send; an SDO request returns when its answer has come or the patience has ended."""
+        asks = SDO_REQUEST < can_id < SDO_REQUEST + 0x80 and data[0] != ABORT
+        if asks:  # from here on: what was asked before may be answered just now
+            self._awaited = can_id - SDO_ANSWER_BEFORE
+            self._asked = bytes(data) if data[0] & COMMAND_MASK in ANSWERED_BY else b""
         # Heartbeats fill an unread queue in seconds, and a full one would lose the answer.
         self.receive()
         self.post(can_id | pdo.REMOTE_FLAG if remote else can_id, data)
-        if SDO_REQUEST < can_id < SDO_REQUEST + 0x80 and data[0] != CLIENT_ABORT:
-            self._awaited = can_id - SDO_ANSWER_BEFORE
+        if asks:
             self.wait(lambda: self._awaited < 0)
 
     def wait(self, done: Callable[[], bool], patience_s: float | None = None) -> bool:
@@ -150,9 +158,20 @@ class Network(canopen.Network):
         while self._port.receive_into(self._buffer):
             can_id, data = pdo.unpack(self._buffer)
             if can_id == self._awaited:
+                if not self._fits(data):
+                    continue  # an answer to what was asked before, and too late for that
                 self._awaited = -1
             elif can_id & pdo.GROUP_MASK == pdo.HEARTBEAT and data:
                 self.nmt_states[can_id & 0x7F] = data[0] & 0x7F
             if self.hearer is not None:
                 self.hearer(can_id, data)
             self.notify(can_id, bytearray(data), 0.0)
+
+    def _fits(self, answer: bytes) -> bool:
+        """Whether it can be the answer to the last request."""
+        asked = self._asked
+        if not asked:
+            return True
+        if answer[:1] == bytes([ABORT]):
+            return answer[1:4] in (asked[1:4], NO_OBJECT)
+        return answer[1:4] == asked[1:4] and answer[0] & COMMAND_MASK == ANSWERED_BY[asked[0] & COMMAND_MASK]

@@ -21,14 +21,13 @@ from collections.abc import Callable
 from drives import pdo
 from drives.pdo import FRAME_BYTES
 from drives.virtual.fault_script import FaultScript
-from drives.virtual.hub import Gateway, SyncLog
+from drives.virtual.hub import TRUSTED_S, Gateway, SyncLog
 from drives.virtual.virtual_bus import SteppedBus
 
 SO_TIMESTAMPNS = 35
 TIME_STAMP = struct.Struct("qq")
 RECEIVE_BYTES = 1 << 20  # room for what comes while this process sleeps
 MOST_WAITING = 1024  # frames that a full transmit queue may keep here; the oldest go first
-TRUSTED_S = 0.05  # a time stamp may be so old; a step of the system's clock is more
 
 
 class InterfaceError(Exception):

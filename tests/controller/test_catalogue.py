@@ -8,7 +8,7 @@ import pytest
 
 from controller import catalogue
 from controller.catalogue import LANGUAGES
-from controller.state import FAULTS, Fault, Reaction, Recovery, sentence
+from controller.state import ALWAYS, FAULTS, Fault, Mode, Reaction, Recovery, Request, refusal, sentence
 
 ENGLISH = LANGUAGES["en"]
 FOREIGN = [name for name in LANGUAGES if name != "en"]
@@ -92,3 +92,27 @@ def test_a_sentence_is_told_in_the_language_that_is_asked_for() -> None:
 def test_a_language_without_texts_is_refused_with_what_there_is() -> None:
     with pytest.raises(ValueError, match=r"language 'fr': there are no texts in it; allowed are en and de"):
         catalogue.of("fr")
+
+
+@pytest.mark.parametrize("language", FOREIGN)
+def test_every_refusal_has_its_words_with_the_same_placeholders_in_every_language(language: str) -> None:
+    said = LANGUAGES[language].refusals
+    assert list(said) == list(ENGLISH.refusals), "in the same order"
+    for key, text in said.items():
+        assert placeholders(text) == placeholders(ENGLISH.refusals[key]), key
+        assert text == text.strip() or key in ("or", "and"), key
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("mode", Mode)
+def test_a_refused_request_names_itself_and_the_mode_in_every_language(mode: Mode, language: str) -> None:
+    for request in set(Request) - ALWAYS:
+        said = refusal(mode, request, language=language, standing=False, homed=0, away=True, axes="XYZAC")
+        assert not said or (request.name in said and mode.name in said and said.endswith(".")), said
+        assert bool(said) == bool(refusal(mode, request, standing=False, homed=0, away=True, axes="XYZAC"))
+
+
+def test_a_value_of_a_refusal_may_be_a_text_of_the_catalogue_itself() -> None:
+    waited = {"seconds": 3.0, "what": catalogue.Key("standstill")}
+    assert catalogue.refusal("waited", **waited) == "Waited 3 s for standstill in vain."
+    assert "Stillstand" in catalogue.refusal("waited", "de", **waited)

@@ -70,7 +70,8 @@ def test_a_verb_and_its_arguments_arrive_and_are_answered(opened: Opened) -> Non
 
 def test_a_refusal_keeps_code_mode_request_and_sentence(opened: Opened) -> None:
     error = error_of(lambda: opened[1].ask("refuse"))
-    assert error.to_dict() == {"code": "refused", "mode": "RUNNING", "request": "HOME", "sentence": "No."}
+    said = {"code": "refused", "mode": "RUNNING", "request": "HOME", "sentence": "No.", "sentence_de": ""}
+    assert error.to_dict() == said
 
 
 def test_an_error_of_the_handlers_own_is_told_and_the_door_stays_open(opened: Opened) -> None:

@@ -30,13 +30,11 @@ Write = Callable[[bytes], None]
 
 
 def program(size: int, seed: int = 1) -> bytes:
-    draw = random.Random(seed)
-    lines = [b"O4711 (PART)"]
-    while sum(map(len, lines)) + len(lines) < size:
-        lines.append(
-            b"G1 X%.3f Y%.3f F%d" % (draw.uniform(-99, 99), draw.uniform(-99, 99), draw.randrange(9))
-        )
-    return b"\n".join([*lines, b"M30", b""])
+    draw, text = random.Random(seed), bytearray(b"O4711 (PART)\n")
+    while len(text) < size:
+        x, y, feed = draw.uniform(-99, 99), draw.uniform(-99, 99), draw.randrange(9)
+        text += b"G1 X%.3f Y%.3f F%d\n" % (x, y, feed)
+    return bytes(text + b"M30\n")
 
 
 @pytest.fixture

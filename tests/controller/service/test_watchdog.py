@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
+import time
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from controller.service import serving
+from controller.config import load
+from controller.service import engine, serving
+from controller.service.engine import Engine
 
 
 class Watched:
     """A service of which only the tick is looked at; it ends after so many looks."""
 
-    def __init__(self, ticks: list[int], alive: bool) -> None:
+    def __init__(self, ticks: list[int], alive: bool, starting: bool = False) -> None:
         self._ticks, self.yes = ticks, False
-        self.engine = SimpleNamespace(tick_alive=alive, snapshot=lambda: None)
+        self.engine = SimpleNamespace(tick_alive=alive, snapshot=lambda: None, starting=starting)
         self.running = None
 
     def look(self) -> Any:
         tick = self._ticks.pop(0)
         self.yes = not self._ticks
-        return SimpleNamespace(tick=tick)
+        return SimpleNamespace(tick=tick) if tick >= 0 else None
 
     def fault_at(self, _: object) -> None:
         return None
@@ -44,3 +48,22 @@ def test_the_watchdog_is_fed_by_a_tick_that_goes_on_or_is_known_to_be_gone(
     watched, told = Watched(ticks, alive), []
     serving._watch(watched, watched, told.append)  # type: ignore[arg-type]
     assert told.count("WATCHDOG=1") == fed
+
+
+def test_the_watchdog_is_fed_while_another_tick_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(serving, "FEED_S", 0.0)
+    monkeypatch.setattr(serving, "LOOK_S", 0.0)
+    watched, told = Watched([-1] * 4, alive=False, starting=True), []
+    serving._watch(watched, watched, told.append)  # type: ignore[arg-type]
+    assert told.count("WATCHDOG=1") == 4
+
+
+def test_a_tick_that_never_comes_is_not_waited_for_without_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = Engine(load("trunnion"), tmp_path, tmp_path, lambda _: None)
+    assert not made.starting, "nobody has asked for one"
+    made._begun_s = time.monotonic()
+    assert made.starting
+    monkeypatch.setattr(engine, "START_S", 0.0)
+    assert not made.starting

@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -68,6 +69,19 @@ def test_devices_boot_answer_and_report_on_the_interface(wire: Wire) -> None:
     wire.put(0x209, b"\x01\0\0\0")
     wire.put(0x080)
     assert wire.hear(lambda can_id, _: can_id == 0x181)[:2] == b"\x50\x02"
+
+
+def test_frames_count_from_when_they_came_however_late_they_are_read() -> None:
+    mine, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    bridge = CanBridge(theirs, sync_log=True)
+    for _ in range(3):
+        mine.send(pdo.frame(pdo.SYNC))
+        time.sleep(0.1)
+    bridge.turn(time.monotonic())
+    first_s, second_s, third_s = bridge.syncs.times_s()
+    assert second_s - first_s > 0.09 and third_s - second_s > 0.09
+    bridge.close()
+    mine.close()
 
 
 def test_error_frames_stay_on_their_own_side(wire: Wire) -> None:

@@ -1,0 +1,72 @@
+"""What nodes say of themselves: here the temperature, where the machine file says how a drive tells it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from milling import mill
+
+from controller import config
+from controller.config import ConfigError
+from controller.machine import Machine, Temperature
+from controller.service import hearing
+from controller.service.hearing import LastFrames
+from controller.session.bus_load import budgets
+from drives import pdo
+from drives.commissioning.wanted import TPDO, axis_pdos
+
+TOLD = "temperature = { index = 0x2035, bits = 16, tpdo = 4, per_degree = 10 }"
+NOW: Any = SimpleNamespace(drive_states=(0, 0, 0, 0, 0))
+
+
+def warm(line: str = TOLD) -> Machine:
+    """X tells its temperature."""
+    return mill(changes=(("node = 1\n", f"node = 1\n{line}\n"),))
+
+
+def test_a_temperature_is_read_from_the_frame_that_brings_it() -> None:
+    machine, log = warm(), LastFrames()
+    assert machine.axes[0].temperature == Temperature(0x2035, 0, 16, 4, 10.0)
+    for tenths in (251, -57):
+        log(pdo.frame(pdo.tpdo(4, 1), tenths.to_bytes(2, "little", signed=True)), 1.0)
+    rows = hearing.drives(machine, NOW, {machine.axes[0].bus: log})
+    assert rows[0]["temperature_c"] == -5.7
+    assert "temperature_c" not in rows[1]
+
+
+def test_a_drive_that_was_not_heard_yet_has_no_temperature() -> None:
+    machine = warm()
+    assert hearing.drives(machine, NOW, {})[0]["temperature_c"] is None
+    log = LastFrames()
+    log(pdo.frame(pdo.tpdo(4, 1), b"\x01"), 1.0)  # too short to be it
+    assert hearing.drives(machine, NOW, {machine.axes[0].bus: log})[0]["temperature_c"] is None
+
+
+def test_commissioning_maps_it_and_keeps_it_off_the_bus_while_little_changes() -> None:
+    node = config.node_settings(warm())[0]
+    (told,) = [one for one in axis_pdos(node) if one.kind is TPDO and one.number == 4]
+    assert told.entries == (0x2035_0010,)
+    assert (told.event_ms, told.quiet_ms) == (1000, 500)
+
+
+def test_the_budget_counts_it() -> None:
+    before, after = budgets(mill())[0], budgets(warm())[0]
+    assert after.background_us > before.background_us
+    assert after.total_us == before.total_us  # it is in no tick's way by more than a frame
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    (
+        ("bits = 16", "bits = 12", "bits = 12: is no size of an object; allowed: 8, 16 or 32"),
+        ("tpdo = 4", "tpdo = 9", "tpdo = 9"),
+        ("per_degree = 10", "per_degree = 0", "per_degree = 0"),
+        ("bits = 16", "bytes = 2", "bytes"),
+    ),
+)
+def test_a_mistake_is_told_with_its_key(old: str, new: str, said: str) -> None:
+    with pytest.raises(ConfigError, match="X") as refused:
+        warm(TOLD.replace(old, new))
+    assert said in str(refused.value)
