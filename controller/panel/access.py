@@ -7,6 +7,9 @@ other sites' pages do not know) or sends a script's token.
 A browser carries requests of any page that is open in it. Hence, without users: the request
 must name this computer (a foreign name that resolves to it is an attack), must come from a
 page of this server if from any, and not through a proxy, whose far side nobody knows.
+
+A panel that hung answers what was asked before it did: by then whoever pressed may stand at the
+machine. So a page says which tick it had seen, and what moves is refused when that is long ago.
 """
 
 from __future__ import annotations
@@ -31,6 +34,8 @@ COOKIE = "directrix_session"
 SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
 PROXY_HEADERS = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-real-ip", "via")
 LOCAL = Principal("local", Role.SET_UP, "local")
+SEEN_S = 2.0  # age of the tick that a page has seen; it presses nothing when it is 0.7 s without one
+MOST_DIGITS = 16  # of a tick
 AGAIN_S = 1.0  # a jog is refreshed ten times a second and audited once
 
 Guard = Callable[..., Awaitable[Principal]]
@@ -59,9 +64,13 @@ def moves(role: Role = Role.OPERATE) -> Any:
         x_control_token: Annotated[
             str, Header(description="From POST /api/v1/control; who holds it may move the machine.")
         ] = "",
+        x_seen_tick: Annotated[
+            str, Header(description="Of the last status that was seen: what comes too late moves nothing.")
+        ] = "",
     ) -> Principal:
         who = await _checked(connection, role)
         panel_of(connection).control.check(x_control_token)
+        await check_seen(connection, x_seen_tick, SEEN_S)
         return who
 
     return Depends(_marked(allowed, role, True))
@@ -80,12 +89,20 @@ async def _checked(connection: HTTPConnection, role: Role) -> Principal:
     if not allowed or _method(connection) not in SAFE:
         _audit(panel, connection, who, allowed)
     if not allowed:
-        raise Refusal(
-            403,
-            "role",
-            f"{who.name} has the role {who.role.label}; this needs {role.label}; ask who sets up users.",
-        )
+        raise Refusal.told(403, "role", "role", name=who.name, has=who.role.label, needs=role.label)
     return who
+
+
+async def check_seen(connection: HTTPConnection, seen: str, most_s: float) -> None:
+    """Raises Refusal where the tick that was seen is long ago, or of another run of the service."""
+    if not (seen.isascii() and seen.isdigit() and len(seen) <= MOST_DIGITS):
+        return
+    tick = (await panel_of(connection).watch.status()).get("tick")
+    if tick is None:
+        return
+    age_s = (tick["number"] - int(seen)) * tick["period_ms"] * 1e-3
+    if not 0.0 <= age_s <= most_s:
+        raise Refusal.told(409, "late", "late", seen=seen, now=tick["number"], most=f"{most_s:g}")
 
 
 async def principal(connection: HTTPConnection) -> Principal:

@@ -2,7 +2,8 @@
 
 Dead-man: the service stops by itself 200 ms after the last request. Requests can overtake
 each other on their way, so a late one could start what a stop has ended: it is known by
-the name of its press, and refused.
+the name of its press, and refused. So is one that a panel which hung has kept, sooner
+than other requests (``access``): by then nobody may be pressing any more.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 from fastapi import APIRouter, Request
 
 from controller.panel import models
-from controller.panel.access import moves, needs, panel_of
+from controller.panel.access import check_seen, moves, needs, panel_of
 from controller.panel.answers import Refusal
 from controller.panel.core import Panel
 from controller.panel.roles import Role
@@ -18,6 +19,7 @@ from controller.panel.routes.machine import MOVES, ask
 
 router = APIRouter(tags=["jog"])
 PRESSES = 100  # ended ones that are remembered
+SEEN_S = 0.4  # age of the tick that whoever presses has seen; statuses come every 50 ms
 
 
 @router.post("/jog", dependencies=[moves()], responses=MOVES)
@@ -25,6 +27,7 @@ async def jog(request: Request, body: models.Jog) -> models.Done:
     """Move on along an axis; repeat at least every 200 ms, at limits it comes to rest."""
     if body.press and body.press in panel_of(request).stopped_jogs:
         raise Refusal(409, "late", f"Press {body.press} has ended; begin another one.", request="JOG")
+    await check_seen(request, request.headers.get("x-seen-tick", ""), SEEN_S)
     return await ask(request, "jog", frame=body.frame, axis=body.axis, speed=body.speed)
 
 

@@ -24,7 +24,8 @@
     again();
   }
 
-  // One request at a time: those that wait behind a slow one would come all at once.
+  // One request at a time: those that wait behind a slow one would come all at once. One that comes
+  // too late moves nothing: the panel knows it by the tick that was seen here.
   async function again() {
     const own = press;
     if (!own || own.asking) return;
@@ -32,17 +33,17 @@
     const body = { frame: own.frame, axis: own.axis, speed: own.sign * speed, press: own.name };
     const said = await dx.call("POST", "jog", body, own !== press);
     own.asking = false;
-    if (!said.ok && own === press) end();
+    if (!said.ok && own === press && said.body.error?.code !== "late") end();
   }
 
-  function end(why = "") {
+  function end(tell = false) {
     if (!press) return;
     clearInterval(press.timer);
     const { name } = press;
     press = null;
     mark();
     dx.call("POST", "jog/stop", { press: name }, true);
-    if (why) dx.say(`${dx.word("jog.stopped")}: ${why}`);
+    if (tell) dx.say(dx.word("jog.stopped"));
   }
 
   function mark() {
@@ -74,8 +75,9 @@
 
   // ---- whatever takes the page out of sight or the machine out of reach
 
-  window.addEventListener("blur", () => end("blur"));
+  window.addEventListener("blur", () => end(true));
   document.addEventListener("visibilitychange", () => document.hidden && end());
+  window.addEventListener("beforeunload", () => end());
   window.addEventListener("pagehide", () => end());
   document.addEventListener("freeze", () => end());
   dx.on("disconnected", () => end());

@@ -1,0 +1,119 @@
+"""What 20 open pages cost the tick: its lateness with the pages in a browser, and without.
+
+A machine as in a shop stands with its drives on; turns with and without the pages alternate in one
+run, so both meet the same computer. The lateness of every tick comes from the recorder. The browser
+runs at the lowest priority: in a shop it is another computer.
+
+    python tests/benchmarks/page_load.py --rounds 3 --seconds 10
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
+
+import browsing  # noqa: E402
+from panel_load import ENOUGH, lateness_s, percentiles, tick  # noqa: E402
+from shop import Shop, opened  # noqa: E402
+
+from controller.door import Client, control_path  # noqa: E402
+from controller.panel.page.views import VIEWS  # noqa: E402
+
+PAGES = 20
+SETTLE_S = 2.0  # after the pages came or went
+BOUND = 1.3
+STATUSES_S = 20.0  # that each page is told
+COUNT = "() => { window.heard = 0; dx.on('status', () => { window.heard += 1; }); }"
+
+
+def come(pages: list[Any], shop: Shop) -> None:
+    """Every page on a view, all views in turn, with its figures there."""
+    for number, page in enumerate(pages):
+        page.goto(f"{shop.url}/#{VIEWS[number % len(VIEWS)].NAME}")
+        page.wait_for_selector("section.view[data-shown] .card")
+        page.wait_for_function("() => !dx.stale")
+        page.evaluate(COUNT)
+
+
+def go(pages: list[Any]) -> None:
+    for page in pages:
+        page.goto("about:blank")
+
+
+def turn(shop: Shop, door: Client, seconds: float) -> tuple[np.ndarray, int]:
+    """Lateness of every tick (s), and ticks that were skipped."""
+    time.sleep(SETTLE_S)
+    first = tick(shop)
+    time.sleep(seconds)
+    return lateness_s(door, first)
+
+
+def measure(rounds: int, seconds: float, period_s: float, nice: int, count: int) -> dict[str, Any]:
+    late: dict[str, list[np.ndarray]] = {"quiet": [], "pages": []}
+    skips, heard = dict.fromkeys(late, 0), []
+    with tempfile.TemporaryDirectory() as folder, opened(Path(folder), period_s) as shop:
+        shop.ready()
+        door = Client(control_path(shop.runtime))
+        os.nice(nice)  # the browser inherits it, the machine does not
+        with browsing.browser() as chromium:
+            pages = [chromium.new_page() for _ in range(count)]
+            for number in range(2 * rounds):
+                name = "pages" if number % 2 else "quiet"
+                if number % 2:
+                    come(pages, shop)
+                began_s, before = time.monotonic(), _heard(pages) if number % 2 else 0.0
+                found, skipped = turn(shop, door, seconds)
+                late[name].append(found)
+                skips[name] += skipped
+                if number % 2:
+                    heard.append((_heard(pages) - before) / (time.monotonic() - began_s) / count)
+                    go(pages)
+    return {
+        "us": {name: percentiles(np.concatenate(values)) for name, values in late.items()},
+        "skips": skips,
+        "statuses per s and page": float(np.mean(heard)),
+    }
+
+
+def _heard(pages: list[Any]) -> float:
+    return float(sum(page.evaluate("window.heard") for page in pages))
+
+
+def show(figures: dict[str, Any]) -> None:
+    us = figures["us"]
+    print(f"{'lateness, us':<12}{'quiet':>12}{'pages':>12}{'ratio':>8}")
+    for name in us["quiet"]:
+        quiet, busy = us["quiet"][name], us["pages"][name]
+        ratio = f"{busy / quiet:8.2f}" if quiet > 0.0 and name != "ticks" else ""
+        print(f"{name:<12}{quiet:>12.1f}{busy:>12.1f}{ratio}")
+    print({name: value for name, value in figures.items() if name != "us"})
+    print(f"bound: p99 at most {BOUND} x")
+    if figures["statuses per s and page"] < ENOUGH * STATUSES_S:
+        print("The pages were not told all: this computer has no time for so many; read it with care.")
+
+
+def main() -> None:
+    arguments = argparse.ArgumentParser(description="the tick's lateness with and without open pages")
+    arguments.add_argument("--pages", type=int, default=PAGES)
+    arguments.add_argument("--seconds", type=float, default=10.0, help="of each turn")
+    arguments.add_argument("--rounds", type=int, default=3)
+    arguments.add_argument("--period-ms", type=float, default=2.0)
+    arguments.add_argument("--nice", type=int, default=19, help="of the browser")
+    arguments.add_argument("--json", action="store_true")
+    wanted = arguments.parse_args()
+    figures = measure(wanted.rounds, wanted.seconds, wanted.period_ms * 1e-3, wanted.nice, wanted.pages)
+    print(json.dumps(figures)) if wanted.json else show(figures)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,85 @@
+"""A page that stays open on a running machine holds its memory, and so does the panel.
+
+DIRECTRIX_SOAK_MIN=15 pytest -m soak tests/controller/panel/page/test_live_memory.py -s
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import time
+from pathlib import Path
+from typing import Any
+
+import live_page
+import pytest
+import shop
+
+from controller.panel.page.views import VIEWS
+
+pytestmark = pytest.mark.soak
+
+MINUTES = float(os.environ.get("DIRECTRIX_SOAK_MIN", "60"))
+WARM_S = 120.0  # every view has been there, and figures of a minute are full
+EVERY_S = 15.0  # another view
+GROWTH = 1.2
+PERIOD_S = 0.02
+PART = b"G21 G90 G54\n" + b"G1 X40. Y10. F900\nG1 X-40. Y-10. A20. F900\nG1 X0 Y0 A0 F900\n" * 6 + b"M30\n"
+
+
+def test_an_open_page_holds_its_memory(chromium: Any, tmp_path: Path) -> None:
+    with shop.opened(tmp_path, PERIOD_S) as running:
+        running.ready()
+        running.upload("part.ngc", PART)
+        with live_page.page(chromium.new_context(), running, control=False) as page:
+            first = looked_at(page, running, WARM_S)
+            last, left_s = first, MINUTES * 60.0
+            while left_s > 0.0:
+                last = looked_at(page, running, min(left_s, WARM_S))
+                left_s -= WARM_S
+        for name in ("heap, MB", "panel, MB"):
+            assert last[name] <= GROWTH * first[name], (name, first, last)
+
+
+def looked_at(page: Any, running: shop.Shop, seconds: float) -> dict[str, float]:
+    """What page and panel hold after all views have been looked at for a while."""
+    end_s, turn = time.monotonic() + seconds, 0
+    while time.monotonic() < end_s:
+        page.evaluate(f"dx.show('{VIEWS[turn % len(VIEWS)].NAME}')")
+        turn += 1
+        page.wait_for_timeout(min(EVERY_S, seconds / len(VIEWS)) * 1000.0)
+        keep_running(running)
+    page.evaluate("dx.show('run')")
+    found = memory(page, running.processes["panel"].pid)
+    print({name: round(value, 1) for name, value in found.items()}, flush=True)
+    return found
+
+
+def keep_running(running: shop.Shop) -> None:
+    """Start again at the end of the part; a busy computer may have cost a run."""
+    now = running.status()
+    if now["mode"] == "FAULT":
+        running.do("POST", "/machine/reset")
+        running.until(lambda now: now["mode"] == "OFF", "OFF")
+        running.ready()
+    elif now["mode"] == "READY" and now["at_rest"]:
+        running.do("POST", "/job", json={"program": "part.ngc"})
+        running.do("POST", "/cycle/start")
+
+
+def memory(page: Any, pid: int) -> dict[str, float]:
+    session = page.context.new_cdp_session(page)
+    session.send("HeapProfiler.enable")
+    session.send("HeapProfiler.collectGarbage")
+    session.send("Performance.enable")
+    told = {one["name"]: one["value"] for one in session.send("Performance.getMetrics")["metrics"]}
+    session.detach()
+    status = Path(f"/proc/{pid}/status").read_text()
+    found = re.search(r"VmRSS:\s+(\d+) kB", status)
+    assert found is not None
+    return {
+        "heap, MB": told["JSHeapUsedSize"] / 1e6,
+        "panel, MB": int(found[1]) / 1e3,
+        "nodes": told["Nodes"],
+        "listeners": told["JSEventListeners"],
+    }
