@@ -61,6 +61,37 @@ def by_brute_force(one: Nominal, points: np.ndarray, normals: np.ndarray, poses:
     return found
 
 
+def body_by_brute_force(
+    one: Nominal, points: np.ndarray, normals: np.ndarray, poses: int = 6001
+) -> np.ndarray:
+    """The same for tapered and rounded cutters, by halving: no distance, only whether a point is inside.
+
+    Inside is between the ends and nearer the axis than the outline at that height: the end's
+    rounding, then the flank. From a place deep in the part up to the first pose that holds it.
+    """
+    tool, found = one.tool, np.empty(len(points))
+    tip, axis = one.surface.pose(np.linspace(0.0, 1.0, poses), 0.0, np)
+    tips, axes = rows(tip, poses), rows(axis, poses)
+    for k, (p, n) in enumerate(zip(points, normals, strict=True)):
+        low, high = -2.0, 0.5 * tool.radius_mm
+        for _ in range(40):
+            middle = 0.5 * (low + high)
+            inside = _holds(tool, p + middle * n - tips, axes)
+            low, high = (low, middle) if inside else (middle, high)
+        found[k] = high
+    return found
+
+
+def _holds(tool: Tool, away: np.ndarray, axes: np.ndarray) -> bool:
+    height = (away * axes).sum(axis=1)
+    across = np.linalg.norm(away - height[:, None] * axes, axis=1)
+    corner, slope = tool.corner_mm, np.tan(tool.taper_rad)
+    round_ = tool.radius_mm - corner + np.sqrt(np.maximum(corner**2 - (corner - height) ** 2, 0.0))
+    flank = tool.radius_mm - corner + corner / np.cos(tool.taper_rad) + (height - corner) * slope
+    outline = np.where(height < corner * (1.0 - np.sin(tool.taper_rad)), round_, flank)
+    return bool(((height > 0.0) & (across < outline)).any())
+
+
 def _through(away: np.ndarray, n: np.ndarray, axes: np.ndarray, radius: float) -> tuple:
     rise, height = axes @ n, (away * axes).sum(axis=1)
     across, off = n - rise[:, None] * axes, away - height[:, None] * axes

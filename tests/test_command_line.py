@@ -106,7 +106,7 @@ GEOMETRY = [
     ("travel of G53", "G53 G0 Z400\n", "1:5", "Z would reach 400.000 mm, 100.000 mm beyond"),
     ("travel of a rotary", "G0 A-150\n", "1:1", "A would reach -150.000 deg, 30.000 deg beyond"),
     ("turns", CONE.replace("D5.", "D36000."), "1:1", "C would reach"),
-    ("gouging lead", config.shipped_program("example2").read_text(), "1:6", "would cut 0.950 mm into"),
+    ("gouging lead", config.shipped_program("example2").read_text(), "1:6", "mm too deep into the surface"),
     ("arc", "G2 X10 Y0 I3 J0 F100\n", "1:1", "ends 97.1648 mm from it"),
     ("nothing to do", "G21 G90\n", "1:1", "no block that does anything"),
 ]  # fmt: skip

@@ -4,6 +4,9 @@
     -> {"progress": 0.25} ...
     -> {"state": "passed" | "refused" | "failed", "result": {...}}
 
+A passed check with surfaces is told with ``"more": true``, and once more when their cut has been
+looked at: then ``verified`` in its result has what ``controller.verify.maps`` gives.
+
 The machine is the one that the service runs on: its file as the service noted it in the state
 folder, with what is fitted laid over. What is found out is kept for the service, too.
 """
@@ -14,21 +17,26 @@ import contextlib
 import json
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from controller import fitting
 from controller.plan.report.picture import Picture
-from controller.plan.text.program import ProgramError
+from controller.plan.route.stretch import Stretch
+from controller.plan.text import blocks
+from controller.plan.text.program import Block, ProgramError
 from controller.session import checked, children
 from controller.toml_table import ConfigError
+from controller.verify.audit import Watched
+from controller.verify.maps import maps
 
 CHECKS = "checks"
 PICTURES = "pictures"  # of paths, by the name of the check
 MOST_CUTS = 1000  # surfaces whose lengths are told one by one
 
 Result = tuple[str, dict[str, Any]]
+Seen = tuple[checked.Task, Mapping[int, Stretch]]
 
 
 def main() -> None:
@@ -36,26 +44,32 @@ def main() -> None:
     children.end_with(int(job["parent"]))
     with contextlib.suppress(OSError):  # a sandbox may forbid it
         os.nice(15)  # a check has time: everything else of this computer goes first
-    state, result = check(job, lambda share: _say({"progress": share}))
-    _say({"state": state, "result": result})
+    seen: list[Seen] = []
+    state, result = check(job, lambda share: _say({"progress": share}), seen.append)
+    _say({"state": state, "result": result, "more": bool(seen)})
+    for task, stretches in seen:
+        _say({"state": state, "result": {**result, "verified": verified(task, stretches)}})
 
 
 def _say(words: dict[str, Any]) -> None:
     print(json.dumps(words), flush=True)
 
 
-def check(job: dict[str, Any], progress: Callable[[float], None]) -> Result:
-    """State and result of a job."""
+def check(
+    job: dict[str, Any], progress: Callable[[float], None], seen: Callable[[Seen], None] = lambda _: None
+) -> Result:
+    """State and result of a job; ``seen`` gets the path of one that passed, if it cuts a surface."""
     state, name = Path(job["state"]), str(job["name"])
     try:
         task = checked.task(Path(job["program"]).read_bytes(), name, fitting.machine(state))
         lines = max(1, int(job["lines"]))
         picture = Picture(task.machine, task.kinematics)
+        watched = Watched(())
         found, kept, warning = checked.check(
             task,
             state / CHECKS,
             progress=lambda line: progress(min(1.0, line / lines)),
-            watch=picture.watched,
+            watch=lambda items: watched.over(picture.watched(items)),
         )
     except ProgramError as error:
         place = {"line": error.line, "column": error.column}
@@ -64,10 +78,21 @@ def check(job: dict[str, Any], progress: Callable[[float], None]) -> Result:
         return "failed", {"sentence": f"{name}: could not be checked: {error}"}
     with contextlib.suppress(OSError):  # a program runs without its picture
         picture.shape().save(state / PICTURES / f"{task.key}.npz")
+    if kept.overcuts:
+        seen((task, watched.stretches))
     figures = found.to_dict()
     figures["cuts_mm"] = figures["cuts_mm"][:MOST_CUTS]
     notes = [{"line": note.place.line, "note": note.sentence} for note in kept.notes[:MOST_CUTS]]
     return "passed", {**figures, "notes": notes, "warning": warning, "stored": task.key}
+
+
+def verified(task: checked.Task, stretches: Mapping[int, Stretch]) -> dict[str, Any]:
+    """The surfaces as cut, for the page."""
+
+    def read() -> Iterator[Block]:
+        return blocks.stream(task.text, task.machine, task.name)
+
+    return maps(stretches, read, task.machine, task.kinematics)
 
 
 if __name__ == "__main__":

@@ -136,7 +136,8 @@ def check(
         if as_json:
             facts = {"ok": True, "program": str(program), **found.to_dict()}
             key = None if warning else task.key
-            rows.write({**facts, **_notes(kept.notes, task.machine), "stored": key}, sys.stdout)
+            overcuts = {"overcuts": [asdict(one) for one in kept.overcuts]}
+            rows.write({**facts, **overcuts, **_notes(kept.notes, task.machine), "stored": key}, sys.stdout)
             return
         _show_notes(kept.notes, task)
         if rows.longest:
@@ -146,6 +147,8 @@ def check(
         if warning:
             tell.print(warning, markup=False)
         show.print(tables.whole(found, program.name, task.machine.name), markup=False)
+        if kept.overcuts:
+            show.print(tables.overcut(kept.overcuts), markup=False)
 
 
 def _checked(

@@ -7,7 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any
+from zipfile import BadZipFile
 
+import numpy as np
 import typer
 from rich.table import Table
 
@@ -26,7 +28,7 @@ from controller.verify.judge import SETTLED_MM, Judged, Worst, Zone, judge
 from controller.verify.nominal import Nominal
 from controller.verify.sweep import FIT_MM, Pass
 
-Argument = Annotated[Path, typer.Argument(help="The part program, or a trace (.npz) of it.")]
+Argument = Annotated[Path, typer.Argument(help="The program, or a trace of it (.npz, or a fault's folder).")]
 Program = Annotated[Path | None, typer.Option("--program", help="The program that a trace is of.")]
 MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
 Commanded = Annotated[
@@ -37,6 +39,7 @@ Plot = Annotated[Path | None, typer.Option("--plot", help="Draw heat maps and th
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
 MOST_ROWS = 40  # of the table
+TRACE = "trace.npz"  # in the folder of a recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +49,7 @@ class Found:
     of: str  # 'plan', 'actual', 'commanded'
     judged: list[Judged]
     gouges: list[Gouge]
+    ends: list[Gouge]  # what twist costs beside the ends of cuts
     notes: list[tuple[int, str]]
 
     def to_dict(self, machine: Machine) -> dict[str, Any]:
@@ -56,6 +60,7 @@ class Found:
             "table": machine.table is not None,
             "surfaces": [one.to_dict() for one in self.judged],
             "gouges": [{**one.to_dict(), "sentence": one.sentence} for one in self.gouges],
+            "ends": [{**one.to_dict(), "sentence": one.sentence} for one in self.ends],
             "notes": [{"line": line, "note": sentence} for line, sentence in self.notes],
         }
 
@@ -73,9 +78,11 @@ def verify(
     with refusals(as_json, lambda: (ConfigError,)):
         made = config.load(machine)
         refuses = _refuses(gouge, made)
-        part, recorded = _files(file, program, commanded)
+        file = file / TRACE if (file / TRACE).is_file() else file
+        part = _part(file, program, commanded)
         # What gouges is to be seen here, not to be refused before it is.
         task = checked.task(part.read_bytes(), str(part), replace(made, gouge="warn"))
+        recorded = None if part is file else _recorded(file, task)
         with bar("verifying", as_json) as progress:
             found = _found(task, recorded, commanded, progress)
         if plot:
@@ -103,8 +110,8 @@ def _refuses(gouge: str, machine: Machine) -> bool:
     return (gouge or machine.gouge) == "refuse"
 
 
-def _files(file: Path, program: Path | None, commanded: bool) -> tuple[Path, trace.Trace | None]:
-    """The program, and the trace if one is given."""
+def _part(file: Path, program: Path | None, commanded: bool) -> Path:
+    """The program: ``file`` itself, unless that is a trace."""
     is_trace = file.suffix == ".npz"
     part = program if is_trace else file
     if part is None:
@@ -115,13 +122,18 @@ def _files(file: Path, program: Path | None, commanded: bool) -> tuple[Path, tra
         if not one.is_file():
             what = "this is a folder" if one.is_dir() else "there is no such file"
             raise Refused(f"{one}: {what}; give the path of a part program or of a trace.")
-    if not is_trace:
-        return part, None
+    return part
+
+
+def _recorded(file: Path, task: checked.Task) -> trace.Trace:
     try:
-        return part, trace.load(file)
-    except (ValueError, EOFError, KeyError) as error:
+        if trace.is_recording(file):
+            return trace.of_recording(file, task.machine, task.kinematics)
+        return trace.load(file)
+    except (ValueError, EOFError, KeyError, BadZipFile) as error:
         raise Refused(
-            f"{file}: cannot be read as a trace ({error}); make one by simulate --trace."
+            f"{file}: cannot be read as a trace ({error}); make one by simulate --trace, or give the folder "
+            f"of a recording, with its machine by --machine."
         ) from error
 
 
@@ -134,16 +146,18 @@ def _found(task: checked.Task, recorded: trace.Trace | None, commanded: bool, pr
     surfaces = passes.nominals(watched.stretches, fitted)
     ways = _ways(task, recorded, commanded, watched.stretches, surfaces, fitted)
     judged = judge(surfaces, ways, lambda share: progress(0.8 * share))
-    seen = gouges(
-        surfaces, ways, task.machine.max_overcut_mm, lambda share: progress(0.8 + 0.2 * share)
-    ) + in_table(task.machine.table, _rough(task, recorded, watched.stretches, ways, fitted))
+    errors_mm = 0.0 if recorded is None or commanded else _errors_mm(recorded, task, ways)
+    most_mm = task.machine.max_overcut_mm
+    seen = gouges(surfaces, ways, most_mm, lambda share: progress(0.8 + 0.2 * share), errors_mm)
+    table = in_table(task.machine.table, _rough(task, recorded, watched.stretches, ways, fitted))
     notes = [(note.place.line, note.sentence) for note in walk.notes]
     if not surfaces:
         notes.append(
             (1, "The program cuts no surface (G51, G52, G6.2): there is nothing to hold it against.")
         )
     of = "plan" if recorded is None else "commanded" if commanded else "actual"
-    return Found(of, judged, sorted(seen, key=lambda one: one.by_line), notes)
+    hurt = sorted([*seen.gouges, *table], key=lambda one: one.by_line)
+    return Found(of, judged, hurt, seen.ends, notes)
 
 
 def _blocks(task: checked.Task) -> Iterator[Block]:
@@ -168,6 +182,14 @@ def _ways(
             f"The trace is of a machine with {theirs}, this one has {ours}; give its own by --machine."
         )
     return passes.traced(recorded, task.machine, fitted, task.kinematics, not commanded)
+
+
+def _errors_mm(recorded: trace.Trace, task: checked.Task, ways: Mapping[Tool, list[Pass]]) -> float:
+    """How far the drives were off the path they were told, at the tip and at the top of the longest tool."""
+    errors = trace.path_errors(recorded, task.machine, task.kinematics)
+    top_mm = max((tool.length_mm + tool.flute_mm for tool in ways), default=0.0)
+    tilted = np.radians(errors.axis_deg) * top_mm
+    return float((errors.path_mm + tilted).max(initial=0.0))
 
 
 def _rough(
@@ -195,6 +217,8 @@ def _show(found: Found) -> None:
         show.print(_table(found))
     for one in found.gouges:
         show.print(f"Gouge, line {one.by_line}: {one.sentence}; {one.advice}.", markup=False)
+    for one in found.ends:
+        show.print(f"Overcut, line {one.by_line}: {one.sentence}; {one.advice}.", markup=False)
 
 
 def _table(found: Found) -> Table:

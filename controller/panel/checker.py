@@ -132,14 +132,19 @@ class Checker:
     ) -> tuple[str, dict[str, Any]]:
         assert child.stdin and child.stdout
         _give(child.stdin, job)
-        last_s = 0.0
+        last_s, told = 0.0, None
         for line in child.stdout:
             said = json.loads(line)
             if "state" in said:
-                return str(said["state"]), dict(said["result"])
-            if time.monotonic() - last_s > TELL_S:
+                told = str(said["state"]), dict(said["result"])
+                if not said.get("more"):
+                    return told
+                self._store.checks.set(program.sha256, machine, told[0], 1.0, told[1])
+            elif time.monotonic() - last_s > TELL_S:
                 last_s = time.monotonic()
                 self._store.checks.set(program.sha256, machine, "running", float(said["progress"]))
+        if told is not None:
+            return told  # what was to come is no part of the check
         sentence = f"{program.name}: the check ended without a result; ask for it again."
         return "failed", {"sentence": sentence}
 

@@ -8,8 +8,9 @@ rest_of(...) what is left of it from a place on
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from controller.kinematics import Kinematics
@@ -18,13 +19,13 @@ from controller.motions import Rotaries
 from controller.plan.report import stored, survey
 from controller.plan.report.stored import Stored
 from controller.plan.report.survey import BlockUse, Survey
-from controller.plan.route import choices, path, restart
+from controller.plan.route import choices, path, placements, restart
 from controller.plan.route.restart import Rest, Source
 from controller.plan.route.spot import Spot
 from controller.plan.route.stretch import Chain, Note, Pause, Stretch
 from controller.plan.text import blocks
-from controller.plan.text.program import Block, ProgramError
-from controller.verify.audit import Watched, audit
+from controller.plan.text.program import Block, GougeRefused, ProgramError
+from controller.verify.audit import Audit, Watched, audit
 
 NOTHING = "The program has no block that does anything; nothing to run."
 
@@ -129,16 +130,44 @@ def walk_of(asked: Task, kept: Stored | None, unchecked: bool) -> Walk:
     begins that will be refused; else, ``unchecked``, refused only where the walk comes to it.
     """
     if kept is None and not unchecked:
-        whole = path_of(asked, chosen_for(asked))
-        watched = Watched(whole.items)
-        for _ in watched:
-            pass
-        return _noted(path_of(asked, whole.choices), whole.notes + _audited(asked, watched))
+        with _gouges_placed(asked):
+            whole = path_of(asked, chosen_for(asked))
+            watched = _walked(whole)
+            notes = whole.notes + _audited(asked, watched).notes
+        return _noted(path_of(asked, whole.choices), notes)
+    if kept is not None:
+        placements.learn(kept.placements)
     return _noted(path_of(asked, kept.choices if kept else None), kept.notes if kept else ())
 
 
-def _audited(asked: Task, watched: Watched) -> list[Note]:
-    """What is told of gouges; raises ProgramError where they are refused."""
+def _walked(walk: Walk) -> Watched:
+    """A path gone through, and what is kept of it."""
+    watched = Watched(walk.items)
+    for _ in watched:
+        pass
+    return watched
+
+
+@contextlib.contextmanager
+def _gouges_placed(asked: Task) -> Iterator[None]:
+    """What the path itself refuses as a gouge is looked at as closely as what its end would show.
+
+    A lead or a hollow is refused as soon as the path comes to it; place and depth of the whole
+    program's gouges need all of it, so it is read once more with gouges let through.
+    """
+    try:
+        yield
+    except GougeRefused as refusal:
+        lenient = replace(asked, machine=replace(asked.machine, gouge="warn"))
+        try:
+            _audited(asked, _walked(path_of(lenient, chosen_for(lenient))))
+        except ProgramError as found:
+            raise found from refusal
+        raise
+
+
+def _audited(asked: Task, watched: Watched) -> Audit:
+    """What is told of the surfaces; raises ProgramError where they are refused."""
 
     def read() -> Iterator[Block]:
         return blocks.stream(asked.text, asked.machine, asked.name)
@@ -170,11 +199,14 @@ def check(
     ``tell`` and ``progress`` are those of ``survey.survey``; ``watch`` hands the path on as it is
     read. Raises ProgramError.
     """
-    walk = path_of(asked, chosen_for(asked))
-    watched = Watched(watch(walk.items))
-    found = survey.survey(watched, asked.machine, asked.kinematics, tell, progress)
-    notes = (*walk.notes, *_audited(asked, watched))
-    kept = Stored(found.ticks, found.duration_s, found.blocks, walk.choices, notes)
+    with _gouges_placed(asked):
+        walk = path_of(asked, chosen_for(asked))
+        placed = placements.Noted(watch(walk.items))
+        watched = Watched(placed)
+        found = survey.survey(watched, asked.machine, asked.kinematics, tell, progress)
+        seen = _audited(asked, watched)
+    notes, overcuts = (*walk.notes, *seen.notes), tuple(seen.overcuts)
+    kept = Stored(found.ticks, found.duration_s, found.blocks, walk.choices, notes, overcuts, placed.recipes)
     try:
         stored.save(kept, asked.key, where)
     except OSError as error:
@@ -188,4 +220,7 @@ def check(
 
 def find(asked: Task, where: Path) -> tuple[Stored | None, str]:
     """The kept check, and a warning or "" where there is none to be used."""
-    return stored.load(asked.key, where)
+    kept, warning = stored.load(asked.key, where)
+    if kept is not None:
+        placements.learn(kept.placements)
+    return kept, warning

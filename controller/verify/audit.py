@@ -7,15 +7,18 @@ may be done by a block to the surface of a later one.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from itertools import count
+from typing import NamedTuple
 
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import SurfaceCut
+from controller.plan.report.stored import Overcut
 from controller.plan.route.stretch import Chain, Note, Pause, Stretch
 from controller.plan.text.program import Block, Place, ProgramError
 from controller.verify import passes
-from controller.verify.gouges import Gouge, gouges, in_table
+from controller.verify.gouges import Findings, Gouge, gouges, in_table
 
 MOST_WAYS = 20_000  # motions beside cuts that are kept: it bounds the memory
 
@@ -27,6 +30,11 @@ class Watched:
         self._items = items
         self.stretches: dict[int, Stretch] = {}
         self.left_out = 0
+
+    def over(self, items: Iterable[Chain | Pause]) -> Watched:
+        """Itself, to watch these."""
+        self._items = items
+        return self
 
     def __iter__(self) -> Iterator[Chain | Pause]:
         number, ways = count(), 0
@@ -41,48 +49,57 @@ class Watched:
             yield item
 
 
+class Audit(NamedTuple):
+    """What is told of the surfaces of a path."""
+
+    notes: list[Note]
+    overcuts: list[Overcut]  # in the order of the path
+
+
 def audit(
     watched: Watched,
     read: Callable[[], Iterable[Block]],
     name: str,
     machine: Machine,
     kinematics: Kinematics,
-) -> list[Note]:
-    """What is told of the gouges of a path; raises ProgramError where the machine refuses them.
+) -> Audit:
+    """What is told of the surfaces of a path; raises ProgramError where the machine refuses them.
 
     ``read`` gives the program's blocks once more, for the tools; it is not called where
     nothing could be gouged.
     """
     stretches = watched.stretches
     if machine.table is None and not any(isinstance(s.motion, SurfaceCut) for s in stretches.values()):
-        return []
+        return Audit([], [])
     fitted = passes.Fitted.of(read(), machine)
-    found = _found(stretches, fitted, machine, kinematics)
+    findings = _found(stretches, fitted, machine, kinematics)
+    found = findings.gouges
     places = {stretch.place.line: stretch.place for stretch in stretches.values()}
     if found and machine.gouge == "refuse":
-        first, more = found[0], len(found) - 1
-        others = f" ({more} more with --gouge warn)" if more else ""
-        place = places[first.by_line]
-        raise ProgramError(
-            name,
-            place.line,
-            place.column,
-            f'{first.sentence}; {first.advice}, or set gouge = "warn" to cut it anyway{others}',
-        )
-    notes = [Note(places[one.by_line], f"Gouge: {one.sentence}; {one.advice}.") for one in found]
+        raise _refusal(found, places[found[0].by_line], name)
+    told = [*(("Gouge", one) for one in found), *(("Overcut", one) for one in findings.ends)]
+    notes = [Note(places[one.by_line], f"{what}: {one.sentence}; {one.advice}.") for what, one in told]
     if watched.left_out:
         sentence = f"{watched.left_out} motions beside surfaces were not held against them."
         notes.append(Note(Place(1, 1), sentence))
-    return notes
+    return Audit(notes, findings.overcuts)
+
+
+def _refusal(found: list[Gouge], place: Place, name: str) -> ProgramError:
+    first, more = found[0], len(found) - 1
+    others = f" ({more} more with --gouge warn)" if more else ""
+    sentence = f'{first.sentence}; {first.advice}, or set gouge = "warn" to cut it anyway{others}'
+    return ProgramError(name, place.line, place.column, sentence)
 
 
 def _found(
     stretches: dict[int, Stretch], fitted: passes.Fitted, machine: Machine, kinematics: Kinematics
-) -> list[Gouge]:
-    """All gouges, in the order of the blocks that do them."""
+) -> Findings:
+    """All that is told, in the order of the blocks that do it."""
     surfaces = passes.nominals(stretches, fitted)
     near = passes.planned(stretches, surfaces, fitted, kinematics, rough=True) if surfaces else {}
     found = gouges(surfaces, near, machine.max_overcut_mm)
-    if machine.table is not None:
-        found += in_table(machine.table, passes.rough(stretches, fitted, kinematics))
-    return sorted(found, key=lambda one: one.by_line)
+    if machine.table is None:
+        return found
+    table = in_table(machine.table, passes.rough(stretches, fitted, kinematics))
+    return replace(found, gouges=sorted([*found.gouges, *table], key=lambda one: one.by_line))

@@ -8,8 +8,8 @@ cone over a corner point, rounded by the corner radius:
          |       corner . |__/ .  V = (radius - corner, corner), and everything within ``corner`` of it
          +--> rho         tip
 
-Flat end mill: corner 0. Ball: corner = radius. Bull nose: between. The distance to a convex
-figure with one corner is exact in closed form, outside and at the border; inside it is that
+Flat end mill: corner 0. Ball: corner = radius. Bull nose: between. The distance to such a
+figure is exact in closed form, outside and at the border; inside it is that
 to the nearer side, which is all that is asked of it.
 """
 
@@ -60,7 +60,13 @@ class Body:
             side, corner = x * cosine - y * sine, (x > 0.0) & (x * sine + y * cosine < 0.0)
         lower = np.maximum(side, -y)
         lower[corner] = np.sqrt(x[corner] ** 2 + y[corner] ** 2)
-        return np.asarray(np.maximum(lower - self.rounding_mm, h - self.top_mm))
+        found = np.maximum(lower - self.rounding_mm, h - self.top_mm)
+        # Over the flank's upper end it is the edge up there: what is beside and above is further than
+        # from either side alone, and bounds on distances rely on that.
+        out, up = rho - self.widest_mm, h - self.top_mm
+        beyond = (out > 0.0) & (out * math.sin(self.taper_rad) + up * math.cos(self.taper_rad) > 0.0)
+        found[beyond] = np.sqrt(out[beyond] ** 2 + up[beyond] ** 2)
+        return np.asarray(found)
 
     def outline(self) -> Array:
         """Points (N, 2) of rho and h on its border, whose circles hold the whole body in their hull."""

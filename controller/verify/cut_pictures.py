@@ -54,7 +54,7 @@ def _part(figure: Figure, judged: Sequence[Judged], most: float) -> Any:
     from matplotlib.colors import Normalize
 
     colours = ScalarMappable(Normalize(-1e3 * most, 1e3 * most), colormaps[COLOURS])
-    axes: Any = figure.add_axes((0.49, 0.0, 0.50, 0.92), projection="3d")
+    axes: Any = figure.add_axes((0.465, 0.0, 0.48, 0.92), projection="3d")
     for one in judged:
         points, t = _thinned(one)
         faces = colours.to_rgba(

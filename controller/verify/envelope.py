@@ -25,6 +25,7 @@ Index = NDArray[np.int64]
 
 PATCH = 96  # points that are searched at once
 SLAB = 4096  # points whose place is made exact at once: it bounds the memory
+ROUNDING_MM = 1e-4  # of a distance to an axis by squares, some metres from the points at most
 CLOSE_MM = 1e-8  # F below which the root is found
 FAR_STEP_MM = 1e-3  # a longer step looks at all poses again
 MOST_STEPS = 30
@@ -58,8 +59,10 @@ def _best_sample(points: Array, sweep: Sweep, body: Body) -> tuple[Array, Index]
     off = runs.distance(points) - body.widest_mm  # of the middle pose, from below
     middle = (runs.start + runs.stop - 1) // 2
     likely = np.unique(np.argmin(off, axis=1))
-    least = _distances(points, sweep, middle[likely], body).min(axis=1)
-    wanted = np.union1d(likely, np.flatnonzero(((off - runs.slack) <= least[:, None]).any(axis=0)))
+    # At least F at every point. The run that has F has a bound no greater than that, so it is found
+    # but for the rounding of squares, which is worst close to an axis.
+    least = _distances(points, sweep, middle[likely], body).min(axis=1) + ROUNDING_MM
+    wanted = np.flatnonzero(((off - runs.slack) <= least[:, None]).any(axis=0))
     samples = runs.samples(wanted)
     found = _distances(points, sweep, samples, body)
     best = np.argmin(found, axis=1)

@@ -207,6 +207,14 @@ class Field:
     def __call__(self, u: Array, v: Array) -> Array:
         return self._cutting.deviation(self.nominal, u, v)
 
+    def once(self, along: int, across: int) -> tuple[Zone, Map]:
+        """The whole surface on one grid, its worst places zoomed into: no more is looked at."""
+        u, v = grid(along, across)
+        t = self(u, v)
+        cell = (1.0 / (along - 1), 1.0 / (across - 1))
+        look = partial(self._worst, t, (u, v), cell, (0.0, 1.0))
+        return self._told(t, (look(-1.0), look(1.0)), np.inf), self._map(t, (u, v), across)
+
     def zone(self, low: float, high: float) -> tuple[Zone, Map]:
         """Over low <= u <= high, on grids that are doubled until the largest deviations stand."""
         along, across = _first_grid(self.nominal, low, high)

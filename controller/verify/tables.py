@@ -13,6 +13,7 @@ from rich.table import Table
 from controller.handoff import COLUMN
 from controller.machine import Machine
 from controller.plan.feed.binding import NUMBER_OF_CODES
+from controller.plan.report.stored import Overcut
 from controller.plan.report.survey import BlockUse, Survey
 from controller.plan.report.tally import Bound, Part, bounds
 from controller.verify.rows import Rows as Blocks
@@ -21,6 +22,7 @@ Rows = Iterator[tuple[str, str]]
 
 
 LEAST_SHARE = 0.005  # of the time; what binds for less is not worth a word in a table
+TWISTED_MM = 1e-4  # less is told as nothing
 MOST_BINDS = 3  # in one row
 
 
@@ -75,6 +77,15 @@ def whole(found: Survey, program: str, machine: str) -> str:
     slow = f"\nWhere a feed is programmed, it is limited by {', '.join(limits)}." if limits else ""
     waits = f"\nSpindle and clamps may take up to {found.waits_s:.1f} s more." if found.waits_s else ""
     return f"{program} can run on {machine}:\n{found.duration_s:.3f} s in all, {part}.{waits}{slow}"
+
+
+def overcut(overcuts: Sequence[Overcut]) -> str:
+    """What the cuts take too much of their own surfaces, where that is most."""
+    worst = max(overcuts, key=lambda one: one.mm)
+    if worst.mm < TWISTED_MM:
+        return "No cut goes below its own surface."
+    place = f"line {worst.line}, u = {worst.u:.3f}, v = {worst.v:.2f}"
+    return f"The cuts go up to {1e3 * worst.mm:.1f} µm below their own surfaces ({place}); see verify."
 
 
 def bound_in(rows: NDArray[np.float64], machine: Machine) -> tuple[Bound, ...]:

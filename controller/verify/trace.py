@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.geometry import Frame, Pose, Vector, angle_between, scale, subtract
-from controller.handoff import COLUMN
+from controller.handoff import COLUMN, ROW
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import Motion, SurfaceCut
@@ -87,6 +87,30 @@ def load(path: str | Path) -> Trace:
         values = {name: file[name] for name in names}
     values |= {"axes": tuple(map(str, values["axes"])), "machine": str(values["machine"])}
     return Trace(**(values | {"period_s": float(values["period_s"])}))
+
+
+def of_recording(path: str | Path, machine: Machine, kinematics: Kinematics) -> Trace:
+    """The trace of what was kept of a fault (``trace.npz`` in its folder), from its first row on.
+
+    It holds rows of the recorder and no path, so ``contact`` and ``u`` are NaN. Raises ValueError
+    for another file, for rows of another version and for a machine with another period.
+    """
+    with np.load(path, allow_pickle=False) as file:
+        if missing := sorted({"columns", "rows", "period_s"} - set(file.files)):
+            raise ValueError(f"{path} is no recording: it has no {', '.join(missing)}.")
+        columns, rows, period_s = tuple(map(str, file["columns"])), file["rows"], float(file["period_s"])
+    if columns != ROW:
+        raise ValueError(f"{path} was recorded by another version of Directrix")
+    if period_s != machine.period_s:
+        raise ValueError(f"{path} has a period of {period_s:g} s, the machine {machine.period_s:g} s")
+    first_tick = int(rows[0, COLUMN["tick"]]) if len(rows) else 0
+    return from_rows(rows, machine, kinematics, {}, first_tick=first_tick)
+
+
+def is_recording(path: str | Path) -> bool:
+    """Whether a file holds rows of the recorder. Raises OSError or ValueError where it is no ``.npz``."""
+    with np.load(path, allow_pickle=False) as file:
+        return "columns" in file.files
 
 
 def machine_json(machine: Machine) -> str:

@@ -13,7 +13,7 @@ import json
 import os
 import tempfile
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from enum import Enum
 from importlib import metadata
 from pathlib import Path
@@ -21,11 +21,22 @@ from typing import Any
 
 from controller.machine import Joints, Machine
 from controller.motions import Rotaries
+from controller.plan.route.placements import Recipe
 from controller.plan.route.stretch import Note
 from controller.plan.text.program import Place
 
-FORMAT = 1  # of the files
+FORMAT = 2  # of the files
 KEPT = 500  # files; the oldest go
+
+
+@dataclass(frozen=True, slots=True)
+class Overcut:
+    """How deep the cut of a surface goes below it at most, where it is in place: by the twist."""
+
+    line: int
+    mm: float
+    u: float
+    v: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +48,8 @@ class Stored:
     blocks: int
     choices: Mapping[int, Rotaries]  # by line of a block: the rotaries (rad) with which it begins
     notes: tuple[Note, ...] = ()
+    overcuts: tuple[Overcut, ...] = ()  # of the surfaces, in the program's order
+    placements: Mapping[str, Recipe] = field(default_factory=dict)  # of the cutter, by name
 
 
 def folder() -> Path:
@@ -81,6 +94,8 @@ def save(stored: Stored, name: str, where: Path) -> Path:
         "blocks": stored.blocks,
         "choices": {str(line): list(pair) for line, pair in stored.choices.items()},
         "notes": [[note.place.line, note.place.column, note.sentence] for note in stored.notes],
+        "overcuts": [[one.line, one.mm, one.u, one.v] for one in stored.overcuts],
+        "placements": {found: recipe.to_dict() for found, recipe in stored.placements.items()},
     }
     file = where / f"{name}.json"
     with tempfile.NamedTemporaryFile("w", dir=where, suffix=".new", delete=False) as new:
@@ -128,4 +143,6 @@ def _stored(values: Any, name: str) -> Stored:
         int(values["blocks"]),
         {int(line): (float(a), float(b)) for line, (a, b) in values["choices"].items()},
         tuple(Note(Place(int(line), int(column)), str(words)) for line, column, words in values["notes"]),
+        tuple(Overcut(int(n), float(mm), float(u), float(v)) for n, mm, u, v in values["overcuts"]),
+        {str(found): Recipe.from_dict(recipe) for found, recipe in values["placements"].items()},
     )

@@ -11,6 +11,8 @@ import numpy.typing as npt
 
 from controller.geometry import Vector
 from controller.machine import Axis, Joints, Machine
+from controller.motions import SurfaceCut
+from controller.placement import Placed
 from controller.plan.route.cuts import Cut
 
 Array = npt.NDArray[np.float64]
@@ -19,6 +21,8 @@ ROUNDING = 1e-9  # mm or rad by which a joint may pass its travel
 MOVE = "move the part (work offset) or the block"  # what helps against a joint outside of its travel
 POINTS_PER_CUT = (161, 7)  # along and across, for the gouge check of leads
 MOST_POINTS = 20000
+TURN_POSES = 33
+BESIDE = 0.1  # share of u on either side of a joint that is looked at while the tool turns there
 
 
 class Excess(NamedTuple):
@@ -144,3 +148,40 @@ def depth_near(cut: Cut, points: Array, at_start: bool, reach_mm: float) -> floa
 
 def _rows(vector: Vector) -> Array:
     return np.array([np.atleast_1d(c) for c in np.broadcast_arrays(*vector)])
+
+
+def depth_in_turn(way: SurfaceCut, before: Cut, after: Cut) -> float:
+    """How deep (mm) the flank gets into both surfaces while the tool turns from one placement to the next.
+
+    As far as the corner of the tool reaches nothing is looked at: it touches the lower edge only.
+    """
+    poses = [way.surface.pose(float(x), 0.0) for x in np.linspace(0.0, 1.0, TURN_POSES)]
+    tips, axes = (np.array(column) for column in zip(*poses, strict=True))
+    deepest = 0.0
+    for cut, u in ((before, 1.0 - BESIDE * _NEAR), (after, BESIDE * _NEAR)):
+        points = _beside(cut, u)
+        height = axes @ points - (axes * tips).sum(axis=1)[:, None]
+        square = ((points[None] - tips[:, :, None]) ** 2).sum(axis=1) - height * height
+        flank = _flank(cut)
+        gap = np.sqrt(np.maximum(square, 0.0)) - flank[0] - height * math.tan(cut.tool.taper_rad)
+        gap = np.where(height < flank[1], math.inf, gap * math.cos(cut.tool.taper_rad))
+        deepest = max(deepest, -float(gap.min()))
+    return deepest
+
+
+_NEAR = np.linspace(0.0, 1.0, 65) ** 2  # closer towards the joint
+
+
+def _beside(cut: Cut, u: Array) -> Array:
+    """Points (3, N) of a surface at the rulings ``u``, part frame."""
+    along, across = (a.ravel() for a in np.meshgrid(u, np.linspace(0.0, 1.0, 17), indexing="ij"))
+    point = cut.motion.surface.point(along, across, np)
+    return np.array([np.broadcast_to(c, along.shape) for c in point])
+
+
+def _flank(cut: Cut) -> tuple[float, float]:
+    """Radius (mm) of the flank at the height of the tip as placed, and height from which it cuts."""
+    tool, surface = cut.tool, cut.motion.surface
+    low = surface.shift_mm if isinstance(surface, Placed) else 0.0
+    radius = surface.offset_mm if isinstance(surface, Placed) else cut.motion.offset_mm
+    return abs(radius) - low * math.tan(tool.taper_rad), tool.corner_mm * (1.0 - math.sin(tool.taper_rad))

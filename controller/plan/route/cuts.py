@@ -19,7 +19,7 @@ from controller.motions import SurfaceCut
 from controller.placement import Placed, Strategy, Turn
 from controller.plan.route.placing import Cutter, place
 from controller.plan.route.stretch import Voice
-from controller.plan.text.program import CutBlock, CutCone, CutRuled
+from controller.plan.text.program import CutBlock, CutCone, CutRuled, GougeRefused
 from controller.rulings import smooth_parts
 from controller.surfaces import Cone, Defect, DefectKind, RuledSurface, Surface, concave_radius, defect
 
@@ -100,7 +100,7 @@ def build(block: CutBlock, machine: Machine, voice: Voice) -> tuple[Cut, ...]:
             block.place,
             f"T{block.modal.tool} is not in the tool table, which has {known}; add it or take one",
         )
-    surface = _surface(block)
+    surface = surface_of(block)
     found = _defect(surface)
     if found is not None:
         voice.refuse(block.place, f"{code(block)}: {_describe(found)}")
@@ -134,7 +134,8 @@ def code(block: CutBlock) -> str:
     return "G52" if isinstance(block, CutRuled) else "G6.2"
 
 
-def _surface(block: CutBlock) -> Surface:
+def surface_of(block: CutBlock) -> Surface:
+    """The nominal surface of a block, part frame."""
     if isinstance(block, CutCone):
         return Cone(block.start, block.centre, block.height_mm, block.upper_radius_mm, block.sweep_rad)
     if isinstance(block, CutRuled):
@@ -182,7 +183,8 @@ def _audit_radius(block: CutBlock, surface: Surface, tool: Tool, machine: Machin
 def gouge(what: str, advice: str, block: CutBlock, machine: Machine, voice: Voice) -> None:
     """Refuse what cuts into the part, or only note it where the machine file says gouge = "warn"."""
     if machine.gouge == "refuse":
-        voice.refuse(block.place, f'{what}; {advice}, or set gouge = "warn" to cut it anyway')
+        sentence = f'{what}; {advice}, or set gouge = "warn" to cut it anyway'
+        raise GougeRefused(voice.program, block.place.line, block.place.column, sentence)
     voice.tell(block.place, f"Gouge: {what}; {advice}.")
 
 

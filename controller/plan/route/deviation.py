@@ -87,10 +87,16 @@ def _nearest(placed: Placed, at: Array) -> Array:
     u = np.linspace(0.0, 1.0, COARSE)
     tips, axes = (_stacked(v, u) for v in placed.pose(u, placed.offset_mm, np))
     tangent = math.tan(placed.taper_rad)
-    height = axes.T @ at - (axes * tips).sum(axis=0)[:, None]
-    square = (at * at).sum(axis=0) - 2.0 * (tips.T @ at) + (tips * tips).sum(axis=0)[:, None]
+    height = _products(axes, at) - (axes * tips).sum(axis=0)[:, None]
+    square = (at * at).sum(axis=0) - 2.0 * _products(tips, at) + (tips * tips).sum(axis=0)[:, None]
     gap = np.sqrt(np.maximum(square - height * height, 0.0)) - height * tangent
     return np.asarray(u[np.argmin(gap, axis=0)])
+
+
+def _products(a: Array, b: Array) -> Array:
+    """Of every vector of a (3, M) with every one of b (3, N): (M, N). In one thread, as ``placing``."""
+    (x, y, z), (p, q, r) = a[:, :, None], b
+    return np.asarray(x * p + y * q + z * r)
 
 
 def upper_direction(placed: Placed, u: Array) -> tuple[Array, Array, Array]:

@@ -30,7 +30,7 @@ import numpy.typing as npt
 from controller.geometry import Vector
 from controller.machine import Tool
 from controller.placement import ENDS, Placed, Strategy
-from controller.plan.route import deviation
+from controller.plan.route import deviation, placements
 from controller.splines import BSpline
 from controller.surfaces import Surface
 
@@ -46,6 +46,9 @@ STEPS = 14
 LAWSON = 30
 BEND_PRICE = 1e-7  # against squared deviations
 LEAST_GAIN = 2e-3
+SLAB = 200_000  # multiplications of one product of matrices, at most
+EDGE_POINTS = 161  # of the lower edge, to see what cuts it
+CLEAR_MM = 1e-3  # so much flank is left below it
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +57,8 @@ class Cutter:
 
     offset_mm: float
     taper_rad: float
-    shift_mm: float
+    shift_mm: float  # of the tip below the foot of the contact
+    flank_mm: float = 0.0  # above the tip, where the corner ends
 
     @staticmethod
     def of(tool: Tool, side: float, allowance_mm: float = 0.0, shift_mm: float = 0.0) -> Cutter:
@@ -63,9 +67,10 @@ class Cutter:
         ``shift_mm`` more than that; ``allowance_mm`` is what stays on the surface.
         """
         corner, taper = tool.corner_mm, tool.taper_rad
-        low = corner * (1.0 - math.sin(taper)) + shift_mm
+        begins = corner * (1.0 - math.sin(taper))
+        low = begins + shift_mm
         flank = tool.radius_mm - corner + corner / math.cos(taper) + (low - corner) * math.tan(taper)
-        return Cutter(math.copysign(flank + allowance_mm * math.cos(taper), side), taper, low)
+        return Cutter(math.copysign(flank + allowance_mm * math.cos(taper), side), taper, low, begins)
 
 
 def place(surface: Surface, cutter: Cutter, strategy: Strategy) -> Surface:
@@ -83,7 +88,13 @@ def _single(surface: Surface, cutter: Cutter) -> Placed:
 
 @lru_cache(256)
 def _better(surface: Surface, cutter: Cutter, strategy: Strategy) -> Placed | None:
-    """The best placement of its kind; None where the paper's is as good."""
+    """The best of its kind, as a check has kept it, or found now; None where the paper's is as good."""
+    name = placements.name_of(surface, cutter, strategy)
+    kept = placements.known(name)
+    return _found(surface, cutter, strategy, name) if kept is None else kept.on(surface, name)
+
+
+def _found(surface: Surface, cutter: Cutter, strategy: Strategy, name: str) -> Placed | None:
     single = _Judge(_single(surface, cutter))
     if single.inner(single.placed) < SAME_MM:
         return None
@@ -91,7 +102,26 @@ def _better(surface: Surface, cutter: Cutter, strategy: Strategy) -> Placed | No
     found = found if single.inner(found) < single.inner(single.placed) else single.placed
     if strategy is Strategy.OPTIMAL:
         found = _optimal(replace(found, normals_v=found.points_v), single)
-    return None if found == single.placed else replace(found, paper_mm=single.inner(single.placed))
+    if found == single.placed:
+        return None
+    return _lowered(replace(found, paper_mm=single.inner(single.placed), name=name), cutter)
+
+
+def _lowered(placed: Placed, cutter: Cutter) -> Placed:
+    """``placed`` so far down that its flank, not its corner, cuts all of the lower edge.
+
+    As the axis leans against the ruling, what comes nearest to a point of C1 stands a little further
+    along and may have its end above it. The tool slides along itself by micrometres; a tapered one
+    is thicker there then, and makes room for it.
+    """
+    u = _cosine(EDGE_POINTS)
+    seen = deviation.of(placed, deviation.points(placed, u, np.ones(u.shape)))
+    short = cutter.flank_mm - float(seen.height.min())
+    if short <= 0.0:
+        return placed
+    down = short + CLEAR_MM
+    wider = math.copysign(down * math.tan(placed.taper_rad), placed.offset_mm)
+    return replace(placed, offset_mm=placed.offset_mm + wider, shift_mm=placed.shift_mm + down)
 
 
 class _Judge:
@@ -245,15 +275,30 @@ def _slopes(placed: Placed, now: deviation.Deviation, basis: _Basis) -> Array:
 
 def _least_largest(rows: Array, y: Array, x: Array, price: Array, damping: float) -> Array:
     """The step that makes the largest of |y + rows step| small, by Lawson's weights."""
-    share = np.full(len(y), 1.0 / len(y))
-    best, least = np.zeros(rows.shape[1]), math.inf
-    steady = damping * np.eye(rows.shape[1])
+    size = rows.shape[1]
+    slabs, y = _slabs(rows, size), _slabs(y, size)
+    share = _slabs(np.full(len(rows), 1.0 / len(rows)), size)
+    best, least = np.zeros(size), math.inf
+    steady, pull = price + damping * np.eye(size), price @ x
     for _ in range(LAWSON):
-        weighted = rows * share[:, None]
-        step = np.linalg.solve(rows.T @ weighted + price + steady, -(weighted.T @ y) - price @ x)
-        rest = np.abs(y + rows @ step)
+        weighted = slabs * share[..., None]
+        square = np.matmul(weighted.transpose(0, 2, 1), slabs).sum(axis=0)
+        step = np.linalg.solve(square + steady, -(weighted * y[..., None]).sum(axis=(0, 1)) - pull)
+        rest = np.abs(y + np.matmul(slabs, step))
         if float(rest.max()) < least:
             best, least = step, float(rest.max())
         share = share * (rest + 1e-3 * rest.max())
         share /= share.sum()
     return best
+
+
+def _slabs(values: Array, size: int) -> Array:
+    """Rows (N, ...) of ``size`` unknowns in slabs (K, L, ...), the last one filled up with zeros.
+
+    Products of slabs are so small that the library for them takes one thread: several would wait for
+    each other on a busy computer ten times as long, and round otherwise on another number of cores.
+    """
+    length = max(1, min(len(values), SLAB // (size * size)))
+    made = np.zeros((-(-len(values) // length), length, *values.shape[1:]))
+    made.reshape(-1, *values.shape[1:])[: len(values)] = values
+    return made

@@ -95,8 +95,16 @@ def _corner(before: Cut, after: Cut, voice: Voice) -> tuple[Meeting, str]:
         )
     tilt = math.degrees(apart(turned_axis(before.end, angle), after.start.axis))
     and_tilts = f" and tilts by {tilt:.4f} degrees, as the cutter is placed," if tilt > 1e-6 else ""
-    sentence = f"Pivots by {degrees:.4f} degrees{and_tilts} about the ruling it shares with {{}}."
-    return Meeting.PIVOT, sentence
+    sentence = f"Pivots by {degrees:.4f} degrees{and_tilts} about the ruling it shares with {{}}"
+    return Meeting.PIVOT, sentence + _reached(before, after) + "."
+
+
+def _reached(before: Cut, after: Cut) -> str:
+    """What a turn between two placements costs the surfaces that meet there."""
+    way = turn(before, after)
+    if way is None:
+        return ""
+    return f"; on its way the cutter reaches {audit.depth_in_turn(way, before, after):.4f} mm into them"
 
 
 def _where(before: Cut, after: Cut) -> str:

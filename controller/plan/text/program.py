@@ -17,6 +17,10 @@ class ProgramError(Exception):
         self.file, self.line, self.column, self.sentence = file, line, column, sentence
 
 
+class GougeRefused(ProgramError):
+    """Refused because the part would be cut into; gouge = "warn" allows it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Place:
     """Where a block's motion word stands: 1-based line and column."""

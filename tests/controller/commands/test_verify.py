@@ -5,11 +5,15 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from controller import config
 from controller.__main__ import app
+from controller.handoff import COLUMN, ROW
+from controller.plan.route.branch import joints_along
+from controller.session import checked
 
 READY = str(config.shipped_program("example2_ready"))
 VERBATIM = str(config.shipped_program("example2"))
@@ -63,6 +67,42 @@ def test_a_trace_of_what_the_drives_did_is_off_by_their_errors(trace_file: Path)
     inside = [one["inside"] for one in told["surfaces"]]
     assert all(one["uncut"] == 0.0 and one["largest_mm"] < 0.25 for one in inside)
     assert inside[0]["largest_mm"] != pytest.approx(0.017968, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_the_folder_of_a_recording_is_taken_as_a_trace(tmp_path: Path) -> None:
+    """Example 2 at an even feed, its setpoints as the recorder keeps them."""
+    (tmp_path / "rec").mkdir()
+    rows = even_rows()
+    made = config.load("trunnion")
+    np.savez_compressed(
+        tmp_path / "rec" / "trace.npz",
+        columns=np.array(ROW), rows=rows, period_s=made.period_s, machine=made.text,
+    )  # fmt: skip
+    code, told = run(tmp_path / "rec", "--program", READY, "--commanded", "--gouge", "warn")
+    assert code == 0 and told["of"] == "commanded"
+    first = told["surfaces"][0]["inside"]
+    assert first["overcut"]["mm"] == pytest.approx(-0.018, abs=1e-3) and first["uncut"] == 0.0
+
+
+def even_rows() -> np.ndarray:
+    """Rows of both cuts: places at an even feed, their joints as the path has them."""
+    made = config.load("trunnion")
+    task = checked.task(Path(READY).read_bytes(), READY, made)
+    stretches = checked.stretches(checked.path_of(task, checked.chosen_for(task)))
+    parts = []
+    for number, stretch in stretches.items():
+        if stretch.name == "cut":
+            s = np.linspace(0.0, stretch.motion.end, 3000)
+            part = np.zeros((len(s), len(ROW)))
+            first = COLUMN["joint_command_0"]
+            part[:, first : first + 5] = joints_along(stretch, s, task.kinematics)
+            part[:, COLUMN["line"]], part[:, COLUMN["motion_id"]] = stretch.place.line, number
+            part[:, COLUMN["cutting"]] = 1.0
+            parts.append(part)
+    rows = np.vstack(parts)
+    rows[:, COLUMN["tick"]] = np.arange(len(rows))
+    return rows
 
 
 @pytest.mark.parametrize(

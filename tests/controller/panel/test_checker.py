@@ -95,6 +95,42 @@ def test_a_worker_that_dies_is_a_failed_check_and_the_next_one_is_made(store: St
     checker.close()
 
 
+MORE = """
+import json, sys
+job = json.loads(sys.stdin.read())
+print(json.dumps({"state": "passed", "result": {"blocks": 3}, "more": True}), flush=True)
+if "die" not in open(job["program"]).read():
+    result = {"blocks": 3, "verified": {"overcut_mm": 0.1}}
+    print(json.dumps({"state": "passed", "result": result}), flush=True)
+"""
+
+
+def test_a_check_has_passed_before_its_surfaces_are_looked_at_and_stays_so(store: Store) -> None:
+    checker = Checker(store, (sys.executable, "-c", MORE))
+    for text, verified in ((b"M2\n", True), (b"die\n", False)):
+        program = kept(store, "a", text)
+        checker.ask(program)
+        assert "blocks" in awaited(checker, program, "passed").result
+        other = kept(store, "b", b"M2 " + text)  # waited for: then the first one is done with
+        checker.ask(other)
+        awaited(checker, other, "passed")
+        found = checker.of(program)
+        assert found and found.state == "passed" and ("verified" in found.result) == verified
+    checker.close()
+
+
+def test_the_surfaces_of_a_checked_program_are_told_with_maps(store: Store) -> None:
+    program = kept(store, "a", config.shipped_program("example1_ready").read_bytes())
+    seen: list[check_worker.Seen] = []
+    job = {"name": "a", "program": store.programs.path(program.sha256), "lines": 9, "state": store.folder}
+    assert check_worker.check(job, lambda _: None, seen.append)[0] == "passed"
+    verified = json.loads(json.dumps(check_worker.verified(*seen[0])))
+    (cone,) = verified["surfaces"]
+    assert verified["overcut_mm"] < 1e-4 and verified["left_out"] == 0
+    assert len(cone["map_um"]) == 9 and {len(row) for row in cone["map_um"]} == {33}
+    assert all(abs(t) < 0.1 for row in cone["map_um"] for t in row)
+
+
 def test_a_panel_that_ends_during_a_check_leaves_it_to_the_next(store: Store) -> None:
     program, checker = kept(store, "a", b"wait\n"), fake(store)
     checker.ask(program)

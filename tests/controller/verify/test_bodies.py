@@ -30,17 +30,18 @@ def border(body: Body) -> np.ndarray:
         ],
         axis=1,
     )
-    up = np.linspace(0.0, (body.top_mm - body.corner_h_mm) / math.cos(body.taper_rad), 20001)[:, None]
+    up = np.linspace(0.0, (body.top_mm - corner[-1, 1]) / math.cos(body.taper_rad), 20001)[:, None]
     flank = corner[-1] + up * [math.sin(body.taper_rad), math.cos(body.taper_rad)]
     end = np.stack([np.linspace(0.0, body.corner_rho_mm, 4001), np.full(4001, body.bottom_mm)], axis=1)
-    return np.vstack([end, corner, flank])
+    top = np.stack([np.linspace(0.0, flank[-1, 0], 4001), np.full(4001, body.top_mm)], axis=1)
+    return np.vstack([end, corner, flank, top])
 
 
 @pytest.mark.parametrize(("tool", "shape"), SHAPES, ids=[shape for _, shape in SHAPES])
 def test_the_distance_outside_is_that_to_the_nearest_point_of_the_outline(tool: Tool, shape: str) -> None:
     body = cutter(tool, 0.0)
     rng = np.random.default_rng(5)
-    points = np.stack([rng.uniform(0.0, 9.0, 400), rng.uniform(-5.0, 14.0, 400)], axis=1)
+    points = np.stack([rng.uniform(0.0, 12.0, 400), rng.uniform(-5.0, 28.0, 400)], axis=1)
     drawn = border(body)
     nearest = cKDTree(drawn).query(points)[0]
     told = body.distance(points[:, 0], points[:, 1])
@@ -53,7 +54,7 @@ def test_the_distance_outside_is_that_to_the_nearest_point_of_the_outline(tool: 
 @pytest.mark.parametrize(("tool", "shape"), SHAPES, ids=[shape for _, shape in SHAPES])
 def test_the_outline_is_at_distance_zero(tool: Tool, shape: str) -> None:
     body = cutter(tool, 0.0)
-    drawn = border(body)[:-1]
+    drawn = border(body)
     assert np.abs(body.distance(drawn[:, 0], drawn[:, 1])).max() < 1e-12, shape
 
 

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from random_surfaces import compound
 from scipy.optimize import brentq, minimize_scalar
 from surfaces_of_the_paper import example_1, example_2
-from sweeps import by_brute_force, nominal, places, sweep
+from sweeps import body_by_brute_force, by_brute_force, nominal, places, sweep
 
 from controller.curves import Bezier, Line
 from controller.machine import Tool
+from controller.plan.route.placing import Cutter, _single
 from controller.surfaces import Cone, RuledSurface, Surface
 from controller.verify.bodies import cutter
-from controller.verify.envelope import deviation, nearest
+from controller.verify.envelope import _best_sample, deviation, nearest
 from controller.verify.nominal import Nominal
 from controller.verify.passes import longest
-from controller.verify.sweep import Sweep
+from controller.verify.sweep import Pass, Sweep
 
 CLOSED_MM = 1e-4  # 0.1 um
 BRUTE_MM = 1e-3
@@ -106,6 +108,53 @@ def test_unseen_surfaces_agree_with_brute_force(seed: int) -> None:
     body = cutter(tool, longest([one]))
     t = deviation(points, normals, sweep(one), body, tool.radius_mm).t
     assert t == pytest.approx(by_brute_force(one, points, normals), abs=BRUTE_MM), f"seed {seed}"
+
+
+SHAPES = {
+    "taper": Tool(1, "taper", 1.5, 0.0, 15.0, taper_rad=math.radians(4.0)),
+    "ball": Tool(1, "ball", 2.0, 0.0, 15.0, corner_mm=2.0),
+    "bull nose": Tool(1, "bull nose", 3.0, 0.0, 15.0, corner_mm=0.7),
+    "tapered ball": Tool(1, "tapered ball", 1.0, 0.0, 15.0, corner_mm=1.0, taper_rad=math.radians(7.0)),
+    "tapered bull nose": Tool(1, "bull", 2.0, 0.0, 15.0, corner_mm=0.5, taper_rad=math.radians(2.0)),
+}
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("seed", [21, 22])
+def test_cutters_of_every_shape_agree_with_brute_force_on_unseen_surfaces(shape: str, seed: int) -> None:
+    """Set beside the ruling, and hung on two points of the surface; both sides."""
+    tool, side = SHAPES[shape], -1.0 if seed % 2 else 1.0
+    plain = _single(random_surface(seed), Cutter.of(tool, side))
+    hung = replace(plain, points_v=(0.25, 0.7), normals_v=(0.25, 0.7))
+    for placed in (plain, hung):
+        one = nominal(placed, side, tool)
+        rng = np.random.default_rng(seed)
+        u, v = rng.uniform(0.05, 0.95, 12), rng.uniform(0.0, 1.0, 12)
+        points, normals = one.points(u, v), one.normals(u, v)
+        t = deviation(points, normals, sweep(one), cutter(tool, longest([one])), tool.radius_mm).t
+        assert t == pytest.approx(body_by_brute_force(one, points, normals), abs=BRUTE_MM), placed
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_no_pose_that_is_nearest_is_left_out_by_the_bounds(seed: int) -> None:
+    """Wild poses, passes of few samples, points on axes, above the tool and far away."""
+    rng = np.random.default_rng(seed)
+    passes = []
+    for k, count in enumerate((1, 2, 4, 33, 300)):
+        tips, axes = rng.uniform(-20.0, 20.0, (count, 3)), rng.normal(size=(count, 3))
+        axes /= np.linalg.norm(axes, axis=1)[:, None]
+        passes.append(Pass(np.arange(float(count)), tips, axes, k, "line"))
+    body = cutter(list(SHAPES.values())[seed], 15.0)
+    poses = Sweep(passes, body.top_mm)
+    on_axes = poses.tips + rng.uniform(-10.0, 40.0, (len(poses), 1)) * poses.axes
+    points = np.vstack([rng.uniform(-60.0, 60.0, (300, 3)), on_axes])
+    away = points[:, None] - poses.tips
+    h = (away * poses.axes).sum(axis=2)
+    rho = np.sqrt(np.maximum((away * away).sum(axis=2) - h * h, 0.0))
+    least = body.distance(rho, h).min(axis=1)
+    for start in range(0, len(points), 50):
+        some = slice(start, start + 50)
+        assert _best_sample(points[some], poses, body)[0] == pytest.approx(least[some], abs=1e-6)
 
 
 def test_half_the_step_changes_nothing() -> None:

@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from random_surfaces import compound
 from surfaces_of_the_paper import example_1, example_2
 from sweeps import nominal, single
 
-from controller.verify.judge import SETTLED_MM, judge
+from controller.curves import ArcLength, Bezier
+from controller.surfaces import RuledSurface
+from controller.verify import judge as judging
+from controller.verify import looks
+from controller.verify.gouges import gouges
+from controller.verify.judge import FIRST_GRID, SETTLED_MM, judge
 from controller.verify.nominal import Nominal, grid
-from controller.verify.passes import longest
+from controller.verify.passes import longest, step_mm
 from controller.verify.sweep import Pass
 
 
@@ -69,6 +76,57 @@ def test_a_surface_that_is_half_cut_says_what_share_is_not() -> None:
         [one], {one.tool: [Pass(whole.s[third], whole.tips[third], whole.axes[third], 1, "cut", 0)]}
     )[0]
     assert 0.5 < found.inside.uncut < 0.67
+
+
+def unseen(seed: int) -> Nominal:
+    upper, lower = (Bezier(tuple(tuple(map(float, p)) for p in points)) for points in compound(seed, 1)[0])
+    return nominal(RuledSurface(upper, lower), -1.0 if seed % 2 else 1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [31, 32, 33])
+def test_at_twice_the_resolution_an_unseen_surface_comes_out_the_same(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Twice as many points both ways, and twice as many poses."""
+    one, found = unseen(seed), []
+    for finer in (1, 2):
+        along, across = FIRST_GRID
+        monkeypatch.setattr(judging, "FIRST_GRID", (finer * (along - 1) + 1, finer * (across - 1) + 1))
+        cutting = judging.Cutting({one.tool: [single(one, step_mm(one.tool) / finer)]}, [one])
+        found.append(judging.Field(one, cutting).zone(*judging.INSIDE)[0])
+    coarse, fine = found
+    assert fine.points > 2 * coarse.points or fine.settled_mm < coarse.settled_mm
+    assert fine.largest_mm == pytest.approx(coarse.largest_mm, abs=SETTLED_MM)
+    assert fine.mean_mm == pytest.approx(coarse.mean_mm, abs=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [31, 32, 33])
+def test_at_twice_the_resolution_no_other_gouge_is_found(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of an unseen surface, and of one with a hollow: the second of Example 2 on its left."""
+    told = []
+    for finer in (1, 2):
+        monkeypatch.setattr(looks, "SPACING_MM", 0.5 / finer)
+        monkeypatch.setattr(looks, "ALONG", (9, 129 * finer))
+        monkeypatch.setattr(looks, "ACROSS", (5, 33 * finer))
+        both = [gouges([one], {one.tool: [along_it(one)]}) for one in (unseen(seed), hollow())]
+        told.append(both)
+    for coarse, fine in zip(*told, strict=True):
+        assert [one.kind for one in fine.gouges] == [one.kind for one in coarse.gouges]
+        for a, b in zip((*coarse.gouges, *coarse.overcuts), (*fine.gouges, *fine.overcuts), strict=True):
+            depths = [getattr(one, "depth_mm", None) or one.mm for one in (a, b)]
+            assert depths[0] == pytest.approx(depths[1], abs=1e-3)
+
+
+def hollow() -> Nominal:
+    return nominal(example_2()[1], -1.0)
+
+
+def along_it(one: Nominal) -> Pass:
+    """The paper's way, its places by length as motions have it."""
+    own = single(one, 0.2)
+    return replace(own, s=np.asarray(ArcLength.of(one.surface.lower).s_at(own.s)))
 
 
 # ---- the nominal surface -------------------------------------------------------------

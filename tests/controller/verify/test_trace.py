@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from controller.geometry import Frame
-from controller.handoff import COLUMN
+from controller.handoff import COLUMN, ROW
 from controller.machine import Sense
 from controller.motions import SurfaceCut
 from controller.verify import trace as traces
@@ -163,3 +163,32 @@ def test_sync_intervals_count_what_is_further_off_than_a_quarter_period():
     assert found.p50_s == pytest.approx(period_s) and found.max_s == pytest.approx(2.6e-3)
     with pytest.raises(ValueError, match="Two SYNCs"):
         traces.sync_intervals(np.array([1.0]), period_s)
+
+
+# ---- of a recording ------------------------------------------------------------------
+
+
+def recorded(run, folder, **changed):
+    values = {"columns": np.array(ROW), "rows": run.rows, "period_s": run.machine.period_s, "machine": ""}
+    np.savez_compressed(folder / "trace.npz", **{**values, **changed})
+    return folder / "trace.npz"
+
+
+def test_the_recording_of_a_fault_is_a_trace_from_its_first_row_on(ruled_run, tmp_path):
+    file = recorded(ruled_run, tmp_path)
+    assert traces.is_recording(file)
+    read = traces.of_recording(file, ruled_run.machine, ruled_run.kinematics)
+    whole = traces.from_rows(ruled_run.rows, ruled_run.machine, ruled_run.kinematics, ruled_run.stretches)
+    assert len(read.time_s) == len(ruled_run.rows) > len(whole.time_s)
+    late = len(read.time_s) - len(whole.time_s)
+    for name in ("joint_command", "joint_actual", "line", "cutting"):
+        assert np.array_equal(getattr(read, name)[late:], getattr(whole, name)), name
+
+
+def test_a_recording_of_another_version_or_period_is_refused_in_a_sentence(ruled_run, tmp_path):
+    file = recorded(ruled_run, tmp_path, columns=np.array(ROW[:-1]))
+    with pytest.raises(ValueError, match="another version of Directrix"):
+        traces.of_recording(file, ruled_run.machine, ruled_run.kinematics)
+    file = recorded(ruled_run, tmp_path, period_s=0.004)
+    with pytest.raises(ValueError, match=r"a period of 0\.004 s"):
+        traces.of_recording(file, ruled_run.machine, ruled_run.kinematics)

@@ -11,12 +11,14 @@ from machines import machine
 from controller.geometry import Frame
 from controller.machine import Tool
 from controller.plan.report import stored
-from controller.plan.report.stored import Stored
+from controller.plan.report.stored import Overcut, Stored
 from controller.plan.route.stretch import Note
 from controller.plan.text.program import Place
 
 HOME = (0.0, 0.0, 200.0, 0.0, 0.0)
-CHECK = Stored(1234, 2.468, 3, {8: (0.1, -7.25)}, (Note(Place(3, 5), "Joins."),))
+CHECK = Stored(
+    1234, 2.468, 3, {8: (0.1, -7.25)}, (Note(Place(3, 5), "Joins."),), (Overcut(8, 0.1, 0.5, 0.0),)
+)
 
 
 def test_a_check_comes_back_as_it_was_stored(tmp_path):

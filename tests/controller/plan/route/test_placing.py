@@ -1,5 +1,6 @@
 """Which placement is found for a surface, held against a plain search over many cutter positions."""
 
+import itertools
 import math
 import random
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 from random_surfaces import compound
 from surfaces_of_the_paper import example_1, example_2
+from sweeps import nominal, single
 
 from controller.curves import Bezier
 from controller.machine import Tool
@@ -14,6 +16,7 @@ from controller.placement import Placed, Strategy
 from controller.plan.route import deviation
 from controller.plan.route.placing import Cutter, place
 from controller.surfaces import RuledSurface
+from controller.verify.judge import judge
 
 DENSE = 4001
 
@@ -47,22 +50,54 @@ def plain(radius):
 
 
 @pytest.mark.parametrize(
-    ("member", "radius", "single", "double"),
+    ("member", "radius", "paper", "double"),
     [(0, 3.0, 183, 8), (1, 3.0, 312, 60), (0, -3.0, 29, 8), (1, -3.0, 311, 70)],
 )
-def test_double_cuts_example_2_to_the_figures_of_the_issue(member, radius, single, double):
+def test_double_cuts_example_2_to_the_figures_of_the_issue(member, radius, paper, double):
     surface, cutter = example_2()[member], plain(radius)
-    assert single - 3 < largest(place(surface, cutter, Strategy.SINGLE), cutter) < single
+    assert paper - 3 < largest(place(surface, cutter, Strategy.SINGLE), cutter) < paper
     assert largest(place(surface, cutter, Strategy.DOUBLE), cutter) < double
 
 
+# A plain least-squares trial reached 1.4, 8.5, 0.8 and 17 um.
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("member", "radius", "most"), [(0, 3.0, 1.4), (1, 3.0, 8.5), (0, -3.0, 0.8), (1, -3.0, 17.0)]
+    ("member", "radius", "double", "optimal"),
+    [(0, 3.0, 8.0, 1.4), (1, 3.0, 60.0, 8.5), (0, -3.0, 8.0, 0.8), (1, -3.0, 70.0, 17.0)],
 )
-def test_optimal_goes_below_a_plain_least_squares_trial_on_example_2(member, radius, most):
+def test_the_verifier_finds_the_figures_of_the_issue_with_the_end_of_the_cutter(
+    member, radius, double, optimal
+):
     surface, cutter = example_2()[member], plain(radius)
-    assert largest(place(surface, cutter, Strategy.OPTIMAL), cutter) < most
+    for strategy, most in ((Strategy.DOUBLE, double), (Strategy.OPTIMAL, optimal)):
+        one = nominal(place(surface, cutter, strategy), math.copysign(1.0, radius))
+        found = judge([one], {one.tool: [single(one)]})[0].inside
+        print(f"{strategy.name} {radius}: {found.overcut} {found.undercut}")
+        assert found.largest_mm * 1e3 < most and found.uncut == 0.0
+
+
+@pytest.mark.parametrize(
+    ("cutter", "member"),
+    [
+        (Cutter(3.0, 0.0, 0.0), 0),
+        (Cutter(-3.0, 0.0, 0.0), 1),
+        (Cutter(-2.0, 0.06, 1.0, 1.0), 0),  # a tapered bull nose
+    ],
+)
+def test_the_flank_and_not_the_corner_cuts_the_lower_edge(cutter, member):
+    placed = place(example_2()[member], cutter, Strategy.DOUBLE)
+    u = np.linspace(0.0, 1.0, 301)
+    seen = deviation.of(placed, deviation.points(placed, u, np.ones(u.shape)))
+    assert seen.height.min() > cutter.flank_mm + 0.5e-3
+    assert cutter.shift_mm < placed.shift_mm < cutter.shift_mm + 0.05
+    # Nothing else has changed: the axis stays where it was, but for the taper's larger radius.
+    slid = placed.shift_mm - cutter.shift_mm
+    assert abs(placed.offset_mm) == pytest.approx(abs(cutter.offset_mm) + slid * math.tan(cutter.taper_rad))
+
+
+def test_a_cutter_that_reaches_below_anyway_goes_no_further_down():
+    placed = place(example_2()[0], Cutter(3.0, 0.0, 0.5), Strategy.DOUBLE)
+    assert placed.shift_mm == 0.5
 
 
 def test_a_surface_without_twist_stays_with_the_papers_place():
@@ -115,12 +150,24 @@ def surfaces(seeds):
             yield seed, RuledSurface(*(Bezier(tuple(map(tuple, c.tolist()))) for c in (upper, lower)))
 
 
+def assert_better_placements_are_never_worse(first_seed, count):
+    """Of ``count`` random surfaces, by the plain search."""
+    rng = random.Random(first_seed)
+    seeds = range(first_seed, first_seed + count)
+    for at, surface in itertools.islice(surfaces(seeds), count):
+        cutter = plain(rng.choice((3.0, -3.0, 1.5)))
+        paper, double, optimal = (largest(place(surface, cutter, s), cutter, 49) for s in Strategy)
+        print(f"seed {at}, r {cutter.offset_mm}: {paper:.2f} {double:.2f} {optimal:.3f} um")
+        assert optimal <= double + 0.05 and double <= paper + 0.05, (at, cutter, paper, double, optimal)
+
+
 @pytest.mark.slow
 def test_optimal_is_never_worse_than_double_and_double_never_worse_than_single():
-    rng = random.Random()
-    seed = rng.randrange(10**6)
+    seed = random.Random().randrange(10**6)
     print(f"seeds from {seed}")
-    for at, surface in surfaces(range(seed, seed + 3)):
-        cutter = plain(rng.choice((3.0, -3.0, 1.5)))
-        single, double, optimal = (largest(place(surface, cutter, s), cutter) for s in Strategy)
-        assert optimal <= double + 0.05 and double <= single + 0.05, (at, cutter, single, double, optimal)
+    assert_better_placements_are_never_worse(seed, 4)
+
+
+@pytest.mark.soak
+def test_so_it_is_on_thirty_random_surfaces():
+    assert_better_placements_are_never_worse(7000, 30)

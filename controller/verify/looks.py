@@ -1,0 +1,302 @@
+"""One surface looked at on a grid: how deep each of its points gets into which tool, and why.
+
+What a cut takes at a point while it is in place there (``own``) is the measure for everything
+else: another motion that reaches no deeper does no harm. Only beside the ends of a cut is more
+taken for what it is, the twist:
+
+        cut            end                     the axis at the end is askew to the last ruling,
+    ------------------->| . . .  run on        so where the tool goes straight on, its flank
+                        |   . . .  lead out    still takes something off that ruling; leads,
+                        |                      joined cuts and pivots start in the same pose
+
+``onward_mm`` is what going straight on from the very ends would take, computed for the poses as
+they are. Within a radius of the last ruling (of the surface, for another cut) twist and that
+are no gouge; they are told where they exceed the twist of the cut.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from controller.curves import ArcLength
+from controller.machine import Tool
+from controller.verify.bodies import Body, cutter, holder
+from controller.verify.envelope import deviation, nearest
+from controller.verify.nominal import Nominal, grid
+from controller.verify.sweep import Pass, Sweep
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+LEAST_MM = 1e-3  # depths below are no gouge
+SPACING_MM = 0.5  # of the grid, about; with a thin cutter half of its radius
+ALONG, ACROSS = (9, 129), (5, 33)  # fewest and most points of the grid
+ONWARD = 17  # poses of a tool that goes straight on by its diameter
+FEWEST = 4  # samples of a pass: a cubic needs them
+ZOOMS, ZOOM_POINTS = 6, 5
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class By:
+    """Motions of one line, and the body of the tool that hurts in them."""
+
+    sweep: Sweep
+    body: Body
+    line: int
+    name: str
+    tool: Tool
+
+    def depth(self, points: Array) -> Array:
+        """How deep points (N, 3) get into the body."""
+        return _depth(points, self.sweep, self.body)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Hurt:
+    """Something to be told: ``depth`` (N,) at the points of the grid, 0 where it is no matter."""
+
+    kind: str
+    depth: Array
+    by: By
+    detail: str = ""
+
+
+def _depth(points: Array, sweep: Sweep, body: Body) -> Array:
+    return np.asarray(np.maximum(0.0, -nearest(points, sweep, body).distance))
+
+
+class Look:
+    """One surface on a grid, and how deep each of its points gets into the tools."""
+
+    def __init__(
+        self, nominal: Nominal, sweeps: Mapping[Tool, Sweep], least_mm: float, errors_mm: float = 0.0
+    ) -> None:
+        """``least_mm``: length of the shortest cutter; ``errors_mm``: of drives, from motion to motion."""
+        self.nominal = nominal
+        self._harmless_mm = LEAST_MM + errors_mm
+        thinnest = min((tool.radius_mm for tool in sweeps), default=1.0)
+        spacing = min(SPACING_MM, max(0.5 * thinnest, 0.1))
+        self.shape = _counts(nominal, spacing)
+        self.u, self.v = grid(*self.shape)
+        self.points = nominal.points(self.u, self.v)
+        self._least_mm = least_mm
+        self._sweeps = {tool: self._about(sweep, tool) for tool, sweep in sweeps.items()}
+        self._cutter = cutter(nominal.tool, least_mm)
+        self._look_at_own()
+
+    def _about(self, sweep: Sweep, tool: Tool) -> Sweep:
+        """The passes that come near this surface."""
+        centre, radius = self.nominal.ball
+        widest = max(body.widest_mm for body in (cutter(tool, self._least_mm), *holder(tool)))
+        runs = sweep.runs
+        off = runs.distance(np.vstack([centre, centre]))[0] - runs.slack
+        near = np.unique(sweep.owner[runs.start[off <= radius + widest + LEAST_MM]])
+        return sweep.only(near.tolist())
+
+    # ---- its own cut -------------------------------------------------------------
+
+    def _look_at_own(self) -> None:
+        """Depths (N,) under its own cut: ``own`` in place, ``far`` with the cutter elsewhere on its way."""
+        sweep = self._passes(self._is_own)
+        found = nearest(self.points, sweep, self._cutter)
+        depth = np.maximum(0.0, np.nan_to_num(-found.distance, neginf=0.0))
+        self.own, self.far = depth, np.zeros(len(depth))
+        if not len(sweep):
+            return
+        motions = np.array([one.motion for one in sweep.passes])[sweep.owner[found.sample]]
+        far = (motions == self.nominal.motion) & (depth > LEAST_MM) & self._is_far(self.u, found.s, self.v)
+        if far.any():
+            near = self._in_place(far, sweep)
+            self.own, self.far = np.where(far, near, depth), np.where(far & (depth > near), depth, 0.0)
+
+    def _is_far(self, u: Array, s: Array, v: Array) -> Flags:
+        """Whether the cutter at ``s`` is more than its diameter along the surface away from u, all (N,)."""
+        if self.nominal.motion < 0:
+            return np.zeros(len(s), dtype=bool)
+        way = self.nominal.length_between(u, self._arc.u_along(s), v)
+        return np.asarray(way > 2.0 * self.nominal.tool.radius_mm + LEAST_MM)
+
+    @cached_property
+    def _arc(self) -> ArcLength:
+        return ArcLength.of(self.nominal.surface.lower)
+
+    def _in_place(self, far: Flags, sweep: Sweep) -> Array:
+        """Depth (N,) of points under the part of their own cut that is near their own u; 0 elsewhere."""
+        depth = np.zeros(len(far))
+        whole = next(one for one in sweep.passes if one.motion == self.nominal.motion)
+        for u in np.unique(self.u[far]):
+            row = far & (self.u == u)
+            middle = np.full(len(whole.s), 0.5)
+            near = np.flatnonzero(~self._is_far(np.full(len(whole.s), u), whole.s, middle))
+            part = _part(whole, near[0], near[-1]) if len(near) else None
+            if part is not None:
+                depth[row] = _depth(self.points[row], Sweep([part], sweep.height_mm), self._cutter)
+        return depth
+
+    @property
+    def twist_mm(self) -> float:
+        """Deepest overcut of its own cut, where it is in place."""
+        return float(np.max(self.own, initial=0.0))
+
+    @cached_property
+    def onward_mm(self) -> float:
+        """Deepest overcut beside its ends if the tool went straight on from them."""
+        cuts = self._passes(self._is_own).passes
+        reach, depth = 2.0 * self.nominal.tool.radius_mm, 0.0
+        for end, one, row in ((0.0, cuts[0], 0), (1.0, cuts[-1], -1)) if cuts else ():
+            beside = self.nominal.length_between(self.u, np.full(len(self.u), end), self.v) <= reach
+            way = self._out_of(end)
+            s = np.linspace(0.0, reach, ONWARD)
+            axes = np.repeat(one.axes[row : row + 1 or None], ONWARD, axis=0)
+            on = Sweep([Pass(s, one.tips[row] + s[:, None] * way, axes, one.line, "onward")], self._top_mm)
+            depth = max(depth, float(_depth(self.points[beside], on, self._cutter).max(initial=0.0)))
+        return depth
+
+    def _out_of(self, end: float) -> Array:
+        """Unit vector (3,) along C1 at an end, away from the surface."""
+        inner = 1e-3 if end == 0.0 else 1.0 - 1e-3
+        a, b = self.nominal.points(np.array([inner, end]), np.ones(2))
+        return np.asarray((b - a) / max(float(np.linalg.norm(b - a)), 1e-300))
+
+    @property
+    def _top_mm(self) -> float:
+        return self._cutter.top_mm
+
+    def _passes(self, keep: Callable[[Pass], bool]) -> Sweep:
+        sweep = self._sweeps.get(self.nominal.tool)
+        if sweep is None:
+            return Sweep([], 0.0)
+        return sweep.only(i for i, one in enumerate(sweep.passes) if keep(one))
+
+    def _is_own(self, one: Pass) -> bool:
+        return one.name == "cut" and one.line == self.nominal.line
+
+    # ---- what is told ------------------------------------------------------------
+
+    def hurts(self, cuts: Mapping[int, Sequence[Look]], most_mm: float | None) -> Iterator[Hurt]:
+        """The deepest of each kind; ``cuts`` are the looks of each line, ``most_mm`` what twist may cost."""
+        own = self.whole_cut.by
+        hollow = np.where(self._hollows(), self.own, 0.0)
+        if hollow.max(initial=0.0) > LEAST_MM:
+            k = int(np.argmax(hollow))
+            bend = float(self.nominal.hollow(self.u[k : k + 1], self.v[k : k + 1])[0])
+            yield Hurt("hollow", hollow, own, f"the hollow of radius {1.0 / bend:.3f} mm")
+        elif most_mm is not None and self.twist_mm > most_mm:
+            yield Hurt("overcut", self.own, own, _bound(most_mm))
+        if (self.far - self.own).max(initial=0.0) > self._harmless_mm:
+            yield Hurt("own cut", self.far, own)
+        for by in self._others():
+            yield from self._other(by, cuts.get(by.line, ()), most_mm)
+        yield from self._holders()
+
+    def _hollows(self) -> Flags:
+        """Where the surface bends more tightly than the cutter at that height."""
+        tool = self.nominal.tool
+        height = (1.0 - self.v) * self.nominal.size[1]
+        radius = tool.radius_mm + height * np.tan(tool.taper_rad)
+        return np.asarray(self.nominal.hollow(self.u, self.v) * radius > 1.0 + 1e-9)
+
+    def _others(self) -> Iterator[By]:
+        """Other motions, those of one line and name together."""
+        for tool, sweep in self._sweeps.items():
+            groups: dict[tuple[int, str], list[int]] = {}
+            for i, one in enumerate(sweep.passes):
+                if not self._is_own(one):
+                    groups.setdefault((one.line, one.name), []).append(i)
+            for (line, name), members in groups.items():
+                yield By(sweep.only(members), cutter(tool, self._least_mm), line, name, tool)
+
+    def _other(self, by: By, cuts: Sequence[Look], most_mm: float | None) -> Iterator[Hurt]:
+        """What another motion takes beyond the own cut: ``cuts`` are those of its line."""
+        depth = by.depth(self.points)
+        more = depth > self.own + self._harmless_mm
+        if not more.any():
+            return
+        near = more & self._beside(by, cuts)
+        both = (self, *cuts)
+        twist = max(one.twist_mm for one in both)
+        most = max(twist, *(one.onward_mm for one in both)) if near.any() else 0.0
+        gouged = np.where(more & (~near | (depth > most + self._harmless_mm)), depth, 0.0)
+        if gouged.any():
+            yield Hurt("other motion", gouged, by)
+            return
+        ended = np.where(near & (depth > twist + self._harmless_mm), depth, 0.0)
+        if most_mm is not None and float(depth[near].max()) > most_mm:
+            yield Hurt("overcut", np.where(near, depth, 0.0), by, _bound(most_mm))
+        elif ended.any():
+            yield Hurt("end", ended, by, f"{twist:.3f} mm")
+
+    def _beside(self, by: By, cuts: Sequence[Look]) -> Flags:
+        """Points (N,) within a radius of where the cuts of a motion's line end, or go if it is a cut."""
+        beside = np.zeros(len(self.points), dtype=bool)
+        for one in cuts:
+            rulings = np.isin(one.u, (0.0, 1.0)) if by.name != "cut" else np.ones(len(one.u), dtype=bool)
+            away, _ = cKDTree(one.points[rulings]).query(self.points)
+            beside |= away <= by.tool.radius_mm
+        return beside
+
+    def _holders(self) -> Iterator[Hurt]:
+        for tool, sweep in self._sweeps.items():
+            for body in holder(tool):
+                found = nearest(self.points, sweep, body)
+                depth = np.maximum(0.0, -found.distance)
+                if depth.max(initial=0.0) > LEAST_MM:
+                    one = sweep.passes[int(sweep.owner[found.sample[int(np.argmax(depth))]])]
+                    yield Hurt("holder", depth, By(sweep, body, one.line, one.name, tool))
+                    break
+
+    @property
+    def whole_cut(self) -> Hurt:
+        """The twist itself: what the own cut takes where it is in place."""
+        by = By(self._passes(self._is_own), self._cutter, self.nominal.line, "cut", self.nominal.tool)
+        return Hurt("overcut", self.own, by)
+
+    def overcut(self, u: float, v: float) -> float:
+        """Overcut (mm) of its own cut along the normal at one place."""
+        at = np.array([u]), np.array([v])
+        by, reach = self.whole_cut.by, self.nominal.tool.radius_mm
+        t = deviation(self.nominal.points(*at), self.nominal.normals(*at), by.sweep, by.body, reach).t
+        return max(0.0, -float(np.nan_to_num(t)[0]))
+
+    def deepest(self, hurt: Hurt) -> tuple[float, float, float]:
+        """u, v and depth: the deepest point of the grid, and from there the deepest about it."""
+        k = int(np.argmax(hurt.depth))
+        u, v, most = float(self.u[k]), float(self.v[k]), float(hurt.depth[k])
+        half = 1.0 / (np.array(self.shape) - 1)
+        step = np.linspace(-1.0, 1.0, ZOOM_POINTS)
+        for _ in range(ZOOMS):
+            a, b = (m.ravel() for m in np.meshgrid(u + half[0] * step, v + half[1] * step, indexing="ij"))
+            a, b = np.clip(a, 0.0, 1.0), np.clip(b, 0.0, 1.0)
+            found = hurt.by.depth(self.nominal.points(a, b))
+            k = int(np.argmax(found))
+            if found[k] > most:
+                u, v, most = float(a[k]), float(b[k]), float(found[k])
+            half = 0.5 * half
+        return u, v, most
+
+
+def _counts(nominal: Nominal, spacing_mm: float) -> tuple[int, int]:
+    """Points along and across."""
+    (length, height), (few, many), (least, most) = nominal.size, ALONG, ACROSS
+    along, across = int(length / spacing_mm), int(height / spacing_mm)
+    return min(max(along, few), many), min(max(across, least), most)
+
+
+def _part(one: Pass, first: int, last: int) -> Pass | None:
+    """Samples ``first`` to ``last`` of a pass, some more where a cubic needs them."""
+    last = min(max(last, first + FEWEST - 1), len(one.s) - 1)
+    first = max(0, min(first, last - FEWEST + 1))
+    here = slice(first, last + 1)
+    if last - first + 1 < FEWEST:
+        return None
+    return Pass(one.s[here], one.tips[here], one.axes[here], one.line, one.name, one.motion)
+
+
+def _bound(most_mm: float) -> str:
+    return f"{most_mm:g} mm of max_overcut_mm"

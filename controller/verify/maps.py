@@ -1,0 +1,59 @@
+"""The cut surfaces as the page shows them: a small map of each, and how far off they are.
+
+Less than ``judge`` gives, and soon: one grid, everything that the program does, and passes as
+close as finding gouges needs them. The figures are those of the deepest places of that grid.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from controller.kinematics import Kinematics
+from controller.machine import Machine
+from controller.plan.route.stretch import Stretch
+from controller.plan.text.program import Block
+from controller.verify import passes
+from controller.verify.judge import Cutting, Field, Map, Worst, Zone
+from controller.verify.nominal import Nominal
+
+GRID = (33, 9)  # along, across
+MOST = 40  # surfaces that get a map: those of a program's beginning
+
+
+def maps(
+    stretches: Mapping[int, Stretch],
+    read: Callable[[], Iterable[Block]],
+    machine: Machine,
+    kinematics: Kinematics,
+) -> dict[str, Any]:
+    """``overcut_mm``, ``undercut_mm`` and ``surfaces`` with their maps (um; None: uncut); {} without any.
+
+    ``read`` gives the program's blocks, for the tools.
+    """
+    fitted = passes.Fitted.of(read(), machine)
+    surfaces = passes.nominals(stretches, fitted)
+    if not surfaces:
+        return {}
+    near = passes.planned(stretches, surfaces[:MOST], fitted, kinematics, rough=True)
+    cutting = Cutting(near, surfaces)
+    rows = [_row(one, *Field(one, cutting).once(*GRID)) for one in surfaces[:MOST]]
+    deepest = {name: max(row[name] for row in rows) for name in ("overcut_mm", "undercut_mm")}
+    return {**deepest, "surfaces": rows, "left_out": max(0, len(surfaces) - MOST)}
+
+
+def _row(nominal: Nominal, zone: Zone, seen: Map) -> dict[str, Any]:
+    um = np.round(1e3 * seen.t.T, 1)  # across, along: v downwards
+    return {
+        "line": nominal.line,
+        "overcut_mm": _amount(zone.overcut),
+        "undercut_mm": _amount(zone.undercut),
+        "overcut_at": [zone.overcut.u, zone.overcut.v] if zone.overcut else None,
+        "map_um": [[None if np.isnan(t) else float(t) for t in row] for row in um],
+    }
+
+
+def _amount(worst: Worst | None) -> float:
+    return abs(worst.mm) if worst else 0.0

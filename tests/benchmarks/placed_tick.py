@@ -1,0 +1,63 @@
+"""What a placed cut costs the tick beside the paper's: the joints of one tick, placements in turn.
+
+    python tests/benchmarks/placed_tick.py [--rounds N]
+
+Pose and inverse kinematics are all that differs between placements; the rest of a tick (drives,
+bus, checks) is the same for all, so the ratio of whole ticks is below the one printed here. Time
+of the thread's own CPU, the least of all rounds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from pathlib import Path
+
+sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
+
+from machines import machine as make_machine  # noqa: E402
+from surfaces_of_the_paper import example_2  # noqa: E402
+
+from controller.curves import ArcLength  # noqa: E402
+from controller.kinematics import Kinematics  # noqa: E402
+from controller.motions import SurfaceCut  # noqa: E402
+from controller.placement import Strategy  # noqa: E402
+from controller.plan.route.placing import Cutter, place  # noqa: E402
+
+PLACES = 1000
+
+
+def cuts() -> dict[str, SurfaceCut]:
+    """Example 2's second surface, placed in each way."""
+    surface, frame = example_2()[1], make_machine().offsets[0]
+    arc, cutter = ArcLength.of(surface.lower), Cutter(3.0, 0.0, 0.0)
+    return {s.name.lower(): SurfaceCut(place(surface, cutter, s), arc, 3.0, 0.0, frame) for s in Strategy}
+
+
+def cost_us(cut: SurfaceCut, kinematics: Kinematics) -> float:
+    """Of one tick's joints."""
+    places = [(i + 0.5) * cut.end / PLACES for i in range(PLACES)]
+    near = (0.3, 1.0)
+    start = time.thread_time()
+    for s in places:
+        joints = cut.joints(s, near, kinematics)
+        assert joints is not None
+    return (time.thread_time() - start) / PLACES * 1e6
+
+
+def main() -> None:
+    arguments = argparse.ArgumentParser(description="cost of placements on the tick")
+    arguments.add_argument("--rounds", type=int, default=60)
+    rounds = arguments.parse_args().rounds
+    made, kinematics = cuts(), Kinematics(make_machine())
+    least = dict.fromkeys(made, float("inf"))
+    for _ in range(rounds):
+        for name, cut in made.items():
+            least[name] = min(least[name], cost_us(cut, kinematics))
+    for name, us in least.items():
+        print(f"{name:<8} {us:6.2f} us  {us / least['single']:.2f} x single")
+
+
+if __name__ == "__main__":
+    main()

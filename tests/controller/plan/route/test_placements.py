@@ -1,0 +1,111 @@
+"""Placements that a check has found are used again as they were, and nothing else is."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cutting import shipped
+from surfaces_of_the_paper import example_2
+
+from controller.placement import Placed, Strategy
+from controller.plan.route import placements, placing
+from controller.plan.route.placements import Recipe
+from controller.plan.route.placing import Cutter, place
+from controller.session import checked
+from controller.splines import BSpline
+
+CUTTER = Cutter(1.5, 0.0, 0.0)
+SMALL = """G21 G90 T2 M6
+S9000 M3
+G41 P{}
+G52 X0. Y0. Z5. F800.
+X3. Y0.2 Z5.
+X6. Y0.1 Z5.
+X9. Y0. Z5.
+X0. Y0. Z0.
+X3. Y0. Z0.
+X6. Y0.3 Z0.
+X9. Y0.5 Z0.
+M5
+M30
+"""
+
+
+def corrected() -> Placed:
+    rng = np.random.default_rng(3)
+    knots = (0.0,) * 4 + (0.3, 0.7) + (1.0,) * 4
+    curve = BSpline.of(4, knots, [tuple(map(float, row)) for row in rng.uniform(-0.01, 0.01, (6, 3))])
+    return Placed(example_2()[1], -2.0, (0.1, 0.9), (0.1, 0.9), 0.07, 0.4, curve, 0.3)
+
+
+@pytest.fixture(autouse=True)
+def nothing_known(monkeypatch):
+    monkeypatch.setattr(placements, "_known", {})
+    placing._better.cache_clear()
+    yield
+    placing._better.cache_clear()
+
+
+@pytest.mark.parametrize("placed", [corrected(), replace(corrected(), corrections=None)])
+def test_a_recipe_gives_the_same_poses_to_the_last_bit_after_a_way_through_a_file(placed):
+    kept = Recipe.from_dict(json.loads(json.dumps(Recipe.of(placed).to_dict())))
+    again = kept.on(placed.base, "name")
+    assert again == placed
+    for u in (0.0, 0.31, 0.7, 1.0):
+        assert again.pose(u, -2.0) == placed.pose(u, -2.0)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"points_v": [0.1]},
+        {"offset_mm": "wide"},
+        {"spans": []},
+        {"breaks": None},
+        {"spans": [[[0.0, 0.0]]] * 3},
+    ],
+)
+def test_a_damaged_recipe_is_never_believed(damage):
+    with pytest.raises((ValueError, TypeError, KeyError)):
+        Recipe.from_dict({**Recipe.of(corrected()).to_dict(), **damage})
+
+
+def test_a_name_belongs_to_one_surface_one_cutter_and_one_strategy():
+    first, second = example_2()
+    asked = [
+        (first, CUTTER, Strategy.DOUBLE),
+        (second, CUTTER, Strategy.DOUBLE),
+        (first, replace(CUTTER, offset_mm=1.5000001), Strategy.DOUBLE),
+        (first, CUTTER, Strategy.OPTIMAL),
+    ]
+    assert len({placements.name_of(*one) for one in asked}) == len(asked)
+    assert placements.name_of(*asked[0]) == placements.name_of(example_2()[0], CUTTER, Strategy.DOUBLE)
+
+
+def test_what_is_known_is_not_searched_again(monkeypatch):
+    surface = example_2()[0]
+    found = place(surface, CUTTER, Strategy.DOUBLE)
+    assert isinstance(found, Placed) and found.name
+    placing._better.cache_clear()
+    placements.learn({found.name: Recipe.of(found)})
+    monkeypatch.setattr(placing, "_found", lambda *_: pytest.fail("searched again"))
+    again = place(surface, CUTTER, Strategy.DOUBLE)
+    assert again == found and again.pose(0.4, 1.5) == found.pose(0.4, 1.5)
+
+
+@pytest.mark.parametrize("strategy", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_a_check_keeps_what_was_found_and_a_start_takes_it_from_there(tmp_path, monkeypatch, strategy):
+    task = checked.task(SMALL.format(strategy).encode(), "small.ngc", shipped())
+    _, kept, warning = checked.check(task, tmp_path)
+    assert not warning and len(kept.placements) == 1
+    placing._better.cache_clear()
+    placements._known.clear()
+    found, warning = checked.find(task, tmp_path)
+    assert found == kept and not warning
+    monkeypatch.setattr(placing, "_found", lambda *_: pytest.fail("searched again"))
+    cuts = [one for one in checked.stretches(checked.walk_of(task, found, False)).values() if one.cutting]
+    (name,) = kept.placements
+    assert [one.motion.surface.name for one in cuts] == [name]
