@@ -185,6 +185,7 @@ def _axis(table: Table, buses: tuple[Bus, ...], folder: Path | None) -> Axis:
         enable_group=table.integer("enable_group", 0, 99, 0),
         unsupervised=table.flag("unsupervised", False),
         clamp=equipment.clamp(table),
+        temperature=equipment.temperature(table),
     )
     table.finish()
     return axis

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from controller.geometry import Z, norm, scale
-from controller.machine import Axis, Bus, Clamp, Homing, Io, Spindle, WorkTable
+from controller.machine import Axis, Bus, Clamp, Homing, Io, Spindle, Temperature, WorkTable
 from controller.toml_table import Table
 
 INPUTS = ("estop", "door", "power", "tool_clamped", "coolant_flow")  # beside those that clamps name
@@ -88,6 +88,24 @@ def clamp(table: Table) -> Clamp | None:
         input=entry.text("input", default=""),
         open_s=entry.number("open_s", 0.01, 30.0, default=0.5),
     )
+    entry.finish()
+    return found
+
+
+def temperature(table: Table) -> Temperature | None:
+    """``temperature = { index, sub, bits, tpdo, per_degree }`` of an axis' drive."""
+    if not table.has("temperature"):
+        return None
+    entry = table.table("temperature", f"{table.name} temperature")
+    found = Temperature(
+        index=entry.integer("index", 0x2000, 0x6FFF),
+        sub=entry.integer("sub", 0, 254, 0),
+        bits=entry.integer("bits", 8, 32, 16),
+        tpdo=entry.integer("tpdo", 1, 4),
+        per_degree=entry.positive("per_degree", 1.0),
+    )
+    if found.bits not in (8, 16, 32):
+        entry.refuse("bits", "is no size of an object", "8, 16 or 32", "take it from the drive's manual")
     entry.finish()
     return found
 

@@ -316,6 +316,7 @@ ROW: tuple[str, ...] = (
     "override",
     "rapid_override",
     "switches",  # single block, optional stop; stood still in this tick, after a long gap
+    "bus_share",  # of the period that the frames heard and sent in this tick take at most, fullest bus
 )
 SINGLE_BLOCK, OPTIONAL_STOP, STOOD = 1, 2, 4  # bits of "switches"
 COLUMN = {name: i for i, name in enumerate(ROW)}

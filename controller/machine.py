@@ -61,6 +61,17 @@ class Homing:
 
 
 @dataclass(frozen=True, slots=True)
+class Temperature:
+    """Where a drive tells how warm it is; every maker has another object."""
+
+    index: int
+    sub: int
+    bits: int  # 8, 16 or 32, signed
+    tpdo: int  # number of the one that takes it, twice a second at most
+    per_degree: float  # of the object's unit
+
+
+@dataclass(frozen=True, slots=True)
 class Clamp:
     """A clamp that holds a standing axis: the names of its output (1 = open) and input (1 = closed)."""
 
@@ -95,6 +106,7 @@ class Axis:
     eds: str = ""  # its data sheet, where the profile brings none
     serial: int = 0  # of the very drive that belongs here (1018h:04); 0 = any of its kind
     clamp: Clamp | None = None
+    temperature: Temperature | None = None
 
     @property
     def is_rotary(self) -> bool:

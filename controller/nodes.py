@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from controller import profiles
-from controller.machine import Axis, Machine
+from controller.machine import Axis, Machine, Temperature
 from controller.toml_table import ConfigError
 from drives.settings import BusSettings, IoSettings, MasterSettings, NodeSettings, SpindleSettings
 
@@ -98,4 +98,11 @@ def _node(axis: Axis, period_s: float) -> NodeSettings:
         unsupervised=axis.unsupervised,
         profile=profiles.load(axis.profile),
         serial=axis.serial,
+        temperature_tpdo=axis.temperature.tpdo if axis.temperature else 0,
+        temperature_entry=_entry(axis.temperature) if axis.temperature else 0,
     )
+
+
+def _entry(told: Temperature) -> int:
+    """As a mapping object has it (CiA 301, 7.5.2.37)."""
+    return told.index << 16 | told.sub << 8 | told.bits

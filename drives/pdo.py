@@ -23,7 +23,7 @@ from struct import Struct
 
 FRAME = Struct("<IB3x8s")
 FRAME_BYTES = 16
-DATA_AT = 8
+LENGTH_AT, DATA_AT = 4, 8
 HEADER = Struct("<IB")
 COMMAND = Struct("<Hi")
 FEEDBACK = Struct("<Hi")

@@ -43,6 +43,8 @@ class NodeSettings:
     profile: Profile = GENERIC
     feedback_every: int = 1  # transmission type of the feedback's TPDO: every so many SYNCs
     probe_tpdo: int = 0  # number of the event-driven TPDO with 60B9h and 60BAh; 0 = no touch probe
+    temperature_tpdo: int = 0  # number of the TPDO with the drive's temperature; 0 = it tells none
+    temperature_entry: int = 0  # what is mapped into it: index << 16 | sub << 8 | bits
     feed_forward: bool = False  # the velocity goes with the target (60B1h); the controlword apart
     enable_group: int = 0  # drives are enabled group by group, lowest first, and disabled in reverse
     unsupervised: bool = False  # the operator accepts a drive that does not notice a dead controller

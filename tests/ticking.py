@@ -96,6 +96,7 @@ class FakeGroup:
         self.sync_stopped = False
         self.spindle: Any = None
         self.io: Sequence[Any] = ()
+        self.lines: Sequence[Any] = ()
         self.syncs: list[float] = []
         self.commands: list[tuple[float, tuple[int, ...]]] = []
 

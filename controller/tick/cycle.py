@@ -68,6 +68,7 @@ class Cycle:
         self._encoder = Encoder(machine)
         self._check = Check(machine)
         self._telling = Telling(
+            machine,
             group,
             self.modes,
             self.follow,

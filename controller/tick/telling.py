@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 from controller.handoff import OPTIONAL_STOP, SINGLE_BLOCK, STANDSTILL, STOOD, Recorder, SnapshotBoard
+from controller.machine import Machine
 from controller.tick.follow import Follow
 from controller.tick.jog import Jogging
 from controller.tick.joints import Encoder
@@ -15,6 +19,7 @@ class Telling:
 
     def __init__(
         self,
+        machine: Machine,
         group: Drives,
         modes: Modes,
         follow: Follow,
@@ -27,6 +32,7 @@ class Telling:
         self._encoder = encoder
         self._snapshot, self._recorder = snapshot, recorder
         self._states = [0] * len(group.drives)
+        self._buses = _timed(machine, group.lines)
 
     def publish(
         self,
@@ -111,4 +117,23 @@ class Telling:
             modes.override,
             modes.rapid_override,
             SINGLE_BLOCK * modes.single_block + OPTIONAL_STOP * modes.optional_stop + STOOD * stood,
+            self._bus_share(),
         )
+
+    def _bus_share(self) -> float:
+        """How full the fullest bus was since the last row; counted anew from here on."""
+        fullest = 0.0
+        for line, share_per_bit in self._buses:
+            share = line.bits * share_per_bit
+            line.bits = 0
+            if share > fullest:
+                fullest = share
+        return fullest
+
+
+def _timed(machine: Machine, lines: Sequence[Any]) -> tuple[tuple[Any, float], ...]:
+    """Each bus with what one bit takes of a period; one without bit timing takes nothing."""
+    rates = {bus.name: bus.bit_rate for bus in machine.buses}
+    return tuple(
+        (line, 1.0 / (rates[line.bus] * machine.period_s) if rates[line.bus] else 0.0) for line in lines
+    )

@@ -142,6 +142,11 @@ def _of_axis(node: NodeSettings, profile: Profile) -> Iterator[str]:
         )
     if node.probe_tpdo and node.probe_tpdo == profile.tpdo:
         yield f"profile {profile.name}: TPDO {profile.tpdo} carries the feedback already; change probe_tpdo"
+    if node.temperature_tpdo and node.temperature_tpdo in (profile.tpdo, node.probe_tpdo):
+        yield (
+            f"profile {profile.name}: TPDO {node.temperature_tpdo} carries something else already;"
+            " change tpdo of temperature"
+        )
 
 
 # --- by the data sheet ---------------------------------------------------------------

@@ -26,6 +26,7 @@ STATUSWORD, POSITION, VELOCITY = 0x6041_0010, 0x6064_0020, 0x606C_0020
 PROBE_STATUS, PROBE_POSITION = 0x60B9_0010, 0x60BA_0020
 SYNCHRONOUS, ON_CHANGE = 1, 255  # transmission types
 RPDO, TPDO = (0x1400, 0x1600, pdo.RPDO1), (0x1800, 0x1A00, pdo.TPDO1)
+TEMPERATURE_MS = 1000  # between two that tell the same; a change may come after half of it
 PREDEFINED = 4  # PDOs with an identifier of the pre-defined connection set
 LINEAR = 0  # 60C0h: linear interpolation
 
@@ -120,6 +121,7 @@ class Pdo:
     entries: tuple[int, ...]
     what: str
     event_ms: int = 0  # event timer, sub 5
+    quiet_ms: int = 0  # at least between two of them, sub 3
 
     @property
     def parameters(self) -> int:
@@ -156,6 +158,10 @@ def axis_pdos(node: NodeSettings) -> Iterator[Pdo]:
         yield Pdo(
             TPDO, node.probe_tpdo, ON_CHANGE, entries, f"the touch probe tells by TPDO {node.probe_tpdo}"
         )
+    if node.temperature_tpdo:
+        what = f"the temperature goes by TPDO {node.temperature_tpdo}"
+        warmth = (node.temperature_entry,)
+        yield Pdo(TPDO, node.temperature_tpdo, ON_CHANGE, warmth, what, TEMPERATURE_MS, TEMPERATURE_MS // 2)
 
 
 def spindle_pdos(node: SpindleSettings) -> tuple[Pdo, ...]:
@@ -220,7 +226,10 @@ def _mapped(used: Pdo, node: int, sheet: Sheet) -> Step:
     settings.append(Setting(parameters, 2, used.transmission, f"{what} {_when(used.transmission)}"))
     if used.kind is TPDO:
         # Left over times would hold feedback back, or send it between SYNCs.
-        settings.append(Setting(parameters, 3, 0, f"{what} without being held back", optional=True))
+        held = (
+            f"{what} at most every {used.quiet_ms} ms" if used.quiet_ms else f"{what} without being held back"
+        )
+        settings.append(Setting(parameters, 3, 10 * used.quiet_ms, held, optional=not used.quiet_ms))
         event = f"{what} again after {used.event_ms} ms" if used.event_ms else f"{what} at no other time"
         settings.append(Setting(parameters, 5, used.event_ms, event, optional=not used.event_ms))
     settings.append(Setting(mapping, 0, 0, what))

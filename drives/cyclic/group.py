@@ -24,7 +24,7 @@ from drives.cyclic.drive import Drive
 from drives.cyclic.drive_fault import DriveFault
 from drives.cyclic.enabling import Enabling
 from drives.cyclic.io_node import IoNode
-from drives.cyclic.line import MOST_FRAMES, Line
+from drives.cyclic.line import BITS, MOST_FRAMES, Line
 from drives.cyclic.spindle import SpindleDrive
 from drives.cyclic.supervised import Supervised
 from drives.ports.port import Port
@@ -135,6 +135,7 @@ class Group:
             if line.off:
                 good = False
             elif line.send(self._sync_frame):
+                line.bits += BITS[0]
                 line.expect()
             else:
                 good = self._failed(line.first)
@@ -150,6 +151,7 @@ class Group:
             for i, drive in turns:
                 refused = drive.refused
                 frame = drive.frame(setpoints[i], now_s)
+                line.bits += BITS[frame[pdo.LENGTH_AT]]
                 if drive.refused != refused or not (line.packs or line.send(frame)):
                     good = self._failed(i)
             if line.packs and not line.send(line.packet):
@@ -157,7 +159,10 @@ class Group:
         for line, node in self._talkers:
             if not line.off:
                 event = node.event_frame(now_s, self.master.heartbeat_s)
-                if event is not None and not line.send(event):
+                if event is None:
+                    continue
+                line.bits += BITS[event[pdo.LENGTH_AT]]
+                if not line.send(event):
                     good = self._failed(line.first)
         if now_s >= self._heartbeat_due_s:
             good = self._beat(now_s) and good
@@ -170,6 +175,7 @@ class Group:
         self._heartbeat_due_s = now_s + self.master.heartbeat_s
         good = True
         for line in self.lines:
+            line.bits += BITS[1]
             if not line.send(self._heartbeat_frame):
                 good = self._failed(line.first)
         return good
@@ -181,6 +187,7 @@ class Group:
         line, node = self._guarded[self._guard_turn]
         self._guard_turn = (self._guard_turn + 1) % len(self._guarded)
         node.asked(now_s)
+        line.bits += BITS[0]
         return line.send(node.guard_frame) or self._failed(line.first)
 
     def _failed(self, index: int) -> bool:
@@ -259,5 +266,5 @@ def _lines(
     for bus in dict.fromkeys(node.settings.bus for node in (*drives, *others)):
         here = [drive for drive in drives if drive.settings.bus == bus]
         more = [other for other in others if other.settings.bus == bus]
-        lines.append(Line(ports[bus], here, drives.index(here[0]) if here else -1, more, echoes))
+        lines.append(Line(ports[bus], here, drives.index(here[0]) if here else -1, more, echoes, bus))
     return tuple(lines)

@@ -25,6 +25,9 @@ _CLASSES = pdo.ERROR_FLAG - 1
 _CONTROLLER, _BUS_OFF, _RESTARTED = 0x004, 0x040, 0x100
 _RX_OVERFLOW, _SEVERE = 0x01, 0x02 | 0x10 | 0x20  # TX overflow, error passive
 
+# By data bytes, with the stuffing of the worst payload: as ``drives.load.stuffing.worst_bits`` counts.
+BITS = tuple(55 + 10 * n for n in range(9))
+
 _NONE = DriveFault.NONE
 _HEADER = pdo.HEADER.unpack_from
 
@@ -33,7 +36,8 @@ class Line:
     """Read: ``fault`` (the first thing wrong with this bus, kept until ``forget``; bus-off
     outranks), ``off`` (our controller has left the bus: nothing may be sent), ``syncs``
     (SYNC frames heard in the last drain), ``foreign_syncs``, ``drives``, ``first`` (index
-    in the group of its first drive, -1 without one), ``errors`` (error frames since start).
+    in the group of its first drive, -1 without one), ``errors`` (error frames since start), ``bus``
+    (its name), ``bits`` (of all frames heard and sent here, until somebody sets it back to 0).
     """
 
     def __init__(
@@ -43,9 +47,12 @@ class Line:
         first: int,
         others: Sequence[SpindleDrive | IoNode] = (),
         echoes: bool = False,
+        bus: str = "",
     ) -> None:
         """``echoes``: SYNC is the kernel's and comes back to us; otherwise a SYNC heard is a stranger's."""
         self.port = port
+        self.bus = bus
+        self.bits = 0
         self.send = port.send
         self.drives = tuple(drives)
         self.others = tuple(others)
@@ -84,9 +91,12 @@ class Line:
             if not receive_into(buffer):
                 break
             can_id, length = _HEADER(buffer)
+            if length > 8:
+                length = 8
+            self.bits += BITS[length]
             handler = handlers.get(can_id)
             if handler is not None:
-                handler(data[length if length < 8 else 8], now_s)
+                handler(data[length], now_s)
                 if off:  # whoever hears is on the bus again
                     self.off = off = False
             elif can_id == pdo.SYNC:

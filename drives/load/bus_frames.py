@@ -25,6 +25,7 @@ OPERATIONAL = bytes([pdo.NMT_OPERATIONAL])
 SDO_QUESTION = 0x600
 SDO_BYTES = EMERGENCY_BYTES = 8
 CYCLIC_VELOCITY = 9
+TEMPERATURE_EVERY_S = 0.5  # at most: half of ``drives.commissioning.wanted.TEMPERATURE_MS``
 
 
 class Kind(Enum):
@@ -157,6 +158,9 @@ def _drive(rows: _Rows, node: NodeSettings, master: MasterSettings) -> None:
         rows.every_tick(what, CONTROLLER, setpoint, pdo.PDO_BYTES, CONTROLWORD)
     feedback = pdo.tpdo(profile.tpdo, node.node)
     rows.every_tick(f"feedback of {name}", name, feedback, pdo.PDO_BYTES, STATUSWORD, node.feedback_every)
+    if node.temperature_tpdo:
+        warmth, size = pdo.tpdo(node.temperature_tpdo, node.node), (node.temperature_entry & 0xFF) // 8
+        rows.at_interval(f"temperature of {name}", name, warmth, TEMPERATURE_EVERY_S, b"", more=size)
     _supervised(rows, name, node.node, profile.supervision, master)
     rows.on_event(f"emergency of {name}", name, pdo.EMCY + node.node, EMERGENCY_BYTES)
 

@@ -128,6 +128,16 @@ def test_a_period_that_a_family_cannot_do_is_refused_before_a_frame_is_sent(
         ("elmo", {"bit": 250_000}, "250 kbit/s is none of its bit rates; allowed are 500, 1000"),
         ("pilz_prbt", {"probe_tpdo": 2}, "object 60B9h:00 is not in"),
         ("maxon_epos4", {"probe_tpdo": 1}, "TPDO 1 carries the feedback already"),
+        (
+            "maxon_epos4",
+            {"temperature_tpdo": 1, "temperature_entry": 0x2035_0010},
+            "TPDO 1 carries something else already",
+        ),
+        (
+            "elmo",
+            {"temperature_tpdo": 4, "temperature_entry": 0x2EEE_0010},
+            "object 2EEEh:00 is not in",
+        ),
     ],
 )
 def test_what_a_family_cannot_do_is_refused_with_the_reason(
