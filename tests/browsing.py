@@ -95,10 +95,10 @@ class Site:
 
 
 @contextlib.contextmanager
-def fake_site(folder: Path) -> Iterator[Site]:
-    """A panel before a fake machine."""
+def fake_site(folder: Path, script: str = "page_server.py") -> Iterator[Site]:
+    """A panel before a fake machine, or with ``stepped_site.py`` before one on the stepped clock."""
     port = free_port()
-    site = Site(folder, (str(ROOT / "tests" / "page_server.py"), str(folder), str(port)), port)
+    site = Site(folder, (str(ROOT / "tests" / script), str(folder), str(port)), port)
     try:
         yield site
     finally:

@@ -55,6 +55,11 @@ class MovingDoor(FakeDoor):
             self._jog = None
         return super().answer(verb, args)
 
+    def _keep(self, verb: str, args: dict[str, Any]) -> None:
+        super()._keep(verb, args)
+        if verb == "load" and self.job and {"line", "restart"} & args.keys():
+            self.job["restart"] = STATE_THERE
+
     def _jogged(self) -> None:
         """Let the axis have moved until now, or until the dead-man has ended it."""
         if self._jog is None:
@@ -90,6 +95,7 @@ class MovingDoor(FakeDoor):
         return {**super().facts(), "name": "fake", "axes": [_axis(name) for name in AXES], "period_s": 0.002}
 
 
+STATE_THERE = ["tool 1", "work offset G54", "spindle 12000 rev/min"]
 FAULT = {
     "name": "ESTOP",
     "axis": None,
@@ -180,6 +186,21 @@ PASSED = {
         }
         for name in AXES
     ],
+    "verified": {
+        "overcut_mm": 0.2502,
+        "undercut_mm": 0.0,
+        "surfaces": [
+            {
+                "line": line,
+                "overcut_mm": deepest_mm,
+                "undercut_mm": 0.0,
+                "overcut_at": [0.98, 0.0],
+                "map_um": [[-1e3 * deepest_mm * k / 16.0 * v for k in range(17)] for v in (1.0, 0.5, 0.0)],
+            }
+            for line, deepest_mm in ((10, 0.018), (19, 0.2502))
+        ],
+        "left_out": 0,
+    },
     "notes": [{"line": 19, "note": "Joins the block of line 10: the poses agree and the cut runs through."}],
 }
 

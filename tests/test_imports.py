@@ -20,7 +20,7 @@ ARROWS: dict[str, set[str]] = {
     "faults": set(),
     "catalogue": {"faults"},  # texts of the faults, by language
     "fault_table": {"faults", "catalogue"},
-    "state": {"faults", "fault_table"},
+    "state": {"faults", "fault_table", "catalogue"},
     "jets": set(),
     "curves": {"geometry", "jets"},
     "splines": {"geometry", "jets", "curves"},
@@ -46,7 +46,7 @@ ARROWS: dict[str, set[str]] = {
     "plan": LEAVES | SHAPES | {"handoff"},
     "times": LEAVES | {"handoff"},  # what a machine's faults take
     "tick": LEAVES | (SHAPES - {"jets"}) | {"handoff", "times"},
-    "journal": LEAVES | {"handoff", "plan"},  # where the running program is, on disk
+    "journal": LEAVES | {"handoff", "plan", "catalogue"},  # where the running program is, on disk
     "verify": LEAVES | SHAPES | {"plan", "handoff"},
     # Puts the parts together, as the command line does; nothing but that imports it.
     "session": LEAVES | SHAPES | {"config", "handoff", "plan", "tick", "verify"},
@@ -54,16 +54,18 @@ ARROWS: dict[str, set[str]] = {
     # The process of `serve`: parent of tick and plan, and the far side of the door.
     "service": LEAVES
     | SHAPES
-    | {"config", "toml_table", "fitting", "jog_frames", "door", "journal"}
+    | {"config", "toml_table", "fitting", "jog_frames", "door", "journal", "catalogue"}
     | {"handoff", "plan", "session", "tick", "times"},
     "panel": LEAVES
     | {"handoff", "config", "toml_table", "fitting", "door", "plan", "verify"}
     | {"faults", "catalogue"},
+    "cad": LEAVES | SHAPES | {"plan"},  # faces of a CAD file as a program
+    "post": LEAVES | SHAPES | {"plan"},  # a planned path as lines
     # Commands of the command line, each a file of its own: as free as that, but for tick.
     "commands": LEAVES
     | SHAPES
     | {"config", "nodes", "profiles", "toml_table", "handoff", "plan", "verify", "session", "times"}
-    | {"catalogue", "door", "fitting", "service", "panel"},
+    | {"catalogue", "door", "fitting", "service", "panel", "cad", "post"},
 }
 
 # Parts of drives that are values and tables, for all.
@@ -112,6 +114,7 @@ ONLY_IN: dict[str, set[str]] = {
         "drives/commissioning/sheet.py",
         "drives/commissioning/possible.py",
     },
+    "OCP": {"controller/cad/kernel.py"},
 }
 
 # The tick calculates on plain floats and never waits for a lock (DESIGN sections 2, 3, 5).
@@ -243,6 +246,7 @@ PLANTED = [
     ("drives/cyclic/group.py", "def f():\n    import can", "python-can has one door"),
     ("drives/simulated/node.py", "import canopen.sdo", "canopen has one door"),
     ("controller/__main__.py", "import canopen", "for the command line, too"),
+    ("controller/cad/strip.py", "from OCP.gp import gp_Pnt", "OpenCASCADE has one door"),
 ]
 
 

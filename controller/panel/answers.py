@@ -16,12 +16,15 @@ from typing import Any
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel
 
+from controller import catalogue
+
 
 class ErrorFacts(BaseModel):
     """Why something was not done."""
 
     code: str
     sentence: str
+    sentence_de: str | None = None  # the same in German, where it is known
     mode: str | None = None  # of the machine, where that is the reason
     request: str | None = None  # what was asked of the machine
 
@@ -43,11 +46,22 @@ class Refusal(Exception):
         *,
         mode: str | None = None,
         request: str | None = None,
+        sentence_de: str | None = None,
         headers: Mapping[str, str] | None = None,
     ) -> None:
         super().__init__(sentence)
         self.status, self.headers = status, dict(headers or {})
-        self.facts = ErrorFacts(code=code, sentence=sentence, mode=mode, request=request)
+        self.facts = ErrorFacts(
+            code=code, sentence=sentence, sentence_de=sentence_de, mode=mode, request=request
+        )
+
+    @classmethod
+    def told(
+        cls, status: int, code: str, key: str, headers: Mapping[str, str] | None = None, **values: object
+    ) -> Refusal:
+        """With the catalogue's text of that key, in both languages."""
+        english, german = (catalogue.refusal(key, language, **values) for language in ("en", "de"))
+        return cls(status, code, english, sentence_de=german, headers=headers)
 
     def response(self) -> JSONResponse:
         body = ErrorAnswer(error=self.facts).model_dump()

@@ -73,6 +73,7 @@ def refusal(error: DoorError) -> Refusal:
         error.sentence or "The controller's service refused without a reason; see its log.",
         mode=error.mode or None,
         request=error.request or None,
+        sentence_de=error.sentence_de or None,
     )
 
 

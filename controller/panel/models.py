@@ -117,12 +117,16 @@ class OffsetValues(Sent):
 
 
 class ToolValues(Sent):
-    """A cylindrical cutter."""
+    """A cutter; what is left out stays as it is: corner, taper, and all that only the machine file has."""
 
     name: Annotated[str, Field(max_length=60)] = ""
     radius_mm: Annotated[float, Field(gt=0.0, le=500.0)]
     length_mm: Annotated[float, Field(ge=0.0, le=2000.0, description="From the gauge line to the tip.")]
     flute_mm: Annotated[float, Field(gt=0.0, le=1000.0)]
+    corner_mm: Annotated[
+        float | None, Field(ge=0.0, le=500.0, description="Rounding of the end; the radius: a ball end.")
+    ] = None
+    taper_deg: Annotated[float | None, Field(ge=0.0, le=45.0, description="Half angle of the flank.")] = None
 
 
 class Rename(Sent):
@@ -194,6 +198,7 @@ class RestartFacts(Told):
 
     offered: bool
     sentence: str | None = Field(None, description="Why it is not offered.")
+    sentence_de: str | None = Field(None, description="The same in German, where it is known.")
     program: str | None = Field(None, description="Its name in the store: POST /job with restart = true.")
     name: str | None = Field(None, description="What it was called when it ran.")
     sha256: str | None = None

@@ -73,6 +73,8 @@ class PathPicture(Told):
 class RunSums(Told):
     """All runs together."""
 
+    runs: int
+    failed: int = Field(description="Ended neither by themselves nor by an operator.")
     results: dict[str, int] = Field(description="How many, by their result.")
     duration_s: float
     cut_time_s: float

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Literal, cast
 
+from controller.catalogue import Key
 from controller.panel.answers import Refusal
 
 RoleName = Literal["view", "operate", "set_up"]
@@ -53,12 +54,7 @@ class Control:
     def take(self, who: Principal, take_over: bool = False) -> str:
         """A new token, shown only here. Raises Refusal while somebody holds it, unless taken over."""
         if self.holder and not take_over:
-            raise Refusal(
-                409,
-                "control",
-                f"{self.holder} holds control; ask for it to be given back, or take it over by "
-                f'{{"take_over": true}}.',
-            )
+            raise Refusal.told(409, "control", "control_held", holder=self.holder)
         self.holder, self.since_s, self._token = who.name, time.time(), secrets.token_urlsafe(16)
         return self._token
 
@@ -77,9 +73,4 @@ class Control:
         """Raises Refusal where ``token`` is not the one that was given last."""
         if self.holds(token):
             return
-        whose = f"{self.holder} holds control" if self.holder else "Nobody holds control"
-        raise Refusal(
-            409,
-            "control",
-            f"{whose}; take it by POST /api/v1/control and send its token as X-Control-Token.",
-        )
+        raise Refusal.told(409, "control", "no_control", holder=self.holder or Key("nobody"))

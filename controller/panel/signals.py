@@ -41,6 +41,7 @@ _PLAIN = {  # name -> unit, column, factor
     "cutting": ("", "cutting", 1.0),
     "limited_by": ("", "limited_by", 1.0),
     "sync_sent": ("", "sync_sent", 1.0),
+    "bus_load": ("%", "bus_share", 100.0),
 }
 
 

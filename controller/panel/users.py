@@ -68,12 +68,8 @@ class Brake:
         """Raises Refusal where one of the keys has to wait."""
         wait_s = max(self._tries.get(key, Tries()).wait_s(now_s) for key in keys)
         if wait_s > 0.0:
-            raise Refusal(
-                429,
-                "too_often",
-                f"Too many wrong passwords; try again in {wait_s:.0f} s.",
-                headers={"Retry-After": str(int(wait_s) + 1)},
-            )
+            later = {"Retry-After": str(int(wait_s) + 1)}
+            raise Refusal.told(429, "too_often", "too_often", later, seconds=wait_s)
 
     def wrong(self, now_s: float, *keys: str) -> None:
         old = [key for key, tries in self._tries.items() if now_s - tries.last_s > FORGOTTEN_S]
@@ -140,7 +136,7 @@ class Users:
         async with self._hashing:
             right = await asyncio.to_thread(self._verify, user, password)
         if user is None or not right:
-            raise Refusal(401, "log_in", "Name or password is wrong; try again.")
+            raise Refusal.told(401, "log_in", "wrong_password")
         self._brake.right(*keys)
         return self.begin(name, Role.named(user.role))
 

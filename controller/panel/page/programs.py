@@ -9,6 +9,7 @@ from urllib.parse import quote
 
 from nicegui import ui
 
+from controller.panel.page import cut_maps
 from controller.panel.page.view import Page, act, card, row, tagged, text
 from controller.panel.page.words import Words
 from controller.panel.programs import Program
@@ -39,6 +40,12 @@ WORDS: Words = {
     "programs.dry": ("Dry run, mm above", "Probelauf, mm darüber"),
     "programs.load_there": ("Load from there", "Von dort laden"),
     "programs.state_there": ("State at that place", "Zustand an dieser Stelle"),
+    "programs.offer": (
+        "{0} was interrupted at line {1}, {2} % of its block, on {3}.",
+        "{0} wurde in Zeile {1} unterbrochen, bei {2} % des Satzes, am {3}.",
+    ),
+    "programs.go_on": ("Load from that place", "Ab dieser Stelle laden"),
+    "programs.not_offered": ("It cannot be gone on with:", "Fortsetzen geht nicht:"),
     "programs.cut": ("Cut", "Schnitt"),
     "programs.blocks": ("Blocks", "Sätze"),
     "programs.box": ("Travel used", "Genutzter Weg"),
@@ -66,6 +73,7 @@ WORDS: Words = {
     "result.refused": ("refused", "abgelehnt"),
     "result.lost": ("lost", "verloren"),
     "result.running": ("running", "läuft"),
+    **cut_maps.WORDS,
 }
 TONES = {"passed": "go", "refused": "stop", "failed": "stop", "running": "info", "waiting": "info"}
 RESULT_TONES = {"completed": "go", "fault": "stop", "refused": "stop", "lost": "stop", "stopped": "hold"}
@@ -92,6 +100,8 @@ class _Programs:
         page = self._page
         with ui.element("div").classes("programs"):
             with card(page, "", "programs-list"):
+                offer()
+                restart(page)
                 self._drop()
                 self._list()
             with card(page, "", "programs-detail"):
@@ -256,6 +266,7 @@ class _Programs:
                 if shown:
                     text(page.word(f"programs.{word}"), "dt")
                     text(shown, "dd", "figures")
+        cut_maps.cut_maps(page, check.get("verified") or {})
         if check.get("warning"):
             text(str(check["warning"]), "p", "wrong")
         self._box(check)
@@ -292,9 +303,18 @@ class _Programs:
                     field = tagged(ui.element("input"), type="number", name=key, min="0", max=str(most))
                     tagged(field, step="1" if key == "line" else "any")
             act(page, "programs.load_there", kind="go", icon="low_priority", modes="OFF READY")
-        with tagged(ui.element("div").classes("restart"), id="programs-restart", hidden=""):
-            text(page.word("programs.state_there"), "h2")
-            tagged(ui.element("ul"), id="programs-state")
+
+
+def offer() -> None:
+    """Where what was interrupted is offered; its script fills it."""
+    tagged(ui.element("div").classes("offer"), data_offer="1", hidden="")
+
+
+def restart(page: Page) -> None:
+    """The state at the place where the loaded program begins, if that is not its beginning."""
+    with tagged(ui.element("div").classes("restart"), data_restart="1", hidden=""):
+        text(page.word("programs.state_there"), "h2")
+        ui.element("ul")
 
 
 def chip(words: str, tone: str) -> None:

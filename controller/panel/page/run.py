@@ -6,6 +6,7 @@ from typing import Any
 
 from nicegui import ui
 
+from controller.panel.page import programs
 from controller.panel.page.view import Page, act, bar, card, live, row, tagged, text
 from controller.panel.page.words import Words
 
@@ -230,7 +231,9 @@ def _program(page: Page) -> None:
                 text("u ", "span", "dim")
                 live("in_block.u", "u", "strong")
         tagged(bar("in_block.fraction", "block-bar"), title=page.word("run.block"))
+        programs.restart(page)
         tagged(ui.element("pre").classes("listing"), id="run-listing", tabindex="0")
         with tagged(ui.element("div").classes("empty"), id="run-empty"):
             text(page.word("frame.no_program"), "p", "dim")
             tagged(act(page, "run.choose", needs="", icon="description"), data_to="programs")
+            programs.offer()

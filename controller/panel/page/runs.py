@@ -15,7 +15,7 @@ WORDS: Words = {
     "runs.completed": ("completed", "fertig"),
     "runs.stopped": ("stopped", "gestoppt"),
     "runs.failed": ("with faults", "mit Störung"),
-    "runs.cut": ("cut", "Schnitt"),
+    "runs.cut": ("in the cut", "im Schnitt"),
     "runs.time": ("in motion", "in Fahrt"),
     "runs.none": ("Nothing was run yet.", "Noch ist nichts gelaufen."),
     "runs.program": ("Program", "Programm"),
@@ -30,6 +30,7 @@ WORDS: Words = {
     "runs.from_line": ("From line", "Ab Zeile"),
     "runs.sha": ("SHA-256", "SHA-256"),
     "runs.scope": ("Open in scope", "Im Oszilloskop"),
+    "runs.report": ("Report", "Bericht"),
     "runs.more": ("Older", "Ältere"),
     "runs.select": ("Choose a run to see its record.", "Einen Lauf wählen, um seine Aufzeichnung zu sehen."),
 }
@@ -37,10 +38,10 @@ SUMS = ("all", "completed", "stopped", "failed", "cut", "time")
 COLUMNS = (
     ("program", ""),
     ("result", ""),
-    ("began", ""),
-    ("took", ""),
-    ("cut", "r-cut"),
-    ("error", "r-error"),
+    ("began", "figures"),
+    ("took", "figures"),
+    ("cut", "figures r-cut"),
+    ("error", "figures r-error"),
 )
 
 

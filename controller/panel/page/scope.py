@@ -62,6 +62,7 @@ WORDS: Words = {
     "scope.signal.fault": ("Fault", "Störung"),
     "scope.signal.cutting": ("Cutting", "Schnitt"),
     "scope.signal.limited_by": ("Limited by", "Begrenzt durch"),
+    "scope.signal.bus_load": ("Bus load", "Buslast"),
     "scope.signal.sync_sent": ("SYNC sent", "SYNC gesendet"),
 }
 WIDTHS_S = (0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20)

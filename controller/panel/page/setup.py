@@ -44,6 +44,8 @@ WORDS: Words = {
     "setup.radius_mm": ("Radius mm", "Radius mm"),
     "setup.length_mm": ("Length mm", "Länge mm"),
     "setup.flute_mm": ("Flute mm", "Schneide mm"),
+    "setup.corner_mm": ("Corner mm", "Ecke mm"),
+    "setup.taper_deg": ("Taper °", "Konus °"),
     "setup.delete": ("Delete", "Löschen"),
     "setup.delete_ask": ("Delete {0}?", "{0} löschen?"),
     "setup.add": ("Add a tool", "Werkzeug hinzufügen"),
@@ -160,7 +162,9 @@ def _tools(page: Page) -> None:
             ("name", ""),
             ("radius_mm", ""),
             ("length_mm", ""),
-            ("flute_mm", NARROW),
+            ("flute_mm", ""),
+            ("corner_mm", ""),
+            ("taper_deg", ""),
             ("", ""),
         )
         _table(page, "setup-tools", heads)

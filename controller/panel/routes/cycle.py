@@ -6,6 +6,7 @@ import asyncio
 
 from fastapi import APIRouter, Request
 
+from controller import catalogue
 from controller.panel import models
 from controller.panel.access import moves, needs, panel_of
 from controller.panel.answers import Refusal, documented
@@ -13,7 +14,6 @@ from controller.panel.roles import Role
 from controller.panel.routes.machine import LOOKS, MOVES, ask
 
 router = APIRouter(tags=["cycle"])
-GONE = "{name} is not in the store as it was when it was interrupted; upload it again, or start another one."
 
 
 @router.post("/job", dependencies=[moves()], responses=documented(401, 403, 404, 409, 422, 503))
@@ -39,9 +39,14 @@ async def restart(request: Request) -> models.RestartFacts:
     kept = await asyncio.to_thread(panel.store.programs.list)
     same = [program.name for program in kept if program.sha256 == found["sha256"]]
     if not same:
-        why = found.get("sentence") or GONE.format(name=found["name"])
-        return models.RestartFacts(**{**found, "offered": False, "sentence": why})
+        words = {} if found.get("sentence") else _gone(found["name"])
+        return models.RestartFacts(**{**found, "offered": False, **words})
     return models.RestartFacts(**found, program=found["name"] if found["name"] in same else same[0])
+
+
+def _gone(name: str) -> dict[str, str]:
+    english, german = (catalogue.refusal("not_stored", language, program=name) for language in ("en", "de"))
+    return {"sentence": english, "sentence_de": german}
 
 
 @router.delete("/job", dependencies=[moves()], responses=MOVES)

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Request, Response
 from pydantic import Field
 
 from controller.panel import machine_table, models, models_of_looks, ticks, touch_off
@@ -20,6 +20,7 @@ from controller.panel.routes.tables import OffsetName, rows_by
 from controller.plan.report import picture
 
 router = APIRouter(tags=["looks"])
+FAILED = ("fault", "refused", "lost")
 PICTURES = "pictures"  # folder of the state folder, where checks leave them
 Reads = Annotated[float | None, Field(ge=-1e5, le=1e5, description="What the tip is to read (mm).")]
 
@@ -53,8 +54,11 @@ async def run_sums(request: Request) -> models_of_looks.RunSums:
     panel = panel_of(request)
     await asyncio.to_thread(panel.gatherer.gather)
     found = await asyncio.to_thread(panel.store.runs.sums)
+    counts = {result: count for result, (count, _, _) in found.items()}
     return models_of_looks.RunSums(
-        results={result: count for result, (count, _, _) in found.items()},
+        runs=sum(counts.values()),
+        failed=sum(count for result, count in counts.items() if result in FAILED),
+        results=counts,
         duration_s=sum(moved_s for _, moved_s, _ in found.values()),
         cut_time_s=sum(cut_s for _, _, cut_s in found.values()),
     )
@@ -62,15 +66,18 @@ async def run_sums(request: Request) -> models_of_looks.RunSums:
 
 @router.get(
     "/programs/{name}/picture",
+    response_model=models_of_looks.PathPicture,
     dependencies=[needs(Role.VIEW)],
     responses=documented(401, 403, 404, 422),
 )
-async def path_picture(request: Request, name: str) -> models_of_looks.PathPicture:
+async def path_picture(request: Request, name: str) -> Response:
     """A checked program's path, to be drawn."""
-    return await asyncio.to_thread(_picture, panel_of(request), name)
+    # Made to text beside the loop: hundreds of kilobytes would hold up everybody's figures.
+    told = await asyncio.to_thread(_picture, panel_of(request), name)
+    return Response(told, media_type="application/json")
 
 
-def _picture(panel: Panel, name: str) -> models_of_looks.PathPicture:
+def _picture(panel: Panel, name: str) -> str:
     program = panel.store.programs.get(name)
     check = panel.checker.of(program) if panel.checker is not None else None
     key = str(check.result.get("stored") or "") if check is not None else ""
@@ -80,7 +87,7 @@ def _picture(panel: Panel, name: str) -> models_of_looks.PathPicture:
         found = picture.load(panel.store.folder / PICTURES / f"{Path(key).name}.npz")
     except (OSError, ValueError, KeyError):
         raise Refusal(404, "missing", f"{name}: its picture is gone; upload it again.") from None
-    return models_of_looks.PathPicture(**_listed(found))
+    return models_of_looks.PathPicture(**_listed(found)).model_dump_json()
 
 
 def _listed(found: picture.Shape) -> dict[str, Any]:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import time
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path as FilePath
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Path, Query, Request
-from fastapi.responses import FileResponse
+from fastapi import APIRouter, Path, Query, Request, Response
+from fastapi.responses import FileResponse, HTMLResponse
 
-from controller.panel import models
+from controller.panel import models, run_report
 from controller.panel.access import needs, panel_of, principal
 from controller.panel.answers import Refusal, documented
 from controller.panel.core import Panel
@@ -24,6 +25,8 @@ Most = Annotated[int, Query(ge=1, le=1000, description="At most so many.")]
 Before = Annotated[int | None, Query(ge=0, le=2**53, description="Those before this number.")]
 Only = Annotated[str, Query(pattern="^(all|open)$", description="'open': not acknowledged yet.")]
 Number = Annotated[int, Path(ge=1, le=2**53)]
+Speaks = Annotated[Literal["en", "de"], Query(description="Language of the page.")]
+MOST_ALARMS = 1000  # looked through for those of a run
 PAGE = documented(401, 403, 422)
 FileName = Annotated[str, Path(pattern=r"^[0-9A-Za-z][0-9A-Za-z._-]{0,100}$")]
 FILE: dict[int | str, dict[str, Any]] = {
@@ -90,6 +93,34 @@ async def run_file(request: Request, number: Number, file: FileName) -> FileResp
     """One file of a run's record: run.json, events.jsonl for ``simulate --events``, setpoints.npz."""
     panel = panel_of(request)
     return await _sent(panel.run_records, _record(await _run(panel, number)), file)
+
+
+@router.get(
+    "/runs/{number}/report",
+    dependencies=[needs(Role.VIEW)],
+    response_class=Response,
+    responses={
+        200: {"content": {"text/html": {"schema": {"type": "string"}}}},
+        **documented(401, 403, 404, 422),
+    },
+)
+async def report(request: Request, number: Number, language: Speaks = "en") -> HTMLResponse:
+    """One run as a page to be printed: how it went, its check, its alarms."""
+    panel = panel_of(request)
+    found = await _run(panel, number)
+    told = await asyncio.to_thread(_reported, panel, found)
+    return HTMLResponse(run_report.page(told, language))
+
+
+def _reported(panel: Panel, run: Run) -> run_report.Facts:
+    """The check is of the machine as it is fitted now: the store keeps no other by the run."""
+    check = None
+    if panel.checker is not None:
+        check = panel.store.checks.get(run.sha256, panel.checker.machine())
+    ended_s = run.ended_s if run.ended_s is not None else time.time()
+    alarms = [one for one in panel.store.alarms.list(MOST_ALARMS) if run.began_s <= one.at_s <= ended_s]
+    files = files_of(panel.run_records, _record(run))
+    return run_report.Facts(run, check.result if check is not None else {}, alarms[::-1], files)
 
 
 async def record_of(panel: Panel, number: int) -> str:

@@ -40,7 +40,7 @@ async def tools(request: Request) -> models.ToolList:
 async def set_tool(request: Request, number: ToolNumber, body: models.ToolValues) -> models.Done:
     """Add or change a tool; refused while the machine moves or a program is on, but for the
     insert that is changed after a retract."""
-    return await ask(request, "set_tool", number=number, **body.model_dump())
+    return await ask(request, "set_tool", number=number, **body.model_dump(exclude_none=True))
 
 
 @router.delete("/tools/{number}", dependencies=[moves()], responses=MOVES)

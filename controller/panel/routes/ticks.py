@@ -17,7 +17,7 @@ from controller.panel.routes import records
 from controller.panel.signals import Signals
 
 router = APIRouter(prefix="/ticks", tags=["scope"])
-LOOKS = documented(401, 403, 404, 422, 503)
+LOOKS = documented(401, 403, 404, 409, 422, 503)
 MOST_SIGNALS = 16
 
 Source = Annotated[
@@ -132,7 +132,7 @@ async def _found(request: Request, source: str) -> Signals:
 def _wanted(names: str) -> list[str]:
     wanted = list(dict.fromkeys(names.split(",")))
     if len(wanted) > MOST_SIGNALS:
-        raise Refusal(422, "form", f"{len(wanted)} signals: at most {MOST_SIGNALS} are shown; ask for fewer.")
+        raise Refusal(409, "bad", f"{len(wanted)} signals: at most {MOST_SIGNALS} are shown; ask for fewer.")
     return wanted
 
 
@@ -141,7 +141,7 @@ def _values(found: Signals, name: str, where: slice) -> signals.Array:
         return found.values(name, where)
     except KeyError:
         known = ", ".join(signals.names(found.machine))
-        raise Refusal(422, "form", f"{name[:40]!r}: there is no such signal; allowed: {known}.") from None
+        raise Refusal(404, "missing", f"{name[:40]!r}: there is no such signal; allowed: {known}.") from None
 
 
 def _window(

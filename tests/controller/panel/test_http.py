@@ -62,6 +62,7 @@ def test_a_refusal_of_the_machine_names_mode_request_and_reason(tmp_path: Path) 
             assert answer.json()["error"] == {
                 "code": "refused",
                 "sentence": "start is refused in OFF.",
+                "sentence_de": None,
                 "mode": "OFF",
                 "request": "START",
             }
@@ -224,6 +225,31 @@ def test_a_jog_that_comes_after_the_stop_of_its_press_moves_nothing(tmp_path: Pa
         return scene.door.moved
 
     assert asyncio.run(story()) == ["jog", "jog_stop"]
+
+
+@pytest.mark.parametrize(
+    ("path", "seen", "status"),
+    [
+        *(("jog", tick, status) for tick, status in ((500, 200), (300, 200), (299, 409), (501, 409))),
+        *(("cycle/single_block", tick, status) for tick, status in ((1, 200), (-1, 200), (501, 409))),
+    ],
+)
+def test_what_was_under_way_for_long_moves_nothing(path: str, seen: int, status: int, tmp_path: Path) -> None:
+    """The machine is at tick 500, of 2 ms; a tick that has not been yet was of another run."""
+    bodies = {"jog": {"frame": "joint", "axis": "X", "speed": 0.5}, "cycle/single_block": {"on": True}}
+
+    async def story() -> list[str]:
+        scene = Scene(tmp_path)
+        scene.door.mode = "READY"
+        async with scene.client() as client:
+            await take_control(client)
+            method = "POST" if path == "jog" else "PUT"
+            headers = {"X-Seen-Tick": str(seen)}
+            answer = await client.request(method, f"/api/v1/{path}", json=bodies[path], headers=headers)
+            assert answer.status_code == status, answer.text
+        return scene.door.moved
+
+    assert len(asyncio.run(story())) == (status == 200)
 
 
 def test_octoprints_senders_upload_and_nothing_starts(tmp_path: Path) -> None:

@@ -132,8 +132,8 @@ MANY = ",".join(f"{axis}.{what}" for axis in "XYZAC" for what in ("command", "ac
 
 REFUSED = [
     # path, status, part of the sentence
-    ("ticks?names=Q.command", 422, "no such signal"),
-    (f"ticks?names={MANY}", 422, "at most 16"),
+    ("ticks?names=Q.command", 404, "no such signal"),
+    (f"ticks?names={MANY}", 409, "at most 16"),
     ("ticks?names=feed&source=recording:nothing", 404, "no such recording"),
     ("ticks?names=feed&source=recording:..", 422, "source"),
     ("ticks?names=feed&source=run:9", 404, "no such run"),
@@ -189,8 +189,26 @@ def test_runs_are_summed_by_their_result(tmp_path: Path) -> None:
         for result, seconds in (("completed", 10.0), ("completed", 20.0), ("fault", 5.0)):
             run = scene.store.runs.begin("part.ngc", "0" * 64)
             scene.store.runs.end(run, result, duration_s=seconds, cut_time_s=1.0)
+        scene.store.runs.begin("part.ngc", "0" * 64)
         found = (await client.get("/api/v1/statistics/runs")).json()
-        assert found == {"results": {"completed": 2, "fault": 1}, "duration_s": 35.0, "cut_time_s": 3.0}
+        assert found == {
+            **{"runs": 4, "failed": 1, "results": {"completed": 2, "fault": 1, "running": 1}},
+            **{"duration_s": 35.0, "cut_time_s": 3.0},
+        }
+
+    told(tmp_path, story)
+
+
+def test_a_run_is_reported_with_the_alarms_that_came_in_it(tmp_path: Path) -> None:
+    async def story(scene: Scene, client: httpx.AsyncClient) -> None:
+        scene.store.alarms.add("BEFORE_IT", "Long over.")
+        run = scene.store.runs.begin("part.ngc", "0" * 64)
+        scene.store.alarms.add("FEED_LOW", "It was slow.", "X")
+        scene.store.runs.end(run, "completed", duration_s=10.0)
+        told = await client.get(f"/api/v1/runs/{run}/report", params={"language": "de"})
+        assert told.headers["content-type"].startswith("text/html")
+        assert "It was slow." in told.text and "Long over." not in told.text
+        assert (await client.get("/api/v1/runs/99/report")).status_code == 404
 
     told(tmp_path, story)
 

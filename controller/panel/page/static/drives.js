@@ -15,11 +15,16 @@
 
   const age = (seconds) => (typeof seconds === "number" ? `${Math.round(seconds * 1000)} ms` : "–");
 
+  const warmth = (degrees) => (typeof degrees === "number" ? `${degrees.toFixed(1)} °C` : "–");
+
   function build(status) {
+    // Only where the machine file says how the drives tell it.
+    const told = status.drives.some((drive) => drive.temperature_c !== undefined);
+    document.querySelector(".drives-all")?.toggleAttribute("data-warmth", told);
     dx.fill("drives-list", (names) => names.map(row), status.drives.map((drive) => drive.axis));
   }
 
-  const cell = (axis, what, classes = "figures") => dx.el("td", { class: classes, "data-drive": `${axis}.${what}` });
+  const cell = (axis, what, classes = "figures") => dx.el("td", { class: classes, "data-drive": `${axis}.${what}`, "data-label": word(what) });
   function row(axis) {
     return dx.el(
       "tr",
@@ -31,6 +36,7 @@
       cell(axis, "target", "figures d-target"),
       cell(axis, "actual"),
       cell(axis, "error"),
+      cell(axis, "warmth", "figures d-warmth"),
       cell(axis, "age", "figures d-age"),
       cell(axis, "said", ""),
       cell(axis, "bits", "d-bits"),
@@ -45,7 +51,7 @@
     build(status);
     for (const drive of status.drives) {
       const joint = status.joints?.[drive.axis] ?? {};
-      const texts = { node: `${drive.bus} · ${drive.node}`, target: dx.forms.mm(joint.machine), actual: dx.forms.mm(joint.actual), error: dx.forms.um(joint.error), age: age(drive.heartbeat_age_s) };
+      const texts = { node: `${drive.bus} · ${drive.node}`, target: dx.forms.mm(joint.machine), actual: dx.forms.mm(joint.actual), error: dx.forms.um(joint.error), age: age(drive.heartbeat_age_s), warmth: warmth(drive.temperature_c) };
       for (const [what, text] of Object.entries(texts)) dx.write(at(drive.axis, what), text);
       put(drive.axis, "state", drive.state, () => dx.chip(dx.words[`drives.state.${drive.state}`] ?? drive.state, TONES[drive.state] ?? "info"));
       put(drive.axis, "mode", [status.mode, drive.state], () => mode(status, drive));
@@ -58,7 +64,7 @@
 
   const mode = (status, drive) => {
     const homing = status.mode === "HOMING";
-    return homing ? word("homing") : (drive.cyclic_mode ?? word("cyclic"));
+    return homing ? word("homing") : (dx.words[`drives.cyclic.${drive.cyclic_mode}`] ?? "–");
   };
   const at = (axis, what) => document.querySelector(`[data-drive="${axis}.${what}"]`);
   function put(axis, what, value, make) {

@@ -43,7 +43,9 @@
 
   // ---- asking
 
+  // With the tick that was seen: a panel that hung must not do later what was pressed before.
   dx.headers = () => ({
+    ...(dx.status?.tick ? { "X-Seen-Tick": String(dx.status.tick.number) } : {}),
     ...(boot.csrf ? { "X-CSRF-Token": boot.csrf } : {}),
     ...(dx.token ? { "X-Control-Token": dx.token } : {}),
   });
@@ -71,8 +73,11 @@
   function refused(said, quiet) {
     const facts = said.body.error ?? {};
     if (facts.code === "control" && dx.token) hold("");
-    if (!quiet) dx.say(facts.sentence ?? `${said.status}`, "warn");
+    if (!quiet) dx.say(dx.sentence(facts, facts.sentence) || `${said.status}`, "warn");
   }
+
+  // In the page's language, where it was told in both.
+  dx.sentence = (facts, english) => (dx.language === "de" && facts?.sentence_de) || english || "";
 
   // What was refused, or done: a sentence at the bottom, one at a time.
   let fading = 0;
@@ -361,13 +366,12 @@
 
   // What is wrong and what is under way, as the frame's lines show it.
   function sentences({ fault, sequence }) {
-    const german = dx.language === "de" && fault?.sentence_de;
     const trusted = fault && fault.position_trusted !== null && fault.position_trusted !== undefined;
     return {
-      fault: fault ? (german || fault.sentence || fault.name) : "",
+      fault: fault ? dx.sentence(fault, fault.sentence) || fault.name : "",
       next: trusted ? dx.word(fault.position_trusted ? "frame.trusted" : "frame.not_trusted") : "",
       sequence: sequence?.state === "running" ? dx.word("sequence." + sequence.name) : "",
-      failed: sequence?.state === "failed" ? sequence.sentence : "",
+      failed: sequence?.state === "failed" ? dx.sentence(sequence, sequence.sentence) : "",
     };
   }
 

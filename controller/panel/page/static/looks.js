@@ -16,6 +16,7 @@
   };
 
   dx.chip = (words, tone = "") => dx.el("span", { class: "chip", "data-tone": tone || null }, words);
+  dx.icon = (name) => dx.el("i", { class: "q-icon notranslate material-icons", "aria-hidden": "true" }, name);
   dx.button = (words, press, attrs = {}) => dx.el("button", { class: "act", type: "button", onclick: press, ...attrs }, words);
 
   // Children are exchanged only where they changed: what one is pointing at stays under the finger.
@@ -55,8 +56,6 @@
     return look;
   };
 
-  // In the page's language, where it was told in both.
-  dx.sentence = (facts, english) => (dx.language === "de" && facts?.sentence_de) || english || "";
   dx.link = (words, path) => dx.el("a", { class: "act", href: `/api/v1/${path}`, download: "" }, words);
   dx.seconds = (v) => (typeof v !== "number" ? "–" : v < 60 ? `${v.toFixed(1)} s` : dx.forms.time(v));
 })();

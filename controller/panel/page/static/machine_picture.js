@@ -30,7 +30,8 @@ export default class MachinePicture {
     const dx = window.dx;
     dx.on("status", (status) => this.status(status));
     dx.on("painted", () => this.theme());
-    dx.on("view", (name) => name === "scene" && setTimeout(() => window.dispatchEvent(new Event("resize")), 50));
+    const early = setInterval(() => this.theme() && clearInterval(early), 50); // also where no figures come
+    dx.on("view", (name) => name === "scene" && this.came());
     window.dxScene = this;
     setTimeout(() => window.dxScene.look("iso"), 300);
     return this.root;
@@ -108,31 +109,44 @@ export default class MachinePicture {
     const offset = this.facts.offsets?.G54;
     if (!offset) return;
     this.offset.position.set(...offset.origin_mm);
-    if (offset.axes) {
-      const turned = new THREE.Matrix4().makeBasis(...offset.axes.map(vector));
-      this.offset.quaternion.setFromRotationMatrix(turned);
-    }
+    const axes = offset.axes ?? [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+    this.offset.quaternion.setFromRotationMatrix(new THREE.Matrix4().makeBasis(...axes.map(vector)));
   }
 
   make_tool() {
-    const tools = this.facts.tools ?? [];
-    const tool = (Array.isArray(tools) ? tools[0] : Object.values(tools)[0]) ?? { radius_mm: 3, flute_mm: 15, length_mm: 0 };
     this.tool = new THREE.Group();
-    this.cutter = new THREE.MeshPhongMaterial({ transparent: true, opacity: 0.9 });
-    this.shank = new THREE.MeshPhongMaterial({ transparent: true, opacity: 0.5 });
-    const { radius_mm: r, flute_mm: flute } = tool;
-    const length = Math.max(tool.length_mm, flute);
-    const cylinder = (radius_low, radius_high, from, to, material) => {
-      if (to - from < 1e-3) return;
-      const made = new THREE.Mesh(new THREE.CylinderGeometry(radius_high, radius_low, to - from, 32), material);
-      made.rotation.x = Math.PI / 2; // a cylinder of three.js lies along Y; ours along the tool's axis
-      made.position.z = (from + to) / 2;
-      this.tool.add(made);
-    };
-    cylinder(r, r, 0, flute, this.cutter);
-    cylinder(r, r, flute, length + 5, this.shank);
-    cylinder(2.5 * r + 4, 3 * r + 8, length + 5, length + SHANK_MM, this.shank);
+    this.cutter = new THREE.MeshPhongMaterial({ transparent: true, opacity: 0.9, side: THREE.DoubleSide });
+    this.shank = new THREE.MeshPhongMaterial({ transparent: true, opacity: 0.5, side: THREE.DoubleSide });
     this.table.add(this.tool);
+    this.take_tool(undefined);
+  }
+
+  // The cutter in the spindle, as the tool table has it; one that is not known is not drawn.
+  take_tool(number) {
+    const tools = Object.values(this.facts.tools ?? {});
+    const tool = number === undefined ? tools[0] : tools.find((one) => one.number === number);
+    const key = JSON.stringify(tool ?? null);
+    if (key === this.tool_key) return;
+    this.tool_key = key;
+    for (const part of [...this.tool.children]) {
+      this.tool.remove(part);
+      part.geometry.dispose();
+    }
+    if (!tool) return;
+    const length = Math.max(tool.length_mm, tool.flute_mm);
+    const flank = tool.radius_mm + tool.flute_mm * Math.tan(tool.taper_rad ?? 0);
+    this.turned(cutter_profile(tool), this.cutter);
+    this.turned([[flank, tool.flute_mm], [flank, length + 5]], this.shank);
+    const holder = tool.holder?.length ? tool.holder : null;
+    for (const [from, to, radius] of holder ?? []) this.turned([[0, from], [radius, from], [radius, to], [0, to]], this.shank);
+    if (!holder) this.turned([[0, length + 5], [2.5 * flank + 4, length + 5], [3 * flank + 8, length + SHANK_MM]], this.shank);
+  }
+
+  // A body turned about the tool's axis, of [radius, height] points.
+  turned(profile, material) {
+    const geometry = new THREE.LatheGeometry(profile.map(([r, z]) => new THREE.Vector2(r, z)), 48);
+    geometry.rotateX(Math.PI / 2); // three.js turns about Y; the tool's axis is Z
+    this.tool.add(new THREE.Mesh(geometry, material));
   }
 
   make_trail() {
@@ -146,9 +160,10 @@ export default class MachinePicture {
 
   theme() {
     const key = document.body.className;
-    if (key === this.themed) return;
+    if (key === this.themed) return true;
     const renderer = window.getElement?.(this.scene)?.renderer;
-    if (!renderer) return; // not mounted yet; the next figure tries again
+    if (!renderer) return false; // not mounted yet
+    this.spare(renderer);
     this.themed = key;
     renderer.setClearColor(css("--bg"));
     this.box.material.color.set(css("--dim"));
@@ -158,6 +173,28 @@ export default class MachinePicture {
     this.shank.color.set(css("--dim"));
     this.trail.material.color.set(css("--hold"));
     this.paint();
+    return true;
+  }
+
+  // The scene draws for ever, also where nobody looks and nothing has changed: a page that is left open
+  // would keep a processor busy.
+  spare(renderer) {
+    if (this.drawn !== undefined) return;
+    this.drawn = 0; // pictures
+    const draw = renderer.render.bind(renderer);
+    const [view, size] = [new THREE.Matrix4(), new THREE.Vector2()];
+    const now = new THREE.Vector2();
+    renderer.render = (scene, camera) => {
+      if (!window.dx.shown("scene") || document.hidden) return;
+      camera.updateMatrixWorld();
+      renderer.getSize(now);
+      if (!this.changed && view.equals(camera.matrixWorld) && size.equals(now)) return;
+      this.changed = false;
+      view.copy(camera.matrixWorld);
+      size.copy(now);
+      this.drawn += 1;
+      draw(scene, camera);
+    };
   }
 
   // ---- the program's path
@@ -188,6 +225,7 @@ export default class MachinePicture {
     }
     this.shape = null;
     this.done = this.ahead = this.mesh = this.ruled = null;
+    this.changed = true;
   }
 
   surfaces() {
@@ -235,6 +273,7 @@ export default class MachinePicture {
   }
 
   paint() {
+    this.changed = true;
     if (!this.shape) return;
     this.done.material.color.set(css("--go"));
     this.mesh?.material.color.set(css("--accent"));
@@ -271,6 +310,18 @@ export default class MachinePicture {
 
   // ---- what moves
 
+  // On the screen again: tools and offsets may have been changed since.
+  async came() {
+    this.changed = true;
+    setTimeout(() => window.dispatchEvent(new Event("resize")), 50);
+    for (const what of ["tools", "offsets"]) {
+      const said = await window.dx.call("GET", what, null, true);
+      if (said.ok) this.facts[what] = said.body[what];
+    }
+    this.place_offset();
+    this.changed = true;
+  }
+
   status(status) {
     const job = status.job;
     const name = job?.name ?? "";
@@ -282,8 +333,13 @@ export default class MachinePicture {
       else this.clear_path();
     }
     this.turn(status.joints ?? {});
+    this.take_tool(status.tool);
     this.hold_tool(status.on_table);
     if (this.shape && job) this.progress(job, status.on_table?.tip);
+    const pose = [status.on_table, this.rotaries.map(({ name }) => status.joints?.[name]?.actual), this.at, this.tool_key];
+    const key = JSON.stringify(pose);
+    if (key !== this.posed) this.changed = true;
+    this.posed = key;
   }
 
   turn(joints) {
@@ -325,11 +381,13 @@ export default class MachinePicture {
   // ---- what is pressed
 
   clear() {
+    this.changed = true;
     this.trail_count = 0;
     this.trail_geometry.setDrawRange(0, 0);
   }
 
   see(frame) {
+    this.changed = true;
     this.frame = frame;
     if (window.dx.status) this.turn(window.dx.status.joints ?? {});
   }
@@ -363,6 +421,18 @@ export default class MachinePicture {
     }
     if (box.isEmpty()) box.setFromObject(this.disc);
   }
+}
+
+// Half a section of a cutter from its tip up: end face, corner, flank. A ball end is all corner.
+function cutter_profile({ radius_mm: r, flute_mm: flute, corner_mm: corner = 0, taper_rad: taper = 0 }) {
+  const points = [[0, 0], [r - corner, 0]];
+  const steps = corner > 0 ? 12 : 0;
+  for (let i = 1; i <= steps; i += 1) {
+    const angle = ((Math.PI / 2 - taper) * i) / steps;
+    points.push([r - corner + corner * Math.sin(angle), corner * (1 - Math.cos(angle))]);
+  }
+  const [last, height] = points[points.length - 1];
+  return [...points, [last + Math.max(0, flute - height) * Math.tan(taper), Math.max(flute, height)]];
 }
 
 // The first index whose number is not below the wanted one.

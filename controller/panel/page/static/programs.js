@@ -3,6 +3,9 @@
   "use strict";
   const dx = window.dx;
 
+  // One after another: a browser has six connections to a server, and a stop needs one of them.
+  let before = Promise.resolve();
+
   function upload(file) {
     const place = document.getElementById("programs-uploads");
     const line = document.createElement("div");
@@ -10,6 +13,10 @@
     line.innerHTML = '<span class="upload-name"></span><div class="bar"></div><span class="figures upload-share"></span>';
     line.querySelector(".upload-name").textContent = file.name;
     place.append(line);
+    before = before.then(() => send(file, line));
+  }
+
+  function send(file, line) {
     const form = new FormData();
     form.append("file", file, file.name);
     const asking = new XMLHttpRequest();
@@ -20,8 +27,13 @@
       line.querySelector(".bar").style.setProperty("--share", share);
       line.querySelector(".upload-share").textContent = `${Math.round(share * 100)} %`;
     };
-    asking.onloadend = () => ended(asking, line, file);
-    asking.send(form);
+    return new Promise((resolve) => {
+      asking.onloadend = () => {
+        ended(asking, line, file);
+        resolve();
+      };
+      asking.send(form);
+    });
   }
 
   function ended(asking, line, file) {
@@ -93,16 +105,39 @@
     await dx.call("POST", "job", body);
   });
 
+  // What was interrupted: offered where nothing is loaded, on the views where one would go on.
+  function offered(told) {
+    const shown = told.name && !dx.status?.job;
+    for (const place of document.querySelectorAll("[data-offer]")) {
+      const key = shown ? JSON.stringify(told) : "";
+      place.hidden = !shown;
+      if (place.dataset.told === key) continue;
+      place.dataset.told = key;
+      place.replaceChildren(...(shown ? offer(told) : []));
+    }
+  }
+
+  function offer(told) {
+    const facts = [told.name, told.line ?? "–", Math.round((told.fraction ?? 0) * 100), dx.forms.date(told.interrupted_s)];
+    const words = facts.reduce((text, fact, i) => text.replace(`{${i}}`, fact), dx.word("programs.offer"));
+    const body = JSON.stringify({ program: told.program, restart: true });
+    const press = { class: "act", type: "button", "data-kind": "go", "data-call": "POST job", "data-body": body, "data-needs": "control", "data-modes": "OFF READY" };
+    return [
+      dx.el("p", { class: "strong" }, words),
+      told.offered ? dx.el("button", press, dx.word("programs.go_on")) : dx.el("p", { class: "dim" }, `${dx.word("programs.not_offered")} ${dx.sentence(told, told.sentence)}`),
+    ];
+  }
+  const looks = ["programs", "run"].map((view) => dx.every(view, 3, "restart", offered));
+  dx.on("job", () => looks.forEach((look) => look()));
+
   // What will be in force at the place where the loaded program begins.
   dx.on("painted", ({ job }) => {
-    if (!dx.shown("programs")) return;
-    const place = document.getElementById("programs-restart");
-    if (!place) return;
-    const told = job?.restart ?? [];
-    place.hidden = told.length === 0;
-    const list = document.getElementById("programs-state");
-    if (list.dataset.told === told.join("\n")) return;
-    list.dataset.told = told.join("\n");
-    list.replaceChildren(...told.map((words) => Object.assign(document.createElement("li"), { textContent: words })));
+    const told = (job?.state === "loaded" && job.restart) || [];
+    for (const place of document.querySelectorAll("[data-restart]")) {
+      place.hidden = told.length === 0;
+      if (place.dataset.told === told.join("\n")) continue;
+      place.dataset.told = told.join("\n");
+      place.querySelector("ul").replaceChildren(...told.map((words) => dx.el("li", {}, words)));
+    }
   });
 })();

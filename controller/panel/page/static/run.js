@@ -39,7 +39,9 @@
     if (key === painted) return;
     painted = key;
     place.replaceChildren(...rows(program.lines ?? [], first, now));
-    place.querySelector(".now")?.scrollIntoView({ block: "center" });
+    // Only the listing scrolls: a page that jumped at each line could not be read on a phone.
+    const line = place.querySelector(".now");
+    if (line) place.scrollTop = line.offsetTop - place.offsetTop - (place.clientHeight - line.clientHeight) / 2;
   }
 
   function rows(lines, first, now) {

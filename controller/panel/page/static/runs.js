@@ -20,7 +20,7 @@
     const cells = [
       ["", dx.el("button", { class: "plain", type: "button" }, run.program)],
       ["", dx.chip(dx.words[`result.${run.result}`] ?? run.result, TONES[run.result])],
-      ["figures", dx.forms.date(run.began_s)],
+      ["figures r-began", dx.forms.date(run.began_s)],
       ["figures", dx.seconds(facts.duration_s)],
       ["figures r-cut", dx.seconds(facts.cut_time_s)],
       ["figures r-error", worst(facts)],
@@ -72,6 +72,7 @@
         "div",
         { class: "row" },
         (run.files ?? []).includes("setpoints.npz") ? dx.button(word("scope"), () => dx.openScope?.(`run:${run.id}`)) : null,
+        run.result === "running" ? null : dx.el("a", { class: "act", href: `/api/v1/runs/${run.id}/report?language=${dx.language}`, target: "_blank", rel: "noopener" }, word("report")),
         ...(run.files ?? []).map((file) => dx.link(file, `runs/${run.id}/files/${encodeURIComponent(file)}`)),
       ),
     ].filter(Boolean);
@@ -86,12 +87,11 @@
   dx.on("job", look);
 
   dx.every("runs", 5, "statistics/runs", (body) => {
-    const all = Object.values(body.results).reduce((a, b) => a + b, 0);
     for (const [id, text] of [
-      ["runs-all", String(all)],
+      ["runs-all", String(body.runs)],
       ["runs-completed", String(body.results.completed ?? 0)],
       ["runs-stopped", String(body.results.stopped ?? 0)],
-      ["runs-failed", String(all - (body.results.completed ?? 0) - (body.results.stopped ?? 0))],
+      ["runs-failed", String(body.failed)],
       ["runs-cut", dx.seconds(body.cut_time_s)],
       ["runs-time", dx.seconds(body.duration_s)],
     ]) dx.write(document.getElementById(id), text);

@@ -349,7 +349,7 @@
             state.names = state.names.filter((other) => other !== name);
             changed();
           };
-          return dx.el("div", { class: "signal" }, mark, dx.el("span", {}, shown(name)), dx.el("span", { class: "figures signal-values", style: "white-space: pre", "data-signal": name }), dx.button("×", away, { "aria-label": `${word("remove")} ${shown(name)}` }));
+          return dx.el("div", { class: "signal" }, mark, dx.el("strong", {}, shown(name)), dx.el("span", { class: "figures signal-values", "data-signal": name }), dx.button("×", away, { "aria-label": `${word("remove")} ${shown(name)}` }));
         }),
       state.names,
       document.body.className,

@@ -5,7 +5,8 @@
   const word = (key) => dx.word(`setup.${key}`);
   const $ = (id) => document.getElementById(id);
   let page = "homing";
-  let tool = 1;
+  let tool = 1; // that touches off: the one in the spindle, unless another one was picked
+  let picked = false;
   let editing = ""; // what is being typed in: it is not written over
 
   const shows = (name) => dx.shown("setup") && page === name;
@@ -54,6 +55,10 @@
     const joints = Object.entries(status.joints ?? {}).map(([name, joint]) => [name, { homed: joint.homed, limit: joint.limit }]);
     if (page === "homing") dx.fill("setup-homing", (rows) => rows.map(([name, joint]) => homing(name, joint)), joints, dx.facts?.axes);
     if (page === "drives") commissioned(status);
+    if (!picked && status.tool && status.tool !== tool) {
+      tool = status.tool;
+      if ($("setup-tool")) $("setup-tool").value = String(tool);
+    }
     if (page === "offsets") dx.write($("setup-tip"), (status.on_table?.tip ?? []).map((v, i) => `${"XYZ"[i]} ${dx.forms.mm(v)}`).join("   ") || "–");
   });
 
@@ -82,7 +87,7 @@
             "div",
             { class: "row" },
             input(values.origin_mm[i], `${name} ${axis}`, { "data-field": axis }),
-            dx.button("⌖", () => touch(name, axis), { "data-needs": "control", "data-modes": "OFF READY", title: word("touch").replace("{0}", axis), "aria-label": `${name}: ${word("touch").replace("{0}", axis)}` }),
+            dx.button(dx.icon("my_location"), () => touch(name, axis), { "data-needs": "control", "data-modes": "OFF READY", title: word("touch").replace("{0}", axis), "aria-label": `${name}: ${word("touch").replace("{0}", axis)}` }),
           ),
         ),
       ),
@@ -146,7 +151,8 @@
 
   // ---- tools
 
-  const FIELDS = ["radius_mm", "length_mm", "flute_mm"];
+  const FIELDS = ["radius_mm", "length_mm", "flute_mm", "corner_mm", "taper_deg"];
+  const of_tool = (values, field) => (field === "taper_deg" ? ((values.taper_rad ?? 0) * 180) / Math.PI : (values[field] ?? 0));
 
   function tool_row([number_, values]) {
     const row = dx.el(
@@ -154,14 +160,14 @@
       { "data-row": number_ },
       dx.el("th", { scope: "row" }, dx.el("span", { class: "axis-name" }, `T${number_}`)),
       dx.el("td", { "data-label": word("name") }, dx.el("input", { class: "wide", type: "text", value: values.name ?? "", "aria-label": `T${number_} ${word("name")}`, "data-field": "name" })),
-      ...FIELDS.map((field) => dx.el("td", { "data-label": word(field) }, input(values[field], `T${number_} ${word(field)}`, { "data-field": field }))),
+      ...FIELDS.map((field) => dx.el("td", { "data-label": word(field) }, input(of_tool(values, field), `T${number_} ${word(field)}`, { "data-field": field }))),
       dx.el(
         "td",
         {},
         dx.el(
           "div",
           { class: "row" },
-          dx.button(word("save"), () => save_tool(number_, row, values), { "data-needs": "control" }),
+          dx.button(word("save"), () => save_tool(number_, row), { "data-needs": "control" }),
           number_ === "1" ? null : dx.button(word("delete"), () => remove_tool(number_), { "data-needs": "control" }),
         ),
       ),
@@ -169,18 +175,16 @@
     return row;
   }
 
-  async function save_tool(number_, row, before) {
+  // What this table does not show stays as the service has it.
+  async function save_tool(number_, row) {
     const values = row_values(row, FIELDS);
     if (!values) return;
-    const body = { ...rest(before), name: row.querySelector('[data-field="name"]').value };
+    const body = { name: row.querySelector('[data-field="name"]').value };
     FIELDS.forEach((field, i) => (body[field] = values[i]));
     const said = await dx.call("PUT", `tools/${number_}`, body);
     if (said.ok) dx.say(word("saved").replace("{0}", `T${number_}`));
     fresh("setup-tools");
   }
-
-  // What this table does not show stays as it is.
-  const rest = (values) => Object.fromEntries(Object.entries(values).filter(([key]) => key !== "number"));
 
   async function remove_tool(number_) {
     if (!(await dx.ask(word("delete_ask").replace("{0}", `T${number_}`)))) return;
@@ -196,7 +200,9 @@
   }
   document.addEventListener("click", (event) => event.target.closest?.("#setup-add") && add_tool());
   document.addEventListener("change", (event) => {
-    if (event.target.id === "setup-tool") tool = Number(event.target.value);
+    if (event.target.id !== "setup-tool") return;
+    tool = Number(event.target.value);
+    picked = true;
   });
 
   let tools = [];

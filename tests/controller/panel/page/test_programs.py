@@ -47,6 +47,21 @@ def test_a_program_is_dropped_and_loaded_from_the_second_line(page: Any, site: S
 
 
 @pytest.mark.slow
+def test_the_cut_surfaces_of_a_checked_program_are_shown_as_maps_with_their_figures(
+    page: Any, site: Site
+) -> None:
+    drop(page, "cut.ngc", "G21\nM2\n")
+    choose(page, "cut.ngc")
+    page.wait_for_selector(".facts >> text=250.2 µm")
+    assert "overcut 18.0 µm" in str(page.get_attribute("[data-map='10']", "aria-label"))
+    assert "worst at u 0.980, v 0.00" in str(page.get_attribute("[data-map='19']", "aria-label"))
+    rows = page.query_selector_all("[data-map='19'] > div")
+    shown = [row.evaluate("(row) => getComputedStyle(row).backgroundImage") for row in rows]
+    assert len(shown) == 3 and all(one.startswith("linear-gradient") for one in shown)
+    assert "rgb(211, 34, 42)" in shown[0] and "rgb(211, 34, 42)" not in shown[2]
+
+
+@pytest.mark.slow
 def test_a_program_with_a_mistake_shows_the_line_with_a_caret_below_it(page: Any, site: Site) -> None:
     drop(page, "wrong.ngc", "G21\nG1 WRONG\n")
     choose(page, "wrong.ngc")
