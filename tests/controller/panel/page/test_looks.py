@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +17,11 @@ pytestmark = pytest.mark.slow
 
 SIZES = {"wide": (1920, 1080), "touch": (1280, 720), "phone": (390, 844)}
 # Where axe looks, which takes longest: a colour is the same in all sizes, a name in both themes.
-AXE = {"wide-dark-en", "touch-light-de", "phone-light-en", "phone-dark-de"}
+AXE = {"wide-dark-en", "wide-light-en", "touch-light-de", "touch-dark-de", "phone-light-en", "phone-dark-de"}
 # What reaches over the right edge, or is cut off within its own box, where nothing scrolls.
 CLIPPED = """() => {
   const bad = [];
-  const scrolls = ".scroll, nav, .listing, .mdi-history, :has(> canvas), svg, input, textarea";
+  const scrolls = ".scroll, .listing, .mdi-history, :has(> canvas), svg, input, textarea";
   for (const one of document.querySelectorAll(".shell *")) {
     const box = one.getBoundingClientRect();
     if (!box.width || one.closest(scrolls)) continue;
@@ -52,33 +54,74 @@ SMALL = """() => {
 }"""
 
 
-@pytest.fixture(params=[(s, t, lang) for s in SIZES for t in ("dark", "light") for lang in ("en", "de")])
-def looked_at(request: Any, chromium: Any, site: Site) -> Any:
-    size, theme, language = request.param
+PARTS = {"setup": ("homing", "offsets", "tools", "file", "drives")}
+RUNNING = [("wide", "light", "en"), ("touch", "dark", "de"), ("phone", "light", "de")]
+
+
+@pytest.fixture(scope="module")
+def running(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    """A panel before a machine that cuts Example 2: lists, meters and traces with something in them."""
+    with browsing.fake_site(tmp_path_factory.mktemp("running"), "stepped_site.py") as made:
+        yield made
+
+
+@contextlib.contextmanager
+def looked_at(chromium: Any, site: Site, size: str, theme: str, language: str) -> Iterator[Any]:
+    """The page with control of the machine; its scripts must not have failed."""
     width, height = SIZES[size]
     context = chromium.new_context(viewport={"width": width, "height": height}, reduced_motion="reduce")
     cookies = {"directrix_theme": theme, "directrix_language": language}
     context.add_cookies([{"name": name, "value": value, "url": site.url} for name, value in cookies.items()])
     page = browsing.opened(context, site)
     page.evaluate("dx.call('POST', 'control', {take_over: true}).then((s) => { dx.token = s.body.token; })")
-    yield page, "-".join(request.param)
+    yield page
     assert not page.errors, page.errors
     context.close()
 
 
-def test_nothing_is_clipped_and_no_finding_of_axe_is_serious(looked_at: Any, tmp_path: Path) -> None:
+def findings(page: Any, name: str, tmp_path: Path) -> list[str]:
+    """What is wrong in any view, with its name."""
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="needs axe-playwright-python")
-    page, name = looked_at
     found: list[str] = []
     for view in VIEWS:
         page.evaluate("(name) => dx.show(name)", view.NAME)
         page.wait_for_selector(f"section[data-view={view.NAME}] .card")
-        page.wait_for_timeout(200)
-        picture = page.screenshot(path=str(tmp_path / f"{view.NAME}-{name}.png"))
-        assert len(picture) > 5000, "an empty picture"
-        for what, script in (("clipped", CLIPPED), ("overlapping", OVERLAPS), ("small", SMALL)):
-            found += [f"{view.NAME} {name}: {what}: {one}" for one in page.evaluate(script)]
-        found += [f"{view.NAME} {name}: {one}" for one in serious(axe.Axe().run(page).response)]
+        for part in PARTS.get(view.NAME, ("",)):
+            if part:
+                page.click(f"[data-setup={part}]")
+            page.wait_for_timeout(200)
+            where = f"{view.NAME}{part and '-' + part} {name}"
+            picture = page.screenshot(path=str(tmp_path / f"{where}.png"))
+            assert len(picture) > 5000, "an empty picture"
+            for what, script in (("clipped", CLIPPED), ("overlapping", OVERLAPS), ("small", SMALL)):
+                found += [f"{where}: {what}: {one}" for one in page.evaluate(script)]
+            if name in AXE:
+                found += [f"{where}: {one}" for one in serious(axe.Axe().run(page).response)]
+    return found
+
+
+@pytest.mark.parametrize("language", ("en", "de"))
+@pytest.mark.parametrize("theme", ("dark", "light"))
+@pytest.mark.parametrize("size", SIZES)
+def test_nothing_is_clipped_and_no_finding_of_axe_is_serious(
+    size: str, theme: str, language: str, chromium: Any, site: Site, tmp_path: Path
+) -> None:
+    with looked_at(chromium, site, size, theme, language) as page:
+        found = findings(page, f"{size}-{theme}-{language}", tmp_path)
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize(("size", "theme", "language"), RUNNING)
+def test_nothing_is_clipped_either_while_a_program_runs(
+    size: str, theme: str, language: str, chromium: Any, running: Site, tmp_path: Path
+) -> None:
+    with looked_at(chromium, running, size, theme, language) as page:
+        page.evaluate("dx.show('runs')")
+        page.click("#runs-list tr:nth-child(2) button")
+        page.evaluate("dx.show('programs')")
+        page.click("tr.entry button")
+        page.wait_for_selector(".program-title")
+        found = findings(page, f"{size}-{theme}-{language}", tmp_path)
     assert not found, "\n".join(found)
 
 
