@@ -79,7 +79,6 @@ class Placed(Surface):
     shift_mm: float = 0.0  # so far the tip lies below the foot of the contact, along the axis
     # Over u, mm: more offset of the upper point, of the lower point, slide of the upper along the travel.
     corrections: Curve | None = None
-    paper_mm: float = 0.0  # what the paper's placement deviates by at most, to compare with
     name: str = field(default="", repr=False, compare=False)  # under which a check keeps it
     lower: Curve = field(init=False, repr=False, compare=False)
     upper: Curve = field(init=False, repr=False, compare=False)

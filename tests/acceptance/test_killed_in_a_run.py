@@ -29,7 +29,7 @@ from controller.journal import Entry
 from controller.plan.route.spot import ENTRY_ID, Spot
 from controller.state import Mode
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.live]
 
 TEXT = program("example2_ready.ngc", "1000.")
 MACHINE = calm_machine()

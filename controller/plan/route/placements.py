@@ -34,7 +34,6 @@ class Recipe:
     normals_v: Pair
     taper_rad: float
     shift_mm: float
-    paper_mm: float
     breaks: tuple[float, ...] = ()
     spans: tuple[tuple[Vector, ...], ...] = ()
     smooth: tuple[int, ...] = ()
@@ -45,7 +44,7 @@ class Recipe:
         assert curve is None or isinstance(curve, BSpline)  # as placing makes them
         parts = (curve.breaks, curve.spans, curve.smooth) if curve else ((), (), ())
         offset, taper, shift = placed.offset_mm, placed.taper_rad, placed.shift_mm
-        return Recipe(offset, placed.points_v, placed.normals_v, taper, shift, placed.paper_mm, *parts)
+        return Recipe(offset, placed.points_v, placed.normals_v, taper, shift, *parts)
 
     def on(self, base: Surface, name: str) -> Placed:
         """The cutter on that surface again, to the last bit."""
@@ -59,7 +58,6 @@ class Recipe:
             self.taper_rad,
             self.shift_mm,
             curve,
-            self.paper_mm,
             name,
         )
 
@@ -70,16 +68,14 @@ class Recipe:
     def from_dict(values: Mapping[str, Any]) -> Recipe:
         """Raises ValueError, KeyError or TypeError for anything but what ``to_dict`` makes."""
         (va, vb), (na, nb) = values["points_v"], values["normals_v"]
-        offset, taper, shift, paper = (
-            float(values[key]) for key in ("offset_mm", "taper_rad", "shift_mm", "paper_mm")
-        )
+        offset, taper, shift = (float(values[key]) for key in ("offset_mm", "taper_rad", "shift_mm"))
         breaks = tuple(map(float, values["breaks"]))
         spans = tuple(tuple(_vector(point) for point in span) for span in values["spans"])
         if len(spans) != max(0, len(breaks) - 1) or len({len(span) for span in spans}) > 1:
             raise ValueError("spans and breaks do not fit")
         smooth = tuple(map(int, values["smooth"]))
         pairs = (float(va), float(vb)), (float(na), float(nb))
-        return Recipe(offset, *pairs, taper, shift, paper, breaks, spans, smooth)
+        return Recipe(offset, *pairs, taper, shift, breaks, spans, smooth)
 
 
 def _vector(values: Any) -> Vector:

@@ -104,7 +104,7 @@ def _found(surface: Surface, cutter: Cutter, strategy: Strategy, name: str) -> P
         found = _optimal(replace(found, normals_v=found.points_v), single)
     if found == single.placed:
         return None
-    return _lowered(replace(found, paper_mm=single.inner(single.placed), name=name), cutter)
+    return _lowered(replace(found, name=name), cutter)
 
 
 def _lowered(placed: Placed, cutter: Cutter) -> Placed:

@@ -8,7 +8,7 @@ import pytest
 from cutting import program
 from serving import Serving, calm, serving
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.live]
 
 TEXT = program("example2_ready.ngc", "1000.")
 SAME = 1e-6  # mm or degrees

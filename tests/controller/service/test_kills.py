@@ -18,7 +18,7 @@ from serving import CALM_S, Serving, calm, serving
 
 from controller.door import Client, DoorError, control_path
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.live]
 
 HOLDS = 5
 

@@ -31,6 +31,7 @@ def disturbed(service: Serving) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.live
 def test_the_record_of_a_run_with_hold_and_overrides_gives_the_same_setpoints(tmp_path: Path) -> None:
     """Of one from the homed position, of one from elsewhere with other offsets, and of a rest."""
     with serving(tmp_path, *calm(tmp_path)) as service:

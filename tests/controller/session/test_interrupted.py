@@ -45,6 +45,7 @@ def named(parent: int, name: str) -> dict[int, str]:
 
 
 @pytest.mark.slow
+@pytest.mark.live
 @pytest.mark.parametrize(
     ("stage", "wait_ticks"),
     [("virtual-bus", 0), ("directrix-tick", 0), ("directrix-plan", 0), ("directrix-plan", 2500)],
@@ -66,6 +67,7 @@ def test_ctrl_c_ends_the_demo_without_a_traceback_and_without_orphans(
 
 
 @pytest.mark.slow
+@pytest.mark.live
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
 def test_no_process_outlives_a_parent_that_is_killed(how: signal.Signals, tmp_path: Path) -> None:
     with demo(tmp_path) as running:

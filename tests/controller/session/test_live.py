@@ -50,6 +50,7 @@ DRY = "G21 G90 G54 G0 X5.\nM30\n"
 
 
 @pytest.mark.slow
+@pytest.mark.live
 def test_a_cut_in_real_time_completes_on_the_path_in_two_processes_and_a_hub() -> None:
     machine, text = shipped(), program("example1_ready", "700.")
     before = processes(os.getpid())
@@ -85,6 +86,7 @@ def test_a_cut_in_real_time_completes_on_the_path_in_two_processes_and_a_hub() -
 
 
 @pytest.mark.slow
+@pytest.mark.live
 def test_leaving_a_session_in_the_middle_of_a_cut_stops_on_the_path_and_switches_the_drives_off() -> None:
     machine, text = shipped(), program("example2_ready", "3000.")
     with session(text, machine) as running:
@@ -102,6 +104,7 @@ def test_leaving_a_session_in_the_middle_of_a_cut_stops_on_the_path_and_switches
 
 
 @pytest.mark.slow
+@pytest.mark.live
 def test_a_program_without_motion_is_over_at_once_and_told_as_completed() -> None:
     with session("G21 G90\nM3 S1000\nM5\nM30\n") as running:
         running.ready()
@@ -123,6 +126,7 @@ def example_2() -> tuple[Machine, TracedPath, float]:
 
 
 @pytest.mark.slow
+@pytest.mark.live
 @pytest.mark.parametrize("number", range(20))
 def test_without_its_planner_the_machine_holds_on_the_path(
     number: int, example_2: tuple[Machine, TracedPath, float]
@@ -165,6 +169,7 @@ def test_without_its_planner_the_machine_holds_on_the_path(
 
 
 @pytest.mark.slow
+@pytest.mark.live
 def test_a_planner_that_dies_of_an_error_of_its_own_says_so_in_one_sentence() -> None:
     bad = replace(shipped(), retract_mm="high")  # type: ignore[arg-type]
     sentence = r"^The \w+ process met an error of its own; .*\.py, line \d+\)$"
@@ -176,6 +181,7 @@ def test_a_planner_that_dies_of_an_error_of_its_own_says_so_in_one_sentence() ->
 
 
 @pytest.mark.slow
+@pytest.mark.live
 def test_without_the_tick_the_drives_stop_by_their_own_supervision() -> None:
     machine = shipped()
     nodes = [axis.node for axis in machine.axes]
@@ -232,6 +238,7 @@ def test_without_the_tick_the_drives_stop_by_their_own_supervision() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.live
 def test_without_the_bus_the_tick_names_the_fault_and_comes_to_rest() -> None:
     with session(EXAMPLE_2) as running:
         running.ready()

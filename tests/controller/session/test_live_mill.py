@@ -18,6 +18,7 @@ M30
 
 
 @pytest.mark.slow
+@pytest.mark.live
 def test_a_program_waits_for_spindle_coolant_and_clamp_and_leaves_all_off() -> None:
     seen: list[Snapshot] = []
     with session(PROGRAM, mill()) as running:

@@ -12,7 +12,7 @@ import process_faults
 import pytest
 from process_faults import CASES, Cell
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.live]
 
 
 @pytest.fixture(scope="module")

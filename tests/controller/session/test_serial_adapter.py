@@ -36,6 +36,7 @@ def far_end(tmp_path: Path) -> Iterator[str]:
 
 
 @pytest.mark.slow
+@pytest.mark.live
 def test_a_machine_behind_a_serial_adapter_homes_and_runs_a_program(far_end: str) -> None:
     machine = replace(shipped(), period_s=PERIOD_S)
     (bus,) = machine.buses

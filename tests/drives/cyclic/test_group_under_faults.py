@@ -80,7 +80,7 @@ def cases():
                 yield pytest.param(line, faults, reason, way, id=f"{line}, {way}", marks=marks)
 
 
-@pytest.mark.parametrize(("line", "faults", "reason", "way"), cases())
+@pytest.mark.parametrize(("line", "faults", "reason", "way"), list(cases()))
 def test_each_fault_is_named_nothing_jumps_and_reset_brings_all_back(line, faults, reason, way):
     bench = moving(**WAYS[way])
     FaultScript.read(f"at 0 s: {line}").inject(bench.rig.buses["can"])

@@ -23,7 +23,7 @@ MINUTES = float(os.environ.get("DIRECTRIX_SOAK_MIN", "60"))
 WARM_S = 120.0  # every view has been there, and figures of a minute are full
 EVERY_S = 15.0  # another view
 GROWTH = 1.2
-PERIOD_S = 0.02
+PERIOD_S = 0.01
 PART = b"G21 G90 G54\n" + b"G1 X40. Y10. F900\nG1 X-40. Y-10. A20. F900\nG1 X0 Y0 A0 F900\n" * 6 + b"M30\n"
 
 

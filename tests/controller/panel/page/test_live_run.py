@@ -17,7 +17,7 @@ import shop
 
 from controller import config
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.live]
 
 TURNS = 3
 NAME = "example2_ready.ngc"

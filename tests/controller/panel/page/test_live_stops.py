@@ -11,7 +11,7 @@ import live_page
 import pytest
 from live_page import LiveMachine
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.live]
 
 STOP_S = 0.1  # from the press to the tick that has it
 DEAD_MAN_S = 0.25  # from whatever ends a jog to the beginning of its stop
