@@ -5,10 +5,16 @@ And for those marked ``live``: a computer that was not there fails none of them,
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
+import ci_seed
 import held_up
 import pytest
+import shares
+
+# The workers of xdist must choose the same.
+os.environ["DIRECTRIX_TEST_SEED"] = str(ci_seed.SEED)
 
 
 @pytest.fixture(autouse=True)
@@ -17,6 +23,24 @@ def own_state_folder(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pyte
     folder = tmp_path_factory.mktemp("state")
     monkeypatch.setenv("XDG_STATE_HOME", str(folder))
     return folder
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    text = "keep every N-th case of each parametrized test, others each time (DIRECTRIX_TEST_SEED)"
+    parser.addoption("--share", type=int, default=1, metavar="N", help=text)
+
+
+def pytest_report_header(config: pytest.Config) -> str:
+    return f"DIRECTRIX_TEST_SEED={ci_seed.SEED}, one in {config.getoption('share')} of the cases"
+
+
+# After the marks have been looked at.
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    one_in = config.getoption("share")
+    if one_in > 1:
+        items[:], left_out = shares.picked(items, one_in, ci_seed.SEED)
+        config.hook.pytest_deselected(items=left_out)
 
 
 @pytest.hookimpl(tryfirst=True)
