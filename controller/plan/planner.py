@@ -249,7 +249,9 @@ class Planner:
             self._detour.look(now, lambda: (self._left(now), self.spot(now)))
         if self.aside is None:
             return now.mode is not Mode.JOG and not now.away
-        arrived = now.mode is Mode.HOLD and now.at_rest and self._all_sent and self.told(now)
+        # Held at its end, or resumed already, before this has been seen.
+        stands = now.mode in (Mode.HOLD, Mode.RUNNING) and now.at_rest and not now.stopping
+        arrived = stands and self._all_sent and self.told(now)
         arrived = arrived and now.plan_time_s >= self._queue_end_s - SAME_S
         left = self._detour.follow(now, arrived)
         if left is not None:

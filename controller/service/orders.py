@@ -94,6 +94,7 @@ class News:
     tool: int | None = None  # to which the program has changed, as far as it is read
     spot: Spot | None = None  # where in the program the tool is, now and then while it moves
     aside: bool = False  # the tool stands off the path, and must return before the program goes on
+    returning: bool = False  # it is on its way back, or held there
     checking: float | None = None  # share of the program's lines that are checked
     ways: dict[int, Way] = field(default_factory=dict)  # motions that were sent since, by their id
     turns: tuple[Turn, ...] = ()  # since the last news

@@ -309,9 +309,10 @@ class Planning:
         planner = self._end.planner
         refusal = str(planner.error) if planner.error is not None and _stands(now, planner.finished) else ""
         away = planner.aside
-        stands_aside = away is not None and away.off and not away.returning
+        returning = away is not None and away.returning
+        stands_aside = away is not None and away.off and not returning
         whole = planner.finished_path
-        return News(planner.finished, whole, refusal, self._tool, self._spot(now), stands_aside)
+        return News(planner.finished, whole, refusal, self._tool, self._spot(now), stands_aside, returning)
 
     def _spot(self, now: Snapshot) -> Spot | None:
         """Now and then: the fraction of a block is for people, and for a restart with another tool."""

@@ -162,7 +162,8 @@ def aside(service: Service, verb: str, distance_mm: float = 0.0) -> Values:
             return False
         if now.mode is not Mode.HOLD:
             return True
-        return now.at_rest and (service.aside == (verb == "retract") or service.stops != stops)
+        led = service.aside if verb == "retract" else not (service.aside or service.returning)
+        return now.at_rest and (led or service.stops != stops)
 
     now = service.wait_for(over, ASIDE_S, "end_of_way")
     if now.mode is not Mode.HOLD:

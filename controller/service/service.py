@@ -147,6 +147,11 @@ class Service:
         return self.running is not None and self.running.news.aside
 
     @property
+    def returning(self) -> bool:
+        """Whether the tool is on its way back to the path, as far as the plan has seen it."""
+        return self.running is not None and self.running.news.returning
+
+    @property
     def no_resume(self) -> str:
         """Why a held program cannot go on from where the tool is, as the refusal's key; "" where it can."""
         if self.aside:

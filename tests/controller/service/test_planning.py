@@ -75,6 +75,25 @@ def test_a_rest_begins_in_the_middle_of_a_line_from_wherever_the_machine_stands(
     assert first[first[:, COLUMN["motion_id"]] < 1 << 24][0, COLUMN["line"]] == 6
 
 
+def test_a_resume_right_behind_the_way_back_goes_on_although_the_plan_has_not_seen_its_end(
+    bench: Bench,
+) -> None:
+    armed(bench)
+    held(bench, 5)
+    led(bench, "retract", distance_mm=5.0)
+    assert bench.order("return").error is None
+    assert bench.planner.aside is not None and bench.planner.aside.returning
+    bench.request(Request.RESUME)
+    modes, follow = bench.stepped.cycle.modes, bench.stepped.cycle.follow
+    bench.go(lambda: modes.mode is Mode.HOLD and follow.at_rest)
+    bench.stepped.request(Request.RESUME)
+    for _ in range(5):  # no turn of the plan
+        bench.stepped.tick()
+    assert modes.mode is Mode.RUNNING and bench.planner.aside is not None
+    bench.until(Mode.READY)
+    bench.assert_cut(TEXT, bench.machine, Spot(1, 0.0, 0, 0.0))
+
+
 def test_off_the_path_and_back_with_the_same_tool_is_told_and_goes_on(bench: Bench) -> None:
     armed(bench)
     joints = held(bench, 5)
