@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import socket
 import subprocess
 import sys
@@ -38,8 +37,6 @@ def machine(interface: str = "vcan0", sync: str = "tick") -> Machine:
 def drives(interface: str = "vcan0") -> Iterator[subprocess.Popen[bytes]]:
     """Five simulated drives, switched on, in a process of their own."""
     process = subprocess.Popen([*SIMULATED, interface])
-    with contextlib.suppress(PermissionError):  # real ones have computers of their own
-        os.sched_setscheduler(process.pid, os.SCHED_RR, os.sched_param(1))
     try:
         yield process
     finally:
