@@ -13,6 +13,7 @@ from drives.profile import GENERIC, Profile
 
 INT32_MIN = -(2**31)
 INT32_MAX = 2**31 - 1
+TEMPERATURE_EVERY_MS = 500  # a drive tells its temperature at most so often
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,26 @@ from controller.motions import SurfaceCut
 from controller.placement import Placed
 
 TIP_MM = 1e-6
+_SMALL = """G21 G90 T2 M6
+S9000 M3
+G41 P{}
+G52 X0. Y0. Z5. F{}
+X3. Y0.2 Z5.
+X6. Y0.1 Z5.
+X9. Y0. Z5.
+X0. Y0. Z0.
+X3. Y0. Z0.
+X6. Y0.3 Z0.
+X9. Y0.5 Z0.
+M5
+M30
+"""
+LINE = 4  # of its surface
+
+
+def small(placement: int, feed: str = "1500.") -> str:
+    """A program of one small twisted surface, for whose placement a search takes seconds."""
+    return _SMALL.format(placement, feed)
 
 
 def bezier(points: object) -> BPoly:

@@ -6,7 +6,6 @@ now, in the door's thread; what takes long goes to the sequencer.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -17,6 +16,7 @@ from controller.door import Answer, DoorError, Values
 from controller.geometry import Frame
 from controller.handoff import Snapshot
 from controller.service import hearing, jobs, looks, offer, runs, sequences, status
+from controller.service.arguments import number
 from controller.service.jobs import Job
 from controller.service.jogging import Jogging
 from controller.service.refused import in_both, refused
@@ -360,12 +360,3 @@ class Desk:
             raise DoorError("bad", str(error)) from error
         service.fit(machine, {**service.fitted, what: {**service.fitted.get(what, {}), key: values}})
         return {"offsets": fitting.offsets_of(machine), "tools": fitting.tools_of(machine)}
-
-
-def number(args: Values, key: str, lowest: float, highest: float) -> float:
-    """A finite number of the arguments. Raises DoorError."""
-    value = args.get(key)
-    sound = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    if not sound or not lowest <= value <= highest:  # type: ignore[operator]
-        raise refused("not_number", code="bad", name=key, value=value, lowest=lowest, highest=highest)
-    return float(value)  # type: ignore[arg-type]

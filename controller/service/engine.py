@@ -35,10 +35,10 @@ from controller.handoff import (
 from controller.machine import Machine
 from controller.service.orders import Line, News
 from controller.service.planning import PlanJob
-from controller.service.refused import in_both, refused
+from controller.service.refused import by_fault, refused
 from controller.session import children, live
 from controller.session.children import Child, Job
-from controller.state import Fault, Request, sentence
+from controller.state import Fault, Request
 
 SERVICE = "controller.service"
 START_S = 60.0  # longer than any tick takes from the order to its first turn
@@ -191,7 +191,7 @@ class Engine:
         except BlockingIOError:
             raise refused("busy_tick", request=request.name, code="busy") from None
         except OSError:
-            raise in_both(_controller_gone, request=request.name, code="gone") from None
+            raise by_fault(Fault.CONTROLLER_GONE, request=request.name, code="gone") from None
 
     def last_words(self) -> str:
         """Of the tick, or of the plan, whichever died with some."""
@@ -203,7 +203,3 @@ class Engine:
 def simulated(machine: Machine) -> Machine:
     """The machine with virtual buses in place of its own."""
     return replace(machine, buses=tuple(replace(bus, interface="virtual") for bus in machine.buses))
-
-
-def _controller_gone(language: str) -> str:
-    return sentence(Fault.CONTROLLER_GONE, language=language)

@@ -11,6 +11,7 @@ from controller.handoff import Snapshot
 from controller.machine import Joints, Machine, five
 from controller.plan.detour import FIRST_ID
 from controller.plan.route.spot import ENTRY_ID, Spot
+from controller.service.arguments import number, whole
 from controller.service.orders import News, Program, Way
 from controller.service.refused import refused
 from controller.session.starts import Start
@@ -152,11 +153,11 @@ def read(args: dict[str, Any], machine: Machine) -> Job:
     wanted = args.get("sha256")
     if wanted is not None and wanted != found:
         raise refused("other_sum", code="bad", path=path, found=found, wanted=wanted)
-    line, fraction = _whole(args, "line"), _number(args, "fraction", 0.0, 1.0) or 0.0
+    line, fraction = whole(args, "line") or 0, _from_0(args, "fraction", 1.0)
     if fraction and not line:
         raise refused("no_line", code="bad", fraction=fraction)
     spot = Spot(line, fraction) if line else None
-    dry_run_mm = _number(args, "dry_run_mm", 0.0, 1000.0) or 0.0
+    dry_run_mm = _from_0(args, "dry_run_mm", 1000.0)
     name = str(args.get("name") or path.name)
     return Job(Program(text, name, machine, spot, dry_run_mm=dry_run_mm), found)
 
@@ -172,20 +173,6 @@ def mdi(text: str, machine: Machine) -> Job:
     return Job(Program(data, MDI, machine), hashlib.sha256(data).hexdigest())
 
 
-def _whole(args: dict[str, Any], key: str) -> int:
-    value = args.get(key)
-    if value is None:
-        return 0
-    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise refused("not_whole", code="bad", name=key, value=value)
-    return value
-
-
-def _number(args: dict[str, Any], key: str, lowest: float, highest: float) -> float | None:
-    value = args.get(key)
-    if value is None:
-        return None
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not number or not lowest <= value <= highest:
-        raise refused("not_number", code="bad", name=key, value=value, lowest=lowest, highest=highest)
-    return float(value)
+def _from_0(args: dict[str, Any], key: str, highest: float) -> float:
+    """0 where it is missing or null. Raises DoorError."""
+    return 0.0 if args.get(key) is None else number(args, key, 0.0, highest)

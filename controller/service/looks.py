@@ -14,7 +14,7 @@ import numpy.typing as npt
 from controller.door import Values
 from controller.handoff import COLUMN, ROW, Recorder
 from controller.machine import Bus, Machine
-from controller.service.refused import refused
+from controller.service.arguments import whole
 from controller.session.bus_load import budgets
 from drives import pdo
 from drives.load.budget import BusBudget, worst_bits
@@ -25,6 +25,7 @@ Rows = npt.NDArray[np.float64]
 MOST_ROWS = 500  # of one answer: 170 kB where nothing can be compressed
 NEWER = 64  # rows that the tick may write while the older ones are counted
 MEASURED_S = 1.0
+MOST_TICK = 2**53  # whole numbers of JSON end there
 SHARES = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.5, 1.0, 2.0)  # of the period; the tick skips from 0.25 on
 
 
@@ -33,7 +34,7 @@ def rows(recorder: Recorder | None, args: Mapping[str, Any]) -> Values:
 
     ``anew``: the ticks count from zero again, so all of them come after that.
     """
-    after, most, kept = (_whole(args, name) for name in ("after", "most", "kept"))
+    after, most, kept = (whole(args, name, MOST_TICK) for name in ("after", "most", "kept"))
     newest = recorder.last(1) if recorder is not None else np.empty((0, len(ROW)))
     if recorder is None or not len(newest):
         return {**_packed(newest), "anew": False}
@@ -49,15 +50,6 @@ def rows(recorder: Recorder | None, args: Mapping[str, Any]) -> Values:
 def _packed(found: Rows) -> Values:
     data = zlib.compress(np.ascontiguousarray(found, dtype="<f8").tobytes(), 1)
     return {"columns": len(ROW), "rows": base64.b64encode(data).decode()}
-
-
-def _whole(args: Mapping[str, Any], name: str) -> int | None:
-    value = args.get(name)
-    if value is None:
-        return None
-    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < 2**53:
-        raise refused("not_whole", code="bad", name=name, value=value)
-    return value
 
 
 def lateness(found: Rows, period_s: float) -> Values:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from controller import catalogue
 from controller.door import DoorError
+from controller.state import Fault, sentence
 
 
 def refused(
@@ -21,3 +22,8 @@ def in_both(
 ) -> DoorError:
     """The refusal whose sentence ``words`` gives for a language."""
     return DoorError(code, words("en"), mode, request, words("de"))
+
+
+def by_fault(fault: Fault, mode: str = "", request: str = "", code: str = "refused") -> DoorError:
+    """The refusal whose sentence is a row of the fault table."""
+    return in_both(lambda language: sentence(fault, language=language), mode, request, code)

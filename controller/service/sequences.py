@@ -13,10 +13,10 @@ from controller.handoff import Snapshot
 from controller.machine import Joints, Machine
 from controller.service import offer
 from controller.service.jobs import Job
-from controller.service.refused import in_both, refused
+from controller.service.refused import by_fault, refused
 from controller.service.service import Service
 from controller.session.starts import Start
-from controller.state import FAULTS, Fault, Mode, Recovery, Request, sentence
+from controller.state import FAULTS, Fault, Mode, Recovery, Request
 from drives.cia402 import State
 
 MARGIN_S = 2.0  # on top of what the tick itself waits
@@ -36,7 +36,7 @@ def enable(service: Service) -> Values:
     )
     if now.mode is not Mode.READY:
         fault = now.interlock if now.mode is not Mode.FAULT else now.fault
-        raise in_both(lambda language: sentence(fault, language=language), now.mode.name, "ENABLE")
+        raise by_fault(fault, now.mode.name, "ENABLE")
     return {"mode": now.mode.name}
 
 
@@ -137,7 +137,7 @@ def _go(service: Service, job: Job, facts: Values, stops: int) -> None:
     now = service.wait_for(taken, TAKEN_S, "start_taken")
     job.taken = True
     if now.mode is Mode.READY and _interlocked(now, Request.START):
-        raise in_both(lambda language: sentence(now.interlock, language=language), now.mode.name, "START")
+        raise by_fault(now.interlock, now.mode.name, "START")
 
 
 def aside(service: Service, verb: str, distance_mm: float = 0.0) -> Values:

@@ -13,7 +13,13 @@ from dataclasses import dataclass
 from drives import pdo
 from drives.commissioning.sheet import NO_REMOTE, Sheet
 from drives.profile import CyclicMode, Profile, Supervision
-from drives.settings import IoSettings, MasterSettings, NodeSettings, SpindleSettings
+from drives.settings import (
+    TEMPERATURE_EVERY_MS,
+    IoSettings,
+    MasterSettings,
+    NodeSettings,
+    SpindleSettings,
+)
 
 Settings = NodeSettings | SpindleSettings | IoSettings
 
@@ -26,7 +32,7 @@ STATUSWORD, POSITION, VELOCITY = 0x6041_0010, 0x6064_0020, 0x606C_0020
 PROBE_STATUS, PROBE_POSITION = 0x60B9_0010, 0x60BA_0020
 SYNCHRONOUS, ON_CHANGE = 1, 255  # transmission types
 RPDO, TPDO = (0x1400, 0x1600, pdo.RPDO1), (0x1800, 0x1A00, pdo.TPDO1)
-TEMPERATURE_MS = 1000  # between two that tell the same; a change may come after half of it
+TEMPERATURE_MS = 1000  # between two that tell the same
 PREDEFINED = 4  # PDOs with an identifier of the pre-defined connection set
 LINEAR = 0  # 60C0h: linear interpolation
 
@@ -161,7 +167,8 @@ def axis_pdos(node: NodeSettings) -> Iterator[Pdo]:
     if node.temperature_tpdo:
         what = f"the temperature goes by TPDO {node.temperature_tpdo}"
         warmth = (node.temperature_entry,)
-        yield Pdo(TPDO, node.temperature_tpdo, ON_CHANGE, warmth, what, TEMPERATURE_MS, TEMPERATURE_MS // 2)
+        times_ms = TEMPERATURE_MS, TEMPERATURE_EVERY_MS
+        yield Pdo(TPDO, node.temperature_tpdo, ON_CHANGE, warmth, what, *times_ms)
 
 
 def spindle_pdos(node: SpindleSettings) -> tuple[Pdo, ...]:

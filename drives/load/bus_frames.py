@@ -15,7 +15,14 @@ from typing import Any
 from drives import pdo
 from drives.load import stuffing
 from drives.profile import Supervision
-from drives.settings import BusSettings, IoSettings, MasterSettings, NodeSettings, SpindleSettings
+from drives.settings import (
+    TEMPERATURE_EVERY_MS,
+    BusSettings,
+    IoSettings,
+    MasterSettings,
+    NodeSettings,
+    SpindleSettings,
+)
 
 CONTROLLER = "controller"
 
@@ -25,7 +32,6 @@ OPERATIONAL = bytes([pdo.NMT_OPERATIONAL])
 SDO_QUESTION = 0x600
 SDO_BYTES = EMERGENCY_BYTES = 8
 CYCLIC_VELOCITY = 9
-TEMPERATURE_EVERY_S = 0.5  # at most: half of ``drives.commissioning.wanted.TEMPERATURE_MS``
 
 
 class Kind(Enum):
@@ -160,7 +166,7 @@ def _drive(rows: _Rows, node: NodeSettings, master: MasterSettings) -> None:
     rows.every_tick(f"feedback of {name}", name, feedback, pdo.PDO_BYTES, STATUSWORD, node.feedback_every)
     if node.temperature_tpdo:
         warmth, size = pdo.tpdo(node.temperature_tpdo, node.node), (node.temperature_entry & 0xFF) // 8
-        rows.at_interval(f"temperature of {name}", name, warmth, TEMPERATURE_EVERY_S, b"", more=size)
+        rows.at_interval(f"temperature of {name}", name, warmth, TEMPERATURE_EVERY_MS / 1000, b"", more=size)
     _supervised(rows, name, node.node, profile.supervision, master)
     rows.on_event(f"emergency of {name}", name, pdo.EMCY + node.node, EMERGENCY_BYTES)
 

@@ -11,7 +11,7 @@ import operators
 import pytest
 from cutting import Cut, cut, off_the_plan, program, shipped
 from limits_in_traces import assert_in_limits
-from placed_by_hand import TIP_MM, assert_on_placed_surfaces
+from placed_by_hand import LINE, TIP_MM, assert_on_placed_surfaces, small
 from restarting import assert_rest_is_cut, assert_sound, distance, fresh, rest_of, resumed, stretches
 
 from controller.machine import Machine
@@ -19,22 +19,6 @@ from controller.placement import Placed
 from controller.plan.route.spot import Spot
 from controller.session.events import Event
 from controller.state import Request
-
-SMALL = """G21 G90 T2 M6
-S9000 M3
-G41 P{}
-G52 X0. Y0. Z5. F1500.
-X3. Y0.2 Z5.
-X6. Y0.1 Z5.
-X9. Y0. Z5.
-X0. Y0. Z0.
-X3. Y0. Z0.
-X6. Y0.3 Z0.
-X9. Y0.5 Z0.
-M5
-M30
-"""
-LINE = 4  # of its surface
 
 
 def example_2(placement: int, feed: str) -> str:
@@ -58,24 +42,24 @@ def judged(source: str, machine: Machine, seed: int, count: int) -> Cut:
 
 
 @cache
-def small(placement: int) -> Cut:
-    return cut(SMALL.format(placement), shipped())
+def small_cut(placement: int) -> Cut:
+    return cut(small(placement), shipped())
 
 
 def test_a_placed_cut_with_an_operator_keeps_the_limits_and_its_place() -> None:
-    judged(SMALL.format(2), shipped(), 3, 4)
+    judged(small(2), shipped(), 3, 4)
 
 
 @pytest.mark.slow
 def test_a_corrected_placement_is_followed_as_exactly() -> None:
-    assert_in_limits(small(3), "optimal")
-    assert assert_on_placed_surfaces(small(3)) == 1
+    assert_in_limits(small_cut(3), "optimal")
+    assert assert_on_placed_surfaces(small_cut(3)) == 1
 
 
 @pytest.mark.slow
 def test_the_tick_knows_nothing_of_points_between() -> None:
     """What it is sent is the placed surface itself: a row of numbers that do not grow with the length."""
-    (one,) = [s for s in small(3).stretches.values() if s.cutting]
+    (one,) = [s for s in small_cut(3).stretches.values() if s.cutting]
     assert isinstance(one.motion.surface, Placed)
     assert len(one.motion.surface.corrections.spans) <= 16
 
@@ -84,29 +68,29 @@ def test_the_tick_knows_nothing_of_points_between() -> None:
     "fraction", [pytest.param(0.37, marks=pytest.mark.slow), pytest.param(1.0, marks=pytest.mark.soak)]
 )
 def test_a_restart_inside_a_placed_cut_goes_on_where_the_whole_would_have(fraction: float) -> None:
-    source, stepped = SMALL.format(2), fresh()
+    source, stepped = small(2), fresh()
     rest = rest_of(source, Spot(LINE, fraction), stepped.machine)
     done = resumed(stepped, rest)
     assert_sound(done, fraction)
     wanted = stretches(source, stepped.machine)
     assert distance(done.rows, wanted, stepped.kinematics) < TIP_MM
     assert_rest_is_cut(done.rows, wanted, rest.spot)
-    assert np.abs(done.joints[-1] - small(2).joints[-1]).max() < 1e-9
+    assert np.abs(done.joints[-1] - small_cut(2).joints[-1]).max() < 1e-9
 
 
 @pytest.mark.slow
 def test_after_a_hold_the_path_is_the_same() -> None:
-    first = int(np.flatnonzero(small(2).trace.cutting)[0])
+    first = int(np.flatnonzero(small_cut(2).trace.cutting)[0])
     events = [Event(first + 60, Request.HOLD), Event(first + 400, Request.RESUME)]
-    done = cut(SMALL.format(2), shipped(), events)
+    done = cut(small(2), shipped(), events)
     assert done.run.result == "completed"
-    wanted = stretches(SMALL.format(2), done.machine)
+    wanted = stretches(small(2), done.machine)
     assert distance(done.rows, wanted, done.kinematics) < TIP_MM
     ids = done.column("motion_id")
     assert (np.diff(ids[ids >= 0.0]) >= 0.0).all()
     s = done.column("s")[done.trace.cutting]
     assert (np.diff(s) >= -1e-9).all()
-    assert np.abs(done.joints[-1] - small(2).joints[-1]).max() < 1e-9
+    assert np.abs(done.joints[-1] - small_cut(2).joints[-1]).max() < 1e-9
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,6 @@ runs at the lowest priority: in a shop it is another computer.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import sys
@@ -23,7 +22,7 @@ import numpy as np
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 
 import browsing  # noqa: E402
-from panel_load import ENOUGH, lateness_s, percentiles, tick  # noqa: E402
+from panel_load import ENOUGH, lateness_s, options, percentiles, show_beside, tick  # noqa: E402
 from shop import Shop, opened  # noqa: E402
 
 from controller.door import Client, control_path  # noqa: E402
@@ -31,7 +30,6 @@ from controller.panel.page.views import VIEWS  # noqa: E402
 
 PAGES = 20
 SETTLE_S = 2.0  # after the pages came or went
-BOUND = 1.3
 STATUSES_S = 20.0  # that each page is told
 COUNT = "() => { window.heard = 0; dx.on('status', () => { window.heard += 1; }); }"
 
@@ -90,26 +88,15 @@ def _heard(pages: list[Any]) -> float:
 
 
 def show(figures: dict[str, Any]) -> None:
-    us = figures["us"]
-    print(f"{'lateness, us':<12}{'quiet':>12}{'pages':>12}{'ratio':>8}")
-    for name in us["quiet"]:
-        quiet, busy = us["quiet"][name], us["pages"][name]
-        ratio = f"{busy / quiet:8.2f}" if quiet > 0.0 and name != "ticks" else ""
-        print(f"{name:<12}{quiet:>12.1f}{busy:>12.1f}{ratio}")
-    print({name: value for name, value in figures.items() if name != "us"})
-    print(f"bound: p99 at most {BOUND} x")
+    show_beside(figures, "pages")
     if figures["statuses per s and page"] < ENOUGH * STATUSES_S:
         print("The pages were not told all: this computer has no time for so many; read it with care.")
 
 
 def main() -> None:
-    arguments = argparse.ArgumentParser(description="the tick's lateness with and without open pages")
+    about = "the tick's lateness with and without open pages"
+    arguments = options(about, "the browser", rounds=3, seconds=10.0)
     arguments.add_argument("--pages", type=int, default=PAGES)
-    arguments.add_argument("--seconds", type=float, default=10.0, help="of each turn")
-    arguments.add_argument("--rounds", type=int, default=3)
-    arguments.add_argument("--period-ms", type=float, default=2.0)
-    arguments.add_argument("--nice", type=int, default=19, help="of the browser")
-    arguments.add_argument("--json", action="store_true")
     wanted = arguments.parse_args()
     figures = measure(wanted.rounds, wanted.seconds, wanted.period_ms * 1e-3, wanted.nice, wanted.pages)
     print(json.dumps(figures)) if wanted.json else show(figures)

@@ -24,6 +24,7 @@ import zlib
 from collections.abc import AsyncIterator
 from multiprocessing.synchronize import Event
 from pathlib import Path
+from typing import Any
 
 import httpx
 import numpy as np
@@ -174,28 +175,37 @@ def percentiles(values: np.ndarray) -> dict[str, float]:
     return {**found, "max": float(late.max() * 1e6), "ticks": len(late)}
 
 
-def show(figures: dict[str, object]) -> None:
+def show_beside(figures: dict[str, Any], busy: str) -> None:
+    """The lateness of quiet turns beside that of ``busy`` ones, then all else, and the bound."""
     us = figures["us"]
-    assert isinstance(us, dict)
-    print(f"{'lateness, us':<12}{'quiet':>12}{'looked at':>12}{'ratio':>8}")
-    for name in us["quiet"]:
-        quiet, busy = us["quiet"][name], us["looked at"][name]
-        ratio = f"{busy / quiet:8.2f}" if quiet > 0.0 and name != "ticks" else ""
-        print(f"{name:<12}{quiet:>12.1f}{busy:>12.1f}{ratio}")
+    print(f"{'lateness, us':<12}{'quiet':>12}{busy:>12}{'ratio':>8}")
+    for name, quiet in us["quiet"].items():
+        ratio = f"{us[busy][name] / quiet:8.2f}" if quiet > 0.0 and name != "ticks" else ""
+        print(f"{name:<12}{quiet:>12.1f}{us[busy][name]:>12.1f}{ratio}")
     print({name: value for name, value in figures.items() if name != "us"})
     print(f"bound: p99 at most {BOUND} x")
-    if float(str(figures["answers per s"])) < ENOUGH * PER_S:
+
+
+def options(about: str, who: str, rounds: int, seconds: float) -> argparse.ArgumentParser:
+    """``who`` makes the load; ``rounds`` of ``seconds`` are meant unless asked otherwise."""
+    made = argparse.ArgumentParser(description=about)
+    made.add_argument("--seconds", type=float, default=seconds, help="of each turn")
+    made.add_argument("--rounds", type=int, default=rounds)
+    made.add_argument("--period-ms", type=float, default=2.0)
+    made.add_argument("--nice", type=int, default=19, help=f"of {who}")
+    made.add_argument("--json", action="store_true")
+    return made
+
+
+def show(figures: dict[str, Any]) -> None:
+    show_beside(figures, "looked at")
+    if figures["answers per s"] < ENOUGH * PER_S:
         print("The load did not come about: this computer has no time for it; these figures say nothing.")
 
 
 def main() -> None:
-    arguments = argparse.ArgumentParser(description="the tick's lateness with and without listeners")
-    arguments.add_argument("--seconds", type=float, default=5.0, help="of each turn")
-    arguments.add_argument("--rounds", type=int, default=6)
-    arguments.add_argument("--period-ms", type=float, default=2.0)
-    arguments.add_argument("--nice", type=int, default=19, help="of the listeners and askers")
-    arguments.add_argument("--json", action="store_true")
-    wanted = arguments.parse_args()
+    about = "the tick's lateness with and without listeners"
+    wanted = options(about, "the listeners and askers", rounds=6, seconds=5.0).parse_args()
     figures = measure(wanted.rounds, wanted.seconds, wanted.period_ms * 1e-3, wanted.nice)
     print(json.dumps(figures)) if wanted.json else show(figures)
 

@@ -50,16 +50,7 @@ class Recipe:
         """The cutter on that surface again, to the last bit."""
         curve = BSpline(self.breaks, self.spans, (), self.smooth) if self.breaks else None
         points, normals = self.points_v, self.normals_v
-        return Placed(
-            base,
-            self.offset_mm,
-            points,
-            normals,
-            self.taper_rad,
-            self.shift_mm,
-            curve,
-            name,
-        )
+        return Placed(base, self.offset_mm, points, normals, self.taper_rad, self.shift_mm, curve, name)
 
     def to_dict(self) -> dict[str, Any]:
         return asdict(self)

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cutting import shipped
+from placed_by_hand import small
 from surfaces_of_the_paper import example_2
 
 from controller.placement import Placed, Strategy
@@ -18,27 +19,13 @@ from controller.session import checked
 from controller.splines import BSpline
 
 CUTTER = Cutter(1.5, 0.0, 0.0)
-SMALL = """G21 G90 T2 M6
-S9000 M3
-G41 P{}
-G52 X0. Y0. Z5. F800.
-X3. Y0.2 Z5.
-X6. Y0.1 Z5.
-X9. Y0. Z5.
-X0. Y0. Z0.
-X3. Y0. Z0.
-X6. Y0.3 Z0.
-X9. Y0.5 Z0.
-M5
-M30
-"""
 
 
 def corrected() -> Placed:
     rng = np.random.default_rng(3)
     knots = (0.0,) * 4 + (0.3, 0.7) + (1.0,) * 4
     curve = BSpline.of(4, knots, [tuple(map(float, row)) for row in rng.uniform(-0.01, 0.01, (6, 3))])
-    return Placed(example_2()[1], -2.0, (0.1, 0.9), (0.1, 0.9), 0.07, 0.4, curve, 0.3)
+    return Placed(example_2()[1], -2.0, (0.1, 0.9), (0.1, 0.9), 0.07, 0.4, curve)
 
 
 @pytest.fixture(autouse=True)
@@ -98,7 +85,7 @@ def test_what_is_known_is_not_searched_again(monkeypatch):
 
 @pytest.mark.parametrize("strategy", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_a_check_keeps_what_was_found_and_a_start_takes_it_from_there(tmp_path, monkeypatch, strategy):
-    task = checked.task(SMALL.format(strategy).encode(), "small.ngc", shipped())
+    task = checked.task(small(strategy, "800.").encode(), "small.ngc", shipped())
     _, kept, warning = checked.check(task, tmp_path)
     assert not warning and len(kept.placements) == 1
     placing._better.cache_clear()
