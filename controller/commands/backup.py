@@ -31,7 +31,9 @@ Target = Annotated[
 State = Annotated[
     Path | None, typer.Option("--state", help="State folder; default: the service's or the user's.")
 ]
-Runtime = Annotated[Path | None, typer.Option("--runtime", help="Folder of the service's sockets.")]
+Runtime = Annotated[
+    Path | None, typer.Option("--runtime", help="Folder of the service's sockets; default: as it noted it.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
 EXPECTED = (BackupError, StoreError, ConfigError)
@@ -63,8 +65,8 @@ def restore(
 ) -> None:
     """Put everything of an archive back; what was is kept, for rollback. The service must not run."""
     with refusals(as_json, lambda: EXPECTED):
-        _at_rest(runtime)
         store = Store(state or door.state_folder())
+        _at_rest(store, runtime)
         _restored(store, backup.check(archive), machine_file, as_json)
 
 
@@ -78,8 +80,8 @@ def update(
 ) -> None:
     """Replace the machine file, checked with the tools and offsets in use; the old one is kept."""
     with refusals(as_json, lambda: EXPECTED):
-        _at_rest(runtime)
         store = Store(state or door.state_folder())
+        _at_rest(store, runtime)
         _show(as_json, {"done": backup.update(store, new, machine_file)})
 
 
@@ -89,11 +91,12 @@ def rollback(
 ) -> None:
     """Undo the last restore or update; done twice, it is as before."""
     with refusals(as_json, lambda: EXPECTED):
-        _at_rest(runtime)
         store = Store(state or door.state_folder())
+        _at_rest(store, runtime)
         if not (kept := backup.all_kept(store)):
             raise Refused(f"{store.folder}: nothing was restored or updated here; nothing to undo.")
-        _restored(store, backup.check(kept[0]), machine_file, as_json)
+        contents = backup.check(kept[0])
+        _restored(store, contents, machine_file or contents.machine_file, as_json)
 
 
 def _restored(store: Store, contents: Contents, machine_file: Path | None, as_json: bool) -> None:
@@ -117,17 +120,14 @@ def _noted(store: Store) -> Machine | None:
         return None
 
 
-def _at_rest(runtime: Path | None) -> None:
-    """Raises Refused while a service answers."""
-    client = door.Client(door.control_path(runtime or door.runtime_folder()), longest_s=5.0)
-    try:
-        client.ask("status")
-    except door.DoorError as error:
-        if error.code == "gone":
-            return
-    finally:
-        client.close()
-    raise Refused("The service runs; offsets and tools are read when it starts: stop it first, then repeat.")
+def _at_rest(store: Store, runtime: Path | None) -> None:
+    """Raises Refused while the store's service runs, or hangs: it would write over what is put back."""
+    socket = door.control_path(runtime or door.runtime_of(store.folder))
+    if door.is_served(socket):
+        raise Refused(
+            f"{store.folder}: its service runs ({socket}); offsets and tools are read when it starts: stop it"
+            " first, then repeat."
+        )
 
 
 def _facts(contents: Contents) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Callable, Collection
 from pathlib import Path
@@ -12,7 +13,7 @@ import typer
 
 from controller import door
 from controller.panel import dnc
-from controller.panel.dnc import LineSettings
+from controller.panel.dnc import LineError, LineSettings
 from controller.panel.store import Program, Store, StoreError
 from controller.panel.tape import Tape, TapeError, punched
 from controller.verify.console import Refused, bar, refusals, tell
@@ -32,11 +33,14 @@ Wait = Annotated[float, typer.Option("--wait-s", help="How long the other end ma
 State = Annotated[
     Path | None, typer.Option("--state", help="State folder; default: the service's or the user's.")
 ]
-Runtime = Annotated[Path | None, typer.Option("--runtime", help="Folder of the service's sockets.")]
+Runtime = Annotated[
+    Path | None, typer.Option("--runtime", help="Folder of the service's sockets; default: as it noted it.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
 LINE_ENDS = {"own": None, "lf": b"\n", "crlf": b"\r\n", "cr": b"\r", "lfcrcr": b"\n\r\r"}
 BY = "serial line"
+ANSWER_S = 5.0  # of the service
 
 
 @app.command()
@@ -57,14 +61,16 @@ def receive(
 ) -> None:
     """Take a program from the line into the store, whole or not at all; it does not start."""
     with refusals(as_json, lambda: (TapeError, StoreError)):
-        settings = LineSettings(port, baud, data_format, flow, silence_s, wait_s)
+        # Who waits forever is in no hurry for the first one either.
+        settings = LineSettings(port, baud, data_format, flow, silence_s, math.inf if forever else wait_s)
+        settings.check()
         store = Store(state or door.state_folder())
-        used = _in_use(runtime or door.runtime_folder())
+        used = _in_use(store.folder, runtime)
         while True:
             try:
                 _say(_received(settings, store, name, used, as_json), "Received", as_json)
             except (TapeError, StoreError) as error:
-                if not forever or not Path(port).exists():
+                if not forever or isinstance(error, LineError):
                     raise
                 tell.print(str(error), markup=False)
             if not forever:
@@ -87,15 +93,21 @@ def kept(store: Store, tape: Tape, name: str, in_use: Collection[str]) -> Progra
         return upload.commit(in_use)
 
 
-def _in_use(runtime: Path) -> Callable[[], Collection[str]]:
-    """Asks the service what is loaded; where none answers, nothing is."""
+def _in_use(state: Path, runtime: Path | None) -> Callable[[], Collection[str]]:
+    """Asks the service what is loaded, each time anew; where none is there, nothing is."""
 
     def ask() -> Collection[str]:
-        client = door.Client(door.control_path(runtime), longest_s=5.0)
+        socket = door.control_path(runtime or door.runtime_of(state))
+        if not door.is_served(socket):
+            return ()
+        client = door.Client(socket, longest_s=ANSWER_S)
         try:
             job = client.ask("status").get("job") or {}
-        except door.DoorError:
-            return ()
+        except door.DoorError as error:
+            sentence = (
+                f"{error} Nothing was kept: it is not known which program is in use. Send it again then."
+            )
+            raise StoreError("running", sentence) from error
         finally:
             client.close()
         return [str(job[key]) for key in ("name", "sha256") if job.get(key)]

@@ -17,11 +17,12 @@ from controller.machine import Bus, Machine
 
 SERVICE, PANEL, TARGET = "directrix.service", "directrix-panel.service", "directrix.target"
 UNITS = (TARGET, SERVICE, PANEL)
+LINES = "directrix-dnc@.service"  # a template: a serial line each, for whom somebody enables it
 UNIT_FOLDER = Path("/etc/systemd/system")
 NETWORK_FOLDER = Path("/etc/systemd/network")
 ENVIRONMENT = Path("/etc/directrix/directrix.env")
 STATE = Path("/var/lib/directrix")
-NETWORK_PREFIX = "80-directrix-"
+NETWORK_PREFIX = "70-directrix-"  # the first that matches counts: before Debian's 73-usb-net-by-mac.link
 
 SHIPPED_PYTHON, SHIPPED_INTERFACE, SHIPPED_RATE = "/opt/directrix/bin/python", "can0", "BitRate=1000000"
 
@@ -43,6 +44,7 @@ _ENVIRONMENT_HEAD = """\
 # DIRECTRIX_MACHINE   machine file (or the name of a shipped one)
 # DIRECTRIX_SERVE     further options of `directrix serve`, for instance --simulate
 # DIRECTRIX_PANEL     options of `directrix panel`
+# DIRECTRIX_DNC       options of `directrix dnc receive`, for directrix-dnc@PORT.service
 """
 _DEFAULTS = {
     "DIRECTRIX_MACHINE": "trunnion",
@@ -80,7 +82,7 @@ def interfaces(machine: Machine) -> list[Bus]:
 
 def files(machine: Machine, python: str = sys.executable) -> list[File]:
     """Everything but the environment file, for this machine and this interpreter. Raises OSError."""
-    texts = {name: _shipped(name).replace(SHIPPED_PYTHON, python) for name in UNITS}
+    texts = {name: _shipped(name).replace(SHIPPED_PYTHON, python) for name in (*UNITS, LINES)}
     made = [File(UNIT_FOLDER / name, text) for name, text in texts.items()]
     made.append(File(Path("/etc/sysusers.d/directrix.conf"), _shipped("directrix.sysusers")))
     made.append(File(Path("/etc/tmpfiles.d/directrix.conf"), _shipped("directrix.tmpfiles")))
@@ -95,7 +97,7 @@ def _shipped(name: str) -> str:
 
 
 def _of_interface(bus: Bus, kind: str) -> File:
-    text = _shipped(f"80-directrix-can.{kind}").replace(f"Name={SHIPPED_INTERFACE}", f"Name={bus.channel}")
+    text = _shipped(f"{NETWORK_PREFIX}can.{kind}").replace(f"Name={SHIPPED_INTERFACE}", f"Name={bus.channel}")
     text = text.replace(SHIPPED_RATE, f"BitRate={bus.bit_rate}")
     return File(NETWORK_FOLDER / f"{NETWORK_PREFIX}{bus.channel}.{kind}", text)
 
@@ -152,15 +154,24 @@ def machine_named_in(text: str) -> str:
 def written(root: Path) -> list[Path]:
     """Every file and link of an installation below ``root``, whatever machine it was made for."""
     system = "etc/systemd/system"
-    patterns = (
-        *((system, name) for name in UNITS),
+    return _matching(
+        root,
+        *((system, name) for name in (*UNITS, LINES)),
         (f"{system}/{SERVICE}.d", "can.conf"),
         (f"{system}/*.wants", SERVICE),
         (f"{system}/*.wants", TARGET),
-        ("etc/systemd/network", f"{NETWORK_PREFIX}*"),
+        ("etc/systemd/network", "[0-9][0-9]-directrix-*"),  # of versions with another prefix, too
         ("etc/sysusers.d", "directrix.conf"),
         ("etc/tmpfiles.d", "directrix.conf"),
     )
+
+
+def enabled_lines(root: Path) -> list[Path]:
+    """Links of the serial lines that somebody enabled: another installation leaves them, its end does not."""
+    return _matching(root, ("etc/systemd/system/*.wants", LINES.replace("@", "@*")))
+
+
+def _matching(root: Path, *patterns: tuple[str, str]) -> list[Path]:
     # Names by hand: a link below another root points at nothing, and `glob` would pass it by.
     folders = {(folder, name) for where, name in patterns for folder in root.glob(where)}
     return sorted(path for folder, name in folders for path in folder.iterdir() if fnmatch(path.name, name))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from controller import door
+from controller.session import cores
 from controller.verify.console import Refused, refusals, tell
 
 if TYPE_CHECKING:
@@ -58,6 +59,7 @@ def panel(
             if file is not None and not file.is_file():
                 raise Refused(f"{file}: there is no such file; give a certificate and its key as PEM files.")
         socket = door.control_path(runtime or door.runtime_folder())
+        cores.leave()
         tell.print(f"Panel on {host}:{port}, machine behind {socket}, store in {store.folder}", markup=False)
         uvicorn.run(
             _app(store, socket, page),

@@ -11,21 +11,34 @@ import ctypes
 import json
 import os
 import shutil
+import stat
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from controller import door
 from controller.commands import latency
 from controller.machine import Bus, Machine
+from controller.session import cores
 
 TICK_NAME = "directrix-tick"  # as `ps` shows it
+_ISOLATE = "isolcpus=3 nohz_full=3 rcu_nocbs=3 on the kernel's command line, with the number of one core"
+_MAY_HAVE_IT = (
+    "a tick takes one when it starts: let its control group have it (AllowedCPUs= of directrix.service and of"
+    " the slices above it), isolate one for each machine of this computer, then restart directrix.service"
+)
+AWAKE = "/dev/cpu_dma_latency"
+_GIVE_AWAKE = "'systemd-tmpfiles --create' gives the device to the group"
 UNDER_SYSTEMD = "run the machine by directrix.service, which permits it, and this as root"
 LEAST_QUEUE = 128  # frames
 LEAST_FREE = 1 << 30  # bytes
 ERRORS_ALLOWED = 96  # CiA 301 and ISO 11898: from here on a controller warns
 GOOD_CLOCKS = ("tsc", "arch_sys_counter", "kvm-clock", "hyperv_clocksource_tsc_page")
+MAY_BE_LATE = 1e-3  # share of the ticks
+QUICKER = "a PREEMPT_RT kernel, a core of its own (isolcpus=), the performance governor, or a longer period_s"
+ANSWER_S = 5.0
 _UNSYNCHRONISED = 0x40  # STA_UNSYNC, linux/timex.h
 _CURRENT = 1  # MCL_CURRENT
 
@@ -44,15 +57,16 @@ class Line:
 
 
 def run(machine: Machine, state: Path, seconds: float, root: Path = Path("/")) -> list[Line]:
-    """All lines; takes ``seconds`` for the latency."""
+    """All lines; takes ``seconds`` for the latency where no tick is asked for its own."""
     tick = tick_process(root)
+    running = _asked(state) if tick is not None else None
     return [
-        _latency(machine.period_s, seconds, root),
+        _latency(machine.period_s, seconds, root) if running is None else kept(running),
         memory(tick, root),
         priority(tick),
-        cores(tick, root),
+        own_core(tick, root),
         governor(root),
-        sleep_states(root),
+        sleep_states(tick, root),
         *(line for bus in machine.buses if bus.interface == "socketcan" for line in can(bus, told(bus))),
         disk(state),
         clock_source(root),
@@ -83,8 +97,30 @@ def _line(name: str, passed: bool, found: str, remedy: str) -> Line:
 # --- the processor -------------------------------------------------------------------------
 
 
+def _asked(state: Path) -> dict[str, float] | None:
+    """What the running tick says of itself; None where it cannot be asked."""
+    client = door.Client(door.control_path(door.runtime_of(state)), longest_s=ANSWER_S)
+    try:
+        return dict(client.ask("status")["tick"])
+    except (door.DoorError, KeyError):
+        return None
+    finally:
+        client.close()
+
+
+def kept(tick: dict[str, float]) -> Line:
+    """The deadlines of a running tick: it has its core for itself, to measure beside it would say less."""
+    skipped = tick["skips"] / max(tick["number"], 1)
+    found = (
+        f"the tick was {1e3 * tick['late_max_ms']:.0f} us late at worst;"
+        f" {100.0 * skipped:.2g} % of {tick['number']} ticks of {tick['period_ms']:g} ms were skipped"
+    )
+    return _line("latency", skipped <= MAY_BE_LATE, found, QUICKER)
+
+
 def _latency(period_s: float, seconds: float, root: Path) -> Line:
-    return latency_line(latency.measure(period_s, seconds, _first(isolated(root))), period_s)
+    alone = _permitted_of(cores.isolated(root))
+    return latency_line(latency.measure(period_s, seconds, alone[0] if alone else None), period_s)
 
 
 def latency_line(measured: latency.Measured, period_s: float) -> Line:
@@ -96,10 +132,7 @@ def latency_line(measured: latency.Measured, period_s: float) -> Line:
         f" {100.0 * late:.2g} % of {measured.count} ticks of {1e3 * period_s:g} ms would be skipped"
         f"{'' if measured.real_time else ' (without real-time priority)'}"
     )
-    remedy = (
-        "a PREEMPT_RT kernel, a core of its own (isolcpus=), the performance governor, or a longer period_s"
-    )
-    return _line("latency", late <= 1e-3, found, remedy)
+    return _line("latency", late <= MAY_BE_LATE, found, QUICKER)
 
 
 def memory(tick: int | None, root: Path) -> Line:
@@ -132,30 +165,38 @@ def priority(tick: int | None) -> Line:
     return _line("priority", may, "SCHED_FIFO is" + " not" * (not may) + " permitted", UNDER_SYSTEMD)
 
 
-def isolated(root: Path) -> list[int]:
-    """Processors that the scheduler leaves alone."""
-    return _numbers(_text(root / "sys/devices/system/cpu/isolated"))
+def own_core(tick: int | None, root: Path) -> Line:
+    """A core that nobody else uses, for the tick alone."""
+    alone = cores.isolated(root)
+    where = sorted(os.sched_getaffinity(tick)) if tick is not None else _permitted_of(alone)
+    found = f"isolated: {_listed(alone)}"
+    if tick is not None:
+        found += f"; the tick on {_listed(where)}"
+    elif alone:
+        found += f"; permitted: {_listed(where)}"
+    passed = bool(where) and set(where) <= set(alone)
+    return _line("own core", passed, found, _MAY_HAVE_IT if alone else _ISOLATE)
 
 
-def _numbers(text: str) -> list[int]:
-    """A list of the kernel's, "2-3,7"."""
-    spans = [part.split("-") for part in text.split(",") if part]
-    return [number for span in spans for number in range(int(span[0]), int(span[-1]) + 1)]
+def _listed(numbers: Sequence[int]) -> str:
+    return ", ".join(map(str, numbers)) or "none"
 
 
-def _first(numbers: list[int]) -> int | None:
-    return numbers[0] if numbers else None
+def _permitted_of(cpus: Sequence[int]) -> list[int]:
+    """Those on which a process of this control group may run."""
+    before = os.sched_getaffinity(0)
+    try:
+        return [cpu for cpu in cpus if _can_move(cpu)]
+    finally:
+        os.sched_setaffinity(0, before)
 
 
-def cores(tick: int | None, root: Path) -> Line:
-    """A core of its own for the tick."""
-    alone = isolated(root)
-    remedy = "isolcpus=3 nohz_full=3 rcu_nocbs=3 on the kernel's command line, with the number of one core"
-    if not alone:
-        return Line("own core", False, "no processor is isolated", remedy)
-    where = sorted(os.sched_getaffinity(tick)) if tick is not None else alone[:1]
-    found = f"isolated: {', '.join(map(str, alone))}; the tick on {', '.join(map(str, where))}"
-    return _line("own core", set(where) <= set(alone), found, "restart directrix.service: it chooses one")
+def _can_move(cpu: int) -> bool:
+    try:
+        os.sched_setaffinity(0, {cpu})
+    except OSError:
+        return False
+    return True
 
 
 def governor(root: Path) -> Line:
@@ -167,13 +208,28 @@ def governor(root: Path) -> Line:
     return _line("governor", kinds in ([], ["performance"]), found, remedy)
 
 
-def sleep_states(root: Path) -> Line:
+def sleep_states(tick: int | None, root: Path) -> Line:
     """/dev/cpu_dma_latency: held at 0 it keeps the processors out of deep sleep."""
-    device = root / "dev/cpu_dma_latency"
-    may = os.access(device, os.W_OK)
-    found = "may be held awake" if may else "not there" if not device.exists() else "no permission"
-    remedy = f"'systemd-tmpfiles --create' gives the device to the group; or {UNDER_SYSTEMD}"
-    return _line("deep sleep", may, found, remedy)
+    if tick is not None:
+        held = any(_points_to(file, AWAKE) for file in (root / f"proc/{tick}/fd").glob("*"))
+        found = f"the tick {'holds' if held else 'does not hold'} {AWAKE}"
+        return _line("deep sleep", held, found, f"{_GIVE_AWAKE}, then restart directrix.service")
+    device = root / AWAKE.lstrip("/")
+    may = os.access(device, os.W_OK) and _for_a_group(device)
+    found = "may be held awake" if may else "no permission" if device.exists() else "not there"
+    return _line("deep sleep", may, found, f"{_GIVE_AWAKE}; or {UNDER_SYSTEMD}")
+
+
+def _points_to(link: Path, name: str) -> bool:
+    try:
+        return os.readlink(link) == name
+    except OSError:
+        return False
+
+
+def _for_a_group(device: Path) -> bool:
+    """Root may write it whatever its mode says, the service only as a member of the group."""
+    return os.geteuid() != 0 or bool(device.stat().st_mode & stat.S_IWGRP)
 
 
 # --- the bus -------------------------------------------------------------------------------
@@ -202,7 +258,11 @@ def can(bus: Bus, link: dict[str, Any]) -> Iterator[Line]:
     if not link:
         return
     length = int(link.get("txqlen", 0))
-    longer = f"'ip link set {bus.channel} txqueuelen {LEAST_QUEUE}'"
+    longer = (
+        f"TransmitQueueLength={LEAST_QUEUE} in the .link file that is the first to match it ('udevadm"
+        f" test-builtin net_setup_link /sys/class/net/{bus.channel}' names it; 'directrix service install'"
+        f" writes one); until the next boot 'ip link set {bus.channel} txqueuelen {LEAST_QUEUE}'"
+    )
     yield _line(f"{bus.name} queue", length >= LEAST_QUEUE, f"{length} frames", longer)
     about = link.get("linkinfo", {}).get("info_data", {})
     rate = about.get("bittiming", {}).get("bitrate")

@@ -8,7 +8,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -36,7 +36,7 @@ MachineFile = Annotated[
     str | None,
     typer.Option("--machine", help="Machine file, or the name of a shipped one; default: the installed one."),
 ]
-HIDDEN = ("/home", "/root", "/run/user")  # ProtectHome=yes
+HIDDEN = ("/home", "/root", "/run/user", "/tmp", "/var/tmp")  # ProtectHome=yes, PrivateTmp=yes
 SHOWN = ("LoadState", "ActiveState", "SubState", "Result", "NRestarts", "MainPID", "StatusText")
 NOT_RUNNING = 3  # exit code, as systemctl's
 
@@ -64,7 +64,7 @@ def install(
         source = _source(machine)
         made = config.load(source or installation.machine_named_in(present or ""))
         if root is None:
-            _may_install(made, source)
+            _may_install(made, source or installation.machine_named_in(present or ""))
         serve = None if simulate is None else "--simulate" * simulate
         text = installation.environment(present, source, serve, panel)
         paths = _write(root or Path("/"), made, text)
@@ -85,25 +85,38 @@ def _source(machine: str | None) -> str | None:
     return str(Path(machine).resolve()) if machine is not None and Path(machine).is_file() else machine
 
 
-def _may_install(machine: Machine, source: str | None) -> None:
-    """Raises Refused, before anything is written."""
+def _may_install(machine: Machine, source: str) -> None:
+    """Raises Refused, before anything is written. ``source``: path or name of the machine file."""
     _as_root("install")
     if not Path("/run/systemd/system").is_dir():
         raise Refused(
             "systemd does not run here, it is not process 1; use --root FOLDER to write the files only."
         )
-    needed = {"This Python": str(Path(sys.executable).resolve()), "The machine file": source or ""}
-    for what, path in needed.items():
-        if path.startswith(tuple(f"{folder}/" for folder in HIDDEN)):
-            raise Refused(
-                f"{what} is {path}, which a service cannot see ({', '.join(HIDDEN)} are hidden from it);"
-                " put it elsewhere, for instance into /opt/directrix or /etc/directrix."
-            )
+    _seen_by_a_service(source)
     for bus in installation.interfaces(machine):
         if not bus.channel:
             raise Refused(
                 f'bus {bus.name}: no channel is named; needed is a CAN interface, as channel = "can0".'
             )
+
+
+def _seen_by_a_service(source: str) -> None:
+    """Raises Refused."""
+    for what, path in _needed(source):
+        if path.startswith(tuple(f"{folder}/" for folder in HIDDEN)):
+            raise Refused(
+                f"{what} is {path}, which a service cannot see ({', '.join(HIDDEN)} are hidden from it);"
+                " put it elsewhere, for instance into /opt/directrix or /etc/directrix."
+            )
+
+
+def _needed(source: str) -> Iterator[tuple[str, str]]:
+    """What the services read, by the path that they are told and by the one where it ends."""
+    python = Path(sys.executable).absolute()  # of a virtual environment: a link into the system's
+    for path in dict.fromkeys((python, python.resolve())):
+        yield "This Python", str(path)
+    yield "The package", str(Path(config.__file__).resolve())  # perhaps a checkout, installed as editable
+    yield "The machine file", source
 
 
 def _as_root(what: str) -> None:
@@ -178,6 +191,7 @@ def uninstall(root: Root = None, as_json: Json = False) -> None:
         paths = installation.written(below)
         if root is None and (below / "etc/systemd/system" / TARGET) in paths:
             _run("systemctl", "stop", *UNITS)
+        paths += installation.enabled_lines(below)
         for path in paths:
             path.unlink()
             _remove_empty(path.parent)

@@ -44,6 +44,7 @@ class PlanEnd:
         self._outbox = PieceOutbox(children.joined(pieces, socket.SOCK_SEQPACKET))
         self._requests = children.joined(requests, socket.SOCK_DGRAM)
         self._lock = threading.Lock()  # a keepalive must not come between the packets of a message
+        self._sent = 0  # the last message's number
         self._start_up: StartUp | None = None
         sys.setswitchinterval(SWITCH_S)
         with contextlib.suppress(PermissionError):
@@ -52,8 +53,13 @@ class PlanEnd:
         threading.Thread(target=self._keep_alive, daemon=True).start()
 
     def new_planner(self, machine: Machine) -> Planner:
-        """For a machine whose tools or offsets are other ones; its messages are counted on."""
+        """For a machine whose tools or offsets are other ones; its messages are counted on.
+
+        One of the planner before it may be on its way yet: two with the same number, and the tick's
+        answer to the old one would be taken for that to the new one.
+        """
         planner = Planner(machine, Kinematics(machine), self.send, clock=time.monotonic)
+        planner.go_on_from(self._sent)
         if (now := self._board.read()) is not None:
             planner.go_on_from(max(now.accepted, now.rejected))
         self.planner = planner
@@ -62,6 +68,7 @@ class PlanEnd:
     def send(self, message: PieceMessage) -> bool:
         """False while packets wait, and when nobody is there to take them."""
         with self._lock:
+            self._sent = max(self._sent, message.sequence)
             try:
                 return self._outbox.send(message)
             except OSError:

@@ -7,9 +7,11 @@ stops on the path; without the tick the drives stop by their own supervision.
 
 from __future__ import annotations
 
+import contextlib
 import pickle
 import signal
 import socket
+import sys
 import time
 import traceback
 from dataclasses import replace
@@ -20,7 +22,7 @@ from controller.handoff import PieceInbox, Recorder, RequestInbox, Snapshot, Sna
 from controller.machine import Machine, five
 from controller.plan.planner import Planner
 from controller.plan.text.program import ProgramError
-from controller.session import checked, children, cyclic
+from controller.session import checked, children, cores, cyclic
 from controller.session.children import Job
 from controller.session.plan_end import PLAN_TURN_S, PlanEnd
 from controller.session.startup import SessionError
@@ -32,6 +34,15 @@ from drives import bus, commission, pdo
 # heartbeats judge. On a real bus two lost feedbacks in a row are a fault.
 VIRTUAL_PATIENCE_S = 0.150
 SAME_PLACE = 1e-9  # mm or rad
+
+# Of ``loop.prepare`` and ``cores.take``, as an operator calls them.
+PRIVILEGES = {
+    "locked": "locked memory",
+    "slack": "exact timers",
+    "fifo": "real-time priority",
+    "awake": "processors that are kept awake",
+    "own core": "a core of its own",
+}
 
 EXPECTED = (ProgramError, SessionError, commission.CommissionError, bus.BusError)
 
@@ -87,7 +98,11 @@ def tick_main(job: Job) -> None:
         time.monotonic,
     )
     group.start()
-    loop.prepare()
+    granted = loop.prepare()
+    granted["own core"] = cores.take(granted["fifo"]) is not None
+    if missing := lacking(granted, _simulated(machine)):
+        with contextlib.suppress(OSError):  # nobody may be there to read it
+            print(missing, file=sys.stderr, flush=True)
     asked = Asked()
     filenos = [port.fileno() for port in ports.values() if port.fileno() >= 0]
     turning = loop.Loop(cycle, loop.WallClock(), filenos)
@@ -100,9 +115,24 @@ def tick_main(job: Job) -> None:
         raise turning.error
 
 
+def lacking(granted: loop.Granted, simulated: bool) -> str:
+    """What a tick has to do without, in a sentence for the journal; "" where a simulated one bears it."""
+    missing = [PRIVILEGES[name] for name, given in granted.items() if not given]
+    if simulated or not missing:
+        return ""
+    return (
+        f"The tick runs without {', '.join(missing)}, so it may be late more often: "
+        "'directrix service self-test' says what to do."
+    )
+
+
 def _patience_s(machine: Machine) -> float:
     """Simulated drives on a virtual bus are a process of this computer and may be late."""
-    return VIRTUAL_PATIENCE_S if all(bus.interface == "virtual" for bus in machine.buses) else 0.0
+    return VIRTUAL_PATIENCE_S if _simulated(machine) else 0.0
+
+
+def _simulated(machine: Machine) -> bool:
+    return all(bus.interface == "virtual" for bus in machine.buses)
 
 
 # --- plan ------------------------------------------------------------------------
@@ -113,6 +143,7 @@ def plan_main(job: Job) -> None:
 
     A program that cannot be run is refused before anything moves. Raises what ``EXPECTED`` lists.
     """
+    cores.leave()
     plan = PlanEnd(job.machine, job.pieces, job.requests, job.snapshot_path)
     task = checked.task(job.program, job.name, job.machine)
     walk = checked.walk_of(task, job.check, job.unchecked)

@@ -34,6 +34,7 @@ from drives.log.frame_log import FrameLog
 
 KEPT_S = 10.0  # before the fault
 STOP_S = 3.0  # at most after it
+LATE_S = 1.0  # until somebody writes it
 CAUSE_S = 0.3  # at least after it: what a node says when it speaks again tells the cause
 KEPT = 50  # recordings; the oldest go
 STILL_TICKS = 25  # the actual positions of so many ticks agree: the drives stand
@@ -133,24 +134,30 @@ class Keeper:
             return True
         if self._seen_tick < 0:
             self._seen_tick = now.tick
-        since_s = (now.tick - self._seen_tick) * self._machine.period_s
-        long, early = since_s >= STOP_S, since_s < CAUSE_S
-        if not long and (
-            early or not (now.at_rest and stands(self._recorder.last(STILL_TICKS), self._machine))
-        ):
+        if not self.settled(now, self._seen_tick):
             return False
         self.keep(now)
         return True
 
+    def settled(self, now: Snapshot, seen_tick: int, stops: bool = True) -> bool:
+        """Whether all that a recording waits for has come since that tick; ``stops``: a standstill, too."""
+        since_s = (now.tick - seen_tick) * self._machine.period_s
+        if since_s < CAUSE_S or since_s >= STOP_S or not stops:
+            return since_s >= CAUSE_S
+        return now.at_rest and stands(self._recorder.last(STILL_TICKS), self._machine)
+
     def keep(self, now: Snapshot, fault: Fault | None = None) -> None:
         """Save at once, under another name than the snapshot's if the tick could not tell it."""
-        named = now if fault is None else now._replace(fault=fault, fault_axis=-1)
-        rows = self._recorder.last(round((KEPT_S + STOP_S) / self._machine.period_s))
         try:
-            facts = Facts.of(self._machine, named, self._logs)
-            self.saved = save(self._base, self._machine, facts, rows, self._logs)
+            self.saved = self.save(now if fault is None else now._replace(fault=fault, fault_axis=-1))
         except OSError as error:
             self.problem = f"The recording could not be written to {self._base}: {error.strerror}."
+
+    def save(self, now: Snapshot) -> Path:
+        """Save what was before this snapshot, named by its fault; any thread may. Raises OSError."""
+        rows = self._recorder.last(round((KEPT_S + STOP_S + LATE_S) / self._machine.period_s))
+        facts = Facts.of(self._machine, now, self._logs)
+        return save(self._base, self._machine, facts, rows, self._logs)
 
     @property
     def told(self) -> str:

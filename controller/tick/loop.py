@@ -188,10 +188,10 @@ class Granted(dict[str, bool]):
     """Which of the real-time privileges this process was given."""
 
 
-def prepare(priority: int = 80, cpu: int | None = None) -> Granted:
+def prepare(priority: int = 80) -> Granted:
     """Makes this process as real-time as it may be; call it once, when everything is built.
 
-    What is not permitted is left out and told: the loop runs without, only less evenly.
+    What is not permitted is left out, and told by what is returned: the loop runs without, only less evenly.
     """
     gc.collect()
     gc.freeze()
@@ -203,8 +203,6 @@ def prepare(priority: int = 80, cpu: int | None = None) -> Granted:
         fifo=_permitted(lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))),
     )
     granted["awake"] = _permitted(_stay_awake)
-    if cpu is not None:
-        granted["pinned"] = _permitted(lambda: os.sched_setaffinity(0, {cpu}))
     return granted
 
 

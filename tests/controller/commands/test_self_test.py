@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import tempfile
 from pathlib import Path
 from typing import Any
 
 import pytest
+from at_the_door import answering
 from typer.testing import CliRunner
 
 from controller.commands import latency, self_test, service
@@ -42,11 +44,65 @@ def test_latency_is_measured_at_every_deadline() -> None:
     assert all(late >= 0.0 for late in measured.late_s)
 
 
-def test_a_core_of_its_own_is_wanted(tmp_path: Path) -> None:
-    assert not self_test.cores(None, computer(tmp_path, {"sys/devices/system/cpu/isolated": ""})).passed
-    root = computer(tmp_path, {"sys/devices/system/cpu/isolated": "2-3,7"})
-    assert self_test.isolated(root) == [2, 3, 7]
-    assert self_test.cores(None, root).passed
+ISOLATED = "sys/devices/system/cpu/isolated"
+
+
+def test_a_core_of_its_own_is_wanted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    found = self_test.own_core(None, computer(tmp_path, {ISOLATED: ""}))
+    assert not found.passed and "isolcpus" in found.remedy
+    root = computer(tmp_path, {ISOLATED: "2-3,7"})
+    monkeypatch.setattr(self_test, "_permitted_of", lambda cpus: cpus[1:])
+    assert self_test.own_core(None, root).passed
+    monkeypatch.setattr(self_test, "_permitted_of", lambda _: [])
+    found = self_test.own_core(None, root)
+    assert not found.passed and "AllowedCPUs" in found.remedy
+
+
+@pytest.mark.parametrize(("where", "passed"), [({3}, True), ({0, 1}, False), ({3, 1}, False)])
+def test_of_a_running_tick_it_counts_where_it_runs(
+    where: set[int], passed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(self_test.os, "sched_getaffinity", lambda _: where)
+    assert self_test.own_core(99, computer(tmp_path, {ISOLATED: "3"})).passed is passed
+
+
+def test_looking_for_a_permitted_core_leaves_this_process_where_it_was() -> None:
+    before = self_test.os.sched_getaffinity(0)
+    assert self_test._permitted_of([min(before), 10**6]) == [min(before)]
+    assert self_test.os.sched_getaffinity(0) == before
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_a_running_tick_is_asked_for_what_it_holds_against_deep_sleep(tmp_path: Path, held: bool) -> None:
+    """Root may always open the device; that says nothing of the tick."""
+    (tmp_path / "proc/99/fd").mkdir(parents=True)
+    for number, file in enumerate(("/dev/null", self_test.AWAKE if held else "socket:[7]")):
+        (tmp_path / f"proc/99/fd/{number}").symlink_to(file)
+    line = self_test.sleep_states(99, tmp_path)
+    assert line.passed is held and ("restart" in line.remedy) is not held
+
+
+@pytest.mark.parametrize(("mode", "passed"), [(0o660, True), (0o600, False)])
+def test_before_it_runs_the_device_has_to_be_the_groups(
+    mode: int, passed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root = computer(tmp_path, {"dev/cpu_dma_latency": ""})
+    (root / "dev/cpu_dma_latency").chmod(mode)
+    monkeypatch.setattr(self_test.os, "geteuid", lambda: 0)
+    line = self_test.sleep_states(None, root)
+    assert line.passed is passed and ("systemd-tmpfiles" in line.remedy) is not passed
+
+
+@pytest.mark.parametrize(("skips", "passed"), [(9, True), (11, False)])
+def test_a_running_tick_tells_its_own_lateness(skips: int, passed: bool, tmp_path: Path) -> None:
+    """To measure on the core that it has for itself would find the tick, and elsewhere something else."""
+    tick = {"number": 10_000, "skips": skips, "late_max_ms": 0.25, "period_ms": 2.0}
+    short = tempfile.TemporaryDirectory(prefix="directrix-")  # as a socket's path must be
+    with short as runtime, answering(tmp_path, Path(runtime), tick=tick):
+        asked = self_test._asked(tmp_path)
+    assert asked == tick
+    line = self_test.kept(asked)
+    assert line.passed is passed and "250 us late at worst" in line.found
 
 
 @pytest.mark.parametrize(("kinds", "passed"), [([], True), (["performance"], True), (["powersave"], False)])
