@@ -1,4 +1,4 @@
-"""The local door of the service: who may speak through it, and how. Both sides.
+"""The local door of the service: who may speak through it, and how; and the asking side.
 
 A SEQPACKET socket in the file system, one JSON object a packet. Every request names a verb
 and gets one answer with its ``id``; what takes long answers late, and others overtake it:
@@ -8,46 +8,40 @@ and gets one answer with its ``id``; what takes long answers late, and others ov
     {"id": 7, "ok": false, "error": {"code": "refused", "mode": "RUNNING", "request": "HOME", ...}}
 
 The kernel tells who connects (SO_PEERCRED): the same user, root, and members of the group that
-owns the socket are let in. One thread reads all of it, so that a hold never waits behind
-another verb's work: a handler that cannot answer at once gives a ``Future``.
+owns the socket are let in. The answering side is ``controller.service.server``.
 """
 
 from __future__ import annotations
 
-import contextlib
+import errno
 import json
 import math
 import os
-import pwd
-import selectors
 import socket
-import stat
-import struct
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
 Values = dict[str, Any]
 Answer = Values | Future[Values]
-Handler = Callable[[str, Values], Answer]
 
 CONTROL = "control.sock"  # in the runtime folder
+RUNTIME = "runtime"  # in the state folder: a file that says which one that is
 MOST_BYTES = 200_000  # of a packet; bigger things go by their path in the store
 MOST_PEERS = 64
-CODES = ("refused", "bad", "busy", "gone")
+CODES = ("refused", "bad", "busy", "gone", "silent")
 FACTS = ("code", "sentence", "mode", "request", "sentence_de")  # of a refusal
 ANSWER_S = 600.0  # a whole program may have to be read before the answer
-
-_BUFFER_BYTES = 1 << 20
-_CREDENTIALS = struct.Struct("3i")  # pid, uid, gid
+BUFFER_BYTES = 1 << 20  # of a socket
 
 
 class DoorError(Exception):
     """Why a request was not done: ``sentence`` for the operator, also in German where it is known.
 
-    ``code``: "refused" by the machine's state, "bad" request, "busy", "gone" = nobody answers.
+    ``code``: "refused" by the machine's state, "bad" request, "busy", "gone" = nobody is there to
+    answer, "silent" = somebody is, and does not.
     """
 
     def __init__(
@@ -79,6 +73,27 @@ def runtime_folder() -> Path:
     return Path(f"/tmp/directrix-{os.getuid()}")
 
 
+def note_runtime(state: Path, runtime: Path) -> None:
+    """Note beside what a service keeps where its sockets are. Raises OSError."""
+    file, text = state / RUNTIME, str(runtime.absolute())
+    if not file.exists() or file.read_text(encoding="utf-8") != text:  # a full disk forbids no second start
+        new = file.with_suffix(".new")
+        new.write_text(text, encoding="utf-8")
+        os.replace(new, file)
+
+
+def runtime_of(state: Path) -> Path:
+    """Where the service of a state folder has, or had, its sockets; the usual place where none has run.
+
+    Whoever works on a state folder asks for its own service by this: another user's usual place is
+    not where systemd's service is.
+    """
+    try:
+        return Path((state / RUNTIME).read_text(encoding="utf-8"))
+    except OSError:
+        return runtime_folder()
+
+
 def state_folder() -> Path:
     """Where what must last is kept unless told otherwise: systemd's folder, or the XDG state folder."""
     if given := os.environ.get("STATE_DIRECTORY"):
@@ -88,6 +103,17 @@ def state_folder() -> Path:
 
 
 # ---- the asking side
+
+
+def is_served(path: Path) -> bool:
+    """Whether a service is behind a socket, be it that it hangs or that it does not let us in."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:
+        probe.setblocking(False)
+        try:
+            probe.connect(str(path))
+        except OSError as error:
+            return error.errno in (errno.EAGAIN, errno.EACCES)
+    return True
 
 
 class Client:
@@ -102,23 +128,22 @@ class Client:
 
     def ask(self, verb: str, **args: Any) -> Values:
         """The result of a verb. Raises DoorError."""
-        own, fresh = self._take()
+        number, packet = self._packet(verb, args)
+        own = self._take()
         try:
-            return self._answer(own, verb, args)
-        except ConnectionError:
+            try:
+                own.send(packet)
+            except ConnectionError:  # opened before the service was started anew: nothing went out
+                own.close()
+                own = self._take(fresh=True)
+                own.send(packet)
+            return self._answer(own, number)
+        except ConnectionError as error:
             own.close()
-            if fresh:
-                raise DoorError("gone", self._gone()) from None
+            raise self._unanswered(verb) from error
         except OSError as error:
             own.close()
-            raise DoorError("gone", f"{self._gone()} ({error.strerror or 'no answer in time'})") from error
-        # It was opened before the service was started anew; nothing of this request went out.
-        own, _ = self._take(fresh=True)
-        try:
-            return self._answer(own, verb, args)
-        except OSError as error:
-            own.close()
-            raise DoorError("gone", self._gone()) from error
+            raise self._silent(error) from error
 
     def close(self) -> None:
         with self._lock:
@@ -126,16 +151,19 @@ class Client:
                 own.close()
             self._idle.clear()
 
-    def _answer(self, own: socket.socket, verb: str, args: Values) -> Values:
+    def _packet(self, verb: str, args: Values) -> tuple[int, bytes]:
+        """The number of a request, and the request."""
         with self._lock:
             self._number += 1
             number = self._number
-        packet = _packed({"id": number, "verb": verb, "args": args})
+        packet = packed({"id": number, "verb": verb, "args": args})
         if len(packet) > MOST_BYTES:
             raise DoorError("bad", f"{verb}: {len(packet)} bytes are too many for one request; send a path.")
-        own.send(packet)
+        return number, packet
+
+    def _answer(self, own: socket.socket, number: int) -> Values:
         while True:
-            said = _unpacked(own.recv(2 * MOST_BYTES))
+            said = unpacked(own.recv(2 * MOST_BYTES))
             if said is None:
                 raise ConnectionResetError
             if said.get("id") in (number, None):  # None: this peer was sent away
@@ -146,139 +174,52 @@ class Client:
             return dict(said.get("result") or {})
         raise DoorError.from_dict(said.get("error") or {})
 
-    def _take(self, fresh: bool = False) -> tuple[socket.socket, bool]:
-        """A connection, and whether it is new."""
+    def _take(self, fresh: bool = False) -> socket.socket:
+        """A connection; ``fresh``: those that are there are of no use any more."""
         with self._lock:
             if fresh:
                 for old in self._idle:
                     old.close()
                 self._idle.clear()
             elif self._idle:
-                return self._idle.pop(), False
+                return self._idle.pop()
         own = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         own.settimeout(self._longest_s)
-        own.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
+        own.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, BUFFER_BYTES)
         try:
             own.connect(str(self._path))
-        except OSError as error:
+        except (FileNotFoundError, ConnectionError) as error:
             own.close()
             raise DoorError("gone", f"{self._gone()} ({error.strerror})") from error
-        return own, True
+        except OSError as error:
+            own.close()
+            raise self._silent(error) from error
+        return own
+
+    def _unanswered(self, verb: str) -> DoorError:
+        """The service ended after it was asked: to ask the next one again might do a thing twice."""
+        try:
+            self._take(fresh=True).close()
+        except DoorError as error:
+            return error
+        return DoorError(
+            "silent",
+            f"{self._path}: the machine's service was started anew before it answered; look at the "
+            f"machine: whether {verb} was done is not known.",
+        )
+
+    def _silent(self, error: OSError) -> DoorError:
+        """Somebody holds the socket: what is loaded there may be running."""
+        why = error.strerror or f"no answer within {self._longest_s:g} s"
+        return DoorError(
+            "silent", f"{self._path}: the machine's service is there and gives no answer ({why}); repeat."
+        )
 
     def _gone(self) -> str:
         return f"{self._path}: the machine's service does not answer; start it with directrix serve."
 
 
-# ---- the answering side
-
-
-class _Peer:
-    """One connection; answers may be sent by any thread."""
-
-    def __init__(self, own: socket.socket) -> None:
-        own.setblocking(False)
-        own.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
-        self.socket = own
-        self._lock = threading.Lock()
-
-    def send(self, said: Values) -> None:
-        """One who does not read its answers loses them."""
-        with self._lock, contextlib.suppress(OSError):
-            self.socket.send(_packed(said))
-
-    def close(self) -> None:
-        with self._lock:
-            self.socket.close()
-
-
-class Server:
-    """The door, open from construction to ``close``; ``handler`` is called in the door's own thread.
-
-    A handler answers at once, or gives a Future; it raises DoorError where a request is not done.
-    """
-
-    def __init__(self, path: Path, handler: Handler, group: str = "") -> None:
-        """``group``: whose members are let in besides the user; "" = the process' own. Raises OSError."""
-        self._path, self._handler = path, handler
-        self._listening = _listening(path, group)
-        self._gid = os.stat(path).st_gid
-        self._peers: dict[int, _Peer] = {}
-        self._selector = selectors.DefaultSelector()
-        self._wake, self._woken = socket.socketpair()
-        self._selector.register(self._listening, selectors.EVENT_READ)
-        self._selector.register(self._woken, selectors.EVENT_READ)
-        self._ending = False
-        self._thread = threading.Thread(target=self._serve, name="door", daemon=True)
-        self._thread.start()
-
-    def close(self) -> None:
-        """No more requests; the socket is gone from the file system."""
-        self._ending = True
-        self._wake.send(b".")
-        self._thread.join()
-        for peer in self._peers.values():
-            peer.close()
-        for own in (self._listening, self._wake, self._woken):
-            own.close()
-        self._selector.close()
-        self._path.unlink(missing_ok=True)
-
-    def _serve(self) -> None:
-        while not self._ending:
-            for key, _ in self._selector.select():
-                if key.fileobj is self._listening:
-                    self._accept()
-                elif key.fileobj is not self._woken:
-                    self._read(key.fd)
-
-    def _accept(self) -> None:
-        try:
-            own, _ = self._listening.accept()
-        except OSError:
-            return
-        if len(self._peers) >= MOST_PEERS:
-            own.close()
-            return
-        peer = _Peer(own)
-        if not _let_in(own, self._gid):
-            sentence = f"This user may not use {self._path}; add it to the group that owns the socket."
-            peer.send({"id": None, "ok": False, "error": DoorError("refused", sentence).to_dict()})
-            peer.close()
-            return
-        self._peers[own.fileno()] = peer
-        self._selector.register(own, selectors.EVENT_READ)
-
-    def _read(self, fileno: int) -> None:
-        peer = self._peers[fileno]
-        try:
-            packet = peer.socket.recv(MOST_BYTES + 1)
-        except BlockingIOError:
-            return
-        except OSError:
-            packet = b""
-        if not packet:
-            self._selector.unregister(peer.socket)
-            del self._peers[fileno]
-            peer.close()
-            return
-        self._request(peer, packet)
-
-    def _request(self, peer: _Peer, packet: bytes) -> None:
-        said = _unpacked(packet) if len(packet) <= MOST_BYTES else None
-        number = said.get("id") if said else None
-        try:
-            verb, args = _asked(said)
-            answer = self._handler(verb, args)
-        except DoorError as error:
-            peer.send({"id": number, "ok": False, "error": error.to_dict()})
-            return
-        except Exception as error:  # one request's own mistake must not close the door for all
-            peer.send({"id": number, "ok": False, "error": own_error(error).to_dict()})
-            return
-        if isinstance(answer, Future):
-            answer.add_done_callback(lambda done: peer.send({"id": number, **_outcome(done)}))
-        else:
-            peer.send({"id": number, "ok": True, "result": answer})
+# ---- what both sides need
 
 
 def own_error(error: BaseException) -> DoorError:
@@ -287,25 +228,7 @@ def own_error(error: BaseException) -> DoorError:
     return DoorError("busy", f"The service met an error of its own; report this: {what}")
 
 
-def _outcome(done: Future[Values]) -> Values:
-    error = done.exception() if not done.cancelled() else DoorError("busy", "The request was given up.")
-    if error is None:
-        return {"ok": True, "result": done.result()}
-    known = error if isinstance(error, DoorError) else own_error(error)
-    return {"ok": False, "error": known.to_dict()}
-
-
-def _asked(said: Values | None) -> tuple[str, Values]:
-    """Verb and arguments of a packet. Raises DoorError."""
-    if said is None:
-        raise DoorError("bad", f"A request is one JSON object of at most {MOST_BYTES} bytes; correct it.")
-    verb, args = said.get("verb"), said.get("args", {})
-    if not isinstance(verb, str) or not isinstance(args, dict):
-        raise DoorError("bad", 'A request has a "verb" (text) and "args" (an object); correct it.')
-    return verb, args
-
-
-def _packed(said: Values) -> bytes:
+def packed(said: Values) -> bytes:
     return json.dumps(_plain(said), allow_nan=False, separators=(",", ":")).encode()
 
 
@@ -320,7 +243,7 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _unpacked(packet: bytes) -> Values | None:
+def unpacked(packet: bytes) -> Values | None:
     try:
         said = json.loads(packet, parse_constant=_no_number)
     except (ValueError, RecursionError):
@@ -330,49 +253,3 @@ def _unpacked(packet: bytes) -> Values | None:
 
 def _no_number(name: str) -> float:
     raise ValueError(f"{name} is no JSON")
-
-
-def _listening(path: Path, group: str) -> socket.socket:
-    """The socket, readable for user and group alone; one that was left behind is replaced."""
-    path.parent.mkdir(parents=True, exist_ok=True, mode=0o750)
-    if path.exists() and _answers(path):
-        raise FileExistsError(f"{path}: another service answers there; stop it first.")
-    with contextlib.suppress(FileNotFoundError):
-        if stat.S_ISSOCK(path.lstat().st_mode):
-            path.unlink()
-    own = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    own.setblocking(False)
-    before = os.umask(0o117)
-    try:
-        own.bind(str(path))
-    finally:
-        os.umask(before)
-    if group:
-        import shutil
-
-        shutil.chown(path, group=group)
-    own.listen(MOST_PEERS)
-    return own
-
-
-def _answers(path: Path) -> bool:
-    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:
-        try:
-            probe.connect(str(path))
-        except OSError:
-            return False
-    return True
-
-
-def _let_in(own: socket.socket, gid: int) -> bool:
-    """Whether the kernel's word on the peer is one that we know."""
-    _, peer_uid, peer_gid = _CREDENTIALS.unpack(
-        own.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-    )
-    return peer_uid in (0, os.geteuid()) or gid in set(_groups(peer_uid, peer_gid))
-
-
-def _groups(uid: int, gid: int) -> Iterator[int]:
-    yield gid
-    with contextlib.suppress(KeyError, OSError):
-        yield from os.getgrouplist(pwd.getpwuid(uid).pw_name, gid)

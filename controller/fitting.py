@@ -12,13 +12,12 @@ A tool that is null was taken out of the table.
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from controller import config
+from controller import config, whole
 from controller.geometry import Frame
 from controller.machine import Machine
 from controller.toml_table import ConfigError, Table
@@ -47,12 +46,7 @@ def load(state: Path) -> dict[str, Any]:
 def save(state: Path, values: Values) -> None:
     """Keep it, whole or not at all. Raises OSError."""
     state.mkdir(parents=True, exist_ok=True)
-    new = state / (FILE + ".new")
-    with open(new, "w", encoding="utf-8") as file:
-        json.dump(values, file, indent=1)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(new, state / FILE)
+    whole.write(state / FILE, json.dumps(values, indent=1))
 
 
 def note(state: Path, machine: Machine) -> None:
@@ -60,9 +54,7 @@ def note(state: Path, machine: Machine) -> None:
     file = state / MACHINE
     text = json.dumps({"name": machine.name, "text": machine.text})
     if not file.exists() or file.read_text(encoding="utf-8") != text:
-        new = file.with_suffix(".new")
-        new.write_text(text, encoding="utf-8")
-        os.replace(new, file)
+        whole.write(file, text)
 
 
 def machine(state: Path) -> Machine:

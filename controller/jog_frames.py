@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from controller import catalogue
 from controller.geometry import Frame, Vector, X, Y, Z, norm, rotate, scale, subtract, unit
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Kind, Machine, five
@@ -23,7 +24,12 @@ _NOISE = 1e-12  # of a unit vector: what rounding leaves of a component that is 
 
 
 class JogError(Exception):
-    """One sentence on what cannot be jogged, with what is allowed."""
+    """One sentence on what cannot be jogged, with what is allowed; ``german``: the same."""
+
+    def __init__(self, key: str, **values: object) -> None:
+        """``key``: of the catalogue's text."""
+        english, self.german = catalogue.in_both(key, **values)
+        super().__init__(english)
 
 
 def continuous(
@@ -43,7 +49,7 @@ def continuous(
     rapids. Raises JogError.
     """
     if not (math.isfinite(share) and 0.0 < abs(share) <= 1.0):
-        raise JogError(f"The jog speed is {share:g}; it is a share from -1 to 1 and not 0.")
+        raise JogError("jog_share", share=share)
     line = direction(machine, kinematics, joints, frame, axis, part, homed)
     return Jog(_times(line, math.copysign(1.0, share)), abs(share) * fastest(machine, line))
 
@@ -61,7 +67,7 @@ def step(
 ) -> Jog:
     """Motion by ``distance`` as shown (mm, degrees of a rotary), either way; as ``continuous`` else."""
     if not math.isfinite(distance) or distance == 0.0:
-        raise JogError(f"The distance to jog is {distance:g}; give mm (degrees of a rotary) other than 0.")
+        raise JogError("jog_distance", distance=distance)
     jog = continuous(machine, kinematics, joints, frame, axis, math.copysign(share, distance), part, homed)
     shown = next((a.shown_per_unit for a in machine.axes if a.name == axis and frame == "joint"), 1.0)
     return jog._replace(length=abs(distance / shown))
@@ -91,14 +97,11 @@ def direction(
     if frame == "joint":
         return _joint(machine, axis)
     if frame not in FRAMES:
-        raise JogError(f"There is no frame {frame!r} to jog in; allowed are {', '.join(FRAMES)}.")
+        raise JogError("jog_frame", frame=frame, allowed=", ".join(FRAMES))
     if axis not in _LETTERS:
-        raise JogError(f"Frame {frame!r} has no axis {axis!r} to jog; allowed are X, Y and Z.")
+        raise JogError("jog_letter", frame=frame, axis=axis)
     if missing := [a.name for i, a in enumerate(machine.axes) if not homed >> i & 1]:
-        raise JogError(
-            f"Frame {frame!r} is not known before {', '.join(missing)} is homed; "
-            "home it, or jog in the frame 'joint'."
-        )
+        raise JogError("jog_not_homed", frame=frame, axes=", ".join(missing))
     letter = _LETTERS[axis]
     way = _of_tool(machine, joints, letter) if frame == "tool" else None
     return _slides(machine, way or _of_part(machine, kinematics, joints, part.turn(letter)))
@@ -113,7 +116,7 @@ def fastest(machine: Machine, line: Joints) -> float:
 def _joint(machine: Machine, name: str) -> Joints:
     names = [axis.name for axis in machine.axes]
     if name not in names:
-        raise JogError(f"The machine has no axis {name!r} to jog; allowed are {', '.join(names)}.")
+        raise JogError("jog_axis", axis=name, allowed=", ".join(names))
     sign = math.copysign(1.0, machine.axes[names.index(name)].shown_per_unit)
     return five([sign if one == name else 0.0 for one in names])
 

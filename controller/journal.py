@@ -15,11 +15,8 @@ says whether a restart may be offered, and from where.
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
-import os
-import tempfile
 import time
 from collections import deque
 from collections.abc import Callable
@@ -30,7 +27,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from controller import catalogue
+from controller import catalogue, whole
 from controller.handoff import COLUMN, Snapshot
 from controller.machine import Joints, Machine, five
 from controller.plan.route.spot import ENTRY_ID, Spot
@@ -91,21 +88,7 @@ def write(entry: Entry, file: Path) -> None:
     """Replace the file, whole or not at all, and not before the disk has it. Raises OSError."""
     text = json.dumps({"format": FORMAT, **asdict(entry), "spot": list(entry.spot)})
     file.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.NamedTemporaryFile("w", dir=file.parent, prefix=".journal", delete=False) as new:
-        try:
-            new.write(text)
-            new.flush()
-            os.fsync(new.fileno())
-            os.replace(new.name, file)
-        except BaseException:
-            with contextlib.suppress(OSError):
-                os.unlink(new.name)
-            raise
-    folder = os.open(file.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)
+    whole.write(file, text)
 
 
 def read(file: Path) -> tuple[Entry | None, str]:

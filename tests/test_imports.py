@@ -32,7 +32,8 @@ ARROWS: dict[str, set[str]] = {
     "pieces": {"motions"},  # values of the hand-over
     "requests": {"state", "pieces"},  # how they travel, for the hand-over
     "handoff": LEAVES | {"pieces", "requests", "motions", "curves", "surfaces"},
-    "jog_frames": LEAVES | {"kinematics", "pieces"},  # what is jogged, as a line of the joints
+    "jog_frames": LEAVES | {"kinematics", "pieces", "catalogue"},  # what is jogged, as a line of the joints
+    "whole": set(),  # files replaced whole
     "door": set(),  # the service's local protocol, both sides
     "toml_table": {"geometry"},  # reads tables for config, knows no machine
     "equipment": {"machine", "geometry", "toml_table"},  # config's: spindle, inputs and outputs, clamps
@@ -46,19 +47,19 @@ ARROWS: dict[str, set[str]] = {
     "plan": LEAVES | SHAPES | {"handoff"},
     "times": LEAVES | {"handoff"},  # what a machine's faults take
     "tick": LEAVES | (SHAPES - {"jets"}) | {"handoff", "times"},
-    "journal": LEAVES | {"handoff", "plan", "catalogue"},  # where the running program is, on disk
+    "journal": LEAVES | {"handoff", "plan", "catalogue", "whole"},  # where the running program is, on disk
     "verify": LEAVES | SHAPES | {"plan", "handoff"},
     # Puts the parts together, as the command line does; nothing but that imports it.
     "session": LEAVES | SHAPES | {"config", "handoff", "plan", "tick", "verify"},
-    "fitting": LEAVES | {"config", "toml_table"},  # what the operator changed, laid over the machine
+    "fitting": LEAVES | {"config", "toml_table", "whole"},  # what the operator changed, laid over the machine
     # The process of `serve`: parent of tick and plan, and the far side of the door.
     "service": LEAVES
     | SHAPES
-    | {"config", "toml_table", "fitting", "jog_frames", "door", "journal", "catalogue"}
+    | {"config", "toml_table", "fitting", "jog_frames", "door", "journal", "catalogue", "whole"}
     | {"handoff", "plan", "session", "tick", "times"},
     "panel": LEAVES
     | {"handoff", "config", "toml_table", "fitting", "door", "plan", "verify"}
-    | {"faults", "catalogue"},
+    | {"faults", "catalogue", "whole"},
     "cad": LEAVES | SHAPES | {"plan"},  # faces of a CAD file as a program
     "post": LEAVES | SHAPES | {"plan"},  # a planned path as lines
     # Commands of the command line, each a file of its own: as free as that, but for tick.

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from controller.catalogue import english, german
+from controller.catalogue import english, german, panel_english, panel_german
 from controller.faults import Fault, Reaction, Recovery, Words
 
 
@@ -28,14 +28,21 @@ class Catalogue(NamedTuple):
 
 LANGUAGES: dict[str, Catalogue] = {
     module.LANGUAGE: Catalogue(
-        module.FAULTS, module.CLASSES, module.RECOVERIES, module.FRAMES, module.REFUSALS
+        module.FAULTS,
+        module.CLASSES,
+        module.RECOVERIES,
+        module.FRAMES,
+        {**module.REFUSALS, **panel.REFUSALS},
     )
-    for module in (english, german)
+    for module, panel in ((english, panel_english), (german, panel_german))
 }
 
 
 class Key(str):
-    """A value of a refusal that is itself a text of the refusals, for instance what was waited for."""
+    """A value of a refusal that is itself a text of the refusals, for instance what was waited for.
+
+    Its places are filled with the other values.
+    """
 
 
 def of(language: str) -> Catalogue:
@@ -51,6 +58,11 @@ def of(language: str) -> Catalogue:
 def refusal(key: str, language: str = "en", **values: object) -> str:
     """The text of a refusal. Raises ValueError where the catalogue has no such language."""
     said = of(language).refusals
-    return said[key].format(
-        **{name: said[value] if isinstance(value, Key) else value for name, value in values.items()}
-    )
+    plain = {name: value for name, value in values.items() if not isinstance(value, Key)}
+    keys = {name: said[value].format(**plain) for name, value in values.items() if isinstance(value, Key)}
+    return said[key].format(**plain, **keys)
+
+
+def in_both(key: str, **values: object) -> tuple[str, str]:
+    """The text of a refusal in English and in German."""
+    return refusal(key, "en", **values), refusal(key, "de", **values)

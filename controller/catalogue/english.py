@@ -256,6 +256,7 @@ REFUSALS = {
     "some_axes": "some axes",
     "away": "the tool has left the place where the program is held; let it return first.",
     "moves": "the axes still move; wait until they stand.",
+    "press_ended": "The jog was stopped; let go of the key and press it again.",
     # --- by what the service does, or has
     "aside": "the tool stands off the path, retracted; let it return first.",
     "other_tools": "other tools were fitted since; stop the program and start the rest of it.",
@@ -282,6 +283,7 @@ REFUSALS = {
     "end_of_way": "the end of the way off the path or back",
     "no_tick": "The tick process is not running; ask for a reset.",
     "no_plan": "The planner is gone; it is started anew. Ask again.",
+    "not_taken": "The tick does not take the program; enable the drives and ask again.",
     "busy_tick": "The tick does not take requests; is the computer very busy?",
     # --- by what was interrupted
     "not_interrupted": "There is no interrupted program to go on with; start one from its beginning or at a "
@@ -296,6 +298,26 @@ REFUSALS = {
     "are; home all of them first.",
     "not_stored": "{program} is not in the store as it was when it was interrupted; upload it again, or "
     "start another one.",
+    # --- where a program is entered: no refusal, but read before it is started from there
+    "at.place": "Line {line}, {percent} % of its block ({what}).",
+    "at.tool": "Tool T{tool}{size}, work offset {offset}, G43 length {length} mm.",
+    "at.size": "(radius {radius} mm, length {length} mm)",
+    "at.spindle": "Spindle {rev_min} 1/min, coolant {coolant}, feed {feed}.",
+    "at.entry": "Entry along the tool axis to {joints}.",
+    "at.none": "none",
+    "at.off": "off",
+    "at.mist": "mist",
+    "at.flood": "flood",
+    "at.mist_and_flood": "mist and flood",
+    "at.way.cut": "cut",
+    "at.way.line": "line",
+    "at.way.arc": "arc",
+    "at.way.pause": "pause",
+    "at.way.swivel": "swivel",
+    "at.way.pivot": "pivot",
+    "at.way.plunge": "plunge",
+    "at.way.lead in": "lead in",
+    "at.way.lead out": "lead out",
     # --- by who asks
     "control_held": "{holder} holds control; ask for it to be given back, or take it over by "
     '{{"take_over": true}}.',
@@ -313,10 +335,18 @@ REFUSALS = {
     "not_number": "{name} {value!r}: must be a number from {lowest:g} to {highest:g}; correct it.",
     "not_whole": "{name} {value!r}: must be a whole number from 0; correct it.",
     "not_switch": "{name} {value!r}: must be true or false; correct it.",
+    "jog_share": "The jog speed is {share:g}; it is a share from -1 to 1 and not 0.",
+    "jog_distance": "The distance to jog is {distance:g}; give mm (degrees of a rotary) other than 0.",
+    "jog_frame": "There is no frame {frame!r} to jog in; allowed are {allowed}.",
+    "jog_letter": "Frame {frame!r} has no axis {axis!r} to jog; allowed are X, Y and Z.",
+    "jog_not_homed": "Frame {frame!r} is not known before {axes} is homed; home it, or jog in the frame "
+    "'joint'.",
+    "jog_axis": "The machine has no axis {axis!r} to jog; allowed are {allowed}.",
     "no_line": "fraction {fraction:g}: of which line? Give line, too.",
     "no_text": "text: must be a line of program of at most {most} characters.",
     "too_large": "{path}: is larger than {most} MB; split the program.",
     "unreadable": "{path}: cannot be read: {why}; upload the program again.",
     "not_written": "{path}: cannot be written: {why}.",
+    "not_recorded": "{program} runs, but no record of it is kept: {why}. Free space on the disk.",
     "other_sum": "{path}: its sha256 is {found}, not {wanted}; upload the program again.",
 }

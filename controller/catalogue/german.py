@@ -270,6 +270,7 @@ REFUSALS = {
     "some_axes": "einige Achsen",
     "away": "das Werkzeug hat die Stelle verlassen, an der das Programm angehalten ist; zuerst zurückfahren.",
     "moves": "die Achsen bewegen sich noch; warten, bis sie stehen.",
+    "press_ended": "Das Tippen wurde gestoppt; Taste loslassen und neu drücken.",
     # --- by what the service does, or has
     "aside": "das Werkzeug steht abgehoben neben der Bahn; zuerst zurückfahren.",
     "other_tools": "seither wurden andere Werkzeuge eingesetzt; das Programm stoppen und den Rest starten.",
@@ -296,6 +297,7 @@ REFUSALS = {
     "end_of_way": "auf das Ende des Weges von der Bahn oder zurück",
     "no_tick": "Der Prozess des Takts läuft nicht; Zurücksetzen anfordern.",
     "no_plan": "Die Planung ist weg und wird neu gestartet; noch einmal anfordern.",
+    "not_taken": "Der Takt nimmt das Programm nicht an; die Antriebe freigeben und erneut anfragen.",
     "busy_tick": "Der Takt nimmt keine Anforderungen an; ist der Rechner überlastet?",
     # --- by what was interrupted
     "not_interrupted": "Kein Programm ist unterbrochen; eines von vorn oder ab einer Zeile starten.",
@@ -309,6 +311,26 @@ REFUSALS = {
     "Achsen sind; zuerst alle referenzieren.",
     "not_stored": "{program} liegt nicht mehr so vor, wie es unterbrochen wurde; noch einmal hochladen oder "
     "ein anderes starten.",
+    # --- where a program is entered: no refusal, but read before it is started from there
+    "at.place": "Zeile {line}, {percent} % des Satzes ({what}).",
+    "at.tool": "Werkzeug T{tool}{size}, Nullpunkt {offset}, Länge nach G43 {length} mm.",
+    "at.size": "(Radius {radius} mm, Länge {length} mm)",
+    "at.spindle": "Spindel {rev_min} 1/min, Kühlmittel {coolant}, Vorschub {feed}.",
+    "at.entry": "Einfahrt entlang der Werkzeugachse nach {joints}.",
+    "at.none": "keiner",
+    "at.off": "aus",
+    "at.mist": "Nebel",
+    "at.flood": "Schwall",
+    "at.mist_and_flood": "Nebel und Schwall",
+    "at.way.cut": "Schnitt",
+    "at.way.line": "Gerade",
+    "at.way.arc": "Bogen",
+    "at.way.pause": "Pause",
+    "at.way.swivel": "Schwenken",
+    "at.way.pivot": "Schwenken am Stoß",
+    "at.way.plunge": "Eintauchen",
+    "at.way.lead in": "Einlauf",
+    "at.way.lead out": "Auslauf",
     # --- by who asks
     "control_held": "{holder} hat die Bedienung; um Rückgabe bitten oder sie übernehmen durch "
     '{{"take_over": true}}.',
@@ -326,10 +348,19 @@ REFUSALS = {
     "not_number": "{name} {value!r}: muss eine Zahl von {lowest:g} bis {highest:g} sein; berichtigen.",
     "not_whole": "{name} {value!r}: muss eine ganze Zahl ab 0 sein; berichtigen.",
     "not_switch": "{name} {value!r}: muss true oder false sein; berichtigen.",
+    "jog_share": "Die Geschwindigkeit ist {share:g}; sie ist ein Anteil von -1 bis 1 und nicht 0.",
+    "jog_distance": "Der Weg ist {distance:g}; mm (bei Rundachsen Grad) ungleich 0 angeben.",
+    "jog_frame": "In {frame!r} kann nicht verfahren werden; erlaubt sind {allowed}.",
+    "jog_letter": "{frame!r} hat keine Achse {axis!r}; erlaubt sind X, Y und Z.",
+    "jog_not_homed": "{frame!r} ist erst bekannt, wenn {axes} referenziert ist; referenzieren oder in "
+    "'joint' verfahren.",
+    "jog_axis": "Die Maschine hat keine Achse {axis!r}; erlaubt sind {allowed}.",
     "no_line": "fraction {fraction:g}: von welcher Zeile? Auch line angeben.",
     "no_text": "text: muss eine Programmzeile von höchstens {most} Zeichen sein.",
     "too_large": "{path}: ist größer als {most} MB; das Programm teilen.",
     "unreadable": "{path}: nicht lesbar ({why}); das Programm noch einmal hochladen.",
     "not_written": "{path}: nicht zu schreiben ({why}).",
+    "not_recorded": "{program} läuft, wird aber nicht aufgezeichnet: {why}. "
+    "Platz auf dem Datenträger schaffen.",
     "other_sum": "{path}: sha256 ist {found}, nicht {wanted}; das Programm noch einmal hochladen.",
 }

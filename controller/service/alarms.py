@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from controller import whole
 from controller.handoff import Snapshot
 from controller.machine import Machine
 from controller.service.refused import refused
@@ -81,12 +82,10 @@ class Alarms:
 
     def _write_all(self) -> None:
         """Each alarm once; at the start only."""
-        new = self._file.with_suffix(".new")
         with contextlib.suppress(OSError):
             self._file.parent.mkdir(parents=True, exist_ok=True)
             lines = (json.dumps(self._known[number]) + "\n" for number in sorted(self._known)[-KEPT:])
-            new.write_text("".join(lines), encoding="utf-8")
-            os.replace(new, self._file)
+            whole.write(self._file, "".join(lines))
 
 
 def _read(file: Path) -> list[dict[str, Any]]:

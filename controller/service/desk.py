@@ -6,6 +6,7 @@ now, in the door's thread; what takes long goes to the sequencer.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -18,7 +19,7 @@ from controller.handoff import Snapshot
 from controller.service import hearing, jobs, looks, offer, runs, sequences, status
 from controller.service.arguments import number
 from controller.service.jobs import Job
-from controller.service.jogging import Jogging
+from controller.service.jogging import ENDS, Jogging, Presses
 from controller.service.refused import in_both, refused
 from controller.service.service import Service
 from controller.state import Mode, Request
@@ -27,6 +28,8 @@ from controller.toml_table import ConfigError
 
 MOST_DISTANCE = 1e5  # mm or degrees of one step; the travel is the tick's own limit
 MOST_MDI = 10_000  # characters
+PREPARES = ("start", "mdi", "retract", "return")  # sequences at whose end the tool moves
+UNSEEN = 3  # ticks from a request to the snapshot that shows it
 AT_REST = (Mode.OFF, Mode.READY, Mode.FAULT)
 
 
@@ -35,7 +38,8 @@ class Desk:
 
     def __init__(self, service: Service) -> None:
         self._service = service
-        self._jogging = Jogging()
+        self._jogging, self._presses = Jogging(), Presses()
+        self._resumed = -UNSEEN - 1  # tick of the last resume
         self._errands = ThreadPoolExecutor(2, "errands")  # what waits for a disk
         self._verbs: dict[str, Callable[[Values], Answer]] = {
             "status": self._status,
@@ -77,6 +81,8 @@ class Desk:
         act = self._verbs.get(verb)
         if act is None:
             raise refused("no_verb", code="bad", verb=verb, allowed=", ".join(self._verbs))
+        if verb in ENDS:  # before it is asked whether the mode takes it: a press may just begin
+            self._presses.end(str(args.get("press", "")))
         return act(args)
 
     # -- looking
@@ -104,7 +110,7 @@ class Desk:
             **values,
             "control": None,
             "job": shown,
-            "drives": hearing.drives(service.machine, now, service.logs),
+            "drives": hearing.drives(service.machine, now, service.logs, service.homing),
             "jogging": now.mode is Mode.JOG,
             **kept,
         }
@@ -120,7 +126,8 @@ class Desk:
 
     def _drives(self, _: Values) -> Values:
         service = self._service
-        return {"drives": hearing.drives(service.machine, service.now(), service.logs)}
+        now = service.now()
+        return {"drives": hearing.drives(service.machine, now, service.logs, service.homing)}
 
     def _buses(self) -> Values:
         service = self._service
@@ -155,7 +162,10 @@ class Desk:
             return self._ask(Request.JOG_STOP)
         now, part = self._permitted(Request.JOG), self._part()
         service, frame, axis = self._service, str(args.get("frame", "joint")), str(args.get("axis", ""))
-        service.engine.jog(self._jogging.continuous(service.machine, now, part, frame, axis, share))
+        line = self._jogging.continuous(service.machine, now, part, frame, axis, share)
+        if not self._presses.may_move(str(args.get("press", ""))):
+            raise refused("press_ended", now.mode.name, "JOG")
+        service.engine.jog(line)
         return {"mode": now.mode.name}
 
     def _jog_step(self, args: Values) -> Values:
@@ -175,18 +185,20 @@ class Desk:
         return way.part if way.part is not None else service.machine.offsets[way.offset]
 
     def _hold(self, _: Values) -> Values:
+        """Also of what is only being prepared, or on its way to the tick: it takes the hold behind that."""
         service = self._service
         service.stops += 1
         record = service.record
         if record is not None:
             record.holds_asked += 1
+        if service.sequencer.busy in PREPARES or 0 <= service.now().tick - self._resumed <= UNSEEN:
+            service.engine.request(Request.HOLD)
+            return {"mode": service.now().mode.name}
         try:
             return self._ask(Request.HOLD)
         except DoorError:
             if record is not None:
                 record.holds_asked -= 1
-            if service.running is not None and service.running.state == "starting":
-                return {"mode": service.now().mode.name}  # the start under way is given up
             raise
 
     def _stop(self, _: Values) -> Values:
@@ -194,8 +206,9 @@ class Desk:
         service = self._service
         service.stops += 1
         under_way = service.sequencer.busy
-        if under_way in ("load", "start", "mdi", "return"):
-            service.engine.line.give_up()
+        if under_way in ("load", *PREPARES):
+            with contextlib.suppress(DoorError):  # a plan that is gone has given it up
+                service.engine.line.give_up()
         try:
             return self._ask(Request.STOP)
         except DoorError:
@@ -213,6 +226,7 @@ class Desk:
         service = self._service
         if not service.sequencer.busy and (why := service.no_resume):
             raise refused("refused", service.now().mode.name, "RESUME", why=catalogue.Key(why))
+        self._resumed = service.now().tick
         return self._ask(Request.RESUME)
 
     def _switch(self, request: Request, args: Values) -> Values:
@@ -328,7 +342,8 @@ class Desk:
         service, now = self._service, self._service.now()
         if now.mode is not Mode.HOLD or not now.at_rest:
             raise refused("not_held", now.mode.name, verb.upper())
-        return self._sequence(verb, lambda: sequences.aside(service, verb, distance_mm))
+        stops = service.stops
+        return self._sequence(verb, lambda: sequences.aside(service, verb, distance_mm, stops))
 
     # -- what is fitted
 
@@ -350,13 +365,19 @@ class Desk:
         But a tool that was led off the path of a held program may be changed for another.
         """
         service = self._service
-        now = service.engine.snapshot()
-        changing = what == "tools" and service.aside and now is not None and now.mode is Mode.HOLD
-        if now is not None and not changing and (now.mode not in AT_REST or service.running is not None):
-            raise refused("not_fitted", now.mode.name, f"SET {what.upper()}", what=catalogue.Key(what))
-        try:
-            machine = change(service.machine)
-        except ConfigError as error:
-            raise DoorError("bad", str(error)) from error
-        service.fit(machine, {**service.fitted, what: {**service.fitted.get(what, {}), key: values}})
+        with service.fitting:  # one change at a time, and no start in the middle of one
+            now = service.engine.snapshot()
+            if now is not None and not self._may_fit(what, now):
+                raise refused("not_fitted", now.mode.name, f"SET {what.upper()}", what=catalogue.Key(what))
+            try:
+                machine = change(service.machine)
+            except ConfigError as error:
+                raise DoorError("bad", str(error)) from error
+            service.fit(machine, {**service.fitted, what: {**service.fitted.get(what, {}), key: values}})
         return {"offsets": fitting.offsets_of(machine), "tools": fitting.tools_of(machine)}
+
+    def _may_fit(self, what: str, now: Snapshot) -> bool:
+        service = self._service
+        if what == "tools" and service.aside and now.mode is Mode.HOLD:
+            return service.sequencer.busy != "return"  # which is planned with those that are fitted
+        return now.mode in AT_REST and service.running is None

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from controller import config
 from controller.handoff import Snapshot
 from controller.machine import Machine, Temperature
+from controller.state import Mode
 from drives import emergency_codes, pdo
 from drives.cia402 import State
 from drives.log.frame_log import FrameLog
@@ -35,17 +36,35 @@ class LastFrames(FrameLog):
         return None if found is None else (found[0], pdo.unpack(found[1])[1])
 
 
-def drives(machine: Machine, now: Snapshot, logs: Mapping[str, FrameLog]) -> list[dict[str, Any]]:
-    """A row per axis: where its drive is, what it said last, and how long ago it showed life."""
+def drives(
+    machine: Machine, now: Snapshot, logs: Mapping[str, FrameLog], homing: Sequence[int] = ()
+) -> list[dict[str, Any]]:
+    """A row per axis: where its drive is, what it said last, and how long ago it showed life.
+
+    ``homing``: the axes that were asked to home and have not all done it yet. "heard": within the time
+    after which the bus takes a node for dead.
+    """
     nodes = config.node_settings(machine)
     found = [
         _drive(node, State(state), logs.get(node.bus))
         for node, state in zip(nodes, now.drive_states, strict=True)
     ]
-    for row, axis in zip(found, machine.axes, strict=True):
+    moving, silent_s = _homing_now(machine, now, homing), config.master_settings(machine).consumer_s
+    for i, (row, axis) in enumerate(zip(found, machine.axes, strict=True)):
+        row["homing"] = i in moving
+        row["heard"] = row["heartbeat_age_s"] is not None and row["heartbeat_age_s"] <= silent_s
         if axis.temperature is not None:
             row["temperature_c"] = _temperature(axis.temperature, axis.node, logs.get(axis.bus))
     return found
+
+
+def _homing_now(machine: Machine, now: Snapshot, asked: Sequence[int]) -> tuple[int, ...]:
+    """Of the axes that were asked to home: the first group that is not done. Others keep their mode."""
+    if not asked or now.mode is not Mode.HOMING:
+        return ()
+    left = [i for i in asked if not now.homed >> i & 1]
+    first = min((machine.axes[i].homing.group for i in left), default=0)
+    return tuple(i for i in left if machine.axes[i].homing.group == first)
 
 
 def _temperature(told: Temperature, node: int, log: FrameLog | None) -> float | None:

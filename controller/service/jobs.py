@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from controller import journal
 from controller.handoff import Snapshot
 from controller.machine import Joints, Machine, five
 from controller.plan.detour import FIRST_ID
@@ -19,6 +20,7 @@ from controller.state import Mode
 
 MDI = "MDI"
 MOST_BYTES = 1 << 30  # of a program
+MOST_TYPED = 1000  # bytes of a line typed by hand that are told
 _STATES = {
     Mode.READY: "stopping",  # at its end already, and about to be filed
     Mode.RUNNING: "running",
@@ -40,6 +42,8 @@ class Job:
     blocks: int | None = None
     notes: list[dict[str, Any]] = field(default_factory=list)
     restart: list[str] = field(default_factory=list)  # the state at the place where it begins
+    restart_de: list[str] = field(default_factory=list)  # the same in German
+    entry: journal.Entry | None = None  # of the journal, where it goes on with that
     start: Start | None = None  # of its last run
     origin_s: float = 0.0  # plan time at which its first piece begins
     ways: dict[int, Way] = field(default_factory=dict)
@@ -48,6 +52,7 @@ class Job:
     taken: bool = False  # the tick has begun with it
     refused: bool = False  # a block on the way was; the tool stands before it
     lost: bool = False  # the plan that knew the rest of it is gone
+    armed_tick: int = -1  # what was seen of the machine before it tells nothing of this run
     nominal_s: float = 0.0  # of its duration at 100 % that has passed
     _seen_s: float | None = None  # plan time of the last look
 
@@ -61,13 +66,26 @@ class Job:
         """Between the start and the end."""
         return self.state in ("starting", "running", "held", "stopping")
 
-    def arm(self) -> None:
-        """What was of the run before is over."""
+    def arm(self, tick: int) -> None:
+        """What was of the run before is over; ``tick`` is the newest one."""
+        self.armed_tick = tick
         self.ways.clear()
         self.news = News(finished=False)
         self.state, self.sentence = "starting", ""
         self.taken = self.refused = self.lost = False
         self.nominal_s, self._seen_s = 0.0, None
+
+    def told(self) -> dict[str, Any]:
+        """What a record says of it."""
+        spot = self.program.spot
+        line = spot.line if spot is not None else None
+        return {"name": self.program.name, "sha256": self.sha256, "line": line}
+
+    def journalled(self) -> journal.Job:
+        """What is run, with where a whole run of it starts."""
+        program = self.program
+        joints = whole_from(self.start) or homed_position(program.machine)
+        return journal.Job.of(program.name, program.text, program.machine, joints, program.dry_run_mm)
 
     def state_at(self, now: Snapshot) -> str:
         """The state by this very snapshot, though nobody has drawn conclusions yet."""
@@ -110,9 +128,11 @@ class Job:
         return {
             "name": self.program.name,
             "sha256": self.sha256,
+            "text": self._typed(),
             "state": state,
             "line": now.line if self.active else self.program.spot.line if self.program.spot else None,
             "restart": self.restart,
+            "restart_de": self.restart_de,
             "dry_run_mm": self.program.dry_run_mm or None,
             "block": now.motion_id if self.active and now.motion_id >= 0 else None,
             "fraction": share,
@@ -124,6 +144,10 @@ class Job:
             "notes": self.notes,
             "sentence": self.sentence or None,
         }
+
+    def _typed(self) -> str | None:
+        """A line typed by hand is in no store, and told here."""
+        return self.program.text[:MOST_TYPED].decode(errors="replace") if self.is_mdi else None
 
     def _left_s(self, now: Snapshot) -> float | None:
         """Exact once all has been planned; before it by the check, which planned all of it at 100 %.
@@ -160,6 +184,13 @@ def read(args: dict[str, Any], machine: Machine) -> Job:
     dry_run_mm = _from_0(args, "dry_run_mm", 1000.0)
     name = str(args.get("name") or path.name)
     return Job(Program(text, name, machine, spot, dry_run_mm=dry_run_mm), found)
+
+
+def whole_from(start: Start | None) -> Joints | None:
+    """Where the whole run starts of which this was a start."""
+    if start is None:
+        return None
+    return start.joints if start.spot is None else start.whole_from
 
 
 def homed_position(machine: Machine) -> Joints:

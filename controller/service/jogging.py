@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
+
 from controller import jog_frames
 from controller.door import DoorError
 from controller.geometry import Frame
@@ -10,6 +13,46 @@ from controller.jog_frames import JogError
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.state import Mode
+
+MOST_ENDED = 100  # presses that are remembered
+SILENCE_S = 0.2  # of a press without a name: longer, and the next request is another one
+
+# Verbs that end whatever press of a key is under way, whoever asks for them.
+ENDS = frozenset({"hold", "stop", "estop", "disable", "jog_stop"})
+
+
+class Presses:
+    """Which press of a key may still move the machine.
+
+    A held key asks again and again, and would take back within a moment the stop that somebody
+    else has asked for. So a stop ends the press itself: what comes of it later moves nothing, and
+    neither does a request that its own end has overtaken on the way.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        """``clock`` in seconds."""
+        self._clock = clock
+        self._held = ""
+        self._asked_s = -SILENCE_S
+        self._ended: dict[str, None] = {}  # the latest last
+
+    def may_move(self, press: str) -> bool:
+        """Whether this press goes on, or begins; "" is one without a name, known by its rhythm."""
+        now_s = self._clock()
+        if not press and now_s - self._asked_s >= SILENCE_S:
+            self._ended.pop("", None)
+        if not press:
+            self._asked_s = now_s
+        if press in self._ended:
+            return False
+        self._held = press
+        return True
+
+    def end(self, press: str = "") -> None:
+        """That one; "" is the one that asked last."""
+        self._ended[press or self._held] = None
+        while len(self._ended) > MOST_ENDED:
+            del self._ended[next(iter(self._ended))]
 
 
 class Jogging:
@@ -33,7 +76,7 @@ class Jogging:
             kinematics = self._kinematics_of(machine)
             line = jog_frames.continuous(machine, kinematics, now.joints, frame, axis, share, part, now.homed)
         except JogError as error:
-            raise DoorError("bad", str(error), now.mode.name, "JOG") from error
+            raise DoorError("bad", str(error), now.mode.name, "JOG", error.german) from error
         self._key, self._line = key, line
         return line
 
@@ -46,7 +89,7 @@ class Jogging:
             kinematics = self._kinematics_of(machine)
             return jog_frames.step(machine, kinematics, now.joints, frame, axis, distance, part, now.homed)
         except JogError as error:
-            raise DoorError("bad", str(error), now.mode.name, "JOG") from error
+            raise DoorError("bad", str(error), now.mode.name, "JOG", error.german) from error
 
     def _kinematics_of(self, machine: Machine) -> Kinematics:
         if self._kinematics is None or self._of is not machine:

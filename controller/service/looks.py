@@ -16,6 +16,7 @@ from controller.handoff import COLUMN, ROW, Recorder
 from controller.machine import Bus, Machine
 from controller.service.arguments import whole
 from controller.session.bus_load import budgets
+from controller.tick.cycle import LATE_SHARE
 from drives import pdo
 from drives.load.budget import BusBudget, worst_bits
 from drives.log.frame_log import FrameLog
@@ -26,7 +27,8 @@ MOST_ROWS = 500  # of one answer: 170 kB where nothing can be compressed
 NEWER = 64  # rows that the tick may write while the older ones are counted
 MEASURED_S = 1.0
 MOST_TICK = 2**53  # whole numbers of JSON end there
-SHARES = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.5, 1.0, 2.0)  # of the period; the tick skips from 0.25 on
+SHARES = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, LATE_SHARE, 0.5, 1.0, 2.0)  # of the period
+NEAR = 0.9  # of the share that the machine file allows a bus: from here on it is nearly full
 
 
 def rows(recorder: Recorder | None, args: Mapping[str, Any]) -> Values:
@@ -53,13 +55,17 @@ def _packed(found: Rows) -> Values:
 
 
 def lateness(found: Rows, period_s: float) -> Values:
-    """How late these ticks came: ``from_us[i]`` to ``from_us[i + 1]`` are ``ticks[i]`` of them."""
+    """How late these ticks came: ``from_us[i]`` to ``from_us[i + 1]`` are ``ticks[i]`` of them.
+
+    From ``skipped_from_us`` on a tick sends nothing.
+    """
     edges_s = np.array(SHARES) * period_s
     late_s = np.maximum(found[:, COLUMN["lateness_s"]], 0.0)
     places = np.searchsorted(edges_s, late_s, side="right") - 1
     return {
         "from_us": [round(float(edge) * 1e6, 3) for edge in edges_s],
         "ticks": np.bincount(places, minlength=len(SHARES)).tolist(),
+        "skipped_from_us": round(LATE_SHARE * period_s * 1e6, 3),
         "seconds": len(found) * period_s,
     }
 
@@ -68,7 +74,9 @@ def buses(machine: Machine, logs: Mapping[str, FrameLog], recorder: Recorder | N
     """Each bus as it was budgeted, and as it was heard in the last second; late ticks of the last minute."""
     late = recorder.last(recorder.rows) if recorder is not None else np.empty((0, len(ROW)))
     found = [_bus(bus, machine, budget, logs.get(bus.name)) for bus, budget in _budgeted(machine)]
-    return {"buses": found, "max_share": machine.max_bus_share, "lateness": lateness(late, machine.period_s)}
+    most = machine.max_bus_share
+    late_ticks = lateness(late, machine.period_s)
+    return {"buses": found, "max_share": most, "near_share": NEAR * most, "lateness": late_ticks}
 
 
 def _budgeted(machine: Machine) -> list[tuple[Bus, BusBudget]]:

@@ -67,21 +67,26 @@ def _trusted(service: Service) -> tuple[int, int]:
 def gone_on_with(service: Service, job: Job) -> Job:
     """The job from where the journal says that it was interrupted. Raises DoorError."""
     entry, why = journal.read(service.state / JOURNAL)
-    now, program = service.now(), job.program
-    if entry is not None:
-        here = journal.Job.of(
-            program.name, program.text, service.machine, entry.job.start, entry.job.dry_run_mm
-        )
-        changed = partial(journal.refusal, entry, here, now.homed, now.untrusted, len(service.machine.axes))
-        spot, start, dry_run_mm = journal.spot_of(entry, here), entry.job.start, entry.job.dry_run_mm
-        job.program = replace(program, spot=spot, start=start, dry_run_mm=dry_run_mm)
-    else:
-        changed = partial(journal.refusal, None, service.journal_job(job), 0, 0, 0)
+    mode = service.now().mode.name
     if why:
-        raise DoorError("refused", why, now.mode.name, "LOAD")
-    if changed():
-        raise in_both(changed, now.mode.name, "LOAD")
+        raise DoorError("refused", why, mode, "LOAD")
+    if entry is None:
+        raise in_both(partial(journal.refusal, None, job.journalled(), 0, 0, 0), mode, "LOAD")
+    job.entry = entry
+    job.program = replace(job.program, start=entry.job.start, dry_run_mm=entry.job.dry_run_mm)
+    look_again(service, job, "LOAD")
     return job
+
+
+def look_again(service: Service, job: Job, request: str = "START") -> None:
+    """What was loaded to be gone on with, by what is fitted now. Raises DoorError where that forbids it."""
+    entry, program, now = job.entry, job.program, service.now()
+    assert entry is not None
+    here = journal.Job.of(program.name, program.text, service.machine, entry.job.start, program.dry_run_mm)
+    changed = partial(journal.refusal, entry, here, now.homed, now.untrusted, len(service.machine.axes))
+    if changed():
+        raise in_both(changed, now.mode.name, request)
+    job.program = replace(program, spot=journal.spot_of(entry, here))
 
 
 def tell_beside(service: Service) -> None:

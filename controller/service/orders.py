@@ -11,7 +11,7 @@ import contextlib
 import socket
 import threading
 from collections.abc import Callable
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Any
@@ -58,7 +58,7 @@ class Answer:
 
     number: int
     facts: dict[str, Any] = field(default_factory=dict)
-    error: tuple[str, str] | None = None  # code and sentence of a DoorError
+    error: tuple[str, ...] | None = None  # what a DoorError is made of: code, sentence ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +101,11 @@ class News:
 
 
 class Line:
-    """The service's end: orders out, answers and news in. A thread of its own listens."""
+    """The service's end: orders out, answers and news in.
+
+    One thread listens. Another sends: a program of many megabytes goes as slowly as the plan reads it,
+    and whoever gives it up meanwhile must neither wait for that nor come in between.
+    """
 
     def __init__(self, own: socket.socket, hear: Callable[[News], None]) -> None:
         self._connection = Connection(own.detach())
@@ -109,8 +113,9 @@ class Line:
         self._lock = threading.Lock()
         self._last = 0
         self._waiting: dict[int, Future[dict[str, Any]]] = {}
-        self._thread = threading.Thread(target=self._listen, name="plan", daemon=True)
-        self._thread.start()
+        self._sender = ThreadPoolExecutor(1, "to the plan")
+        self._listener = threading.Thread(target=self._listen, name="plan", daemon=True)
+        self._listener.start()
 
     def order(
         self,
@@ -126,34 +131,39 @@ class Line:
             self._waiting[self._last] = answer
             order = Order(self._last, verb, axes, program, distance_mm)
         try:
-            self._connection.send(order)
-        except OSError:
+            self._sender.submit(self._connection.send, order).result()
+        except (OSError, RuntimeError):  # the latter: closed
             self._waiting.pop(order.number, None)
             raise refused("no_plan", code="gone") from None
         return answer.result()
 
     def give_up(self) -> None:
-        """Have the order under way given up where that is possible: a check."""
-        with contextlib.suppress(OSError):
-            self._connection.send(Order(0, "give up"))
+        """Have the order under way given up where that is possible: a check. It waits for nothing."""
+        with contextlib.suppress(RuntimeError):
+            self._sender.submit(self._connection.send, Order(0, "give up"))
 
     def close(self) -> None:
+        self._sender.shutdown(wait=False)
         with contextlib.suppress(OSError):
             self._connection.close()
 
     def _listen(self) -> None:
-        while True:
-            try:
-                said = self._connection.recv()
-            except (EOFError, OSError, TypeError):  # the last: closed while it waited
-                break
-            if isinstance(said, Answer):
-                self._answered(said)
-            else:
-                self._hear(said)
-        for answer in list(self._waiting.values()):
-            answer.set_exception(refused("no_plan", code="gone"))
-        self._waiting.clear()
+        """To the end of the plan. An error of ours is its end, too: another one follows it."""
+        try:
+            while (said := self._heard()) is not None:
+                self._answered(said) if isinstance(said, Answer) else self._hear(said)
+        finally:
+            self.close()
+            for answer in list(self._waiting.values()):
+                answer.set_exception(refused("no_plan", code="gone"))
+            self._waiting.clear()
+
+    def _heard(self) -> Answer | News | None:
+        try:
+            said: Answer | News = self._connection.recv()
+        except (EOFError, OSError, TypeError):  # the last: closed while it waited
+            return None
+        return said
 
     def _answered(self, said: Answer) -> None:
         answer = self._waiting.pop(said.number, None)

@@ -27,8 +27,10 @@ from controller.plan.route.restart import Rest
 from controller.plan.route.spot import Spot
 from controller.plan.route.stretch import Chain, Pause, Stretch
 from controller.plan.text.program import Act, Block, ProgramError
+from controller.service import entered
+from controller.service.awaited import Awaited
 from controller.service.orders import Answer, News, Order, Program, Turn, Way
-from controller.session import checked, children, starts
+from controller.session import checked, children, cores, starts
 from controller.session.checked import Task
 from controller.session.plan_end import PLAN_TURN_S, PlanEnd
 from controller.session.processes import EXPECTED, own_error
@@ -36,7 +38,6 @@ from controller.session.starts import Start
 from controller.session.startup import SessionError
 from controller.state import Mode
 
-ARM_S = 120.0  # for the first piece to be taken
 NEWS_S = 0.1
 SPOT_S = 0.25
 MOST_OFFSETS = 99
@@ -62,6 +63,7 @@ class GivenUp(Exception):
 def run(job_file: Path) -> int:
     """Until the parent ends it; the exit code. Whatever ends it too early is one sentence beside the job."""
     job: PlanJob = pickle.loads(job_file.read_bytes())
+    cores.leave()
     try:
         end = PlanEnd(job.machine, job.pieces, job.requests, job.snapshot_path)
         Planning(end, job.checks, connections.Connection(job.orders), job.machine).run()
@@ -80,7 +82,7 @@ class Planning:
     def __init__(self, end: PlanEnd, checks: Path, parent: connections.Connection, machine: Machine) -> None:
         """``checks``: folder of stored checks; ``parent``: where orders come from."""
         self._end, self._checks, self._parent = end, checks, parent
-        self._arming: tuple[int, int, float] | None = None  # order, message accepted before, deadline
+        self._awaited: Awaited | None = None
         self._tool: int | None = None
         self._tools: dict[int, int | None] = {}  # by identity of a stretch: with which tool it is moved
         self._offsets: list[tuple[int, int]] = []  # line from which on, and which
@@ -155,11 +157,12 @@ class Planning:
         """Read, planned and audited as a whole, or found as it was kept."""
         program = _program(order)
         kept = self._kept(program)
-        state = self._rest(program, kept).sentences() if program.spot is not None else ()
+        rest = self._rest(program, kept) if program.spot is not None else None
         return {
             "duration_s": kept.duration_s,
             "blocks": kept.blocks,
-            "restart": list(state),
+            "restart": entered.told(rest) if rest else [],
+            "restart_de": entered.told(rest, "de") if rest else [],
             "notes": [{"line": note.place.line, "note": note.sentence} for note in kept.notes],
         }
 
@@ -218,7 +221,7 @@ class Planning:
         self._turns.clear()
         facts = {"duration_s": kept.duration_s, "blocks": kept.blocks, "plan_time_s": now.queue_end_s}
         self._facts = {**facts, "start": start}
-        self._arming = (order.number, now.accepted, time.monotonic() + ARM_S)
+        self._awaited = Awaited.of(order, now)
 
     def _rest(self, program: Program, kept: Stored) -> Rest:
         """What is left of a program from its spot on. Raises ProgramError."""
@@ -273,7 +276,7 @@ class Planning:
     def _await_taken(self, order: Order, now: Snapshot) -> None:
         """Answered when the tick has the way."""
         self._facts = {}
-        self._arming = (order.number, now.accepted, time.monotonic() + ARM_S)
+        self._awaited = Awaited.of(order, now)
 
     # -- the planner's turns
 
@@ -286,24 +289,21 @@ class Planning:
         if sent or planner.marks != before:
             self._turns.append(Turn(now.tick, lead_s))
         self._end.flush()
-        if self._arming is not None:
-            self._see_armed(now)
+        if self._awaited is not None:
+            self._see_taken(self._awaited, now)
         self._tell(self._news(now))
 
-    def _see_armed(self, now: Snapshot) -> None:
-        assert self._arming is not None
-        number, before, give_up_s = self._arming
-        error = self._end.planner.error
-        if now.accepted > before:
-            self._answer(Answer(number, self._facts))
+    def _see_taken(self, awaited: Awaited, now: Snapshot) -> None:
+        error, why = self._end.planner.error, awaited.in_vain(now)
+        if awaited.taken(now):
+            self._answer(Answer(awaited.order, self._facts))
         elif error is not None and self._end.planner.finished:
-            self._answer(Answer(number, error=("bad", str(error))))
-        elif time.monotonic() > give_up_s:
-            sentence = "The tick does not take the program; enable the drives and ask again."
-            self._answer(Answer(number, error=("refused", sentence)))
+            self._answer(Answer(awaited.order, error=("bad", str(error))))
+        elif why is not None:
+            self._answer(Answer(awaited.order, error=why))
         else:
             return
-        self._arming = None
+        self._awaited = None
 
     def _news(self, now: Snapshot) -> News:
         planner = self._end.planner

@@ -3,9 +3,11 @@
 A folder per run in the state folder:
 
     runs/2026-11-21T083120.042-part.ngc/
-        run.json         what, when, result, duration, cut time, largest following errors
+        begun.json       what and when, while it is under way
+        run.json         the same with result, duration, cut time, largest following errors
         events.jsonl     the operator's requests by tick, as ``simulate --events`` reads them
         setpoints.npz    tick and the five setpoints of every tick (int32)
+        setpoints.part   the same rows as they came, instead of it, where nobody lived to write the end
 
 Ticks count from cycle start, and those alone that sent a SYNC: the path clock counts no others.
 Which tick took a request is read from the recorder's rows, where the change shows, and not from
@@ -18,7 +20,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import re
 import shutil
 import time
@@ -28,6 +29,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import numpy.typing as npt
 
+from controller import whole
 from controller.handoff import COLUMN, STOOD
 from controller.journal import sha256
 from controller.machine import Machine
@@ -36,7 +38,7 @@ from controller.session.recording import forget_oldest, new_folder
 from controller.session.starts import Start
 from controller.state import Mode
 
-FOLDER = "runs"
+FOLDER, RUN, BEGUN = "runs", "run.json", "begun.json"
 KEPT = 200
 LAG_TICKS = 2  # from a setpoint to the feedback that can have followed it
 SETPOINTS = ("tick", *(f"setpoint_{i}" for i in range(5)))
@@ -53,7 +55,7 @@ class RunRecord:
     """One run while it is under way. ``rows`` are those of the recorder since the start was asked for."""
 
     def __init__(self, state: Path, machine: Machine, what: dict[str, Any]) -> None:
-        """``what`` is kept as it is. Raises OSError."""
+        """``what`` is kept as it is. A full disk costs the record, not the run: ``problem`` says why."""
         self.machine, self.what = machine, what
         self.began = False  # the tick has taken the start
         self.stopped = False  # by an operator
@@ -73,8 +75,14 @@ class RunRecord:
         self._kept_bytes = 0
         self._ticks = 0  # that sent a SYNC
         self._busy = (0, -1)  # how many of them belong to the run, and the last tick of it
-        self.folder = new_folder(state / FOLDER, _stem(str(what.get("name", ""))))
-        self._file: BinaryIO | None = open(self.folder / "setpoints.part", "wb")  # noqa: SIM115
+        self.problem = ""
+        self.folder = state / FOLDER / _stem(str(what.get("name", "")))
+        self._file: BinaryIO | None = None
+        try:
+            self.folder = new_folder(self.folder.parent, self.folder.name)
+            self._file = open(self.folder / "setpoints.part", "wb")  # noqa: SIM115
+        except OSError as error:
+            self.problem = error.strerror or str(error)
 
     # -- while it runs
 
@@ -101,12 +109,18 @@ class RunRecord:
             self.last_tick, self._before = int(rows[-1, COLUMN["tick"]]), rows[-1]
 
     def begins(self, start: Start, program: Program, fitted: dict[str, Any]) -> None:
-        """From where, and on what: without it nothing could be run again but a start after homing."""
+        """From where, and on what: without it nothing could be run again but a start after homing.
+
+        From here on the disk knows of the run, so that it is told even if nobody lives to end it.
+        """
         sums = {
             "program_sha256": sha256(program.text),
             "machine_sha256": sha256(program.machine.text.encode()),
         }
         self._start = {**start.to_dict(), "fitted": fitted, **sums}
+        with contextlib.suppress(OSError):
+            _write_facts(self.folder / BEGUN, self._facts())
+            whole.sync(self.folder.parent)
 
     def led_aside(self) -> None:
         """The tool was led off the path, where an operator may jog it: that is not run again."""
@@ -199,9 +213,7 @@ class RunRecord:
             float(e * abs(a.shown_per_unit)) for e, a in zip(self._errors, self.machine.axes, strict=True)
         ]
         facts = {
-            "id": self.folder.name,
-            **self.what,
-            "started_s": self._started_s,
+            **self._facts(),
             "ended_s": time.time(),
             "result": result,
             "duration_s": passed * self.machine.period_s,
@@ -216,6 +228,10 @@ class RunRecord:
             self._write(facts)
         return facts
 
+    def _facts(self) -> dict[str, Any]:
+        """What is known from the beginning."""
+        return {"id": self.folder.name, **self.what, "started_s": self._started_s}
+
     def throw_away(self) -> None:
         """Nothing was run."""
         if self._file is not None:
@@ -224,6 +240,7 @@ class RunRecord:
 
     def _write(self, facts: dict[str, Any]) -> None:
         events = self._timed()
+        self.folder.mkdir(parents=True, exist_ok=True)  # there may be room by now
         (self.folder / "events.jsonl").write_text("".join(json.dumps(event) + "\n" for event in events))
         if self._file is not None:
             self._file.close()
@@ -232,7 +249,8 @@ class RunRecord:
             with open(self.folder / "setpoints.npz", "wb") as file:
                 np.savez_compressed(file, columns=np.array(SETPOINTS), rows=rows)
         (self.folder / "setpoints.part").unlink(missing_ok=True)
-        _write_whole(self.folder / "run.json", facts)
+        _write_facts(self.folder / RUN, facts)
+        (self.folder / BEGUN).unlink(missing_ok=True)
         forget_oldest(self.folder.parent, KEPT)
 
     def _timed(self) -> list[dict[str, Any]]:
@@ -256,13 +274,8 @@ class RunRecord:
         return int(np.searchsorted(sent, tick)) if tick >= self.first_tick else -1
 
 
-def _write_whole(file: Path, facts: dict[str, Any]) -> None:
-    new = file.with_suffix(".new")
-    with open(new, "w", encoding="utf-8") as out:
-        json.dump(facts, out, indent=1)
-        out.flush()
-        os.fsync(out.fileno())
-    os.replace(new, file)
+def _write_facts(file: Path, facts: dict[str, Any]) -> None:
+    whole.write(file, json.dumps(facts, indent=1))
 
 
 def _stem(name: str) -> str:
@@ -276,7 +289,24 @@ def list_runs(state: Path, most: int = 100) -> list[dict[str, Any]]:
     found = []
     for folder in sorted((state / FOLDER).glob("*"), reverse=True):
         with contextlib.suppress(OSError, ValueError):
-            found.append(json.loads((folder / "run.json").read_text(encoding="utf-8")))
+            found.append(json.loads((folder / RUN).read_text(encoding="utf-8")))
         if len(found) >= most:
             break
     return found
+
+
+def lose(state: Path) -> int:
+    """Runs that a service before this one began and did not end are lost; how many.
+
+    Such a run ended when the last of its setpoints was written.
+    """
+    lost = 0
+    for begun in sorted((state / FOLDER).glob(f"*/{BEGUN}")):
+        with contextlib.suppress(OSError, ValueError, TypeError):
+            ended_s = max(file.stat().st_mtime for file in begun.parent.iterdir())
+            facts = {**json.loads(begun.read_text(encoding="utf-8")), "ended_s": ended_s, "result": "lost"}
+            if not (begun.parent / RUN).exists():  # it was killed between the last two steps of an end
+                _write_facts(begun.parent / RUN, facts)
+                lost += 1
+            begun.unlink()
+    return lost

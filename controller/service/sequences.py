@@ -5,17 +5,18 @@ Run by the sequencer's thread; all of it raises DoorError with the sentence for 
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import replace
 
 from controller import state, times
 from controller.door import DoorError, Values
 from controller.handoff import Snapshot
-from controller.machine import Joints, Machine
+from controller.machine import Machine
 from controller.service import offer
-from controller.service.jobs import Job
+from controller.service.jobs import Job, whole_from
+from controller.service.orders import Program
 from controller.service.refused import by_fault, refused
 from controller.service.service import Service
-from controller.session.starts import Start
 from controller.state import FAULTS, Fault, Mode, Recovery, Request
 from drives.cia402 import State
 
@@ -23,6 +24,7 @@ MARGIN_S = 2.0  # on top of what the tick itself waits
 STAND_S = 15.0  # for a stop after a fault
 ASIDE_S = 120.0  # for a way off the path
 TAKEN_S = 5.0  # for a datagram to show its effect
+DROP_TICKS = 3  # after which it has been taken
 
 
 def enable(service: Service) -> Values:
@@ -55,11 +57,14 @@ def home(service: Service, axes: tuple[int, ...]) -> Values:
     _disable(service)
     _commissioned(service)
     wanted = tuple(i for i in axes if not machine.axes[i].homing.absolute)
+    service.homing = wanted
     try:
         service.engine.line.order("home", wanted)
     except DoorError:
         service.commissioned = False  # a drive may have been left in its homing mode
         raise
+    finally:
+        service.homing = ()
     homed = service.now().homed
     missing = [axis.name for i, axis in enumerate(machine.axes) if i in axes and not homed >> i & 1]
     if missing:
@@ -103,59 +108,84 @@ def load(service: Service, job: Job) -> Values:
     facts = service.engine.line.order("check", program=job.program)
     with service.lock:
         job.duration_s, job.blocks, job.notes = facts["duration_s"], facts["blocks"], facts["notes"]
-        job.state, job.restart = "loaded", facts["restart"]
+        job.state, job.restart, job.restart_de = "loaded", facts["restart"], facts["restart_de"]
     return {"sha256": job.sha256, "name": job.program.name, **facts}
 
 
 def start(service: Service, job: Job, stops: int) -> Values:
-    """Plan from where the machine stands, and cycle start; a stop meanwhile is the end of it."""
-    service.arming(job)
+    """Plan from where the machine stands, and cycle start; a stop meanwhile is the end of it.
+
+    ``stops``: how many had been asked for when the start was.
+    """
     try:
-        program = replace(job.program, in_spindle=service.tool)
-        facts = service.engine.line.order("arm", program=program)
+        _arm(service, job)
+        facts = service.engine.line.order("arm", program=replace(job.program, in_spindle=service.tool))
         _go(service, job, facts, stops)
-    except DoorError as error:
-        service.not_started(job, error.sentence)
+    except Exception as error:  # whatever it was: what did not start must not bar the next start
+        service.not_started(job, str(error))
         _drop(service)
         raise
     return {"mode": service.now().mode.name}
 
 
+def _arm(service: Service, job: Job) -> None:
+    """With what is fitted now: while it runs, that does not change.
+
+    What a plan had sent for a start before it died is still in the tick, and would be run first.
+    """
+    now = service.now()
+    if now.queue_end_s > now.plan_time_s + service.machine.period_s:
+        _drop(service)
+    with service.fitting:
+        job.program = replace(job.program, machine=service.machine)
+        if job.entry is not None:
+            offer.look_again(service, job)
+        service.arming(job)
+
+
 def _go(service: Service, job: Job, facts: Values, stops: int) -> None:
-    with service.lock:  # a stop is counted before it is sent, so none can slip in between
+    with service.lock:
         now = service.now()
         if service.stops != stops:
             raise refused("stopped", now.mode.name, "START")
         if now.mode is not Mode.READY:
             raise refused("by_now", now.mode.name, "START")
         service.begin(job, facts)
+    if service.stops != stops:  # counted before it was sent, and so perhaps sent before the start
+        service.engine.request(Request.STOP)
+        raise refused("stopped", now.mode.name, "START")
     tick = now.tick
 
     def taken(now: Snapshot) -> bool:
-        return now.mode is not Mode.READY or now.tick > tick + 50
+        barred = now.tick > tick + 50 and _interlocked(now, Request.START)
+        return now.mode is not Mode.READY or service.began(job) or barred
 
     now = service.wait_for(taken, TAKEN_S, "start_taken")
-    job.taken = True
-    if now.mode is Mode.READY and _interlocked(now, Request.START):
+    if now.mode is Mode.READY and not service.began(job):
         raise by_fault(now.interlock, now.mode.name, "START")
+    job.taken = True
 
 
-def aside(service: Service, verb: str, distance_mm: float = 0.0) -> Values:
+def aside(service: Service, verb: str, distance_mm: float, stops: int) -> Values:
     """Off the path along the tool axis, or back to it by the same way; held before and after.
 
-    Held on the way it stays there: a resume then goes on along the way.
+    Held on the way it stays there: a resume then goes on along the way. That is also what a hold
+    does that comes while the way is planned, which with another tool takes as long as a check.
+    ``stops`` as for a start.
     """
-    job, stops = service.running, service.stops
-    refitted = verb == "return" and job is not None and job.program.machine.tools != service.machine.tools
-    program = replace(job.program, machine=service.machine) if job is not None and refitted else None
-    if program is not None and job is not None and job.start is not None:
-        program = replace(program, start=_whole_from(job.start))
+    job, program = service.running, None
+    with service.fitting:
+        if verb == "return" and job is not None and job.program.machine.tools != service.machine.tools:
+            program = _refitted(job, service.machine)
     service.engine.line.order(verb, program=program, distance_mm=distance_mm)
-    if refitted and job is not None:
+    if program is not None and job is not None:
         service.refit(job)
     service.led_aside()
     before = service.now().tick
-    service.engine.request(Request.RESUME)
+    if service.stops == stops:
+        service.engine.request(Request.RESUME)
+    if service.stops != stops:  # counted before it was sent, and so perhaps sent before the resume
+        service.engine.request(Request.HOLD)
 
     def over(now: Snapshot) -> bool:
         if now.tick <= before + 5 or now.mode is Mode.RUNNING:
@@ -171,17 +201,25 @@ def aside(service: Service, verb: str, distance_mm: float = 0.0) -> Values:
     return {"mode": now.mode.name}
 
 
-def _whole_from(start: Start) -> Joints | None:
-    """Where the whole run starts of which this was a start."""
-    return start.joints if start.spot is None else start.whole_from
+def _refitted(job: Job, machine: Machine) -> Program:
+    """The held program with the tools that were fitted meanwhile."""
+    program = replace(job.program, machine=machine)
+    return program if job.start is None else replace(program, start=whole_from(job.start))
 
 
 def _drop(service: Service) -> None:
-    """What was planned for a start that did not come is forgotten, here and in the tick."""
-    now = service.engine.snapshot()
-    if service.engine.plan_alive and now is not None and now.mode is Mode.READY:
-        service.engine.line.order("drop")
+    """What was planned for a start that did not come is forgotten, here and in the tick.
+
+    The tick has done so when this returns, or the next start would be planned on what is dropped.
+    """
+    with contextlib.suppress(DoorError):  # a tick or a plan that is gone has forgotten it
+        now = service.now()
+        if now.mode not in (Mode.READY, Mode.RUNNING):
+            return
+        if service.engine.plan_alive:
+            service.engine.line.order("drop")
         service.engine.request(Request.STOP)
+        service.wait_for(lambda later: later.tick > now.tick + DROP_TICKS, TAKEN_S, "standstill")
 
 
 def refusal(machine: Machine, now: Snapshot, request: Request, language: str = "en") -> str:

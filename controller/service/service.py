@@ -18,13 +18,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from controller import catalogue, config, fitting, journal
+from controller import catalogue, config, fitting
 from controller.door import DoorError
 from controller.handoff import Snapshot
 from controller.journal import Journal
 from controller.machine import Machine
 from controller.service import alarms as alarm_values
-from controller.service import jobs
+from controller.service import runs
 from controller.service.alarms import Alarms
 from controller.service.engine import Engine
 from controller.service.hearing import LastFrames
@@ -70,15 +70,17 @@ class Service:
         self.running: Job | None = None  # it, or an MDI line, from start to end
         self.record: RunRecord | None = None
         self.commissioned = False
+        self.homing: tuple[int, ...] = ()  # axes that were asked to, while they do
         self.tool = 1  # number of the one in the spindle, as far as it is known; 0 = not known
         self.stops = 0  # asked for so far: a start that was under way is given up
         self.lock = threading.RLock()  # of jobs and records; the door's thread never takes it
+        self.fitting = threading.Lock()  # of what is fitted and what begins with it; taken before ``lock``
         self._records = ThreadPoolExecutor(1, "records")  # writes what runs leave behind
         self.journal = Journal(state / JOURNAL)
         self._folder = tempfile.TemporaryDirectory(prefix="directrix-")
         self.engine = Engine(machine, Path(self._folder.name), state / CHECKS, self._hear)
         self._listener: Listener | None = None
-        self.troubles = Troubles(self.machine, self.alarms)
+        self.troubles = Troubles(self.machine, self.alarms, self._records)
         self._tick_died = self._plan_died = False
 
     # -- beginning and end
@@ -95,6 +97,7 @@ class Service:
                 raise SessionError(error.sentence) from error
 
     def _power_up(self) -> dict[str, Any]:
+        runs.lose(self.state)  # the door is open: no other service works here
         self.start_engine()
         self.commission()
         return {}
@@ -204,8 +207,6 @@ class Service:
             raise refused("not_written", code="busy", path=self.state, why=error.strerror) from error
         with self.lock:
             self.fitted, self.machine = values, machine
-            if self.job is not None and not self.job.active:
-                self.job.program = replace(self.job.program, machine=machine)
 
     # -- jobs
 
@@ -217,18 +218,11 @@ class Service:
             job.origin_s, job.sentence = start.plan_time_s, ""
             job.start = start
             if not job.is_mdi:
-                self.journal.begin(self.journal_job(job), self.tool, job.program.spot)
+                self.journal.begin(job.journalled(), self.tool, job.program.spot)
             if self.record is not None:
                 self.record.begins(start, job.program, self.fitted)
             self.running = job
             self.engine.request(Request.START)
-
-    def journal_job(self, job: Job) -> journal.Job:
-        """What is run, with where a whole run of it starts."""
-        program, start = job.program, job.start
-        whole_from = None if start is None else start.joints if start.spot is None else start.whole_from
-        joints = whole_from or jobs.homed_position(program.machine)
-        return journal.Job.of(program.name, program.text, program.machine, joints, program.dry_run_mm)
 
     def led_aside(self) -> None:
         """The tool leaves the path, or comes back to it."""
@@ -241,7 +235,7 @@ class Service:
         with self.lock:
             job.program = replace(job.program, machine=self.machine)
             if not job.is_mdi:
-                self.journal.go_on_as(self.journal_job(job))
+                self.journal.go_on_as(job.journalled())
 
     def _hear(self, news: News) -> None:
         """From the plan's thread."""
@@ -255,15 +249,19 @@ class Service:
     def arming(self, job: Job) -> None:
         """What the plan tells from now on is of this job."""
         with self.lock:
-            job.arm()
+            now = self.engine.snapshot()
+            job.arm(now.tick if now is not None else -1)
             self.running = job
-            spot = job.program.spot
-            what = {"name": job.program.name, "sha256": job.sha256, "line": spot.line if spot else None}
-            recorder = self.engine.recorder
-            with contextlib.suppress(OSError):
-                if recorder is not None:
-                    recorder.drain()
-                self.record = RunRecord(self.state, self.machine, what)
+            if (recorder := self.engine.recorder) is not None:
+                recorder.drain()
+            self.record = RunRecord(self.state, self.machine, job.told())
+        if why := self.record.problem:
+            words = refused("not_recorded", program=job.program.name, why=why)
+            self.alarms.add("NOT_RECORDED", words.sentence, sentence_de=words.sentence_de)
+
+    def began(self, job: Job) -> bool:
+        """Whether the tick has begun with what is being started; it may be over already."""
+        return self.running is not job or (self.record is not None and self.record.began)
 
     def not_started(self, job: Job, sentence: str) -> None:
         with self.lock:
@@ -322,13 +320,9 @@ class Service:
         elif not self.engine.plan_alive and not self._plan_died:
             self._plan_died = True
             self.troubles.planner_gone(now, self.engine.last_words())
-            self._plan_gone()
+            if self.running is not None:
+                self.running.lost = True  # nobody knows the rest of its path any more
             self.sequencer.later(self._mend)
-
-    def _plan_gone(self) -> None:
-        """Nobody knows the rest of the path any more."""
-        if self.running is not None:
-            self.running.lost = True
 
     def _mend(self) -> None:
         """A new plan; the tick, the drives and where they are stay as they were."""
@@ -355,6 +349,8 @@ class Service:
         job, record = self.running, self.record
         if job is None or record is None or not self.engine.tick_alive:
             return
+        if now.tick < job.armed_tick:
+            return  # it took long to tell a fault, and meanwhile somebody has begun anew
         if now.mode is Mode.FAULT:
             if now.at_rest or now.stopping is False:
                 shown = self.troubles.shown

@@ -8,10 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from controller import door
-from controller.door import Server
 from controller.machine import Machine
 from controller.service import engine
 from controller.service.desk import Desk
+from controller.service.server import Server
 from controller.service.service import LOOK_S, Service
 from controller.session.startup import SessionError
 
@@ -36,6 +36,7 @@ def run(machine: Machine, state: Path, runtime: Path, simulate: bool, tell: Tell
         service.engine.start_hubs()
         with_door = Server(door.control_path(runtime), Desk(service), group)
         try:
+            door.note_runtime(state, runtime)
             service.power_up()
             tell("READY=1")
             _watch(service, asked, tell)

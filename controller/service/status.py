@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
+from controller import config
 from controller.handoff import COLUMN, Recorder, Snapshot
 from controller.kinematics import Kinematics
 from controller.machine import Machine, five
 from controller.service.orders import Way
-from controller.state import Binding, Fault, Mode, binding_text
+from controller.state import Binding, Fault, Mode, binding_text, sentence
 
 PER_MIN = 60.0
 AT_LIMIT = 1e-3  # mm or rad from the end of the travel
@@ -24,6 +26,7 @@ def machine_values(
         "not_homed": [axis.name for i, axis in enumerate(machine.axes) if not now.homed >> i & 1],
         "warning": now.warning.name if now.warning is not Fault.NONE else None,
         "joints": joints(machine, now, way),
+        "work_offset": config.OFFSETS[way.offset if way is not None else 0],
         **tip(machine, now, way, in_spindle),
         "feed_mm_min": {"programmed": _programmed(way), "actual": _feed(now, recorder)},
         "limited_by": _limited_by(machine, now),
@@ -48,8 +51,15 @@ def machine_values(
         },
         "waiting": now.waiting,
         "interlock": now.interlock.name if now.interlock is not Fault.NONE else None,
+        "notices": [_told(fault) for fault in (now.interlock, now.warning) if fault is not Fault.NONE],
         "at_rest": now.at_rest,
     }
+
+
+def _told(fault: Fault) -> dict[str, str]:
+    """What stands in the way, or stopped nothing, in both languages."""
+    german = sentence(fault, language="de")
+    return {"name": fault.name, "sentence": sentence(fault), "sentence_de": german}
 
 
 def _bits(names: tuple[tuple[str, int], ...], word: int) -> dict[str, bool]:
@@ -57,7 +67,10 @@ def _bits(names: tuple[tuple[str, int], ...], word: int) -> dict[str, bool]:
 
 
 def joints(machine: Machine, now: Snapshot, way: Way | None) -> dict[str, dict[str, Any]]:
-    """By axis: where it is told to be, where it is, how far it still goes."""
+    """By axis: where it is told to be, where it is, how far it still goes.
+
+    "work" is in the work offset of the motion under way; without one in G54, with which a program begins.
+    """
     shown, actual = machine.shown(now.joints), machine.shown(now.actual)
     ends = machine.shown(way.end) if way is not None else shown
     work = _work(machine, shown, way.offset if way is not None else 0)
@@ -152,10 +165,14 @@ def facts(machine: Machine, fitted: Mapping[str, Any]) -> dict[str, Any]:
                 "following_error": axis.following_error * abs(k),
                 "brake": axis.brake,
                 "home": axis.homing.position * k,
+                "homing_method": axis.homing.method,
+                "absolute": axis.homing.absolute,
+                "profile": Path(axis.profile).stem,
+                "supervision": node.profile.supervision.value,
                 "direction": list(axis.direction),
                 "point_mm": list(axis.point_mm),
             }
-            for axis in machine.axes
+            for axis, node in zip(machine.axes, config.node_settings(machine), strict=True)
             for k in (axis.shown_per_unit,)
         ],
         "buses": [

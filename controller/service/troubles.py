@@ -1,10 +1,14 @@
 """Faults and warnings as they come and go: each told once, as an alarm, with its recording.
 
-The main thread looks; the door's thread reads what is shown.
+The main thread looks; the door's thread reads what is shown. A recording takes the better part of a
+second: where the machine stands in a fault the main thread has that time, but a hold or a warning
+may be over in the next moment, and then the journal must not wait. So another thread writes those.
 """
 
 from __future__ import annotations
 
+from concurrent.futures import Executor, Future
+from pathlib import Path
 from typing import Any
 
 from controller.handoff import Snapshot
@@ -12,22 +16,28 @@ from controller.machine import Machine
 from controller.service import alarms as alarm_values
 from controller.service.alarms import Alarms
 from controller.session.recording import Keeper
-from controller.state import Fault
+from controller.state import FAULTS, Fault, Mode, Reaction
 
 
 class Troubles:
     """``shown``: the present fault as the status has it, None without one."""
 
-    def __init__(self, machine: Machine, alarms: Alarms) -> None:
+    def __init__(self, machine: Machine, alarms: Alarms, writer: Executor) -> None:
+        """``writer`` writes recordings while the machine may go on."""
         self.shown: dict[str, Any] | None = None
         self.keeper: Keeper | None = None  # of recordings; there is one while there is a tick
-        self._machine, self._alarms = machine, alarms
+        self._machine, self._alarms, self._writer = machine, alarms, writer
         self._fault = self._warning = Fault.NONE
-        self._id = 0
+        self._id = 0  # of the alarm that is shown
+        self._owed: list[int] = []  # alarms whose recording is still to come
+        self._first: Snapshot | None = None  # when the first of them came, with its fault
+        self._written: list[int] = []  # alarms of the recording that is being written
+        self._writing: Future[Path] | None = None
 
     def begin(self) -> None:
         """There is a new tick, which has told nothing yet."""
         self._fault = Fault.NONE
+        self._owed.clear()
 
     def at(self, now: Snapshot, tick_alive: bool) -> dict[str, Any] | None:
         """The fault of this very snapshot, though nobody has drawn conclusions yet."""
@@ -44,28 +54,28 @@ class Troubles:
         """A fault is told as soon as it is seen; its recording follows when the machine stands."""
         if now.fault is not Fault.NONE and now.fault is not self._fault:
             self.shown = self._of(now)
-            self._id = self._tell(self.shown, now)
+            self._id = self._tell(now.fault, self.shown, now)
         elif now.fault is Fault.NONE:
             self.shown = None
         self._fault = now.fault
         if now.warning is not self._warning and now.warning is not Fault.NONE:
-            self._tell(alarm_values.of(self._machine, now.warning, -1), now)
+            self._tell_of(now.warning, now)
         self._warning = now.warning
         self._look_at_recording(now)
 
     def planner_gone(self, now: Snapshot, words: str) -> None:
         """The plan's process died; the tick tells a fault of its own if that stops it."""
-        self._tell(alarm_values.of(self._machine, Fault.PLANNER_GONE, -1), now, words)
+        self._tell_of(Fault.PLANNER_GONE, now, words)
 
     def tick_gone(self, now: Snapshot, words: str) -> str:
         """The drives stop by themselves; what the last ticks were is kept. The sentence."""
-        shown, recording = alarm_values.of(self._machine, Fault.CONTROLLER_GONE, -1), None
+        gone = Fault.CONTROLLER_GONE
+        self.shown = {**alarm_values.of(self._machine, gone, -1), "recording": None}
+        self._id = self._tell(gone, self.shown, now, words)
         if (keeper := self.keeper) is not None:
-            keeper.keep(now, Fault.CONTROLLER_GONE)
-            recording = str(keeper.saved) if keeper.saved else None
-        self.shown = {**shown, "recording": recording}
-        self._tell(shown, now, words, recording=recording)
-        return str(shown["sentence"])
+            keeper.keep(now, gone)
+            self._pay(self._owed, keeper.saved)
+        return str(self.shown["sentence"])
 
     def _of(self, now: Snapshot) -> dict[str, Any]:
         known = alarm_values.of(self._machine, now.fault, now.fault_axis, now.warning)
@@ -73,16 +83,50 @@ class Troubles:
 
     def _look_at_recording(self, now: Snapshot) -> None:
         keeper = self.keeper
-        if keeper is None or not keeper.look(now) or self.shown is None:
+        if keeper is None:
             return
-        told = str(keeper.saved) if keeper.saved else None
-        if told != self.shown.get("recording"):
-            self.shown = {**self.shown, "recording": told}
-            self._alarms.change(self._id, recording=told)
+        if keeper.look(now) and now.mode is Mode.FAULT:
+            self._pay(self._owed, keeper.saved)
+        elif now.mode is not Mode.FAULT and self._writing is None and self._owed:
+            self._have_written(keeper, now)
+        if self._writing is not None and self._writing.done():
+            failed, written = self._writing.exception(), self._writing
+            self._pay(self._written, None if failed else written.result())
+            self._writing = None
 
-    def _tell(self, shown: dict[str, Any], now: Snapshot, words: str = "", **more: Any) -> int:
+    def _have_written(self, keeper: Keeper, now: Snapshot) -> None:
+        """Of what stops the machine for a while only, or not at all."""
+        if (first := self._first) is None:
+            return
+        stops = FAULTS[first.fault].reaction > Reaction.WARN
+        if keeper.settled(now, first.tick, stops):
+            named = now._replace(fault=first.fault, fault_axis=first.fault_axis)
+            self._written, self._owed = self._owed, []
+            self._writing = self._writer.submit(keeper.save, named)
+
+    def _pay(self, owed: list[int], saved: Path | None) -> None:
+        """These alarms have their recording now; None: it could not be written."""
+        told = str(saved) if saved else None
+        for number in owed:
+            self._alarms.change(number, recording=told)
+        if self.shown is not None and self._id in owed:
+            self.shown = {**self.shown, "recording": told}
+        owed.clear()
+
+    def _tell_of(self, fault: Fault, now: Snapshot, words: str = "") -> None:
+        """Of what is not, or not yet, the fault of a snapshot."""
+        self._tell(fault, alarm_values.of(self._machine, fault, -1), now._replace(fault_axis=-1), words)
+
+    def _tell(self, fault: Fault, shown: dict[str, Any], now: Snapshot, words: str = "") -> int:
         """An alarm out of a fault, with the last words of a process; its number."""
         left_out = ("name", "sentence", "recording")
         entry = {name: value for name, value in shown.items() if name not in left_out}
         said = f"{shown['sentence']} {words}".strip()
-        return int(self._alarms.add(shown["name"], said, **entry, **alarm_values.where(now), **more)["id"])
+        alarm = self._alarms.add(shown["name"], said, **entry, **alarm_values.where(now))
+        number = int(alarm["id"])
+        if shown is self.shown:
+            self.shown = {**shown, "number": number, "time_s": alarm["time_s"]}
+        if not self._owed:
+            self._first = now._replace(fault=fault)
+        self._owed.append(number)
+        return number

@@ -22,7 +22,8 @@ STEPS = {
 
 
 def placeholders(text: str) -> list[str]:
-    return sorted(name for _, name, _, _ in string.Formatter().parse(text) if name)
+    """The names, each once: a language may have to say one of them twice."""
+    return sorted({name for _, name, _, _ in string.Formatter().parse(text) if name})
 
 
 def test_english_and_german_are_there() -> None:

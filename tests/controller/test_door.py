@@ -15,7 +15,9 @@ from typing import Any
 import pytest
 
 from controller import door
-from controller.door import Answer, Client, DoorError, Server, Values
+from controller.door import Answer, Client, DoorError, Values
+from controller.service import server
+from controller.service.server import Server
 
 
 class Handler:
@@ -168,6 +170,44 @@ def test_a_client_outlives_a_restart_of_the_service(tmp_path: Path) -> None:
     client.close()
 
 
+@pytest.mark.parametrize(("anew", "code"), [(True, "silent"), (False, "gone")])
+def test_what_a_service_was_asked_before_it_died_is_not_asked_of_the_next_one(
+    tmp_path: Path, anew: bool, code: str
+) -> None:
+    path, servers, handler = tmp_path / "control.sock", list[Server](), Handler()
+
+    def dies(verb: str, args: Values) -> Answer:
+        if verb != "start":
+            return {}
+        path.unlink()
+        if anew:
+            servers.append(Server(path, handler))
+        for peer in servers[0]._peers.values():
+            peer.close()
+        return {}
+
+    servers.append(Server(path, dies))
+    client = Client(path, longest_s=20.0)
+    client.ask("status")
+    assert error_of(lambda: client.ask("start")).code == code
+    assert handler.asked == []
+    client.close()
+    for one in servers:
+        one.close()
+
+
+def test_a_service_that_hangs_is_told_from_one_that_is_gone(tmp_path: Path) -> None:
+    path = tmp_path / "control.sock"
+    client = Client(path, longest_s=0.05)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listening:
+        listening.bind(str(path))
+        listening.listen(1)
+        error = error_of(lambda: client.ask("status"))
+        assert error.code == "silent" and "gives no answer" in error.sentence
+    assert error_of(lambda: client.ask("status")).code == "gone"
+    client.close()
+
+
 def test_only_user_and_group_may_open_it_and_what_was_left_behind_is_replaced(tmp_path: Path) -> None:
     path = tmp_path / "control.sock"
     left = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -182,7 +222,7 @@ def test_only_user_and_group_may_open_it_and_what_was_left_behind_is_replaced(tm
 
 
 def test_a_stranger_is_sent_away_with_a_sentence(opened: Opened, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(door, "_let_in", lambda own, gid: False)
+    monkeypatch.setattr(server, "_let_in", lambda own, gid: False)
     own = raw(opened[2])
     answer = json.loads(own.recv(1 << 18))
     assert answer["error"]["code"] == "refused" and own.recv(10) == b""
@@ -191,7 +231,40 @@ def test_a_stranger_is_sent_away_with_a_sentence(opened: Opened, monkeypatch: py
 
 def test_who_is_let_in_is_the_kernels_word(opened: Opened) -> None:
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    assert door._let_in(ours, 12345)  # the same user
-    assert os.getgid() in set(door._groups(os.getuid(), os.getgid()))
+    assert server._let_in(ours, 12345)  # the same user
+    assert os.getgid() in set(server._groups(os.getuid(), os.getgid()))
     ours.close()
     theirs.close()
+
+
+# ---- where a service is
+
+
+def test_the_runtime_folder_is_found_by_the_state_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Root's usual place is not where systemd's service has its sockets."""
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path / "usual"))
+    assert door.runtime_of(tmp_path) == tmp_path / "usual"  # no service has run on it
+    monkeypatch.chdir(tmp_path)
+    door.note_runtime(tmp_path, Path("run"))
+    assert door.runtime_of(tmp_path) == tmp_path / "run"
+
+
+def test_a_service_is_there_whether_it_answers_or_hangs_and_gone_when_its_socket_is_all_that_is_left(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "control.sock"
+    assert not door.is_served(path)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as own:
+        own.bind(str(path))
+        assert not door.is_served(path)  # not yet
+        own.listen(1)
+        assert all(door.is_served(path) for _ in range(5))  # more than wait at once, and nobody accepts
+    assert path.exists() and not door.is_served(path)
+
+
+def test_no_service_is_where_none_can_have_its_socket(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    assert not door.is_served(tmp_path / "file" / "control.sock")
+    assert not door.is_served(tmp_path / ("long" * 40) / "control.sock")

@@ -126,6 +126,7 @@ def test_what_cannot_be_jogged_is_said_in_a_sentence(
     with pytest.raises(JogError) as caught:
         jog_frames.continuous(built, Kinematics(built), (0.0,) * 5, frame, axis, share, Frame(), homed)
     assert said in str(caught.value) and str(caught.value).endswith(".")
+    assert caught.value.german.endswith(".") and caught.value.german != str(caught.value)
 
 
 @pytest.mark.parametrize("distance", [0.0, math.nan, math.inf])

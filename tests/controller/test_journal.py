@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from cutting import shipped
 
-from controller import journal
+from controller import journal, whole
 from controller.handoff import SnapshotBoard
 from controller.journal import Entry, Job
 from controller.plan.route.spot import Spot
@@ -44,7 +44,7 @@ def test_a_journal_that_cannot_be_replaced_leaves_the_old_one_and_nothing_beside
     def full(descriptor: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(journal.os, "fsync", full)
+    monkeypatch.setattr(whole.os, "fsync", full)
     with pytest.raises(OSError):
         journal.write(replace(entry(), tool=3), file)
     assert [p.name for p in tmp_path.iterdir()] == ["journal.json"]

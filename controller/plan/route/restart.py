@@ -32,7 +32,6 @@ Array = npt.NDArray[np.float64]
 
 SIDE = 33  # samples along a motion, for its highest point
 FOLLOW_MM = 0.25  # between samples when the rotaries are followed to a place
-SHOWN = ("off", "mist", "flood", "mist and flood")
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,21 +76,6 @@ class Rest:
     def opened(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
         """With the clamps opened where their axes move."""
         return clamps.opened(items, self.source.machine, self.source.kinematics)
-
-    def sentences(self) -> tuple[str, ...]:
-        """The state at the place, for the operator."""
-        at, machine = self.target.modal, self.source.machine
-        tool = machine.tool(at.tool)
-        size = f" (radius {tool.radius_mm:.3f} mm, length {tool.length_mm:.3f} mm)" if tool else ""
-        shown = machine.shown(self.target.joints)
-        joints = " ".join(f"{axis.name} {q:.3f}" for axis, q in zip(machine.axes, shown, strict=True))
-        feed = "none" if at.feed_mm_s is None else f"{at.feed_mm_s * 60.0:g} mm/min"
-        return (
-            f"Line {self.spot.line}, {self.spot.fraction:.1%} of its block ({self.what}).",
-            f"Tool T{at.tool}{size}, work offset G{54 + at.offset}, G43 length {at.length_mm:.3f} mm.",
-            f"Spindle {at.spindle_rev_min:g} 1/min, coolant {SHOWN[at.coolant]}, feed {feed}.",
-            f"Entry along the tool axis to {joints}.",
-        )
 
 
 def find(source: Source, spot: Spot) -> Rest:

@@ -14,6 +14,7 @@ from controller.machine import Machine, Temperature
 from controller.service import hearing
 from controller.service.hearing import LastFrames
 from controller.session.bus_load import budgets
+from controller.state import Mode
 from drives import pdo
 from drives.commissioning.wanted import TPDO, axis_pdos
 
@@ -36,12 +37,43 @@ def test_a_temperature_is_read_from_the_frame_that_brings_it() -> None:
     assert "temperature_c" not in rows[1]
 
 
+@pytest.mark.parametrize(("late_s", "heard"), [(0.0, True), (0.15, True), (60.0, False)])
+def test_a_drive_is_heard_until_the_bus_takes_it_for_dead(
+    late_s: float, heard: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    machine, log = warm(), LastFrames()
+    monkeypatch.setattr(hearing.time, "time", lambda: 1000.0)
+    log(pdo.frame(pdo.HEARTBEAT + 1, b"\x05"), 1000.0 - late_s)
+    rows = hearing.drives(machine, NOW, {machine.axes[0].bus: log})
+    assert [row["heard"] for row in rows] == [heard, False, False, False, False]
+
+
 def test_a_drive_that_was_not_heard_yet_has_no_temperature() -> None:
     machine = warm()
     assert hearing.drives(machine, NOW, {})[0]["temperature_c"] is None
     log = LastFrames()
     log(pdo.frame(pdo.tpdo(4, 1), b"\x01"), 1.0)  # too short to be it
     assert hearing.drives(machine, NOW, {machine.axes[0].bus: log})[0]["temperature_c"] is None
+
+
+@pytest.mark.parametrize(
+    ("mode", "homed", "asked", "homes"),
+    (
+        (Mode.HOMING, 0, (0, 1, 2, 3, 4), "Z"),  # in the shipped file's groups: Z first
+        (Mode.HOMING, 0b00100, (0, 1, 2, 3, 4), "XYAC"),
+        (Mode.HOMING, 0, (0, 3), "XA"),  # Z was not asked to
+        (Mode.HOMING, 0b11110, (0,), "X"),  # anew, alone
+        (Mode.OFF, 0, (0, 1, 2, 3, 4), ""),  # between two groups
+        (Mode.HOMING, 0b11111, (0, 1), ""),  # done, switching off
+    ),
+)
+def test_only_the_drives_that_home_are_told_to_be_homing(
+    mode: Mode, homed: int, asked: tuple[int, ...], homes: str
+) -> None:
+    machine = config.load("trunnion")
+    now: Any = SimpleNamespace(drive_states=NOW.drive_states, mode=mode, homed=homed)
+    rows = hearing.drives(machine, now, {}, asked)
+    assert "".join(row["axis"] for row in rows if row["homing"]) == homes
 
 
 def test_commissioning_maps_it_and_keeps_it_off_the_bus_while_little_changes() -> None:

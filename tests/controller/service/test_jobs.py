@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from cutting import shipped
 
@@ -26,7 +28,7 @@ def snapshot(**values: object) -> Snapshot:
 def job() -> Job:
     made = jobs.mdi("G0 X1", shipped())
     made.duration_s = 10.0
-    made.arm()
+    made.arm(0)
     made.taken, made.state = True, "running"
     made.hear(News(finished=False))
     return made
@@ -83,3 +85,9 @@ def test_the_fraction_of_a_block_is_never_more_than_what_is_done(job: Job) -> No
     job.hear(News(spot=Spot(4, 0.5, 7, 12.0)))
     assert job.fraction(snapshot(motion_id=7, s=12.5)) == 0.5
     assert job.fraction(snapshot(motion_id=7, s=11.0)) == job.fraction(snapshot(motion_id=8, s=20.0)) == 0.0
+
+
+def test_a_line_typed_by_hand_is_told_for_it_is_in_no_store(job: Job) -> None:
+    assert job.to_dict(snapshot())["text"] == "G0 X1"
+    job.program = replace(job.program, name="part.ngc")
+    assert job.to_dict(snapshot())["text"] is None

@@ -13,7 +13,7 @@ from restarting import with_tool
 from controller.handoff import COLUMN
 from controller.machine import five
 from controller.plan.route.spot import Spot
-from controller.service.orders import Answer, Program
+from controller.service.orders import Answer, Order, Program
 from controller.state import Mode, Request
 
 SAME = 1e-6
@@ -143,3 +143,38 @@ def test_an_order_that_fails_is_answered_with_its_sentence(bench: Bench) -> None
     error = bench.order("check", program=bad).error
     assert error is not None and error[0] == "bad" and "bad.ngc:2" in error[1]
     assert five(bench.stepped.joints) == five(bench.snapshot().joints)
+
+
+def _asked(bench: Bench, verb: str, **more: Any) -> None:
+    """Ordered, and nothing of it has reached the tick yet."""
+    bench.planning.carry_out(Order(1000, verb, **more))
+
+
+@pytest.mark.parametrize(
+    ("request_", "why"),
+    [(Request.STOP, "stopped before it began"), (Request.ESTOP, "in FAULT by now")],
+)
+def test_a_start_that_is_void_before_it_is_taken_is_answered_at_once(
+    bench: Bench, request_: Request, why: str
+) -> None:
+    """And the next one is not kept waiting."""
+    armed(bench)
+    bench.until(Mode.READY)
+    _asked(bench, "arm", program=Program(TEXT.encode(), "part.ngc", bench.machine))
+    bench.stepped.request(request_)
+    bench.go(lambda: bench.answers[-1].number == 1000)
+    error = bench.answers[-1].error
+    assert error is not None and error[0] == "refused" and why in error[1] and error[-1]
+
+
+def test_a_way_off_that_is_void_before_it_is_taken_is_answered_at_once(bench: Bench) -> None:
+    armed(bench)
+    held(bench, 5)
+    _asked(bench, "retract", distance_mm=5.0)
+    bench.stepped.request(Request.STOP)
+    bench.go(lambda: bench.answers[-1].number == 1000)
+    error = bench.answers[-1].error
+    assert error is not None and "by now" in error[1]
+    bench.until(Mode.READY)
+    armed(bench)
+    bench.until(Mode.READY)

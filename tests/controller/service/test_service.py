@@ -10,7 +10,20 @@ from cutting import shipped
 from controller import handoff
 from controller.door import DoorError
 from controller.handoff import Snapshot
+from controller.service import jobs
 from controller.service.service import Service
+from controller.state import Fault, Mode
+
+
+class _Fault:
+    """An engine whose machine was in a fault when it was looked at, and is ready by now."""
+
+    def __init__(self) -> None:
+        self.machine, self.tick_alive, self.plan_alive, self.recorder = shipped(), True, True, None
+        self.shown = _snapshot(tick=100, mode=Mode.FAULT, fault=Fault.EMERGENCY_STOP, at_rest=True)
+
+    def snapshot(self) -> Snapshot:
+        return self.shown
 
 
 class _KilledTick:
@@ -21,13 +34,34 @@ class _KilledTick:
         self.tick_alive, self.plan_alive, self.recorder = False, True, None
 
     def snapshot(self) -> Snapshot:
-        return handoff._snapshot(handoff._SNAPSHOT.unpack(bytes(handoff._SNAPSHOT.size)))
+        return _snapshot()
 
     def last_words(self) -> str:
         return "The tick process was killed by signal SIGKILL."
 
     def start(self) -> None:
         self.tick_alive = True
+
+
+def _snapshot(**values: object) -> Snapshot:
+    found = handoff._snapshot(handoff._SNAPSHOT.unpack(bytes(handoff._SNAPSHOT.size)))
+    return found._replace(**values)  # type: ignore[arg-type]
+
+
+def test_a_fault_that_took_long_to_tell_does_not_end_what_was_started_meanwhile(tmp_path: Path) -> None:
+    engine = _Fault()
+    service = Service(shipped(), tmp_path)
+    service.engine = engine  # type: ignore[assignment]
+    job, tell = jobs.mdi("G0 X1", shipped()), service.troubles.look
+
+    def slowly(now: Snapshot) -> None:
+        tell(now)
+        engine.shown = _snapshot(tick=400, mode=Mode.READY, at_rest=True)
+        service.arming(job)
+
+    service.troubles.look = slowly  # type: ignore[method-assign]
+    service.look()
+    assert (service.running, job.state) == (job, "starting")
 
 
 def test_a_reset_before_anybody_saw_the_tick_die_loses_no_alarm(tmp_path: Path) -> None:

@@ -133,6 +133,23 @@ def test_a_jog_goes_on_while_it_is_refreshed_and_ends_by_itself_when_it_is_not(s
         assert service.refused("jog", **args).code == "bad"
 
 
+@pytest.mark.parametrize("verb", ["stop", "hold", "jog_stop"])
+def test_a_held_key_does_not_take_back_the_stop_of_somebody_else(verb: str, service: Serving) -> None:
+    """Whoever holds it asks again before the axis stands, and after."""
+
+    def jogs(press: str) -> bool:
+        service.ask("jog", frame="joint", axis="X", speed=0.1, press=press)
+        return bool(service.status()["mode"] == "JOG")
+
+    service.until(lambda _: jogs(f"{verb} 1"), "a jog")
+    service.ask(verb)
+    for _ in range(2):
+        assert "press it again" in service.refused("jog", axis="X", speed=0.1, press=f"{verb} 1").sentence
+        service.until(lambda now: now["mode"] == "READY" and now["at_rest"])
+    service.until(lambda _: jogs(f"{verb} 2"), "the jog of another press")
+    service.until(lambda now: now["mode"] == "READY" and now["at_rest"])
+
+
 def test_a_program_that_is_refused_leaves_the_machine_as_it_was(service: Serving) -> None:
     path = service.state / "bad.ngc"
     path.write_text("G0 X1\nG99 X2\n")

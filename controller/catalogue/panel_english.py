@@ -1,0 +1,96 @@
+"""The refusals of the panel in English: of store, uploads, access, and of what views ask for."""
+
+from __future__ import annotations
+
+REFUSALS = {
+    # --- names of what is meant
+    "what.run": "run",
+    "what.alarm": "alarm",
+    "what.user": "user",
+    "what.token": "token",
+    "what.program": "program",
+    "what.recording": "recording",
+    "what.file": "file",
+    # --- by what is kept
+    "missing": "{what} {name}: there is no such {what}; see the list of {what}s.",
+    "exists": "{what} {name}: there is one of this name; remove it first, or take another name.",
+    "in_use": "{program}: this program is loaded or running and stays as it is; wait for its end or "
+    "unload it, or use another name.",
+    "record_gone": "run {number}: its record is gone; choose another run.",
+    "no_ticks": "{file}: cannot be read as ticks; choose another recording.",
+    "no_picture": "{program}: it has no picture before its check has passed; wait for it.",
+    "picture_gone": "{program}: its picture is gone; upload it again.",
+    "no_machine": "No machine has run on this state folder yet; start directrix serve.",
+    "store_unusable": "{file}: cannot be used ({why}); check path, permission and space.",
+    "store_unread": "{file}: could not be read ({why}); check the disk, or restore a back-up.",
+    "store_unwritten": "{file}: could not be written ({why}); check space and permission, then repeat.",
+    # --- by a program's name
+    "bad_name": "program name {name}: {problem}; allowed: {allowed}; rename it.",
+    "allowed_name": 'up to {most} letters, digits, spaces and signs without / \\ : * ? " < > | , not '
+    "beginning with a dot, a minus sign or a space and not ending with a dot or a space",
+    "name.empty": "is empty",
+    "name.long": "is too long",
+    "name.holds": "holds {sign}",
+    "name.invisible": "holds the invisible sign {sign}",
+    "name.begins": "begins with {sign}",
+    "name.ends": "ends with {sign}",
+    # --- by an upload
+    "upload_many": "{name}: {most} uploads are under way; wait for one of them to end.",
+    "upload_large": "upload: has {size} bytes; allowed are {most}; split the program, or raise the limit "
+    "of the panel.",
+    "upload_beyond": "upload: is larger than the {most} bytes allowed; split it.",
+    "upload_more": "{name}: has more than the {most} bytes that were announced or are allowed; nothing of "
+    "it was kept, send it again with its true size.",
+    "upload_fewer": "{name}: {came} of {size} bytes came; nothing was kept, repeat.",
+    "upload_empty": "{name}: has no bytes; nothing was kept, send the program.",
+    "upload_room": "upload: the disk has {left} MB left, of which {kept} MB stay free; delete programs or "
+    "recordings, then repeat.",
+    "upload_sum": "{name}: what came has sha256 {found}, announced was {wanted}; nothing was kept, send "
+    "it again.",
+    "upload_slow": "upload: came too slowly; allowed is a pause of {pause:g} s and {pace:g} bytes/s on "
+    "average; nothing was kept, send it again.",
+    "upload_cut": "upload: was cut off before its end; nothing was kept, send it again.",
+    "upload_failed": "{name}: could not be written ({why}); nothing was kept, {remedy}, then repeat.",
+    "remedy.full": "delete programs or recordings",
+    "remedy.folder": "check the state folder",
+    "bad_sum": "sha256 {found}: is no checksum; allowed are 64 hexadecimal digits.",
+    # --- by what is asked of the machine
+    "no_service": "The machine's service does not answer; start it with directrix serve.",
+    "silent_service": "The machine's service is there and gives no answer; repeat, or see its log.",
+    "no_reason": "The controller's service refused without a reason; see its log.",
+    "other_version": "The service's rows are of another version; install service and panel alike.",
+    "restart_line": "A restart is where the program was interrupted; give no line with it.",
+    "no_reading": "X, Y and Z are all null; give what at least one of them is to read.",
+    "no_tip": "Where the tip is, is not known now; start the service's tick first.",
+    "tip_not_homed": "{axes} not homed: the position means nothing yet; home first.",
+    "no_tool": "Tool {number} is not in the tool table; enter it there first.",
+    "many_signals": "{found} signals: at most {most} are shown; ask for fewer.",
+    "no_signal": "{name}: there is no such signal; allowed: {allowed}.",
+    "many_listeners": "{most} listeners are there; close some of them.",
+    # --- by who asks, and from where
+    "unknown_token": "This token is not known; make one by POST /api/v1/tokens.",
+    "not_logged_in": "Nobody is logged in; POST /api/v1/session with name and password, or send a token.",
+    "no_csrf": "X-CSRF-Token is missing or wrong; GET /api/v1/session tells this session's.",
+    "by_proxy": "The request came through a proxy ({header}), and without users only this computer is "
+    "answered; add a user with: directrix users add NAME.",
+    "not_local": "The request is not of this computer, and without users only this computer is answered; "
+    "add a user with: directrix users add NAME.",
+    "foreign_page": "The request comes from a page of {site}; use this server's.",
+    "another_site": "another site",
+    "no_users": "There are no users, so nobody has to log in.",
+    "first_user": "There are no users yet; add the first one at the command line: directrix users add NAME.",
+    "last_set_up": "user {name}: is the last one who sets up; add another one first.",
+    # --- by the form of a request
+    "form": "{where}: {what} (found {found}); /openapi.json says what is allowed.",
+    "form.other": "{message}",
+    "form.missing": "is missing",
+    "form.number": "must be a number",
+    "form.whole": "must be a whole number",
+    "form.least": "must be at least {limit}",
+    "form.most": "must be at most {limit}",
+    "form.above": "must be more than {limit}",
+    "form.below": "must be less than {limit}",
+    "form.short": "must have at least {limit} characters",
+    "form.long": "must have at most {limit} characters",
+    "request_cut": "What was sent was cut off before its end; send it again.",
+}

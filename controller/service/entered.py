@@ -1,0 +1,43 @@
+"""The state at the place where a program is entered, as the operator reads it before the start."""
+
+from __future__ import annotations
+
+from controller import catalogue
+from controller.catalogue import Key
+from controller.machine import Machine
+from controller.plan.route.restart import Rest
+
+COOLANT = (Key("at.off"), Key("at.mist"), Key("at.flood"), Key("at.mist_and_flood"))
+
+
+def told(rest: Rest, language: str = "en") -> list[str]:
+    """The place, what is in force there, and how it is entered. Raises ValueError for an unknown language."""
+    at, machine, spot = rest.target.modal, rest.source.machine, rest.spot
+    feed = Key("at.none") if at.feed_mm_s is None else f"{at.feed_mm_s * 60.0:g} mm/min"
+    offset, length = f"G{54 + at.offset}", f"{at.length_mm:.3f}"
+    spindle = {"rev_min": f"{at.spindle_rev_min:g}", "coolant": COOLANT[at.coolant], "feed": feed}
+
+    def said(key: str, **values: object) -> str:
+        return catalogue.refusal(key, language, **values)
+
+    what = catalogue.of(language).refusals.get(f"at.way.{rest.what}", rest.what)
+    size = _size(machine, at.tool)
+    fitted = " " + said("at.size", **size) if size else ""
+    return [
+        said("at.place", line=spot.line, percent=f"{spot.fraction * 100.0:.1f}", what=what),
+        said("at.tool", tool=at.tool, size=fitted, offset=offset, length=length),
+        said("at.spindle", **spindle),
+        said("at.entry", joints=_joints(rest)),
+    ]
+
+
+def _size(machine: Machine, number: int) -> dict[str, str]:
+    """Of a tool; nothing where the table has none of that number."""
+    tool = machine.tool(number)
+    return {"radius": f"{tool.radius_mm:.3f}", "length": f"{tool.length_mm:.3f}"} if tool else {}
+
+
+def _joints(rest: Rest) -> str:
+    machine = rest.source.machine
+    shown = machine.shown(rest.target.joints)
+    return " ".join(f"{axis.name} {q:.3f}" for axis, q in zip(machine.axes, shown, strict=True))

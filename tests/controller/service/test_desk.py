@@ -1,0 +1,315 @@
+"""What is asked for while something else is under way, without any process."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import threading
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fake_engine import FakeEngine, engine_of, heard, served
+
+from controller import fitting, journal
+from controller.door import DoorError
+from controller.plan.route.spot import Spot
+from controller.service import jobs
+from controller.service.desk import Desk
+from controller.service.service import JOURNAL, Service
+from controller.state import Mode, Request
+
+TEXT = "G21 G90 G54\nG1 X10. F3000\nG1 X20.\nM30\n"
+TOOL = {"number": 2, "name": "", "radius_mm": 1.4, "length_mm": 8.0, "flute_mm": 15.0}
+
+
+@pytest.fixture
+def service(tmp_path: Path) -> Service:
+    return served(tmp_path)
+
+
+@pytest.fixture
+def engine(service: Service) -> FakeEngine:
+    return engine_of(service)
+
+
+@pytest.fixture
+def desk(service: Service) -> Desk:
+    return Desk(service)
+
+
+def done(desk: Desk, verb: str, **args: Any) -> dict[str, Any]:
+    """Its result. Raises DoorError."""
+    answer = desk(verb, args)
+    return answer.result(10.0) if isinstance(answer, Future) else answer
+
+
+def loaded(desk: Desk, service: Service, **more: Any) -> None:
+    path = service.state / "part.ngc"
+    path.write_text(TEXT)
+    done(desk, "load", path=str(path), **more)
+
+
+def held(desk: Desk, service: Service, engine: FakeEngine) -> None:
+    loaded(desk, service)
+    done(desk, "start")
+    done(desk, "hold")
+    assert engine.now.mode is Mode.HOLD
+
+
+def ended(service: Service, engine: FakeEngine) -> None:
+    """The tick has come to the program's end, and that was seen."""
+    service.look()
+    engine.now = engine.now._replace(mode=Mode.READY)
+    heard(service, finished=True, whole=True)
+    service.look()
+
+
+@pytest.mark.parametrize("verb", ["retract", "return"])
+def test_a_hold_while_a_way_is_planned_is_done_and_nothing_moves(
+    desk: Desk, service: Service, engine: FakeEngine, verb: str
+) -> None:
+    held(desk, service, engine)
+    planning, go = threading.Event(), threading.Event()
+
+    def plan(**_: Any) -> dict[str, Any]:
+        planning.set()
+        go.wait(10.0)
+        return {}
+
+    engine.answers[verb] = plan
+    heard(service, aside=verb == "return")
+    way = desk(verb, {"mm": 5.0})
+    assert planning.wait(10.0)
+    assert done(desk, "hold") == {"mode": "HOLD"}
+    go.set()
+    assert isinstance(way, Future)
+    way.result(10.0)
+    assert Request.RESUME not in engine.requests and engine.now.mode is Mode.HOLD
+
+
+@pytest.mark.parametrize(("verb", "after"), [("retract", Mode.HOLD), ("start", Mode.READY)])
+def test_a_hold_that_overtakes_what_it_is_to_stop_is_sent_again_behind_it(
+    desk: Desk, service: Service, engine: FakeEngine, verb: str, after: Mode
+) -> None:
+    """Asked for at the last moment: its own datagram comes too early for the tick to take it."""
+    if verb == "start":
+        loaded(desk, service)
+    else:
+        held(desk, service, engine)
+
+    def at_the_last_moment(request: Request) -> None:
+        if request in (Request.START, Request.RESUME):
+            engine.before_request = lambda _: None
+            done(desk, "hold")
+
+    engine.before_request = at_the_last_moment
+    with contextlib.suppress(DoorError):
+        done(desk, verb, **({"mm": 5.0} if verb == "retract" else {}))
+    assert engine.now.mode is after and (service.running is None) is (verb == "start")
+
+
+def test_a_hold_right_behind_a_resume_is_sent_although_no_snapshot_shows_that_it_runs(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    held(desk, service, engine)
+    engine.before_request = lambda _: None
+    shown = engine.now
+    done(desk, "resume")
+    engine.now, running = shown, engine.now.mode
+    assert running is Mode.RUNNING
+    assert done(desk, "hold") and engine.requests[-1] is Request.HOLD
+    engine.now = shown._replace(tick=shown.tick + 100)
+    with pytest.raises(DoorError, match="HOLD is refused in HOLD"):
+        done(desk, "hold")
+
+
+def test_a_stop_is_sent_though_the_plan_that_prepares_a_start_is_gone(
+    desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loaded(desk, service)
+    sent: list[Request] = []
+
+    def gone(*_: Any, **__: Any) -> dict[str, Any]:
+        raise DoorError("gone", "The planner is gone.")
+
+    def plan(**_: Any) -> dict[str, Any]:
+        monkeypatch.setattr(engine, "give_up", gone)
+        desk("stop", {})
+        sent.extend(engine.requests)
+        return gone()
+
+    engine.answers["arm"] = plan
+    with pytest.raises(DoorError, match="planner is gone"):
+        done(desk, "start")
+    assert sent == [Request.STOP]
+
+
+def test_a_start_on_a_full_disk_costs_the_record_and_the_program_ends_as_ever(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    loaded(desk, service)
+    (service.state / "runs").write_text("no folder can be made here")
+    done(desk, "start")
+    ended(service, engine)
+    assert service.running is None and service.job is not None and service.job.state == "completed"
+    (alarm,) = service.alarms.list()
+    assert alarm["name"] == "NOT_RECORDED" and alarm["sentence_de"]
+    done(desk, "start")
+
+
+def test_a_start_that_meets_an_error_of_ours_does_not_bar_the_next(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    loaded(desk, service)
+    good = engine.answers["arm"]
+    engine.answers["arm"] = lambda **_: {}["start"]
+    with pytest.raises(DoorError, match="KeyError"):
+        done(desk, "start")
+    assert service.running is None
+    engine.answers["arm"] = good
+    done(desk, "start")
+
+
+def test_a_line_that_is_over_before_anybody_looks_has_been_run(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    engine.short = True
+
+    def arm(**more: Any) -> dict[str, Any]:
+        heard(service, finished=True, whole=True)
+        return engine._arm(**more)
+
+    engine.answers["arm"] = arm
+    started = desk("mdi", {"text": "M5"})
+    assert isinstance(started, Future)
+    while not started.done():
+        service.look()
+    assert started.result() == {"done": True, "mode": "READY"} and service.running is None
+
+
+def test_what_a_plan_left_in_the_tick_when_it_died_is_dropped_before_the_next_start(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    loaded(desk, service)
+    good = engine.answers["arm"]
+
+    def dies(**_: Any) -> dict[str, Any]:
+        engine.now = engine.now._replace(queue_end_s=5.0)
+        engine.plan_alive = False
+        raise DoorError("gone", "The planner is gone.")
+
+    engine.answers["arm"] = dies
+    with pytest.raises(DoorError):
+        done(desk, "start")
+    assert engine.requests == [Request.STOP] and engine.now.queue_end_s == 0.0
+    engine.answers["arm"], engine.plan_alive = good, True
+    engine.now = engine.now._replace(queue_end_s=5.0)  # a stop that never came to the tick
+    done(desk, "start")
+    assert engine.requests == [Request.STOP, Request.STOP, Request.START]
+
+
+def test_two_changes_at_once_are_both_kept(
+    desk: Desk, service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save, both = fitting.save, threading.Barrier(2, timeout=0.2)
+
+    def slow(state: Path, values: fitting.Values) -> None:
+        with contextlib.suppress(threading.BrokenBarrierError):
+            both.wait()  # each with what the other has not written yet, where they may
+        save(state, values)
+
+    monkeypatch.setattr(fitting, "save", slow)
+    asked = [desk("set_offset", {"name": "G55", "values": [1.0, 2.0, 3.0]}), desk("set_tool", dict(TOOL))]
+    for one in asked:
+        assert isinstance(one, Future)
+        one.result(10.0)
+    kept = json.loads((service.state / fitting.FILE).read_text())
+    assert kept["offsets"]["G55"] == [1.0, 2.0, 3.0] and kept["tools"]["2"]["length_mm"] == 8.0
+    assert service.machine.offsets[1].origin == (1.0, 2.0, 3.0)
+    tool = service.machine.tool(2)
+    assert tool is not None and tool.length_mm == 8.0
+
+
+def test_a_start_during_a_change_runs_with_what_was_changed(
+    desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loaded(desk, service)
+    save, writing, go = fitting.save, threading.Event(), threading.Event()
+
+    def slow(state: Path, values: fitting.Values) -> None:
+        writing.set()
+        go.wait(10.0)
+        save(state, values)
+
+    armed: list[Any] = []
+    arm = engine.answers["arm"]
+    engine.answers["arm"] = lambda **more: (armed.append(more["program"]), arm(**more))[1]
+    monkeypatch.setattr(fitting, "save", slow)
+    change = desk("set_offset", {"name": "G54", "values": [1.0, 2.0, 3.0]})
+    assert writing.wait(10.0)
+    start = desk("start", {})
+    go.set()
+    assert isinstance(change, Future) and isinstance(start, Future)
+    change.result(10.0)
+    start.result(10.0)
+    assert armed[0].machine.offsets[0].origin == (1.0, 2.0, 3.0)
+
+
+def interrupted(service: Service) -> None:
+    """The journal of a program that was stopped in line 3."""
+    joints = jobs.homed_position(service.machine)
+    job = journal.Job.of("part.ngc", TEXT.encode(), service.machine, joints)
+    entry = journal.Entry(job, Spot(3, 0.5, 7, 12.0), True, 1, "READY", "NONE", 31, 0.0)
+    journal.write(entry, service.state / JOURNAL)
+
+
+def test_a_restart_that_is_loaded_is_not_started_with_another_offset(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    interrupted(service)
+    loaded(desk, service, restart=True)
+    before = fitting.offsets_of(service.machine)["G54"]["origin_mm"]
+    done(desk, "set_offset", name="G54", values=[1.0, 2.0, 3.0])
+    with pytest.raises(DoorError, match="a work offset changed") as error:
+        done(desk, "start")
+    assert (error.value.mode, error.value.request) == ("READY", "START") and error.value.sentence_de
+    assert "arm" not in engine.orders and service.running is None
+    done(desk, "set_offset", name="G54", values=before)
+    done(desk, "start")
+
+
+def test_a_restart_that_is_loaded_starts_with_another_tool_at_the_fraction_of_its_block(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    interrupted(service)
+    loaded(desk, service, restart=True)
+    assert service.job is not None and service.job.program.spot == Spot(3, 0.5, 7, 12.0)
+    done(desk, "set_tool", **TOOL)
+    done(desk, "start")
+    assert service.job.program.spot == Spot(3, 0.5)
+
+
+def test_tools_do_not_change_while_the_way_back_is_planned_with_them(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    held(desk, service, engine)
+    heard(service, aside=True)
+    done(desk, "set_tool", **TOOL)
+    said: list[DoorError] = []
+
+    def plan(**_: Any) -> dict[str, Any]:
+        with contextlib.suppress(DoorError):
+            done(desk, "set_tool", **{**TOOL, "length_mm": 9.0})
+            raise AssertionError("it was changed")
+        said.append(DoorError("", ""))
+        heard(service)
+        engine.aside = True
+        return {}
+
+    engine.answers["return"] = plan
+    done(desk, "return")
+    assert said and service.running is not None
+    tool = service.running.program.machine.tool(2)
+    assert tool is not None and tool.length_mm == 8.0

@@ -1,0 +1,118 @@
+"""Records of runs whose service did not live to end them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from cutting import shipped
+
+from controller.handoff import COLUMN, ROW
+from controller.service import runs
+from controller.service.orders import Program
+from controller.service.runs import RunRecord
+from controller.session.starts import Start
+from controller.state import Mode
+
+MACHINE = shipped()
+WHAT = {"name": "part.ngc", "sha256": "00", "line": None}
+START = Start((0.0, 0.0, 0.0, 0.0, 0.0), 0.0)
+
+
+def begun(state: Path, ticks: int = 0) -> RunRecord:
+    """A run that has been cutting for so many ticks."""
+    record = RunRecord(state, MACHINE, WHAT)
+    record.begins(START, Program(b"M2\n", "part.ngc", MACHINE), {})
+    rows = np.zeros((ticks, len(ROW)))
+    rows[:, COLUMN["tick"]] = range(ticks)
+    rows[:, COLUMN["mode"]], rows[:, COLUMN["sync_sent"]] = Mode.RUNNING, 1.0
+    record.take(rows)
+    return record
+
+
+def killed(state: Path, ticks: int = 1000) -> Path:
+    """The folder of a run whose service was killed."""
+    record = begun(state, ticks)
+    assert record._file is not None
+    record._file.close()
+    return record.folder
+
+
+def told(state: Path) -> dict[str, Any]:
+    (run,) = runs.list_runs(state)
+    return run
+
+
+def test_a_run_whose_service_was_killed_is_lost_and_not_forgotten(tmp_path: Path) -> None:
+    folder = killed(tmp_path)
+    assert runs.list_runs(tmp_path) == [], "it may be under way"
+    assert runs.lose(tmp_path) == 1 and runs.lose(tmp_path) == 0
+    run = told(tmp_path)
+    assert (run["id"], run["name"], run["sha256"], run["result"]) == (folder.name, "part.ngc", "00", "lost")
+    assert run["started_s"] <= run["ended_s"]
+    kept = np.fromfile(folder / "setpoints.part", dtype="<i4").reshape(-1, len(runs.SETPOINTS))
+    assert kept[:, 0].tolist() == list(range(1000))
+
+
+def test_a_run_ended_when_its_last_setpoints_were_written(tmp_path: Path) -> None:
+    folder = killed(tmp_path)
+    written_s = (folder / "setpoints.part").stat().st_mtime
+    runs.lose(tmp_path)
+    assert told(tmp_path)["ended_s"] == written_s
+
+
+@pytest.mark.parametrize("result", ["completed", "stopped", "fault", "interrupted"])
+def test_a_run_that_has_ended_is_not_lost(tmp_path: Path, result: str) -> None:
+    begun(tmp_path, 10).end(result)
+    assert runs.lose(tmp_path) == 0
+    assert told(tmp_path)["result"] == result
+
+
+def test_a_start_that_never_went_out_is_no_run(tmp_path: Path) -> None:
+    RunRecord(tmp_path, MACHINE, WHAT)  # the service was killed while it planned
+    begun(tmp_path).throw_away()
+    assert runs.lose(tmp_path) == 0 and runs.list_runs(tmp_path) == []
+
+
+def test_a_service_killed_when_an_end_was_all_but_written_has_ended_it(tmp_path: Path) -> None:
+    record = begun(tmp_path, 10)
+    kept = (record.folder / "begun.json").read_text()
+    record.end("completed")
+    (record.folder / "begun.json").write_text(kept)
+    assert runs.lose(tmp_path) == 0 and told(tmp_path)["result"] == "completed"
+    assert not (record.folder / "begun.json").exists()
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "7", "null"])
+def test_what_is_no_record_hides_no_other(tmp_path: Path, text: str) -> None:
+    folder = killed(tmp_path)
+    (tmp_path / "runs" / "a").mkdir()
+    (tmp_path / "runs" / "a" / "begun.json").write_text(text)
+    assert runs.lose(tmp_path) == 1
+    assert told(tmp_path)["id"] == folder.name
+
+
+def test_a_disk_that_is_full_costs_the_record_and_not_the_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(file: Path, text: str) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(runs.whole, "write", full)
+    record = begun(tmp_path, 10)
+    assert record.began and record.end("completed")["result"] == "completed"
+
+
+def test_a_run_under_way_is_told_from_one_that_has_ended_by_its_files(tmp_path: Path) -> None:
+    record = begun(tmp_path, 10)
+    facts = json.loads((record.folder / "begun.json").read_text())
+    assert (facts["id"], facts["name"]) == (record.folder.name, "part.ngc")
+    record.end("completed")
+    assert sorted(file.name for file in record.folder.iterdir()) == [
+        "events.jsonl",
+        "run.json",
+        "setpoints.npz",
+    ]
