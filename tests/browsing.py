@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib
 import json
 import os
 import shutil
@@ -21,6 +22,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 HANGS_S = 90.0  # no test is meant to come near
+REQUIRED = os.environ.get("DIRECTRIX_BROWSER") == "required"  # where one was installed, no test is skipped
 OPTIONS = ("--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu")
 
 
@@ -30,15 +32,22 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
+def needed(module: str, reason: str) -> Any:
+    """A module of the page's tests; without it they are skipped, or fail where a browser is required."""
+    return importlib.import_module(module) if REQUIRED else pytest.importorskip(module, reason=reason)
+
+
 @contextlib.contextmanager
 def browser() -> Iterator[Any]:
-    """Chromium; the test is skipped where there is none."""
-    sync = pytest.importorskip("playwright.sync_api", reason="needs playwright: pip install '.[test]'")
+    """Chromium; the test is skipped where there is none, or fails where one is required."""
+    sync = needed("playwright.sync_api", "needs playwright: pip install '.[test]'")
     path = next((found for name in NAMES if (found := shutil.which(name))), None)
     with sync.sync_playwright() as playwright:
         try:
             made = playwright.chromium.launch(executable_path=path, args=list(OPTIONS))
         except sync.Error as error:
+            if REQUIRED:
+                raise
             pytest.skip(f"no browser: install Debian's chromium ({str(error).splitlines()[0]})")
         try:
             yield made
@@ -86,6 +95,18 @@ class Site:
         """What a route tells."""
         with urllib.request.urlopen(f"{self.url}api/v1/{path}") as answer:
             return json.load(answer)
+
+    def tell(self, **values: Any) -> None:
+        """Have the fake machine tell these in place of its own, until others are; none: as it is."""
+        part, whole = self.folder / "told.part", self.folder / "told.json"
+        part.write_text(json.dumps(values))
+        part.replace(whole)  # never seen half written
+
+    def lay_over(self, **values: Any) -> None:
+        """Of the machine on the stepped clock: show these values in its status from now on."""
+        new = self.folder / "told.new"
+        new.write_text(json.dumps(values))
+        new.replace(self.folder / "told.json")
 
     def asked(self, *verbs: str) -> list[tuple[float, str, dict[str, Any]]]:
         """What the fake machine was asked: (seconds since 1970, verb, arguments)."""

@@ -12,6 +12,7 @@ from controller.door import DoorError
 from controller.handoff import Recorder
 from controller.panel.link import refusal
 from controller.service import looks
+from controller.service.jogging import ENDS, Presses
 
 AXES = ("X", "Y", "Z", "A", "C")
 # verb -> modes in which it is taken, and the mode after it (None: as it was)
@@ -51,6 +52,7 @@ class FakeDoor:
         self.asked: list[tuple[str, dict[str, Any]]] = []
         self.there = True
         self.recorder = Recorder(rows=4096)
+        self.presses = Presses()
         self.job: dict[str, Any] | None = None
         self.offsets: dict[str, Any] = {"G54": {"origin_mm": [0.0, 0.0, 0.0], "turned_deg": [0.0, 0.0, 0.0]}}
         self.restart: dict[str, Any] = {"offered": False, "sentence": "Nothing was interrupted."}
@@ -85,8 +87,12 @@ class FakeDoor:
         if verb in looks_at:
             return dict(looks_at[verb]())
         modes, after = TABLE[verb]
+        if verb in ENDS:
+            self.presses.end(args.get("press", ""))
         if modes and self.mode not in modes:
             raise DoorError("refused", f"{verb} is refused in {self.mode}.", self.mode, verb.upper())
+        if verb == "jog" and not self.presses.may_move(args.get("press", "")):
+            raise DoorError("refused", "The jog was stopped; let go of the key and press it again.")
         self.asked.append((verb, args))
         self.mode = after or self.mode
         self._keep(verb, args)
@@ -123,14 +129,20 @@ class FakeDoor:
         }
 
     def buses(self) -> dict[str, Any]:
-        bus = {"name": "can0", "bit_rate": 1_000_000, "budget_share": 0.6, "measured_share": 0.5}
-        late = {"from_us": [0.0], "ticks": [1], "seconds": 1.0}
-        return {"buses": [bus], "max_share": 0.8, "lateness": late}
+        bus = {
+            **{"name": "can0", "interface": "virtual", "bit_rate": 1_000_000, "drives": 5},
+            **{"budget_share": 0.6, "background_share": 0.01, "fullest_share": 0.55, "measured_share": 0.5},
+            **{"frames_per_s": 5500, "error_frames": 0, "transmit_errors": None, "receive_errors": None},
+        }
+        late = {"from_us": [0.0, 500.0], "ticks": [499, 1], "skipped_from_us": 500.0, "seconds": 1.0}
+        return {"buses": [bus], "max_share": 0.8, "near_share": 0.72, "lateness": late}
 
     def facts(self) -> dict[str, Any]:
         return {"axes": list(AXES), "offsets": self.offsets, "tools": self.tools, "period_s": 0.002}
 
     def drives(self) -> dict[str, Any]:
-        return {
-            "drives": [{"axis": axis, "node": i + 1, "heartbeat_age_s": 0.01} for i, axis in enumerate(AXES)]
+        said = {
+            **{"bus": "can0", "state": "OPERATION_ENABLED", "cyclic_mode": "CSP", "homing": False},
+            **{"statusword": 0x1237, "error": None, "emcy": None, "heartbeat_age_s": 0.01},
         }
+        return {"drives": [{"axis": axis, "node": i + 1, **said} for i, axis in enumerate(AXES)]}

@@ -2,7 +2,8 @@
 
     python page_server.py FOLDER PORT      # what was asked of the machine: FOLDER/asked.jsonl
 
-Its axes move while they are jogged, so that a jog that goes on shows.
+Its axes move while they are jogged, so that a jog that goes on shows. What FOLDER/told.json has of the
+status is told in place of its own (``browsing.Site.tell``).
 """
 
 from __future__ import annotations
@@ -25,6 +26,9 @@ from controller.panel.store import Store
 
 DEAD_MAN_S = 0.2
 SPEED_S = 50.0  # mm or degrees a second at full jog
+PERIOD_S = 0.002
+RETRACT_MM = 40.0
+TOLD = "told.json"
 
 
 class MovingDoor(FakeDoor):
@@ -33,6 +37,7 @@ class MovingDoor(FakeDoor):
     def __init__(self, folder: Path) -> None:
         super().__init__()
         self.mode = "READY"
+        self._told = folder / TOLD
         self._asked = open(folder / "asked.jsonl", "a", buffering=1)  # noqa: SIM115
         self._where = dict.fromkeys(AXES, 0.0)
         self._jog: tuple[str, float, float, float] | None = None  # axis, speed, last look, until
@@ -46,19 +51,20 @@ class MovingDoor(FakeDoor):
             self._overrides[verb] = args["share"]
         if verb in self._switches:
             self._switches[verb] = args["on"]
+        if verb in ("jog_stop", "stop", "hold", "estop"):
+            self._jogged()
+            self._jog = None
+        answer = super().answer(verb, args)
         if verb == "jog":
             self._jogged()
             now = time.monotonic()
             self._jog = (args["axis"], args["speed"] * SPEED_S, now, now + DEAD_MAN_S)
-        if verb in ("jog_stop", "stop", "estop"):
-            self._jogged()
-            self._jog = None
-        return super().answer(verb, args)
+        return answer
 
     def _keep(self, verb: str, args: dict[str, Any]) -> None:
         super()._keep(verb, args)
         if verb == "load" and self.job and {"line", "restart"} & args.keys():
-            self.job["restart"] = STATE_THERE
+            self.job |= {"restart": STATE_THERE, "restart_de": STATE_THERE_DE}
 
     def _jogged(self) -> None:
         """Let the axis have moved until now, or until the dead-man has ended it."""
@@ -76,7 +82,11 @@ class MovingDoor(FakeDoor):
         told.update(
             mode="JOG" if self._jog and self.mode == "READY" else self.mode,
             time_s=time.monotonic(),
-            joints={name: _joint(where) for name, where in self._where.items()},
+            joints={name: _joint(where, i) for i, (name, where) in enumerate(self._where.items())},
+            work_offset="G54",
+            spindle={"rev_min": 12000.0, "actual_rev_min": 11998.0, "at_speed": True},
+            coolant={"mist": False, "flood": True},
+            notices=[],
             tip={"X": 12.5, "Y": -3.25, "Z": 0.0},
             axis={"I": 0.0, "J": 0.70711, "K": 0.70711},
             feed_mm_min={"programmed": 1000.0, "actual": 593.2},
@@ -84,18 +94,22 @@ class MovingDoor(FakeDoor):
             in_block={"what": "cut", "fraction": 0.4, "u": 0.3721} if told.get("job") else None,
             fault=fault,
             sequence=None,
+            tick={**told["tick"], "number": int(time.monotonic() / PERIOD_S)},
             **self._overrides,
             **self._switches,
         )
         if told.get("job"):
             told["job"] = {**JOB, **told["job"]}
-        return told
+        return {**told, **json.loads(self._told.read_text())} if self._told.exists() else told
 
     def facts(self) -> dict[str, Any]:
-        return {**super().facts(), "name": "fake", "axes": [_axis(name) for name in AXES], "period_s": 0.002}
+        fitted = {"spindle": {"max_rev_min": 24000.0}, "outputs": ["coolant"], "retract_mm": RETRACT_MM}
+        axes = [_axis(name) for name in AXES]
+        return {**super().facts(), "name": "fake", "axes": axes, "period_s": PERIOD_S, **fitted}
 
 
 STATE_THERE = ["tool 1", "work offset G54", "spindle 12000 rev/min"]
+STATE_THERE_DE = ["Werkzeug 1", "Nullpunkt G54", "Spindel 12000 1/min"]
 FAULT = {
     "name": "ESTOP",
     "axis": None,
@@ -118,15 +132,16 @@ JOB = {
 }
 
 
-def _joint(where: float) -> dict[str, Any]:
+def _joint(where: float, i: int) -> dict[str, Any]:
+    """No two figures of it are the same, nor any of two axes."""
     return {
-        "machine": where,
-        "work": where - 8.0,
-        "to_go": -123.456,
-        "actual": where,
-        "error": 0.0123,
-        "homed": True,
-        "limit": None,
+        "machine": where + 10.0 * i,
+        "work": where + 10.0 * i - 8.0,
+        "to_go": -123.456 + i,
+        "actual": where + 10.0 * i - 0.0123 * (i + 1),
+        "error": 0.0123 * (i + 1),
+        "homed": i != 1,
+        "limit": (None, None, "+", "-", None)[i],
     }
 
 
@@ -137,6 +152,10 @@ def _axis(name: str) -> dict[str, Any]:
         "kind": "table" if rotary else "linear",
         "unit": "deg" if rotary else "mm",
         "travel": [-300.0, 300.0],
+        "profile": "simulated",
+        "homing_method": 37,
+        "absolute": name == "Z",
+        "supervision": "guarding" if rotary else "heartbeat",
         "following_error": 4.0,
     }
 
@@ -145,7 +164,7 @@ class ToldChecker(Checker):
     """Says at once what the text itself says of it: WRONG stands where it is refused."""
 
     def __init__(self, store: Store) -> None:
-        self._store = store
+        self._store, self._share = store, 0.0
 
     def ask(self, program: Program) -> None:
         """Nothing is left to be done."""
@@ -158,6 +177,9 @@ class ToldChecker(Checker):
 
     def of(self, program: Program) -> ProgramCheck:
         text = self._store.programs.path(program.sha256).read_text()
+        if "SLOWLY" in text:  # a little further at each look
+            self._share = (self._share + 0.01) % 1.0
+            return ProgramCheck(program.sha256, "", "running", self._share, {}, 0.0)
         before, found, _ = text.partition("WRONG")
         state, result = ("refused", _wrong(before)) if found else ("passed", PASSED)
         return ProgramCheck(program.sha256, "", state, 1.0, result, 0.0)

@@ -3,11 +3,16 @@
     python stepped_site.py FOLDER PORT
 
 Every status lets so many ticks pass: pictures and scopes have real figures, and no test waits for a clock.
+What a test writes to FOLDER/told.json is laid over the status; FOLDER/picture names the picture.
 """
 
 from __future__ import annotations
 
+import gc
+import hashlib
+import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,24 +20,32 @@ import uvicorn
 from page_server import PASSED, MovingDoor, ToldChecker
 
 from controller import config, fitting
+from controller.machine import Machine, Temperature
 from controller.panel.core import Panel
 from controller.panel.http import make_app
 from controller.panel.page.shell import add_page
 from controller.panel.programs import Program, ProgramCheck
 from controller.panel.store import Store
 from controller.plan.report.picture import Picture
-from controller.service import looks, status
+from controller.service import hearing, looks, status
 from controller.session import checked
 from controller.session.recording import Facts, save
 from controller.session.stepped import SteppedMachine
 from controller.state import Fault
-from drives.cia402 import State
+from drives import pdo
 
 PER_STATUS = 10  # ticks
 NAME = "example2_ready.ngc"
 KEY = "picture-of-the-test"
 TOOL = 2  # of the program
 FIRST_TICKS = 1500  # of the recording
+TOLD, SHOWN = "told.json", "picture"
+STATUSWORD = 0x1237
+WARM_C = 41.5  # the drive of A
+FOLLOWING_ERROR = 0x8611  # said by the drive of Y
+HEARD_TICKS = 300  # in the last second, of 500
+COUNTERS = 96, 12  # transmit and receive errors
+ALWAYS_S = 1e12  # of a frame that is never too old
 
 
 class SteppedDoor(MovingDoor):
@@ -40,9 +53,12 @@ class SteppedDoor(MovingDoor):
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder)
-        self.machine = config.load("trunnion")
+        self.folder, self.machine = folder, config.load("trunnion")
+        self.warm = _warm(self.machine)
+        self.logs = {self.machine.buses[0].name: _heard(self.machine)}
         fitting.note(folder, self.machine)
         self.text = config.shipped_program(NAME).read_bytes()
+        self.sha256 = hashlib.sha256(self.text).hexdigest()
         task = checked.task(self.text, NAME, self.machine)
         self.bench = SteppedMachine(self.machine)
         self.bench.come_up()
@@ -58,19 +74,20 @@ class SteppedDoor(MovingDoor):
         self.bench.go(PER_STATUS)
         now = self.bench.board.read()
         assert now is not None
-        shown = super().status()
         job = {"name": NAME, "state": "running", "block": now.motion_id, "line": now.line, "left_s": 60.0}
-        names = [axis.name for axis in self.machine.axes]
+        drives = hearing.drives(self.warm, now, self.logs)
+        told = self.folder / TOLD
         return {
-            **shown,
+            **super().status(),
             **status.machine_values(self.machine, now, None, self.bench.recorder, TOOL),
             "time_s": now.tick * self.machine.period_s,
             "fault": None,
-            "job": {**job, "fraction": 0.3, "duration_s": 67.0},
-            "drives": [_drive(i, name, State(now.drive_states[i]).name) for i, name in enumerate(names)],
+            "job": {**job, "sha256": self.sha256, "fraction": 0.3, "duration_s": 67.0},
+            "drives": [{**drive, "heartbeat_age_s": 0.012} for drive in drives],
             "commissioned": True,
             "sequence": None,
             "tool": TOOL,
+            **(json.loads(told.read_text()) if told.exists() else {}),
         }
 
     def keep(self, base: Path) -> Path:
@@ -86,26 +103,44 @@ class SteppedDoor(MovingDoor):
         return status.facts(made, {"offsets": fitting.offsets_of(made), "tools": fitting.tools_of(made)})
 
     def buses(self) -> dict[str, Any]:
-        return looks.buses(self.machine, {}, self.bench.recorder)
+        return looks.buses(self.machine, self.logs, self.bench.recorder)
 
 
-def _drive(i: int, name: str, state: str) -> dict[str, Any]:
-    shown = {
-        "axis": name,
-        "node": i + 1,
-        "bus": "can0",
-        "state": state,
-        "statusword": 0x1237,
-        "cyclic_mode": "CSP",
-    }
-    return {**shown, "heartbeat_age_s": 0.012, "error": None, "emcy": None}
+def _warm(machine: Machine) -> Machine:
+    """A's drive tells how warm it is."""
+    tells = Temperature(0x2035, 0, 16, 4, 10.0)
+    axes = (replace(axis, temperature=tells) if axis.name == "A" else axis for axis in machine.axes)
+    return replace(machine, axes=tuple(axes))
+
+
+def _heard(machine: Machine) -> hearing.LastFrames:
+    """Of the bus: commands of some ticks, what each drive said last, and an error frame."""
+    log = hearing.LastFrames()
+    log.seconds = 2.0 * ALWAYS_S
+    for axis in machine.axes:
+        log(pdo.frame(pdo.tpdo(1, axis.node), pdo.FEEDBACK.pack(STATUSWORD, 0)), 0.0)
+        if axis.name == "A":
+            log(pdo.frame(pdo.tpdo(4, axis.node), round(10 * WARM_C).to_bytes(2, "little")), 0.0)
+        if axis.name == "Y":
+            log(pdo.frame(pdo.EMCY + axis.node, pdo.EMERGENCY.pack(FOLLOWING_ERROR, 0x20, b"")), 0.0)
+    log(pdo.frame(pdo.ERROR_FLAG | 4, bytes((0, 0, 0, 0, 0, 0, *COUNTERS))), 0.0)
+    for _ in range(HEARD_TICKS):
+        log(pdo.frame(pdo.SYNC), ALWAYS_S)
+        for axis in machine.axes:
+            log(pdo.command_frame(axis.node), ALWAYS_S)
+    return log
 
 
 class PicturedChecker(ToldChecker):
     """Its check has left a picture."""
 
+    def __init__(self, store: Store) -> None:
+        super().__init__(store)
+        self._shown = store.folder / SHOWN
+
     def of(self, program: Program) -> ProgramCheck:
-        return ProgramCheck(program.sha256, "", "passed", 1.0, {**PASSED, "stored": KEY}, 0.0)
+        key = self._shown.read_text() if self._shown.exists() else KEY
+        return ProgramCheck(program.sha256, "", "passed", 1.0, {**PASSED, "stored": key}, 0.0)
 
 
 def _history(store: Store, recording: Path) -> None:
@@ -133,6 +168,7 @@ def main(folder: Path, port: int) -> None:
     _history(store, door.keep(panel.recordings))
     app = make_app(panel)
     add_page(app, panel)
+    gc.freeze()  # NiceGUI looks at every object for its server, and one of canopen's cannot be looked at
     uvicorn.run(app, host="127.0.0.1", port=port, log_level="warning", timeout_graceful_shutdown=1)
 
 

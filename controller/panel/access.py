@@ -24,6 +24,7 @@ from urllib.parse import urlsplit
 from fastapi import Depends, Header
 from starlette.requests import HTTPConnection
 
+from controller.catalogue import Key
 from controller.panel.answers import Refusal
 from controller.panel.roles import Principal, Role
 
@@ -37,6 +38,10 @@ LOCAL = Principal("local", Role.SET_UP, "local")
 SEEN_S = 2.0  # age of the tick that a page has seen; it presses nothing when it is 0.7 s without one
 MOST_DIGITS = 16  # of a tick
 AGAIN_S = 1.0  # a jog is refreshed ten times a second and audited once
+# Who is sent away may try without end: a line for each address and reason, or the log would
+# soon hold nothing else.
+STRANGER_S = 60.0
+MOST_AUDITED = 1000  # of the latest lines that are compared
 
 Guard = Callable[..., Awaitable[Principal]]
 
@@ -83,8 +88,14 @@ def _marked(guard: Guard, role: Role, control: bool) -> Guard:
 
 
 async def _checked(connection: HTTPConnection, role: Role) -> Principal:
-    panel = panel_of(connection)
-    who = await principal(connection)
+    panel, name = panel_of(connection), ""
+    try:
+        who = await _claimed(connection)
+        name = "" if who is LOCAL else who.name  # whether it is of this computer is not known yet
+        _check_way(connection, who)
+    except Refusal as refusal:
+        note_refused(connection, name, _action(connection), refusal)
+        raise
     allowed = who.role >= role
     if not allowed or _method(connection) not in SAFE:
         _audit(panel, connection, who, allowed)
@@ -107,22 +118,35 @@ async def check_seen(connection: HTTPConnection, seen: str, most_s: float) -> No
 
 async def principal(connection: HTTPConnection) -> Principal:
     """Who asks. Raises Refusal 401 or 403."""
-    panel = panel_of(connection)
-    if not panel.users.any:
-        check_local(connection)
+    who = await _claimed(connection)
+    _check_way(connection, who)
+    return who
+
+
+async def _claimed(connection: HTTPConnection) -> Principal:
+    """Whose cookie or token came. Raises Refusal 401."""
+    users = panel_of(connection).users
+    if not users.any:
         return LOCAL
     if token := _sent_token(connection):
-        if who := await panel.users.by_token(token):
+        if who := await users.by_token(token):
             return who
-        raise _unknown("This token is not known; make one by POST /api/v1/tokens.")
-    if who := panel.users.by_cookie(connection.cookies.get(COOKIE, "")):
-        _check_page(connection, who)
+        raise _unknown("unknown_token")
+    if who := users.by_cookie(connection.cookies.get(COOKIE, "")):
         return who
-    raise _unknown("Nobody is logged in; POST /api/v1/session with name and password, or send a token.")
+    raise _unknown("not_logged_in")
 
 
-def _unknown(sentence: str) -> Refusal:
-    return Refusal(401, "log_in", sentence, headers={"WWW-Authenticate": "Bearer"})
+def _check_way(connection: HTTPConnection, who: Principal) -> None:
+    """Raises Refusal 403 where a request came by a way that is not for whom it names."""
+    if who.how == "local":
+        check_local(connection)
+    elif who.how == "session":
+        _check_page(connection, who)
+
+
+def _unknown(key: str) -> Refusal:
+    return Refusal.told(401, "log_in", key, headers={"WWW-Authenticate": "Bearer"})
 
 
 def _sent_token(connection: HTTPConnection) -> str:
@@ -140,9 +164,7 @@ def _check_page(connection: HTTPConnection, who: Principal) -> None:
     elif _method(connection) not in SAFE:
         sent = connection.headers.get("x-csrf-token", "")
         if not secrets.compare_digest(sent.encode(), who.csrf.encode()):
-            raise Refusal(
-                403, "csrf", "X-CSRF-Token is missing or wrong; GET /api/v1/session tells this session's."
-            )
+            raise Refusal.told(403, "csrf", "no_csrf")
 
 
 def check_local(connection: HTTPConnection) -> None:
@@ -151,13 +173,7 @@ def check_local(connection: HTTPConnection) -> None:
     through = next((name for name in PROXY_HEADERS if name in headers), "")
     peer = connection.client.host if connection.client else ""
     if through or not is_loopback(peer) or not is_loopback(_host(headers.get("host", ""))):
-        what = f"came through a proxy ({through})" if through else "is not of this computer"
-        raise Refusal(
-            403,
-            "local",
-            f"The request {what}, and without users only this computer is answered; "
-            "add a user with: directrix users add NAME.",
-        )
+        raise Refusal.told(403, "local", "by_proxy" if through else "not_local", header=through)
     if _method(connection) not in SAFE:
         check_origin(connection)
 
@@ -168,9 +184,7 @@ def check_origin(connection: HTTPConnection) -> None:
     origin = headers.get("origin")
     foreign = origin is not None and urlsplit(origin).netloc.lower() != headers.get("host", "").lower()
     if foreign or headers.get("sec-fetch-site", "none") not in ("none", "same-origin"):
-        raise Refusal(
-            403, "origin", f"The request comes from a page of {origin or 'another site'}; use this server's."
-        )
+        raise Refusal.told(403, "origin", "foreign_page", site=origin or Key("another_site"))
 
 
 def is_loopback(host: str) -> bool:
@@ -199,11 +213,33 @@ def address(connection: HTTPConnection) -> str:
     return connection.client.host if connection.client else ""
 
 
+def _action(connection: HTTPConnection) -> str:
+    return f"{_method(connection)} {connection.url.path}"[:200]
+
+
 def _audit(panel: Panel, connection: HTTPConnection, who: Principal, allowed: bool) -> None:
-    action = f"{_method(connection)} {connection.url.path}"[:200]
-    key, now_s = (who.name, action, allowed), time.monotonic()
-    repeated = connection.url.path.endswith("/jog") and now_s - panel.audited.get(key, -1e9) < AGAIN_S
-    if connection.url.path.endswith("/jog"):
-        panel.audited[key] = now_s
-    if not repeated:
+    action = _action(connection)
+    again_s = AGAIN_S if connection.url.path.endswith("/jog") else 0.0
+    if _is_news(panel, (who.name, action, allowed), again_s):
         panel.note(who.name, address(connection), action, allowed=allowed)
+
+
+def note_refused(connection: HTTPConnection, user: str, action: str, refusal: Refusal) -> None:
+    """A line of the audit log for one who was not let in; ``user``: as far as it is known."""
+    panel, code = panel_of(connection), refusal.facts.code
+    if _is_news(panel, (f"{address(connection)} {user}", code, False), STRANGER_S):
+        panel.note(user, address(connection), action, code, allowed=False)
+
+
+def _is_news(panel: Panel, key: tuple[str, str, bool], again_s: float) -> bool:
+    """Whether a line like it is not in the log for ``again_s`` already."""
+    if again_s == 0.0:
+        return True
+    now_s = time.monotonic()
+    if now_s - panel.audited.get(key, -1e9) < again_s:
+        return False
+    panel.audited.pop(key, None)
+    while len(panel.audited) >= MOST_AUDITED:
+        del panel.audited[next(iter(panel.audited))]
+    panel.audited[key] = now_s
+    return True

@@ -57,11 +57,19 @@ class Refusal(Exception):
 
     @classmethod
     def told(
-        cls, status: int, code: str, key: str, headers: Mapping[str, str] | None = None, **values: object
+        cls,
+        status: int,
+        code: str,
+        key: str,
+        *,
+        mode: str | None = None,
+        request: str | None = None,
+        headers: Mapping[str, str] | None = None,
+        **values: object,
     ) -> Refusal:
         """With the catalogue's text of that key, in both languages."""
-        english, german = (catalogue.refusal(key, language, **values) for language in ("en", "de"))
-        return cls(status, code, english, sentence_de=german, headers=headers)
+        english, german = catalogue.in_both(key, **values)
+        return cls(status, code, english, mode=mode, request=request, sentence_de=german, headers=headers)
 
     def response(self) -> JSONResponse:
         body = ErrorAnswer(error=self.facts).model_dump()
@@ -87,15 +95,35 @@ def documented(*statuses: int) -> dict[int | str, dict[str, Any]]:
     return {s: {"model": ErrorAnswer, "description": DESCRIPTIONS[s]} for s in sorted(statuses)}
 
 
-def sentence_of(errors: Iterable[Mapping[str, Any]]) -> str:
-    """One sentence about the first thing that does not fit the schema: where, what, what to do."""
-    for error in errors:
-        where = ".".join(str(part) for part in error.get("loc", ())) or "the request"
-        found = repr(error.get("input"))
-        found = found if len(found) <= 60 else found[:57] + "..."
-        what = str(error.get("msg", "does not fit")).rstrip(".")
-        return f"{where}: {what} (found {found}); /openapi.json says what is allowed."
-    return "The request does not fit; /openapi.json says what is allowed."
+# How pydantic calls that a value does not fit -> the catalogue's word for it, and where its limit stands.
+FORMS = {
+    "missing": ("missing", ""),
+    **dict.fromkeys(("float_type", "float_parsing", "finite_number"), ("number", "")),
+    **dict.fromkeys(("int_type", "int_parsing", "int_from_float"), ("whole", "")),
+    "greater_than_equal": ("least", "ge"),
+    "less_than_equal": ("most", "le"),
+    "greater_than": ("above", "gt"),
+    "less_than": ("below", "lt"),
+    "string_too_short": ("short", "min_length"),
+    "string_too_long": ("long", "max_length"),
+}
+
+
+def of_form(errors: Iterable[Mapping[str, Any]]) -> Refusal:
+    """About the first thing that does not fit the schema: where, what, what to do."""
+    error = next(iter(errors), {})
+    found = repr(error.get("input"))
+    what, limit = FORMS.get(str(error.get("type")), ("other", ""))
+    return Refusal.told(
+        422,
+        "form",
+        "form",
+        where=".".join(str(part) for part in error.get("loc", ())) or "the request",
+        found=found if len(found) <= 60 else found[:57] + "...",
+        what=catalogue.Key(f"form.{what}"),
+        limit=(error.get("ctx") or {}).get(limit),
+        message=str(error.get("msg", "does not fit")).rstrip("."),
+    )
 
 
 def plain(value: Any) -> Any:

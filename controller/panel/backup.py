@@ -22,7 +22,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from controller import config, fitting
+from controller import config, fitting, whole
 from controller.machine import Machine
 from controller.panel import names
 from controller.panel.database import StoreError
@@ -54,10 +54,14 @@ class Contents:
     fitted: dict[str, Any]
     settings: dict[str, Any]
     programs: dict[str, str]  # name: sha256
+    machine_file: Path | None = None  # that was replaced when this was kept; a roll-back puts it back there
 
 
-def save(store: Store, machine: Machine, file: Path) -> Path:
-    """Write an archive, whole or not at all. Raises StoreError, ConfigError, OSError."""
+def save(store: Store, machine: Machine, file: Path, machine_file: Path | None = None) -> Path:
+    """Write an archive, whole or not at all; ``machine_file``: see ``Contents``.
+
+    Raises StoreError, ConfigError, OSError.
+    """
     parts = {
         _MACHINE: _alone(machine).encode(),
         _FITTING: json.dumps(fitting.load(store.folder)).encode(),
@@ -66,6 +70,8 @@ def save(store: Store, machine: Machine, file: Path) -> Path:
     programs = {program.name: program.sha256 for program in store.programs.list()}
     sums = {name: hashlib.sha256(data).hexdigest() for name, data in parts.items()}
     manifest = {"format": FORMAT, "made_s": time.time(), "parts": sums, "programs": programs}
+    if machine_file is not None:
+        manifest["machine_file"] = str(machine_file.absolute())
     new = file.with_name(f"{file.name}.part")
     try:
         with zipfile.ZipFile(new, "w", zipfile.ZIP_DEFLATED) as archive:
@@ -79,6 +85,7 @@ def save(store: Store, machine: Machine, file: Path) -> Path:
         os.replace(new, file)
     finally:
         new.unlink(missing_ok=True)
+    whole.sync(file.absolute().parent)
     return file
 
 
@@ -110,7 +117,8 @@ def _contents(file: Path, archive: zipfile.ZipFile) -> Contents:
     machine = config.read(parts[_MACHINE].decode(), f"{file.name}/{_MACHINE}")
     fitted, settings = dict(json.loads(parts[_FITTING])), dict(json.loads(parts[_SETTINGS]))
     fitting.applied(machine, fitted)
-    return Contents(file, float(manifest["made_s"]), machine, fitted, settings, programs)
+    replaced = Path(str(manifest["machine_file"])) if "machine_file" in manifest else None
+    return Contents(file, float(manifest["made_s"]), machine, fitted, settings, programs, replaced)
 
 
 def _sum(archive: zipfile.ZipFile, sha256: str) -> str:
@@ -135,7 +143,7 @@ def restore(store: Store, contents: Contents, machine_file: Path | None, before:
     machine now, for the back-up that is made first. Programs that the archive does not hold stay.
     Raises StoreError, ConfigError, BackupError, OSError.
     """
-    done = [f"Kept what was: {keep(store, before)}."] if before else []
+    done = [f"Kept what was: {keep(store, before, machine_file)}."] if before else []
     with zipfile.ZipFile(contents.file) as archive:
         for name, sha256 in contents.programs.items():
             _restore_program(store, archive, name, sha256)
@@ -143,7 +151,7 @@ def restore(store: Store, contents: Contents, machine_file: Path | None, before:
     with store.database.write() as sql:
         store.settings.replace(contents.settings, BY, sql)
     if machine_file is not None:
-        _write_whole(machine_file, _alone(contents.machine))
+        whole.write(machine_file, _alone(contents.machine))
         done.append(f"Machine file: {machine_file}.")
     if machine_file is not None or before is None:
         fitting.note(store.folder, contents.machine)
@@ -170,17 +178,19 @@ def update(store: Store, new: Path, machine_file: Path) -> list[str]:
     fitting.applied(config.load(new), fitting.load(store.folder))
     done = []
     if machine_file.exists():
-        done.append(f"Kept what was: {keep(store, config.load(machine_file))}.")
-    text = _alone(config.load(new))
-    _write_whole(machine_file, text)
+        done.append(f"Kept what was: {keep(store, config.load(machine_file), machine_file)}.")
+    whole.write(machine_file, _alone(config.load(new)))
     return [*done, f"Machine file: {machine_file}, from the next start of the service on."]
 
 
-def keep(store: Store, machine: Machine) -> Path:
-    """A back-up in the state folder, made before something is replaced; the oldest go."""
+def keep(store: Store, machine: Machine, machine_file: Path | None = None) -> Path:
+    """A back-up in the state folder, made before something is replaced; the oldest go.
+
+    ``machine_file``: the one that is replaced, None where it is left as it is.
+    """
     folder = store.folder / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
-    kept = save(store, machine, folder / datetime.now().strftime("%Y-%m-%dT%H%M%S.%f.zip"))
+    kept = save(store, machine, folder / datetime.now().strftime("%Y-%m-%dT%H%M%S.%f.zip"), machine_file)
     for old in all_kept(store)[KEPT:]:
         old.unlink(missing_ok=True)
     return kept
@@ -199,15 +209,3 @@ def _alone(machine: Machine) -> str:
         named = section == "[tools]" and re.match(r"\s*file\s*=", line)
         lines.append(f"# {line}  # its tables stand below" if named else line)
     return "\n".join([*lines, ""])
-
-
-def _write_whole(file: Path, text: str) -> None:
-    new = file.with_name(f"{file.name}.new")
-    try:
-        with open(new, "w", encoding="utf-8") as out:
-            out.write(text)
-            out.flush()
-            os.fsync(out.fileno())
-        os.replace(new, file)
-    finally:
-        new.unlink(missing_ok=True)

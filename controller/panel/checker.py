@@ -17,6 +17,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
 
@@ -34,6 +35,7 @@ class Checker:
 
     def __init__(self, store: Store, worker: tuple[str, ...] = WORKER) -> None:
         self._store, self._worker = store, worker
+        self.tell: Callable[[str], object] = lambda _: None  # the name of what is checked; in the thread
         self._waiting: queue.SimpleQueue[tuple[Program, str] | None] = queue.SimpleQueue()
         self._child: subprocess.Popen[str] | None = None
         self._closed = False
@@ -89,9 +91,13 @@ class Checker:
             with contextlib.suppress(StoreError):  # the store is full or gone; the program stays unchecked
                 state, result = self._checked(program, machine)
                 if not self._closed:
-                    self._store.checks.set(program.sha256, machine, state, 1.0, result)
+                    self._keep(program, machine, state, result)
             with self._lock:
                 self._pending.discard((program.sha256, machine))
+
+    def _keep(self, program: Program, machine: str, state: str, result: dict[str, Any]) -> None:
+        self._store.checks.set(program.sha256, machine, state, 1.0, result)
+        self.tell(program.name)
 
     def _checked(self, program: Program, machine: str) -> tuple[str, dict[str, Any]]:
         """State and result of one check."""
@@ -139,7 +145,7 @@ class Checker:
                 told = str(said["state"]), dict(said["result"])
                 if not said.get("more"):
                     return told
-                self._store.checks.set(program.sha256, machine, told[0], 1.0, told[1])
+                self._keep(program, machine, *told)
             elif time.monotonic() - last_s > TELL_S:
                 last_s = time.monotonic()
                 self._store.checks.set(program.sha256, machine, "running", float(said["progress"]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 from collections.abc import AsyncIterator, Awaitable, Callable
 from pathlib import Path
 
@@ -17,6 +18,8 @@ from controller.panel.store import Store
 from controller.panel.ticks import Latest
 from controller.panel.users import REFRESH_S, Users
 
+_log = logging.getLogger(__name__)
+AGAIN_S = 1.0  # until a work that failed is begun anew
 MOST_NOTES = 1000  # lines of the audit log that wait for the disk
 LOOK_S = 1.0  # between two looks at what the service wrote, and at programs that came by other ways
 
@@ -36,7 +39,6 @@ class Panel:
         self.audited: dict[
             tuple[str, str, bool], float
         ] = {}  # (user, action, allowed) -> when, monotonic (s)
-        self.stopped_jogs: dict[str, None] = {}  # presses of a key that ended, latest last
         self._notes: asyncio.Queue[tuple[str, str, str, str, bool]] = asyncio.Queue(MOST_NOTES)
 
     @property
@@ -57,6 +59,9 @@ class Panel:
     @contextlib.asynccontextmanager
     async def running(self) -> AsyncIterator[None]:
         """While the application runs: events, users as the command line changes them, the audit log."""
+        if self.checker is not None:
+            loop = asyncio.get_running_loop()
+            self.checker.tell = lambda name: loop.call_soon_threadsafe(self._tell_check, name)
         works = (self.events.run, self._look, self._refresh_users, self._write_notes)
         tasks = [asyncio.create_task(_kept(work)) for work in works]
         try:
@@ -71,6 +76,9 @@ class Panel:
         while True:
             await asyncio.to_thread(self._look_once)
             await asyncio.sleep(LOOK_S)
+
+    def _tell_check(self, program: str) -> None:
+        self.events.tell("programs", {"name": program, "done": "checked"})
 
     def _look_once(self) -> None:
         self.gatherer.gather()
@@ -96,8 +104,14 @@ class Panel:
 
 
 async def _kept(work: Callable[[], Awaitable[None]]) -> None:
-    """Do a work that never ends; a store that cannot be used for a while does not end it either."""
+    """Do a work that never ends; neither a store that cannot be used for a while ends it nor a mistake of
+    ours, which is told in the log: a panel that stands still unseen is worse.
+    """
     while True:
-        with contextlib.suppress(StoreError):
+        try:
             await work()
-        await asyncio.sleep(1.0)
+        except StoreError:
+            pass  # whoever asks for the store is told
+        except Exception:
+            _log.exception("A work of the panel's own failed; it is begun anew.")
+        await asyncio.sleep(AGAIN_S)

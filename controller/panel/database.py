@@ -17,6 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from controller import catalogue
 from controller.panel.schema import MIGRATIONS
 
 FILE = "store.sqlite"
@@ -24,16 +25,22 @@ WAIT_S = 10.0  # for another process to end its transaction; all of them are sho
 
 
 class StoreError(Exception):
-    """One sentence for the user; ``code`` says which kind it is, for the answer's status.
+    """One sentence for the user, also in German where the page may show it; ``code`` says which
+    kind it is, for the answer's status.
 
     missing: there is no such thing; exists: the name is taken; running: the program is in use;
     name, size, empty, sha256, form: what was sent is wrong; space: the disk is full;
     store: the store itself cannot be used.
     """
 
-    def __init__(self, code: str, sentence: str) -> None:
+    def __init__(self, code: str, sentence: str, sentence_de: str = "") -> None:
         super().__init__(sentence)
-        self.code, self.sentence = code, sentence
+        self.code, self.sentence, self.sentence_de = code, sentence, sentence_de
+
+    @classmethod
+    def told(cls, code: str, key: str, **values: object) -> StoreError:
+        """With the catalogue's text of that key, in both languages."""
+        return cls(code, *catalogue.in_both(key, **values))
 
 
 class Database:
@@ -48,9 +55,7 @@ class Database:
             self._sql = _connected(self.file)
             _migrate(self)
         except (OSError, sqlite3.Error) as error:
-            raise StoreError(
-                "store", f"{self.file}: cannot be used ({error}); check path, permission and space."
-            ) from error
+            raise StoreError.told("store", "store_unusable", file=self.file, why=error) from error
 
     def close(self) -> None:
         with self._lock:
@@ -64,10 +69,7 @@ class Database:
             except UnicodeEncodeError:  # half of a pair: nothing that is kept has such a name
                 return []
             except sqlite3.Error as error:
-                raise StoreError(
-                    "store",
-                    f"{self.file}: could not be read ({error}); check the disk, or restore a back-up.",
-                ) from error
+                raise StoreError.told("store", "store_unread", file=self.file, why=error) from error
 
     @contextlib.contextmanager
     def write(self) -> Iterator[sqlite3.Connection]:
@@ -85,10 +87,8 @@ class Database:
             except sqlite3.IntegrityError:
                 raise  # the caller knows which rule it was
             except sqlite3.Error as error:
-                raise StoreError(
-                    "space" if "full" in str(error) else "store",
-                    f"{self.file}: could not be written ({error}); check space and permission, then repeat.",
-                ) from error
+                code = "space" if "full" in str(error) else "store"
+                raise StoreError.told(code, "store_unwritten", file=self.file, why=error) from error
 
 
 def _connected(file: Path) -> sqlite3.Connection:

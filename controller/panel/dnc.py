@@ -36,6 +36,10 @@ _COUNTERS = struct.Struct("20i")  # linux/serial.h: cts dsr rng dcd rx tx frame 
 _BAD = {6: "framing errors", 7: "overruns", 8: "parity errors", 9: "breaks", 10: "buffer overruns"}
 
 
+class LineError(TapeError):
+    """The port itself failed and would again; of any other TapeError the next tape knows nothing."""
+
+
 @dataclass(frozen=True, slots=True)
 class LineSettings:
     """How both ends are set."""
@@ -123,7 +127,7 @@ def opened(settings: LineSettings) -> Iterator[Line]:
             f"check that it is ready to receive and that both ends use the same flow control."
         ) from error
     except (OSError, termios.error, ValueError) as error:  # SerialException is an OSError
-        raise TapeError(
+        raise LineError(
             f"{settings.port}: the line failed ({error}); check port, cable and permission."
         ) from error
 

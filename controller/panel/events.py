@@ -5,7 +5,7 @@
     {"event": "alarm", "data": {...}}     a fault is there; null = it was reset
     {"event": "alarms", "data": {...}}    the list of alarms changed: the newest number
     {"event": "control", "data": {...}}   somebody took or gave the control token
-    {"event": "programs", "data": {...}}  the store changed: name and what was done
+    {"event": "programs", "data": {...}}  the store changed, or a check ended: name and what was done
     {"event": "service", "data": {...}}   whether the controller's service answers
 
 A text is made once for all listeners. One who reads slowly misses statuses, never the others,
@@ -81,7 +81,7 @@ class Events:
     def listening(self, topics: frozenset[str]) -> Iterator[Listener]:
         """A listener, told at once what holds now. Raises Refusal."""
         if len(self._listeners) >= MOST_LISTENERS:
-            raise Refusal(429, "too_often", f"{MOST_LISTENERS} listeners are there; close some of them.")
+            raise Refusal.told(429, "too_often", "many_listeners", most=MOST_LISTENERS)
         listener = Listener(topics)
         for topic, text in self._told.items() if self._listeners else ():
             listener.tell(topic, text)
@@ -114,7 +114,8 @@ class Events:
         try:
             status = await self._watch.status()
         except Refusal as refusal:
-            self._changed("service", {"answers": False, "sentence": refusal.facts.sentence})
+            said = refusal.facts.model_dump(include={"sentence", "sentence_de"})
+            self._changed("service", {"answers": False, **said})
             return
         self._changed("service", {"answers": True})
         self.tell("status", status)

@@ -70,13 +70,21 @@ class Gatherer:
         return taken
 
     def _gather_runs(self) -> int:
-        new = [f for f in sorted((self._state / RUNS).glob("*/run.json")) if f.parent.name not in self._runs]
-        if not new:
+        """A record that cannot be read is looked at again the next time."""
+        files = sorted((self._state / RUNS).glob("*/run.json"))
+        read = {f.parent.name: _run(f) for f in files if f.parent.name not in self._runs}
+        ended = {name: run for name, run in read.items() if run is not None}
+        if not ended:
             return 0
         with self._database.write() as sql:
-            taken = sum(_run(sql, file) for file in new)
-        self._runs |= {file.parent.name for file in new}
-        return taken
+            for run in ended.values():
+                sql.execute(
+                    "INSERT INTO runs (program, sha256, began_s, ended_s, result, facts, source) "
+                    "VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT (source) DO NOTHING",
+                    run,
+                )
+        self._runs |= set(ended)
+        return len(ended)
 
 
 def _stamp(file: Path) -> tuple[int, int]:
@@ -112,10 +120,11 @@ def _alarm(sql: sqlite3.Connection, line: str) -> bool:
     return False
 
 
-def _run(sql: sqlite3.Connection, file: Path) -> bool:
+def _run(file: Path) -> tuple[Any, ...] | None:
+    """The row of a run; None for what is no record."""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         told: dict[str, Any] = dict(json.loads(file.read_text(encoding="utf-8")))
-        values = (
+        return (
             str(told.get("name") or "MDI"),
             str(told.get("sha256") or ""),
             float(told["started_s"]),
@@ -124,10 +133,4 @@ def _run(sql: sqlite3.Connection, file: Path) -> bool:
             json.dumps({k: v for k, v in told.items() if k not in _OWN_RUN} | {"record": file.parent.name}),
             file.parent.name,
         )
-        sql.execute(
-            "INSERT INTO runs (program, sha256, began_s, ended_s, result, facts, source) "
-            "VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT (source) DO NOTHING",
-            values,
-        )
-        return True
-    return False
+    return None

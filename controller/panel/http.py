@@ -24,7 +24,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from controller.panel import metrics, octoprint
 from controller.panel.access import COOKIE, needs, panel_of
-from controller.panel.answers import DESCRIPTIONS, Refusal, sentence_of
+from controller.panel.answers import DESCRIPTIONS, Refusal, of_form
 from controller.panel.core import Panel
 from controller.panel.database import StoreError
 from controller.panel.roles import Role
@@ -126,16 +126,17 @@ def _refusals(app: FastAPI) -> None:
 
     @app.exception_handler(StoreError)
     async def not_stored(_: Request, error: StoreError) -> JSONResponse:
-        return Refusal(STORE_STATUSES.get(error.code, 409), error.code, error.sentence).response()
+        status, german = STORE_STATUSES.get(error.code, 409), error.sentence_de or None
+        return Refusal(status, error.code, error.sentence, sentence_de=german).response()
 
     @app.exception_handler(RequestValidationError)
     async def not_as_described(_: Request, error: RequestValidationError) -> JSONResponse:
-        return Refusal(422, "form", sentence_of(error.errors())).response()
+        return of_form(error.errors()).response()
 
     @app.exception_handler(ClientDisconnect)
     async def gone(_: Request, error: ClientDisconnect) -> JSONResponse:
         # Nobody reads it any more; but one who goes away is no mistake of ours that belongs into a log.
-        return Refusal(422, "form", "What was sent was cut off before its end; send it again.").response()
+        return Refusal.told(422, "form", "request_cut").response()
 
     @app.exception_handler(HTTPException)
     async def no_route(request: Request, error: HTTPException) -> JSONResponse:

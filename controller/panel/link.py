@@ -1,6 +1,7 @@
 """The panel's end of the door: asks the controller's service, and keeps the last status for all.
 
-Quick verbs and slow ones have threads of their own, so that a hold never waits behind loads.
+Verbs go in lanes, each with threads of its own: a stop never waits behind anything else, a move
+only behind moves, and what waits for a disk or a plan is in nobody's way, however many ask for it.
 The status is asked at most every ``FRESH_S``, however many want to know it: neither 20
 listeners nor a script that asks without pause load the machine.
 """
@@ -10,22 +11,27 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Mapping
-from functools import partial
+from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Protocol
 
 from anyio import CapacityLimiter, to_thread
 
+from controller import catalogue
 from controller.door import Client, DoorError
 from controller.panel.answers import Refusal
 
 FRESH_S = 0.025  # half of the interval of the events
 QUICK_S = 5.0
 SLOW_S = 600.0  # a whole program may have to be read
-QUICK_AT_ONCE, SLOW_AT_ONCE = 32, 8  # together fewer than the door has places
+# Who may look at all asks for these, so they are kept apart from what moves the machine.
+LOOKS = frozenset({"facts", "drives", "alarms", "runs", "rows", "buses", "restart", "acknowledge"})
+STOPS = frozenset({"stop", "hold", "estop", "jog_stop", "disable"})
 SLOW = frozenset(
     {"load", "unload", "mdi", "enable", "home", "reset", "retract", "return", "set_offset", "set_tool"}
 )
+UNANSWERED = {"gone": "no_service", "silent": "silent_service"}  # texts of the catalogue
 # "bad" is no 422: what the schema cannot say (a word of a program, an axis that this machine
 # has not) depends on the machine, and so does whether it is refused.
 STATUSES = {"refused": 409, "busy": 409, "bad": 409, "gone": 503}
@@ -39,41 +45,58 @@ class Door(Protocol):
         ...
 
 
+@dataclass
+class Lane:
+    """Verbs that may be in each other's way, and how many of them are asked at once."""
+
+    verbs: frozenset[str]
+    at_once: int
+    client: Client
+
+    @cached_property
+    def places(self) -> CapacityLimiter:
+        """Made within the event loop that uses it."""
+        return CapacityLimiter(self.at_once)
+
+
 class SocketDoor:
     """The service behind its socket."""
 
     def __init__(self, path: Path) -> None:
-        self._clients = {False: Client(path, QUICK_S), True: Client(path, SLOW_S)}
-        self._limiters: dict[bool, CapacityLimiter] = {}
+        self._others = Lane(frozenset(), 16, Client(path, QUICK_S))  # start, resume, jog, overrides, status
+        # All places together are fewer than the door has.
+        self._lanes = (
+            Lane(STOPS, 8, Client(path, QUICK_S)),
+            Lane(LOOKS, 8, Client(path, QUICK_S)),
+            Lane(SLOW, 8, Client(path, SLOW_S)),
+            self._others,
+        )
 
     async def ask(self, verb: str, **args: Any) -> dict[str, Any]:
         """The result of a verb. Raises Refusal with the service's own sentence."""
-        slow = verb in SLOW
-        asked = partial(self._clients[slow].ask, verb, **args)
+        lane = next((lane for lane in self._lanes if verb in lane.verbs), self._others)
+        asked = partial(lane.client.ask, verb, **args)
         try:
-            return await to_thread.run_sync(asked, abandon_on_cancel=True, limiter=self._limiter(slow))
+            return await to_thread.run_sync(asked, abandon_on_cancel=True, limiter=lane.places)
         except DoorError as error:
             raise refusal(error) from error
 
-    def _limiter(self, slow: bool) -> CapacityLimiter:
-        """Made within the event loop that uses it."""
-        most = SLOW_AT_ONCE if slow else QUICK_AT_ONCE
-        return self._limiters.setdefault(slow, CapacityLimiter(most))
-
     def close(self) -> None:
-        for client in self._clients.values():
-            client.close()
+        for lane in self._lanes:
+            lane.client.close()
 
 
 def refusal(error: DoorError) -> Refusal:
-    """What the service said, as an answer."""
+    """What the service said, as an answer; what it does not say itself is the catalogue's."""
+    unanswered = UNANSWERED.get(error.code)
+    english, german = catalogue.in_both(unanswered or "no_reason")
     return Refusal(
         STATUSES.get(error.code, 503),
         error.code,
-        error.sentence or "The controller's service refused without a reason; see its log.",
+        error.sentence or english,
         mode=error.mode or None,
         request=error.request or None,
-        sentence_de=error.sentence_de or None,
+        sentence_de=error.sentence_de or (german if unanswered or not error.sentence else None),
     )
 
 
@@ -97,11 +120,13 @@ class Watch:
     async def in_use(self) -> frozenset[str]:
         """Name and sha256 of the loaded program: its file must stay as it is.
 
-        A service that is gone uses nothing.
+        A service that is gone uses nothing. One that does not answer may have a tick that cuts: Refusal.
         """
         try:
             job = (await self._door.ask("status")).get("job")
-        except Refusal:
+        except Refusal as refused:
+            if refused.facts.code != "gone":
+                raise
             return frozenset()
         return _named(job) if isinstance(job, Mapping) else frozenset()
 

@@ -83,13 +83,14 @@ class Jog(Sent):
         str,
         Field(
             max_length=40,
-            description="Names one press of a key: what comes late, after its stop, is refused.",
+            description="Names one press of a key. A stop or a hold by anybody ends it: what comes of it "
+            "afterwards is refused; press anew under another name. Without a name, 200 ms of silence do.",
         ),
     ] = ""
 
 
 class JogStop(Sent):
-    press: Annotated[str, Field(max_length=40, description="The press that ended.")] = ""
+    press: Annotated[str, Field(max_length=40, description="The one that ended; empty: whichever jogs.")] = ""
 
 
 class JogStep(Sent):
@@ -178,6 +179,8 @@ class FaultFacts(Told):
     recovery: str | None = None
     position_trusted: bool | None = None
     recording: str | None = None
+    number: int | None = Field(None, description="Of its alarm.")
+    time_s: Number = Field(None, description="When it came, seconds since 1970.")
 
 
 class JobFacts(Told):

@@ -38,7 +38,8 @@ class BusList(Told):
     """Buses as budgeted and as heard, and how late the ticks came."""
 
     buses: list[dict[str, Any]]
-    max_share: Number = None
+    max_share: Number = Field(None, description="That a bus may be full by its budget.")
+    near_share: Number = Field(None, description="From here on it is nearly that full.")
     lateness: dict[str, Any] | None = None
 
 

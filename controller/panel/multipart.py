@@ -70,9 +70,7 @@ async def receive(
         while (chunk := await _next(chunks, began_s, form.taken, uploads)) is not None:
             form.taken += len(chunk)
             if form.taken > limits.most_bytes + MOST_FIELDS * (MOST_FIELD_BYTES + 4096):
-                raise StoreError(
-                    "size", f"upload: is larger than the {limits.most_bytes} bytes allowed; split it."
-                )
+                raise StoreError.told("size", "upload_beyond", most=limits.most_bytes)
             await asyncio.to_thread(form.feed, chunk)
         return await asyncio.to_thread(form.finish, in_use)
     finally:
@@ -86,11 +84,8 @@ async def _next(chunks: AsyncIterator[bytes], began_s: float, taken: int, upload
     try:
         return await asyncio.wait_for(anext(chunks, None), max(left_s, 0.001))
     except TimeoutError as error:
-        raise StoreError(
-            "slow",
-            f"upload: came too slowly; allowed is a pause of {limits.patience_s:g} s and "
-            f"{limits.slowest_bytes_s:g} bytes/s on average; nothing was kept, send it again.",
-        ) from error
+        pace = {"pause": limits.patience_s, "pace": limits.slowest_bytes_s}
+        raise StoreError.told("slow", "upload_slow", **pace) from error
 
 
 class _Form:
@@ -115,7 +110,7 @@ class _Form:
 
     def finish(self, in_use: Callable[[], Collection[str]]) -> Received:
         if not self._ended:
-            raise StoreError("form", "upload: was cut off before its end; nothing was kept, send it again.")
+            raise StoreError.told("form", "upload_cut")
         if self._upload is None:
             raise StoreError("form", f"upload: the form holds no file; {SEND}.")
         self._upload.named(self._fields.get("name"), _size(self._fields))

@@ -9,42 +9,42 @@ from __future__ import annotations
 
 import unicodedata
 
+from controller.catalogue import Key
 from controller.panel.database import StoreError
 
 LONGEST = 120  # characters
 LONGEST_BYTES = 200  # in UTF-8; file systems end at 255, with room for a suffix
 NEVER = set('/\\:*?"<>|\x00\ufffd')  # the last stands for what was not UTF-8
-ALLOWED = (
-    f'up to {LONGEST} letters, digits, spaces and signs without / \\ : * ? " < > | , '
-    f"not beginning with a dot, a minus sign or a space and not ending with a dot or a space"
-)
 
 
 def check(name: str) -> str:
     """The name, in Unicode's composed form. Raises StoreError "name"."""
     if problem := _problem(plain := unicodedata.normalize("NFC", name)):
-        raise StoreError("name", f"program name {shown(name)}: {problem}; allowed: {ALLOWED}; rename it.")
+        key, sign = problem
+        said = {"problem": Key(f"name.{key}"), "allowed": Key("allowed_name")}
+        raise StoreError.told("name", "bad_name", name=shown(name), sign=sign, most=LONGEST, **said)
     return plain
 
 
-def _problem(name: str) -> str:
+def _problem(name: str) -> tuple[str, str] | None:
+    """(which one, the sign that it is about)."""
     if not name:
-        return "is empty"
+        return "empty", ""
     if len(name) > LONGEST or len(name.encode("utf-8", "replace")) > LONGEST_BYTES:
-        return "is too long"
+        return "long", ""
     if found := [c for c in name if c in NEVER]:
-        return f"holds {shown(found[0])}"
+        return "holds", shown(found[0])
     # Control signs, marks that turn the direction of text, halves of pairs, private and unknown signs,
     # and line ends: none of them can be seen.
     if found := [
         c for c in name if unicodedata.category(c)[0] == "C" or unicodedata.category(c) in ("Zl", "Zp")
     ]:
-        return f"holds the invisible sign U+{ord(found[0]):04X}"
+        return "invisible", f"U+{ord(found[0]):04X}"
     if name[0] in ".- " or name[0].isspace():
-        return f"begins with {shown(name[0])}"
+        return "begins", shown(name[0])
     if name[-1] == "." or name[-1].isspace():
-        return f"ends with {shown(name[-1])}"
-    return ""
+        return "ends", shown(name[-1])
+    return None
 
 
 def shown(name: str) -> str:

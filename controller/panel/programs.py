@@ -15,8 +15,10 @@ import time
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
+from controller import whole
+from controller.catalogue import Key
 from controller.panel import names
 from controller.panel.database import Database, StoreError
 from controller.panel.records import Clock, Facts
@@ -72,9 +74,7 @@ class Programs:
         """Raises StoreError "missing"."""
         for row in self._database.rows("SELECT * FROM programs WHERE name = ?", (name,)):
             return Program(*row)
-        raise StoreError(
-            "missing", f"{names.shown(name)}: there is no such program; see the list of programs."
-        )
+        raise _missing(name)
 
     def unchecked(self) -> Sequence[Program]:
         """Programs whose content was never checked, or whose check has no end yet."""
@@ -88,6 +88,18 @@ class Programs:
         """Where a content is."""
         return self.folder / f"{sha256}.ngc"
 
+    def opened(self, name: str) -> tuple[Program, BinaryIO]:
+        """A program and its content, which stays readable though the program is replaced meanwhile.
+
+        Raises StoreError: missing, store.
+        """
+        with self._database.write() as sql:
+            program = self._needed(sql, name)
+            try:
+                return program, open(self.path(program.sha256), "rb")
+            except OSError as error:
+                raise StoreError.told("store", "store_unread", file=name, why=error.strerror) from error
+
     def keep(self, new: Path, program: Program, in_use: Collection[str] = ()) -> Program:
         """Take a complete, synced file of the incoming folder over as ``program``, whole or not at all.
 
@@ -98,7 +110,7 @@ class Programs:
             if old:
                 _free(old, in_use)
             os.replace(new, self.path(program.sha256))
-            _sync_folder(self.folder)
+            whole.sync(self.folder)
             sql.execute("REPLACE INTO programs VALUES (?, ?, ?, ?, ?, ?)", _values(program))
         if old:
             self._forget(old.sha256)
@@ -106,14 +118,12 @@ class Programs:
 
     def rename(self, name: str, to: str, in_use: Collection[str] = ()) -> Program:
         """Raises StoreError: missing, name, exists, running."""
-        names.check(to)
+        to = names.check(to)
         with self._database.write() as sql:
             old = self._needed(sql, name)
             _free(old, in_use)
             if to != name and _named(sql, to):
-                raise StoreError(
-                    "exists", f"{to}: there is a program of this name; delete it, or take another name."
-                )
+                raise StoreError.told("exists", "exists", what=Key("what.program"), name=to)
             sql.execute("UPDATE programs SET name = ? WHERE name = ?", (to, name))
         return self.get(to)
 
@@ -131,9 +141,7 @@ class Programs:
 
     def _needed(self, sql: sqlite3.Connection, name: str) -> Program:
         if (found := _named(sql, name)) is None:
-            raise StoreError(
-                "missing", f"{names.shown(name)}: there is no such program; see the list of programs."
-            )
+            raise _missing(name)
         return found
 
     def _forget(self, sha256: str) -> bool:
@@ -188,11 +196,11 @@ def _named(sql: sqlite3.Connection, name: str) -> Program | None:
 
 def _free(program: Program, in_use: Collection[str]) -> None:
     if program.name in in_use or program.sha256 in in_use:
-        raise StoreError(
-            "running",
-            f"{program.name}: this program is loaded or running and stays as it is; "
-            f"wait for its end or unload it, or use another name.",
-        )
+        raise StoreError.told("running", "in_use", program=program.name)
+
+
+def _missing(name: str) -> StoreError:
+    return StoreError.told("missing", "missing", what=Key("what.program"), name=names.shown(name))
 
 
 def _values(program: Program) -> tuple[Any, ...]:
@@ -204,15 +212,6 @@ def _values(program: Program) -> tuple[Any, ...]:
         program.uploaded_s,
         program.uploaded_by,
     )
-
-
-def _sync_folder(folder: Path) -> None:
-    """Make a rename last through a power loss."""
-    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def _check(row: sqlite3.Row) -> ProgramCheck:

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from controller.catalogue import Key
 from controller.panel.database import Database, StoreError
 
 Facts = Mapping[str, Any]
@@ -29,7 +30,9 @@ class Run:
     sha256: str
     began_s: float
     ended_s: float | None
-    result: str  # 'running', 'completed', 'stopped', 'fault'; 'lost' = the service went away during it
+    # 'completed', 'stopped', 'refused', 'fault', 'interrupted' = the service was ended during it, 'lost' =
+    # killed; 'running' = no end is known
+    result: str
     facts: Facts  # duration_s, cut_time_s, following_error {axis, value}, recording, fault, by, ...
 
 
@@ -98,17 +101,12 @@ class Runs:
         with self._database.write() as sql:
             row = sql.execute("SELECT facts FROM runs WHERE id = ?", (run,)).fetchone()
             if row is None:
-                raise StoreError("missing", f"run {run}: there is no such run; see the list of runs.")
+                raise StoreError.told("missing", "missing", what=Key("what.run"), name=run)
             told = _json({**json.loads(row["facts"]), **facts})
             sql.execute(
                 "UPDATE runs SET result = ?, ended_s = ?, facts = ? WHERE id = ?",
                 (result, self._clock(), told, run),
             )
-
-    def lose(self) -> int:
-        """Runs of a service that is gone are lost; how many. For the service, as it starts."""
-        with self._database.write() as sql:
-            return sql.execute("UPDATE runs SET result = 'lost' WHERE result = 'running'").rowcount
 
     def list(self, most: int = 100, before: int | None = None) -> list[Run]:
         """The latest first; ``before`` a number, for the next page."""
@@ -161,7 +159,7 @@ class Alarms:
                 (self._clock(), by, alarm),
             )
         if (found := self.get(alarm)) is None:
-            raise StoreError("missing", f"alarm {alarm}: there is no such alarm; see the list of alarms.")
+            raise StoreError.told("missing", "missing", what=Key("what.alarm"), name=alarm)
         return found
 
     def list(self, most: int = 100, before: int | None = None, open_only: bool = False) -> list[Alarm]:
@@ -244,10 +242,15 @@ class Users:
     def remove(self, name: str) -> None:
         with self._database.write() as sql:
             if not sql.execute("DELETE FROM users WHERE name = ?", (name,)).rowcount:
-                raise StoreError("missing", f"user {name}: there is no such user; see the list of users.")
+                raise StoreError.told("missing", "missing", what=Key("what.user"), name=name)
 
     def tokens(self) -> list[Token]:
         return [Token(*row) for row in self._database.rows("SELECT name, role, made_s, made_by FROM tokens")]
+
+    def by_hash(self) -> dict[str, Token]:
+        """All tokens, by the hash of each."""
+        rows = self._database.rows("SELECT sha256, name, role, made_s, made_by FROM tokens")
+        return {row[0]: Token(*row[1:]) for row in rows}
 
     def token(self, sha256: str) -> Token | None:
         """The token of that hash."""
@@ -265,14 +268,12 @@ class Users:
                     (sha256, name, role, self._clock(), by),
                 )
         except sqlite3.IntegrityError as error:
-            raise StoreError(
-                "exists", f"token {name}: there is one of this name; remove it first, or name it differently."
-            ) from error
+            raise StoreError.told("exists", "exists", what=Key("what.token"), name=name) from error
 
     def remove_token(self, name: str) -> None:
         with self._database.write() as sql:
             if not sql.execute("DELETE FROM tokens WHERE name = ?", (name,)).rowcount:
-                raise StoreError("missing", f"token {name}: there is no such token; see the list of tokens.")
+                raise StoreError.told("missing", "missing", what=Key("what.token"), name=name)
 
 
 @dataclass(slots=True)

@@ -79,8 +79,7 @@ def unpacked(told: dict[str, Any]) -> Array:
             raise ValueError("other columns")
         return np.frombuffer(data, dtype="<f8").reshape(-1, len(ROW)).astype(float)
     except (KeyError, ValueError, TypeError, zlib.error, binascii.Error) as error:
-        sentence = "The service's rows are of another version; install service and panel alike."
-        raise Refusal(503, "version", sentence) from error
+        raise Refusal.told(503, "version", "other_version") from error
 
 
 def machine_of(state: Path) -> Machine:
@@ -88,8 +87,7 @@ def machine_of(state: Path) -> Machine:
     try:
         return _noted(state, *(_stamp(state / name) for name in (fitting.MACHINE, fitting.FILE)))
     except (ConfigError, OSError, ValueError, KeyError) as error:
-        sentence = "No machine has run on this state folder yet; start directrix serve."
-        raise Refusal(404, "missing", sentence) from error
+        raise Refusal.told(404, "missing", "no_machine") from error
 
 
 @lru_cache(maxsize=4)
@@ -135,8 +133,7 @@ def _run(file: Path, machine: Machine, *_: int) -> Signals:
 
 
 def _unreadable(file: Path) -> Refusal:
-    name = f"{file.parent.name}/{file.name}"
-    return Refusal(404, "missing", f"{name}: cannot be read as ticks; choose another recording.")
+    return Refusal.told(404, "missing", "no_ticks", file=f"{file.parent.name}/{file.name}")
 
 
 def _stamp(file: Path) -> tuple[int, int]:

@@ -24,12 +24,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
+from controller.catalogue import Key
 from controller.panel import names
 from controller.panel.database import StoreError
 from controller.panel.programs import Program, Programs
 
 LOOK_EVERY = 1 << 22  # bytes between two looks at the free space
 JUST_MADE_S = 60.0
+MODE = 0o640  # of a program from its first byte on: root's half of one is swept by the panel's user, too
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,9 +64,7 @@ class Uploads:
         if size is not None:
             self._fits(size)
         if not self._places.acquire(blocking=False):
-            raise StoreError(
-                "many", f"{name}: {self.limits.at_once} uploads are under way; wait for one of them to end."
-            )
+            raise StoreError.told("many", "upload_many", name=name, most=self.limits.at_once)
         try:
             with _part(self._programs.incoming) as file:
                 yield Upload(self._programs, self, file, name, sha256, size, by)
@@ -73,22 +73,15 @@ class Uploads:
 
     def _fits(self, size: int) -> None:
         if size > self.limits.most_bytes:
-            raise StoreError(
-                "size",
-                f"upload: has {size} bytes; allowed are {self.limits.most_bytes}; "
-                f"split the program, or raise the limit of the panel.",
-            )
+            raise StoreError.told("size", "upload_large", size=size, most=self.limits.most_bytes)
         self.room(size)
 
     def room(self, size: int) -> None:
         """Raises StoreError "space" where the disk would become too full."""
         free = shutil.disk_usage(self._programs.incoming).free
         if free < size + self.limits.free_bytes:
-            raise StoreError(
-                "space",
-                f"upload: the disk has {free >> 20} MB left, of which {self.limits.free_bytes >> 20} MB "
-                f"stay free; delete programs or recordings, then repeat.",
-            )
+            kept = self.limits.free_bytes
+            raise StoreError.told("space", "upload_room", left=free >> 20, kept=kept >> 20)
 
     def sweep(self) -> int:
         """Remove temporary files of dead processes; how many."""
@@ -123,11 +116,7 @@ class Upload:
         self.received += len(chunk)
         if self.received > min(self._uploads.limits.most_bytes, self._size or self.received):
             most = min(self._uploads.limits.most_bytes, self._size or self.received)
-            raise StoreError(
-                "size",
-                f"{self.name}: has more than the {most} bytes that were announced or are allowed; "
-                "nothing of it was kept, send it again with its true size.",
-            )
+            raise StoreError.told("size", "upload_more", name=self.name, most=most)
         if self.received - self._looked >= LOOK_EVERY:
             self._uploads.room(len(chunk))
             self._looked = self.received
@@ -151,7 +140,6 @@ class Upload:
         self._whole(found, _hash(sha256) or self._sha256)
         with _full(self.name):
             self._file.flush()
-            os.fchmod(self._file.fileno(), 0o640)
             os.fsync(self._file.fileno())
         lines = self._ends + (self._last != b"\n")
         program = Program(self.name, found, self.received, lines, self._programs.now_s(), self._by)
@@ -160,17 +148,12 @@ class Upload:
 
     def _whole(self, found: str, expected: str | None) -> None:
         if not self.received:
-            raise StoreError("empty", f"{self.name}: has no bytes; nothing was kept, send the program.")
+            raise StoreError.told("empty", "upload_empty", name=self.name)
         if self._size is not None and self.received != self._size:
-            raise StoreError(
-                "size", f"{self.name}: {self.received} of {self._size} bytes came; nothing was kept, repeat."
-            )
+            came = {"came": self.received, "size": self._size}
+            raise StoreError.told("size", "upload_fewer", name=self.name, **came)
         if expected is not None and found != expected:
-            raise StoreError(
-                "sha256",
-                f"{self.name}: what came has sha256 {found}, announced was {expected}; "
-                f"nothing was kept, send it again.",
-            )
+            raise StoreError.told("sha256", "upload_sum", name=self.name, found=found, wanted=expected)
 
 
 @contextlib.contextmanager
@@ -179,6 +162,7 @@ def _part(folder: Path) -> Iterator[BinaryIO]:
     with _full("upload"):
         file = tempfile.NamedTemporaryFile(dir=folder, suffix=".part", delete=False)  # noqa: SIM115
     try:
+        os.fchmod(file.fileno(), MODE)
         fcntl.flock(file.fileno(), fcntl.LOCK_EX)
         yield file  # type: ignore[misc]
     finally:
@@ -192,7 +176,7 @@ def _remove_dead(file: Path) -> bool:
     try:
         if time.time() - file.stat().st_mtime < JUST_MADE_S:
             return False
-        handle = os.open(file, os.O_RDWR)
+        handle = os.open(file, os.O_RDONLY)  # all that a lock needs, and all that the group has
     except OSError:
         return False
     try:
@@ -212,11 +196,9 @@ def _full(name: str) -> Iterator[None]:
         yield
     except OSError as error:
         full = error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-        do = "delete programs or recordings" if full else "check the state folder"
-        raise StoreError(
-            "space" if full else "store",
-            f"{name}: could not be written ({error.strerror}); nothing was kept, {do}, then repeat.",
-        ) from error
+        code, remedy = ("space", "remedy.full") if full else ("store", "remedy.folder")
+        said = {"name": name, "why": error.strerror, "remedy": Key(remedy)}
+        raise StoreError.told(code, "upload_failed", **said) from error
 
 
 def _hash(sha256: str | None) -> str | None:
@@ -225,7 +207,5 @@ def _hash(sha256: str | None) -> str | None:
         return None
     plain = sha256.strip().lower()
     if len(plain) != 64 or set(plain) - set("0123456789abcdef"):
-        raise StoreError(
-            "sha256", f"sha256 {names.shown(sha256)}: is no checksum; allowed are 64 hexadecimal digits."
-        )
+        raise StoreError.told("sha256", "bad_sum", found=names.shown(sha256))
     return plain

@@ -2,15 +2,20 @@
 
 Passwords are kept as argon2 hashes, tokens as SHA-256 (they are random, so a slow hash adds
 nothing). Sessions live in memory: a restart of the panel logs everybody out.
+
+Who guesses passwords is slowed down by address, and only a crowd of addresses by the name that it
+guesses at: were it by name alone, anybody could keep somebody else from logging in. Even a crowd
+keeps nobody out who has logged in before from where he sits.
 """
 
 from __future__ import annotations
 
 import asyncio
 import hashlib
+import math
 import secrets
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -25,9 +30,13 @@ from controller.panel.roles import Principal, Role
 SESSION_S = 12 * 3600.0  # a shift
 IDLE_S = 2 * 3600.0
 SESSIONS = 1000  # at once; the oldest go
-FREE_TRIES = 5  # wrong passwords before one has to wait
+FREE_TRIES = 5  # wrong passwords from an address before it has to wait
+CROWD_TRIES = 100  # of one name, from all addresses that are strange to it
 LONGEST_WAIT_S = 60.0
-FORGOTTEN_S = 3600.0
+# One wrong try is forgotten in the time that an address may be made to wait for its next: so one
+# address alone fills its own measure and never that of a name.
+FORGOTTEN_S = LONGEST_WAIT_S
+PLACES = 1000  # pairs of name and address that are remembered
 REFRESH_S = 2.0
 HASHES_AT_ONCE = 2  # each takes 64 MB and tens of milliseconds
 TOKEN_MARK = "dx_"  # so that a token is known as one wherever it turns up
@@ -47,41 +56,45 @@ class Session:
 class Tries:
     """Wrong passwords of one user name, or from one address."""
 
-    wrong: int = 0
+    free: int
+    wrong: float = 0.0  # as many as were remembered at ``last_s``
     last_s: float = -1e9
 
     def wait_s(self, now_s: float) -> float:
         """How long before the next try is looked at; doubles with every wrong one."""
-        if self.wrong < FREE_TRIES:
+        if self.wrong < self.free:
             return 0.0
-        pause_s = min(LONGEST_WAIT_S, 2.0 ** (self.wrong - FREE_TRIES))
+        pause_s = min(LONGEST_WAIT_S, math.exp2(self.wrong - self.free))
         return max(0.0, self.last_s + pause_s - now_s)
+
+    def remembered(self, now_s: float) -> float:
+        return max(0.0, self.wrong - (now_s - self.last_s) / FORGOTTEN_S)
 
 
 @dataclass(slots=True)
 class Brake:
-    """Slows down who guesses passwords, by name and by address."""
+    """Slows down who guesses passwords; ``keys``: how many free tries each of them has."""
 
     _tries: dict[str, Tries] = field(default_factory=dict)
 
-    def check(self, now_s: float, *keys: str) -> None:
+    def check(self, now_s: float, keys: Mapping[str, int]) -> None:
         """Raises Refusal where one of the keys has to wait."""
-        wait_s = max(self._tries.get(key, Tries()).wait_s(now_s) for key in keys)
+        wait_s = max(self._tries[key].wait_s(now_s) if key in self._tries else 0.0 for key in keys)
         if wait_s > 0.0:
             later = {"Retry-After": str(int(wait_s) + 1)}
-            raise Refusal.told(429, "too_often", "too_often", later, seconds=wait_s)
+            raise Refusal.told(429, "too_often", "too_often", headers=later, seconds=wait_s)
 
-    def wrong(self, now_s: float, *keys: str) -> None:
-        old = [key for key, tries in self._tries.items() if now_s - tries.last_s > FORGOTTEN_S]
-        for key in old:
-            del self._tries[key]
-        for key in keys:
-            tries = self._tries.setdefault(key, Tries())
-            tries.wrong, tries.last_s = tries.wrong + 1, now_s
+    def wrong(self, now_s: float, keys: Mapping[str, int]) -> None:
+        self._tries = {key: tries for key, tries in self._tries.items() if tries.remembered(now_s) > 0.0}
+        for key, free in keys.items():
+            tries = self._tries.setdefault(key, Tries(free))
+            tries.wrong, tries.last_s = tries.remembered(now_s) + 1.0, now_s
 
-    def right(self, *keys: str) -> None:
+    def right(self, keys: Iterable[str]) -> None:
+        """That try was not wrong. Those before it stay: an own account is no way to go on guessing."""
         for key in keys:
-            self._tries.pop(key, None)
+            if key in self._tries:
+                self._tries[key].wrong -= 1.0
 
 
 class Users:
@@ -102,15 +115,15 @@ class Users:
         self._hashing = asyncio.Semaphore(HASHES_AT_ONCE)
         self._sessions: dict[str, Session] = {}  # by SHA-256 of the cookie
         self._brake = Brake()
+        self._places: dict[tuple[str, str], None] = {}  # (name, address) of log-ins, latest last
         self._users: dict[str, User] = {}
-        self._tokens: dict[str, Token] = {}  # those seen, by SHA-256
+        self._tokens: dict[str, Token] = {}  # by SHA-256
         self.refresh()
 
     def refresh(self) -> None:
         """Read users and tokens from the store. Raises StoreError."""
         self._users = {user.name: user for user in self._rows.all()}
-        found = {sha256: self._rows.token(sha256) for sha256 in list(self._tokens)}
-        self._tokens = {sha256: token for sha256, token in found.items() if token is not None}
+        self._tokens = self._rows.by_hash()
 
     @property
     def any(self) -> bool:
@@ -128,17 +141,26 @@ class Users:
 
     async def log_in(self, name: str, password: str, address: str) -> tuple[str, Principal]:
         """(cookie, who it is). Raises Refusal for a wrong name or password, or too many of them."""
-        keys = (f"user {name}", f"from {address}")
-        self._brake.check(self._clock(), *keys)
+        keys = {f"from {address}": FREE_TRIES}
+        if (name, address) not in self._places:
+            keys[f"user {name}"] = CROWD_TRIES
+        self._brake.check(self._clock(), keys)
         # Counted before it is known, so that a hundred at once do not all get a free try.
-        self._brake.wrong(self._clock(), *keys)
+        self._brake.wrong(self._clock(), keys)
         user = self._users.get(name)
         async with self._hashing:
             right = await asyncio.to_thread(self._verify, user, password)
         if user is None or not right:
             raise Refusal.told(401, "log_in", "wrong_password")
-        self._brake.right(*keys)
+        self._brake.right(keys)
+        self._remember(name, address)
         return self.begin(name, Role.named(user.role))
+
+    def _remember(self, name: str, address: str) -> None:
+        self._places.pop((name, address), None)
+        while len(self._places) >= PLACES:
+            del self._places[next(iter(self._places))]
+        self._places[name, address] = None
 
     def _verify(self, user: User | None, password: str) -> bool:
         try:
@@ -172,6 +194,7 @@ class Users:
         if not token.startswith(TOKEN_MARK):
             return None
         key = _sha256(token)
+        # One that is not in memory was made within the last ``REFRESH_S``, or never.
         found = self._tokens.get(key) or await asyncio.to_thread(self._rows.token, key)
         if found is None:
             return None

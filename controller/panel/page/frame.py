@@ -34,7 +34,7 @@ def _mode() -> None:
     """In word and colour, to be read from the other end of the shop."""
     with tagged(ui.element("div").classes("mode"), role="status", aria_live="polite"):
         live("mode", "word:mode", "mode-word")
-        live("shown.sequence", "plain", "mode-more")
+        live("shown.under_way", "plain", "mode-more")
 
 
 def _program(page: Page) -> None:
@@ -67,6 +67,17 @@ def _choices(page: Page) -> None:
         small = ui.element("button").classes("small")
         with tagged(small, id="dx-theme", type="button", title=title, aria_label=title):
             tagged(ui.icon("contrast"), aria_hidden="true")
+        if page.who.csrf:
+            _log_out(page)
+
+
+def _log_out(page: Page) -> None:
+    """Who is logged in; without users nobody is."""
+    title = f"{page.word('frame.log_out')}: {page.who.name}"
+    small = ui.element("button").classes("small")
+    with tagged(small, id="dx-log-out", type="button", title=title, aria_label=title):
+        text(page.who.name, "span", "user-name")
+        tagged(ui.icon("logout"), aria_hidden="true")
 
 
 def _stops(page: Page) -> None:
@@ -89,6 +100,9 @@ def _lines(page: Page) -> None:
                 live("shown.fault", "plain", "strong")
                 live("shown.next", "plain")
             act(page, "frame.reset", "POST machine/reset", kind="warn", icon="restart_alt")
+        with tagged(ui.element("div").classes("line barred"), role="status"):
+            tagged(ui.icon("front_hand"), aria_hidden="true")
+            live("shown.interlock", "plain")
         with tagged(ui.element("div").classes("line failed"), role="status"):
             tagged(ui.icon("info"), aria_hidden="true")
             live("shown.failed", "plain")

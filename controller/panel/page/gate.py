@@ -11,7 +11,7 @@ from starlette.responses import RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from starlette.websockets import WebSocketClose
 
-from controller.panel.access import check_local, check_origin, panel_of, principal
+from controller.panel.access import check_local, check_origin, note_refused, panel_of, principal
 from controller.panel.answers import Refusal
 
 LOG_IN = "/login"
@@ -39,6 +39,9 @@ class Gate:
         try:
             await self._check(scope)
         except Refusal as refusal:
+            if refusal.status == 403:  # 401 is everybody before the log-in
+                asked = HTTPConnection({**scope, "app": self._outer})
+                note_refused(asked, "", f"page {scope['path']}"[:200], refusal)
             await _sent_away(scope, receive, send, refusal)
             return
         await self._page(scope, receive, _guarded(send))

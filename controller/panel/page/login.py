@@ -29,7 +29,8 @@ form.addEventListener("submit", async (event) => {{
       method: "POST", headers: {{ "Content-Type": "application/json" }}, body: JSON.stringify(body),
     }});
     if (answer.ok) return location.assign("/");
-    said.textContent = (await answer.json()).error.sentence;
+    const facts = (await answer.json()).error;
+    said.textContent = ("{language}" === "de" && facts.sentence_de) || facts.sentence;
   }} catch (error) {{
     said.textContent = {no_panel};
   }}

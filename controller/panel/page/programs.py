@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from dataclasses import asdict
 from typing import Any
 from urllib.parse import quote
 
 from nicegui import ui
+from nicegui.elements.mixins.text_element import TextElement
 
+from controller.panel.answers import Refusal
 from controller.panel.page import cut_maps
+from controller.panel.page.figures import around, clock, overcut, size
 from controller.panel.page.view import Page, act, card, row, tagged, text
 from controller.panel.page.words import Words
 from controller.panel.programs import Program
@@ -20,6 +24,8 @@ WORDS: Words = {
     "programs.drop": ("Drop programs here, or", "Programme hierher ziehen oder"),
     "programs.choose": ("choose files", "Dateien wählen"),
     "programs.uploading": ("uploading", "wird übertragen"),
+    "programs.replace": ("Replace", "Ersetzen"),
+    "programs.replace_ask": ("{0} is there already. Replace it?", "{0} gibt es schon. Ersetzen?"),
     "programs.none": ("No programs yet.", "Noch keine Programme."),
     "programs.name": ("Name", "Name"),
     "programs.size": ("Size", "Größe"),
@@ -28,6 +34,7 @@ WORDS: Words = {
     "programs.last": ("Last run", "Letzter Lauf"),
     "programs.uploaded": ("Uploaded", "Übertragen"),
     "programs.load": ("Load", "Laden"),
+    "programs.unload": ("Unload", "Entladen"),
     "programs.ask_check": ("Check", "Prüfen"),
     "programs.download": ("Download", "Herunterladen"),
     "programs.rename": ("Rename", "Umbenennen"),
@@ -48,8 +55,6 @@ WORDS: Words = {
     "programs.not_offered": ("It cannot be gone on with:", "Fortsetzen geht nicht:"),
     "programs.cut": ("Cut", "Schnitt"),
     "programs.blocks": ("Blocks", "Sätze"),
-    "programs.box": ("Travel used", "Genutzter Weg"),
-    "programs.limits": ("Largest share of the limits", "Größter Anteil der Grenzen"),
     "programs.binds": ("Held by", "Begrenzt durch"),
     "programs.overcut": ("Overcut", "Überschnitt"),
     "programs.velocity": ("velocity", "Geschwindigkeit"),
@@ -71,6 +76,7 @@ WORDS: Words = {
     "result.stopped": ("stopped", "gestoppt"),
     "result.fault": ("fault", "Störung"),
     "result.refused": ("refused", "abgelehnt"),
+    "result.interrupted": ("interrupted", "unterbrochen"),
     "result.lost": ("lost", "verloren"),
     "result.running": ("running", "läuft"),
     **cut_maps.WORDS,
@@ -78,7 +84,7 @@ WORDS: Words = {
 TONES = {"passed": "go", "refused": "stop", "failed": "stop", "running": "info", "waiting": "info"}
 RESULT_TONES = {"completed": "go", "fault": "stop", "refused": "stop", "lost": "stop", "stopped": "hold"}
 LOOK_S = 1.0  # between two looks at checks under way
-SHOWN_BEFORE = 3  # lines of text above the one that is wrong
+AT_REST = "OFF READY FAULT"  # a job that runs is kept
 BOX_SHARES = ("velocity", "acceleration", "jerk")
 
 
@@ -88,13 +94,18 @@ async def build(page: Page) -> None:
 
 
 class _Programs:
-    """List and details; both are made anew when what the store tells has changed."""
+    """List and details; of both only that part is made anew whose facts have changed.
+
+    A press, or a half typed figure, must not be lost because another program is being checked.
+    """
 
     def __init__(self, page: Page) -> None:
         self._page = page
         self._rows: list[dict[str, Any]] = []
         self._chosen = ""
         self._loaded = ""
+        self._shown: dict[str, Any] = {}  # by part: the facts it was made of
+        self._shares: dict[str, TextElement] = {}  # by program: how far its check is
 
     async def build(self) -> None:
         page = self._page
@@ -105,23 +116,46 @@ class _Programs:
                 self._drop()
                 self._list()
             with card(page, "", "programs-detail"):
-                await self._detail()
+                self._head()
+                await self._found()
+                self._places()
         page.on("programs", lambda _: self._look())
-        page.on("job", self._job)
+        page.on("job", lambda _: self._look())
         page.when_shown(NAME, self._look)
         ui.timer(LOOK_S, self._watch, immediate=True)
 
     async def _watch(self) -> None:
-        """Checks tell nobody how far they are."""
+        """Checks under way, other tools and new records tell nobody."""
         if self._page.showing(NAME):
             await self._look()
 
     async def _look(self) -> None:
-        rows = await asyncio.to_thread(self._read)
-        if rows != self._rows:
-            self._rows = rows
-            self._list.refresh()
-            self._detail.refresh()
+        self._rows = await asyncio.to_thread(self._read)
+        with contextlib.suppress(Refusal):
+            job = (await self._page.panel.watch.status()).get("job") or {}
+            self._loaded = str(job.get("name") or "")
+        self._show()
+
+    def _show(self) -> None:
+        one = self._one()
+        passed = one is not None and one["state"] == "passed"
+        still = [{**entry, "progress": None} for entry in self._rows]  # it is written where it stands
+        self._renew("list", self._list, still, self._chosen, self._loaded)
+        self._renew("head", self._head, self._chosen if one else "", self._loaded == self._chosen)
+        self._renew("found", self._found, one and (one["sha256"], one["state"], one["check"]))
+        self._renew("places", self._places, passed and one and (one["name"], one["sha256"]))
+        for entry in self._rows:
+            if (share := self._shares.get(str(entry["name"]))) is not None:
+                share.text = percent(entry["progress"])
+
+    def _renew(self, part: str, made: Any, *facts: Any) -> None:
+        if self._shown.get(part) != facts:
+            self._shown[part] = facts
+            made.refresh()
+
+    def _one(self) -> dict[str, Any] | None:
+        """The chosen program, if it is there."""
+        return next((one for one in self._rows if one["name"] == self._chosen), None)
 
     def _read(self) -> list[dict[str, Any]]:
         return [self._row(program) for program in self._page.panel.store.programs.list()]
@@ -137,12 +171,6 @@ class _Programs:
             "check": dict(check.result) if check else {},
             "run": asdict(run) if run else None,
         }
-
-    def _job(self, job: dict[str, Any] | None) -> None:
-        name = str((job or {}).get("name") or "")
-        if name != self._loaded:
-            self._loaded = name
-            self._list.refresh()
 
     # ---- the list
 
@@ -160,6 +188,7 @@ class _Programs:
     @ui.refreshable_method
     def _list(self) -> None:
         page = self._page
+        self._shares.clear()
         if not self._rows:
             text(page.word("programs.none"), "p", "dim")
             return
@@ -183,56 +212,58 @@ class _Programs:
                     text(name, "span")
                 if name == self._loaded:
                     chip(page.word("programs.loaded"), "info")
+                when(one["uploaded_s"], page.word("programs.uploaded"))
             with ui.element("td").classes("p-check"):
                 self._state(one)
             text(clock(one["check"].get("duration_s")), "td", "figures p-time")
             with ui.element("td").classes("p-last"):
                 if one["run"]:
                     result = str(one["run"]["result"])
-                    chip(_word(page, f"result.{result}", result), RESULT_TONES.get(result, "dim"))
+                    chip(page.words.get(f"result.{result}", result), RESULT_TONES.get(result, "dim"))
+                    when(one["run"]["began_s"])
             text(size(one["size"]), "td", "figures p-size")
 
     def _state(self, one: dict[str, Any]) -> None:
         page, state = self._page, str(one["state"])
         chip(page.word(f"check.{state}"), TONES.get(state, "dim"))
         if state == "running":
-            text(f"{one['progress'] * 100:.0f} %", "span", "figures dim")
+            share = TextElement(tag="span", text=percent(one["progress"])).classes("figures dim")
+            self._shares[str(one["name"])] = share
 
     def _choose(self, name: str) -> None:
         self._chosen = name
-        self._list.refresh()
-        self._detail.refresh()
+        self._show()
 
     # ---- one program
 
     @ui.refreshable_method
-    async def _detail(self) -> None:
-        page = self._page
-        one = next((row for row in self._rows if row["name"] == self._chosen), None)
+    def _head(self) -> None:
+        page, one = self._page, self._one()
         if one is None:
             text(page.word("programs.select"), "p", "dim")
             return
         text(one["name"], "h2", "program-title")
-        self._acts(one)
+        self._acts(str(one["name"]))
+
+    @ui.refreshable_method
+    async def _found(self) -> None:
+        """What its check says."""
+        one = self._one()
+        if one is None:
+            return
         if "sentence" in one["check"]:
             await self._wrong(one)
         elif one["state"] == "passed":
             self._figures(one["check"])
-            self._places(one)
 
-    def _acts(self, one: dict[str, Any]) -> None:
-        page, name = self._page, str(one["name"])
+    def _acts(self, name: str) -> None:
+        page = self._page
         path = f"programs/{quote(name, safe='')}"
         with row("program-acts"):
-            act(
-                page,
-                "programs.load",
-                "POST job",
-                {"program": name},
-                kind="go",
-                icon="input",
-                modes="OFF READY",
-            )
+            body = {"program": name}
+            act(page, "programs.load", "POST job", body, kind="go", icon="input", modes="OFF READY")
+            if name == self._loaded:
+                act(page, "programs.unload", "DELETE job", icon="eject", modes=AT_REST)
             act(page, "programs.ask_check", f"POST {path}/check", needs="role", icon="fact_check")
             link = tagged(ui.element("a").classes("act"), href=f"/api/v1/{path}/text", download=name)
             with link:
@@ -250,8 +281,10 @@ class _Programs:
         if not check.get("line"):
             return
         path = self._page.panel.store.programs.path(str(one["sha256"]))
+        place = TextElement(tag="pre", text="").classes("listing caret")  # gone if it is made anew meanwhile
+        tagged(place, id="programs-wrong", tabindex="0")
         lines = await asyncio.to_thread(around, path, int(check["line"]), int(check.get("column") or 0))
-        tagged(text("\n".join(lines), "pre", "listing caret"), id="programs-wrong", tabindex="0")
+        place.text = "\n".join(lines)
 
     def _figures(self, check: dict[str, Any]) -> None:
         page = self._page
@@ -293,9 +326,12 @@ class _Programs:
                         for key in BOX_SHARES:
                             text(f"{joint[f'{key}_share'] * 100:.0f} %", "td", "figures")
 
-    def _places(self, one: dict[str, Any]) -> None:
+    @ui.refreshable_method
+    def _places(self) -> None:
         """To begin elsewhere; what will be in force there is shown once it is loaded."""
-        page = self._page
+        page, one = self._page, self._one()
+        if one is None or one["state"] != "passed":
+            return
         with tagged(ui.element("form").classes("row places"), data_program=str(one["name"])):
             for key, most in (("line", one["lines"]), ("fraction", 100), ("dry", 1000)):
                 with ui.element("label"):
@@ -322,43 +358,17 @@ def chip(words: str, tone: str) -> None:
     tagged(text(words, "span", "chip"), data_tone=tone)
 
 
-def around(path: Any, line: int, column: int) -> list[str]:
-    """The lines up to a place (1-based) with their numbers, and a caret under its column."""
-    found = []
-    with open(path, encoding="utf-8", errors="replace") as file:
-        for number, words in enumerate(file, 1):
-            if number > line:
-                break
-            if number >= line - SHOWN_BEFORE:
-                found.append(f"{number:>6}  {words.rstrip()}"[:300])
-    if column > 0:
-        found.append(" " * (8 + column - 1) + "^")
-    return found
+def when(seconds: float, before: str = "") -> None:
+    """A time of day, written by the browser as its user writes times."""
+    with ui.element("div").classes("dim when"):
+        if before:
+            text(before, "span")
+        tagged(ui.element("time").classes("figures"), data_at=str(seconds))
 
 
-def size(count: int) -> str:
-    """Bytes in words."""
-    value, unit = float(count), "B"
-    for unit in ("B", "kB", "MB", "GB"):
-        if value < 1000.0 or unit == "GB":
-            break
-        value /= 1000.0
-    return f"{value:.0f} {unit}" if unit == "B" else f"{value:.1f} {unit}"
-
-
-def clock(seconds: float | None) -> str:
-    """``67.7`` as ``1:08``; a dash where nothing is known."""
-    if seconds is None:
-        return "–"
-    whole = round(seconds)
-    hours, minutes = divmod(whole // 60, 60)
-    return f"{hours}:{minutes:02d}:{whole % 60:02d}" if hours else f"{minutes}:{whole % 60:02d}"
-
-
-def overcut(check: dict[str, Any]) -> str:
-    """The deepest cut into the part, where a verification has told it."""
-    deepest = (check.get("verified") or {}).get("overcut_mm")
-    return "" if deepest is None else f"{deepest * 1000.0:.1f} µm"
+def percent(share: float) -> str:
+    """A share in words."""
+    return f"{share * 100:.0f} %"
 
 
 def _binds(page: Page, check: dict[str, Any]) -> list[str]:
@@ -376,7 +386,3 @@ def bound(page: Page, what: str) -> str:
         return whole
     axis, _, kind = what.partition(" ")
     return f"{axis} {page.words.get(f'bound.{kind}', kind)}"
-
-
-def _word(page: Page, key: str, otherwise: str) -> str:
-    return page.words.get(key, otherwise)

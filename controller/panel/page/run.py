@@ -29,6 +29,10 @@ WORDS: Words = {
     "run.feed": ("Feed mm/min", "Vorschub mm/min"),
     "run.programmed": ("programmed", "programmiert"),
     "run.limited": ("limited by", "begrenzt durch"),
+    "run.spindle": ("spindle 1/min", "Spindel 1/min"),
+    "run.coolant": ("coolant", "Kühlung"),
+    "run.mist": ("mist", "Nebel"),
+    "run.flood": ("flood", "Flut"),
     "run.overrides": ("Overrides", "Override"),
     "run.feed_override": ("Feed", "Vorschub"),
     "run.rapid_override": ("Rapid", "Eilgang"),
@@ -38,6 +42,8 @@ WORDS: Words = {
     "run.hold": ("Hold", "Halt"),
     "run.resume": ("Resume", "Weiter"),
     "run.stop": ("Stop", "Stopp"),
+    "run.retract": ("Retract", "Abheben"),
+    "run.return": ("Return", "Zurück"),
     "run.single": ("Single block", "Einzelsatz"),
     "run.optional": ("Optional stop", "Wahlhalt"),
     "run.elapsed": ("elapsed", "vergangen"),
@@ -84,15 +90,24 @@ def build(page: Page) -> None:
 
 def _axes(page: Page) -> None:
     columns = ("axis", "work", "machine", "to_go", "actual", "error")
-    with card(page, "run.axes", "run-axes"), ui.element("table").classes("dro"):
-        with ui.element("thead"), ui.element("tr"):
-            for column in columns:
-                tagged(text(page.word(f"run.{column}"), "th", f"c-{column}"), scope="col")
-        with ui.element("tbody"):
-            for axis in page.facts.get("axes", ()):
-                _axis(page, axis)
+    with card(page, "run.axes", "run-axes"):
+        with ui.element("table").classes("dro"):
+            with ui.element("thead"), ui.element("tr"):
+                for column in columns:
+                    _column(page, column)
+            with ui.element("tbody"):
+                for axis in page.facts.get("axes", ()):
+                    _axis(page, axis)
+        live("shown.warning", "plain", "warning", "p")
     if not page.facts:
         text(page.word("frame.no_machine"), "p", "dim")
+
+
+def _column(page: Page, name: str) -> None:
+    with tagged(text(page.word(f"run.{name}"), "th", f"c-{name}"), scope="col"):
+        if name == "work":  # in which offset
+            text(" ", "span")
+            live("work_offset", "plain", "strong")
 
 
 def _axis(page: Page, axis: dict[str, Any]) -> None:
@@ -132,9 +147,23 @@ def _feed(page: Page) -> None:
             live("feed_mm_min.programmed", "feed", tag="dd")
             text(page.word("run.limited"), "dt")
             live("limited_by", "bound", "chip", "dd")
+            _spindle(page)
         text(page.word("run.overrides"), "h2")
         _override(page)
         _rapid(page)
+
+
+def _spindle(page: Page) -> None:
+    """As it turns, and as it is to turn; nothing where the machine has none."""
+    if page.facts.get("spindle"):
+        text(page.word("run.spindle"), "dt")
+        with ui.element("dd"):
+            live("spindle.actual_rev_min", "int", "strong")
+            text(" / ", "span", "dim")
+            live("spindle.rev_min", "int")
+    if page.facts.get("outputs"):
+        text(page.word("run.coolant"), "dt")
+        live("coolant", "coolant", tag="dd")
 
 
 def _override(page: Page) -> None:
@@ -202,6 +231,7 @@ def _cycle(page: Page) -> None:
             )
             stop = "POST cycle/stop"
             act(page, "run.stop", stop, needs="role", kind="stop", modes=CUTTING, icon="stop", classes="tall")
+            _aside(page)
             for key, path in (("single", "single_block"), ("optional", "optional_stop")):
                 button = act(page, f"run.{key}", classes="toggle")
                 tagged(button, data_toggle=f"PUT cycle/{path}", data_on=path)
@@ -215,6 +245,14 @@ def _cycle(page: Page) -> None:
             act(page, "run.enable", "POST machine/enable", modes="OFF", icon="power")
             act(page, "run.disable", "POST machine/disable", modes="READY", icon="power_off")
             act(page, "run.home", "POST machine/home", {}, ask="run.home_ask", modes="OFF READY", icon="home")
+
+
+def _aside(page: Page) -> None:
+    """Off the path of a held program, by as much as the machine file says, and back."""
+    away = {"mm": page.facts["retract_mm"]} if page.facts.get("retract_mm") else None
+    if away is not None:
+        act(page, "run.retract", "POST cycle/retract", away, modes="HOLD", icon="north_west")
+        act(page, "run.return", "POST cycle/return", modes="HOLD", icon="south_east")
 
 
 def _program(page: Page) -> None:

@@ -24,7 +24,7 @@ WORDS: Words = {
     "runs.ended": ("Ended", "Ende"),
     "runs.took": ("Took", "Dauer"),
     "runs.planned": ("Planned", "Geplant"),
-    "runs.error": ("Largest following error µm, m°", "Größter Schleppfehler µm, m°"),
+    "runs.error": ("Largest following error", "Größter Schleppfehler"),
     "runs.ticks": ("Ticks", "Takte"),
     "runs.skips": ("Skipped ticks", "Ausgelassene Takte"),
     "runs.from_line": ("From line", "Ab Zeile"),

@@ -27,7 +27,7 @@ WORDS: Words = {
     "scene.trail": ("trail", "Spur"),
     "scene.picture": ("The machine in three dimensions", "Die Maschine in drei Dimensionen"),
 }
-FPS = 25
+FPS = 40  # looks for a change, on a screen of 60 Hz every 33 ms: no status of 20 a second is passed over
 LOOKS = ("iso", "top", "front", "side")
 KEYS = (("done", "--go"), ("ahead", "--text"), ("rapid", "--dim"), ("trail", "--hold"))
 FAR_MM = 20_000.0

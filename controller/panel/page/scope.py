@@ -36,7 +36,10 @@ WORDS: Words = {
     "scope.freeze": ("Stand still at a fault", "Bei Störung anhalten"),
     "scope.export": ("Files", "Dateien"),
     "scope.tick": ("tick", "Takt"),
-    "scope.cursor_hint": ("Two presses on the screen set two cursors.", "Zwei Klicks setzen zwei Marken."),
+    "scope.cursor_hint": (
+        "Two presses on the screen set two cursors; by keys: 1 2, ← →, Shift, Esc.",
+        "Zwei Klicks setzen zwei Marken; mit Tasten: 1 2, ← →, Umschalt, Esc.",
+    ),
     "scope.screen": ("Traces", "Verläufe"),
     "scope.zoom_in": ("Closer", "Näher"),
     "scope.zoom_out": ("Wider", "Weiter"),
@@ -75,8 +78,8 @@ def build(page: Page) -> None:
         with card(page, "", "scope-screen"):
             _bar(page)
             with ui.element("div").classes("scope-canvas"):
-                screen = tagged(ui.element("canvas"), id="scope-canvas", role="img")
-                tagged(screen, aria_label=page.word("scope.screen"))
+                screen = tagged(ui.element("canvas"), id="scope-canvas", role="application", tabindex="0")
+                tagged(screen, aria_label=page.word("scope.screen"), aria_describedby="scope-cursors")
             with row("spread"):
                 tagged(ui.element("span").classes("figures"), id="scope-cursors")
                 tagged(ui.element("span").classes("wrong"), id="scope-said")

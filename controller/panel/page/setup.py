@@ -37,7 +37,19 @@ WORDS: Words = {
     "setup.saved": ("{0} is saved.", "{0} ist gespeichert."),
     "setup.set": ("Set", "Setzen"),
     "setup.touch": ("{0} from position", "{0} aus Position"),
-    "setup.touch_ask": ("{0}: what is {1} to read here (mm)?", "{0}: Was soll {1} hier zeigen (mm)?"),
+    "setup.touch_ask": (
+        "{0}: what is {1} to read here with T{2} (mm)?",
+        "{0}: Was soll {1} hier mit T{2} zeigen (mm)?",
+    ),
+    "setup.touch_other": ("T{0} is in the spindle.", "In der Spindel ist T{0}."),
+    "setup.tool_number": (
+        "A whole number from 1 to 9999 is needed.",
+        "Eine ganze Zahl von 1 bis 9999 ist nötig.",
+    ),
+    "setup.tool_there": (
+        "T{0} is in the table already; change it in its row.",
+        "T{0} steht schon in der Tabelle; dort ändern.",
+    ),
     "setup.number": ("A number is needed.", "Eine Zahl ist nötig."),
     "setup.tool": ("Tool", "Werkzeug"),
     "setup.name": ("Name", "Name"),
@@ -66,9 +78,11 @@ WORDS: Words = {
     "setup.profile": ("Profile", "Profil"),
     "setup.homing_how": ("Homing", "Referenzfahrt"),
     "setup.supervision": ("Supervision", "Überwachung"),
-    "setup.default.profile": ("simulated", "simulated"),
-    "setup.default.homing": ("of the drive", "des Antriebs"),
-    "setup.default.supervision": ("of the profile", "des Profils"),
+    "setup.method": ("method {0}", "Methode {0}"),
+    "setup.absolute": ("absolute encoder", "Absolutgeber"),
+    "setup.supervision.heartbeat": ("heartbeat", "Heartbeat"),
+    "setup.supervision.guarding": ("node guarding", "Node Guarding"),
+    "setup.supervision.none": ("none", "keine"),
     "setup.commissioned": ("commissioned", "in Betrieb genommen"),
     "setup.not_commissioned": ("not commissioned", "nicht in Betrieb genommen"),
     "setup.how": (
@@ -123,7 +137,7 @@ def _homing(page: Page) -> None:
             ("home_at", f"figures {NARROW}"),
             ("travel", f"figures {NARROW}"),
         )
-        _table(page, "setup-homing", (*heads, ("limit", ""), ("", "")))
+        _table(page, "setup-homing", (*heads, ("", "")))
         with row():
             act(
                 page,

@@ -105,7 +105,6 @@ def _head(page: Page, views: tuple[View, ...]) -> None:
         "language": page.language,
         "csrf": page.who.csrf,
         "role": page.who.role.label,
-        "name": page.who.name,
         "facts": page.facts,
     }
     told = json.dumps(boot).replace("<", "\\u003c")

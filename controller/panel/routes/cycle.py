@@ -20,7 +20,7 @@ router = APIRouter(tags=["cycle"])
 async def load(request: Request, body: models.Load) -> models.Done:
     """Load a program: whole, from a line and a fraction of its block, or where it was interrupted."""
     if body.restart and (body.line, body.fraction, body.dry_run_mm) != (None, None, None):
-        raise Refusal(409, "bad", "A restart is where the program was interrupted; give no line with it.")
+        raise Refusal.told(409, "bad", "restart_line")
     programs = panel_of(request).store.programs
     program = await asyncio.to_thread(programs.get, body.program)
     where = body.model_dump(include={"line", "fraction", "dry_run_mm"}, exclude_none=True)
@@ -45,7 +45,7 @@ async def restart(request: Request) -> models.RestartFacts:
 
 
 def _gone(name: str) -> dict[str, str]:
-    english, german = (catalogue.refusal("not_stored", language, program=name) for language in ("en", "de"))
+    english, german = catalogue.in_both("not_stored", program=name)
     return {"sentence": english, "sentence_de": german}
 
 

@@ -2,7 +2,8 @@
 
 Dead-man: the service stops by itself 200 ms after the last request. Requests can overtake
 each other on their way, so a late one could start what a stop has ended: it is known by
-the name of its press, and refused. So is one that a panel which hung has kept, sooner
+the name of its press, and refused; a stop from anywhere ends the press of a key that is held
+(``controller.service.jogging``). So is one that a panel which hung has kept, sooner
 than other requests (``access``): by then nobody may be pressing any more.
 """
 
@@ -11,24 +12,20 @@ from __future__ import annotations
 from fastapi import APIRouter, Request
 
 from controller.panel import models
-from controller.panel.access import check_seen, moves, needs, panel_of
+from controller.panel.access import check_seen, moves, needs
 from controller.panel.answers import Refusal
-from controller.panel.core import Panel
 from controller.panel.roles import Role
 from controller.panel.routes.machine import MOVES, ask
 
 router = APIRouter(tags=["jog"])
-PRESSES = 100  # ended ones that are remembered
 SEEN_S = 0.4  # age of the tick that whoever presses has seen; statuses come every 50 ms
 
 
 @router.post("/jog", dependencies=[moves()], responses=MOVES)
 async def jog(request: Request, body: models.Jog) -> models.Done:
     """Move on along an axis; repeat at least every 200 ms, at limits it comes to rest."""
-    if body.press and body.press in panel_of(request).stopped_jogs:
-        raise Refusal(409, "late", f"Press {body.press} has ended; begin another one.", request="JOG")
     await check_seen(request, request.headers.get("x-seen-tick", ""), SEEN_S)
-    return await ask(request, "jog", frame=body.frame, axis=body.axis, speed=body.speed)
+    return await ask(request, "jog", frame=body.frame, axis=body.axis, speed=body.speed, press=body.press)
 
 
 @router.post("/jog/step", dependencies=[moves()], responses=MOVES)
@@ -40,17 +37,9 @@ async def jog_step(request: Request, body: models.JogStep) -> models.Done:
 @router.post("/jog/stop", dependencies=[needs(Role.OPERATE)], responses=MOVES)
 async def jog_stop(request: Request, body: models.JogStop) -> models.Done:
     """Come to rest. Needs no control token."""
-    _ended(panel_of(request), body.press)
     try:
-        return await ask(request, "jog_stop")
+        return await ask(request, "jog_stop", press=body.press)
     except Refusal as refusal:
         if refusal.status != 409:
             raise
         return models.Done(request="jog_stop")  # nothing jogs any more, which is what was asked for
-
-
-def _ended(panel: Panel, press: str) -> None:
-    if press:
-        panel.stopped_jogs[press] = None
-        while len(panel.stopped_jogs) > PRESSES:
-            del panel.stopped_jogs[next(iter(panel.stopped_jogs))]

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Header, Request, Response
 from pydantic import Field
 
 from controller.panel import machine_table, models, models_of_looks, ticks, touch_off
@@ -68,25 +68,37 @@ async def run_sums(request: Request) -> models_of_looks.RunSums:
     "/programs/{name}/picture",
     response_model=models_of_looks.PathPicture,
     dependencies=[needs(Role.VIEW)],
-    responses=documented(401, 403, 404, 422),
+    responses={304: {"description": "As it was."}, **documented(401, 403, 404, 422)},
 )
-async def path_picture(request: Request, name: str) -> Response:
-    """A checked program's path, to be drawn."""
+async def path_picture(
+    request: Request, name: str, if_none_match: Annotated[str | None, Header()] = None
+) -> Response:
+    """A checked program's path, to be drawn; with its ETag sent along, only where it is another one."""
+    panel = panel_of(request)
+    key = await asyncio.to_thread(_picture_key, panel, name)
+    tag = {"ETag": f'"{key}"', "Cache-Control": "no-cache"}
+    if if_none_match == tag["ETag"]:
+        return Response(status_code=304, headers=tag)
     # Made to text beside the loop: hundreds of kilobytes would hold up everybody's figures.
-    told = await asyncio.to_thread(_picture, panel_of(request), name)
-    return Response(told, media_type="application/json")
+    told = await asyncio.to_thread(_picture, panel, name, key)
+    return Response(told, media_type="application/json", headers=tag)
 
 
-def _picture(panel: Panel, name: str) -> str:
+def _picture_key(panel: Panel, name: str) -> str:
+    """Of the program's check on the machine as it is fitted. Raises Refusal."""
     program = panel.store.programs.get(name)
     check = panel.checker.of(program) if panel.checker is not None else None
     key = str(check.result.get("stored") or "") if check is not None else ""
     if not key:
-        raise Refusal(404, "missing", f"{name}: it has no picture before its check has passed; wait for it.")
+        raise Refusal.told(404, "missing", "no_picture", program=name)
+    return Path(key).name
+
+
+def _picture(panel: Panel, name: str, key: str) -> str:
     try:
-        found = picture.load(panel.store.folder / PICTURES / f"{Path(key).name}.npz")
+        found = picture.load(panel.store.folder / PICTURES / f"{key}.npz")
     except (OSError, ValueError, KeyError):
-        raise Refusal(404, "missing", f"{name}: its picture is gone; upload it again.") from None
+        raise Refusal.told(404, "missing", "picture_gone", program=name) from None
     return models_of_looks.PathPicture(**_listed(found)).model_dump_json()
 
 
@@ -104,14 +116,14 @@ async def touch(request: Request, name: OffsetName, body: TouchOff) -> models.Do
     panel = panel_of(request)
     wanted = body.model_dump(include={"X", "Y", "Z"}, exclude_none=True)
     if not wanted:
-        raise Refusal(422, "form", "X, Y and Z are all null; give what at least one of them is to read.")
+        raise Refusal.told(422, "form", "no_reading")
     facts, now = await panel.door.ask("facts"), await panel.door.ask("status")
     offset = dict(facts.get("offsets") or {}).get(name)
     if offset is None or not now.get("on_table"):
-        raise Refusal(409, "refused", "Where the tip is, is not known now; start the service's tick first.")
+        raise Refusal.told(409, "refused", "no_tip")
     if homeless := [axis for axis in now.get("not_homed") or ()]:
-        sentence = f"{', '.join(homeless)} not homed: the position means nothing yet; home first."
-        raise Refusal(409, "refused", sentence, mode=str(now.get("mode")), request="TOUCH OFF")
+        mode, axes = str(now.get("mode")), ", ".join(homeless)
+        raise Refusal.told(409, "refused", "tip_not_homed", mode=mode, request="TOUCH OFF", axes=axes)
     frame = touch_off.frame(offset)
     tip = touch_off.tip_with(dict(now["on_table"]), _length_mm(facts, body.tool))
     values = {
@@ -125,5 +137,5 @@ def _length_mm(facts: dict[str, Any], number: int) -> float:
     """Of a tool in the table. Raises Refusal."""
     tool = rows_by(facts, "tools", "number").get(str(number))
     if tool is None:
-        raise Refusal(409, "refused", f"Tool {number} is not in the tool table; enter it there first.")
+        raise Refusal.told(409, "refused", "no_tool", number=number)
     return float(tool["length_mm"])

@@ -17,6 +17,7 @@ from controller.panel.core import Panel
 from controller.panel.multipart import Received
 from controller.panel.programs import Program
 from controller.panel.roles import Role
+from controller.panel.routes.records import Opened
 
 router = APIRouter(tags=["programs"])
 IN_USE_S = 10.0
@@ -61,7 +62,7 @@ def place_of(request: Request, program: Program) -> str:
     status_code=201,
     dependencies=[needs(Role.OPERATE)],
     openapi_extra=BODY,
-    responses=documented(401, 403, 409, 413, 422, 429),
+    responses=documented(401, 403, 409, 413, 422, 429, 503),
 )
 async def upload(request: Request, response: Response) -> models.ProgramFacts:
     """Upload a program under its file's name; it is checked, and never starts by itself."""
@@ -97,23 +98,19 @@ async def program(request: Request, name: str) -> models.ProgramFacts:
         **documented(401, 403, 404, 422),
     },
 )
-async def text(request: Request, name: str) -> FileResponse:
+async def text(request: Request, name: str) -> Opened:
     """The program as it was uploaded, byte by byte."""
-    programs = panel_of(request).store.programs
-    found = await asyncio.to_thread(programs.get, name)
+    found, file = await asyncio.to_thread(panel_of(request).store.programs.opened, name)
     # Never shown by a browser as a page: programs come from anywhere.
-    return FileResponse(
-        programs.path(found.sha256),
-        media_type="application/octet-stream",
-        filename=found.name,
-        headers={"ETag": f'"{found.sha256}"', "X-Content-Type-Options": "nosniff"},
+    return Opened(
+        file, found.name, headers={"ETag": f'"{found.sha256}"', "X-Content-Type-Options": "nosniff"}
     )
 
 
 @router.patch(
     "/programs/{name}",
     dependencies=[needs(Role.OPERATE)],
-    responses=documented(401, 403, 404, 409, 422),
+    responses=documented(401, 403, 404, 409, 422, 503),
 )
 async def rename(request: Request, name: str, body: models.Rename) -> models.ProgramFacts:
     """Give a program another name; refused for the loaded one."""
@@ -128,7 +125,7 @@ async def rename(request: Request, name: str, body: models.Rename) -> models.Pro
     "/programs/{name}",
     status_code=204,
     dependencies=[needs(Role.OPERATE)],
-    responses=documented(401, 403, 404, 409, 422),
+    responses=documented(401, 403, 404, 409, 422, 503),
 )
 async def delete(request: Request, name: str) -> None:
     """Delete a program; refused for the loaded one."""

@@ -8,11 +8,13 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path as FilePath
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, BinaryIO, Literal
 
 from fastapi import APIRouter, Path, Query, Request, Response
 from fastapi.responses import FileResponse, HTMLResponse
+from starlette.types import Receive, Scope, Send
 
+from controller.catalogue import Key
 from controller.panel import models, run_report
 from controller.panel.access import needs, panel_of, principal
 from controller.panel.answers import Refusal, documented
@@ -33,6 +35,19 @@ FILE: dict[int | str, dict[str, Any]] = {
     200: {"content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}},
     **documented(401, 403, 404, 422),
 }
+
+
+class Opened(FileResponse):
+    """A file that is open already: it is sent whole, whatever becomes of its name."""
+
+    def __init__(self, file: BinaryIO, name: str, headers: dict[str, str] | None = None) -> None:
+        path = f"/proc/self/fd/{file.fileno()}"
+        super().__init__(path, headers=headers, media_type="application/octet-stream", filename=name)
+        self._file = file
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        with self._file:
+            await super().__call__(scope, receive, send)
 
 
 def before(rows: Sequence[Any], most: int) -> int | None:
@@ -89,7 +104,7 @@ async def run(request: Request, number: Number) -> models.RunFacts:
     response_class=FileResponse,
     responses=FILE,
 )
-async def run_file(request: Request, number: Number, file: FileName) -> FileResponse:
+async def run_file(request: Request, number: Number, file: FileName) -> Opened:
     """One file of a run's record: run.json, events.jsonl for ``simulate --events``, setpoints.npz."""
     panel = panel_of(request)
     return await _sent(panel.run_records, _record(await _run(panel, number)), file)
@@ -127,14 +142,14 @@ async def record_of(panel: Panel, number: int) -> str:
     """Name of the folder of a run's record, which is there. Raises Refusal."""
     name = _record(await _run(panel, number))
     if name not in {one.name for one in await asyncio.to_thread(inside, panel.run_records)}:
-        raise Refusal(404, "missing", f"run {number}: its record is gone; see the list of runs.")
+        raise Refusal.told(404, "missing", "record_gone", number=number)
     return name
 
 
 async def _run(panel: Panel, number: int) -> Run:
     found = await asyncio.to_thread(panel.store.runs.get, number)
     if found is None:
-        raise Refusal(404, "missing", f"run {number}: there is no such run; see the list of runs.")
+        raise Refusal.told(404, "missing", "missing", what=Key("what.run"), name=number)
     return found
 
 
@@ -155,7 +170,7 @@ async def recordings(request: Request) -> models.RecordingList:
     response_class=FileResponse,
     responses=FILE,
 )
-async def recording(request: Request, name: FileName, file: FileName) -> FileResponse:
+async def recording(request: Request, name: FileName, file: FileName) -> Opened:
     """One file of a recording."""
     return await _sent(panel_of(request).recordings, name, file)
 
@@ -167,8 +182,14 @@ def _listed(folder: FilePath) -> list[models.RecordingFacts]:
 
 def _recording(folder: FilePath, name: str) -> models.RecordingFacts:
     files = files_of(folder, name)
-    size = sum((folder / name / file).stat().st_size for file in files)
+    size = sum(_bytes(folder / name / file) for file in files)
     return models.RecordingFacts(name=name, files=files, bytes=size)
+
+
+def _bytes(file: FilePath) -> int:
+    with contextlib.suppress(OSError):  # it has just gone with the oldest
+        return file.stat().st_size
+    return 0
 
 
 # ---- files of records
@@ -181,11 +202,19 @@ def files_of(folder: FilePath, name: str) -> list[str]:
     return sorted(file.name for file in inside(folder / name) if file.is_file() and not file.is_symlink())
 
 
-async def _sent(folder: FilePath, name: str, file: str) -> FileResponse:
-    # Only what is listed: a name from outside is compared, never made into a path.
-    if file not in await asyncio.to_thread(files_of, folder, name):
-        raise Refusal(404, "missing", f"{name}/{file}: there is no such file; see the list.")
-    return FileResponse(folder / name / file, media_type="application/octet-stream", filename=file)
+async def _sent(folder: FilePath, name: str, file: str) -> Opened:
+    found = await asyncio.to_thread(_opened, folder, name, file)
+    if found is None:
+        raise Refusal.told(404, "missing", "missing", what=Key("what.file"), name=f"{name}/{file}")
+    return Opened(found, file)
+
+
+def _opened(folder: FilePath, name: str, file: str) -> BinaryIO | None:
+    """None: there is none of that name, or it has just gone with the oldest."""
+    with contextlib.suppress(OSError):
+        # Only what is listed: a name from outside is compared, never made into a path.
+        return open(folder / name / file, "rb") if file in files_of(folder, name) else None
+    return None
 
 
 def inside(folder: FilePath) -> list[FilePath]:

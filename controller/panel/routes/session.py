@@ -7,7 +7,16 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Request, Response
 
 from controller.panel import models
-from controller.panel.access import COOKIE, address, check_origin, moves, needs, panel_of, principal
+from controller.panel.access import (
+    COOKIE,
+    address,
+    check_origin,
+    moves,
+    needs,
+    note_refused,
+    panel_of,
+    principal,
+)
 from controller.panel.answers import Refusal, documented
 from controller.panel.roles import Principal, Role
 from controller.panel.users import SESSION_S
@@ -21,11 +30,14 @@ async def log_in(request: Request, response: Response, body: models.LogIn) -> mo
     panel, where = panel_of(request), address(request)
     check_origin(request)
     if not panel.users.any:
-        raise Refusal(409, "log_in", "There are no users, so nobody has to log in.")
+        raise Refusal.told(409, "log_in", "no_users")
     try:
         cookie, who = await panel.users.log_in(body.name, body.password, where)
-    except Refusal:
-        panel.note(body.name, where, "log in", allowed=False)
+    except Refusal as refusal:
+        if refusal.status == 401:  # a wrong try, of which there are few
+            panel.note(body.name, where, "log in", allowed=False)
+        else:
+            note_refused(request, "", "log in", refusal)
         raise
     panel.note(who.name, where, "log in")
     secure = request.url.scheme == "https"

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import StreamingResponse
 
+from controller.catalogue import Key
 from controller.panel import models_of_looks as models
 from controller.panel import signals, ticks
 from controller.panel.access import needs, panel_of
@@ -120,7 +121,7 @@ async def _found(request: Request, source: str) -> Signals:
     if kind == "recording":
         names = {one.name for one in await asyncio.to_thread(records.inside, panel.recordings)}
         if which not in names:  # compared, never made into a path
-            raise Refusal(404, "missing", f"{which}: there is no such recording; see the list of recordings.")
+            raise Refusal.told(404, "missing", "missing", what=Key("what.recording"), name=which)
         return await asyncio.to_thread(ticks.of_recording, panel.recordings / which)
     machine = await asyncio.to_thread(ticks.machine_of, panel.store.folder)
     if kind == "now":
@@ -132,7 +133,7 @@ async def _found(request: Request, source: str) -> Signals:
 def _wanted(names: str) -> list[str]:
     wanted = list(dict.fromkeys(names.split(",")))
     if len(wanted) > MOST_SIGNALS:
-        raise Refusal(409, "bad", f"{len(wanted)} signals: at most {MOST_SIGNALS} are shown; ask for fewer.")
+        raise Refusal.told(409, "bad", "many_signals", found=len(wanted), most=MOST_SIGNALS)
     return wanted
 
 
@@ -141,7 +142,7 @@ def _values(found: Signals, name: str, where: slice) -> signals.Array:
         return found.values(name, where)
     except KeyError:
         known = ", ".join(signals.names(found.machine))
-        raise Refusal(404, "missing", f"{name[:40]!r}: there is no such signal; allowed: {known}.") from None
+        raise Refusal.told(404, "missing", "no_signal", name=repr(name[:40]), allowed=known) from None
 
 
 def _window(

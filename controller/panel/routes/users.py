@@ -1,4 +1,4 @@
-"""Users, tokens of scripts, settings and the audit log: for who sets up."""
+"""Users, tokens of scripts and the audit log: for who sets up."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Request
 
+from controller.catalogue import Key
 from controller.panel import models
 from controller.panel.access import needs, panel_of, principal
 from controller.panel.answers import Refusal, documented
@@ -19,9 +20,6 @@ from controller.panel.users import new_token
 router = APIRouter(tags=["users"])
 Name = Annotated[str, Path(pattern=r"^[A-Za-z0-9_.@-]{1,40}$")]
 GUARD = [needs(Role.SET_UP)]
-# From the first user on everybody has to log in: whoever made it would own the machine, and
-# without users any program on this computer could be who.
-FIRST = "There are no users yet; add the first one at the command line: directrix users add NAME."
 CHANGES = documented(401, 403, 404, 409, 422)
 
 
@@ -40,9 +38,11 @@ async def add_user(request: Request, body: models.NewUser) -> models.UserFacts:
     panel = panel_of(request)
     rows = await asyncio.to_thread(panel.store.users.all)
     if any(row.name == body.name for row in rows):
-        raise Refusal(409, "exists", f"user {body.name}: there is one of this name; change or remove it.")
+        raise Refusal.told(409, "exists", "exists", what=Key("what.user"), name=body.name)
     if not rows:
-        raise Refusal(409, "role", FIRST)
+        # From the first user on everybody has to log in: whoever made it would own the machine, and
+        # without users any program on this computer could be who.
+        raise Refusal.told(409, "role", "first_user")
     await _set(panel, body.name, await panel.users.hash(body.password), body.role)
     return models.UserFacts(name=body.name, role=body.role)
 
@@ -53,7 +53,7 @@ async def change_user(request: Request, name: Name, body: models.UserChange) -> 
     panel = panel_of(request)
     row = await asyncio.to_thread(panel.store.users.get, name)
     if row is None:
-        raise Refusal(404, "missing", f"user {name}: there is no such user; see the list of users.")
+        raise Refusal.told(404, "missing", "missing", what=Key("what.user"), name=name)
     role = body.role or Role.named(row.role).label
     await _not_the_last(panel, name, role == "set_up")
     password = row.password if body.password is None else await panel.users.hash(body.password)
@@ -75,7 +75,7 @@ async def _not_the_last(panel: Panel, name: str, still: bool) -> None:
     rows = await asyncio.to_thread(panel.store.users.all)
     setting_up = {row.name for row in rows if row.role == "set_up"}
     if not still and setting_up == {name}:
-        raise Refusal(409, "role", f"user {name}: is the last one who sets up; add another one first.")
+        raise Refusal.told(409, "role", "last_set_up", name=name)
 
 
 async def _set(panel: Panel, name: str, password: str, role: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from panels import PASSWORD, ROLES, Scene, sentence, take_control
 from controller.panel import http
 from controller.panel.access import COOKIE
 from controller.panel.roles import Principal, Role
-from controller.panel.users import FREE_TRIES, LONGEST_WAIT_S
+from controller.panel.users import CROWD_TRIES, FREE_TRIES, LONGEST_WAIT_S
 
 # A body with which the route would do what it is for.
 BODIES: dict[str, Any] = {
@@ -41,6 +42,7 @@ BODIES: dict[str, Any] = {
     "/tokens": {"name": "eve", "role": "set_up"},
     "/programs/nobody": {"name": "other"},
 }
+WEBSOCKET = "WEBSOCKET"
 VERBS = {"/job": "load", "/mdi": "mdi", "/jog": "jog", "/jog/step": "jog_step"}
 
 
@@ -60,7 +62,7 @@ class Asker:
             return None
         if self.role is None:
             return 401
-        if not self.page and method != "GET":
+        if not self.page and method not in ("GET", WEBSOCKET):  # of that the origin is looked at
             return 403
         if self.role < rule[0]:
             return 403
@@ -92,14 +94,53 @@ def askers(scene: Scene) -> Iterator[Asker]:
 
 
 def asked() -> list[tuple[str, str, tuple[Role, bool] | None]]:
-    """(method, path, rule) of every route of the application."""
-    found = []
-    for pattern, route in http.routes():
+    """(method, path, rule) of everything that the application answers, its description and events too."""
+    found: dict[tuple[str, str], tuple[Role, bool] | None] = {}
+    unused: Any = None  # the panel: routes are only looked at here
+    own = (route for route in http.make_app(unused).routes if isinstance(route, APIRoute))
+    for pattern, route in [*http.routes(), *((route.path, route) for route in own)]:
         path = pattern.replace("/offsets/{name}", "/offsets/G54").replace("{number}", "1")
         path = re.sub(r"\{\w+\}", "nobody", path)
-        methods = sorted(route.methods) if isinstance(route, APIRoute) else []
-        found += [(method, path, http.rule_of(route)) for method in methods]
-    return found
+        methods = sorted(route.methods) if isinstance(route, APIRoute) else [WEBSOCKET]
+        found |= {(method, path): http.rule_of(route) for method in methods}
+    return [(method, path, rule) for (method, path), rule in found.items()]
+
+
+async def ask(scene: Scene, method: str, path: str, headers: dict[str, str]) -> tuple[int, str]:
+    """(status of the answer, code of the refusal or "")."""
+    if method == WEBSOCKET:
+        return await knock(scene.app, path, headers)
+    async with scene.client() as client:
+        body = BODIES.get(path.removeprefix(http.API))
+        answer = await client.request(method, path, json=body, headers=headers)
+    said = answer.json() if answer.content[:1] == b"{" else {}
+    return answer.status_code, said.get("error", {}).get("code", "")
+
+
+async def knock(app: Any, path: str, headers: dict[str, str]) -> tuple[int, str]:
+    """The same of a WebSocket, which is left at once; 101 where it was let in."""
+    scope = {
+        **{"type": "websocket", "path": path, "raw_path": path.encode(), "query_string": b""},
+        **{"asgi": {"version": "3.0"}, "http_version": "1.1", "scheme": "ws", "subprotocols": []},
+        **{"client": ("127.0.0.1", 50000), "server": ("127.0.0.1", 8080), "root_path": ""},
+        "headers": [(b"host", b"127.0.0.1:8080")]
+        + [(name.lower().encode(), value.encode()) for name, value in headers.items()],
+        "extensions": {"websocket.http.response": {}},
+    }
+    heard = iter([{"type": "websocket.connect"}])
+    said: list[dict[str, Any]] = []
+
+    async def receive() -> dict[str, Any]:
+        return next(heard, {"type": "websocket.disconnect", "code": 1000})
+
+    async def send(message: dict[str, Any]) -> None:
+        said.append(message)
+
+    await app(scope, receive, send)
+    if said[0]["type"] == "websocket.accept":
+        return 101, ""
+    body = b"".join(message.get("body", b"") for message in said)
+    return int(said[0]["status"]), str(json.loads(body)["error"]["code"])
 
 
 @pytest.mark.parametrize(("method", "path", "rule"), asked(), ids=lambda v: str(v))
@@ -109,21 +150,24 @@ def test_every_route_lets_in_only_who_has_role_and_control(
     async def story() -> None:
         for asker in askers(shared):
             shared.door.asked.clear()
-            body = BODIES.get(path.removeprefix(http.API))
-            async with shared.client() as client:
-                answer = await client.request(method, path, json=body, headers=asker.headers)
+            status, code = await ask(shared, method, path, asker.headers)
             expected = asker.expected(method, rule)
-            code = answer.json().get("error", {}).get("code") if answer.content[:1] == b"{" else None
             if expected is None:
-                assert code not in ("role", "csrf", "control") and answer.status_code < 500, (asker, answer)
-                assert answer.status_code != 401 or (method, path) in http.PUBLIC
+                assert code not in ("role", "csrf", "control") and status < 500, (asker, status, code)
+                assert status != 401 or (method, path) in http.PUBLIC
             else:
-                assert answer.status_code == expected, (asker, answer.text)
+                assert status == expected, (asker, code)
                 assert code in ("log_in", "role", "csrf", "control")
                 assert not shared.door.moved, asker
 
     shared.door.mode = mode_for(path.removeprefix(http.API))
     asyncio.run(story())
+
+
+def test_the_walk_leaves_nothing_out_that_is_answered() -> None:
+    paths = {(method, path) for method, path, _ in asked()}
+    assert {("GET", "/openapi.json"), ("GET", "/metrics"), (WEBSOCKET, f"{http.API}/events")} <= paths
+    assert all(rule is not None or (method, path) in http.PUBLIC for method, path, rule in asked())
 
 
 def mode_for(path: str) -> str:
@@ -153,7 +197,8 @@ def test_hold_stop_and_estop_take_no_control_token_and_every_other_motion_does()
 
 def test_only_looking_needs_no_more_than_to_look() -> None:
     """A route of another method than GET that a viewer may use ends the viewer's own session."""
-    viewers = {(m, p) for m, p, rule in asked() if rule and rule[0] is Role.VIEW and m != "GET"}
+    looks = ("GET", WEBSOCKET)
+    viewers = {(m, p) for m, p, rule in asked() if rule and rule[0] is Role.VIEW and m not in looks}
     assert viewers == {("DELETE", "/api/v1/session")}
 
 
@@ -244,7 +289,7 @@ def test_the_cookie_is_for_this_server_alone_and_no_script_reads_it(tmp_path: Pa
     assert "httponly" in cookie and "samesite=strict" in cookie and "secure" in cookie
 
 
-def test_guessing_passwords_is_slowed_down_for_the_name_and_for_the_address(tmp_path: Path) -> None:
+def test_guessing_passwords_is_slowed_down_for_the_address_whatever_the_name(tmp_path: Path) -> None:
     async def story() -> None:
         scene = await Scene(tmp_path).with_users()
         async with scene.client() as client:
@@ -264,6 +309,60 @@ def test_guessing_passwords_is_slowed_down_for_the_name_and_for_the_address(tmp_
             assert (await client.post("/api/v1/session", json=right)).status_code == 200
 
     asyncio.run(story())
+
+
+async def guess(scene: Scene, name: str, peer: str, password: str = "wrong") -> int:
+    """The status of the answer to one log-in."""
+    async with scene.client(peer=peer) as client:
+        body = {"name": name, "password": password}
+        return (await client.post("/api/v1/session", json=body)).status_code
+
+
+def test_nobody_keeps_somebody_else_from_logging_in_by_wrong_passwords(tmp_path: Path) -> None:
+    async def story() -> None:
+        scene = await Scene(tmp_path).with_users()
+        for _ in range(2 * CROWD_TRIES):  # for hours, as quickly as this address may
+            while await guess(scene, "operate", "192.168.1.66") == 429:
+                scene.now_s += 20.0
+        assert await guess(scene, "operate", "192.168.1.5", PASSWORD) == 200
+
+    asyncio.run(story())
+
+
+def test_many_addresses_together_are_slowed_down_by_the_name_they_guess_at(tmp_path: Path) -> None:
+    async def story() -> None:
+        scene = await Scene(tmp_path).with_users()
+        assert await guess(scene, "operate", "192.168.1.5", PASSWORD) == 200
+        tries = [guess(scene, "operate", f"10.0.0.{1 + n // FREE_TRIES}") for n in range(CROWD_TRIES)]
+        assert set(await asyncio.gather(*tries)) == {401}
+        assert await guess(scene, "operate", "10.0.0.99", PASSWORD) == 429
+        assert await guess(scene, "operate", "192.168.1.5", PASSWORD) == 200, "was here before"
+        assert await guess(scene, "view", "10.0.0.99", PASSWORD) == 200
+
+    asyncio.run(story())
+
+
+def test_an_own_account_is_no_way_to_go_on_guessing_at_another(tmp_path: Path) -> None:
+    async def story() -> list[int]:
+        scene, answers = await Scene(tmp_path).with_users(), []
+        for _ in range(2 * FREE_TRIES):
+            answers.append(await guess(scene, "set_up", "10.0.0.1"))
+            await guess(scene, "view", "10.0.0.1", PASSWORD)
+        return answers
+
+    assert asyncio.run(story()).count(401) == FREE_TRIES
+
+
+def test_a_script_is_known_without_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A hold does not wait for what others ask of the store."""
+
+    async def story() -> int:
+        scene = await Scene(tmp_path).with_users()
+        monkeypatch.setattr(scene.store.database, "rows", None)
+        async with scene.client("operate") as client:
+            return (await client.post("/api/v1/machine/estop")).status_code
+
+    assert asyncio.run(story()) == 200
 
 
 def test_a_hundred_guesses_at_once_get_no_more_tries_than_one_after_another(tmp_path: Path) -> None:
@@ -338,9 +437,10 @@ def test_control_is_with_one_at_a_time_and_taking_it_over_brings_a_jog_to_rest(t
             await take_control(second)
             assert scene.door.moved == ["jog", "jog_stop"]
             assert (await first.post("/api/v1/jog", json=move)).status_code == 409
-            assert (await second.post("/api/v1/jog", json=move)).status_code == 200
+            own = {**move, "press": "another key"}  # that of the first one was ended with its control
+            assert (await second.post("/api/v1/jog", json=own)).status_code == 200
             assert (await second.delete("/api/v1/control")).status_code == 204
-            assert (await second.post("/api/v1/jog", json=move)).status_code == 409
+            assert (await second.post("/api/v1/jog", json=own)).status_code == 409
 
     asyncio.run(story())
 
@@ -362,3 +462,49 @@ def test_the_audit_log_says_who_did_what_and_who_was_not_allowed_to(tmp_path: Pa
         ("token script-operate", "POST /api/v1/machine/estop", True),
         ("token script-operate", "POST /api/v1/jog", True),
     ]
+
+
+def test_the_audit_log_says_who_was_not_let_in_and_why(tmp_path: Path) -> None:
+    """Each address and reason once a minute: whoever tries without end does not push the others out."""
+
+    async def story() -> list[tuple[str, str, str, str]]:
+        scene = await Scene(tmp_path).with_users()
+        cookie, _ = scene.panel.users.begin("operate", Role.OPERATE)
+        refused: tuple[dict[str, str], ...] = (
+            {"Authorization": "Bearer dx_wrong"},
+            {"Cookie": f"{COOKIE}={cookie}", "X-CSRF-Token": "wrong"},
+        )
+        async with scene.panel.running():
+            for headers in refused:
+                async with scene.client(peer="192.168.1.66") as client:
+                    for turn in range(20):
+                        await client.post(f"/api/v1/machine/estop?{turn}", headers=headers)
+                        await client.delete(f"/api/v1/programs/{turn}", headers=headers)
+            async with scene.client(peer="192.168.1.67") as client:
+                await client.get("/api/v1/users")
+                for turn in range(FREE_TRIES + 20):
+                    body = {"name": f"name{turn}", "password": "wrong"}
+                    await client.post("/api/v1/session", json=body)
+        entries = scene.store.audit.list()[::-1]
+        assert not any(entry.allowed for entry in entries)
+        return [(entry.user, entry.address, entry.action, entry.detail) for entry in entries]
+
+    told = asyncio.run(story())
+    estop, stranger, guesser = "POST /api/v1/machine/estop", "192.168.1.66", "192.168.1.67"
+    assert told[:3] == [
+        ("", stranger, estop, "log_in"),
+        ("operate", stranger, estop, "csrf"),
+        ("", guesser, "GET /api/v1/users", "log_in"),
+    ]
+    tries = [(f"name{turn}", guesser, "log in", "") for turn in range(FREE_TRIES)]
+    assert told[3:] == [*tries, ("", guesser, "log in", "too_often")]
+
+
+def test_a_foreign_page_on_this_computer_leaves_a_line_though_nobody_is_known(tmp_path: Path) -> None:
+    async def story() -> list[tuple[str, str, bool]]:
+        scene = Scene(tmp_path)
+        async with scene.panel.running(), scene.client() as client:
+            await client.post("/api/v1/machine/estop", headers={"Origin": "http://evil.example"})
+        return [(entry.user, entry.detail, entry.allowed) for entry in scene.store.audit.list()]
+
+    assert asyncio.run(story()) == [("", "origin", False)]

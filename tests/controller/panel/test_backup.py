@@ -207,3 +207,39 @@ def test_the_commands_save_check_restore_and_roll_back(store: Store, tmp_path: P
     assert run("rollback")["code"] == 0
     assert state(store)[0]["a.ngc"] == b"G4 P9\nM2\n"  # type: ignore[index]
     assert "cannot be read" in str(run("check", str(tmp_path / "nothing.zip"))["error"])
+
+
+def test_an_update_is_undone_with_its_machine_file_and_redone_without_naming_it(
+    store: Store, tmp_path: Path
+) -> None:
+    def run(*words: str) -> None:
+        where = ["--state", str(store.folder), "--runtime", str(tmp_path)]
+        done = CliRunner().invoke(command.app, [*words, *where, "--json"])
+        assert done.exit_code == 0, done.stdout
+
+    def period_s() -> float:
+        return config.load(file).period_s
+
+    file, new = tmp_path / "machine.toml", tmp_path / "new.toml"
+    text = backup._alone(config.load("trunnion"))
+    file.write_text(text.replace("period_s = 0.002", "period_s = 0.004"))
+    new.write_text(text)
+    before = state(store)
+    run("update", str(new), "--machine-file", str(file))
+    put(store, "later.ngc", b"M2\n")
+    assert period_s() == 0.002
+    run("rollback")
+    assert period_s() == 0.004 and state(store)[1:3] == before[1:3]
+    run("rollback")
+    assert period_s() == 0.002
+
+
+def test_an_archive_that_is_carried_here_writes_no_file_that_is_not_named(
+    store: Store, tmp_path: Path
+) -> None:
+    file = tmp_path / "machine.toml"
+    made = backup.save(store, config.load("trunnion"), tmp_path / "saved.zip", file)
+    done = CliRunner().invoke(
+        command.app, ["restore", str(made), "--state", str(store.folder), "--runtime", str(tmp_path)]
+    )
+    assert done.exit_code == 0 and not file.exists()

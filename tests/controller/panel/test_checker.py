@@ -66,6 +66,15 @@ def test_a_program_is_checked_by_a_process_and_the_check_is_what_a_start_finds(s
     assert there and not warning and there.duration_s == found.result["duration_s"]
 
 
+def test_the_end_of_a_check_is_told_with_the_programs_name(store: Store) -> None:
+    program, checker, told = kept(store, "a", SOUND), fake(store), list[str]()
+    checker.tell = told.append
+    checker.ask(program)
+    awaited(checker, program, "passed")
+    checker.close()
+    assert told == ["a"]
+
+
 def test_a_wrong_program_is_refused_with_its_line(store: Store) -> None:
     program = kept(store, "b", WRONG)
     said: list[float] = []

@@ -39,7 +39,7 @@ def store(tmp_path: Path) -> Store:
 
 def write_run(store: Store, name: str, text: str) -> None:
     folder = store.folder / "runs" / name
-    folder.mkdir(parents=True)
+    folder.mkdir(parents=True, exist_ok=True)
     (folder / "run.json").write_text(text)
 
 
@@ -81,6 +81,14 @@ def test_runs_are_taken_in_when_they_have_ended(store: Store) -> None:
     assert (run.program, run.result, run.ended_s) == ("part.ngc", "completed", 9.0)
     assert run.facts == {"cut_time_s": 3.0, "following_error": {"X": 0.1}, "record": "r1"}
     assert not Gatherer(store.database, store.folder).gather()
+
+
+def test_a_record_that_could_not_be_read_at_first_is_listed_later(store: Store) -> None:
+    write_run(store, "r", "{")
+    gatherer = Gatherer(store.database, store.folder)
+    assert not gatherer.gather()
+    write_run(store, "r", json.dumps(RUN))
+    assert gatherer.gather() and len(store.runs.list()) == 1
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "null", '{"started_s": "x"}', '{"name": 1}'])

@@ -11,9 +11,10 @@ import pytest
 from fake_door import FakeDoor
 from panels import Scene, sentence, take_control
 
-from controller.door import Server
 from controller.panel import http
 from controller.panel.link import SocketDoor
+from controller.service.jogging import Presses
+from controller.service.server import Server
 
 PROGRAM = b"G21\nG0 X0\nM2\n"
 SHA = hashlib.sha256(PROGRAM).hexdigest()
@@ -221,10 +222,34 @@ def test_a_jog_that_comes_after_the_stop_of_its_press_moves_nothing(tmp_path: Pa
             assert (await client.post("/api/v1/jog/stop", json={"press": "a1"})).status_code == 200
             late = await client.post("/api/v1/jog", json=move)
             assert late.status_code == 409
-            assert "has ended" in sentence(late)
+            assert "press it again" in sentence(late)
         return scene.door.moved
 
     assert asyncio.run(story()) == ["jog", "jog_stop"]
+
+
+@pytest.mark.parametrize("press", ["a1", ""])
+@pytest.mark.parametrize("path", ["jog/stop", "cycle/stop", "cycle/hold", "machine/estop"])
+def test_a_stop_from_another_page_ends_a_held_jog_until_a_new_press(
+    path: str, press: str, tmp_path: Path
+) -> None:
+    """Whoever holds the key asks again 70 ms later, and knows of nothing."""
+
+    async def story() -> list[int]:
+        scene = Scene(tmp_path)
+        scene.door.mode, scene.door.presses = "READY", Presses(lambda: 0.0)  # at once, however slow this is
+        async with scene.client() as holder, scene.client() as other:
+            await take_control(holder)
+            move = {"frame": "joint", "axis": "X", "speed": 0.5}
+            told = []
+            for name in (press, press, "a2"):
+                told.append((await holder.post("/api/v1/jog", json={**move, "press": name})).status_code)
+                if len(told) == 1:
+                    await other.post(f"/api/v1/{path}", json={} if path == "jog/stop" else None)
+                    scene.door.mode = "READY"
+            return told
+
+    assert asyncio.run(story()) == [200, 409, 200]
 
 
 @pytest.mark.parametrize(

@@ -233,7 +233,11 @@ def test_the_picture_of_a_checked_program_is_told(tmp_path: Path) -> None:
         tips = np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 3.00004]])
         shape = Shape(tips, two, two, two, np.zeros((0, 6)), one[:0], 0.002)
         shape.save(scene.folder / "pictures" / "abc.npz")
-        found = (await client.get("/api/v1/programs/part.ngc/picture")).json()
+        answer = await client.get("/api/v1/programs/part.ngc/picture")
+        known = {"If-None-Match": answer.headers["etag"]}
+        again = await client.get("/api/v1/programs/part.ngc/picture", headers=known)
+        assert (again.status_code, again.content) == (304, b"")
+        found = answer.json()
         assert found["tips"] == [[0.0, 0.0, 0.0], [1.0, 2.0, 3.0]] and found["motions"] == [0, 1]
 
     told(tmp_path, story)

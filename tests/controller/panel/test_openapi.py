@@ -93,6 +93,6 @@ def test_every_answer_that_is_no_success_has_the_one_form_of_refusal() -> None:
         for method, operation in methods.items():
             assert {"401", "403"} <= operation["responses"].keys(), (method, path)
             for status, answer in operation["responses"].items():
-                if not status.startswith("2"):
+                if status[0] in "45":  # 304 has no body
                     schema = answer["content"]["application/json"]["schema"]
                     assert schema == {"$ref": "#/components/schemas/ErrorAnswer"}, (method, path, status)

@@ -4,8 +4,9 @@
   const dx = window.dx;
   const word = (key) => dx.word(`alarms.${key}`);
   const said = (name, what) => dx.words[`alarms.${what}.${name}`] ?? "";
-  let before = null; // of the next page
-  let pages = [];
+  const PAGE = 50;
+  const MOST = 1000; // that the route tells at once
+  let wanted = PAGE; // how many are listed: asked for anew at each look, so that old ones are up to date, too
 
   const recording = (facts) => (facts.recording ? facts.recording.split("/").pop() : "");
 
@@ -38,6 +39,9 @@
     return facts.position_trusted ? dx.chip(word("trusted"), "go") : dx.chip(word("not_trusted"), "stop");
   }
 
+  // The number is the machine's own; the name is the same in every language, as in the fault table.
+  const head = (number, name) => [number ? dx.el("span", { class: "figures dim" }, `#${number}`) : null, dx.el("span", { class: "dim" }, name)];
+
   function card(alarm) {
     const facts = alarm.facts;
     const open = alarm.acknowledged_s === null;
@@ -47,13 +51,12 @@
       dx.el(
         "div",
         { class: "alarm-head" },
-        dx.el("span", { class: "figures dim" }, `#${alarm.id}`),
-        dx.el("strong", {}, alarm.name),
+        ...head(facts.number ?? alarm.id, alarm.name),
         alarm.axis ? dx.chip(alarm.axis, "info") : null,
         trusted(facts),
         dx.el("time", { class: "figures dim" }, dx.forms.date(alarm.at_s)),
       ),
-      dx.el("p", {}, dx.sentence(facts, alarm.sentence)),
+      dx.el("p", {}, dx.el("strong", {}, dx.sentence(facts, alarm.sentence))),
       dx.el(
         "dl",
         { class: "facts" },
@@ -67,33 +70,24 @@
     );
   }
 
-  function show() {
-    const alarms = pages.flat();
+  function show({ alarms, before }) {
     dx.fill("alarms-list", (rows) => (rows.length ? rows.map(card) : dx.el("p", { class: "dim" }, word("none"))), alarms);
     const more = document.getElementById("alarms-more");
-    if (more) more.hidden = before === null;
+    if (more) more.hidden = before === null || wanted >= MOST;
   }
 
-  const look = dx.every("alarms", 2, () => `alarms?most=50&only=${only()}`, (body) => {
-    if (pages.length > 1) return; // older pages are being read
-    pages = [body.alarms];
-    before = body.before;
-    show();
-  });
+  const look = dx.every("alarms", 2, () => `alarms?most=${wanted}&only=${only()}`, show);
   const only = () => (document.getElementById("alarms-open")?.getAttribute("aria-pressed") === "true" ? "open" : "all");
 
-  document.addEventListener("click", async (event) => {
+  document.addEventListener("click", (event) => {
     if (event.target.closest?.("#alarms-more")) {
-      const said = await dx.call("GET", `alarms?most=50&only=${only()}&before_id=${before}`);
-      if (!said.ok) return;
-      pages.push(said.body.alarms);
-      before = said.body.before;
-      show();
+      wanted = Math.min(MOST, wanted + PAGE);
+      look();
     }
     const toggle = event.target.closest?.("#alarms-open");
     if (toggle) {
       toggle.setAttribute("aria-pressed", String(toggle.getAttribute("aria-pressed") !== "true"));
-      pages = [];
+      wanted = PAGE;
       look();
     }
   });
@@ -108,7 +102,7 @@
       (now) =>
         now
           ? [
-              dx.el("div", { class: "alarm-head" }, dx.el("strong", {}, now.name), now.axis ? dx.chip(now.axis, "info") : null, trusted(now)),
+              dx.el("div", { class: "alarm-head" }, ...head(now.number, now.name).filter(Boolean), now.axis ? dx.chip(now.axis, "info") : null, trusted(now), now.time_s ? dx.el("time", { class: "figures dim" }, dx.forms.date(now.time_s)) : null),
               dx.el("p", { class: "alarm-words" }, dx.sentence(now, now.sentence)),
               dx.el(
                 "dl",

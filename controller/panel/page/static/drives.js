@@ -54,18 +54,15 @@
       const texts = { node: `${drive.bus} · ${drive.node}`, target: dx.forms.mm(joint.machine), actual: dx.forms.mm(joint.actual), error: dx.forms.um(joint.error), age: age(drive.heartbeat_age_s), warmth: warmth(drive.temperature_c) };
       for (const [what, text] of Object.entries(texts)) dx.write(at(drive.axis, what), text);
       put(drive.axis, "state", drive.state, () => dx.chip(dx.words[`drives.state.${drive.state}`] ?? drive.state, TONES[drive.state] ?? "info"));
-      put(drive.axis, "mode", [status.mode, drive.state], () => mode(status, drive));
-      put(drive.axis, "said", [drive.error, drive.emcy], () =>
-        drive.error ? dx.el("span", { class: "wrong" }, `${drive.emcy.toString(16).toUpperCase().padStart(4, "0")}h ${drive.error}`) : dx.el("span", { class: "dim" }, word("nothing")),
+      put(drive.axis, "mode", [drive.homing, drive.cyclic_mode], () => mode(drive));
+      put(drive.axis, "said", drive.error, () =>
+        drive.error ? dx.el("span", { class: "wrong" }, drive.error) : dx.el("span", { class: "dim" }, word("nothing")),
       );
       put(drive.axis, "bits", drive.statusword, () => bits(drive.statusword));
     }
   });
 
-  const mode = (status, drive) => {
-    const homing = status.mode === "HOMING";
-    return homing ? word("homing") : (dx.words[`drives.cyclic.${drive.cyclic_mode}`] ?? "–");
-  };
+  const mode = (drive) => (drive.homing ? word("homing") : (dx.words[`drives.cyclic.${drive.cyclic_mode}`] ?? "–"));
   const at = (axis, what) => document.querySelector(`[data-drive="${axis}.${what}"]`);
   function put(axis, what, value, make) {
     const place = at(axis, what);
@@ -78,21 +75,21 @@
   // ---- buses
 
   const percent = (share) => (typeof share === "number" ? `${(share * 100).toFixed(1)} %` : "–");
-  function meter(label, share, most) {
-    const tone = typeof share !== "number" ? "" : share > most ? "stop" : share > 0.9 * most ? "hold" : "go";
+  function meter(label, share, { max_share: most, near_share: near }) {
+    const tone = typeof share !== "number" ? "" : share > most ? "stop" : share > near ? "hold" : "go";
     const bar = dx.el("div", { class: "meter", "data-tone": tone, role: "img", "aria-label": `${label} ${percent(share)}` });
     bar.style.setProperty("--share", Math.min(1, share ?? 0));
     bar.style.setProperty("--most", most);
     return [dx.el("span", { class: "dim" }, label), bar, dx.el("span", { class: "figures" }, percent(share))];
   }
 
-  function bus(one, most) {
+  function bus(one, limits) {
     const counters = one.transmit_errors === null || one.transmit_errors === undefined ? "" : `  TEC ${one.transmit_errors}  REC ${one.receive_errors}`;
     return dx.el(
       "div",
       { class: "bus" },
       dx.el("div", { class: "row spread" }, dx.el("strong", {}, one.name), dx.el("span", { class: "dim" }, `${one.interface} · ${one.bit_rate ? one.bit_rate / 1000 + " kbit/s" : word("untimed")}`)),
-      dx.el("div", { class: "meters" }, ...meter(word("budget"), one.budget_share, most), ...meter(word("fullest"), one.fullest_share, most), ...meter(word("measured"), one.measured_share, most)),
+      dx.el("div", { class: "meters" }, ...meter(word("budget"), one.budget_share, limits), ...meter(word("fullest"), one.fullest_share, limits), ...meter(word("measured"), one.measured_share, limits)),
       dx.el("div", { class: "row spread" }, dx.el("span", { class: "dim" }, `${one.frames_per_s} ${word("frames")}`), dx.el("span", { class: one.error_frames ? "wrong" : "dim" }, `${one.error_frames} ${word("error_frames")}${counters}`)),
     );
   }
@@ -104,7 +101,7 @@
       const to = late.from_us[i + 1];
       const label = to === undefined ? `≥ ${from} µs` : `${from} – ${to} µs`;
       // A logarithm: one tick in a million is what one looks for.
-      const bar = dx.el("div", { class: "meter", "data-tone": count && i >= 6 ? "stop" : "info", role: "img", "aria-label": `${label}: ${count}` });
+      const bar = dx.el("div", { class: "meter", "data-tone": count && from >= late.skipped_from_us ? "stop" : "info", role: "img", "aria-label": `${label}: ${count}` });
       bar.style.setProperty("--share", count ? (1 + Math.log10(count)) / (1 + Math.log10(all)) : 0);
       bar.style.setProperty("--most", 1);
       return [dx.el("span", { class: "figures dim" }, label), bar, dx.el("span", { class: "figures" }, String(count))];
@@ -112,7 +109,7 @@
   }
 
   dx.every("drives", 1, "machine/buses", (body) => {
-    dx.fill("drives-buses", (buses) => buses.map((one) => bus(one, body.max_share)), body.buses);
+    dx.fill("drives-buses", (buses) => buses.map((one) => bus(one, body)), body.buses);
     dx.fill("drives-late", lateness, body.lateness);
     dx.write(document.getElementById("drives-late-of"), word("late_of").replace("{0}", Math.round(body.lateness.seconds)));
   });

@@ -16,13 +16,14 @@
     language: boot.language,
     facts: boot.facts,
     role: boot.role,
-    name: boot.name,
     holder: null,
     token: "",
     view: "",
   });
   let socket = null;
   let lastStatus = -1e9;
+  let lastTick = -1e9; // when the machine was seen to have ticked on
+  let silent = true; // nobody tells anything; a tick that hangs is told of, and can be started anew
   let lastWord = performance.now();
   let answers = true; // whether the controller's service answers the panel
   let why = "";
@@ -145,7 +146,8 @@
 
   dx.ask = (sentence, yes = "frame.yes") =>
     new Promise((resolve) => {
-      document.querySelector(".dx-ask")?.remove();
+      document.querySelector(".dx-ask")?.end(false); // who asked it must not wait for ever
+      const before = document.activeElement;
       const box = document.createElement("div");
       box.className = "dx-ask";
       box.setAttribute("role", "alertdialog");
@@ -159,14 +161,28 @@
       go.dataset.kind = "go";
       const end = (said) => {
         box.remove();
+        before?.focus({ preventScroll: true });
         resolve(said);
       };
+      box.end = end;
       go.onclick = () => end(true);
       no.onclick = () => end(false);
-      box.onkeydown = (event) => event.key === "Escape" && end(false);
+      box.onkeydown = (event) => {
+        if (event.key === "Escape") end(false);
+      }; // returns nothing: false would take every other key away from the buttons
       document.body.append(box);
       go.focus();
     });
+
+  // ---- the machine file can be another one when its service comes back: then the page is built anew
+
+  const made_of = ({ axes, buses, spindle, inputs, outputs, period_s } = {}) =>
+    JSON.stringify([axes, buses, spindle, inputs, outputs, period_s]);
+  dx.on("service", async (told) => {
+    if (!told.answers) return;
+    const said = await dx.call("GET", "facts", null, true);
+    if (said.ok && made_of(said.body) !== made_of(dx.facts)) location.reload();
+  });
 
   // ---- buttons that ask: <button data-call="POST path" data-body='{}' data-ask="question">
 
@@ -200,6 +216,12 @@
     dx.tell("stop", null);
     return dx.call("POST", "machine/estop");
   };
+  // A key that is held must not press what comes under it: a question's yes, a start once more.
+  document.addEventListener("keydown", (event) => {
+    if (!event.repeat || event.key !== "Enter" || !event.target.closest?.("button, .dx-ask")) return;
+    event.preventDefault();
+    event.stopPropagation();
+  }, true);
   at_once("#dx-stop", dx.stop);
   at_once("#dx-estop", dx.estop);
   document.addEventListener("keydown", (event) => {
@@ -223,7 +245,7 @@
     if (dx.view === to.dataset.view) return;
     dx.view = to.dataset.view;
     history.replaceState(null, "", "#" + dx.view);
-    if (!to.dataset.built && window.emitEvent) window.emitEvent("dx-view", dx.view);
+    window.emitEvent?.("dx-view", dx.view); // also of a view that is built: the server asks which one is seen
     dx.tell("view", dx.view);
     paint();
   };
@@ -328,6 +350,7 @@
     if (body.dataset.mode !== mode) body.dataset.mode = mode;
     body.dataset.stale = dx.stale ? "1" : "";
     body.dataset.fault = dx.status?.fault ? "1" : "";
+    body.dataset.barred = dx.status?.shown?.interlock ? "1" : "";
     body.dataset.failed = dx.status?.shown?.failed ? "1" : "";
     body.dataset.role = dx.role;
     body.dataset.control = dx.holds() ? "mine" : dx.holder ? "other" : "free";
@@ -335,7 +358,7 @@
     if (other) other.textContent = dx.holds() ? dx.word("frame.mine") : (dx.holder ?? dx.word("frame.free"));
     for (const one of document.querySelectorAll("[data-needs], [data-modes]")) {
       const { needs, modes } = one.dataset;
-      const may = dx.role !== "view" && !dx.stale && (needs !== "control" || dx.holds());
+      const may = dx.role !== "view" && !silent && (needs !== "control" || dx.holds());
       const now = !modes || modes.split(" ").includes(mode);
       const off = !(may && now);
       if (one.disabled !== off) one.disabled = off;
@@ -348,6 +371,8 @@
     const { event, data } = JSON.parse(text);
     lastWord = performance.now();
     if (event === "status") {
+      // Without a tick there is no figure that could be old; one that hangs leaves its last ones.
+      if (!data.tick || data.tick.number !== dx.status?.tick?.number) lastTick = lastWord;
       dx.status = { ...data, control: dx.holder, shown: sentences(data) };
       lastStatus = lastWord;
       if (dx.stale) age();
@@ -358,29 +383,39 @@
     } else {
       if (event === "service") {
         answers = data.answers;
-        why = data.sentence ?? "";
+        why = dx.sentence(data, data.sentence);
       }
       dx.tell(event, data);
     }
   }
 
   // What is wrong and what is under way, as the frame's lines show it.
-  function sentences({ fault, sequence }) {
+  function sentences({ fault, sequence, notices, interlock, warning, waiting, spindle }) {
     const trusted = fault && fault.position_trusted !== null && fault.position_trusted !== undefined;
+    const notice = (name) => notices?.find((one) => one.name === name && name !== fault?.name);
+    const told = (name) => dx.sentence(notice(name), notice(name)?.sentence);
+    const waits = spindle && !spindle.at_speed ? "waits.spindle" : "waits.others";
+    const running = sequence?.state === "running";
     return {
       fault: fault ? dx.sentence(fault, fault.sentence) || fault.name : "",
       next: trusted ? dx.word(fault.position_trusted ? "frame.trusted" : "frame.not_trusted") : "",
-      sequence: sequence?.state === "running" ? dx.word("sequence." + sequence.name) : "",
+      under_way: running ? dx.word("sequence." + sequence.name) : waiting ? dx.word(waits) : "",
+      interlock: told(interlock),
+      warning: told(warning),
       failed: sequence?.state === "failed" ? dx.sentence(sequence, sequence.sentence) : "",
     };
   }
 
   function age() {
     const now = performance.now();
-    const stale = now - lastStatus > STALE_MS;
+    const stale = now - Math.min(lastStatus, lastTick) > STALE_MS;
     if (stale !== dx.stale) {
       dx.stale = stale;
       dx.tell("stale", stale);
+      marks();
+    }
+    if (silent !== now - lastStatus > STALE_MS) {
+      silent = !silent;
       marks();
     }
     if (stale) told_stale(now);
@@ -390,9 +425,10 @@
   function told_stale(now) {
     const place = document.getElementById("dx-stale-text");
     if (!place) return;
-    const since = lastStatus > 0 ? ` ${Math.round((now - lastStatus) / 1000)} s` : "";
+    const last = Math.min(lastStatus, lastTick);
+    const since = last > 0 ? ` ${Math.round((now - last) / 1000)} s` : "";
     const open = socket && socket.readyState === WebSocket.OPEN;
-    const text = open && !answers ? dx.word("frame.no_service") : dx.word("frame.no_panel");
+    const text = dx.word(!silent ? "frame.no_tick" : open && !answers ? "frame.no_service" : "frame.no_panel");
     place.textContent = text + (since ? ` (${dx.word("frame.since")}${since})` : "");
     place.title = why;
   }
@@ -429,9 +465,16 @@
     dx.remember("language", language);
     location.reload();
   };
+  // Whoever leaves takes no control along.
+  async function log_out() {
+    if (dx.holds()) await dx.give();
+    const said = await dx.call("DELETE", "session");
+    if (said.ok) location.assign("/login");
+  }
   document.addEventListener("click", (event) => {
     if (event.target.closest?.("#dx-theme")) dx.theme();
     if (event.target.closest?.("#dx-language")) dx.speak(dx.language === "en" ? "de" : "en");
+    if (event.target.closest?.("#dx-log-out")) log_out();
     if (event.target.closest?.("#dx-control")) (dx.holds() ? dx.give : dx.take)();
   });
 

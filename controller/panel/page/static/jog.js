@@ -19,7 +19,7 @@
       return;
     }
     const name = `${Date.now().toString(36)}-${++presses}-${Math.random().toString(36).slice(2, 8)}`;
-    press = { name, axis, sign, source, frame: chosen.frame, asking: false, moved: false };
+    press = { name, axis, sign, source, frame: chosen.frame, asking: false };
     press.timer = setInterval(again, AGAIN_MS);
     again();
   }
@@ -31,9 +31,12 @@
     if (!own || own.asking) return;
     own.asking = true;
     const body = { frame: own.frame, axis: own.axis, speed: own.sign * speed, press: own.name };
-    const said = await dx.call("POST", "jog", body, own !== press);
+    const said = await dx.call("POST", "jog", body, true);
     own.asking = false;
-    if (!said.ok && own === press && said.body.error?.code !== "late") end();
+    if (said.ok || own !== press) return;
+    const { error } = said.body;
+    if (error?.code !== "late") end();
+    dx.say(dx.sentence(error, error?.sentence), "warn");
   }
 
   function end(tell = false) {
@@ -85,11 +88,7 @@
   dx.on("stop", () => end());
   dx.on("view", (name) => name !== "jog" && end());
   dx.on("control", () => !dx.holds() && end());
-  dx.on("status", (status) => {
-    if (!press) return;
-    if (status.mode === "JOG") press.moved = true;
-    else if (!["READY", "HOLD"].includes(status.mode)) end();
-  });
+  dx.on("status", (status) => press && !["READY", "HOLD", "JOG"].includes(status.mode) && end());
 
   // ---- keyboard: off until it is switched on, and off again with the view
 
@@ -184,12 +183,14 @@
   document.addEventListener("click", (event) => event.target.closest?.("#mdi-run") && run());
   document.addEventListener("keydown", (event) => {
     if (event.target.id !== "mdi-text") return;
+    const { value, selectionStart } = event.target;
+    const above = value.slice(0, selectionStart).includes("\n"); // then the key moves within the text
     if (event.key === "Enter" && !event.shiftKey) {
       event.preventDefault();
-      run();
+      if (!event.repeat) run();
     }
     const old = history();
-    if (event.key === "ArrowUp" && event.target.selectionStart === 0 && back < old.length - 1)
+    if (event.key === "ArrowUp" && !above && back < old.length - 1)
       event.target.value = old[++back];
     if (event.key === "ArrowDown" && back > 0) event.target.value = old[--back];
   });

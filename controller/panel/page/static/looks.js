@@ -43,7 +43,7 @@
       try {
         const said = await dx.call("GET", typeof path === "function" ? path() : path, null, true);
         const place = document.getElementById(`${view}-said`);
-        told = said.ok ? "" : (said.body.error?.sentence ?? "");
+        told = said.ok ? "" : dx.sentence(said.body.error, said.body.error?.sentence);
         dx.write(place, told);
         if (said.ok) fn(said.body);
       } finally {

@@ -1,16 +1,20 @@
 // The machine as a picture: part, path, tool, rotaries. One object of the scene that moves itself by the
 // machine's events, so that nothing of it passes through the page's server side twenty times a second.
 //
-//   root ── limits box, rotary lines            machine frame, rotaries at zero
-//     └─ table ─┬─ part (offset), surfaces, path, trail    turns with the table rotaries
-//               └─ tool                                     at the tip that the status tells
+//   root ── limits box, machine's frame         machine frame, rotaries at zero
+//     ├─ tables ─ table ─┬─ offset's frame, surfaces, path, trail     turn with the table rotaries
+//     │                  └─ tool                                       at the tip that the status tells
+//     └─ gauge ─ heads                                                 go with X Y Z, turn with the head rotaries
 //
+// The line that a rotary turns about lies in the body that carries the rotary.
 // In the view of the part the root turns back what the table turned, so the part stands still.
 import { THREE } from "nicegui-scene";
 
 const RAPID = 0;
 const TRAIL = 4000; // points
 const SHANK_MM = 35;
+const AXIS_MM = 120; // half a rotary's line
+const AGAIN_S = 3;
 const css = (name) => getComputedStyle(document.body).getPropertyValue(name).trim() || "#888888";
 const vector = (v) => new THREE.Vector3(...(v ?? [0, 0, 0]));
 const UP = new THREE.Vector3(0, 0, 1);
@@ -21,9 +25,11 @@ export default class MachinePicture {
     this.facts = facts;
     this.root = new THREE.Group();
     this.table = new THREE.Group();
-    this.rotaries = []; // groups of table rotaries, base to work
+    this.gauge = new THREE.Group();
+    this.axis_marks = [];
     this.frame = "part";
-    this.named = ""; // of the path that is shown
+    this.job = ""; // name and sum of the program whose path is shown
+    this.tag = ""; // of the picture that is shown
     this.trail_count = 0;
     this.root.matrixAutoUpdate = false;
     this.build();
@@ -32,6 +38,8 @@ export default class MachinePicture {
     dx.on("painted", () => this.theme());
     const early = setInterval(() => this.theme() && clearInterval(early), 50); // also where no figures come
     dx.on("view", (name) => name === "scene" && this.came());
+    dx.on("programs", () => this.ask());
+    setInterval(() => this.ask(), 1000 * AGAIN_S);
     window.dxScene = this;
     setTimeout(() => window.dxScene.look("iso"), 300);
     return this.root;
@@ -41,17 +49,9 @@ export default class MachinePicture {
 
   build() {
     const axes = this.facts.axes ?? [];
-    let inner = this.root;
-    for (const axis of axes.filter((one) => one.kind === "table" && one.direction)) {
-      const turning = new THREE.Group();
-      turning.matrixAutoUpdate = false;
-      inner.add(turning);
-      inner = turning;
-      const sense = axis.sense === "iso" ? -1 : 1;
-      this.rotaries.push({ name: axis.name, group: turning, direction: vector(axis.direction), point: vector(axis.point_mm), sense });
-    }
-    inner.add(this.table);
-    this.axis_lines(axes);
+    this.tables = this.chain(axes, "table", this.root, this.table);
+    this.heads = this.chain(axes, "head", this.gauge, new THREE.Group());
+    this.root.add(this.gauge);
     this.limits(axes);
     this.plate();
     this.offset = new THREE.AxesHelper(20);
@@ -66,6 +66,23 @@ export default class MachinePicture {
     this.theme();
   }
 
+  // Rotaries one upon the other, and what the last of them carries.
+  chain(axes, kind, base, carried) {
+    let inner = base;
+    const found = axes.filter((one) => one.kind === kind && one.direction).map((axis) => {
+      const [direction, point] = [vector(axis.direction), vector(axis.point_mm)];
+      const way = direction.clone().multiplyScalar(AXIS_MM);
+      this.axis_marks.push(this.line([point.clone().sub(way), point.clone().add(way)], css("--dim"), inner, true));
+      const group = new THREE.Group();
+      group.matrixAutoUpdate = false;
+      inner.add(group);
+      inner = group;
+      return { name: axis.name, group, direction, point, sense: kind === "table" && axis.sense === "iso" ? -1 : 1 };
+    });
+    inner.add(carried);
+    return found;
+  }
+
   line(points, colour, parent, dashed = false) {
     const geometry = new THREE.BufferGeometry().setFromPoints(points);
     const Material = dashed ? THREE.LineDashedMaterial : THREE.LineBasicMaterial;
@@ -73,15 +90,6 @@ export default class MachinePicture {
     if (dashed) made.computeLineDistances();
     parent.add(made);
     return made;
-  }
-
-  axis_lines(axes) {
-    this.axis_marks = axes
-      .filter((one) => one.unit === "deg" && one.direction)
-      .map((axis) => {
-        const [point, way] = [vector(axis.point_mm), vector(axis.direction).multiplyScalar(120)];
-        return this.line([point.clone().sub(way), point.clone().add(way)], css("--dim"), this.root, true);
-      });
   }
 
   limits(axes) {
@@ -96,7 +104,7 @@ export default class MachinePicture {
 
   // What carries the work: a disc across the last table rotary, a square where there is none.
   plate() {
-    const last = this.rotaries[this.rotaries.length - 1];
+    const last = this.tables[this.tables.length - 1];
     const geometry = last ? new THREE.CylinderGeometry(60, 60, 2, 64) : new THREE.BoxGeometry(150, 2, 150);
     this.disc = new THREE.Mesh(geometry, new THREE.MeshPhongMaterial({ transparent: true, opacity: 0.25, depthWrite: false }));
     this.disc.quaternion.setFromUnitVectors(new THREE.Vector3(0, 1, 0), last ? last.direction : UP);
@@ -105,12 +113,16 @@ export default class MachinePicture {
     this.table.add(this.disc);
   }
 
-  place_offset() {
-    const offset = this.facts.offsets?.G54;
-    if (!offset) return;
+  // The frame of the work offset that is active.
+  place_offset(name = "G54") {
+    const offset = this.facts.offsets?.[name];
+    const key = JSON.stringify(offset ?? null);
+    if (!offset || key === this.offset_key) return;
+    this.offset_key = key;
     this.offset.position.set(...offset.origin_mm);
     const axes = offset.axes ?? [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
     this.offset.quaternion.setFromRotationMatrix(new THREE.Matrix4().makeBasis(...axes.map(vector)));
+    this.changed = true;
   }
 
   make_tool() {
@@ -199,18 +211,43 @@ export default class MachinePicture {
 
   // ---- the program's path
 
-  async load(name) {
-    const said = await window.dx.call("GET", `programs/${encodeURIComponent(name)}/picture`, null, true);
-    const place = document.getElementById("scene-said");
-    window.dx.write?.(place, said.ok ? "" : (said.body.error?.sentence ?? ""));
-    if (name !== this.named) return; // another one was loaded meanwhile
+  // Which path is to be seen. A line typed by hand has none: what is loaded stays.
+  follow(job) {
+    if (job?.name === "MDI") return;
+    const key = job ? `${job.name} ${job.sha256}` : "";
+    if (key === this.job) return;
+    [this.job, this.name] = [key, job?.name ?? ""];
     this.clear_path();
-    if (!said.ok) {
-      this.retry = performance.now() + 2000; // its check may be under way
-      return;
+    window.dx.write(document.getElementById("scene-said"), "");
+    this.ask();
+  }
+
+  // The path by the program's last check, where that is another one than is shown: it may be checked
+  // anew, with another offset or tool.
+  async ask() {
+    const [dx, job] = [window.dx, this.job];
+    if (!job || this.asking === job || !dx.shown("scene") || document.hidden) return;
+    this.asking = job;
+    const known = this.tag ? { "If-None-Match": this.tag } : {};
+    try {
+      const answer = await fetch(`/api/v1/programs/${encodeURIComponent(this.name)}/picture`, { headers: { ...dx.headers(), ...known } });
+      const said = answer.status === 304 ? null : await answer.json();
+      if (said && job === this.job) this.show(answer, said); // else another one was loaded meanwhile
+    } catch (error) {
+      // the panel is away; it is asked again
+    } finally {
+      if (this.asking === job) this.asking = "";
     }
-    this.retry = Infinity;
-    this.shape = said.body;
+  }
+
+  show(answer, said) {
+    const refused = answer.ok ? "" : window.dx.sentence(said.error, said.error?.sentence);
+    window.dx.write(document.getElementById("scene-said"), refused);
+    if (answer.ok || answer.status === 404) this.clear_path(); // else it was only not answered now
+    if (!answer.ok) return;
+    this.tag = answer.headers.get("etag") ?? "";
+    this.fitted();
+    this.shape = said;
     this.surfaces();
     this.lines();
     this.paint();
@@ -224,6 +261,7 @@ export default class MachinePicture {
       child.material?.dispose();
     }
     this.shape = null;
+    this.tag = "";
     this.done = this.ahead = this.mesh = this.ruled = null;
     this.changed = true;
   }
@@ -310,47 +348,47 @@ export default class MachinePicture {
 
   // ---- what moves
 
-  // On the screen again: tools and offsets may have been changed since.
-  async came() {
+  // On the screen again: anything may have been changed since.
+  came() {
     this.changed = true;
     setTimeout(() => window.dispatchEvent(new Event("resize")), 50);
+    this.ask();
+    this.fitted();
+  }
+
+  // Tools and offsets as they are now.
+  async fitted() {
     for (const what of ["tools", "offsets"]) {
       const said = await window.dx.call("GET", what, null, true);
       if (said.ok) this.facts[what] = said.body[what];
     }
-    this.place_offset();
-    this.changed = true;
   }
 
   status(status) {
     const job = status.job;
-    const name = job?.name ?? "";
     if (!window.dx.shown("scene")) return;
-    if (name !== this.named || performance.now() > (this.retry ?? Infinity)) {
-      this.named = name;
-      this.retry = Infinity;
-      if (name) this.load(name);
-      else this.clear_path();
-    }
+    this.follow(job);
+    this.place_offset(status.work_offset);
     this.turn(status.joints ?? {});
     this.take_tool(status.tool);
     this.hold_tool(status.on_table);
-    if (this.shape && job) this.progress(job, status.on_table?.tip);
-    const pose = [status.on_table, this.rotaries.map(({ name }) => status.joints?.[name]?.actual), this.at, this.tool_key];
-    const key = JSON.stringify(pose);
+    if (this.shape && job && job.name !== "MDI") this.progress(job, status.on_table?.tip);
+    const turned = [...this.tables, ...this.heads].map(({ name }) => status.joints?.[name]?.actual);
+    const key = JSON.stringify([status.on_table, turned, this.at, this.tool_key]);
     if (key !== this.posed) this.changed = true;
     this.posed = key;
   }
 
   turn(joints) {
-    for (const rotary of this.rotaries) {
-      const shown = joints[rotary.name]?.actual ?? joints[rotary.name]?.machine ?? 0;
-      const turned = new THREE.Matrix4().makeRotationAxis(rotary.direction, (rotary.sense * shown * Math.PI) / 180);
-      const { x, y, z } = rotary.point;
-      rotary.group.matrix.makeTranslation(x, y, z).multiply(turned).multiply(new THREE.Matrix4().makeTranslation(-x, -y, -z));
+    const where = (name) => joints[name]?.actual ?? joints[name]?.machine ?? 0;
+    for (const { name, group, direction, point, sense } of [...this.tables, ...this.heads]) {
+      const turned = new THREE.Matrix4().makeRotationAxis(direction, (sense * where(name) * Math.PI) / 180);
+      const { x, y, z } = point;
+      group.matrix.makeTranslation(x, y, z).multiply(turned).multiply(new THREE.Matrix4().makeTranslation(-x, -y, -z));
     }
+    this.gauge.position.set(where("X"), where("Y"), where("Z"));
     const back = new THREE.Matrix4();
-    if (this.frame === "part") for (const rotary of this.rotaries) back.multiply(rotary.group.matrix);
+    if (this.frame === "part") for (const { group } of this.tables) back.multiply(group.matrix);
     this.root.matrix.copy(back.invert());
     this.root.matrixWorldNeedsUpdate = true;
   }

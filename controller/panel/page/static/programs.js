@@ -13,7 +13,13 @@
     line.innerHTML = '<span class="upload-name"></span><div class="bar"></div><span class="figures upload-share"></span>';
     line.querySelector(".upload-name").textContent = file.name;
     place.append(line);
-    before = before.then(() => send(file, line));
+    before = before.then(async () => ((await wanted(file.name)) ? send(file, line) : line.remove()));
+  }
+
+  // What is there already is replaced only by one who says so.
+  async function wanted(name) {
+    const there = await dx.call("GET", `programs/${encodeURIComponent(name)}`, null, true);
+    return !there.ok || dx.ask(dx.word("programs.replace_ask").replace("{0}", () => name), "programs.replace");
   }
 
   function send(file, line) {
@@ -43,7 +49,8 @@
     }
     let sentence = dx.word("frame.no_panel");
     try {
-      sentence = JSON.parse(asking.responseText).error.sentence;
+      const facts = JSON.parse(asking.responseText).error;
+      sentence = dx.sentence(facts, facts.sentence);
     } catch (error) {
       // no answer at all: the panel is gone
     }
@@ -87,7 +94,9 @@
     field.maxLength = 200;
     field.setAttribute("aria-label", question);
     document.querySelector(".dx-ask p").after(field);
-    field.onkeydown = (event) => event.key === "Enter" && document.querySelector(".dx-ask button").click();
+    field.onkeydown = (event) => {
+      if (event.key === "Enter") document.querySelector(".dx-ask button").click();
+    };
     field.select();
     return answer.then((yes) => (yes && field.value.trim() !== value ? field.value.trim() : ""));
   }
@@ -130,9 +139,19 @@
   const looks = ["programs", "run"].map((view) => dx.every(view, 3, "restart", offered));
   dx.on("job", () => looks.forEach((look) => look()));
 
+  // Times of day, as the browser's user writes them.
+  const shortly = { dateStyle: "medium", timeStyle: "short" };
+  function times() {
+    for (const place of document.querySelectorAll("time[data-at]:empty")) {
+      place.textContent = new Date(Number(place.dataset.at) * 1000).toLocaleString(dx.language, shortly);
+    }
+  }
+  setInterval(times, 200);
+
   // What will be in force at the place where the loaded program begins.
   dx.on("painted", ({ job }) => {
-    const told = (job?.state === "loaded" && job.restart) || [];
+    const german = dx.language === "de" && job?.restart_de;
+    const told = (job?.state === "loaded" && (german || job.restart)) || [];
     for (const place of document.querySelectorAll("[data-restart]")) {
       place.hidden = told.length === 0;
       if (place.dataset.told === told.join("\n")) continue;

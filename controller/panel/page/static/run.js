@@ -3,12 +3,14 @@
   "use strict";
   const AROUND = 14; // lines shown before the one that runs
   const ROWS = 60;
+  const TOLD_MS = 300; // after an answer, until a status tells what it did
   const dx = window.dx;
   let program = { key: "", lines: null };
   let painted = "";
 
   dx.forms.u = (v) => (typeof v === "number" ? v.toFixed(4) : "–");
   dx.forms.what = (v) => (v ? (dx.words["what." + v] ?? v) : "");
+  dx.forms.coolant = (v) => ["mist", "flood"].filter((kind) => v?.[kind]).map((kind) => dx.word(`run.${kind}`)).join(", ") || "–";
   dx.forms.unit = (v) => (typeof v === "number" ? v.toFixed(5).replace("-", "−") : "–");
 
   // ---- the program text
@@ -19,6 +21,10 @@
     program = { key, lines: null };
     painted = "";
     if (!job) return;
+    if (typeof job.text === "string") {
+      program.lines = job.text.split("\n"); // typed by hand, and in no store
+      return listing();
+    }
     const answer = await fetch(`/api/v1/programs/${encodeURIComponent(job.name)}/text`, { headers: dx.headers() });
     if (!answer.ok || key !== program.key) return;
     program.lines = (await answer.text()).split(/\r\n|\n|\r/);
@@ -71,7 +77,7 @@
     }
     for (const one of document.querySelectorAll("[data-limit]")) {
       const limit = status.joints?.[one.dataset.limit]?.limit;
-      const shown = limit ? `${dx.word("run.limit")} ${limit}` : "";
+      const shown = limit ? `${dx.word("run.limit")} ${limit.replace("-", "−")}` : "";
       if (one.textContent !== shown) one.textContent = shown;
     }
     for (const one of document.querySelectorAll("[data-error]")) {
@@ -88,18 +94,25 @@
   // ---- overrides: what is told by the machine is shown, what is dragged is sent when it is let go
 
   let dragging = false;
+  let wanted = null; // override (%) that was asked for and may not be told yet
+  let telling = 0;
+
+  async function ask_override(percent) {
+    wanted = Math.min(200, Math.max(0, percent));
+    clearTimeout(telling);
+    await dx.call("PUT", "overrides/feed", { share: wanted / 100 });
+    clearTimeout(telling);
+    telling = setTimeout(() => (wanted = null), TOLD_MS);
+  }
+
   document.addEventListener("input", (event) => event.target.id === "run-override" && (dragging = true));
-  document.addEventListener("change", async (event) => {
-    if (event.target.id !== "run-override") return;
-    await dx.call("PUT", "overrides/feed", { share: event.target.valueAsNumber / 100 });
-    dragging = false;
-  });
+  document.addEventListener("change", (event) => event.target.id === "run-override" && ask_override(event.target.valueAsNumber));
+  // There is no change where it is dragged back to where it was.
+  for (const name of ["change", "pointerup", "pointercancel", "keyup", "focusout"])
+    document.addEventListener(name, () => (dragging = false));
   document.addEventListener("click", (event) => {
     const step = event.target.closest?.("[data-override]");
-    if (step && dx.status) {
-      const share = Math.min(2, Math.max(0, Math.round(dx.status.override * 100 + Number(step.dataset.override)) / 100));
-      dx.call("PUT", "overrides/feed", { share });
-    }
+    if (step && dx.status) ask_override((wanted ?? Math.round(dx.status.override * 100)) + Number(step.dataset.override));
     const toggle = event.target.closest?.("[data-toggle]");
     if (toggle && !toggle.disabled) {
       const [method, path] = toggle.dataset.toggle.split(" ");
@@ -109,7 +122,7 @@
 
   function overrides(status) {
     const slider = document.getElementById("run-override");
-    if (slider && !dragging && typeof status.override === "number") slider.value = Math.round(status.override * 100);
+    if (slider && !dragging && wanted === null && typeof status.override === "number") slider.value = Math.round(status.override * 100);
     for (const one of document.querySelectorAll("[data-rapid]")) {
       const now = Math.round((status.rapid_override ?? -1) * 100) === Number(one.dataset.rapid);
       one.setAttribute("aria-pressed", String(now));
@@ -123,6 +136,4 @@
     marks(status);
     overrides(status);
   });
-  // A page that was opened before the machine was there has no axes: it is built anew when they come.
-  dx.on("service", (told) => told.answers && !dx.facts.axes && location.reload());
 })();

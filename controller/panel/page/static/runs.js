@@ -4,16 +4,22 @@
   const dx = window.dx;
   const word = (key) => dx.word(`runs.${key}`);
   const TONES = { completed: "go", stopped: "hold", fault: "stop", refused: "stop", lost: "stop", running: "info" };
-  let before = null;
-  let pages = [];
+  const PAGE = 50;
+  const MOST = 1000; // that the route tells at once
+  let wanted = PAGE; // how many are listed: asked for anew at each look, so that old ones are up to date, too
+  let seen = { runs: [], before: null };
   let chosen = 0;
 
+  // The axis that was off most, of those in mm and of those in degrees: the two do not compare.
   const worst = (facts) => {
     const errors = Object.entries(facts.following_error ?? {}).filter(([, v]) => typeof v === "number");
-    if (!errors.length) return "–";
-    const [axis, value] = errors.reduce((a, b) => (b[1] > a[1] ? b : a));
-    return `${axis} ${dx.forms.um(value)}`;
+    const kinds = [errors.filter(([axis]) => !rotary(axis)), errors.filter(([axis]) => rotary(axis))];
+    const most = kinds.filter((kind) => kind.length).map((kind) => kind.reduce((a, b) => (b[1] > a[1] ? b : a)));
+    return most.map(error).join(", ") || "–";
   };
+  const unit = (axis) => (dx.facts?.axes ?? []).find((one) => one.name === axis)?.unit;
+  const rotary = (axis) => (unit(axis) ?? ("ABC".includes(axis) ? "deg" : "mm")) === "deg";
+  const error = ([axis, value]) => `${axis} ${dx.forms.um(value)} ${rotary(axis) ? "m°" : "µm"}`;
 
   function line(run) {
     const facts = run.facts;
@@ -31,12 +37,12 @@
   }
 
   function show() {
-    const runs = pages.flat();
+    const { runs, before } = seen;
     dx.fill("runs-list", (rows) => rows.map(line), runs, chosen);
     const empty = document.getElementById("runs-empty");
     if (empty) empty.hidden = runs.length > 0;
     const more = document.getElementById("runs-more");
-    if (more) more.hidden = before === null;
+    if (more) more.hidden = before === null || wanted >= MOST;
   }
 
   async function choose(id) {
@@ -49,11 +55,11 @@
   function detail(run) {
     const facts = run.facts;
     const fact = (key, value) => (value === undefined || value === null || value === "" ? [] : [dx.el("dt", {}, word(key)), dx.el("dd", { class: "figures" }, value)]);
-    const errors = Object.entries(facts.following_error ?? {}).map(([axis, v]) => `${axis} ${dx.forms.um(v)}`);
+    const errors = Object.entries(facts.following_error ?? {}).map(error);
     return [
       dx.el("h2", { class: "program-title" }, run.program),
       dx.el("div", { class: "row" }, dx.chip(dx.words[`result.${run.result}`] ?? run.result, TONES[run.result]), dx.el("span", { class: "dim figures" }, `#${run.id}`)),
-      facts.sentence ? dx.el("p", { class: "wrong" }, facts.sentence) : null,
+      facts.sentence ? dx.el("p", { class: "wrong" }, dx.sentence(facts, facts.sentence)) : null,
       dx.el(
         "dl",
         { class: "facts wide" },
@@ -64,7 +70,7 @@
         ...fact("cut", dx.seconds(facts.cut_time_s)),
         ...fact("ticks", facts.ticks === undefined ? null : String(facts.ticks)),
         ...fact("skips", facts.skips === undefined ? null : String(facts.skips)),
-        ...fact("error", errors.join("  ")),
+        ...fact("error", errors.join(", ")),
         ...fact("from_line", facts.line ? String(facts.line) : null),
         ...fact("sha", run.sha256.slice(0, 16)),
       ),
@@ -78,10 +84,8 @@
     ].filter(Boolean);
   }
 
-  const look = dx.every("runs", 3, "runs?most=50", (body) => {
-    if (pages.length > 1) return;
-    pages = [body.runs];
-    before = body.before;
+  const look = dx.every("runs", 3, () => `runs?most=${wanted}`, (body) => {
+    seen = body;
     show();
   });
   dx.on("job", look);
@@ -97,12 +101,9 @@
     ]) dx.write(document.getElementById(id), text);
   });
 
-  document.addEventListener("click", async (event) => {
+  document.addEventListener("click", (event) => {
     if (!event.target.closest?.("#runs-more")) return;
-    const said = await dx.call("GET", `runs?most=50&before_id=${before}`);
-    if (!said.ok) return;
-    pages.push(said.body.runs);
-    before = said.body.before;
-    show();
+    wanted = Math.min(MOST, wanted + PAGE);
+    look();
   });
 })();

@@ -8,7 +8,7 @@
   const COLOURS = { dark: ["#5cc8ff", "#ffbe3d", "#3ddc84", "#ff8a85", "#c9a4ff", "#7fe3d4", "#f0f3a0", "#ffa6d8"], light: ["#00609a", "#8a5a00", "#0b6b3a", "#b3141b", "#6a3fb0", "#00695c", "#5f6300", "#a3216e"] };
   const KEPT = "directrix.scope";
   const PAD = { left: 8, right: 8, top: 8, bottom: 22 };
-  const state = { source: "now", names: [], seconds: 2, running: true, armed: false, first: null, last: null, trigger: null, cursors: [null, null], data: null, units: {}, fired: "" };
+  const state = { source: "now", names: [], seconds: 2, running: true, armed: false, first: null, last: null, trigger: null, cursors: [null, null], hand: 0, data: null, units: {}, fired: "" };
   try {
     const kept = JSON.parse(localStorage.getItem(KEPT) ?? "{}");
     if (Array.isArray(kept.names)) state.names = kept.names.slice(0, 8);
@@ -27,9 +27,12 @@
 
   const path = (kind, more) => `ticks${kind}?${new URLSearchParams({ source: state.source, ...more })}`;
 
+  // null where it was refused, and where another source was chosen meanwhile.
   async function get(kind, more) {
+    const { source } = state;
     const said = await dx.call("GET", path(kind, more), null, true);
-    dx.write($("scope-said"), said.ok ? "" : (said.body.error?.sentence ?? ""));
+    if (source !== state.source) return null;
+    dx.write($("scope-said"), said.ok ? "" : dx.sentence(said.body.error, said.body.error?.sentence));
     return said.ok ? said.body : null;
   }
 
@@ -95,9 +98,10 @@
 
   async function roll() {
     const span = state.data ? null : await get("/signals", {});
+    if (state.source !== "now") return;
     const newest = span?.newest ?? state.data?.newest ?? null;
     // The newest tick is known from the last answer; what came since is in this one.
-    state.first = newest === null ? null : newest - width_ticks() + Math.round(0.1 / period());
+    state.first = newest === null ? null : newest - width_ticks();
     state.last = null;
     await window_(state.first, null);
     if (state.data?.ticks.length) {
@@ -152,6 +156,7 @@
     pen.setTransform(scale, 0, 0, scale, 0, 0);
     pen.clearRect(0, 0, w, h);
     const [first, last] = ends();
+    canvas.dataset.perColumn = data.per_column; // a cursor reads one tick where that is 1
     const x = (tick) => PAD.left + ((tick - first) / Math.max(1, last - first)) * (w - PAD.left - PAD.right);
     grid(pen, w, h, first, last, x);
     const lane = (h - PAD.top - PAD.bottom) / Math.max(1, state.names.length);
@@ -299,18 +304,48 @@
     dx.write($("scope-cursors"), text.filter(Boolean).join("   ") || word("cursor_hint"));
   }
 
+  // A tick that is shown: between two columns there is nothing to be read.
+  const exact = (tick) => (state.data.per_column === 1 ? state.data.ticks[index(tick)] : tick);
+
   function pointed(event) {
     if (!state.data?.ticks.length) return;
     const box = event.target.getBoundingClientRect();
     const [first, last] = ends();
     const share = (event.clientX - box.left - PAD.left) / (box.width - PAD.left - PAD.right);
-    const tick = Math.round(first + Math.min(1, Math.max(0, share)) * (last - first));
-    const exact = state.data.per_column === 1 ? state.data.ticks[index(tick)] : tick;
+    const tick = exact(Math.round(first + Math.min(1, Math.max(0, share)) * (last - first)));
     const [one, two] = state.cursors;
-    if (one === null) state.cursors = [exact, null];
-    else if (two === null && one !== exact) state.cursors = [one, exact];
-    else state.cursors = [exact, null];
+    if (one === null) state.cursors = [tick, null];
+    else if (two === null && one !== tick) state.cursors = [one, tick];
+    else state.cursors = [tick, null];
+    state.hand = state.cursors[1] === null ? 0 : 1;
     draw();
+  }
+
+  // By keys: 1 and 2 take a cursor in hand, arrows lead it from column to column, with shift ten at once.
+  const STEPS = { ArrowLeft: -1, ArrowRight: 1 };
+  function typed(event) {
+    if (event.target.id !== "scope-canvas" || !state.data?.ticks.length || event.ctrlKey || event.metaKey || event.altKey) return;
+    const taken = ["1", "2"].indexOf(event.key);
+    if (event.key === "Escape") presses["scope-none"]();
+    else if (taken >= 0) take(taken);
+    else if (event.key in STEPS) lead(STEPS[event.key] * (event.shiftKey ? 10 : 1));
+    else return;
+    event.preventDefault();
+    draw();
+  }
+
+  function take(hand) {
+    const [first, last] = ends();
+    if (hand === 1 && state.cursors[0] === null) take(0);
+    state.hand = hand;
+    state.cursors[hand] ??= exact(Math.round(first + (hand ? 0.6 : 0.4) * (last - first)));
+  }
+
+  function lead(columns) {
+    if (state.cursors[state.hand] === null) return take(state.hand);
+    const { ticks } = state.data;
+    const to = index(state.cursors[state.hand]) + columns;
+    state.cursors[state.hand] = ticks[Math.min(ticks.length - 1, Math.max(0, to))];
   }
 
   function zoom(factor, centre = 0.5) {
@@ -402,7 +437,7 @@
     "scope-out": () => zoom(2),
     "scope-left": () => move(-0.25),
     "scope-right": () => move(0.25),
-    "scope-none": () => (state.cursors = [null, null]),
+    "scope-none": () => Object.assign(state, { cursors: [null, null], hand: 0 }),
   };
   document.addEventListener("click", (event) => {
     const press = presses[event.target.closest?.("[id^=scope-]")?.id];
@@ -412,6 +447,7 @@
     draw();
   });
   document.addEventListener("pointerdown", (event) => event.target.id === "scope-canvas" && pointed(event));
+  document.addEventListener("keydown", typed);
   document.addEventListener(
     "wheel",
     (event) => {

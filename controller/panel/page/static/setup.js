@@ -5,9 +5,8 @@
   const word = (key) => dx.word(`setup.${key}`);
   const $ = (id) => document.getElementById(id);
   let page = "homing";
-  let tool = 1; // that touches off: the one in the spindle, unless another one was picked
-  let picked = false;
-  let editing = ""; // what is being typed in: it is not written over
+  let spindle = 0; // the tool in it, as the machine has it
+  let tool = 1; // that touches off: the one in the spindle, until another one is picked
 
   const shows = (name) => dx.shown("setup") && page === name;
   const figure = (v) => (typeof v === "number" ? String(Number(v.toFixed(6))) : "");
@@ -39,135 +38,180 @@
       "tr",
       {},
       dx.el("th", { scope: "row" }, dx.el("span", { class: "axis-name" }, name)),
-      dx.el("td", {}, dx.chip(word(joint.homed ? "homed" : "not_homed"), joint.homed ? "go" : "hold")),
+      dx.el("td", {}, dx.el("div", { class: "row" }, dx.chip(word(joint.homed ? "homed" : "not_homed"), joint.homed ? "go" : "hold"), joint.limit ? dx.chip(`${word("limit")} ${joint.limit}`, "stop") : null)),
       dx.el("td", { class: "figures hide-narrow" }, `${figure(axis_of(name).home)} ${axis_of(name).unit ?? ""}`),
       dx.el("td", { class: "figures hide-narrow" }, (axis_of(name).travel ?? []).map(figure).join(" … ")),
-      dx.el("td", {}, joint.limit ? dx.chip(`${word("limit")} ${joint.limit}`, "stop") : "–"),
       dx.el("td", {}, dx.button(word("home"), home, { "data-needs": "control", "data-modes": "OFF READY" })),
     );
   }
 
   let last = 0;
   dx.on("status", (status) => {
+    if (status.tool && status.tool !== spindle) pick((spindle = status.tool));
     const now = performance.now();
     if (!dx.shown("setup") || now - last < 200) return;
     last = now;
     const joints = Object.entries(status.joints ?? {}).map(([name, joint]) => [name, { homed: joint.homed, limit: joint.limit }]);
     if (page === "homing") dx.fill("setup-homing", (rows) => rows.map(([name, joint]) => homing(name, joint)), joints, dx.facts?.axes);
     if (page === "drives") commissioned(status);
-    if (!picked && status.tool && status.tool !== tool) {
-      tool = status.tool;
-      if ($("setup-tool")) $("setup-tool").value = String(tool);
-    }
-    if (page === "offsets") dx.write($("setup-tip"), (status.on_table?.tip ?? []).map((v, i) => `${"XYZ"[i]} ${dx.forms.mm(v)}`).join("   ") || "–");
+    if (page === "offsets") dx.write($("setup-tip"), tip(status));
+  });
+
+  // The tip is that of the tool in the spindle, whichever is picked.
+  function tip(status) {
+    const at = (status.on_table?.tip ?? []).map((v, i) => `${"XYZ"[i]} ${dx.forms.mm(v)}`);
+    return [status.tool ? `T${status.tool}:` : "", ...at].join("   ").trim() || "–";
+  }
+
+  function pick(number) {
+    tool = number;
+    if ($("setup-tool")) $("setup-tool").value = String(tool);
+  }
+
+  // ---- fields: what is typed stays until it is saved or given up, and nothing else is sent
+
+  const input = (label, attrs = {}) => dx.el("input", { type: "text", inputmode: "decimal", "aria-label": label, ...attrs });
+  // A decimal comma is what half of the shops type.
+  const number = (text) => (text.trim() ? Number(text.trim().replace(",", ".").replace("−", "-")) : NaN);
+  const same = (field, a, b) => a === b || (field.dataset.field !== "name" && number(a) === number(b));
+  const typed = (field) => !same(field, field.value, field.defaultValue);
+  const fields = (row) => [...row.querySelectorAll("[data-field]")];
+  const mark = (field) => field.toggleAttribute("data-typed", typed(field));
+
+  // Rows by name, of values in force; ``value(values, field)`` is what a field shows of them.
+  function table(id, rows, make, value) {
+    const place = $(id);
+    if (!place) return;
+    const there = new Map([...place.children].map((row) => [row.dataset.row, row]));
+    dx.fill(id, (names) => names.map((name) => there.get(name) ?? make(name)), rows.map(([name]) => name));
+    const values = Object.fromEntries(rows);
+    for (const row of place.children) for (const field of fields(row)) in_force(field, value(values[row.dataset.row], field.dataset.field));
+  }
+
+  function in_force(field, value) {
+    const kept = typed(field);
+    if (!kept && field === document.activeElement) return;
+    field.defaultValue = typeof value === "string" ? value : figure(value);
+    if (!kept || !typed(field)) field.value = field.defaultValue;
+    mark(field);
+  }
+
+  // What a row is to be: what was typed in it, of the rest what is in force now. null: a figure is none.
+  function wanted(row, values, value) {
+    const found = fields(row).map((field) => {
+      const name = field.dataset.field;
+      if (!typed(field)) return [name, value(values, name)];
+      return [name, name === "name" ? field.value : number(field.value)];
+    });
+    if (found.every(([, one]) => typeof one === "string" || Number.isFinite(one))) return Object.fromEntries(found);
+    dx.say(word("number"), "warn");
+    return null;
+  }
+
+  // Saved is over what is in force at this moment, not over what this page saw last.
+  async function save(row, what, value, body) {
+    const name = row.dataset.row;
+    const now = await dx.call("GET", what);
+    const values = now.ok && now.body[what][name];
+    const all = values && wanted(row, values, value);
+    if (!all) return;
+    const said = await dx.call("PUT", `${what}/${name}`, body(all, values));
+    if (said.ok) dx.say(word("saved").replace("{0}", what === "tools" ? `T${name}` : name));
+    look();
+  }
+
+  const look = () => looks.forEach((one) => one());
+  document.addEventListener("input", (event) => event.target.closest?.(".setup [data-row]") && mark(event.target));
+  document.addEventListener("keydown", (event) => {
+    if (event.key !== "Escape" || !event.target.closest?.(".setup [data-row]")) return;
+    event.target.value = event.target.defaultValue;
+    mark(event.target);
   });
 
   // ---- offsets
 
-  const input = (value, label, attrs = {}) => dx.el("input", { type: "text", inputmode: "decimal", value: figure(value), "aria-label": label, ...attrs });
-  // A decimal comma is what half of the shops type.
-  const number = (place) => Number(place.value.trim().replace(",", ".").replace("−", "-"));
+  const of_offset = (values, field) => (field[0] === "r" ? (values.turned_deg ?? [0, 0, 0]) : values.origin_mm)["XYZ".indexOf(field.at(-1))];
+  const offset_body = (all) => ({ origin_mm: [all.X, all.Y, all.Z], turned_deg: [all.rX, all.rY, all.rZ] });
 
-  function row_values(row, names) {
-    const values = names.map((name) => number(row.querySelector(`[data-field="${name}"]`)));
-    return values.every(Number.isFinite) ? values : (dx.say(word("number"), "warn"), null);
-  }
-
-  function offset([name, values]) {
-    const turned = values.turned_deg ?? [0, 0, 0];
+  function offset(name) {
     const row = dx.el(
       "tr",
       { "data-row": name },
       dx.el("th", { scope: "row" }, dx.el("span", { class: "axis-name" }, name)),
-      ...["X", "Y", "Z"].map((axis, i) =>
+      ...["X", "Y", "Z"].map((axis) =>
         dx.el(
           "td",
           { "data-label": `${axis} mm` },
           dx.el(
             "div",
             { class: "row" },
-            input(values.origin_mm[i], `${name} ${axis}`, { "data-field": axis }),
+            input(`${name} ${axis}`, { "data-field": axis }),
             dx.button(dx.icon("my_location"), () => touch(name, axis), { "data-needs": "control", "data-modes": "OFF READY", title: word("touch").replace("{0}", axis), "aria-label": `${name}: ${word("touch").replace("{0}", axis)}` }),
           ),
         ),
       ),
-      ...["X", "Y", "Z"].map((axis, i) => dx.el("td", { class: "hide-narrow" }, input(turned[i], `${name} ${word("turned")} ${axis}`, { "data-field": `r${axis}` }))),
-      dx.el("td", {}, dx.button(word("save"), () => save_offset(name, row), { "data-needs": "control", "data-modes": "OFF READY FAULT" })),
+      ...["X", "Y", "Z"].map((axis) => dx.el("td", { class: "hide-narrow" }, input(`${name} ${word("turned")} ${axis}`, { "data-field": `r${axis}` }))),
+      dx.el("td", {}, dx.button(word("save"), () => save(row, "offsets", of_offset, offset_body), { "data-needs": "control", "data-modes": "OFF READY FAULT" })),
     );
     return row;
   }
 
-  async function save_offset(name, row) {
-    const origin = row_values(row, ["X", "Y", "Z"]);
-    const turned = row_values(row, ["rX", "rY", "rZ"]);
-    if (!origin || !turned) return;
-    const said = await dx.call("PUT", `offsets/${name}`, { origin_mm: origin, turned_deg: turned });
-    if (said.ok) dx.say(word("saved").replace("{0}", name));
-    fresh("setup-offsets");
-  }
-
   async function touch(name, axis) {
-    const value = await ask(word("touch_ask").replace("{0}", name).replace("{1}", axis), "0");
+    const by = tool;
+    const asked = [name, axis, by].reduce((text, fact, i) => text.replace(`{${i}}`, fact), word("touch_ask"));
+    const other = spindle && by !== spindle ? ` ${word("touch_other").replace("{0}", spindle)}` : "";
+    const value = await ask(asked + other, "0");
     if (value === null) return;
-    const said = await dx.call("POST", `offsets/${name}/touch_off`, { [axis]: value, tool });
+    const said = await dx.call("POST", `offsets/${name}/touch_off`, { [axis]: value, tool: by });
     if (said.ok) dx.say(word("saved").replace("{0}", name));
-    fresh("setup-offsets");
+    look();
   }
 
   // A question with a number; null: given up.
   async function ask(sentence, start) {
     const answer = dx.ask(sentence, "setup.set");
     const box = document.querySelector(".dx-ask");
-    const field = input(0, sentence);
+    const field = input(sentence);
     field.value = start;
     box.querySelector("p").after(field);
     field.select();
     field.focus();
-    let typed = start;
-    field.addEventListener("input", () => (typed = field.value));
-    field.addEventListener("keydown", (event) => event.key === "Enter" && box.querySelector("[data-kind=go]").click());
+    let given = start;
+    field.addEventListener("input", () => (given = field.value));
+    field.addEventListener("keydown", (event) => event.key === "Enter" && !event.repeat && box.querySelector("[data-kind=go]").click());
     if (!(await answer)) return null;
-    const value = number({ value: typed });
-    return Number.isFinite(value) && typed.trim() ? value : (dx.say(word("number"), "warn"), null);
+    const value = number(given);
+    return Number.isFinite(value) ? value : (dx.say(word("number"), "warn"), null);
   }
-
-  function fresh(id) {
-    editing = "";
-    const place = $(id);
-    if (place) delete place.dataset.key;
-    looks.forEach((look) => look());
-  }
-
-  document.addEventListener("input", (event) => {
-    const row = event.target.closest?.("[data-row]");
-    if (row) editing = row.parentElement.id;
-  });
 
   looks.push(
     dx.every("setup", 2, "offsets", (body) => {
-      if (shows("offsets") && editing !== "setup-offsets") dx.fill("setup-offsets", (rows) => rows.map(offset), Object.entries(body.offsets));
+      if (shows("offsets")) table("setup-offsets", Object.entries(body.offsets), offset, of_offset);
     }),
   );
 
   // ---- tools
 
   const FIELDS = ["radius_mm", "length_mm", "flute_mm", "corner_mm", "taper_deg"];
-  const of_tool = (values, field) => (field === "taper_deg" ? ((values.taper_rad ?? 0) * 180) / Math.PI : (values[field] ?? 0));
+  const of_tool = (values, field) => (field === "taper_deg" ? ((values.taper_rad ?? 0) * 180) / Math.PI : (values[field] ?? (field === "name" ? "" : 0)));
+  // What stays is left out where it may be: turned to degrees and back it would be another taper by a hair.
+  const stays = (field, one, values) => ["corner_mm", "taper_deg"].includes(field) && one === of_tool(values, field);
+  const tool_body = (all, values) => Object.fromEntries(Object.entries(all).filter(([field, one]) => !stays(field, one, values)));
 
-  function tool_row([number_, values]) {
+  function tool_row(number_) {
     const row = dx.el(
       "tr",
       { "data-row": number_ },
       dx.el("th", { scope: "row" }, dx.el("span", { class: "axis-name" }, `T${number_}`)),
-      dx.el("td", { "data-label": word("name") }, dx.el("input", { class: "wide", type: "text", value: values.name ?? "", "aria-label": `T${number_} ${word("name")}`, "data-field": "name" })),
-      ...FIELDS.map((field) => dx.el("td", { "data-label": word(field) }, input(of_tool(values, field), `T${number_} ${word(field)}`, { "data-field": field }))),
+      dx.el("td", { "data-label": word("name") }, input(`T${number_} ${word("name")}`, { class: "wide", inputmode: "text", "data-field": "name" })),
+      ...FIELDS.map((field) => dx.el("td", { "data-label": word(field) }, input(`T${number_} ${word(field)}`, { "data-field": field }))),
       dx.el(
         "td",
         {},
         dx.el(
           "div",
           { class: "row" },
-          dx.button(word("save"), () => save_tool(number_, row), { "data-needs": "control" }),
+          dx.button(word("save"), () => save(row, "tools", of_tool, tool_body), { "data-needs": "control" }),
           number_ === "1" ? null : dx.button(word("delete"), () => remove_tool(number_), { "data-needs": "control" }),
         ),
       ),
@@ -175,42 +219,32 @@
     return row;
   }
 
-  // What this table does not show stays as the service has it.
-  async function save_tool(number_, row) {
-    const values = row_values(row, FIELDS);
-    if (!values) return;
-    const body = { name: row.querySelector('[data-field="name"]').value };
-    FIELDS.forEach((field, i) => (body[field] = values[i]));
-    const said = await dx.call("PUT", `tools/${number_}`, body);
-    if (said.ok) dx.say(word("saved").replace("{0}", `T${number_}`));
-    fresh("setup-tools");
-  }
-
   async function remove_tool(number_) {
     if (!(await dx.ask(word("delete_ask").replace("{0}", `T${number_}`)))) return;
     await dx.call("DELETE", `tools/${number_}`);
-    fresh("setup-tools");
+    look();
   }
 
+  // A tool that is there is never written over by one that is added.
   async function add_tool() {
     const number_ = await ask(word("add_ask"), String(Math.max(0, ...tools.map(([n]) => Number(n))) + 1));
     if (number_ === null) return;
-    await dx.call("PUT", `tools/${Math.round(number_)}`, { name: "", radius_mm: 3, length_mm: 0, flute_mm: 15 });
-    fresh("setup-tools");
+    if (!Number.isInteger(number_) || number_ < 1 || number_ > 9999) return dx.say(word("tool_number"), "warn");
+    const now = await dx.call("GET", "tools");
+    if (!now.ok) return;
+    if (now.body.tools[number_]) return dx.say(word("tool_there").replace("{0}", number_), "warn");
+    await dx.call("PUT", `tools/${number_}`, { name: "", radius_mm: 3, length_mm: 0, flute_mm: 15 });
+    look();
   }
   document.addEventListener("click", (event) => event.target.closest?.("#setup-add") && add_tool());
-  document.addEventListener("change", (event) => {
-    if (event.target.id !== "setup-tool") return;
-    tool = Number(event.target.value);
-    picked = true;
-  });
+  document.addEventListener("change", (event) => event.target.id === "setup-tool" && pick(Number(event.target.value)));
 
   let tools = [];
   looks.push(
     dx.every("setup", 2, "tools", (body) => {
       tools = Object.entries(body.tools).sort((a, b) => Number(a[0]) - Number(b[0]));
       dx.fill("setup-tool", (rows) => rows.map(([n, one]) => dx.el("option", { value: n, selected: Number(n) === tool }, `T${n} ${one.name ?? ""}`)), tools);
-      if (shows("tools") && editing !== "setup-tools") dx.fill("setup-tools", (rows) => rows.map(tool_row), tools);
+      if (shows("tools")) table("setup-tools", tools, tool_row, of_tool);
     }),
   );
 
@@ -247,7 +281,7 @@
   // ---- commissioning
 
   function commissioned(status) {
-    const drives = (status.drives ?? []).map((drive) => [drive.axis, drive.bus, drive.node, drive.state, typeof drive.heartbeat_age_s === "number" && drive.heartbeat_age_s < 1]);
+    const drives = (status.drives ?? []).map((drive) => [drive.axis, drive.bus, drive.node, drive.state, drive.heard]);
     const done = status.commissioned;
     dx.fill(
       "setup-commissioned",
@@ -265,21 +299,25 @@
             dx.el("td", { class: "figures" }, `${bus} · ${node}`),
             dx.el("td", {}, dx.chip(word(heard ? "heard" : "silent"), heard ? "go" : "stop")),
             dx.el("td", {}, dx.words[`drives.state.${state}`] ?? state),
-            ...["profile", "homing", "supervision"].map((key) => dx.el("td", { class: "hide-narrow" }, from_file(name, key))),
+            ...fitted(axis_of(name)).map((words) => dx.el("td", { class: "hide-narrow" }, words)),
           ),
         ),
       drives,
-      told === null,
+      dx.facts?.axes,
     );
-    if (told === null) file();
   }
 
-  const from_file = (axis, key) => (told?.rows ?? []).find((row) => row.table === `axis ${axis}` && row.key === key)?.value ?? word(`default.${key}`);
+  // How a drive is set up: profile, homing, what notices that the controller is gone.
+  function fitted(axis) {
+    const homing = axis.absolute ? word("absolute") : word("method").replace("{0}", axis.homing_method ?? "–");
+    return [axis.profile ?? "–", homing, axis.supervision ? word(`supervision.${axis.supervision}`) : "–"];
+  }
 
   dx.on("built", (name) => {
     if (name === "setup") turn(page);
   });
   dx.on("view", (name) => {
-    if (name === "setup") told = null;
+    if (name !== "setup") return pick(spindle || tool); // what was picked was for the touch that is over
+    told = null;
   });
 })();

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 from browsing import Site, until
+
+from controller.panel.page.views import VIEWS
 
 pytestmark = pytest.mark.slow
 
@@ -80,6 +83,102 @@ def test_figures_are_greyed_while_the_panel_is_away_and_the_page_comes_back(page
     page.wait_for_function("() => window.dx && !dx.stale && document.querySelector('.dro')")
     assert not page.is_visible(".line.stale")
     page.wait_for_selector("body[data-control=free]")  # a panel that was started anew knows of nobody
+
+
+def test_figures_are_old_within_a_second_by_the_pages_own_clock(page: Any, site: Site) -> None:
+    page.clock.install()
+    page.reload()
+    page.wait_for_function("() => window.dx && !dx.stale")
+    site.process.send_signal(signal.SIGSTOP)  # the connection stands, and nothing comes any more
+    try:
+        page.wait_for_timeout(100)  # for what was on its way
+        page.clock.run_for(1000)
+        assert page.get_attribute("body", "data-stale") == "1"
+    finally:
+        site.process.send_signal(signal.SIGCONT)
+    page.wait_for_selector("body[data-stale='']")
+
+
+STANDS = {"number": 500, "period_ms": 2.0}
+GREYED = ".mode-word, .figures, .marks, .error-bar, .bar, section[data-shown] .chip"
+
+
+def test_figures_of_a_machine_whose_clock_hangs_are_old_but_it_can_be_reset(page: Any, site: Site) -> None:
+    """The service still answers, with the last that it has seen."""
+    try:
+        site.tell(tick=STANDS, mode="RUNNING")
+        page.wait_for_selector(".line.stale >> text=clock stands still")
+        faint = "(all) => all.every((one) => one.checkVisibility() && getComputedStyle(one).opacity < 0.5)"
+        assert page.locator(GREYED).filter(visible=True).evaluate_all(faint)
+        green = page.eval_on_selector(".mode", "(e) => getComputedStyle(e).backgroundColor")
+        site.tell(mode="RUNNING")
+        page.wait_for_selector("body[data-stale='']")
+        assert page.eval_on_selector(".mode", "(e) => getComputedStyle(e).backgroundColor") != green
+        site.tell(tick=STANDS, mode="FAULT", fault={"name": "CONTROLLER_GONE", "sentence": "Gone."})
+        page.wait_for_selector("body[data-stale='1'] .line.alarm button:not([disabled])")
+    finally:
+        site.tell()
+
+
+def test_a_line_above_the_view_pushes_nothing_of_it_off_the_screen(page: Any, site: Site) -> None:
+    try:
+        site.tell(tick=STANDS, interlock="DOOR_OPEN", notices=[{"name": "DOOR_OPEN", "sentence": "Open."}])
+        page.wait_for_selector("body[data-stale='1'][data-barred='1']")
+        assert page.eval_on_selector(".run-tool", "(e) => e.getBoundingClientRect().bottom <= innerHeight")
+    finally:
+        site.tell()
+
+
+def test_a_key_that_is_held_answers_no_question_and_starts_nothing(page: Any, site: Site) -> None:
+    before = len(site.asked("start"))
+    page.focus(".cycle button[data-kind=go] >> nth=0")
+    for _ in range(4):  # without an up between them: the first is the press, the others its repeats
+        page.keyboard.down("Enter")
+    page.wait_for_selector(".dx-ask")
+    page.keyboard.up("Enter")
+    assert len(site.asked("start")) == before
+    page.keyboard.press("Enter")
+    until(lambda: len(site.asked("start")) > before, "the start")
+    page.evaluate("dx.stop()")
+    page.wait_for_selector("body[data-mode=READY]")
+
+
+REACHABLE = "header button, nav button, section[data-shown] :is(button, input, textarea, select)"
+
+
+@pytest.mark.parametrize("view", [view.NAME for view in VIEWS])
+def test_all_that_can_be_pressed_is_reached_by_the_tab_key(view: str, page: Any) -> None:
+    page.evaluate("(name) => dx.show(name)", view)
+    page.wait_for_selector(f"section[data-view={view}] .card")
+    pressable = "(one) => one.checkVisibility() && !one.disabled && one.tabIndex >= 0"
+    wanted = page.evaluate(f"""() => {{
+      window.all = [...document.querySelectorAll("{REACHABLE}")].filter({pressable});
+      document.activeElement.blur();
+      return window.all.length;
+    }}""")
+    reached = set()
+    for _ in range(wanted + 20):  # what scrolls is reached as well
+        page.keyboard.press("Tab")
+        reached.add(page.evaluate("window.all.indexOf(document.activeElement)"))
+    assert set(range(wanted)) - reached == set()
+
+
+def test_what_is_said_hides_no_button_of_a_phones_navigation(page: Any) -> None:
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.evaluate(
+        "dx.say('A sentence that is long enough for more than one line of a small screen. '.repeat(2))"
+    )
+    said, nav = (page.locator(place).bounding_box() for place in ("#dx-said", "nav"))
+    assert said["y"] + said["height"] <= nav["y"]
+
+
+def test_a_page_of_another_machine_than_the_one_that_answers_is_built_anew(page: Any, site: Site) -> None:
+    facts = site.ask("facts")
+    facts["axes"][0]["travel"] = [-1.0, 1.0]
+    page.route("**/api/v1/facts", lambda route: route.fulfill(json=facts), times=1)
+    page.evaluate("window.old = true; dx.tell('service', {answers: true})")
+    page.wait_for_function("() => window.dx && !window.old")
+    page.wait_for_selector("body[data-control=mine]")
 
 
 def test_control_is_kept_over_a_reload_of_the_page_and_given_by_hand(page: Any, site: Site) -> None:

@@ -23,6 +23,14 @@ def press(page: Any, site: Site) -> None:
     until(lambda: len(site.asked("jog")) > before + 1, "a jog")
 
 
+def elsewhere(page: Any, path: str, body: str = "null") -> None:
+    """As another page asks it; the finger stays where it is."""
+    page.evaluate(
+        f"fetch('/api/v1/{path}', {{method: 'POST', headers: {{'Content-Type': 'application/json'}},"
+        f" body: {body} === null ? undefined : '{body}'}})"
+    )
+
+
 ENDS: dict[str, Callable[[Any], object]] = {
     "the button goes up": lambda page: page.mouse.up(),
     "the pointer slides off": lambda page: page.mouse.move(5, 500),
@@ -33,6 +41,9 @@ ENDS: dict[str, Callable[[Any], object]] = {
     ),
     "another view comes": lambda page: page.evaluate("dx.show('run')"),
     "stop is pressed": lambda page: page.evaluate("dx.stop()"),
+    "somebody else stops it": lambda page: elsewhere(page, "jog/stop", "{}"),
+    "somebody else presses stop": lambda page: elsewhere(page, "cycle/stop"),
+    "somebody else holds": lambda page: elsewhere(page, "cycle/hold"),
     "control is given": lambda page: page.evaluate("dx.give()"),
     "the page goes": lambda page: page.goto("about:blank"),
     "the page is loaded anew": lambda page: page.reload(),
@@ -43,11 +54,15 @@ ENDS: dict[str, Callable[[Any], object]] = {
 def test_a_jog_ends_when(why: str, page: Any, site: Site) -> None:
     press(page, site)
     ENDS[why](page)
-    until(lambda: site.asked()[-1][1] != "jog" and site.asked("jog_stop", "stop"), "the end of the jog")
+    name = site.asked("jog")[-1][2]["press"]
+    until(lambda: {"press": name} in [args for _, _, args in site.asked("jog_stop")], "the end of the jog")
     jogs = len(site.asked("jog"))
-    time.sleep(5 * DEAD_MAN_S)  # nothing may come late
+    time.sleep(DEAD_MAN_S)
+    where = site.ask("status")["joints"]["X"]["machine"]
+    time.sleep(4 * DEAD_MAN_S)  # nothing may come late
     assert len(site.asked("jog")) == jogs
-    assert site.ask("status")["mode"] == "READY"
+    now = site.ask("status")
+    assert (now["mode"], now["joints"]["X"]["machine"]) == ("READY", where)
     if page.url == "about:blank":
         page.goto(site.url)
 
@@ -113,3 +128,82 @@ def test_who_loses_control_is_told_and_cannot_jog_any_more(page: Any, site: Site
     other.evaluate("dx.give()")
     other.wait_for_selector("body[data-control=free]")
     context.close()
+
+
+# ---- what is chosen
+
+
+def test_a_jog_goes_in_the_frame_and_at_the_speed_that_are_chosen(page: Any, site: Site) -> None:
+    page.evaluate("dx.show('jog')")
+    for frame in ("tool", "part"):
+        page.click(f"[data-choice=frame][data-value={frame}]")
+        assert page.is_hidden("[data-jog=A][data-sign='+']"), "rotaries have no direction there"
+        page.fill("#jog-speed", "35")
+        assert page.inner_text("#jog-speed-shown") == "35 %"
+        press(page, site)
+        page.mouse.up()
+        asked = site.asked("jog")[-1][2]
+        assert (asked["frame"], asked["axis"], asked["speed"]) == (frame, "X", 0.35)
+    page.click("[data-choice=frame][data-value=joint]")
+    page.wait_for_selector("[data-jog=A][data-sign='+']")
+
+
+@pytest.mark.parametrize("mode", ["FAULT", "RUNNING", "OFF"])
+def test_a_jog_ends_when_the_machine_is_in_another_mode(mode: str, page: Any, site: Site) -> None:
+    press(page, site)
+    name = site.asked("jog")[-1][2]["press"]
+    try:
+        site.tell(mode=mode)
+        until(lambda: {"press": name} in [args for _, _, args in site.asked("jog_stop")], "the end")
+    finally:
+        site.tell()
+
+
+def test_a_change_of_the_step_ends_a_jog(page: Any, site: Site) -> None:
+    press(page, site)
+    name = site.asked("jog")[-1][2]["press"]
+    page.eval_on_selector("[data-choice=step][data-value='1']", "(button) => button.click()")
+    until(lambda: {"press": name} in [args for _, _, args in site.asked("jog_stop")], "the end")
+    page.mouse.up()
+    page.click("[data-choice=step][data-value='0']")
+
+
+# ---- MDI
+
+
+def test_a_line_is_run_after_its_question_and_kept_for_the_next_time(page: Any, site: Site) -> None:
+    page.evaluate("dx.show('jog')")
+    page.wait_for_selector("#mdi-run:not([disabled])")
+    for line in ("G0 X1", "G0 Y2"):
+        page.fill("#mdi-text", line)
+        page.focus("#mdi-text")
+        before = len(site.asked("mdi"))
+        page.keyboard.press("Enter")
+        page.wait_for_selector(f".dx-ask >> text=Run this now? {line}")
+        assert len(site.asked("mdi")) == before
+        browsing.yes(page)
+        assert until(lambda n=before: site.asked("mdi")[n:], "the line")[0][2] == {"text": line}
+        page.wait_for_function("() => document.getElementById('mdi-text').value === ''")
+    page.wait_for_function(
+        "() => [...document.querySelectorAll('#mdi-history button')].map((b) => b.textContent).join()"
+        " === 'G0 Y2,G0 X1'"
+    )
+    page.keyboard.press("ArrowUp")
+    page.keyboard.press("ArrowUp")
+    assert page.input_value("#mdi-text") == "G0 X1"
+    page.keyboard.press("ArrowDown")
+    assert page.input_value("#mdi-text") == "G0 Y2"
+    page.click("#mdi-history button >> text=G0 X1")
+    assert page.input_value("#mdi-text") == "G0 X1"
+
+
+def test_a_line_whose_question_is_answered_with_no_is_not_run_and_stays(page: Any, site: Site) -> None:
+    page.evaluate("dx.show('jog')")
+    page.wait_for_selector("#mdi-run:not([disabled])")
+    page.fill("#mdi-text", "G0 Z3")
+    before = len(site.asked("mdi"))
+    page.click("#mdi-run")
+    page.click(".dx-ask button >> nth=1")
+    page.wait_for_selector(".dx-ask", state="detached")
+    assert page.input_value("#mdi-text") == "G0 Z3"
+    assert len(site.asked("mdi")) == before

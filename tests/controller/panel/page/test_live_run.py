@@ -72,6 +72,7 @@ def brings_programs(page: Any, folder: Path) -> None:
     page.wait_for_selector("#programs-drop")
     live_page.drop(page, config.shipped_program(NAME), wrong)
     chosen(page, wrong.name)
+    page.wait_for_selector("#programs-wrong:not(:empty)")
     shown = page.inner_text("#programs-wrong").splitlines()
     line, caret = shown[-2], shown[-1]
     assert line.endswith("3  G1 X1..5"), shown

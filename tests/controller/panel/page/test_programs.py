@@ -9,7 +9,7 @@ import browsing
 import pytest
 from browsing import Site, until
 
-from controller.panel.page import programs
+from controller.panel.page import figures
 
 DROP = """([name, text]) => {
   const transfer = new DataTransfer();
@@ -27,7 +27,7 @@ def drop(page: Any, name: str, text: str) -> None:
 
 
 def choose(page: Any, name: str) -> None:
-    page.click(f"tr[data-program='{name}'] button")
+    page.click(f"tr[data-program='{name}'] button >> nth=0")
     page.wait_for_selector(f".program-title:has-text('{name}')")
 
 
@@ -43,7 +43,128 @@ def test_a_program_is_dropped_and_loaded_from_the_second_line(page: Any, site: S
     assert (asked["name"], asked["line"], asked["fraction"]) == ("part.ngc", 2, 0.25)
     page.evaluate("dx.show('run')")
     page.wait_for_selector("#run-listing >> text=G1 X1 F100")
+    for language, words in (("en", "tool 1"), ("de", "Werkzeug 1")):
+        page.evaluate("(language) => { dx.language = language; }", language)
+        page.wait_for_selector(f".run .restart li:text-is('{words}')")
     page.evaluate("dx.call('DELETE', 'job')")
+
+
+@pytest.mark.slow
+def test_a_program_is_loaded_for_a_dry_run_above_the_part_and_unloaded_again(page: Any, site: Site) -> None:
+    drop(page, "dry.ngc", "G21\nM2\n")
+    choose(page, "dry.ngc")
+    page.fill(".places [name=dry]", "12.5")
+    page.click(".places button")
+    assert until(lambda: site.asked("load"), "the loading")[-1][2]["dry_run_mm"] == 12.5
+    page.click(".program-acts >> text=Unload")
+    until(lambda: site.asked("unload"), "the unloading")
+    page.wait_for_selector("tr[data-program='dry.ngc'] .chip:text-is('loaded')", state="detached")
+    page.wait_for_selector(".program-acts >> text=Unload", state="detached")
+
+
+@pytest.mark.slow
+def test_what_is_typed_stays_while_another_program_is_being_checked(page: Any, site: Site) -> None:
+    drop(page, "typed.ngc", "G21\nM2\n")
+    choose(page, "typed.ngc")
+    page.fill(".places [name=line]", "2")
+    drop(page, "slow.ngc", "SLOWLY\nM2\n")
+    share = "tr[data-program='slow.ngc'] .p-check .figures"
+    for _ in range(2):
+        shown = page.inner_text(share)
+        page.wait_for_function(
+            "([s, was]) => document.querySelector(s).textContent !== was", arg=[share, shown]
+        )
+    assert page.input_value(".places [name=line]") == "2"
+    page.evaluate("dx.call('DELETE', 'programs/slow.ngc')")
+
+
+@pytest.mark.slow
+def test_the_list_is_up_to_date_again_when_one_comes_back_to_it(page: Any, site: Site) -> None:
+    """The second view was built before: only its being shown is told."""
+    for view in ("programs", "runs", "programs", "runs", "programs"):
+        page.evaluate("(view) => dx.show(view)", view)
+        page.wait_for_selector(f"section[data-view={view}] .card")
+    drop(page, "back.ngc", "SLOWLY\nM2\n")
+    share = "tr[data-program='back.ngc'] .p-check .figures"
+    shown = page.inner_text(share)
+    page.wait_for_function("([s, was]) => document.querySelector(s).textContent !== was", arg=[share, shown])
+    page.evaluate("dx.call('DELETE', 'programs/back.ngc')")
+
+
+@pytest.mark.slow
+def test_what_is_there_already_is_replaced_only_after_a_question(page: Any, site: Site) -> None:
+    drop(page, "twice.ngc", "M2\n")
+    for say_yes in (False, True):
+        page.evaluate(DROP, ["twice.ngc", "G21\nM2\n"])
+        page.wait_for_selector(".dx-ask >> text=twice.ngc is there already. Replace it?")
+        if say_yes:
+            browsing.yes(page)
+        else:
+            page.click(".dx-ask button >> nth=1")
+        page.wait_for_selector(".upload", state="detached")
+        assert site.ask("programs/twice.ngc")["size"] == (7 if say_yes else 3)
+
+
+@pytest.mark.slow
+def test_files_are_chosen_with_the_button_one_after_another_even_if_a_question_is_given_up(
+    page: Any, site: Site, tmp_path: Path
+) -> None:
+    for name in ("one.ngc", "two.ngc"):
+        (tmp_path / name).write_text("M2\n")
+    drop(page, "one.ngc", "G21\nM2\n")
+    page.set_input_files("#programs-file", [tmp_path / "one.ngc", tmp_path / "two.ngc"])
+    page.wait_for_selector(".dx-ask >> text=one.ngc")
+    page.evaluate("void dx.ask('Another question?')")
+    page.wait_for_selector("tr[data-program='two.ngc']")
+    page.keyboard.press("Escape")
+    assert site.ask("programs/one.ngc")["size"] == 7
+    with page.expect_download() as waiting:
+        choose(page, "two.ngc")
+        page.click(".program-acts >> text=Download")
+    assert waiting.value.suggested_filename == "two.ngc"
+    assert waiting.value.path().read_text() == "M2\n"
+
+
+@pytest.mark.slow
+def test_an_upload_shows_how_far_it_is(page: Any, site: Site) -> None:
+    page.evaluate("dx.show('programs')")
+    page.wait_for_selector("#programs-drop")
+    page.evaluate(
+        """() => {
+          window.shares = [];
+          const look = () => {
+            for (const one of document.querySelectorAll(".upload-share")) {
+              shares.push([one.textContent, Number(one.previousSibling.style.getPropertyValue("--share"))]);
+            }
+          };
+          const seen = { childList: true, subtree: true, characterData: true };
+          new MutationObserver(look).observe(document.getElementById("programs-uploads"), seen);
+        }"""
+    )
+    page.evaluate(DROP, ["long.ngc", "G1 X1 F100\n" * 2_000_000])
+    page.wait_for_selector("tr[data-program='long.ngc']")
+    told = [(text, share) for text, share in page.evaluate("shares") if text]
+    assert told[-1] == ("100 %", 1)
+    assert all(text == f"{round(share * 100)} %" for text, share in told)
+    page.evaluate("dx.call('DELETE', 'programs/long.ngc')")
+
+
+@pytest.mark.slow
+def test_what_a_check_found_is_shown_with_its_units(page: Any, site: Site) -> None:
+    drop(page, "sound.ngc", "G21\nM2\n")
+    choose(page, "sound.ngc")
+    page.wait_for_selector(".programs-detail .facts")
+    told = page.inner_text(".programs-detail .facts").split("\n")
+    for shown in ("1:08", "87.3 mm, 0:52", "6", "programmed feed 93 %, Y velocity 7 %", "250.2 µm"):
+        assert shown in told, told
+    box = page.inner_text(".programs-detail .box tbody tr:nth-child(2)").split()
+    assert box == ["Y", "-27.60", "150.00", "42", "%", "30", "%", "90", "%"]
+    row = page.inner_text("tr[data-program='sound.ngc']")
+    assert "7 B" in row and "Uploaded" in row and "1:08" in row
+    at = page.get_attribute("tr[data-program='sound.ngc'] time", "data-at")
+    assert float(at) == site.ask("programs/sound.ngc")["uploaded_s"]
+    year = page.evaluate("new Date().getFullYear()")
+    assert str(year) in page.inner_text("tr[data-program='sound.ngc'] time")
 
 
 @pytest.mark.slow
@@ -65,6 +186,7 @@ def test_the_cut_surfaces_of_a_checked_program_are_shown_as_maps_with_their_figu
 def test_a_program_with_a_mistake_shows_the_line_with_a_caret_below_it(page: Any, site: Site) -> None:
     drop(page, "wrong.ngc", "G21\nG1 WRONG\n")
     choose(page, "wrong.ngc")
+    page.wait_for_selector("#programs-wrong:not(:empty)")
     shown = page.inner_text("#programs-wrong").splitlines()
     assert shown[-2].endswith("2  G1 WRONG")
     assert shown[-1].index("^") == shown[-2].index("WRONG")
@@ -97,17 +219,34 @@ def test_a_name_that_is_html_is_shown_as_it_is(page: Any, site: Site) -> None:
 def test_the_caret_stands_below_the_column(tmp_path: Path) -> None:
     file = tmp_path / "part.ngc"
     file.write_text("".join(f"N{n} G1 X{n}\n" for n in range(1, 200)))
-    found = programs.around(file, 150, 6)
+    found = figures.around(file, 150, 6)
     assert found[-2] == "   150  N150 G1 X150"
     assert found[-1].index("^") == found[-2].index("G1")
-    assert len(found) == programs.SHOWN_BEFORE + 2
+    assert len(found) == figures.SHOWN_BEFORE + 2
+
+
+def test_the_caret_stands_below_the_column_also_behind_tabs_and_far_to_the_right(tmp_path: Path) -> None:
+    file = tmp_path / "part.ngc"
+    file.write_text("G1\n(" + "é" * 400 + ")\tG1\tWRONG X1 (" + "." * 400 + ")\n")
+    column = len("(" + "é" * 400 + ")\tG1\t") + 1
+    first, wrong, caret = figures.around(file, 2, column)
+    assert first == "     1"
+    assert caret.index("^") == wrong.index("WRONG")
+    assert len(wrong) <= 8 + figures.SHOWN_WIDE
+
+
+def test_the_caret_stands_below_the_column_of_a_line_beyond_the_millionth(tmp_path: Path) -> None:
+    file = tmp_path / "part.ngc"
+    file.write_text("\n" * 1_000_000 + "G1 WRONG\n")
+    *_, wrong, caret = figures.around(file, 1_000_001, 4)
+    assert caret.index("^") == wrong.index("WRONG")
 
 
 def test_a_place_beyond_the_end_of_the_text_shows_what_there_is(tmp_path: Path) -> None:
     file = tmp_path / "part.ngc"
     file.write_bytes(b"G1 \xff\n")
-    assert programs.around(file, 9, 0) == []
-    assert programs.around(file, 1, 0) == ["     1  G1 �"]
+    assert figures.around(file, 9, 0) == []
+    assert figures.around(file, 1, 0) == ["     1  G1 �"]
 
 
 @pytest.mark.parametrize(
@@ -115,11 +254,11 @@ def test_a_place_beyond_the_end_of_the_text_shows_what_there_is(tmp_path: Path) 
     [(0, "0 B"), (999, "999 B"), (1000, "1.0 kB"), (2_500_000, "2.5 MB"), (3e12, "3000.0 GB")],
 )
 def test_sizes_are_told_in_the_unit_that_fits(count: int, shown: str) -> None:
-    assert programs.size(count) == shown
+    assert figures.size(count) == shown
 
 
 @pytest.mark.parametrize(
     ("seconds", "shown"), [(None, "–"), (0.4, "0:00"), (67.7, "1:08"), (3725.0, "1:02:05")]
 )
 def test_times_are_told_as_a_clock_does(seconds: float | None, shown: str) -> None:
-    assert programs.clock(seconds) == shown
+    assert figures.clock(seconds) == shown

@@ -69,6 +69,110 @@ def test_an_offset_is_set_from_where_the_tip_is(setup: Any, site: Site) -> None:
     assert asked["values"]["origin_mm"] == [6.0, 0.0, 0.0]
 
 
+def touch_asked(setup: Any, axis: int) -> str:
+    """Press "from position" of an axis of G54; what is asked then."""
+    setup.click(f"#setup-offsets tr[data-row=G54] .row button >> nth={axis}")
+    setup.wait_for_selector(".dx-ask input")
+    return str(setup.inner_text(".dx-ask p"))
+
+
+def test_the_tool_in_the_spindle_touches_off_again_after_a_change_whatever_was_picked(
+    setup: Any, site: Site
+) -> None:
+    """The tip of T1 (length 0) is at Z 30, that of T7 (50 mm longer) at -20."""
+    tool = "{name: 'long', radius_mm: 3, length_mm: 50, flute_mm: 15}"
+    setup.evaluate(f"dx.call('PUT', 'tools/7', {tool})")
+    site.tell(tool=1)
+    part(setup, "offsets")
+    setup.wait_for_function("() => document.querySelectorAll('#setup-tool option').length === 2")
+    setup.wait_for_function("() => document.querySelector('#setup-tip').textContent.startsWith('T1:')")
+    setup.select_option("#setup-tool", "7")
+    asked = touch_asked(setup, 2)
+    assert "with T7" in asked and "T1 is in the spindle." in asked
+    setup.click(".dx-ask button >> nth=1")
+    for number, origin in ((7, -20.0), (1, 30.0)):
+        site.tell(tool=number)
+        setup.wait_for_function("(n) => document.querySelector('#setup-tool').value === n", arg=str(number))
+        assert f"with T{number}" in touch_asked(setup, 2)
+        before = len(site.asked("set_offset"))
+        browsing.yes(setup)
+        made = until(lambda at=before: site.asked("set_offset")[at:], "the offset")[0][2]
+        assert made["values"]["origin_mm"][2] == origin
+    setup.select_option("#setup-tool", "7")
+    setup.evaluate("dx.show('run'); dx.show('setup')")
+    assert setup.input_value("#setup-tool") == "1"
+    site.tell()
+    setup.evaluate("dx.call('DELETE', 'tools/7')")
+
+
+def test_only_what_was_typed_is_saved_and_what_is_typed_elsewhere_stays(setup: Any, site: Site) -> None:
+    part(setup, "offsets")
+    setup.evaluate("dx.call('PUT', 'offsets/G55', {origin_mm: [1, 2, 3], turned_deg: [0, 0, 0]})")
+    one, other = (f"#setup-offsets tr[data-row={name}]" for name in ("G54", "G55"))
+    setup.wait_for_selector(other)
+    setup.fill(f"{other} [data-field=X]", "7")
+    setup.fill(f"{one} [data-field=X]", "11")
+    setup.evaluate("dx.call('PUT', 'offsets/G55', {origin_mm: [1, 2.5, 3], turned_deg: [0, 0, 0]})")
+    setup.wait_for_function(f"() => document.querySelector('{other} [data-field=Y]').value === '2.5'")
+    setup.click(f"{one} td:last-child button")
+    setup.wait_for_selector("#dx-said:has-text('G54 is saved.')")
+    setup.wait_for_selector(f"{one} [data-field=X]:not([data-typed])")
+    assert setup.input_value(f"{other} [data-field=X]") == "7"
+    setup.evaluate("dx.call('PUT', 'offsets/G55', {origin_mm: [1, 4.5, 3], turned_deg: [0, 0, 0]})")
+    before = len(site.asked("set_offset"))
+    setup.click(f"{other} td:last-child button")
+    made = until(lambda: site.asked("set_offset")[before:], "the offset")[0][2]
+    assert made["values"]["origin_mm"] == [7.0, 4.5, 3.0]
+    setup.fill(f"{one} [data-field=Z]", "99")
+    setup.keyboard.press("Escape")
+    assert setup.input_value(f"{one} [data-field=Z]") != "99"
+
+
+def test_what_is_typed_stays_when_saving_was_refused(setup: Any, site: Site) -> None:
+    part(setup, "tools")
+    field = "#setup-tools tr[data-row='1'] [data-field=radius_mm]"
+    setup.fill(field, "-3")
+    setup.click("#setup-tools tr[data-row='1'] td:last-child button >> nth=0")
+    setup.wait_for_selector("#dx-said[data-tone=warn]")
+    setup.evaluate("dx.call('PUT', 'tools/9', {radius_mm: 3, length_mm: 0, flute_mm: 15})")
+    setup.wait_for_selector("#setup-tools tr[data-row='9']")  # the table was made with another row
+    assert setup.input_value(field) == "-3"
+    setup.focus(field)
+    setup.keyboard.press("Escape")
+    assert setup.input_value(field) == "3"
+    setup.evaluate("dx.call('DELETE', 'tools/9')")
+
+
+def test_a_tool_that_is_there_is_not_written_over_by_one_that_is_added(setup: Any, site: Site) -> None:
+    part(setup, "tools")
+    for number, said in (("1", "T1 is in the table already"), ("2.5", "A whole number from 1 to 9999")):
+        before = len(site.asked("set_tool"))
+        setup.click("#setup-add")
+        setup.fill(".dx-ask input", number)
+        browsing.yes(setup)
+        setup.wait_for_selector(f"#dx-said:has-text('{said}')")
+        assert len(site.asked("set_tool")) == before
+
+
+def test_the_drives_are_shown_as_the_service_tells_that_they_are_set_up(setup: Any, site: Site) -> None:
+    drives = [
+        {"axis": "X", "bus": "can0", "node": 1, "state": "OPERATION_ENABLED", "heard": True},
+        {"axis": "Z", "bus": "can1", "node": 3, "state": "FAULT", "heard": False, "heartbeat_age_s": 0.01},
+        {"axis": "C", "bus": "can1", "node": 5, "state": "SWITCHED_ON", "heard": True},
+    ]
+    part(setup, "drives")
+    for done, words in ((True, "commissioned"), (False, "not commissioned")):
+        site.tell(drives=drives, commissioned=done)
+        setup.wait_for_selector(f"#setup-commissioned .chip:text-is('{words}')")
+    rows = [setup.inner_text(f"#setup-drives tr:nth-child({n})").split("\t") for n in (1, 2, 3)]
+    assert [[cell.strip() for cell in row] for row in rows] == [
+        ["X", "can0 · 1", "heard", "operation enabled", "simulated", "method 37", "heartbeat"],
+        ["Z", "can1 · 3", "silent", "fault", "simulated", "absolute encoder", "heartbeat"],
+        ["C", "can1 · 5", "heard", "switched on", "simulated", "method 37", "node guarding"],
+    ]
+    site.tell()
+
+
 def test_a_tool_is_added_changed_and_taken_away(setup: Any, site: Site) -> None:
     part(setup, "tools")
     setup.click("#setup-add")

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterator
 from typing import Any
+from urllib.parse import parse_qs, urlsplit
 
 import browsing
 import numpy as np
@@ -56,11 +58,58 @@ def test_the_target_of_a_drive_is_that_of_the_status(looker: Any) -> None:
     )
 
 
-def test_the_bus_shows_its_budget_and_the_ticks_their_lateness(looker: Any) -> None:
+def told(page: Any, cell: str) -> str:
+    return str(page.text_content(f"[data-drive='{cell}']"))
+
+
+def test_an_emergency_is_told_once_with_its_code_and_only_of_its_drive(looker: Any) -> None:
     show(looker, "drives")
-    looker.wait_for_selector("#drives-buses >> text=60.3 %")
-    looker.wait_for_selector("#drives-late .meter")
-    assert "s" in looker.inner_text("#drives-late-of")
+    looker.wait_for_selector("[data-drive='Y.said'] .wrong")
+    assert told(looker, "Y.said") == "8611h: following error"
+    assert told(looker, "X.said") == "none"
+
+
+def test_a_temperature_is_shown_of_the_drive_that_tells_it(looker: Any) -> None:
+    show(looker, "drives")
+    looker.wait_for_selector("[data-drive='A.warmth']:has-text('41.5 °C')")
+    assert told(looker, "X.warmth") == "–"
+    assert looker.is_visible("th.d-warmth")
+
+
+def test_only_the_drives_that_home_are_said_to_be_homing(looker: Any, site: Site) -> None:
+    show(looker, "drives")
+    drives = [{**one, "homing": one["axis"] == "Z"} for one in site.ask("status")["drives"]]
+    site.lay_over(mode="HOMING", drives=drives)
+    looker.wait_for_selector("[data-drive='Z.mode']:has-text('homing')")
+    assert {told(looker, f"{axis}.mode") for axis in "XYAC"} == {"cyclic position"}
+    site.lay_over()
+    looker.wait_for_selector("[data-drive='Z.mode']:has-text('cyclic position')")
+
+
+def test_the_bus_shows_its_budget_what_was_heard_and_its_errors(looker: Any) -> None:
+    """Heard: a SYNC and five commands in each of 300 ticks of 2 ms."""
+    show(looker, "drives")
+    looker.wait_for_selector("#drives-buses >> text=can0")
+    figures = looker.locator("#drives-buses .meters .figures").all_text_contents()
+    assert figures == ["60.3 %", "31.5 %", "18.9 %"]
+    tones = looker.eval_on_selector_all("#drives-buses .meter", "(all) => all.map((one) => one.dataset.tone)")
+    assert tones == ["go"] * 3
+    assert "TEC 96 REC 12" in " ".join(looker.inner_text("#drives-buses").split())
+
+
+def test_late_ticks_are_counted_and_those_that_were_skipped_are_red(looker: Any) -> None:
+    show(looker, "drives")
+    body = {"from_us": [0, 500, 1000], "ticks": [90, 9, 0], "skipped_from_us": 500, "seconds": 60.2}
+    with looker.expect_response("**/machine/buses") as waiting:
+        pass
+    answer = {**waiting.value.json(), "lateness": body}
+    looker.route("**/machine/buses", lambda route: route.fulfill(json=answer))
+    looker.wait_for_selector("#drives-late-of:has-text('60 s')")
+    tones = looker.eval_on_selector_all("#drives-late .meter", "(all) => all.map((one) => one.dataset.tone)")
+    assert tones == ["info", "stop", "info"]
+    found = looker.locator("#drives-late > .figures").all_text_contents()
+    assert found == ["0 – 500 µs", "90", "500 – 1000 µs", "9", "≥ 1000 µs", "0"]
+    looker.unroute("**/machine/buses")
 
 
 # ---- scope
@@ -83,16 +132,72 @@ def test_the_scope_runs_stands_still_and_reads_out_at_its_cursors(looker: Any) -
     choose_signals(looker, "X.command", "X.velocity", "feed")
     looker.wait_for_selector("#scope-run[aria-pressed=true]")
     looker.wait_for_selector("[data-signal='feed']:not(:empty)")
-    looker.click("#scope-run")
-    looker.wait_for_selector("#scope-run[aria-pressed=false]")
-    box = looker.locator("#scope-canvas").bounding_box()
-    for share in (0.4, 0.8):
-        looker.mouse.click(box["x"] + share * box["width"], box["y"] + 0.5 * box["height"])
+    stand_still(looker)
+    click_at(looker, 0.4, 0.8)
     looker.wait_for_selector("#scope-cursors:has-text('Hz')")
-    assert looker.inner_text("#scope-cursors").startswith("1: ")
+    (one, two), apart = cursors(looker), looker.inner_text("#scope-cursors").split("Δ ")[1]
+    assert apart.split()[0] == str(two - one)
+    assert float(apart.split()[2]) == pytest.approx(0.002 * (two - one), rel=1e-4)
 
 
-def test_a_single_shot_waits_for_its_trigger_and_shows_what_was_before_it(looker: Any) -> None:
+def stand_still(page: Any) -> None:
+    if page.get_attribute("#scope-run", "aria-pressed") == "true":
+        page.click("#scope-run")
+    page.wait_for_selector("#scope-run[aria-pressed=false]")
+
+
+def narrow(page: Any) -> None:
+    """Standing still, without cursors, with every tick in a column of its own."""
+    page.select_option("#scope-seconds", "0.1")
+    stand_still(page)
+    page.wait_for_selector("#scope-canvas[data-per-column='1']")
+    page.click("#scope-none")
+
+
+def click_at(page: Any, *shares: float) -> None:
+    box = page.locator("#scope-canvas").bounding_box()
+    for share in shares:
+        page.mouse.click(box["x"] + share * box["width"], box["y"] + 0.5 * box["height"])
+
+
+def cursors(page: Any) -> list[int]:
+    """The ticks of the two cursors, as they are read."""
+    return [int(tick) for tick in re.findall(r"\d: tick (\d+)", page.inner_text("#scope-cursors"))]
+
+
+def test_a_cursor_reads_each_signal_as_its_tick_has_it(looker: Any, site: Site) -> None:
+    show(looker, "scope")
+    looker.select_option("#scope-source", "now")
+    choose_signals(looker, "X.command", "C.actual")
+    narrow(looker)
+    click_at(looker, 0.3, 0.7)
+    looker.wait_for_selector("#scope-cursors:has-text('Hz')")
+    for place, tick in enumerate(cursors(looker)):
+        row = site.ask(f"ticks?names=X.command,C.actual&first={tick}&last={tick}")["low"]
+        for name in ("X.command", "C.actual"):
+            shown = looker.inner_text(f"[data-signal='{name}']").splitlines()[place]
+            assert float(shown.replace("−", "-")) == pytest.approx(row[name][0], rel=1e-5), name
+
+
+def test_cursors_are_led_by_keys(looker: Any) -> None:
+    show(looker, "scope")
+    narrow(looker)
+    looker.focus("#scope-canvas")
+    looker.wait_for_selector("#scope-cursors:has-text('by keys')")
+    looker.keyboard.press("2")
+    one, two = cursors(looker)
+    for key, wanted in (
+        ("ArrowRight", [one, two + 1]),
+        ("Shift+ArrowLeft", [one, two - 9]),
+        ("1", [one, two - 9]),
+        ("ArrowLeft", [one - 1, two - 9]),
+        ("Escape", []),
+    ):
+        looker.keyboard.press(key)
+        assert cursors(looker) == wanted, key
+
+
+def test_a_single_shot_waits_for_its_trigger_and_shows_what_was_before_it(looker: Any, site: Site) -> None:
     show(looker, "scope")
     choose_signals(looker, "path_time")
     looker.select_option("#scope-seconds", "0.2")
@@ -103,20 +208,44 @@ def test_a_single_shot_waits_for_its_trigger_and_shows_what_was_before_it(looker
     looker.click("#scope-single")
     looker.wait_for_selector("#scope-single[aria-pressed=false]")
     looker.wait_for_selector("#scope-state:has-text('standing')")
+    fired = site.ask(f"ticks/trigger?name=path_time&level={level}&edge=rising")["tick"]
+    first, last = exported(looker)
+    assert last - first == 100
+    assert fired - first == 25
 
 
+def exported(page: Any) -> tuple[int, int]:
+    """The first and the last tick that are shown, and would be in a file."""
+    found = parse_qs(urlsplit(page.get_attribute("#scope-csv", "href")).query)
+    return int(found["first"][0]), int(found["last"][0])
+
+
+@pytest.mark.parametrize("source", ["now", "recording"])
 @pytest.mark.parametrize("kind", ["csv", "npz"])
-def test_what_the_scope_shows_is_exported(kind: str, looker: Any) -> None:
+def test_what_the_scope_shows_is_exported(kind: str, source: str, looker: Any) -> None:
     show(looker, "scope")
+    choose_source(looker, source)
     choose_signals(looker, "X.command", "X.error")
     with looker.expect_download() as waiting:
         looker.click(f"#scope-{kind}")
     data = waiting.value.path().read_bytes()
     if kind == "csv":
-        assert data.splitlines()[0].startswith(b"tick,time_s,X.command")
+        names, *rows = data.decode().splitlines()
+        assert names == "tick,time_s,X.command [mm],X.error [mm]"
+        ticks = [int(row.split(",")[0]) for row in rows]
     else:
         found = np.load(io.BytesIO(data))
-        assert len(found["X.command"]) == len(found["tick"]) > 100
+        assert set(found) >= {"X.command", "X.error"}
+        ticks = found["tick"].tolist()
+    assert len(ticks) > 100 and ticks == list(range(ticks[0], ticks[0] + len(ticks)))
+    choose_source(looker, "now")
+
+
+def choose_source(page: Any, kind: str) -> None:
+    """The machine now, or the first recording."""
+    option = page.wait_for_selector(f"#scope-source option[value^='{kind}']", state="attached")
+    page.select_option("#scope-source", option.get_attribute("value"))
+    page.wait_for_selector("[data-signal]:not(:empty)")
 
 
 # ---- alarms
@@ -131,7 +260,7 @@ def test_an_alarm_is_told_with_cause_and_remedy_and_its_recording_opens_in_the_s
         assert words in told, told
     looker.click(f"{card} >> text=Open in scope")
     looker.wait_for_selector("section[data-view=scope][data-shown]")
-    looker.wait_for_function("() => document.querySelector('#scope-source').value.startsWith('recording:')")
+    looker.wait_for_function("() => document.querySelector('#scope-source')?.value.startsWith('recording:')")
     looker.wait_for_selector("[data-signal]:not(:empty)")
     looker.select_option("#scope-source", "now")
 
@@ -176,58 +305,3 @@ def test_the_machine_file_is_searched_and_names_its_lines(looker: Any) -> None:
     text = looker.evaluate("fetch('/api/v1/machine/file').then((a) => a.json()).then((f) => f.text)")
     assert "retract_mm" in text.splitlines()[line - 1]
     looker.fill("#setup-filter", "")
-
-
-# ---- 3-D
-
-
-def picture(page: Any) -> None:
-    page.set_viewport_size({"width": 640, "height": 480})  # drawn without a graphics card
-    show(page, "scene")
-    page.wait_for_function("() => window.dxScene && dxScene.shape && dxScene.tool_key")
-
-
-def test_the_picture_has_the_path_done_and_to_do_and_the_surfaces(looker: Any) -> None:
-    picture(looker)
-    looker.wait_for_function("() => dxScene.at > 0")
-    drawn = looker.evaluate(
-        "[dxScene.shape.surfaces.length, dxScene.done.geometry.drawRange.count,"
-        " dxScene.ahead.geometry.drawRange.count, dxScene.shape.tips.length, dxScene.at]"
-    )
-    surfaces, done, ahead, points, at = drawn
-    assert surfaces == 2
-    assert (done, ahead) == (at + 1, points - at)
-
-
-def test_the_tool_in_the_spindle_is_drawn_where_the_status_tells(looker: Any) -> None:
-    """T2 of the shipped table has a radius of 1.5 mm."""
-    picture(looker)
-    looker.wait_for_function("() => JSON.parse(dxScene.tool_key).number === 2")
-    assert looker.evaluate("JSON.parse(dxScene.tool_key).radius_mm") == 1.5
-    apart = looker.evaluate(
-        "() => { dxScene.status(dx.status); const at = dxScene.tool.position.toArray();"
-        " return Math.hypot(...dx.status.on_table.tip.map((v, i) => v - at[i])) }"
-    )
-    assert apart < 1e-6
-
-
-def test_what_nobody_looks_at_is_not_drawn(looker: Any) -> None:
-    """The scene would draw 25 pictures a second as long as the page is open."""
-    picture(looker)
-    looker.wait_for_function("() => dxScene.drawn > 0")
-    show(looker, "runs")
-    before = looker.evaluate("dxScene.drawn")
-    looker.wait_for_timeout(500)
-    assert looker.evaluate("dxScene.drawn") == before
-    show(looker, "scene")
-    looker.wait_for_function("(before) => dxScene.drawn > before", arg=before)
-
-
-def test_the_machine_may_stand_instead_of_the_part(looker: Any) -> None:
-    picture(looker)
-    looker.click("[data-scene='frame machine']")
-    looker.wait_for_function("() => dxScene.frame === 'machine'")
-    assert looker.evaluate("dxScene.root.matrix.elements[0]") == 1.0
-    looker.click("[data-scene='frame part']")
-    looker.click("[data-scene='look top']")
-    looker.click("[data-scene='clear']")

@@ -1,0 +1,148 @@
+"""What a program of 100 000 lines costs the 3-D view: pictures a second, bytes, and time to load.
+
+A machine on the stepped clock moves at every status, so each of them wants another picture. Turns with
+the program's path in the scene and without it alternate in one page, so both meet the same computer; what
+is loaded is the shipped Example 2 and then the long program. A browser without a graphics card draws on the
+processor: there the empty scene tells what this computer can do, and the share of it is the figure.
+
+    python tests/benchmarks/page_scene.py --lines 100000 --rounds 3 --seconds 10
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
+
+import browsing  # noqa: E402
+import cam_lines  # noqa: E402
+
+from controller import config  # noqa: E402
+from controller.plan.report.picture import Picture, Shape  # noqa: E402
+from controller.session import checked  # noqa: E402
+
+LONG = "long"
+WAITS_MS = 300_000
+# What is counted while the page is left alone: pictures, statuses, and the time that each takes of the page.
+WATCHED = """() => {
+  const { renderer } = getElement(dxScene.scene);
+  const [draw, move] = [renderer.render, dxScene.status.bind(dxScene)];
+  const timed = (work, into, counts) => (...all) => {
+    const [began, before] = [performance.now(), dxScene.drawn];
+    work(...all);
+    if (counts() !== before || into === "moves") window.seen[into].push(performance.now() - began);
+  };
+  window.seen = { draws: [], moves: [] };
+  renderer.render = timed(draw, "draws", () => dxScene.drawn);
+  dxScene.status = timed(move, "moves", () => dxScene.drawn);
+}"""
+EMPTIED = """(empty) => {
+  if (empty) [dxScene.kept, dxScene.shape] = [dxScene.shape, null];
+  else dxScene.shape = dxScene.kept;
+  dxScene.part.visible = !empty;
+  window.seen = { draws: [], moves: [] };
+}"""
+
+
+def shape(lines: int) -> Shape:
+    """Of a program of five-axis lines, as its check leaves it."""
+    machine = config.load("trunnion")
+    text = "".join(cam_lines.program(cam_lines.places(lines), False, "G21 G90 G61"))
+    task = checked.task(text.encode(), "long.ngc", machine)
+    picture = Picture(machine, task.kinematics)
+    for _ in picture.watched(checked.path_of(task, None).items):
+        pass
+    return picture.shape()
+
+
+def loaded(page: Any, site: browsing.Site) -> dict[str, float]:
+    """From the address to the first picture with the path in it; what came for it."""
+    with page.expect_response("**/picture", timeout=WAITS_MS) as waiting:
+        began_s = time.monotonic()
+        page.goto(f"{site.url}#scene")
+    page.wait_for_function("() => window.dxScene?.shape && dxScene.drawn > 0", timeout=WAITS_MS)
+    took_s = time.monotonic() - began_s
+    points = page.evaluate("dxScene.shape.tips.length")
+    size = len(waiting.value.body())
+    page.goto("about:blank")
+    return {"s": took_s, "bytes": size, "points": points}
+
+
+def turn(page: Any, seconds: float, empty: bool) -> dict[str, Any]:
+    """Times (ms) of the pictures and of the statuses in so many seconds."""
+    page.evaluate(EMPTIED, empty)
+    began_s = time.monotonic()
+    page.wait_for_timeout(seconds * 1e3)
+    seen: dict[str, Any] = page.evaluate("window.seen")
+    return {**seen, "seconds": time.monotonic() - began_s}
+
+
+def measure(lines: int, rounds: int, seconds: float, width: int, height: int) -> dict[str, Any]:
+    """All figures, as plain values."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        with browsing.fake_site(folder, "stepped_site.py") as site, browsing.browser() as chromium:
+            page = chromium.new_page(viewport={"width": width, "height": height})
+            short = loaded(page, site)
+            shape(lines).save(folder / "pictures" / f"{LONG}.npz")
+            (folder / "picture").write_text(LONG)
+            long = loaded(page, site)
+            page.goto(f"{site.url}#scene")
+            page.wait_for_function("() => window.dxScene?.shape && dxScene.drawn > 0", timeout=WAITS_MS)
+            page.evaluate(WATCHED)
+            turns = [(turn(page, seconds, empty), empty) for _ in range(rounds) for empty in (True, False)]
+    found = {
+        name: summed([one for one, empty in turns if empty == wanted])
+        for name, wanted in (("empty", True), ("program", False))
+    }
+    return {"lines": lines, "loading": {"Example 2": short, "long": long}, "drawing": found}
+
+
+def summed(turns: list[dict[str, Any]]) -> dict[str, float]:
+    """Of all turns of a kind."""
+    seconds = sum(one["seconds"] for one in turns)
+    draws, moves = ([ms for one in turns for ms in one[name]] for name in ("draws", "moves"))
+    return {
+        "pictures per s": len(draws) / seconds,
+        "statuses per s": len(moves) / seconds,
+        "ms of a picture": float(np.median(draws)) if draws else 0.0,
+        "ms of a status": float(np.median(moves)) if moves else 0.0,
+        "ms of the slowest status": max(moves, default=0.0),
+    }
+
+
+def show(figures: dict[str, Any]) -> None:
+    for name, one in figures["loading"].items():
+        print(
+            f"{name:12}{one['points']:8} points {one['bytes'] / 1e3:8.0f} kB {one['s']:8.2f} s to its picture"
+        )
+    empty, program = figures["drawing"]["empty"], figures["drawing"]["program"]
+    print(f"{'':26}{'empty':>10}{'program':>10}   ({figures['lines']} lines)")
+    for name in empty:
+        print(f"{name:26}{empty[name]:10.2f}{program[name]:10.2f}")
+    print(f"share of the empty scene's pictures: {program['pictures per s'] / empty['pictures per s']:.2f}")
+
+
+def main() -> None:
+    arguments = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    arguments.add_argument("--lines", type=int, default=100_000)
+    arguments.add_argument("--rounds", type=int, default=3)
+    arguments.add_argument("--seconds", type=float, default=10.0)
+    arguments.add_argument("--width", type=int, default=1280)
+    arguments.add_argument("--height", type=int, default=720)
+    arguments.add_argument("--json", action="store_true", help="figures as JSON")
+    wanted = arguments.parse_args()
+    figures = measure(wanted.lines, wanted.rounds, wanted.seconds, wanted.width, wanted.height)
+    print(json.dumps(figures)) if wanted.json else show(figures)
+
+
+if __name__ == "__main__":
+    main()

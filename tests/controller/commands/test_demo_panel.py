@@ -1,0 +1,57 @@
+"""``directrix demo --panel``: one command, a simulated machine with its page, and nothing left behind."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import urllib.request
+from pathlib import Path
+
+import browsing
+import pytest
+
+ENDS_S = 90.0  # no test is meant to come near
+
+pytestmark = [pytest.mark.slow, pytest.mark.live]
+
+
+def test_one_command_opens_a_machine_with_its_page_and_programs_and_ends_both(tmp_path: Path) -> None:
+    port = browsing.free_port()
+    command = (sys.executable, "-m", "controller", "demo", "--panel", "--port", str(port), "--json")
+    demo = subprocess.Popen(
+        (*command, "--out", str(tmp_path)),
+        cwd=browsing.ROOT,
+        env={**os.environ, "PYTHONPATH": str(browsing.ROOT)},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert demo.stdout is not None
+        url = json.loads(demo.stdout.readline())["url"]
+        assert "/page/dx.js" in asked(url)
+        programs = json.loads(asked(f"{url}api/v1/programs"))["programs"]
+        assert {one["name"] for one in programs} == {"example1_ready.ngc", "example2_ready.ngc"}
+        browsing.until(lambda: machine_answers(url), "the machine")
+    finally:
+        demo.send_signal(signal.SIGTERM)
+        code = demo.wait(ENDS_S)
+    assert code == 0
+    with pytest.raises(OSError):
+        asked(url)
+
+
+def asked(url: str) -> str:
+    with urllib.request.urlopen(url) as answer:
+        return str(answer.read().decode())
+
+
+def machine_answers(url: str) -> bool:
+    """The service may come up behind its panel."""
+    with contextlib.suppress(OSError):
+        return json.loads(asked(f"{url}api/v1/status"))["mode"] == "OFF"
+    return False

@@ -1,0 +1,39 @@
+"""Where there are users, the page says who is logged in and lets him log out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import browsing
+import pytest
+from argon2 import PasswordHasher
+
+from controller.panel.store import Store
+
+pytestmark = pytest.mark.slow
+PASSWORD = "correct horse"
+
+
+def test_who_is_logged_in_is_shown_and_leaves_without_control(chromium: Any, tmp_path: Any) -> None:
+    with browsing.fake_site(tmp_path) as site:
+        Store(tmp_path).users.set("anna", PasswordHasher().hash(PASSWORD), "operate")
+        context = chromium.new_context(locale="en-GB")
+        page = context.new_page()
+        page.set_default_timeout(browsing.HANGS_S * 1000)
+        browsing.until(lambda: page.goto(site.url) and page.url.endswith("/login"), "the log-in page")
+        page.fill("#name", "anna")
+        page.fill("#password", PASSWORD)
+        page.keyboard.press("Enter")
+        page.wait_for_selector("#dx-log-out >> text=anna")
+        browsing.take_control(page)
+        token = page.evaluate("dx.token")
+        said: list[int] = []
+        page.on("response", lambda answer: said.append(answer.status) if "/control" in answer.url else None)
+        page.click("#dx-log-out")
+        page.wait_for_url("**/login")
+        page.wait_for_selector("#password")
+        said = page.evaluate(
+            "(t) => fetch('/api/v1/control', {headers: {'X-Control-Token': t}}).then((a) => a.status)", token
+        )
+        assert said == 401
+        context.close()

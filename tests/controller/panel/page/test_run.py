@@ -1,0 +1,161 @@
+"""What the run view shows is what the machine tells, each figure in its own place."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from browsing import Site, until
+from fake_door import AXES
+
+pytestmark = pytest.mark.slow
+
+COLUMNS = ("work", "machine", "to_go", "actual", "error")
+JOINTS = {
+    axis: {column: 100.0 * i + 10.0 * k + 0.125 for k, column in enumerate(COLUMNS[:4])}
+    | {"error": (0.0, 1.0, -3.0, 3.5, -9.0)[i], "homed": i != 1, "limit": (None, None, "+", "-", None)[i]}
+    for i, axis in enumerate(AXES)
+}
+JOB = {
+    **{"name": "part.ngc", "sha256": "0" * 64, "state": "running", "line": 7, "block": 4, "fraction": 0.25},
+    **{"elapsed_s": 61.0, "left_s": 3723.0, "duration_s": 3784.0},
+}
+
+
+@pytest.fixture
+def tell(site: Site) -> Iterator[Any]:
+    """The machine tells other things, until the test is over."""
+    yield site.tell
+    site.tell()
+
+
+def until_shown(page: Any, place: str, words: str) -> None:
+    page.wait_for_function(
+        "([place, words]) => document.querySelector(place)?.innerText === words", arg=[place, words]
+    )
+
+
+def test_each_cell_of_the_axes_has_its_own_figure(page: Any, tell: Any) -> None:
+    tell(joints=JOINTS, work_offset="G55")
+    until_shown(page, ".dro .c-work .figures", "G55")
+    for i, axis in enumerate(AXES):
+        row = page.locator(f"tr[data-axis={axis}] td")
+        shown = row.evaluate_all("(cells) => cells.map((one) => one.innerText.trim())")
+        um = ("0.0", "1000.0", "−3000.0", "3500.0", "−9000.0")[i]
+        assert shown == [*(f"{100 * i + 10 * k}.125" for k in range(4)), um]
+    heads = page.locator(".dro thead th").evaluate_all("(cells) => cells.map((one) => one.innerText)")
+    assert heads == ["Axis", "Work G55", "Machine", "To go", "Actual", "Following error µm, m°"]
+
+
+def test_axes_are_marked_where_they_have_no_zero_or_stand_at_their_end(page: Any, tell: Any) -> None:
+    tell(joints=JOINTS)
+    until_shown(page, "[data-homed=Y]", "no ref")
+    until_shown(page, "[data-homed=X]", "ref ✓")
+    for axis, words in (("X", ""), ("Z", "end +"), ("A", "end −")):
+        until_shown(page, f"[data-limit={axis}]", words)
+
+
+def test_the_bar_of_a_following_error_is_full_where_the_run_ends(page: Any, tell: Any) -> None:
+    """4 mm in the fake machine's file; to the left where it is negative, in colours from the half on."""
+    tell(joints=JOINTS)
+    page.wait_for_selector("[data-error=Z][data-tone=hold]")
+    bars = {axis: page.locator(f"[data-error={axis}]") for axis in AXES}
+    read = "(e) => [e.style.getPropertyValue('--size'), e.style.getPropertyValue('--side'), e.dataset.tone]"
+    assert {axis: one.evaluate(read) for axis, one in bars.items()} == {
+        "X": ["0", "0", "go"],
+        "Y": ["0.25", "0", "go"],
+        "Z": ["0.75", "1", "hold"],
+        "A": ["0.875", "0", "stop"],
+        "C": ["1", "1", "stop"],
+    }
+
+
+def test_tool_feed_and_what_limits_it_are_shown(page: Any, tell: Any) -> None:
+    tell(
+        mode="RUNNING",
+        tip={"X": 1.5, "Y": -2.25, "Z": 3.0},
+        axis={"I": 0.6, "J": 0.0, "K": -0.8},
+        feed_mm_min={"programmed": 1200.0, "actual": 433.0},
+        limited_by="Y velocity",
+        spindle={"rev_min": 9000.0, "actual_rev_min": 8990.0, "at_speed": True},
+        coolant={"mist": True, "flood": True},
+    )
+    until_shown(page, ".run-feed .huge", "433")
+    facts = page.locator(".run-feed dd").evaluate_all("(all) => all.map((one) => one.innerText)")
+    assert facts == ["1200", "Y velocity", "8990 / 9000", "mist, flood"]
+    tool = page.locator(".run-tool .pair").evaluate_all(
+        "(all) => all.map((one) => [...one.children].map((e) => e.innerText).join(' '))"
+    )
+    assert tool == ["X 1.500", "Y −2.250", "Z 3.000", "I 0.60000", "J 0.00000", "K −0.80000"]
+
+
+def test_the_program_under_way_shows_its_block_and_its_times(page: Any, tell: Any) -> None:
+    tell(mode="RUNNING", job=JOB, in_block={"what": "cut", "fraction": 0.4, "u": 0.3721})
+    until_shown(page, ".run-program .program-head", "Program\nLine\n7\nBlock\n4\ncut\n40 %\nu 0.3721")
+    share = "(e) => e.style.getPropertyValue('--share')"
+    assert page.eval_on_selector(".block-bar", share) == "0.4"
+    assert page.eval_on_selector(".program-bar", share) == "0.25"
+    times = page.locator(".times .time").evaluate_all("(all) => all.map((one) => one.innerText)")
+    assert times == ["elapsed\n1:01", "left\n1:02:03", "in all\n1:03:04"]
+    assert page.inner_text(".program-left") == "left 1:02:03"
+
+
+def test_lines_typed_by_hand_are_listed_though_they_are_in_no_store(page: Any, tell: Any) -> None:
+    tell(mode="RUNNING", job={**JOB, "name": "MDI", "line": 2, "text": "G0 X1\nG0 Y2"})
+    until_shown(page, "#run-listing .now", "2G0 Y2")
+    assert page.locator("#run-listing > div").count() == 2
+
+
+@pytest.mark.parametrize(
+    ("told", "place", "words"),
+    [
+        ({"waiting": True}, ".mode-more", "Waits for coolant or clamps"),
+        ({"waiting": True, "spindle": {"at_speed": False}}, ".mode-more", "Waits for the spindle"),
+        ({"interlock": "DOOR_OPEN"}, ".line.barred .figures", "The door is open."),
+        ({"warning": "DOOR_OPEN"}, ".warning", "The door is open."),
+    ],
+)
+def test_what_stands_in_the_way_is_shown(
+    told: dict[str, Any], place: str, words: str, page: Any, tell: Any
+) -> None:
+    assert not page.is_visible(place) or page.inner_text(place) == ""
+    tell(notices=[{"name": "DOOR_OPEN", "sentence": "The door is open.", "sentence_de": "Offen."}], **told)
+    until_shown(page, place, words)
+    assert page.is_visible(place)
+
+
+def test_a_held_program_has_buttons_for_off_the_path_and_back(page: Any, site: Site) -> None:
+    off, back = ("[data-call='POST cycle/retract']", "[data-call='POST cycle/return']")
+    assert page.is_disabled(off) and page.is_disabled(back)
+    page.evaluate("dx.call('POST', 'cycle/start').then(() => dx.call('POST', 'cycle/hold'))")
+    page.click(f"{off}:not([disabled])")
+    assert until(lambda: site.asked("retract"), "the way off")[-1][2] == {"mm": 40.0}
+    page.click(back)
+    until(lambda: site.asked("return"), "the way back")
+    page.evaluate("dx.stop()")
+    page.wait_for_selector("body[data-mode=READY]")
+
+
+def test_two_steps_of_the_override_count_twice_however_fast_they_come(page: Any, site: Site) -> None:
+    page.evaluate(
+        "document.querySelectorAll('[data-override=\"10\"]').forEach((b) => { b.click(); b.click(); })"
+    )
+    page.wait_for_function("() => dx.status.override === 1.2")
+    assert [args["share"] for _, _, args in site.asked("override")][-2:] == [1.1, 1.2]
+    page.click("[data-call='PUT overrides/feed']")
+    page.wait_for_function("() => dx.status.override === 1")
+
+
+def test_a_slider_that_was_dragged_back_to_where_it_was_follows_the_machine_again(
+    page: Any, tell: Any
+) -> None:
+    box = page.locator("#run-override").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 40, y)
+    page.mouse.move(x, y)
+    page.mouse.up()
+    tell(override=0.5)
+    page.wait_for_function("() => document.getElementById('run-override').value === '50'")

@@ -1,0 +1,272 @@
+"""The machine in three dimensions: path, tool, rotaries, frames, views; every shipped machine's chain."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import browsing
+import pytest
+from browsing import Site
+
+from controller import config, fitting
+from controller.kinematics import Kinematics
+from controller.machine import Machine, five
+from controller.plan.report import picture as pictures
+from controller.service import status
+
+pytestmark = pytest.mark.slow
+
+NAME = "example2_ready.ngc"
+JOINTS = (12.0, -7.0, 180.0, math.radians(25.0), math.radians(-40.0))
+MACHINES = ("trunnion", "table_head", "head_head", "oblique45", "xyzac_linuxcnc")
+
+
+@pytest.fixture(scope="module")
+def site(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    with browsing.fake_site(tmp_path_factory.mktemp("stepped"), "stepped_site.py") as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def looker(chromium: Any, site: Site) -> Iterator[Any]:
+    """One page for all tests, small: it is drawn without a graphics card."""
+    context = chromium.new_context(viewport={"width": 640, "height": 480}, locale="en-GB")
+    made = browsing.opened(context, site, "scene")
+    yield made
+    errors = made.errors
+    context.close()
+    assert not errors, errors
+
+
+@pytest.fixture(autouse=True)
+def picture(looker: Any, site: Site) -> None:
+    """The view on the screen, with the path of Example 2."""
+    site.lay_over()
+    looker.evaluate("dx.show('scene')")
+    looker.wait_for_function("() => window.dxScene && dxScene.shape && dxScene.tool_key")
+
+
+# ---- the program
+
+
+def test_the_picture_has_the_path_done_and_to_do_and_the_surfaces(looker: Any) -> None:
+    looker.wait_for_function("() => dxScene.at > 0")
+    drawn = looker.evaluate(
+        "[dxScene.shape.surfaces.length, dxScene.done.geometry.drawRange.count,"
+        " dxScene.ahead.geometry.drawRange.count, dxScene.shape.tips.length, dxScene.at]"
+    )
+    surfaces, done, ahead, points, at = drawn
+    assert surfaces == 2
+    assert (done, ahead) == (at + 1, points - at)
+
+
+def test_a_program_that_was_checked_anew_is_drawn_anew_though_its_name_is_the_same(
+    looker: Any, site: Site
+) -> None:
+    """With another offset or tool; the same for another text under the same name."""
+    folder = site.folder / "pictures"
+    (kept,) = [file for file in folder.glob("*.npz") if file.stem != "moved"]
+    shape = pictures.load(kept)
+    pictures.Shape(shape.tips + 5.0, *(getattr(shape, name) for name in shape.__slots__[1:])).save(
+        folder / "moved.npz"
+    )
+    first = looker.evaluate("dxScene.shape.tips[0][0]")
+    (site.folder / "picture").write_text("moved")
+    looker.evaluate("dxScene.ask()")
+    looker.wait_for_function("(x) => dxScene.shape?.tips[0][0] === x", arg=round(first + 5.0, 3))
+    (site.folder / "picture").unlink()
+    looker.evaluate("dxScene.job = 'the same name, another sum'")
+    looker.wait_for_function("(x) => dxScene.shape?.tips[0][0] === x", arg=first)
+
+
+def test_what_was_drawn_is_not_sent_again(looker: Any) -> None:
+    shape = looker.evaluate_handle("dxScene.shape")
+    with looker.expect_response("**/picture") as waiting:
+        looker.evaluate("dxScene.ask()")
+    assert waiting.value.status == 304
+    assert looker.evaluate("(shape) => dxScene.shape === shape", shape)
+
+
+def test_a_line_typed_by_hand_leaves_the_loaded_program_in_the_picture(looker: Any, site: Site) -> None:
+    asked: list[str] = []
+    looker.on("request", lambda request: asked.append(request.url))
+    site.lay_over(job={"name": "MDI", "sha256": "0" * 64, "state": "running", "block": 0})
+    looker.wait_for_function("() => dx.status.job.name === 'MDI'")
+    looker.wait_for_timeout(200)
+    assert looker.evaluate("dxScene.shape !== null")
+    assert looker.inner_text("#scene-said") == ""
+    assert not [url for url in asked if url.endswith("/MDI/picture")]
+
+
+def test_why_there_is_no_picture_is_said_as_long_as_that_program_is_loaded(looker: Any, site: Site) -> None:
+    site.lay_over(job={"name": "gone.ngc", "sha256": "0" * 64, "state": "loaded"})
+    looker.wait_for_function("() => document.querySelector('#scene-said').textContent.includes('gone.ngc')")
+    assert looker.evaluate("dxScene.shape === null")
+    site.lay_over(job=None)
+    looker.wait_for_function("() => document.querySelector('#scene-said').textContent === ''")
+
+
+def test_without_a_program_nothing_of_one_is_drawn(looker: Any, site: Site) -> None:
+    site.lay_over(job=None)
+    looker.wait_for_function("() => dxScene.shape === null && !dxScene.part.children.length")
+
+
+# ---- what moves
+
+
+def test_the_tool_in_the_spindle_is_drawn_where_the_status_tells(looker: Any) -> None:
+    """T2 of the shipped table has a radius of 1.5 mm."""
+    looker.wait_for_function("() => JSON.parse(dxScene.tool_key).number === 2")
+    assert looker.evaluate("JSON.parse(dxScene.tool_key).radius_mm") == 1.5
+    apart = looker.evaluate(
+        "() => { dxScene.status(dx.status); const at = dxScene.tool.position.toArray();"
+        " return Math.hypot(...dx.status.on_table.tip.map((v, i) => v - at[i])) }"
+    )
+    assert apart < 1e-6
+
+
+# A picture of its own beside the one on the screen: where the tool is by the tables' chain, and where the
+# spindle's nose with the tool on it is by the heads' chain.
+CHAINS = """([facts, status]) => {
+  const one = Object.create(dxScene.constructor.prototype);
+  const kept = [dx.on, window.setTimeout, window.setInterval, window.dxScene];
+  dx.on = window.setTimeout = window.setInterval = one.spare = () => 0;
+  one.create_mesh(kept[3].scene, facts);
+  [dx.on, window.setTimeout, window.setInterval, window.dxScene] = kept;
+  one.frame = "machine";
+  one.turn(status.joints);
+  one.hold_tool(status.on_table);
+  one.root.updateMatrixWorld(true);
+  const point = (group, at) => group.localToWorld(one.tool.position.clone().set(...at)).toArray();
+  const lines = one.axis_marks.map((mark) => {
+    const at = mark.geometry.getAttribute("position");
+    return [0, 1].map((i) => point(mark, [at.getX(i), at.getY(i), at.getZ(i)]));
+  });
+  const nose = one.heads.at(-1)?.group ?? one.gauge;
+  const L = status.on_table.length_mm;
+  return { tip: point(one.tool, [0, 0, 0]), top: point(one.tool, [0, 0, L]), end: point(nose, [0, 0, -L]),
+           nose: point(nose, [0, 0, 0]), lines };
+}"""
+
+
+def shown(machine: Machine, joints: tuple[float, ...], length_mm: float) -> dict[str, Any]:
+    """A status as far as the picture needs it."""
+    pose = Kinematics(machine).forward(five(joints), length_mm)
+    values = zip(machine.axes, machine.shown(joints), strict=True)
+    on_table = {"tip": list(pose.tip), "axis": list(pose.axis), "length_mm": length_mm}
+    return {"joints": {axis.name: {"actual": value} for axis, value in values}, "on_table": on_table}
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_tables_and_heads_stand_as_the_kinematics_says(name: str, looker: Any) -> None:
+    """The tool hangs on the table's side and on the head's side of the chain: both must meet."""
+    machine = config.load(name)
+    facts = status.facts(
+        machine, {"offsets": fitting.offsets_of(machine), "tools": fitting.tools_of(machine)}
+    )
+    found = looker.evaluate(CHAINS, [facts, shown(machine, JOINTS, 80.0)])
+    assert found["end"] == pytest.approx(found["tip"], abs=1e-4)
+    assert found["nose"] == pytest.approx(found["top"], abs=1e-4)
+
+
+def test_the_line_of_a_rotary_tilts_with_the_rotary_that_carries_it(looker: Any) -> None:
+    machine = config.load("trunnion")
+    _, c = found = looker.evaluate(CHAINS, [status.facts(machine, {}), shown(machine, JOINTS, 0.0)])["lines"]
+    along = [end - begin for begin, end in zip(*c, strict=True)]
+    tilt = math.atan2(-along[1], along[2])
+    assert (along[0], tilt) == pytest.approx((0.0, JOINTS[3]), abs=1e-4)
+    assert len(found) == 2
+
+
+TURNED = """() => {
+  dxScene.status(dx.status);
+  const off = ({ name, group }) => {
+    const { elements: m } = group.matrix;
+    const turned = Math.acos(Math.max(-1, Math.min(1, (m[0] + m[5] + m[10] - 1) / 2)));
+    return turned * 180 / Math.PI - Math.abs((dx.status.joints[name].actual + 540) % 360 - 180);
+  };
+  return dxScene.tables.map(off);
+}"""
+
+
+def test_the_table_is_turned_as_far_as_the_rotaries_are(looker: Any) -> None:
+    assert looker.evaluate(TURNED) == pytest.approx([0.0, 0.0], abs=0.01)
+
+
+# ---- frames, box, views
+
+
+def test_the_frame_of_the_active_offset_stands_at_its_origin_and_is_turned_as_it_is(
+    looker: Any, site: Site
+) -> None:
+    offsets = looker.evaluate("dx.facts.offsets")
+    turned = {"origin_mm": [1.0, 2.0, 3.0], "axes": [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]}
+    assert looker.evaluate("dxScene.offset.position.toArray()") == offsets["G54"]["origin_mm"]
+    looker.evaluate("(one) => { dxScene.facts.offsets.G55 = one }", turned)
+    site.lay_over(work_offset="G55")
+    looker.wait_for_function("() => dxScene.offset.position.x === 1")
+    x = looker.evaluate(
+        "dxScene.home.position.clone().set(1, 0, 0).applyQuaternion(dxScene.offset.quaternion).toArray()"
+    )
+    assert x == pytest.approx([0.0, 1.0, 0.0], abs=1e-9)
+
+
+BOX = """() => {
+  const { geometry, position } = dxScene.box;
+  geometry.computeBoundingBox();
+  return ["min", "max"].map((end) => geometry.boundingBox[end].clone().add(position).toArray());
+}"""
+
+
+def test_the_box_has_the_travel_of_the_linear_axes(looker: Any) -> None:
+    low, high = looker.evaluate(BOX)
+    axes = config.load("trunnion").axes[:3]
+    assert low == pytest.approx([axis.travel_min for axis in axes])
+    assert high == pytest.approx([axis.travel_max for axis in axes])
+
+
+# Of the way from the camera to what it looks at: the coordinate that leads, and its sign.
+VIEWS = (("top", 2, 1), ("front", 1, -1), ("side", 0, 1))
+
+
+@pytest.mark.parametrize(("view", "place", "sign"), VIEWS)
+def test_a_view_looks_from_its_side(view: str, place: int, sign: int, looker: Any) -> None:
+    looker.click(f"[data-scene='look {view}']")
+    looker.wait_for_function(
+        "([place, sign]) => { const { camera, controls } = getElement(dxScene.scene);"
+        " const way = camera.position.clone().sub(controls.target).normalize().toArray();"
+        " return sign * way[place] > 0.99 }",
+        arg=[place, sign],
+    )
+
+
+def test_the_machine_may_stand_instead_of_the_part(looker: Any) -> None:
+    looker.click("[data-scene='frame machine']")
+    looker.wait_for_function("() => dxScene.frame === 'machine'")
+    assert looker.evaluate("dxScene.root.matrix.elements[0]") == 1.0
+    looker.click("[data-scene='frame part']")
+    still = looker.evaluate(
+        "() => { dxScene.status(dx.status); dxScene.root.updateMatrixWorld(true);"
+        " return dxScene.table.matrixWorld.elements }"
+    )
+    assert still == pytest.approx([float(i % 5 == 0) for i in range(16)], abs=1e-6), "the part stands"
+
+
+def test_the_trail_is_cleared(looker: Any) -> None:
+    looker.wait_for_function("() => dxScene.trail_count > 3")
+    before = looker.evaluate("dxScene.trail_count")
+    looker.click("[data-scene='clear']")
+    assert looker.evaluate("dxScene.trail_count") < before
+
+
+def test_what_nobody_looks_at_is_not_drawn(looker: Any) -> None:
+    """The scene would draw for ever as long as the page is open."""
+    looker.wait_for_function("() => dxScene.drawn > 0")
+    looker.evaluate("dx.show('runs')")
+    before = looker.evaluate("dxScene.drawn")
+    looker.wait_for_timeout(500)
+    assert looker.evaluate("dxScene.drawn") == before
+    looker.evaluate("dx.show('scene')")
+    looker.wait_for_function("(before) => dxScene.drawn > before", arg=before)
