@@ -155,3 +155,14 @@ def take_control(page: Any) -> None:
 def yes(page: Any) -> None:
     """Answer a question of the page with yes."""
     page.click(".dx-ask button[data-kind=go]")
+
+
+@contextlib.contextmanager
+def looker(chromium: Any, site: Site, width: int, height: int, view: str = "run") -> Iterator[Any]:
+    """A page without control, for it only looks; its scripts must not have failed."""
+    context = chromium.new_context(viewport={"width": width, "height": height}, locale="en-GB")
+    made = opened(context, site, view)
+    yield made
+    errors = made.errors
+    context.close()
+    assert not errors, errors

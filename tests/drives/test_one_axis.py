@@ -144,6 +144,8 @@ def block(name: str) -> str:
     return found[1]
 
 
+@pytest.mark.slow
+@pytest.mark.live
 def test_the_readmes_five_lines_move_one_axis(tmp_path: Path) -> None:
     path = str(tmp_path / "can")
     serve, script = (

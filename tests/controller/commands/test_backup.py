@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -16,13 +15,6 @@ from controller import config, fitting
 from controller.commands import backup as command
 from controller.panel import backup
 from controller.panel.store import Store
-
-
-@pytest.fixture
-def runtime() -> Iterator[Path]:
-    """A folder that is not there yet; its path is short, as that of a socket must be."""
-    with tempfile.TemporaryDirectory(prefix="directrix-") as folder:
-        yield Path(folder) / "run"
 
 
 @pytest.fixture

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-import tempfile
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection
 from pathlib import Path
 
 import pytest
@@ -15,13 +14,6 @@ from controller.commands import dnc
 from controller.panel.dnc import LineError, LineSettings
 from controller.panel.store import Store, StoreError
 from controller.panel.tape import Tape, TapeError
-
-
-@pytest.fixture
-def runtime() -> Iterator[Path]:
-    """A folder that is not there yet; its path is short, as that of a socket must be."""
-    with tempfile.TemporaryDirectory(prefix="directrix-") as folder:
-        yield Path(folder) / "run"
 
 
 @pytest.fixture

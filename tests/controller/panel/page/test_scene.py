@@ -32,12 +32,8 @@ def site(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Si
 @pytest.fixture(scope="module")
 def looker(chromium: Any, site: Site) -> Iterator[Any]:
     """One page for all tests, small: it is drawn without a graphics card."""
-    context = chromium.new_context(viewport={"width": 640, "height": 480}, locale="en-GB")
-    made = browsing.opened(context, site, "scene")
-    yield made
-    errors = made.errors
-    context.close()
-    assert not errors, errors
+    with browsing.looker(chromium, site, 640, 480, "scene") as made:
+        yield made
 
 
 @pytest.fixture(autouse=True)

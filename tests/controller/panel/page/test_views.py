@@ -25,12 +25,8 @@ def site(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Si
 @pytest.fixture(scope="module")
 def looker(chromium: Any, site: Site) -> Iterator[Any]:
     """One page for all tests, as an operator has it; without control: looking needs none."""
-    context = chromium.new_context(viewport={"width": 1280, "height": 720}, locale="en-GB")
-    made = browsing.opened(context, site)
-    yield made
-    errors = made.errors
-    context.close()
-    assert not errors, errors
+    with browsing.looker(chromium, site, 1280, 720) as made:
+        yield made
 
 
 def show(page: Any, name: str) -> None:
