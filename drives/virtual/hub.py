@@ -95,6 +95,19 @@ class Client:
             pass  # gone; the read side notices
 
 
+def _listening(path: str) -> socket.socket:
+    """The hub's socket; ``path`` appears, or changes hands, when it can be joined and not before."""
+    own = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    unheard = f"{path}~"
+    with contextlib.suppress(FileNotFoundError):
+        os.unlink(unheard)
+    own.bind(unheard)
+    own.listen(16)
+    own.setblocking(False)
+    os.rename(unheard, path)
+    return own
+
+
 class Hub:
     """The server; ``turn`` does everything that is due and waits at most until ``until_s``.
 
@@ -121,12 +134,7 @@ class Hub:
         self._faults = faults
         self._clients: dict[int, Client] = {}  # by file descriptor
         self._gateways: list[Gateway] = []
-        with contextlib.suppress(FileNotFoundError):
-            os.unlink(path)
-        self._server = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        self._server.bind(path)
-        self._server.listen(16)
-        self._server.setblocking(False)
+        self._server = _listening(path)
         self._readers: dict[int, Callable[[], None]] = {self._server.fileno(): self._accept}
         # The kernel stamps with CLOCK_REALTIME; the bus runs on CLOCK_MONOTONIC.
         self._offset_s = time.time() - time.monotonic()

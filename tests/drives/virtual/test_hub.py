@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -145,6 +146,23 @@ class InThread:
         while not met():
             assert time.monotonic() < until_s
             time.sleep(0.001)
+
+
+def test_a_hubs_path_is_there_when_it_can_be_joined_and_not_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "can"
+    listen = socket.socket.listen
+
+    def watched(own: socket.socket, backlog: int) -> None:
+        assert not path.exists()
+        listen(own, backlog)
+
+    monkeypatch.setattr(socket.socket, "listen", watched)
+    hub = Hub(str(path))
+    HubBus(str(path)).shutdown()
+    hub.close()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_client_that_does_not_read_is_told_how_many_frames_it_has_lost(tmp_path: Path) -> None:
