@@ -13,6 +13,7 @@ owns the socket are let in. The answering side is ``controller.service.server``.
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import json
 import math
@@ -24,12 +25,15 @@ from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
+from controller import whole
+
 Values = dict[str, Any]
 Answer = Values | Future[Values]
 
 CONTROL = "control.sock"  # in the runtime folder
 RUNTIME = "runtime"  # in the state folder: a file that says which one that is
-MOST_BYTES = 200_000  # of a packet; bigger things go by their path in the store
+MOST_BYTES = 200_000  # of a request; bigger things go by their path in the store
+MOST_ANSWER = 2 * MOST_BYTES  # of an answer
 MOST_PEERS = 64
 CODES = ("refused", "bad", "busy", "gone", "silent")
 FACTS = ("code", "sentence", "mode", "request", "sentence_de")  # of a refusal
@@ -77,9 +81,7 @@ def note_runtime(state: Path, runtime: Path) -> None:
     """Note beside what a service keeps where its sockets are. Raises OSError."""
     file, text = state / RUNTIME, str(runtime.absolute())
     if not file.exists() or file.read_text(encoding="utf-8") != text:  # a full disk forbids no second start
-        new = file.with_suffix(".new")
-        new.write_text(text, encoding="utf-8")
-        os.replace(new, file)
+        whole.write(file, text)
 
 
 def runtime_of(state: Path) -> Path:
@@ -136,7 +138,8 @@ class Client:
             except ConnectionError:  # opened before the service was started anew: nothing went out
                 own.close()
                 own = self._take(fresh=True)
-                own.send(packet)
+                with contextlib.suppress(ConnectionError):  # sent away at once: why is there to be read
+                    own.send(packet)
             return self._answer(own, number)
         except ConnectionError as error:
             own.close()
@@ -163,13 +166,16 @@ class Client:
 
     def _answer(self, own: socket.socket, number: int) -> Values:
         while True:
-            said = unpacked(own.recv(2 * MOST_BYTES))
+            said = unpacked(_received(own))
             if said is None:
                 raise ConnectionResetError
-            if said.get("id") in (number, None):  # None: this peer was sent away
+            if said.get("id") in (number, None):
                 break
-        with self._lock:
-            self._idle.append(own)
+        if said.get("id") is None:  # this peer was sent away
+            own.close()
+        else:
+            with self._lock:
+                self._idle.append(own)
         if said.get("ok"):
             return dict(said.get("result") or {})
         raise DoorError.from_dict(said.get("error") or {})
@@ -210,6 +216,8 @@ class Client:
 
     def _silent(self, error: OSError) -> DoorError:
         """Somebody holds the socket: what is loaded there may be running."""
+        if isinstance(error, PermissionError):
+            return DoorError("silent", stranger(self._path))
         why = error.strerror or f"no answer within {self._longest_s:g} s"
         return DoorError(
             "silent", f"{self._path}: the machine's service is there and gives no answer ({why}); repeat."
@@ -219,7 +227,20 @@ class Client:
         return f"{self._path}: the machine's service does not answer; start it with directrix serve."
 
 
+def _received(own: socket.socket) -> bytes:
+    """The next packet, also of a service that closed behind it and did not read what we had sent."""
+    try:
+        return own.recv(MOST_ANSWER)
+    except ConnectionResetError:
+        return own.recv(MOST_ANSWER)
+
+
 # ---- what both sides need
+
+
+def stranger(path: Path) -> str:
+    """Why somebody is not let in."""
+    return f"This user may not use {path}; add it to the group that owns the socket."
 
 
 def own_error(error: BaseException) -> DoorError:

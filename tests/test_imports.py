@@ -34,7 +34,7 @@ ARROWS: dict[str, set[str]] = {
     "handoff": LEAVES | {"pieces", "requests", "motions", "curves", "surfaces"},
     "jog_frames": LEAVES | {"kinematics", "pieces", "catalogue"},  # what is jogged, as a line of the joints
     "whole": set(),  # files replaced whole
-    "door": set(),  # the service's local protocol, both sides
+    "door": {"whole"},  # the service's local protocol, and its asking side
     "toml_table": {"geometry"},  # reads tables for config, knows no machine
     "equipment": {"machine", "geometry", "toml_table"},  # config's: spindle, inputs and outputs, clamps
     "profiles": {"toml_table"},  # drive profiles, for config

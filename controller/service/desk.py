@@ -17,7 +17,7 @@ from controller.door import Answer, DoorError, Values
 from controller.geometry import Frame
 from controller.handoff import Snapshot
 from controller.service import hearing, jobs, looks, offer, runs, sequences, status
-from controller.service.arguments import number
+from controller.service.arguments import number, whole
 from controller.service.jobs import Job
 from controller.service.jogging import ENDS, Jogging, Presses
 from controller.service.refused import in_both, refused
@@ -134,10 +134,7 @@ class Desk:
         return looks.buses(service.machine, service.logs, service.engine.recorder)
 
     def _acknowledge(self, args: Values) -> Values:
-        number = args.get("id")
-        if number is not None and (not isinstance(number, int) or isinstance(number, bool)):
-            raise refused("not_whole", code="bad", name="id", value=number)
-        return {"acknowledged": self._service.alarms.acknowledge(number)}
+        return {"acknowledged": self._service.alarms.acknowledge(whole(args, "id"))}
 
     # -- at once
 

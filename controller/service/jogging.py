@@ -38,10 +38,10 @@ class Presses:
 
     def may_move(self, press: str) -> bool:
         """Whether this press goes on, or begins; "" is one without a name, known by its rhythm."""
-        now_s = self._clock()
-        if not press and now_s - self._asked_s >= SILENCE_S:
-            self._ended.pop("", None)
         if not press:
+            now_s = self._clock()
+            if now_s - self._asked_s >= SILENCE_S:
+                self._ended.pop("", None)
             self._asked_s = now_s
         if press in self._ended:
             return False

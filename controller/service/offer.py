@@ -8,10 +8,10 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from controller import journal
+from controller import catalogue, journal
 from controller.door import DoorError
 from controller.service.jobs import Job
-from controller.service.refused import in_both
+from controller.service.refused import in_both, refused
 from controller.service.service import JOURNAL, Service
 
 
@@ -23,7 +23,7 @@ def restart(service: Service) -> dict[str, Any]:
     """
     entry, why = journal.read(service.state / JOURNAL)
     if entry is None or entry.ended:
-        none = partial(journal.refusal, None, _nothing(service), 0, 0, 0)
+        none = partial(catalogue.refusal, "not_interrupted")
         return {"offered": False, **({"sentence": why} if why else _sentences(none))}
     here = journal.Job.of(entry.job.name, b"", service.machine, entry.job.start, entry.job.dry_run_mm)
     same_program = replace(here, program_sha256=entry.job.program_sha256)
@@ -51,10 +51,6 @@ def _sentences(why: Callable[..., str]) -> dict[str, str | None]:
     return {"sentence": why() or None, "sentence_de": why(language="de") or None}
 
 
-def _nothing(service: Service) -> journal.Job:
-    return journal.Job.of("", b"", service.machine, (0.0, 0.0, 0.0, 0.0, 0.0))
-
-
 def _trusted(service: Service) -> tuple[int, int]:
     """Bit masks of the axes that are homed, and of those whose position a fault has cost."""
     try:
@@ -71,7 +67,7 @@ def gone_on_with(service: Service, job: Job) -> Job:
     if why:
         raise DoorError("refused", why, mode, "LOAD")
     if entry is None:
-        raise in_both(partial(journal.refusal, None, job.journalled(), 0, 0, 0), mode, "LOAD")
+        raise refused("not_interrupted", mode, "LOAD")
     job.entry = entry
     job.program = replace(job.program, start=entry.job.start, dry_run_mm=entry.job.dry_run_mm)
     look_again(service, job, "LOAD")

@@ -41,6 +41,7 @@ from controller.state import Mode
 NEWS_S = 0.1
 SPOT_S = 0.25
 MOST_OFFSETS = 99
+MOST_NOTES = 100  # every status has them; all of them stand with the check
 MOST_TOOLS = 100_000  # stretches whose tool is remembered: more than are ever read ahead
 
 
@@ -163,7 +164,7 @@ class Planning:
             "blocks": kept.blocks,
             "restart": entered.told(rest) if rest else [],
             "restart_de": entered.told(rest, "de") if rest else [],
-            "notes": [{"line": note.place.line, "note": note.sentence} for note in kept.notes],
+            "notes": [{"line": note.place.line, "note": note.sentence} for note in kept.notes[:MOST_NOTES]],
         }
 
     def _task(self, program: Program) -> Task:

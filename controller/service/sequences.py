@@ -88,7 +88,6 @@ def reset(service: Service) -> Values:
     if not service.engine.tick_alive:
         service.start_engine()
         service.commission()
-        service.troubles.shown = None
         offer.tell_beside(service)
         return {"mode": service.now().mode.name}
     now = service.now()

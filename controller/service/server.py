@@ -10,6 +10,7 @@ import contextlib
 import os
 import pwd
 import selectors
+import shutil
 import socket
 import stat
 import struct
@@ -17,16 +18,20 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from pathlib import Path
+from typing import Any
 
 from controller.door import (
     BUFFER_BYTES,
+    MOST_ANSWER,
     MOST_BYTES,
     MOST_PEERS,
     Answer,
     DoorError,
     Values,
+    is_served,
     own_error,
     packed,
+    stranger,
     unpacked,
 )
 
@@ -44,10 +49,11 @@ class _Peer:
         self.socket = own
         self._lock = threading.Lock()
 
-    def send(self, said: Values) -> None:
+    def answer(self, number: int | str | None, outcome: Values | BaseException) -> None:
         """One who does not read its answers loses them."""
+        packet = _packet(number, outcome)
         with self._lock, contextlib.suppress(OSError):
-            self.socket.send(packed(said))
+            self.socket.send(packet)
 
     def close(self) -> None:
         with self._lock:
@@ -99,17 +105,21 @@ class Server:
             own, _ = self._listening.accept()
         except OSError:
             return
-        if len(self._peers) >= MOST_PEERS:
-            own.close()
-            return
         peer = _Peer(own)
-        if not _let_in(own, self._gid):
-            sentence = f"This user may not use {self._path}; add it to the group that owns the socket."
-            peer.send({"id": None, "ok": False, "error": DoorError("refused", sentence).to_dict()})
+        if (error := self._unwelcome(own)) is not None:
+            peer.answer(None, error)
             peer.close()
             return
         self._peers[own.fileno()] = peer
         self._selector.register(own, selectors.EVENT_READ)
+
+    def _unwelcome(self, own: socket.socket) -> DoorError | None:
+        """Why a peer is sent away; None where it may stay."""
+        if not _let_in(own, self._gid):
+            return DoorError("refused", stranger(self._path))
+        if len(self._peers) >= MOST_PEERS:
+            return DoorError("busy", f"{self._path} has {MOST_PEERS} users, which is all it serves; repeat.")
+        return None
 
     def _read(self, fileno: int) -> None:
         peer = self._peers[fileno]
@@ -128,28 +138,36 @@ class Server:
 
     def _request(self, peer: _Peer, packet: bytes) -> None:
         said = unpacked(packet) if len(packet) <= MOST_BYTES else None
-        number = said.get("id") if said else None
+        number = _number(said)
         try:
-            verb, args = _asked(said)
-            answer = self._handler(verb, args)
-        except DoorError as error:
-            peer.send({"id": number, "ok": False, "error": error.to_dict()})
-            return
+            answer = self._handler(*_asked(said))
         except Exception as error:  # one request's own mistake must not close the door for all
-            peer.send({"id": number, "ok": False, "error": own_error(error).to_dict()})
+            peer.answer(number, error)
             return
         if isinstance(answer, Future):
-            answer.add_done_callback(lambda done: peer.send({"id": number, **_outcome(done)}))
+            answer.add_done_callback(lambda done: peer.answer(number, done.exception() or done.result()))
         else:
-            peer.send({"id": number, "ok": True, "result": answer})
+            peer.answer(number, answer)
 
 
-def _outcome(done: Future[Values]) -> Values:
-    error = done.exception() if not done.cancelled() else DoorError("busy", "The request was given up.")
-    if error is None:
-        return {"ok": True, "result": done.result()}
-    known = error if isinstance(error, DoorError) else own_error(error)
-    return {"ok": False, "error": known.to_dict()}
+def _packet(number: int | str | None, outcome: Values | BaseException) -> bytes:
+    """An answer. A result that makes none is a mistake of ours, which is told instead."""
+    if not isinstance(outcome, BaseException):
+        try:
+            packet = packed({"id": number, "ok": True, "result": outcome})
+            if len(packet) <= MOST_ANSWER:
+                return packet
+            outcome = ValueError(f"an answer of {len(packet)} bytes is longer than {MOST_ANSWER}")
+        except (TypeError, ValueError, RecursionError) as error:
+            outcome = error
+    known = outcome if isinstance(outcome, DoorError) else own_error(outcome)
+    return packed({"id": number, "ok": False, "error": known.to_dict()})
+
+
+def _number(said: Values | None) -> int | str | None:
+    """Of a request; what else stands there may be nested deeper than can be given back."""
+    number: Any = said.get("id") if said else None
+    return number if isinstance(number, int | str) else None
 
 
 def _asked(said: Values | None) -> tuple[str, Values]:
@@ -165,8 +183,8 @@ def _asked(said: Values | None) -> tuple[str, Values]:
 def _listening(path: Path, group: str) -> socket.socket:
     """The socket, readable for user and group alone; one that was left behind is replaced."""
     path.parent.mkdir(parents=True, exist_ok=True, mode=0o750)
-    if path.exists() and _answers(path):
-        raise FileExistsError(f"{path}: another service answers there; stop it first.")
+    if is_served(path):
+        raise FileExistsError(f"{path}: another service is there; stop it first.")
     with contextlib.suppress(FileNotFoundError):
         if stat.S_ISSOCK(path.lstat().st_mode):
             path.unlink()
@@ -178,20 +196,9 @@ def _listening(path: Path, group: str) -> socket.socket:
     finally:
         os.umask(before)
     if group:
-        import shutil
-
         shutil.chown(path, group=group)
     own.listen(MOST_PEERS)
     return own
-
-
-def _answers(path: Path) -> bool:
-    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:
-        try:
-            probe.connect(str(path))
-        except OSError:
-            return False
-    return True
 
 
 def _let_in(own: socket.socket, gid: int) -> bool:

@@ -278,7 +278,6 @@ class Service:
             if job is None:
                 return
             job.state, job.sentence = result, sentence
-            job.program = replace(job.program, machine=self.machine)  # tools may have changed in a hold
             if job.news.tool is not None and (result == "completed" or job.news.tool != self.tool):
                 self.tool = job.news.tool if result == "completed" else 0  # it may be in the hand
             self.running = self.record = None
@@ -290,12 +289,12 @@ class Service:
 
     def look(self) -> Snapshot | None:
         """Draw conclusions from the newest snapshot; called often by the main thread."""
-        now = self.engine.snapshot()
-        if now is None:
-            return None
         if not self.lock.acquire(timeout=LOOK_S):  # a tick is being started: that takes long
-            return now
+            return self.engine.snapshot()
         try:  # a tick that is gone is followed by another only when all of it was told
+            now = self.engine.snapshot()  # not before: what is concluded would be of a tick that is gone
+            if now is None:
+                return None
             self._look_at_processes(now)
             self._look_at_rows()
         finally:

@@ -28,7 +28,6 @@ class Troubles:
         self.keeper: Keeper | None = None  # of recordings; there is one while there is a tick
         self._machine, self._alarms, self._writer = machine, alarms, writer
         self._fault = self._warning = Fault.NONE
-        self._id = 0  # of the alarm that is shown
         self._owed: list[int] = []  # alarms whose recording is still to come
         self._first: Snapshot | None = None  # when the first of them came, with its fault
         self._written: list[int] = []  # alarms of the recording that is being written
@@ -36,7 +35,7 @@ class Troubles:
 
     def begin(self) -> None:
         """There is a new tick, which has told nothing yet."""
-        self._fault = Fault.NONE
+        self.shown, self._fault = None, Fault.NONE
         self._owed.clear()
 
     def at(self, now: Snapshot, tick_alive: bool) -> dict[str, Any] | None:
@@ -53,8 +52,7 @@ class Troubles:
     def look(self, now: Snapshot) -> None:
         """A fault is told as soon as it is seen; its recording follows when the machine stands."""
         if now.fault is not Fault.NONE and now.fault is not self._fault:
-            self.shown = self._of(now)
-            self._id = self._tell(now.fault, self.shown, now)
+            self._show(now.fault, self._of(now), now)
         elif now.fault is Fault.NONE:
             self.shown = None
         self._fault = now.fault
@@ -70,12 +68,12 @@ class Troubles:
     def tick_gone(self, now: Snapshot, words: str) -> str:
         """The drives stop by themselves; what the last ticks were is kept. The sentence."""
         gone = Fault.CONTROLLER_GONE
-        self.shown = {**alarm_values.of(self._machine, gone, -1), "recording": None}
-        self._id = self._tell(gone, self.shown, now, words)
+        shown = {**alarm_values.of(self._machine, gone, -1), "recording": None}
+        self._show(gone, shown, now, words)
         if (keeper := self.keeper) is not None:
             keeper.keep(now, gone)
             self._pay(self._owed, keeper.saved)
-        return str(self.shown["sentence"])
+        return str(shown["sentence"])
 
     def _of(self, now: Snapshot) -> dict[str, Any]:
         known = alarm_values.of(self._machine, now.fault, now.fault_axis, now.warning)
@@ -109,24 +107,26 @@ class Troubles:
         told = str(saved) if saved else None
         for number in owed:
             self._alarms.change(number, recording=told)
-        if self.shown is not None and self._id in owed:
-            self.shown = {**self.shown, "recording": told}
+        if (shown := self.shown) is not None and shown["number"] in owed:
+            self.shown = {**shown, "recording": told}
         owed.clear()
+
+    def _show(self, fault: Fault, shown: dict[str, Any], now: Snapshot, words: str = "") -> None:
+        """The present fault, with number and time of its alarm."""
+        alarm = self._tell(fault, shown, now, words)
+        self.shown = {**shown, "number": alarm["id"], "time_s": alarm["time_s"]}
 
     def _tell_of(self, fault: Fault, now: Snapshot, words: str = "") -> None:
         """Of what is not, or not yet, the fault of a snapshot."""
         self._tell(fault, alarm_values.of(self._machine, fault, -1), now._replace(fault_axis=-1), words)
 
-    def _tell(self, fault: Fault, shown: dict[str, Any], now: Snapshot, words: str = "") -> int:
-        """An alarm out of a fault, with the last words of a process; its number."""
+    def _tell(self, fault: Fault, shown: dict[str, Any], now: Snapshot, words: str = "") -> dict[str, Any]:
+        """An alarm out of a fault, with the last words of a process."""
         left_out = ("name", "sentence", "recording")
         entry = {name: value for name, value in shown.items() if name not in left_out}
         said = f"{shown['sentence']} {words}".strip()
         alarm = self._alarms.add(shown["name"], said, **entry, **alarm_values.where(now))
-        number = int(alarm["id"])
-        if shown is self.shown:
-            self.shown = {**shown, "number": number, "time_s": alarm["time_s"]}
         if not self._owed:
             self._first = now._replace(fault=fault)
-        self._owed.append(number)
-        return number
+        self._owed.append(alarm["id"])
+        return alarm

@@ -19,6 +19,8 @@ from controller.door import Answer, Client, DoorError, Values
 from controller.service import server
 from controller.service.server import Server
 
+NO_ANSWERS: dict[str, Values] = {"no json": {"where": Path()}, "endless": {"words": "x" * 500_000}}
+
 
 class Handler:
     """Echoes, refuses, and answers late when it is told to."""
@@ -36,6 +38,8 @@ class Handler:
             raise DoorError("refused", "No.", "RUNNING", "HOME")
         if verb == "break":
             raise KeyError("of ours")
+        if verb in NO_ANSWERS:
+            return NO_ANSWERS[verb]
         return {"verb": verb, "args": args}
 
 
@@ -79,6 +83,29 @@ def test_a_refusal_keeps_code_mode_request_and_sentence(opened: Opened) -> None:
 def test_an_error_of_the_handlers_own_is_told_and_the_door_stays_open(opened: Opened) -> None:
     assert "KeyError" in error_of(lambda: opened[1].ask("break")).sentence
     assert opened[1].ask("status")["verb"] == "status"
+
+
+@pytest.mark.parametrize("verb", NO_ANSWERS)
+@pytest.mark.parametrize("late", [False, True])
+def test_an_answer_that_no_packet_can_hold_is_an_error_of_ours(opened: Opened, verb: str, late: bool) -> None:
+    handler, client, path = opened
+    own = raw(path)
+    own.send(json.dumps({"id": 1, "verb": "late" if late else verb}).encode())
+    if late:
+        client.ask("status")
+        handler.late[0].set_result(NO_ANSWERS[verb])
+    answer = json.loads(own.recv(1 << 20))
+    assert answer["id"] == 1 and "error of its own" in answer["error"]["sentence"]
+    own.close()
+    assert client.ask("status")
+
+
+def test_a_number_that_is_none_does_not_close_the_door(opened: Opened) -> None:
+    own = raw(opened[2])
+    own.send(b'{"id": ' + b"[" * 900 + b"]" * 900 + b', "verb": "status"}')
+    assert json.loads(own.recv(1 << 18))["id"] is None
+    own.close()
+    assert opened[1].ask("status")
 
 
 def test_a_late_answer_is_overtaken_by_the_next_request(opened: Opened) -> None:
@@ -227,6 +254,31 @@ def test_a_stranger_is_sent_away_with_a_sentence(opened: Opened, monkeypatch: py
     answer = json.loads(own.recv(1 << 18))
     assert answer["error"]["code"] == "refused" and own.recv(10) == b""
     own.close()
+
+
+def test_a_client_that_is_sent_away_is_told_why_whatever_comes_first(
+    opened: Opened, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its request may find the connection closed already, or lie there unread when it is."""
+    monkeypatch.setattr(server, "_let_in", lambda own, gid: False)
+    assert {error_of(lambda: opened[1].ask("hold")).code for _ in range(100)} == {"refused"}
+
+
+def test_who_may_not_even_open_the_socket_is_told_so(opened: Opened, monkeypatch: pytest.MonkeyPatch) -> None:
+    def barred(own: socket.socket, path: str) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(socket.socket, "connect", barred)
+    error = error_of(lambda: opened[1].ask("status"))
+    assert error.code == "silent" and "add it to the group" in error.sentence
+
+
+def test_one_too_many_is_told_so(opened: Opened) -> None:
+    others = [raw(opened[2]) for _ in range(door.MOST_PEERS)]
+    error = error_of(lambda: opened[1].ask("status"))
+    assert error.code == "busy" and str(door.MOST_PEERS) in error.sentence
+    for own in others:
+        own.close()
 
 
 def test_who_is_let_in_is_the_kernels_word(opened: Opened) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from cutting import shipped
 
-from controller import fitting, whole
+from controller import door, fitting, whole
 from controller.panel import backup
 from controller.panel.store import Store
 from controller.service import runs
@@ -72,8 +72,13 @@ def back_up(folder: Path) -> None:
     backup.save(Store(folder), shipped(), folder / "saved.zip")
 
 
+def serve(folder: Path) -> None:
+    door.note_runtime(folder, folder / "run")
+
+
 @pytest.mark.parametrize(
-    ("work", "name"), [(fit, "fitting.json"), (end_a_run, "run.json"), (back_up, "saved.zip")]
+    ("work", "name"),
+    [(fit, "fitting.json"), (end_a_run, "run.json"), (back_up, "saved.zip"), (serve, "runtime")],
 )
 def test_what_was_told_as_done_lasts_through_a_loss_of_power(
     tmp_path: Path, disk: list[str], work: Callable[[Path], None], name: str

@@ -21,6 +21,7 @@ from controller.service.service import JOURNAL, Service
 from controller.state import Mode, Request
 
 TEXT = "G21 G90 G54\nG1 X10. F3000\nG1 X20.\nM30\n"
+HANGS_S = 60.0  # no test is meant to come near
 TOOL = {"number": 2, "name": "", "radius_mm": 1.4, "length_mm": 8.0, "flute_mm": 15.0}
 
 
@@ -42,7 +43,7 @@ def desk(service: Service) -> Desk:
 def done(desk: Desk, verb: str, **args: Any) -> dict[str, Any]:
     """Its result. Raises DoorError."""
     answer = desk(verb, args)
-    return answer.result(10.0) if isinstance(answer, Future) else answer
+    return answer.result(HANGS_S) if isinstance(answer, Future) else answer
 
 
 def loaded(desk: Desk, service: Service, **more: Any) -> None:
@@ -75,17 +76,17 @@ def test_a_hold_while_a_way_is_planned_is_done_and_nothing_moves(
 
     def plan(**_: Any) -> dict[str, Any]:
         planning.set()
-        go.wait(10.0)
+        go.wait(HANGS_S)
         return {}
 
     engine.answers[verb] = plan
     heard(service, aside=verb == "return")
     way = desk(verb, {"mm": 5.0})
-    assert planning.wait(10.0)
+    assert planning.wait(HANGS_S)
     assert done(desk, "hold") == {"mode": "HOLD"}
     go.set()
     assert isinstance(way, Future)
-    way.result(10.0)
+    way.result(HANGS_S)
     assert Request.RESUME not in engine.requests and engine.now.mode is Mode.HOLD
 
 
@@ -224,7 +225,7 @@ def test_two_changes_at_once_are_both_kept(
     asked = [desk("set_offset", {"name": "G55", "values": [1.0, 2.0, 3.0]}), desk("set_tool", dict(TOOL))]
     for one in asked:
         assert isinstance(one, Future)
-        one.result(10.0)
+        one.result(HANGS_S)
     kept = json.loads((service.state / fitting.FILE).read_text())
     assert kept["offsets"]["G55"] == [1.0, 2.0, 3.0] and kept["tools"]["2"]["length_mm"] == 8.0
     assert service.machine.offsets[1].origin == (1.0, 2.0, 3.0)
@@ -240,7 +241,7 @@ def test_a_start_during_a_change_runs_with_what_was_changed(
 
     def slow(state: Path, values: fitting.Values) -> None:
         writing.set()
-        go.wait(10.0)
+        go.wait(HANGS_S)
         save(state, values)
 
     armed: list[Any] = []
@@ -248,12 +249,12 @@ def test_a_start_during_a_change_runs_with_what_was_changed(
     engine.answers["arm"] = lambda **more: (armed.append(more["program"]), arm(**more))[1]
     monkeypatch.setattr(fitting, "save", slow)
     change = desk("set_offset", {"name": "G54", "values": [1.0, 2.0, 3.0]})
-    assert writing.wait(10.0)
+    assert writing.wait(HANGS_S)
     start = desk("start", {})
     go.set()
     assert isinstance(change, Future) and isinstance(start, Future)
-    change.result(10.0)
-    start.result(10.0)
+    change.result(HANGS_S)
+    start.result(HANGS_S)
     assert armed[0].machine.offsets[0].origin == (1.0, 2.0, 3.0)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +11,12 @@ import pytest
 from planning_bench import Bench
 from restarting import with_tool
 
+from controller import door
 from controller.handoff import COLUMN
 from controller.machine import five
 from controller.plan.route.spot import Spot
+from controller.plan.route.stretch import Note
+from controller.plan.text.program import Place
 from controller.service.orders import Answer, Order, Program
 from controller.state import Mode, Request
 
@@ -61,6 +65,18 @@ def test_a_start_tells_tool_offset_and_place_on_the_way(bench: Bench) -> None:
     assert {(way.tool, way.offset) for way in ways.values()} == {(2, 1)}, "T2 and G55"
     assert bench.news[-1].finished and bench.news[-1].whole and bench.news[-1].tool == 2
     bench.assert_cut(TEXT, bench.machine, Spot(1, 0.0, 0, 0.0))
+
+
+def test_a_program_of_which_much_is_to_be_noted_leaves_room_for_the_status(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = Program(TEXT.encode(), "part.ngc", bench.machine)
+    kept = bench.planning._kept(program)
+    much = replace(
+        kept, notes=(Note(Place(1, 1), "Turns the rotary axis under the standing tool. " * 5),) * 5000
+    )
+    monkeypatch.setattr(bench.planning, "_kept", lambda _: much)
+    assert len(door.packed(bench.order("check", program=program).facts)) < door.MOST_BYTES
 
 
 def test_a_rest_begins_in_the_middle_of_a_line_from_wherever_the_machine_stands(bench: Bench) -> None:

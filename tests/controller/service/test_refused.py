@@ -17,6 +17,8 @@ from controller.service.refused import in_both, refused
 from controller.service.sequencer import Sequencer
 from controller.state import Fault, sentence
 
+HANGS_S = 60.0  # no test is meant to come near
+
 
 def test_a_refusal_says_the_same_in_both_languages_with_mode_and_request() -> None:
     error = refused("waited", "HOMING", "HOME", seconds=3.0, what=Key("standstill"))
@@ -49,7 +51,7 @@ def test_work_that_failed_and_work_that_is_in_the_way_are_told_in_both_languages
     sequencer = Sequencer(lambda name, error: None)
 
     def work() -> dict[str, object]:
-        go.wait(10.0)
+        go.wait(HANGS_S)
         raise refused("stopped", "READY", "START")
 
     under_way = sequencer.do("start", work)
@@ -58,7 +60,7 @@ def test_work_that_failed_and_work_that_is_in_the_way_are_told_in_both_languages
     assert "start is under way" in busy.value.sentence and "start ist im Gang" in busy.value.sentence_de
     go.set()
     with pytest.raises(DoorError):
-        under_way.result(10.0)
+        under_way.result(HANGS_S)
     assert sequencer.now is not None
     shown = sequencer.now.to_dict()
     assert shown["state"] == "failed" and str(shown["sentence_de"]).startswith("Es wurde gestoppt")

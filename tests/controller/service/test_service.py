@@ -64,6 +64,26 @@ def test_a_fault_that_took_long_to_tell_does_not_end_what_was_started_meanwhile(
     assert (service.running, job.state) == (job, "starting")
 
 
+def test_what_a_tick_told_that_another_has_followed_is_nobodys_any_more(tmp_path: Path) -> None:
+    """The look waits for the lock, and meanwhile the tick that it looks at is replaced."""
+    engine, service = _Fault(), Service(shipped(), tmp_path)
+
+    class Late:
+        def acquire(self, timeout: float) -> bool:
+            engine.shown = _snapshot(mode=Mode.OFF, at_rest=True)
+            return True
+
+        def release(self) -> None: ...
+
+        def __enter__(self) -> None: ...
+
+        def __exit__(self, *_: object) -> None: ...
+
+    service.engine, service.lock = engine, Late()  # type: ignore[assignment]
+    service.look()
+    assert service.alarms.list() == []
+
+
 def test_a_reset_before_anybody_saw_the_tick_die_loses_no_alarm(tmp_path: Path) -> None:
     service = Service(shipped(), tmp_path)
     service.engine = _KilledTick()  # type: ignore[assignment]

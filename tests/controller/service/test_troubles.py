@@ -164,6 +164,14 @@ def test_a_plan_that_died_at_rest_and_a_tick_that_died_leave_recordings(site: Si
     assert site.alarms.list()[0]["recording"].endswith("-CONTROLLER_GONE")
 
 
+def test_a_new_tick_has_no_fault_until_it_tells_one(site: Site) -> None:
+    site.troubles.tick_gone(site.now, "It was killed.")
+    site.troubles.begin()
+    assert site.troubles.shown is None
+    site.looks(fault=Fault.EMERGENCY_STOP, mode=Mode.FAULT, at_rest=True)
+    assert site.troubles.shown and site.troubles.shown["number"] == site.alarms.list()[0]["id"]
+
+
 @pytest.mark.parametrize("fault", [Fault.DOOR_OPEN, Fault.DRIVE_WARNING, Fault.FOLLOWING_ERROR])
 def test_a_recording_that_cannot_be_written_stops_nothing(tmp_path: Path, fault: Fault) -> None:
     (tmp_path / "file").write_text("")
