@@ -56,7 +56,8 @@ REFUSALS = {
     "bad_sum": "sha256 {found}: is no checksum; allowed are 64 hexadecimal digits.",
     # --- by what is asked of the machine
     "no_service": "The machine's service does not answer; start it with directrix serve.",
-    "silent_service": "The machine's service is there and gives no answer; repeat, or see its log.",
+    "silent_service": "The machine's service is there and gives no answer; look at the machine, then "
+    "repeat, or see its log.",
     "no_reason": "The controller's service refused without a reason; see its log.",
     "other_version": "The service's rows are of another version; install service and panel alike.",
     "restart_line": "A restart is where the program was interrupted; give no line with it.",

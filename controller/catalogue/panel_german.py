@@ -56,8 +56,8 @@ REFUSALS = {
     "bad_sum": "sha256 {found}: ist keine Prüfsumme; erlaubt sind 64 hexadezimale Ziffern.",
     # --- by what is asked of the machine
     "no_service": "Der Dienst der Maschine antwortet nicht; ihn mit directrix serve starten.",
-    "silent_service": "Der Dienst der Maschine ist da und gibt keine Antwort; wiederholen, oder siehe sein "
-    "Protokoll.",
+    "silent_service": "Der Dienst der Maschine ist da und gibt keine Antwort; nach der Maschine sehen, dann "
+    "wiederholen, oder siehe sein Protokoll.",
     "no_reason": "Der Dienst der Steuerung lehnte ohne Grund ab; siehe sein Protokoll.",
     "other_version": "Die Takte des Dienstes sind von einer anderen Version; Dienst und Panel gleich "
     "installieren.",

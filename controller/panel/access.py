@@ -37,7 +37,7 @@ PROXY_HEADERS = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-real-ip"
 LOCAL = Principal("local", Role.SET_UP, "local")
 SEEN_S = 2.0  # age of the tick that a page has seen; it presses nothing when it is 0.7 s without one
 MOST_DIGITS = 16  # of a tick
-AGAIN_S = 1.0  # a jog is refreshed ten times a second and audited once
+AGAIN_S = 1.0  # a jog is refreshed ten times a second and audited once; after such a pause it is another
 # Who is sent away may try without end: a line for each address and reason, or the log would
 # soon hold nothing else.
 STRANGER_S = 60.0
@@ -61,8 +61,8 @@ def needs(role: Role) -> Any:
     return Depends(_marked(allowed, role, False))
 
 
-def moves(role: Role = Role.OPERATE) -> Any:
-    """A dependency: who asks must have this role and hold the control token."""
+def moves(most_s: float = SEEN_S) -> Any:
+    """A dependency: who asks may operate and holds the control token; ``most_s``: see ``SEEN_S``."""
 
     async def allowed(
         connection: HTTPConnection,
@@ -73,12 +73,12 @@ def moves(role: Role = Role.OPERATE) -> Any:
             str, Header(description="Of the last status that was seen: what comes too late moves nothing.")
         ] = "",
     ) -> Principal:
-        who = await _checked(connection, role)
+        who = await _checked(connection, Role.OPERATE)
         panel_of(connection).control.check(x_control_token)
-        await check_seen(connection, x_seen_tick, SEEN_S)
+        await _check_seen(connection, x_seen_tick, most_s)
         return who
 
-    return Depends(_marked(allowed, role, True))
+    return Depends(_marked(allowed, Role.OPERATE, True))
 
 
 def _marked(guard: Guard, role: Role, control: bool) -> Guard:
@@ -104,7 +104,7 @@ async def _checked(connection: HTTPConnection, role: Role) -> Principal:
     return who
 
 
-async def check_seen(connection: HTTPConnection, seen: str, most_s: float) -> None:
+async def _check_seen(connection: HTTPConnection, seen: str, most_s: float) -> None:
     """Raises Refusal where the tick that was seen is long ago, or of another run of the service."""
     if not (seen.isascii() and seen.isdigit() and len(seen) <= MOST_DIGITS):
         return
@@ -219,8 +219,8 @@ def _action(connection: HTTPConnection) -> str:
 
 def _audit(panel: Panel, connection: HTTPConnection, who: Principal, allowed: bool) -> None:
     action = _action(connection)
-    again_s = AGAIN_S if connection.url.path.endswith("/jog") else 0.0
-    if _is_news(panel, (who.name, action, allowed), again_s):
+    refreshed = connection.url.path.endswith("/jog")
+    if not refreshed or _is_news(panel, (who.name, action, allowed), AGAIN_S, from_last=True):
         panel.note(who.name, address(connection), action, allowed=allowed)
 
 
@@ -231,15 +231,11 @@ def note_refused(connection: HTTPConnection, user: str, action: str, refusal: Re
         panel.note(user, address(connection), action, code, allowed=False)
 
 
-def _is_news(panel: Panel, key: tuple[str, str, bool], again_s: float) -> bool:
-    """Whether a line like it is not in the log for ``again_s`` already."""
-    if again_s == 0.0:
-        return True
-    now_s = time.monotonic()
-    if now_s - panel.audited.get(key, -1e9) < again_s:
-        return False
-    panel.audited.pop(key, None)
+def _is_news(panel: Panel, key: tuple[str, str, bool], again_s: float, from_last: bool = False) -> bool:
+    """Whether there was no line like it for ``again_s``; ``from_last``: nor one that was kept back."""
+    now_s, last_s = time.monotonic(), panel.audited.pop(key, -1e9)
+    news = now_s - last_s >= again_s
     while len(panel.audited) >= MOST_AUDITED:
         del panel.audited[next(iter(panel.audited))]
-    panel.audited[key] = now_s
-    return True
+    panel.audited[key] = now_s if news or from_last else last_s
+    return news

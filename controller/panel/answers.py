@@ -9,7 +9,6 @@ often, 503 the controller's service is not there.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -57,19 +56,14 @@ class Refusal(Exception):
 
     @classmethod
     def told(
-        cls,
-        status: int,
-        code: str,
-        key: str,
-        *,
-        mode: str | None = None,
-        request: str | None = None,
-        headers: Mapping[str, str] | None = None,
-        **values: object,
+        cls, status: int, code: str, key: str, *, headers: Mapping[str, str] | None = None, **values: Any
     ) -> Refusal:
-        """With the catalogue's text of that key, in both languages."""
+        """With the catalogue's text of that key, in both languages; a mode and a request among the values
+        are facts of their own, too.
+        """
         english, german = catalogue.in_both(key, **values)
-        return cls(status, code, english, mode=mode, request=request, sentence_de=german, headers=headers)
+        asked = {name: values[name] for name in ("mode", "request") if name in values}
+        return cls(status, code, english, sentence_de=german, headers=headers, **asked)
 
     def response(self) -> JSONResponse:
         body = ErrorAnswer(error=self.facts).model_dump()
@@ -124,14 +118,3 @@ def of_form(errors: Iterable[Mapping[str, Any]]) -> Refusal:
         limit=(error.get("ctx") or {}).get(limit),
         message=str(error.get("msg", "does not fit")).rstrip("."),
     )
-
-
-def plain(value: Any) -> Any:
-    """The value without NaN and infinities, which JSON does not have: None stands for them."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {str(key): plain(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(inner) for inner in value]
-    return value

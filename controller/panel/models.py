@@ -10,12 +10,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from controller.panel.roles import RoleName
-
 Axis = Annotated[str, Field(pattern=r"^[XYZABC]$", description="Name of an axis of the machine file.")]
 Frame = Literal["joint", "part", "tool"]
-UserName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_.@-]{1,40}$")]
-Password = Annotated[str, Field(min_length=8, max_length=200)]
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
 Number = float | None  # null: not known
 Millimetres = Annotated[float, Field(ge=-1e5, le=1e5)]
@@ -132,33 +128,6 @@ class ToolValues(Sent):
 
 class Rename(Sent):
     name: Annotated[str, Field(min_length=1, max_length=200)]
-
-
-class TakeControl(Sent):
-    take_over: bool = False
-
-
-class LogIn(Sent):
-    name: Annotated[str, Field(max_length=40)]
-    password: Annotated[str, Field(max_length=200)]
-
-
-class NewUser(Sent):
-    name: UserName
-    password: Password
-    role: RoleName
-
-
-class UserChange(Sent):
-    """What is null stays."""
-
-    password: Password | None = None
-    role: RoleName | None = None
-
-
-class NewToken(Sent):
-    name: UserName
-    role: RoleName
 
 
 # ---- answered
@@ -334,69 +303,3 @@ class OffsetList(Told):
 
 class ToolList(Told):
     tools: dict[str, Any]
-
-
-class ControlFacts(Told):
-    holder: str | None
-    since_s: Number
-    mine: bool = Field(description="Whether the X-Control-Token that was sent is the one.")
-
-
-class ControlToken(Told):
-    holder: str
-    token: str = Field(description="Send it as X-Control-Token; it is shown only here.")
-
-
-class SessionFacts(Told):
-    """Who asks, and what to send along."""
-
-    name: str
-    role: RoleName
-    how: Literal["local", "session", "token"]
-    csrf: str | None = Field(description="Of a session: send it as X-CSRF-Token with all but GET.")
-
-
-class UserFacts(Told):
-    name: str
-    role: RoleName
-
-
-class UserList(Told):
-    users: list[UserFacts]
-
-
-class TokenFacts(Told):
-    name: str
-    role: RoleName
-    made_s: float
-    made_by: str
-
-
-class TokenList(Told):
-    tokens: list[TokenFacts]
-
-
-class MadeToken(Told):
-    name: str
-    role: RoleName
-    token: str = Field(description="It is shown only here.")
-
-
-class AuditEntry(Told):
-    id: int
-    at_s: float
-    user: str
-    address: str
-    action: str
-    detail: str
-    allowed: bool
-
-
-class AuditList(Told):
-    entries: list[AuditEntry]
-    before: int | None
-
-
-class Version(Told):
-    directrix: str
-    api: str

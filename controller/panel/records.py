@@ -245,7 +245,7 @@ class Users:
                 raise StoreError.told("missing", "missing", what=Key("what.user"), name=name)
 
     def tokens(self) -> list[Token]:
-        return [Token(*row) for row in self._database.rows("SELECT name, role, made_s, made_by FROM tokens")]
+        return list(self.by_hash().values())
 
     def by_hash(self) -> dict[str, Token]:
         """All tokens, by the hash of each."""

@@ -58,11 +58,6 @@ class Control:
         self.holder, self.since_s, self._token = who.name, time.time(), secrets.token_urlsafe(16)
         return self._token
 
-    def give(self, token: str) -> None:
-        """Free it. Raises Refusal for anybody but the holder."""
-        self.check(token)
-        self.free()
-
     def free(self) -> None:
         self.holder, self.since_s, self._token = "", 0.0, ""
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from fastapi import APIRouter, Request
 
 from controller.panel import models
-from controller.panel.access import check_seen, moves, needs
+from controller.panel.access import moves, needs
 from controller.panel.answers import Refusal
 from controller.panel.roles import Role
 from controller.panel.routes.machine import MOVES, ask
@@ -21,10 +21,9 @@ router = APIRouter(tags=["jog"])
 SEEN_S = 0.4  # age of the tick that whoever presses has seen; statuses come every 50 ms
 
 
-@router.post("/jog", dependencies=[moves()], responses=MOVES)
+@router.post("/jog", dependencies=[moves(most_s=SEEN_S)], responses=MOVES)
 async def jog(request: Request, body: models.Jog) -> models.Done:
     """Move on along an axis; repeat at least every 200 ms, at limits it comes to rest."""
-    await check_seen(request, request.headers.get("x-seen-tick", ""), SEEN_S)
     return await ask(request, "jog", frame=body.frame, axis=body.axis, speed=body.speed, press=body.press)
 
 

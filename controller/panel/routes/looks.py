@@ -121,7 +121,7 @@ async def touch(request: Request, name: OffsetName, body: TouchOff) -> models.Do
     offset = dict(facts.get("offsets") or {}).get(name)
     if offset is None or not now.get("on_table"):
         raise Refusal.told(409, "refused", "no_tip")
-    if homeless := [axis for axis in now.get("not_homed") or ()]:
+    if homeless := now.get("not_homed"):
         mode, axes = str(now.get("mode")), ", ".join(homeless)
         raise Refusal.told(409, "refused", "tip_not_homed", mode=mode, request="TOUCH OFF", axes=axes)
     frame = touch_off.frame(offset)

@@ -12,7 +12,7 @@ from fastapi.responses import FileResponse
 
 from controller.panel import models, multipart
 from controller.panel.access import needs, panel_of, principal
-from controller.panel.answers import documented
+from controller.panel.answers import Refusal, documented
 from controller.panel.core import Panel
 from controller.panel.multipart import Received
 from controller.panel.programs import Program
@@ -42,7 +42,10 @@ async def take(request: Request) -> Received:
     who = await principal(request)
 
     def in_use() -> frozenset[str]:  # asked by the thread that keeps the file, at the last moment
-        return asyncio.run_coroutine_threadsafe(panel.watch.in_use(), loop).result(IN_USE_S)
+        try:
+            return asyncio.run_coroutine_threadsafe(panel.watch.in_use(), loop).result(IN_USE_S)
+        except TimeoutError:  # it waits behind a crowd of questions to a service that hangs
+            raise Refusal.told(503, "silent", "silent_service") from None
 
     kind = request.headers.get("content-type", "")
     received = await multipart.receive(request.stream(), kind, panel.store.uploads, who.name, in_use)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Header, Request, Response
 
-from controller.panel import models
+from controller.panel import models_of_access as models
 from controller.panel.access import (
     COOKIE,
     address,

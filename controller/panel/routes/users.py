@@ -9,7 +9,7 @@ from typing import Annotated
 from fastapi import APIRouter, Path, Request
 
 from controller.catalogue import Key
-from controller.panel import models
+from controller.panel import models_of_access as models
 from controller.panel.access import needs, panel_of, principal
 from controller.panel.answers import Refusal, documented
 from controller.panel.core import Panel

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import httpx
@@ -16,7 +18,7 @@ from fake_door import TABLE
 from fastapi.routing import APIRoute
 from panels import PASSWORD, ROLES, Scene, sentence, take_control
 
-from controller.panel import http
+from controller.panel import access, http
 from controller.panel.access import COOKIE
 from controller.panel.roles import Principal, Role
 from controller.panel.users import CROWD_TRIES, FREE_TRIES, LONGEST_WAIT_S
@@ -462,6 +464,23 @@ def test_the_audit_log_says_who_did_what_and_who_was_not_allowed_to(tmp_path: Pa
         ("token script-operate", "POST /api/v1/machine/estop", True),
         ("token script-operate", "POST /api/v1/jog", True),
     ]
+
+
+def test_a_jog_is_one_line_of_the_audit_log_however_long_it_is_held(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    halves = itertools.count()  # of the time without a refresh after which it is another jog
+    clock = SimpleNamespace(monotonic=lambda: next(halves) * 0.5 * access.AGAIN_S)
+    monkeypatch.setattr(access, "time", clock)
+
+    async def story() -> list[str]:
+        scene = await Scene(tmp_path).with_users()
+        async with scene.panel.running(), scene.client("operate") as client:
+            for _ in range(5):
+                await client.post("/api/v1/jog", json={})
+        return [entry.action for entry in scene.store.audit.list()]
+
+    assert asyncio.run(story()) == ["POST /api/v1/jog"]
 
 
 def test_the_audit_log_says_who_was_not_let_in_and_why(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from fake_door import FakeDoor
 from panels import Scene, sentence
 
 from controller.door import DoorError
-from controller.panel.routes import records
+from controller.panel.routes import programs, records
 from controller.panel.store import Store, StoreError
 
 TEXT = b"G1 X10 F100\nM2\n"
@@ -62,6 +62,25 @@ def test_nothing_is_changed_while_a_service_does_not_say_what_it_uses(tmp_path: 
         assert [program.name for program in scene.store.programs.list()] == ["part.ngc"]
         assert not list(scene.store.programs.incoming.iterdir())
 
+    asyncio.run(story())
+
+
+def test_an_upload_is_refused_while_what_is_used_cannot_be_asked_behind_a_crowd(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async def never() -> frozenset[str]:
+        await asyncio.Event().wait()
+        return frozenset()
+
+    async def story() -> None:
+        scene = Scene(tmp_path)
+        monkeypatch.setattr(scene.panel.watch, "in_use", never)
+        async with scene.client() as client:
+            answer = await client.post("/api/v1/programs", files={"file": ("part.ngc", b"M30\n")})
+        assert answer.status_code == 503 and "gives no answer" in sentence(answer)
+        assert not scene.store.programs.list() and not list(scene.store.programs.incoming.iterdir())
+
+    monkeypatch.setattr(programs, "IN_USE_S", 0.01)
     asyncio.run(story())
 
 

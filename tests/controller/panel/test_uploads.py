@@ -10,6 +10,7 @@ import resource
 import subprocess
 import sys
 from collections.abc import AsyncIterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -20,7 +21,8 @@ from controller.panel import multipart, names
 from controller.panel.multipart import Received
 from controller.panel.store import Store, StoreError, UploadLimits
 
-LIMITS = UploadLimits(most_bytes=20_000, free_bytes=0, at_once=4, patience_s=0.2, slowest_bytes_s=1e6)
+# Patient: on a busy computer nothing is refused as too slow that is not about that.
+LIMITS = UploadLimits(most_bytes=20_000, free_bytes=0, at_once=4)
 CODES = {"name", "size", "sha256", "empty", "form", "slow", "many", "space", "running"}
 
 
@@ -153,7 +155,8 @@ def test_a_form_with_too_much_in_it_is_refused(store: Store) -> None:
     assert refused(store, Sent(b"--frontier--\r\n")) == "form"
 
 
-def test_a_sender_slower_than_the_slowest_pace_is_refused(store: Store) -> None:
+def test_a_sender_slower_than_the_slowest_pace_is_refused(tmp_path: Path) -> None:
+    store = Store(tmp_path / "inside" / "state", replace(LIMITS, patience_s=0.2, slowest_bytes_s=1e6))
     assert refused(store, Sent(form("a"), pause_s=0.1, chunk=20)) == "slow"
 
 
@@ -167,7 +170,8 @@ def test_the_running_program_is_not_overwritten_and_goes_on(store: Store) -> Non
 
 def test_more_uploads_at_once_than_allowed_are_refused_and_places_come_back(store: Store) -> None:
     async def all_at_once() -> list[Received | BaseException]:
-        sent = [receive(store, Sent(form(f"p{i}"), pause_s=0.02, chunk=100)) for i in range(10)]
+        forms = [form(f"p{i}", TEXT * 40) for i in range(10)]  # none ends before the last has begun
+        sent = [receive(store, Sent(body, pause_s=0.02, chunk=100)) for body in forms]
         return list(await asyncio.gather(*sent, return_exceptions=True))
 
     for _ in range(2):
@@ -239,13 +243,12 @@ async def attack(store: Store, draw: random.Random, many: int) -> int:
 
 def run_attack(folder: Path, seed: int, many: int) -> None:
     print(f"seed {seed}")
-    limits = UploadLimits(most_bytes=20_000, free_bytes=0, at_once=LIMITS.at_once, patience_s=10.0)
-    store = Store(folder, limits)
+    store = Store(folder, LIMITS)
     with store.uploads.begin("p1") as upload:
         upload.write(b"M30\n")
         first = upload.commit()
     kept = asyncio.run(attack(store, random.Random(seed), many))
-    assert 0.01 * many < kept < 0.6 * many, f"seed {seed}: {kept} of {many} kept"
+    assert 0.02 * many < kept < 0.6 * many, f"seed {seed}: {kept} of {many} kept"
     assert store.programs.get("p1") == first
     assert_whole(store)
 
