@@ -10,11 +10,18 @@ from pathlib import Path
 
 import ci_seed
 import held_up
+import hypothesis
 import pytest
 import shares
 
 # The workers of xdist must choose the same.
 os.environ["DIRECTRIX_TEST_SEED"] = str(ci_seed.SEED)
+
+# How long an example takes is a matter of what else the computer does.
+hypothesis.settings.register_profile(
+    "any computer", deadline=None, suppress_health_check=[hypothesis.HealthCheck.too_slow]
+)
+hypothesis.settings.load_profile("any computer")
 
 
 @pytest.fixture(autouse=True)

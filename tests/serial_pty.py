@@ -22,10 +22,12 @@ class Pty:
         self._ours = ours  # stays open, as a port stays there without anybody using it
 
     def write(self, data: bytes) -> None:
+        """Send; when it returns our end has got it, so a sender that was stopped by it is stopped."""
         while data and not self.ended.is_set():
             if select.select([], [self.machine], [], 0.1)[1]:
                 with contextlib.suppress(BlockingIOError):
                     data = data[os.write(self.machine, data) :]
+        select.select([self._ours], [], [], 0.0)  # whoever looks makes the kernel deliver what it holds
 
     def read(self, wait_s: float = 0.2) -> bytes:
         if not select.select([self.machine], [], [], wait_s)[0]:

@@ -62,9 +62,10 @@ def install(
     with refusals(as_json, lambda: (ConfigError,)):
         present = _present(root or Path("/"))
         source = _source(machine)
-        made = config.load(source or installation.machine_named_in(present or ""))
+        named = source or installation.machine_named_in(present or "")
+        made = config.load(named)
         if root is None:
-            _may_install(made, source or installation.machine_named_in(present or ""))
+            _may_install(made, named)
         serve = None if simulate is None else "--simulate" * simulate
         text = installation.environment(present, source, serve, panel)
         paths = _write(root or Path("/"), made, text)

@@ -57,8 +57,8 @@ class Checker:
         """Have a program checked, unless it was or will be. Raises StoreError."""
         machine = self.machine()
         asked = (program.sha256, machine)
-        known = self._store.checks.get(*asked)
         with self._lock:
+            known = self._store.checks.get(*asked)  # one that ends is known before it is no longer pending
             if not machine or asked in self._pending or (known and known.state in ("passed", "refused")):
                 return
             self._pending.add(asked)

@@ -7,22 +7,19 @@ thread of the client receives and time is the wall's. No time is asserted.
 from __future__ import annotations
 
 import random
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import canopen
 import pytest
 from canopen.sdo.exceptions import SdoAbortedError
+from hub_process import ANSWER_S, served
 from lone_drive import Lone
 from stepped_drives import EDS
 
 from drives.simulated.io_node import IO_EDS
 from drives.virtual.hub_bus import HubBus
 
-ROOT = Path(__file__).parents[2]
 NODE = 5
 NODES, IO = range(1, 6), 11
 TEN_KB = random.Random(10).randbytes(10_000)
@@ -61,7 +58,7 @@ Net = Stepped | Hubbed
 
 
 def wait_for(network: Net, done: Callable[[], bool]) -> None:
-    for _ in range(1000):
+    for _ in range(5000):
         if done():
             return
         network.pause()
@@ -70,20 +67,12 @@ def wait_for(network: Net, done: Callable[[], bool]) -> None:
 
 @pytest.fixture(scope="module")
 def hubbed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hubbed]:
-    path = str(tmp_path_factory.mktemp("hub") / "can")
-    served = subprocess.Popen(
-        [sys.executable, "-m", "drives.simulated", path, "--nodes", *map(str, NODES), "--io", str(IO)],
-        cwd=ROOT,
-    )
-    while not Path(path).exists():
-        assert served.poll() is None
-        time.sleep(0.01)
-    joined = Hubbed(bus=HubBus(path))
-    joined.connect()
-    yield joined
-    joined.disconnect()
-    served.kill()
-    served.wait()
+    path = tmp_path_factory.mktemp("hub") / "can"
+    with served(path, "--nodes", *map(str, NODES), "--io", str(IO), nodes=(*NODES, IO)):
+        joined = Hubbed(bus=HubBus(str(path)))
+        joined.connect()
+        yield joined
+        joined.disconnect()
 
 
 @pytest.fixture(params=["stepped", "hub"])
@@ -107,9 +96,7 @@ def reset(network: Hubbed, node: int) -> None:
 def client(network: Net, number: int, eds: str = EDS) -> canopen.RemoteNode:
     made = canopen.RemoteNode(number, eds)
     network.add_node(made)
-    made.sdo.RESPONSE_TIMEOUT = 5.0
-    if isinstance(network, Hubbed):
-        made.sdo.MAX_RETRIES = 5
+    made.sdo.RESPONSE_TIMEOUT = ANSWER_S
     return made
 
 

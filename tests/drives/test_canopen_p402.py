@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,41 +9,35 @@ from pathlib import Path
 import canopen
 import pytest
 from canopen.profiles.p402 import BaseNode402
+from hub_process import ANSWER_S, served
 from stepped_drives import EDS
 
 from drives.virtual.hub_bus import HubBus
 
-ROOT = Path(__file__).parents[2]
 NODE = 1
 
 
 @pytest.fixture
 def node(tmp_path: Path) -> Iterator[BaseNode402]:
     path = tmp_path / "can"
-    served = subprocess.Popen(
-        [sys.executable, "-m", "drives.simulated", str(path), "--nodes", str(NODE)], cwd=ROOT
-    )
-    while not path.exists():
-        assert served.poll() is None
-    network = canopen.Network(bus=HubBus(str(path)))
-    network.connect()
-    made = BaseNode402(NODE, EDS)
-    network.add_node(made)
-    made.sdo.RESPONSE_TIMEOUT = 5.0
-    made.sdo.MAX_RETRIES = 5
-    yield made
-    network.sync.stop()
-    network.disconnect()
-    served.kill()
-    served.wait()
+    with served(path, "--nodes", str(NODE), nodes=[NODE]):
+        network = canopen.Network(bus=HubBus(str(path)))
+        network.connect()
+        made = BaseNode402(NODE, EDS)
+        network.add_node(made)
+        made.sdo.RESPONSE_TIMEOUT = ANSWER_S
+        # What it gives a drive is for a computer that has time for both of them.
+        made.TIMEOUT_SWITCH_OP_MODE = made.TIMEOUT_SWITCH_STATE_FINAL = made.TIMEOUT_CHECK_TPDO = ANSWER_S
+        yield made
+        network.sync.stop()
+        network.disconnect()
 
 
 def wait_for(done: Callable[[], bool]) -> None:
-    for _ in range(1000):
-        if done():
-            return
+    give_up_s = time.monotonic() + 2.0 * ANSWER_S
+    while not done():
+        assert time.monotonic() < give_up_s, "it never came"
         time.sleep(0.01)
-    raise AssertionError("it never came")
 
 
 def test_it_goes_through_the_states_by_process_data(node: BaseNode402) -> None:

@@ -28,6 +28,14 @@ ROOT = Path(__file__).parents[2]
 PATIENCE_S = 20.0
 
 
+def let_in(hub: Hub) -> HubBus:
+    """A client that hears all that is sent from now on: one who has only knocked hears nothing."""
+    others = len(hub._clients)
+    made = HubBus(hub.path)
+    until(lambda: len(hub._clients) > others)
+    return made
+
+
 class Served:
     """A hub with both gateways, in a thread."""
 
@@ -46,6 +54,9 @@ class Served:
         self._ends = True
         self._thread.join()
         self.hub.close()
+
+    def native(self) -> HubBus:
+        return let_in(self.hub)
 
     def socketcand(self) -> can.BusABC:
         return can.Bus(interface="socketcand", host="127.0.0.1", port=self.tcp.port, channel="can0")
@@ -66,6 +77,13 @@ MESSAGES = [
     can.Message(arbitration_id=0x080, data=b"", is_extended_id=False),
     can.Message(arbitration_id=0x1ABCDEF0, data=bytes(range(8)), is_extended_id=True),
 ]
+
+
+def until(done: Callable[[], bool]) -> None:
+    give_up_s = time.monotonic() + PATIENCE_S
+    while not done():
+        assert time.monotonic() < give_up_s
+        time.sleep(0.001)
 
 
 def heard(listener: can.BusABC, count: int) -> list[can.Message]:
@@ -112,7 +130,7 @@ def test_python_can_finds_the_virtual_bus_by_the_name_of_its_plugin(served: Serv
         "assert bus.recv(20.0).arbitration_id == 0x124\n"
         "bus.shutdown()\n"
     )
-    native = HubBus(served.path)
+    native = served.native()
     process = subprocess.Popen(
         [sys.executable, "-c", tool, served.path], env=installed(tmp_path), cwd=tmp_path
     )
@@ -125,7 +143,7 @@ def test_python_can_finds_the_virtual_bus_by_the_name_of_its_plugin(served: Serv
 @pytest.mark.parametrize("interface", ["socketcand", "slcan"])
 def test_python_can_comes_in_by_a_gateway_and_hears_and_is_heard(served: Served, interface: str) -> None:
     open_bus: Callable[[], can.BusABC] = getattr(served, interface)
-    guest, native = open_bus(), HubBus(served.path)
+    guest, native = open_bus(), served.native()
     try:
         time.sleep(0.3)  # socketcand's rawmode begins quietly
         for message in MESSAGES:
@@ -139,7 +157,7 @@ def test_python_can_comes_in_by_a_gateway_and_hears_and_is_heard(served: Served,
 
 
 def test_slcan_carries_remote_frames(served: Served) -> None:
-    guest, native = served.slcan(), HubBus(served.path)
+    guest, native = served.slcan(), served.native()
     remote = can.Message(arbitration_id=0x703, is_remote_frame=True, dlc=1, is_extended_id=False)
     try:
         guest.send(remote)
@@ -177,23 +195,18 @@ def test_a_guest_that_leaves_is_forgotten(served: Served) -> None:
     before = len(served.hub.bus._ports)
     guest = served.socketcand()
     guest.shutdown()
-    until_s = time.monotonic() + PATIENCE_S
-    while len(served.hub.bus._ports) != before and time.monotonic() < until_s:
-        time.sleep(0.01)
-    assert len(served.hub.bus._ports) == before
+    until(lambda: len(served.hub.bus._ports) == before)
 
 
 def test_our_own_serial_adapter_port_speaks_with_the_terminal(served: Served) -> None:
     port = bus.open(BusSettings("can0", "slcan", served.link, 1_000_000))
-    native = HubBus(served.path)
+    native = served.native()
     try:
         assert port.send(pdo.frame(0x201, b"\x0f\x00") + pdo.frame(0x202, b"\x0f\x01"))
         assert [m.arbitration_id for m in heard(native, 2)] == [0x201, 0x202]
         native.send(can.Message(arbitration_id=0x181, data=b"\x37\x06", is_extended_id=False))
         buffer = bytearray(16)
-        until_s = time.monotonic() + PATIENCE_S
-        while not port.receive_into(buffer) and time.monotonic() < until_s:
-            time.sleep(0.001)
+        until(lambda: port.receive_into(buffer))
         assert pdo.unpack(buffer) == (0x181, b"\x37\x06")
         assert port.overflows == 0
     finally:
@@ -204,7 +217,7 @@ def test_our_own_serial_adapter_port_speaks_with_the_terminal(served: Served) ->
 def test_an_adapter_of_python_can_takes_options_in_its_channel(served: Served) -> None:
     channel = f"can0?host=127.0.0.1&port={served.tcp.port}"
     port = bus.open(BusSettings("can0", "socketcand", channel, 1_000_000))
-    native = HubBus(served.path)
+    native = served.native()
     assert port.send(pdo.frame(0x201, b"\x0f\x00"))
     assert [m.arbitration_id for m in heard(native, 1)] == [0x201]
     native.shutdown()
@@ -229,7 +242,7 @@ def test_a_serial_adapter_is_shared_by_a_hub(served: Served, tmp_path: Path) -> 
     with options.equipped(shared, serial=f"{served.link}=1000000"):
         thread = threading.Thread(target=shared.run, args=(lambda: bool(ends),))
         thread.start()
-        native, one, two = HubBus(served.path), HubBus(shared.path), HubBus(shared.path)
+        native, one, two = served.native(), let_in(shared), let_in(shared)
         try:
             native.send(MESSAGES[0])
             assert same(heard(one, 1), MESSAGES[:1])
@@ -244,9 +257,7 @@ def test_a_serial_adapter_is_shared_by_a_hub(served: Served, tmp_path: Path) -> 
             assert error.is_error_frame
             assert error.arbitration_id == 0x40
             one._socket.send(hub_protocol.RESTART_FRAME)
-            until_s = time.monotonic() + PATIENCE_S
-            while not same(heard_at_once(native, one, MESSAGES[0]), MESSAGES[:1]):
-                assert time.monotonic() < until_s
+            until(lambda: same(heard_at_once(native, one, MESSAGES[0]), MESSAGES[:1]))
         finally:
             for each in (native, one, two):
                 each.shutdown()

@@ -4,37 +4,31 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hub_process import ROOT, served
 from typer.testing import CliRunner
 
+from controller import config, nodes
 from controller.commands.drives import app
 from drives import bus, pdo
 from drives.settings import BusSettings
 
-ROOT = Path(__file__).parents[3]
 EDS = ROOT / "config" / "eds" / "simulated_drive.eds"
+NODES = range(1, 6)
 
 
 @pytest.fixture(scope="module")
 def hub(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """A virtual bus with the drives of the trunnion."""
-    yield from _served(tmp_path_factory.mktemp("hub") / "can", "--nodes", "1", "2", "3", "4", "5")
-
-
-def _served(path: Path, *options: str) -> Iterator[str]:
-    process = subprocess.Popen([sys.executable, "-m", "drives.simulated", str(path), *options], cwd=ROOT)
-    while not path.exists():
-        assert process.poll() is None, "it ended"
-    yield str(path)
-    process.kill()
-    process.wait()
+    path = tmp_path_factory.mktemp("hub") / "can"
+    with served(path, "--nodes", *map(str, NODES), nodes=NODES):
+        yield str(path)
 
 
 def asked(*arguments: str) -> dict[str, Any]:
@@ -82,7 +76,8 @@ def test_people_get_tables(hub: str) -> None:
 
 @pytest.mark.slow
 def test_a_drive_without_a_node_id_gets_the_one_of_the_machine_file_and_keeps_it(tmp_path: Path) -> None:
-    for path in _served(tmp_path / "can", "--nodes", "1", "2", "255", "4", "5"):
+    path = str(tmp_path / "can")
+    with served(tmp_path / "can", "--nodes", "1", "2", "255", "4", "5", nodes=(1, 2, 4, 5)):
         assert "Z (bus can0, node 3)" in asked("scan", "--channel", path)["error"]
         done = asked("commission", "--channel", path, "--set-node", "Z", "--store")
         assert done["ok"], done
@@ -92,7 +87,11 @@ def test_a_drive_without_a_node_id_gets_the_one_of_the_machine_file_and_keeps_it
         assert not any(drive["stored"] for drive in again["drives"]), "nothing changed, nothing to store"
 
 
-def test_the_drives_of_a_running_controller_are_not_touched(hub: str) -> None:
+def test_the_drives_of_a_running_controller_are_not_touched(
+    hub: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    master = replace(nodes.master_settings(config.load("trunnion")), heartbeat_s=5.0)
+    monkeypatch.setattr(nodes, "master_settings", lambda _: master)  # it listens for as long as that needs
     port = bus.open(BusSettings("can0", "virtual", hub, 1_000_000))
     ended = threading.Event()
 
@@ -114,7 +113,8 @@ def test_a_mismatch_is_refused_with_node_object_wanted_and_found(tmp_path: Path)
     other = tmp_path / "other.eds"
     text = EDS.read_text(encoding="latin-1")
     other.write_text(re.sub("0x0*402\\b", "0x777", text), encoding="latin-1")
-    for path in _served(tmp_path / "can", "--nodes", "1", "2", "3", "4", "5", "--eds", str(other)):
+    path = str(tmp_path / "can")
+    with served(tmp_path / "can", "--nodes", *map(str, NODES), "--eds", str(other), nodes=NODES):
         said = asked("commission", "--channel", path)
         assert (said["ok"], said["exit"]) == (False, 1)
         looked = asked("scan", "--channel", path)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -94,11 +93,12 @@ def test_before_it_runs_the_device_has_to_be_the_groups(
 
 
 @pytest.mark.parametrize(("skips", "passed"), [(9, True), (11, False)])
-def test_a_running_tick_tells_its_own_lateness(skips: int, passed: bool, tmp_path: Path) -> None:
+def test_a_running_tick_tells_its_own_lateness(
+    skips: int, passed: bool, tmp_path: Path, runtime: Path
+) -> None:
     """To measure on the core that it has for itself would find the tick, and elsewhere something else."""
     tick = {"number": 10_000, "skips": skips, "late_max_ms": 0.25, "period_ms": 2.0}
-    short = tempfile.TemporaryDirectory(prefix="directrix-")  # as a socket's path must be
-    with short as runtime, answering(tmp_path, Path(runtime), tick=tick):
+    with answering(tmp_path, runtime, tick=tick):
         asked = self_test._asked(tmp_path)
     assert asked == tick
     line = self_test.kept(asked)

@@ -22,7 +22,7 @@ def test_systemd_hears_every_word_on_the_socket_that_it_named(
     name = f"@directrix-test{tmp_path}" if abstract else str(tmp_path / "notify")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
         systemd.bind("\0" + name[1:] if abstract else name)
-        systemd.settimeout(10.0)
+        systemd.settimeout(20.0)
         monkeypatch.setenv("NOTIFY_SOCKET", name)
         tell = serve._notifier()
         for words in ("READY=1", "STATUS=OFF", "WATCHDOG=1"):

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import signal
-import subprocess
-import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from hub_process import running
 from typer.testing import CliRunner
 
 from controller.commands.drives import app
@@ -17,22 +15,15 @@ from drives import bus, commission, pdo
 from drives.commissioning import survey
 from drives.settings import BusSettings
 
-ROOT = Path(__file__).parents[3]
-
 
 @contextmanager
 def simulated(path: Path, *options: str) -> Iterator[commission.Network]:
     """The command in a process of its own, and a network on its bus."""
-    command = [sys.executable, "-m", "controller", "drives", "simulate", "--channel", str(path), *options]
-    process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL)
-    try:
-        while not path.exists():
-            assert process.poll() is None, "it ended"
+    with running(path, "controller", "drives", "simulate", "--channel", str(path), *options) as process:
         port = bus.open(BusSettings("can", "virtual", str(path), 1_000_000), pdo.SERVICE_FILTERS)
         yield commission.Network(port, commission.wall_pump(port.fileno()))
         port.close()
-    finally:
-        process.send_signal(signal.SIGTERM)
+        process.terminate()
         assert process.wait() == 0
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -172,6 +173,36 @@ def test_looking_again_and_again_asks_once(store: Store, tmp_path: Path) -> None
         checker.look()
     checker.close()
     assert count.read_text() == "xxx"
+
+
+def test_a_check_that_ends_while_it_is_asked_for_again_is_made_once(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program, checker = kept(store, "a", b"M2\n"), fake(store)
+    get, asked_again, made = store.checks.get, threading.Event(), list[str]()
+
+    def checked_now(program: Program, _: str) -> tuple[str, dict[str, object]]:
+        made.append(program.name)
+        asked_again.wait(60.0)
+        return "passed", {}
+
+    def overtaken(sha256: str, machine: str) -> ProgramCheck | None:
+        """Where the check may end meanwhile, what this tells is old when it is heard."""
+        found = get(sha256, machine)
+        asked_again.set()
+        until_s = time.monotonic() + 0.2
+        while checker._pending and time.monotonic() < until_s:
+            time.sleep(0.001)
+        return found
+
+    monkeypatch.setattr(checker, "_checked", checked_now)
+    checker.ask(program)
+    with monkeypatch.context() as patched:
+        patched.setattr(store.checks, "get", overtaken)
+        checker.ask(program)
+    awaited(checker, program, "passed")
+    checker.close()
+    assert made == ["a"]
 
 
 def test_without_a_machine_nothing_is_checked(tmp_path: Path) -> None:

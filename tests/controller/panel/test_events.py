@@ -33,7 +33,9 @@ async def listening(scene: Scene, topics: str = "", **headers: str) -> AsyncIter
             await asyncio.sleep(0.01)
         port = server.servers[0].sockets[0].getsockname()[1]
         where = f"ws://127.0.0.1:{port}/api/v1/events" + (f"?topics={topics}" if topics else "")
-        async with connect(where, additional_headers=headers, proxy=None) as connection:
+        async with connect(
+            where, additional_headers=headers, proxy=None, open_timeout=PATIENCE_S
+        ) as connection:
             yield connection
     finally:
         server.should_exit = True

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Coroutine, Iterable, Iterator
 from concurrent.futures import Future
-from contextlib import contextmanager
+from contextlib import asynccontextmanager, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -59,20 +59,27 @@ def stuck(folder: Path, at_once: frozenset[str]) -> Iterator[SocketDoor]:
         server.close()
 
 
+@asynccontextmanager
+async def waiting(crowd: Iterable[Coroutine[Any, Any, Any]]) -> AsyncIterator[None]:
+    """A crowd that asks while the block runs; nobody of it is answered. Raises AssertionError."""
+    asking = [asyncio.create_task(one) for one in crowd]
+    await asyncio.sleep(0)  # all of them are on their way
+    yield
+    assert not any(task.done() for task in asking)
+    for task in asking:
+        task.cancel()
+    await asyncio.gather(*asking, return_exceptions=True)
+
+
 def answered_behind(crowd: frozenset[str], wanted: frozenset[str], folder: Path) -> None:
     """Every verb of ``wanted`` is answered while none of a crowd's is. Raises AssertionError."""
 
     async def story() -> None:
         with stuck(folder, wanted) as door:
-            asking = [asyncio.create_task(door.ask(verb)) for verb in sorted(crowd) for _ in range(CROWD)]
-            await asyncio.sleep(0)  # all of them are on their way
-            for verb in sorted(wanted):
-                told = await asyncio.wait_for(door.ask(verb), PATIENCE_S)
-                assert told == {"verb": verb}
-            assert not any(task.done() for task in asking)
-            for task in asking:
-                task.cancel()
-            await asyncio.gather(*asking, return_exceptions=True)
+            async with waiting(door.ask(verb) for verb in sorted(crowd) for _ in range(CROWD)):
+                for verb in sorted(wanted):
+                    told = await asyncio.wait_for(door.ask(verb), PATIENCE_S)
+                    assert told == {"verb": verb}
 
     asyncio.run(story())
 
@@ -95,16 +102,10 @@ def test_an_operator_holds_and_stops_while_a_crowd_of_viewers_waits(tmp_path: Pa
             scene = await Scene(tmp_path / "state", door).with_users()  # type: ignore[arg-type]
             async with scene.client("view") as viewer, scene.client("operate") as operator:
                 looks = ("machine/buses", "restart", "facts", "drives", "offsets", "status")
-                asked = [viewer.get(f"/api/v1/{path}") for path in looks for _ in range(CROWD)]
-                asking = [asyncio.create_task(one) for one in asked]
-                await asyncio.sleep(0)
-                for verb in ("cycle/hold", "cycle/stop", "machine/estop"):
-                    answer = await asyncio.wait_for(operator.post(f"/api/v1/{verb}"), PATIENCE_S)
-                    assert answer.status_code == 200, answer.text
-                assert not any(task.done() for task in asking)
-                for task in asking:
-                    task.cancel()
-                await asyncio.gather(*asking, return_exceptions=True)
+                async with waiting(viewer.get(f"/api/v1/{path}") for path in looks for _ in range(CROWD)):
+                    for verb in ("cycle/hold", "cycle/stop", "machine/estop"):
+                        answer = await asyncio.wait_for(operator.post(f"/api/v1/{verb}"), PATIENCE_S)
+                        assert answer.status_code == 200, answer.text
 
     asyncio.run(story())
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import select
-import signal
 import socket
 import subprocess
 import sys
@@ -14,14 +12,15 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from hub_process import ROOT, profile, served
 
 from drives import pdo
 from drives.simulated import IoNode, SimulatedDrive
 from drives.simulated.can_bridge import MOST_WAITING, CanBridge, InterfaceError
 from drives.simulated.serve import on_interface
 
-ROOT = Path(__file__).parents[3]
 HAS_CAN = hasattr(socket, "AF_CAN")
+PATIENCE_S = 20.0
 
 
 class Wire:
@@ -41,7 +40,7 @@ class Wire:
 
     def hear(self, wanted: Callable[[int, bytes], bool]) -> bytes:
         """Data of the first frame that is wanted."""
-        while select.select([self.mine], [], [], 10.0)[0]:
+        while select.select([self.mine], [], [], PATIENCE_S)[0]:
             can_id, data = pdo.unpack(self.mine.recv(16))
             if wanted(can_id, data):
                 return data
@@ -136,25 +135,10 @@ def test_the_command_line_says_what_it_cannot_do(options: list[str], sentence: s
 
 def test_the_command_line_serves_axes_a_spindle_and_inputs(tmp_path: Path) -> None:
     path = tmp_path / "can"
-    options = [str(path), "--nodes", "1", "--spindle", "10", "--io", "11"]
-    served = subprocess.Popen([sys.executable, "-m", "drives.simulated", *options], cwd=ROOT)
-    try:
-        while not path.exists():
-            assert served.poll() is None
-        joined = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        joined.connect(str(path))
-        for node, kind in ((1, 402), (10, 402), (11, 401)):
-            data = b""
-            while data[:4] != bytes.fromhex("43001000"):
-                joined.send(pdo.frame(0x600 + node, bytes.fromhex("4000100000000000")))
-                ready = select.select([joined], [], [], 0.1)[0]
-                can_id, data = pdo.unpack(joined.recv(16)) if ready else (0, b"")
-                data = data if can_id == 0x580 + node else b""
-            assert int.from_bytes(data[4:6], "little") == kind
-        joined.close()
-    finally:
-        os.kill(served.pid, signal.SIGTERM)
-        assert served.wait() == 0
+    with served(path, "--nodes", "1", "--spindle", "10", "--io", "11") as process:
+        assert [profile(path, node) for node in (1, 10, 11)] == [402, 402, 401]
+        process.terminate()
+        assert process.wait() == 0
 
 
 def _frame(number: int) -> bytes:

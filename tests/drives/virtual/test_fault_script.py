@@ -344,7 +344,7 @@ NODE_FAULTS = st.builds(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(FRAME_FAULTS | NODE_FAULTS, max_size=5), st.integers(0, 9), st.sampled_from([1_000_000, 0]))
 def test_after_any_faults_the_bus_carries_again_and_no_frame_has_come_from_nowhere(
     faults: list[Injection], seed: int, bit_rate: int
