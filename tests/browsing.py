@@ -102,12 +102,6 @@ class Site:
         part.write_text(json.dumps(values))
         part.replace(whole)  # never seen half written
 
-    def lay_over(self, **values: Any) -> None:
-        """Of the machine on the stepped clock: show these values in its status from now on."""
-        new = self.folder / "told.new"
-        new.write_text(json.dumps(values))
-        new.replace(self.folder / "told.json")
-
     def asked(self, *verbs: str) -> list[tuple[float, str, dict[str, Any]]]:
         """What the fake machine was asked: (seconds since 1970, verb, arguments)."""
         lines = (self.folder / "asked.jsonl").read_text().splitlines()

@@ -100,7 +100,12 @@ class MovingDoor(FakeDoor):
         )
         if told.get("job"):
             told["job"] = {**JOB, **told["job"]}
-        return {**told, **json.loads(self._told.read_text())} if self._told.exists() else told
+        return {**told, **self.laid_over()}
+
+    def laid_over(self) -> dict[str, Any]:
+        """What a test has told."""
+        told: dict[str, Any] = json.loads(self._told.read_text()) if self._told.exists() else {}
+        return told
 
     def facts(self) -> dict[str, Any]:
         fitted = {"spindle": {"max_rev_min": 24000.0}, "outputs": ["coolant"], "retract_mm": RETRACT_MM}

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import gc
 import hashlib
-import json
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -39,7 +38,7 @@ NAME = "example2_ready.ngc"
 KEY = "picture-of-the-test"
 TOOL = 2  # of the program
 FIRST_TICKS = 1500  # of the recording
-TOLD, SHOWN = "told.json", "picture"
+SHOWN = "picture"
 STATUSWORD = 0x1237
 WARM_C = 41.5  # the drive of A
 FOLLOWING_ERROR = 0x8611  # said by the drive of Y
@@ -76,7 +75,6 @@ class SteppedDoor(MovingDoor):
         assert now is not None
         job = {"name": NAME, "state": "running", "block": now.motion_id, "line": now.line, "left_s": 60.0}
         drives = hearing.drives(self.warm, now, self.logs)
-        told = self.folder / TOLD
         return {
             **super().status(),
             **status.machine_values(self.machine, now, None, self.bench.recorder, TOOL),
@@ -87,7 +85,7 @@ class SteppedDoor(MovingDoor):
             "commissioned": True,
             "sequence": None,
             "tool": TOOL,
-            **(json.loads(told.read_text()) if told.exists() else {}),
+            **self.laid_over(),
         }
 
     def keep(self, base: Path) -> Path:

@@ -38,7 +38,6 @@ WORDS: Words = {
     "drives.period": ("Period ms", "Periode ms"),
     "drives.late_max": ("Latest ms", "Spätester ms"),
     "drives.skips": ("Skipped", "Ausgelassen"),
-    "drives.number": ("Number", "Nummer"),
     "drives.state.UNKNOWN": ("not heard", "nicht gehört"),
     "drives.state.NOT_READY_TO_SWITCH_ON": ("not ready", "nicht bereit"),
     "drives.state.SWITCH_ON_DISABLED": ("switch-on disabled", "Einschaltsperre"),

@@ -45,6 +45,11 @@ def size(count: int) -> str:
     return f"{value:.0f} {unit}" if unit == "B" else f"{value:.1f} {unit}"
 
 
+def percent(share: float) -> str:
+    """A share in words."""
+    return f"{share * 100:.0f} %"
+
+
 def clock(seconds: float | None) -> str:
     """``67.7`` as ``1:08``; a dash where nothing is known."""
     if seconds is None:

@@ -36,28 +36,28 @@ class Gate:
         if scope["type"] not in ("http", "websocket"):
             await self._page(scope, receive, send)
             return
+        asked = HTTPConnection({**scope, "app": self._outer})
         try:
-            await self._check(scope)
+            await _check(asked)
         except Refusal as refusal:
             if refusal.status == 403:  # 401 is everybody before the log-in
-                asked = HTTPConnection({**scope, "app": self._outer})
                 note_refused(asked, "", f"page {scope['path']}"[:200], refusal)
             await _sent_away(scope, receive, send, refusal)
             return
         await self._page(scope, receive, _guarded(send))
 
-    async def _check(self, scope: Scope) -> None:
-        """Raises Refusal."""
-        connection = HTTPConnection({**scope, "app": self._outer})
-        path = str(scope["path"])
-        if scope["type"] == "http" and (path.startswith(OPEN) or _is_asset(path)):
-            if not panel_of(connection).users.any:
-                check_local(connection)
-            return
-        if scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD"):
-            check_origin(connection)
-        # A post of the page's own socket has no token of the session: its origin was looked at.
-        await principal(HTTPConnection({**scope, "app": self._outer, "method": "GET", "type": "http"}))
+
+async def _check(asked: HTTPConnection) -> None:
+    """Raises Refusal."""
+    scope, path = asked.scope, str(asked.scope["path"])
+    if scope["type"] == "http" and (path.startswith(OPEN) or _is_asset(path)):
+        if not panel_of(asked).users.any:
+            check_local(asked)
+        return
+    if scope["type"] == "websocket" or scope["method"] not in ("GET", "HEAD"):
+        check_origin(asked)
+    # A post of the page's own socket has no token of the session: its origin was looked at.
+    await principal(HTTPConnection({**scope, "method": "GET", "type": "http"}))
 
 
 def _is_asset(path: str) -> bool:

@@ -13,7 +13,7 @@ from nicegui.elements.mixins.text_element import TextElement
 
 from controller.panel.answers import Refusal
 from controller.panel.page import cut_maps
-from controller.panel.page.figures import around, clock, overcut, size
+from controller.panel.page.figures import around, clock, overcut, percent, size
 from controller.panel.page.view import Page, act, card, row, tagged, text
 from controller.panel.page.words import Words
 from controller.panel.programs import Program
@@ -122,7 +122,7 @@ class _Programs:
         page.on("programs", lambda _: self._look())
         page.on("job", lambda _: self._look())
         page.when_shown(NAME, self._look)
-        ui.timer(LOOK_S, self._watch, immediate=True)
+        ui.timer(LOOK_S, self._watch, immediate=False)
 
     async def _watch(self) -> None:
         """Checks under way, other tools and new records tell nobody."""
@@ -138,12 +138,11 @@ class _Programs:
 
     def _show(self) -> None:
         one = self._one()
-        passed = one is not None and one["state"] == "passed"
         still = [{**entry, "progress": None} for entry in self._rows]  # it is written where it stands
         self._renew("list", self._list, still, self._chosen, self._loaded)
         self._renew("head", self._head, self._chosen if one else "", self._loaded == self._chosen)
         self._renew("found", self._found, one and (one["sha256"], one["state"], one["check"]))
-        self._renew("places", self._places, passed and one and (one["name"], one["sha256"]))
+        self._renew("places", self._places, one and (one["name"], one["sha256"], one["state"] == "passed"))
         for entry in self._rows:
             if (share := self._shares.get(str(entry["name"]))) is not None:
                 share.text = percent(entry["progress"])
@@ -227,8 +226,7 @@ class _Programs:
         page, state = self._page, str(one["state"])
         chip(page.word(f"check.{state}"), TONES.get(state, "dim"))
         if state == "running":
-            share = TextElement(tag="span", text=percent(one["progress"])).classes("figures dim")
-            self._shares[str(one["name"])] = share
+            self._shares[str(one["name"])] = text(percent(one["progress"]), "span", "figures dim")
 
     def _choose(self, name: str) -> None:
         self._chosen = name
@@ -281,7 +279,7 @@ class _Programs:
         if not check.get("line"):
             return
         path = self._page.panel.store.programs.path(str(one["sha256"]))
-        place = TextElement(tag="pre", text="").classes("listing caret")  # gone if it is made anew meanwhile
+        place = text("", "pre", "listing caret")  # gone if it is made anew meanwhile
         tagged(place, id="programs-wrong", tabindex="0")
         lines = await asyncio.to_thread(around, path, int(check["line"]), int(check.get("column") or 0))
         place.text = "\n".join(lines)
@@ -324,7 +322,7 @@ class _Programs:
                         for key in ("lowest", "highest"):
                             text(f"{joint[key]:.2f}", "td", "figures")
                         for key in BOX_SHARES:
-                            text(f"{joint[f'{key}_share'] * 100:.0f} %", "td", "figures")
+                            text(percent(joint[f"{key}_share"]), "td", "figures")
 
     @ui.refreshable_method
     def _places(self) -> None:
@@ -366,15 +364,10 @@ def when(seconds: float, before: str = "") -> None:
         tagged(ui.element("time").classes("figures"), data_at=str(seconds))
 
 
-def percent(share: float) -> str:
-    """A share in words."""
-    return f"{share * 100:.0f} %"
-
-
 def _binds(page: Page, check: dict[str, Any]) -> list[str]:
     """What held the feed for at least a hundredth of the time."""
     return [
-        f"{bound(page, str(one['what']))} {one['share'] * 100:.0f} %"
+        f"{bound(page, str(one['what']))} {percent(one['share'])}"
         for one in check.get("cut_binds") or ()
         if one["share"] >= 0.01
     ]

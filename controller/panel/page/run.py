@@ -249,9 +249,8 @@ def _cycle(page: Page) -> None:
 
 def _aside(page: Page) -> None:
     """Off the path of a held program, by as much as the machine file says, and back."""
-    away = {"mm": page.facts["retract_mm"]} if page.facts.get("retract_mm") else None
-    if away is not None:
-        act(page, "run.retract", "POST cycle/retract", away, modes="HOLD", icon="north_west")
+    if mm := page.facts.get("retract_mm"):
+        act(page, "run.retract", "POST cycle/retract", {"mm": mm}, modes="HOLD", icon="north_west")
         act(page, "run.return", "POST cycle/return", modes="HOLD", icon="south_east")
 
 

@@ -30,7 +30,7 @@ WORDS: Words = {
     "setup.home_ask": ("Home {0}? It will move.", "{0} referenzieren? Die Achse bewegt sich."),
     "setup.home_all_ask": ("Home all axes? They will move.", "Alle Achsen referenzieren? Sie bewegen sich."),
     "setup.tip": ("Tip on the table", "Spitze über dem Tisch"),
-    "setup.in_spindle": ("Tool in the spindle", "Werkzeug in der Spindel"),
+    "setup.touch_by": ("Touch off with", "Antasten mit"),
     "setup.offset": ("Offset", "Nullpunkt"),
     "setup.turned": ("turned about", "gedreht um"),
     "setup.save": ("Save", "Speichern"),
@@ -43,8 +43,8 @@ WORDS: Words = {
     ),
     "setup.touch_other": ("T{0} is in the spindle.", "In der Spindel ist T{0}."),
     "setup.tool_number": (
-        "A whole number from 1 to 9999 is needed.",
-        "Eine ganze Zahl von 1 bis 9999 ist nötig.",
+        "A whole number from 1 to 99999 is needed.",
+        "Eine ganze Zahl von 1 bis 99999 ist nötig.",
     ),
     "setup.tool_there": (
         "T{0} is in the table already; change it in its row.",
@@ -155,8 +155,8 @@ def _offsets(page: Page) -> None:
         with row():
             text(page.word("setup.tip"), "span", "dim")
             tagged(ui.element("span").classes("figures strong"), id="setup-tip")
-            with tagged(ui.element("label").classes("row dim")):
-                text(page.word("setup.in_spindle"), "span")
+            with ui.element("label").classes("row dim"):
+                text(page.word("setup.touch_by"), "span")
                 tagged(ui.element("select"), id="setup-tool")
         with ui.element("table").classes("list"):
             with ui.element("thead"), ui.element("tr"):

@@ -99,8 +99,8 @@ async def given(result: Awaitable[None] | Any) -> None:
 # ---- elements
 
 
-def text(words: str, tag: str = "div", classes: str = "") -> Element:
-    """An element with text that does not change by itself."""
+def text(words: str, tag: str = "div", classes: str = "") -> TextElement:
+    """An element with text, which changes only where its ``text`` is set."""
     return TextElement(tag=tag, text=words).classes(classes)
 
 

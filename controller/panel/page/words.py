@@ -10,7 +10,6 @@ Words = Mapping[str, tuple[str, str]]
 LANGUAGES: tuple[Language, ...] = ("en", "de")
 
 FRAME: Words = {
-    "frame.title": ("Directrix", "Directrix"),
     "frame.yes": ("Yes", "Ja"),
     "frame.no": ("No", "Nein"),
     "frame.stop": ("STOP", "STOPP"),
@@ -67,7 +66,6 @@ FRAME: Words = {
     "state.stopped": ("stopped", "gestoppt"),
     "state.refused": ("refused", "abgelehnt"),
     "state.fault": ("fault", "Störung"),
-    "recovery.reset": ("Remove the cause, then reset.", "Ursache beheben, dann quittieren."),
     "sequence.enable": ("Switching on", "Einschalten"),
     "sequence.home": ("Homing", "Referenzfahrt"),
     "sequence.reset": ("Resetting", "Quittieren"),

@@ -13,7 +13,7 @@ from controller.panel.routes.machine import LOOKS, MOVES, ask
 
 router = APIRouter(tags=["offsets and tools"])
 OffsetName = Annotated[str, Path(pattern=r"^G5[4-9]$")]
-ToolNumber = Annotated[int, Path(ge=1, le=9999)]
+ToolNumber = Annotated[int, Path(ge=1, le=99999)]
 
 
 @router.get("/offsets", dependencies=[needs(Role.VIEW)], responses=LOOKS)

@@ -4,9 +4,6 @@
   const dx = window.dx;
   const word = (key) => dx.word(`alarms.${key}`);
   const said = (name, what) => dx.words[`alarms.${what}.${name}`] ?? "";
-  const PAGE = 50;
-  const MOST = 1000; // that the route tells at once
-  let wanted = PAGE; // how many are listed: asked for anew at each look, so that old ones are up to date, too
 
   const recording = (facts) => (facts.recording ? facts.recording.split("/").pop() : "");
 
@@ -70,26 +67,18 @@
     );
   }
 
-  function show({ alarms, before }) {
+  function show({ alarms }) {
     dx.fill("alarms-list", (rows) => (rows.length ? rows.map(card) : dx.el("p", { class: "dim" }, word("none"))), alarms);
-    const more = document.getElementById("alarms-more");
-    if (more) more.hidden = before === null || wanted >= MOST;
   }
 
-  const look = dx.every("alarms", 2, () => `alarms?most=${wanted}&only=${only()}`, show);
+  const [look, anew] = dx.history("alarms", 2, (most) => `alarms?most=${most}&only=${only()}`, show);
   const only = () => (document.getElementById("alarms-open")?.getAttribute("aria-pressed") === "true" ? "open" : "all");
 
   document.addEventListener("click", (event) => {
-    if (event.target.closest?.("#alarms-more")) {
-      wanted = Math.min(MOST, wanted + PAGE);
-      look();
-    }
     const toggle = event.target.closest?.("#alarms-open");
-    if (toggle) {
-      toggle.setAttribute("aria-pressed", String(toggle.getAttribute("aria-pressed") !== "true"));
-      wanted = PAGE;
-      look();
-    }
+    if (!toggle) return;
+    toggle.setAttribute("aria-pressed", String(toggle.getAttribute("aria-pressed") !== "true"));
+    anew();
   });
   dx.on("alarms", look);
 
@@ -102,8 +91,8 @@
       (now) =>
         now
           ? [
-              dx.el("div", { class: "alarm-head" }, ...head(now.number, now.name).filter(Boolean), now.axis ? dx.chip(now.axis, "info") : null, trusted(now), now.time_s ? dx.el("time", { class: "figures dim" }, dx.forms.date(now.time_s)) : null),
-              dx.el("p", { class: "alarm-words" }, dx.sentence(now, now.sentence)),
+              dx.el("div", { class: "alarm-head" }, ...head(now.number, now.name), now.axis ? dx.chip(now.axis, "info") : null, trusted(now), now.time_s ? dx.el("time", { class: "figures dim" }, dx.forms.date(now.time_s)) : null),
+              dx.el("p", { class: "alarm-words" }, dx.sentence(now)),
               dx.el(
                 "dl",
                 { class: "facts" },

@@ -22,7 +22,7 @@
   });
   let socket = null;
   let lastStatus = -1e9;
-  let lastTick = -1e9; // when the machine was seen to have ticked on
+  let lastTick = -1e9; // when the machine was seen to have ticked on: never later than the last status
   let silent = true; // nobody tells anything; a tick that hangs is told of, and can be started anew
   let lastWord = performance.now();
   let answers = true; // whether the controller's service answers the panel
@@ -74,11 +74,11 @@
   function refused(said, quiet) {
     const facts = said.body.error ?? {};
     if (facts.code === "control" && dx.token) hold("");
-    if (!quiet) dx.say(dx.sentence(facts, facts.sentence) || `${said.status}`, "warn");
+    if (!quiet) dx.say(dx.sentence(facts) || `${said.status}`, "warn");
   }
 
   // In the page's language, where it was told in both.
-  dx.sentence = (facts, english) => (dx.language === "de" && facts?.sentence_de) || english || "";
+  dx.sentence = (facts, english = facts?.sentence) => (dx.language === "de" && facts?.sentence_de) || english || "";
 
   // What was refused, or done: a sentence at the bottom, one at a time.
   let fading = 0;
@@ -176,8 +176,8 @@
 
   // ---- the machine file can be another one when its service comes back: then the page is built anew
 
-  const made_of = ({ axes, buses, spindle, inputs, outputs, period_s } = {}) =>
-    JSON.stringify([axes, buses, spindle, inputs, outputs, period_s]);
+  const made_of = ({ axes, buses, spindle, inputs, outputs, retract_mm, period_s } = {}) =>
+    JSON.stringify([axes, buses, spindle, inputs, outputs, retract_mm, period_s]);
   dx.on("service", async (told) => {
     if (!told.answers) return;
     const said = await dx.call("GET", "facts", null, true);
@@ -383,7 +383,7 @@
     } else {
       if (event === "service") {
         answers = data.answers;
-        why = dx.sentence(data, data.sentence);
+        why = dx.sentence(data);
       }
       dx.tell(event, data);
     }
@@ -392,30 +392,26 @@
   // What is wrong and what is under way, as the frame's lines show it.
   function sentences({ fault, sequence, notices, interlock, warning, waiting, spindle }) {
     const trusted = fault && fault.position_trusted !== null && fault.position_trusted !== undefined;
-    const notice = (name) => notices?.find((one) => one.name === name && name !== fault?.name);
-    const told = (name) => dx.sentence(notice(name), notice(name)?.sentence);
+    const told = (name) => dx.sentence(notices?.find((one) => one.name === name && name !== fault?.name));
     const waits = spindle && !spindle.at_speed ? "waits.spindle" : "waits.others";
     const running = sequence?.state === "running";
     return {
-      fault: fault ? dx.sentence(fault, fault.sentence) || fault.name : "",
+      fault: fault ? dx.sentence(fault) || fault.name : "",
       next: trusted ? dx.word(fault.position_trusted ? "frame.trusted" : "frame.not_trusted") : "",
       under_way: running ? dx.word("sequence." + sequence.name) : waiting ? dx.word(waits) : "",
       interlock: told(interlock),
       warning: told(warning),
-      failed: sequence?.state === "failed" ? dx.sentence(sequence, sequence.sentence) : "",
+      failed: sequence?.state === "failed" ? dx.sentence(sequence) : "",
     };
   }
 
   function age() {
     const now = performance.now();
-    const stale = now - Math.min(lastStatus, lastTick) > STALE_MS;
-    if (stale !== dx.stale) {
-      dx.stale = stale;
-      dx.tell("stale", stale);
-      marks();
-    }
-    if (silent !== now - lastStatus > STALE_MS) {
-      silent = !silent;
+    const [stale, quiet] = [now - lastTick > STALE_MS, now - lastStatus > STALE_MS];
+    const turned = stale !== dx.stale;
+    if (turned || quiet !== silent) {
+      [dx.stale, silent] = [stale, quiet];
+      if (turned) dx.tell("stale", stale);
       marks();
     }
     if (stale) told_stale(now);
@@ -425,8 +421,7 @@
   function told_stale(now) {
     const place = document.getElementById("dx-stale-text");
     if (!place) return;
-    const last = Math.min(lastStatus, lastTick);
-    const since = last > 0 ? ` ${Math.round((now - last) / 1000)} s` : "";
+    const since = lastTick > 0 ? ` ${Math.round((now - lastTick) / 1000)} s` : "";
     const open = socket && socket.readyState === WebSocket.OPEN;
     const text = dx.word(!silent ? "frame.no_tick" : open && !answers ? "frame.no_service" : "frame.no_panel");
     place.textContent = text + (since ? ` (${dx.word("frame.since")}${since})` : "");

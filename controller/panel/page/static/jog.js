@@ -5,6 +5,7 @@
 (() => {
   "use strict";
   const AGAIN_MS = 70;
+  const MODES = ["READY", "HOLD", "JOG"]; // in which it may move
   const dx = window.dx;
   const chosen = { frame: "joint", step: "0" };
   let speed = 0.2;
@@ -36,7 +37,7 @@
     if (said.ok || own !== press) return;
     const { error } = said.body;
     if (error?.code !== "late") end();
-    dx.say(dx.sentence(error, error?.sentence), "warn");
+    dx.say(dx.sentence(error), "warn");
   }
 
   function end(tell = false) {
@@ -88,7 +89,7 @@
   dx.on("stop", () => end());
   dx.on("view", (name) => name !== "jog" && end());
   dx.on("control", () => !dx.holds() && end());
-  dx.on("status", (status) => press && !["READY", "HOLD", "JOG"].includes(status.mode) && end());
+  dx.on("status", (status) => press && !MODES.includes(status.mode) && end());
 
   // ---- keyboard: off until it is switched on, and off again with the view
 
@@ -106,7 +107,7 @@
       mark();
     } else if (keyboard && KEYS[event.key] && !event.target.closest?.("input, textarea, .dx-ask")) {
       event.preventDefault();
-      if (["READY", "HOLD", "JOG"].includes(dx.status?.mode)) begin(...KEYS[event.key], "key");
+      if (MODES.includes(dx.status?.mode)) begin(...KEYS[event.key], "key");
       mark();
     }
   });

@@ -36,15 +36,12 @@
   // Ask for a path again and again while a view is shown; fn gets the body of each answer.
   dx.every = (view, seconds, path, fn) => {
     let busy = false;
-    let told = "";
     const look = async () => {
       if (!dx.shown(view) || busy || document.hidden) return;
       busy = true;
       try {
         const said = await dx.call("GET", typeof path === "function" ? path() : path, null, true);
-        const place = document.getElementById(`${view}-said`);
-        told = said.ok ? "" : dx.sentence(said.body.error, said.body.error?.sentence);
-        dx.write(place, told);
+        dx.write(document.getElementById(`${view}-said`), said.ok ? "" : dx.sentence(said.body.error));
         if (said.ok) fn(said.body);
       } finally {
         busy = false;
@@ -56,6 +53,38 @@
     return look;
   };
 
+  // A history, the newest first. What is listed is asked for anew at each look, so that old entries are up to
+  // date, too. Gives [look, anew]: the second lists no more than at first.
+  const PAGE = 50;
+  const MOST = 1000; // that the routes tell at once
+  dx.history = (view, seconds, path, fn) => {
+    let wanted = PAGE;
+    const look = dx.every(view, seconds, () => path(wanted), (body) => {
+      fn(body);
+      const more = document.getElementById(`${view}-more`);
+      if (more) more.hidden = body.before === null || wanted >= MOST;
+    });
+    const list = (most) => {
+      wanted = Math.min(MOST, most);
+      look();
+    };
+    document.addEventListener("click", (event) => event.target.closest?.(`#${view}-more`) && list(wanted + PAGE));
+    return [look, () => list(PAGE)];
+  };
+
+  // A question with an answer in words; null: given up.
+  dx.ask_for = async (sentence, yes, start, attrs = {}) => {
+    const answer = dx.ask(sentence, yes);
+    const box = document.querySelector(".dx-ask");
+    const field = dx.el("input", { type: "text", value: start, "aria-label": sentence, ...attrs });
+    field.addEventListener("keydown", (event) => event.key === "Enter" && box.querySelector("[data-kind=go]").click());
+    box.querySelector("p").after(field);
+    field.select();
+    field.focus();
+    return (await answer) ? field.value : null;
+  };
+
+  dx.axis = (name) => (dx.facts?.axes ?? []).find((axis) => axis.name === name) ?? {};
   dx.link = (words, path) => dx.el("a", { class: "act", href: `/api/v1/${path}`, download: "" }, words);
   dx.seconds = (v) => (typeof v !== "number" ? "–" : v < 60 ? `${v.toFixed(1)} s` : dx.forms.time(v));
 })();

@@ -241,7 +241,7 @@ export default class MachinePicture {
   }
 
   show(answer, said) {
-    const refused = answer.ok ? "" : window.dx.sentence(said.error, said.error?.sentence);
+    const refused = answer.ok ? "" : window.dx.sentence(said.error);
     window.dx.write(document.getElementById("scene-said"), refused);
     if (answer.ok || answer.status === 404) this.clear_path(); // else it was only not answered now
     if (!answer.ok) return;

@@ -16,9 +16,9 @@
     before = before.then(async () => ((await wanted(file.name)) ? send(file, line) : line.remove()));
   }
 
-  // What is there already is replaced only by one who says so.
+  // What is there already is replaced only by one who says so. The store has names composed, some systems do not.
   async function wanted(name) {
-    const there = await dx.call("GET", `programs/${encodeURIComponent(name)}`, null, true);
+    const there = await dx.call("GET", `programs/${encodeURIComponent(name.normalize())}`, null, true);
     return !there.ok || dx.ask(dx.word("programs.replace_ask").replace("{0}", () => name), "programs.replace");
   }
 
@@ -49,8 +49,7 @@
     }
     let sentence = dx.word("frame.no_panel");
     try {
-      const facts = JSON.parse(asking.responseText).error;
-      sentence = dx.sentence(facts, facts.sentence);
+      sentence = dx.sentence(JSON.parse(asking.responseText).error) || sentence;
     } catch (error) {
       // no answer at all: the panel is gone
     }
@@ -82,24 +81,10 @@
   document.addEventListener("click", async (event) => {
     const button = event.target.closest?.("[data-rename]");
     if (!button || button.disabled) return;
-    const name = await asked(button.dataset.question, button.dataset.rename);
-    if (name) dx.call("PATCH", `programs/${encodeURIComponent(button.dataset.rename)}`, { name });
+    const { question, rename } = button.dataset;
+    const name = (await dx.ask_for(question, "programs.rename", rename, { maxlength: 200 }))?.trim();
+    if (name && name !== rename) dx.call("PATCH", `programs/${encodeURIComponent(rename)}`, { name });
   });
-
-  // A question with an answer in words.
-  function asked(question, value) {
-    const answer = dx.ask(question, "programs.rename");
-    const field = document.createElement("input");
-    field.value = value;
-    field.maxLength = 200;
-    field.setAttribute("aria-label", question);
-    document.querySelector(".dx-ask p").after(field);
-    field.onkeydown = (event) => {
-      if (event.key === "Enter") document.querySelector(".dx-ask button").click();
-    };
-    field.select();
-    return answer.then((yes) => (yes && field.value.trim() !== value ? field.value.trim() : ""));
-  }
 
   document.addEventListener("submit", (event) => event.target.matches?.(".places") && event.preventDefault());
   document.addEventListener("click", async (event) => {
@@ -133,7 +118,7 @@
     const press = { class: "act", type: "button", "data-kind": "go", "data-call": "POST job", "data-body": body, "data-needs": "control", "data-modes": "OFF READY" };
     return [
       dx.el("p", { class: "strong" }, words),
-      told.offered ? dx.el("button", press, dx.word("programs.go_on")) : dx.el("p", { class: "dim" }, `${dx.word("programs.not_offered")} ${dx.sentence(told, told.sentence)}`),
+      told.offered ? dx.el("button", press, dx.word("programs.go_on")) : dx.el("p", { class: "dim" }, `${dx.word("programs.not_offered")} ${dx.sentence(told)}`),
     ];
   }
   const looks = ["programs", "run"].map((view) => dx.every(view, 3, "restart", offered));

@@ -4,10 +4,7 @@
   const dx = window.dx;
   const word = (key) => dx.word(`runs.${key}`);
   const TONES = { completed: "go", stopped: "hold", fault: "stop", refused: "stop", lost: "stop", running: "info" };
-  const PAGE = 50;
-  const MOST = 1000; // that the route tells at once
-  let wanted = PAGE; // how many are listed: asked for anew at each look, so that old ones are up to date, too
-  let seen = { runs: [], before: null };
+  let runs = [];
   let chosen = 0;
 
   // The axis that was off most, of those in mm and of those in degrees: the two do not compare.
@@ -17,8 +14,7 @@
     const most = kinds.filter((kind) => kind.length).map((kind) => kind.reduce((a, b) => (b[1] > a[1] ? b : a)));
     return most.map(error).join(", ") || "–";
   };
-  const unit = (axis) => (dx.facts?.axes ?? []).find((one) => one.name === axis)?.unit;
-  const rotary = (axis) => (unit(axis) ?? ("ABC".includes(axis) ? "deg" : "mm")) === "deg";
+  const rotary = (axis) => (dx.axis(axis).unit ?? ("ABC".includes(axis) ? "deg" : "mm")) === "deg";
   const error = ([axis, value]) => `${axis} ${dx.forms.um(value)} ${rotary(axis) ? "m°" : "µm"}`;
 
   function line(run) {
@@ -37,12 +33,9 @@
   }
 
   function show() {
-    const { runs, before } = seen;
     dx.fill("runs-list", (rows) => rows.map(line), runs, chosen);
     const empty = document.getElementById("runs-empty");
     if (empty) empty.hidden = runs.length > 0;
-    const more = document.getElementById("runs-more");
-    if (more) more.hidden = before === null || wanted >= MOST;
   }
 
   async function choose(id) {
@@ -59,7 +52,7 @@
     return [
       dx.el("h2", { class: "program-title" }, run.program),
       dx.el("div", { class: "row" }, dx.chip(dx.words[`result.${run.result}`] ?? run.result, TONES[run.result]), dx.el("span", { class: "dim figures" }, `#${run.id}`)),
-      facts.sentence ? dx.el("p", { class: "wrong" }, dx.sentence(facts, facts.sentence)) : null,
+      facts.sentence ? dx.el("p", { class: "wrong" }, dx.sentence(facts)) : null,
       dx.el(
         "dl",
         { class: "facts wide" },
@@ -84,8 +77,8 @@
     ].filter(Boolean);
   }
 
-  const look = dx.every("runs", 3, () => `runs?most=${wanted}`, (body) => {
-    seen = body;
+  const [look] = dx.history("runs", 3, (most) => `runs?most=${most}`, (body) => {
+    runs = body.runs;
     show();
   });
   dx.on("job", look);
@@ -99,11 +92,5 @@
       ["runs-cut", dx.seconds(body.cut_time_s)],
       ["runs-time", dx.seconds(body.duration_s)],
     ]) dx.write(document.getElementById(id), text);
-  });
-
-  document.addEventListener("click", (event) => {
-    if (!event.target.closest?.("#runs-more")) return;
-    wanted = Math.min(MOST, wanted + PAGE);
-    look();
   });
 })();

@@ -23,7 +23,7 @@
   // ---- asking
 
   let busy = false;
-  let wanted = false; // another picture was asked for meanwhile
+  let wanted = false; // another picture is asked for, or was while one was on its way
 
   const path = (kind, more) => `ticks${kind}?${new URLSearchParams({ source: state.source, ...more })}`;
 
@@ -32,7 +32,7 @@
     const { source } = state;
     const said = await dx.call("GET", path(kind, more), null, true);
     if (source !== state.source) return null;
-    dx.write($("scope-said"), said.ok ? "" : dx.sentence(said.body.error, said.body.error?.sentence));
+    dx.write($("scope-said"), said.ok ? "" : dx.sentence(said.body.error));
     return said.ok ? said.body : null;
   }
 
@@ -78,18 +78,17 @@
       return;
     }
     busy = true;
+    const asked = wanted;
+    wanted = false; // from here on it stands for what comes while this one is on its way
     try {
       if (!Object.keys(state.units).length && !(await signals())) return;
-      if (state.source !== "now") await still();
+      if (state.source !== "now") await still(asked);
       else if (state.armed) await hunt();
       else if (state.running) await roll();
-      else if (wanted) await window_(state.first, state.last);
+      else if (asked) await window_(state.first, state.last);
     } finally {
       busy = false;
-      if (wanted) {
-        wanted = false;
-        setTimeout(look, 0);
-      }
+      if (wanted) setTimeout(look, 0);
     }
   }
 
@@ -104,19 +103,19 @@
     state.first = newest === null ? null : newest - width_ticks();
     state.last = null;
     await window_(state.first, null);
-    if (state.data?.ticks.length) {
+    if (state.last === null && state.data?.ticks.length) { // else another one was chosen meanwhile
       state.last = state.data.newest;
       state.first = state.data.newest - width_ticks();
     }
   }
 
-  async function still() {
+  async function still(asked) {
     if (state.first === null) {
       const body = await get("/signals", {});
       if (!body) return;
       [state.first, state.last] = [body.oldest, body.newest];
     }
-    if (!state.data || wanted) await window_(state.first, state.last);
+    if (!state.data || asked) await window_(state.first, state.last);
   }
 
   // A single shot: wait for the trigger, then until all that is wanted behind it has come.

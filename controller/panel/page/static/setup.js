@@ -28,8 +28,6 @@
 
   // ---- homing
 
-  const axis_of = (name) => (dx.facts?.axes ?? []).find((axis) => axis.name === name) ?? {};
-
   function homing(name, joint) {
     const home = async () => {
       if (await dx.ask(word("home_ask").replace("{0}", name))) dx.call("POST", "machine/home", { axes: [name] });
@@ -39,8 +37,8 @@
       {},
       dx.el("th", { scope: "row" }, dx.el("span", { class: "axis-name" }, name)),
       dx.el("td", {}, dx.el("div", { class: "row" }, dx.chip(word(joint.homed ? "homed" : "not_homed"), joint.homed ? "go" : "hold"), joint.limit ? dx.chip(`${word("limit")} ${joint.limit}`, "stop") : null)),
-      dx.el("td", { class: "figures hide-narrow" }, `${figure(axis_of(name).home)} ${axis_of(name).unit ?? ""}`),
-      dx.el("td", { class: "figures hide-narrow" }, (axis_of(name).travel ?? []).map(figure).join(" … ")),
+      dx.el("td", { class: "figures hide-narrow" }, `${figure(dx.axis(name).home)} ${dx.axis(name).unit ?? ""}`),
+      dx.el("td", { class: "figures hide-narrow" }, (dx.axis(name).travel ?? []).map(figure).join(" … ")),
       dx.el("td", {}, dx.button(word("home"), home, { "data-needs": "control", "data-modes": "OFF READY" })),
     );
   }
@@ -169,17 +167,8 @@
 
   // A question with a number; null: given up.
   async function ask(sentence, start) {
-    const answer = dx.ask(sentence, "setup.set");
-    const box = document.querySelector(".dx-ask");
-    const field = input(sentence);
-    field.value = start;
-    box.querySelector("p").after(field);
-    field.select();
-    field.focus();
-    let given = start;
-    field.addEventListener("input", () => (given = field.value));
-    field.addEventListener("keydown", (event) => event.key === "Enter" && !event.repeat && box.querySelector("[data-kind=go]").click());
-    if (!(await answer)) return null;
+    const given = await dx.ask_for(sentence, "setup.set", start, { inputmode: "decimal" });
+    if (given === null) return null;
     const value = number(given);
     return Number.isFinite(value) ? value : (dx.say(word("number"), "warn"), null);
   }
@@ -229,7 +218,7 @@
   async function add_tool() {
     const number_ = await ask(word("add_ask"), String(Math.max(0, ...tools.map(([n]) => Number(n))) + 1));
     if (number_ === null) return;
-    if (!Number.isInteger(number_) || number_ < 1 || number_ > 9999) return dx.say(word("tool_number"), "warn");
+    if (!Number.isInteger(number_) || number_ < 1 || number_ > 99999) return dx.say(word("tool_number"), "warn");
     const now = await dx.call("GET", "tools");
     if (!now.ok) return;
     if (now.body.tools[number_]) return dx.say(word("tool_there").replace("{0}", number_), "warn");
@@ -299,7 +288,7 @@
             dx.el("td", { class: "figures" }, `${bus} · ${node}`),
             dx.el("td", {}, dx.chip(word(heard ? "heard" : "silent"), heard ? "go" : "stop")),
             dx.el("td", {}, dx.words[`drives.state.${state}`] ?? state),
-            ...fitted(axis_of(name)).map((words) => dx.el("td", { class: "hide-narrow" }, words)),
+            ...fitted(dx.axis(name)).map((words) => dx.el("td", { class: "hide-narrow" }, words)),
           ),
         ),
       drives,

@@ -1,4 +1,4 @@
-"""One browser and one panel before a fake machine for all tests of a file."""
+"""One browser, and one panel before a machine, for all tests of a file."""
 
 from __future__ import annotations
 
@@ -17,19 +17,28 @@ def chromium() -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def site(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[browsing.Site]:
+    """Before a machine that only keeps its mode."""
     with browsing.fake_site(tmp_path_factory.mktemp("panel")) as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def stepped(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[browsing.Site]:
+    """Before a machine that cuts Example 2: lists, meters and traces with something in them."""
+    with browsing.fake_site(tmp_path_factory.mktemp("stepped"), "stepped_site.py") as made:
         yield made
 
 
 @pytest.fixture
 def page(chromium: Any, site: browsing.Site) -> Iterator[Any]:
-    """The page with control of the machine; its scripts must not have failed."""
+    """The page with control of the machine, which tells its own again at the end of a test."""
     context = chromium.new_context(viewport={"width": 1280, "height": 720}, locale="en-GB")
     made = browsing.opened(context, site)
     made.evaluate("dx.call('POST', 'control', {take_over: true}).then((s) => { dx.token = s.body.token; })")
     made.wait_for_selector("body[data-control=mine]")
     yield made
+    site.tell()
     made.evaluate("dx.call('DELETE', 'control', null, true)")
     errors = made.errors
     context.close()
-    assert not errors, errors
+    assert not errors, errors  # of its scripts

@@ -105,28 +105,22 @@ GREYED = ".mode-word, .figures, .marks, .error-bar, .bar, section[data-shown] .c
 
 def test_figures_of_a_machine_whose_clock_hangs_are_old_but_it_can_be_reset(page: Any, site: Site) -> None:
     """The service still answers, with the last that it has seen."""
-    try:
-        site.tell(tick=STANDS, mode="RUNNING")
-        page.wait_for_selector(".line.stale >> text=clock stands still")
-        faint = "(all) => all.every((one) => one.checkVisibility() && getComputedStyle(one).opacity < 0.5)"
-        assert page.locator(GREYED).filter(visible=True).evaluate_all(faint)
-        green = page.eval_on_selector(".mode", "(e) => getComputedStyle(e).backgroundColor")
-        site.tell(mode="RUNNING")
-        page.wait_for_selector("body[data-stale='']")
-        assert page.eval_on_selector(".mode", "(e) => getComputedStyle(e).backgroundColor") != green
-        site.tell(tick=STANDS, mode="FAULT", fault={"name": "CONTROLLER_GONE", "sentence": "Gone."})
-        page.wait_for_selector("body[data-stale='1'] .line.alarm button:not([disabled])")
-    finally:
-        site.tell()
+    site.tell(tick=STANDS, mode="RUNNING")
+    page.wait_for_selector(".line.stale >> text=clock stands still")
+    faint = "(all) => all.every((one) => one.checkVisibility() && getComputedStyle(one).opacity < 0.5)"
+    assert page.locator(GREYED).filter(visible=True).evaluate_all(faint)
+    green = page.eval_on_selector(".mode", "(e) => getComputedStyle(e).backgroundColor")
+    site.tell(mode="RUNNING")
+    page.wait_for_selector("body[data-stale='']")
+    assert page.eval_on_selector(".mode", "(e) => getComputedStyle(e).backgroundColor") != green
+    site.tell(tick=STANDS, mode="FAULT", fault={"name": "CONTROLLER_GONE", "sentence": "Gone."})
+    page.wait_for_selector("body[data-stale='1'] .line.alarm button:not([disabled])")
 
 
 def test_a_line_above_the_view_pushes_nothing_of_it_off_the_screen(page: Any, site: Site) -> None:
-    try:
-        site.tell(tick=STANDS, interlock="DOOR_OPEN", notices=[{"name": "DOOR_OPEN", "sentence": "Open."}])
-        page.wait_for_selector("body[data-stale='1'][data-barred='1']")
-        assert page.eval_on_selector(".run-tool", "(e) => e.getBoundingClientRect().bottom <= innerHeight")
-    finally:
-        site.tell()
+    site.tell(tick=STANDS, interlock="DOOR_OPEN", notices=[{"name": "DOOR_OPEN", "sentence": "Open."}])
+    page.wait_for_selector("body[data-stale='1'][data-barred='1']")
+    assert page.eval_on_selector(".run-tool", "(e) => e.getBoundingClientRect().bottom <= innerHeight")
 
 
 def test_a_key_that_is_held_answers_no_question_and_starts_nothing(page: Any, site: Site) -> None:
@@ -172,9 +166,16 @@ def test_what_is_said_hides_no_button_of_a_phones_navigation(page: Any) -> None:
     assert said["y"] + said["height"] <= nav["y"]
 
 
-def test_a_page_of_another_machine_than_the_one_that_answers_is_built_anew(page: Any, site: Site) -> None:
+@pytest.mark.parametrize(
+    "change",
+    [lambda facts: facts["axes"][0].update(travel=[-1.0, 1.0]), lambda facts: facts.update(retract_mm=1.0)],
+    ids=["travel", "retract_mm"],
+)
+def test_a_page_of_another_machine_than_the_one_that_answers_is_built_anew(
+    change: Callable[[dict[str, Any]], None], page: Any, site: Site
+) -> None:
     facts = site.ask("facts")
-    facts["axes"][0]["travel"] = [-1.0, 1.0]
+    change(facts)
     page.route("**/api/v1/facts", lambda route: route.fulfill(json=facts), times=1)
     page.evaluate("window.old = true; dx.tell('service', {answers: true})")
     page.wait_for_function("() => window.dx && !window.old")

@@ -15,9 +15,10 @@ from controller.panel.page.gate import LOG_IN, Gate
 from controller.panel.roles import Role
 
 ORIGIN = "http://127.0.0.1:8080"
-OPEN = [("GET", LOG_IN), ("GET", "/page/dx.js"), ("GET", "/_nicegui/3/static/x.js")]
+Way = tuple[str, str]  # method and path
+OPEN: list[Way] = [("GET", LOG_IN), ("GET", "/page/dx.js"), ("GET", "/_nicegui/3/static/x.js")]
 # The document, the socket that builds it and the way of it that is no WebSocket, and what a view may fetch.
-GUARDED = [
+GUARDED: list[Way] = [
     *(("GET", path) for path in ("/", "/_nicegui_ws/socket.io/", "/_nicegui_x/y", "/favicon.ico")),
     ("POST", "/_nicegui_ws/socket.io/"),
     ("WEBSOCKET", "/_nicegui_ws/socket.io/"),
@@ -65,12 +66,17 @@ class Asked:
         return int(said[0]["status"])
 
 
-@pytest.mark.parametrize(("method", "path"), GUARDED)
+@pytest.fixture
+def scene(tmp_path: Path) -> Scene:
+    """With a user of every role."""
+    return asyncio.run(Scene(tmp_path).with_users())
+
+
+@pytest.mark.parametrize("way", GUARDED)
 def test_with_users_the_page_is_for_who_is_known_and_comes_from_its_own_server(
-    tmp_path: Path, method: str, path: str
+    scene: Scene, way: Way
 ) -> None:
     async def story() -> None:
-        scene = await Scene(tmp_path).with_users()
         ask = Asked(scene)
         strangers: tuple[dict[str, str], ...] = (
             {},
@@ -78,13 +84,13 @@ def test_with_users_the_page_is_for_who_is_known_and_comes_from_its_own_server(
             {"Cookie": f"{COOKIE}=wrong"},
         )
         for headers in strangers:
-            assert await ask(method, path, headers) == _sent_away(method, path), headers
+            assert await ask(*way, headers) == _sent_away(*way), headers
         for role in ROLES:
             cookie, _ = scene.panel.users.begin(role, Role.named(role))
             known = {"Cookie": f"{COOKIE}={cookie}", "Origin": ORIGIN}
-            assert await ask(method, path, known) == LET_IN, role
-            if method != "GET":
-                assert await ask(method, path, {**known, "Origin": "http://evil.example"}) == 403, role
+            assert await ask(*way, known) == LET_IN, role
+            if way[0] != "GET":
+                assert await ask(*way, {**known, "Origin": "http://evil.example"}) == 403, role
 
     asyncio.run(story())
 
@@ -95,27 +101,21 @@ def _sent_away(method: str, path: str) -> int:
     return 303 if path == "/" else 401  # to the log-in
 
 
-@pytest.mark.parametrize(("method", "path"), OPEN)
-def test_the_log_in_and_what_every_copy_of_the_package_holds_are_open(
-    tmp_path: Path, method: str, path: str
-) -> None:
-    async def story() -> int:
-        scene = await Scene(tmp_path).with_users()
-        return await Asked(scene)(method, path, {}, peer="192.168.1.7")
-
-    assert asyncio.run(story()) == LET_IN
+@pytest.mark.parametrize("way", OPEN)
+def test_the_log_in_and_what_every_copy_of_the_package_holds_are_open(scene: Scene, way: Way) -> None:
+    assert asyncio.run(Asked(scene)(*way, {}, peer="192.168.1.7")) == LET_IN
 
 
-@pytest.mark.parametrize(("method", "path"), [*OPEN, *GUARDED])
+@pytest.mark.parametrize("way", [*OPEN, *GUARDED])
 def test_without_users_the_page_is_for_this_computer_alone_and_others_leave_a_line(
-    tmp_path: Path, method: str, path: str
+    tmp_path: Path, way: Way
 ) -> None:
     async def story() -> list[tuple[str, str]]:
         scene = Scene(tmp_path)
         ask = Asked(scene)
         async with scene.panel.running():
-            assert await ask(method, path, {"Origin": ORIGIN}) == LET_IN
-            assert await ask(method, path, {"Origin": ORIGIN}, peer="192.168.1.7") == 403
+            assert await ask(*way, {"Origin": ORIGIN}) == LET_IN
+            assert await ask(*way, {"Origin": ORIGIN}, peer="192.168.1.7") == 403
         return [(entry.address, entry.detail) for entry in scene.store.audit.list()]
 
     assert asyncio.run(story()) == [("192.168.1.7", "local")]

@@ -152,11 +152,8 @@ def test_a_jog_goes_in_the_frame_and_at_the_speed_that_are_chosen(page: Any, sit
 def test_a_jog_ends_when_the_machine_is_in_another_mode(mode: str, page: Any, site: Site) -> None:
     press(page, site)
     name = site.asked("jog")[-1][2]["press"]
-    try:
-        site.tell(mode=mode)
-        until(lambda: {"press": name} in [args for _, _, args in site.asked("jog_stop")], "the end")
-    finally:
-        site.tell()
+    site.tell(mode=mode)
+    until(lambda: {"press": name} in [args for _, _, args in site.asked("jog_stop")], "the end")
 
 
 def test_a_change_of_the_step_ends_a_jog(page: Any, site: Site) -> None:

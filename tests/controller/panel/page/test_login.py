@@ -27,8 +27,6 @@ def test_who_is_logged_in_is_shown_and_leaves_without_control(chromium: Any, tmp
         page.wait_for_selector("#dx-log-out >> text=anna")
         browsing.take_control(page)
         token = page.evaluate("dx.token")
-        said: list[int] = []
-        page.on("response", lambda answer: said.append(answer.status) if "/control" in answer.url else None)
         page.click("#dx-log-out")
         page.wait_for_url("**/login")
         page.wait_for_selector("#password")

@@ -58,13 +58,6 @@ PARTS = {"setup": ("homing", "offsets", "tools", "file", "drives")}
 RUNNING = [("wide", "light", "en"), ("touch", "dark", "de"), ("phone", "light", "de")]
 
 
-@pytest.fixture(scope="module")
-def running(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
-    """A panel before a machine that cuts Example 2: lists, meters and traces with something in them."""
-    with browsing.fake_site(tmp_path_factory.mktemp("running"), "stepped_site.py") as made:
-        yield made
-
-
 @contextlib.contextmanager
 def looked_at(chromium: Any, site: Site, size: str, theme: str, language: str) -> Iterator[Any]:
     """The page with control of the machine; its scripts must not have failed."""
@@ -114,9 +107,9 @@ def test_nothing_is_clipped_and_no_finding_of_axe_is_serious(
 
 @pytest.mark.parametrize(("size", "theme", "language"), RUNNING)
 def test_nothing_is_clipped_either_while_a_program_runs(
-    size: str, theme: str, language: str, chromium: Any, running: Site, tmp_path: Path
+    size: str, theme: str, language: str, chromium: Any, stepped: Site, tmp_path: Path
 ) -> None:
-    with looked_at(chromium, running, size, theme, language) as page:
+    with looked_at(chromium, stepped, size, theme, language) as page:
         page.evaluate("dx.show('runs')")
         page.click("#runs-list tr:nth-child(2) button")
         page.evaluate("dx.show('programs')")

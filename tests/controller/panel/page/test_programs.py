@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import unicodedata
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import browsing
 import pytest
@@ -95,17 +97,19 @@ def test_the_list_is_up_to_date_again_when_one_comes_back_to_it(page: Any, site:
 
 
 @pytest.mark.slow
-def test_what_is_there_already_is_replaced_only_after_a_question(page: Any, site: Site) -> None:
-    drop(page, "twice.ngc", "M2\n")
+@pytest.mark.parametrize("name", ["twice.ngc", "Gehäuse.ngc"])
+def test_what_is_there_already_is_replaced_only_after_a_question(name: str, page: Any, site: Site) -> None:
+    """Also where a system has the signs of a name decomposed."""
+    drop(page, name, "M2\n")
     for say_yes in (False, True):
-        page.evaluate(DROP, ["twice.ngc", "G21\nM2\n"])
-        page.wait_for_selector(".dx-ask >> text=twice.ngc is there already. Replace it?")
+        page.evaluate(DROP, [unicodedata.normalize("NFD", name), "G21\nM2\n"])
+        page.wait_for_selector(".dx-ask >> text=is there already. Replace it?")
         if say_yes:
             browsing.yes(page)
         else:
             page.click(".dx-ask button >> nth=1")
         page.wait_for_selector(".upload", state="detached")
-        assert site.ask("programs/twice.ngc")["size"] == (7 if say_yes else 3)
+        assert site.ask(f"programs/{quote(name)}")["size"] == (7 if say_yes else 3)
 
 
 @pytest.mark.slow

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -15,9 +14,9 @@ PAGE = 50  # that are listed at first
 
 
 @pytest.fixture(scope="module")
-def store(site: Site) -> Iterator[Store]:
+def store(site: Site) -> Store:
     """The panel's own, as the service's records come into it."""
-    yield Store(site.folder)
+    return Store(site.folder)
 
 
 def show(page: Any, name: str) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -23,21 +22,14 @@ JOB = {
 }
 
 
-@pytest.fixture
-def tell(site: Site) -> Iterator[Any]:
-    """The machine tells other things, until the test is over."""
-    yield site.tell
-    site.tell()
-
-
 def until_shown(page: Any, place: str, words: str) -> None:
     page.wait_for_function(
         "([place, words]) => document.querySelector(place)?.innerText === words", arg=[place, words]
     )
 
 
-def test_each_cell_of_the_axes_has_its_own_figure(page: Any, tell: Any) -> None:
-    tell(joints=JOINTS, work_offset="G55")
+def test_each_cell_of_the_axes_has_its_own_figure(page: Any, site: Site) -> None:
+    site.tell(joints=JOINTS, work_offset="G55")
     until_shown(page, ".dro .c-work .figures", "G55")
     for i, axis in enumerate(AXES):
         row = page.locator(f"tr[data-axis={axis}] td")
@@ -48,17 +40,17 @@ def test_each_cell_of_the_axes_has_its_own_figure(page: Any, tell: Any) -> None:
     assert heads == ["Axis", "Work G55", "Machine", "To go", "Actual", "Following error µm, m°"]
 
 
-def test_axes_are_marked_where_they_have_no_zero_or_stand_at_their_end(page: Any, tell: Any) -> None:
-    tell(joints=JOINTS)
+def test_axes_are_marked_where_they_have_no_zero_or_stand_at_their_end(page: Any, site: Site) -> None:
+    site.tell(joints=JOINTS)
     until_shown(page, "[data-homed=Y]", "no ref")
     until_shown(page, "[data-homed=X]", "ref ✓")
     for axis, words in (("X", ""), ("Z", "end +"), ("A", "end −")):
         until_shown(page, f"[data-limit={axis}]", words)
 
 
-def test_the_bar_of_a_following_error_is_full_where_the_run_ends(page: Any, tell: Any) -> None:
+def test_the_bar_of_a_following_error_is_full_where_the_run_ends(page: Any, site: Site) -> None:
     """4 mm in the fake machine's file; to the left where it is negative, in colours from the half on."""
-    tell(joints=JOINTS)
+    site.tell(joints=JOINTS)
     page.wait_for_selector("[data-error=Z][data-tone=hold]")
     bars = {axis: page.locator(f"[data-error={axis}]") for axis in AXES}
     read = "(e) => [e.style.getPropertyValue('--size'), e.style.getPropertyValue('--side'), e.dataset.tone]"
@@ -71,8 +63,8 @@ def test_the_bar_of_a_following_error_is_full_where_the_run_ends(page: Any, tell
     }
 
 
-def test_tool_feed_and_what_limits_it_are_shown(page: Any, tell: Any) -> None:
-    tell(
+def test_tool_feed_and_what_limits_it_are_shown(page: Any, site: Site) -> None:
+    site.tell(
         mode="RUNNING",
         tip={"X": 1.5, "Y": -2.25, "Z": 3.0},
         axis={"I": 0.6, "J": 0.0, "K": -0.8},
@@ -90,8 +82,8 @@ def test_tool_feed_and_what_limits_it_are_shown(page: Any, tell: Any) -> None:
     assert tool == ["X 1.500", "Y −2.250", "Z 3.000", "I 0.60000", "J 0.00000", "K −0.80000"]
 
 
-def test_the_program_under_way_shows_its_block_and_its_times(page: Any, tell: Any) -> None:
-    tell(mode="RUNNING", job=JOB, in_block={"what": "cut", "fraction": 0.4, "u": 0.3721})
+def test_the_program_under_way_shows_its_block_and_its_times(page: Any, site: Site) -> None:
+    site.tell(mode="RUNNING", job=JOB, in_block={"what": "cut", "fraction": 0.4, "u": 0.3721})
     until_shown(page, ".run-program .program-head", "Program\nLine\n7\nBlock\n4\ncut\n40 %\nu 0.3721")
     share = "(e) => e.style.getPropertyValue('--share')"
     assert page.eval_on_selector(".block-bar", share) == "0.4"
@@ -101,8 +93,8 @@ def test_the_program_under_way_shows_its_block_and_its_times(page: Any, tell: An
     assert page.inner_text(".program-left") == "left 1:02:03"
 
 
-def test_lines_typed_by_hand_are_listed_though_they_are_in_no_store(page: Any, tell: Any) -> None:
-    tell(mode="RUNNING", job={**JOB, "name": "MDI", "line": 2, "text": "G0 X1\nG0 Y2"})
+def test_lines_typed_by_hand_are_listed_though_they_are_in_no_store(page: Any, site: Site) -> None:
+    site.tell(mode="RUNNING", job={**JOB, "name": "MDI", "line": 2, "text": "G0 X1\nG0 Y2"})
     until_shown(page, "#run-listing .now", "2G0 Y2")
     assert page.locator("#run-listing > div").count() == 2
 
@@ -117,10 +109,12 @@ def test_lines_typed_by_hand_are_listed_though_they_are_in_no_store(page: Any, t
     ],
 )
 def test_what_stands_in_the_way_is_shown(
-    told: dict[str, Any], place: str, words: str, page: Any, tell: Any
+    told: dict[str, Any], place: str, words: str, page: Any, site: Site
 ) -> None:
     assert not page.is_visible(place) or page.inner_text(place) == ""
-    tell(notices=[{"name": "DOOR_OPEN", "sentence": "The door is open.", "sentence_de": "Offen."}], **told)
+    site.tell(
+        notices=[{"name": "DOOR_OPEN", "sentence": "The door is open.", "sentence_de": "Offen."}], **told
+    )
     until_shown(page, place, words)
     assert page.is_visible(place)
 
@@ -148,7 +142,7 @@ def test_two_steps_of_the_override_count_twice_however_fast_they_come(page: Any,
 
 
 def test_a_slider_that_was_dragged_back_to_where_it_was_follows_the_machine_again(
-    page: Any, tell: Any
+    page: Any, site: Site
 ) -> None:
     box = page.locator("#run-override").bounding_box()
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -157,5 +151,5 @@ def test_a_slider_that_was_dragged_back_to_where_it_was_follows_the_machine_agai
     page.mouse.move(x + 40, y)
     page.mouse.move(x, y)
     page.mouse.up()
-    tell(override=0.5)
+    site.tell(override=0.5)
     page.wait_for_function("() => document.getElementById('run-override').value === '50'")

@@ -24,22 +24,16 @@ MACHINES = ("trunnion", "table_head", "head_head", "oblique45", "xyzac_linuxcnc"
 
 
 @pytest.fixture(scope="module")
-def site(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
-    with browsing.fake_site(tmp_path_factory.mktemp("stepped"), "stepped_site.py") as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def looker(chromium: Any, site: Site) -> Iterator[Any]:
+def looker(chromium: Any, stepped: Site) -> Iterator[Any]:
     """One page for all tests, small: it is drawn without a graphics card."""
-    with browsing.looker(chromium, site, 640, 480, "scene") as made:
+    with browsing.looker(chromium, stepped, 640, 480, "scene") as made:
         yield made
 
 
 @pytest.fixture(autouse=True)
-def picture(looker: Any, site: Site) -> None:
+def picture(looker: Any, stepped: Site) -> None:
     """The view on the screen, with the path of Example 2."""
-    site.lay_over()
+    stepped.tell()
     looker.evaluate("dx.show('scene')")
     looker.wait_for_function("() => window.dxScene && dxScene.shape && dxScene.tool_key")
 
@@ -59,20 +53,20 @@ def test_the_picture_has_the_path_done_and_to_do_and_the_surfaces(looker: Any) -
 
 
 def test_a_program_that_was_checked_anew_is_drawn_anew_though_its_name_is_the_same(
-    looker: Any, site: Site
+    looker: Any, stepped: Site
 ) -> None:
     """With another offset or tool; the same for another text under the same name."""
-    folder = site.folder / "pictures"
+    folder = stepped.folder / "pictures"
     (kept,) = [file for file in folder.glob("*.npz") if file.stem != "moved"]
     shape = pictures.load(kept)
     pictures.Shape(shape.tips + 5.0, *(getattr(shape, name) for name in shape.__slots__[1:])).save(
         folder / "moved.npz"
     )
     first = looker.evaluate("dxScene.shape.tips[0][0]")
-    (site.folder / "picture").write_text("moved")
+    (stepped.folder / "picture").write_text("moved")
     looker.evaluate("dxScene.ask()")
     looker.wait_for_function("(x) => dxScene.shape?.tips[0][0] === x", arg=round(first + 5.0, 3))
-    (site.folder / "picture").unlink()
+    (stepped.folder / "picture").unlink()
     looker.evaluate("dxScene.job = 'the same name, another sum'")
     looker.wait_for_function("(x) => dxScene.shape?.tips[0][0] === x", arg=first)
 
@@ -85,10 +79,10 @@ def test_what_was_drawn_is_not_sent_again(looker: Any) -> None:
     assert looker.evaluate("(shape) => dxScene.shape === shape", shape)
 
 
-def test_a_line_typed_by_hand_leaves_the_loaded_program_in_the_picture(looker: Any, site: Site) -> None:
+def test_a_line_typed_by_hand_leaves_the_loaded_program_in_the_picture(looker: Any, stepped: Site) -> None:
     asked: list[str] = []
     looker.on("request", lambda request: asked.append(request.url))
-    site.lay_over(job={"name": "MDI", "sha256": "0" * 64, "state": "running", "block": 0})
+    stepped.tell(job={"name": "MDI", "sha256": "0" * 64, "state": "running", "block": 0})
     looker.wait_for_function("() => dx.status.job.name === 'MDI'")
     looker.wait_for_timeout(200)
     assert looker.evaluate("dxScene.shape !== null")
@@ -96,16 +90,18 @@ def test_a_line_typed_by_hand_leaves_the_loaded_program_in_the_picture(looker: A
     assert not [url for url in asked if url.endswith("/MDI/picture")]
 
 
-def test_why_there_is_no_picture_is_said_as_long_as_that_program_is_loaded(looker: Any, site: Site) -> None:
-    site.lay_over(job={"name": "gone.ngc", "sha256": "0" * 64, "state": "loaded"})
+def test_why_there_is_no_picture_is_said_as_long_as_that_program_is_loaded(
+    looker: Any, stepped: Site
+) -> None:
+    stepped.tell(job={"name": "gone.ngc", "sha256": "0" * 64, "state": "loaded"})
     looker.wait_for_function("() => document.querySelector('#scene-said').textContent.includes('gone.ngc')")
     assert looker.evaluate("dxScene.shape === null")
-    site.lay_over(job=None)
+    stepped.tell(job=None)
     looker.wait_for_function("() => document.querySelector('#scene-said').textContent === ''")
 
 
-def test_without_a_program_nothing_of_one_is_drawn(looker: Any, site: Site) -> None:
-    site.lay_over(job=None)
+def test_without_a_program_nothing_of_one_is_drawn(looker: Any, stepped: Site) -> None:
+    stepped.tell(job=None)
     looker.wait_for_function("() => dxScene.shape === null && !dxScene.part.children.length")
 
 
@@ -195,13 +191,13 @@ def test_the_table_is_turned_as_far_as_the_rotaries_are(looker: Any) -> None:
 
 
 def test_the_frame_of_the_active_offset_stands_at_its_origin_and_is_turned_as_it_is(
-    looker: Any, site: Site
+    looker: Any, stepped: Site
 ) -> None:
     offsets = looker.evaluate("dx.facts.offsets")
     turned = {"origin_mm": [1.0, 2.0, 3.0], "axes": [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]}
     assert looker.evaluate("dxScene.offset.position.toArray()") == offsets["G54"]["origin_mm"]
     looker.evaluate("(one) => { dxScene.facts.offsets.G55 = one }", turned)
-    site.lay_over(work_offset="G55")
+    stepped.tell(work_offset="G55")
     looker.wait_for_function("() => dxScene.offset.position.x === 1")
     x = looker.evaluate(
         "dxScene.home.position.clone().set(1, 0, 0).applyQuaternion(dxScene.offset.quaternion).toArray()"

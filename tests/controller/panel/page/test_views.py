@@ -17,15 +17,9 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def site(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
-    with browsing.fake_site(tmp_path_factory.mktemp("stepped"), "stepped_site.py") as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def looker(chromium: Any, site: Site) -> Iterator[Any]:
+def looker(chromium: Any, stepped: Site) -> Iterator[Any]:
     """One page for all tests, as an operator has it; without control: looking needs none."""
-    with browsing.looker(chromium, site, 1280, 720) as made:
+    with browsing.looker(chromium, stepped, 1280, 720) as made:
         yield made
 
 
@@ -72,13 +66,13 @@ def test_a_temperature_is_shown_of_the_drive_that_tells_it(looker: Any) -> None:
     assert looker.is_visible("th.d-warmth")
 
 
-def test_only_the_drives_that_home_are_said_to_be_homing(looker: Any, site: Site) -> None:
+def test_only_the_drives_that_home_are_said_to_be_homing(looker: Any, stepped: Site) -> None:
     show(looker, "drives")
-    drives = [{**one, "homing": one["axis"] == "Z"} for one in site.ask("status")["drives"]]
-    site.lay_over(mode="HOMING", drives=drives)
+    drives = [{**one, "homing": one["axis"] == "Z"} for one in stepped.ask("status")["drives"]]
+    stepped.tell(mode="HOMING", drives=drives)
     looker.wait_for_selector("[data-drive='Z.mode']:has-text('homing')")
     assert {told(looker, f"{axis}.mode") for axis in "XYAC"} == {"cyclic position"}
-    site.lay_over()
+    stepped.tell()
     looker.wait_for_selector("[data-drive='Z.mode']:has-text('cyclic position')")
 
 
@@ -161,7 +155,7 @@ def cursors(page: Any) -> list[int]:
     return [int(tick) for tick in re.findall(r"\d: tick (\d+)", page.inner_text("#scope-cursors"))]
 
 
-def test_a_cursor_reads_each_signal_as_its_tick_has_it(looker: Any, site: Site) -> None:
+def test_a_cursor_reads_each_signal_as_its_tick_has_it(looker: Any, stepped: Site) -> None:
     show(looker, "scope")
     looker.select_option("#scope-source", "now")
     choose_signals(looker, "X.command", "C.actual")
@@ -169,7 +163,7 @@ def test_a_cursor_reads_each_signal_as_its_tick_has_it(looker: Any, site: Site) 
     click_at(looker, 0.3, 0.7)
     looker.wait_for_selector("#scope-cursors:has-text('Hz')")
     for place, tick in enumerate(cursors(looker)):
-        row = site.ask(f"ticks?names=X.command,C.actual&first={tick}&last={tick}")["low"]
+        row = stepped.ask(f"ticks?names=X.command,C.actual&first={tick}&last={tick}")["low"]
         for name in ("X.command", "C.actual"):
             shown = looker.inner_text(f"[data-signal='{name}']").splitlines()[place]
             assert float(shown.replace("−", "-")) == pytest.approx(row[name][0], rel=1e-5), name
@@ -193,7 +187,19 @@ def test_cursors_are_led_by_keys(looker: Any) -> None:
         assert cursors(looker) == wanted, key
 
 
-def test_a_single_shot_waits_for_its_trigger_and_shows_what_was_before_it(looker: Any, site: Site) -> None:
+def test_a_press_that_comes_while_a_picture_is_on_its_way_is_not_lost(looker: Any) -> None:
+    """2 s do not have a column for each tick, nor has the half of it; the last of four presses has."""
+    show(looker, "scope")
+    looker.select_option("#scope-source", "now")
+    looker.select_option("#scope-seconds", "2")
+    looker.wait_for_selector("#scope-canvas[data-per-column]:not([data-per-column='1'])")
+    stand_still(looker)
+    looker.evaluate("for (let i = 0; i < 4; i += 1) document.getElementById('scope-in').click()")
+    looker.wait_for_selector("#scope-canvas[data-per-column='1']")
+    looker.click("#scope-run")
+
+
+def test_a_single_shot_waits_for_its_trigger_and_shows_what_was_before_it(looker: Any, stepped: Site) -> None:
     show(looker, "scope")
     choose_signals(looker, "path_time")
     looker.select_option("#scope-seconds", "0.2")
@@ -204,7 +210,7 @@ def test_a_single_shot_waits_for_its_trigger_and_shows_what_was_before_it(looker
     looker.click("#scope-single")
     looker.wait_for_selector("#scope-single[aria-pressed=false]")
     looker.wait_for_selector("#scope-state:has-text('standing')")
-    fired = site.ask(f"ticks/trigger?name=path_time&level={level}&edge=rising")["tick"]
+    fired = stepped.ask(f"ticks/trigger?name=path_time&level={level}&edge=rising")["tick"]
     first, last = exported(looker)
     assert last - first == 100
     assert fired - first == 25
