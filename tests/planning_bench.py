@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing.connection as connections
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from controller.handoff import COLUMN, Snapshot
 from controller.journal import Entry, Journal
 from controller.machine import Machine
 from controller.plan.planner import Planner
+from controller.plan.route.path import Chain, Pause
 from controller.plan.route.spot import Spot
 from controller.service.orders import Answer, News, Order, Program
 from controller.service.planning import Planning
@@ -62,6 +63,9 @@ class Bench:
         made.go_on_from(max(self.snapshot().accepted, self.snapshot().rejected))
         self.planner = self.stepped.planner = made
         return made
+
+    def load(self, items: Iterable[Chain | Pause], now: Snapshot) -> None:
+        self.planner.load(items, now.queue_end_s, now.epoch)
 
     def snapshot(self) -> Snapshot:
         found = self.stepped.board.read()

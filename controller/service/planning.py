@@ -215,10 +215,10 @@ class Planning:
         start = _start(program, now)
         self._offsets.clear()
         items = starts.path_from(task, kept, start).items
-        planner = self._end.new_planner(program.machine)
+        self._end.new_planner(program.machine)
         self._tool, self._fitted = None, program.machine
         self._tools.clear()
-        planner.load(self._watched(items), now.queue_end_s, now.epoch)
+        self._end.load(self._watched(items), now)
         self._turns.clear()
         facts = {"duration_s": kept.duration_s, "blocks": kept.blocks, "plan_time_s": now.queue_end_s}
         self._facts = {**facts, "start": start}

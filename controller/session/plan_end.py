@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import socket
 import sys
 import threading
 import time
+from collections.abc import Iterable
 
 from controller import config
 from controller.handoff import (
@@ -20,6 +22,7 @@ from controller.handoff import (
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.plan.planner import Planner
+from controller.plan.route.path import Chain, Pause
 from controller.session import children
 from controller.session.startup import SessionError, StartUp, homing_mask
 from controller.state import Fault, Mode, Request
@@ -64,6 +67,18 @@ class PlanEnd:
             planner.go_on_from(max(now.accepted, now.rejected))
         self.planner = planner
         return planner
+
+    def load(self, items: Iterable[Chain | Pause], now: Snapshot) -> None:
+        """A program for the planner, to begin where ``now``'s queue ends; the machine stands.
+
+        What is there by now stays, so the collector need not look at it again. Its looks at everything,
+        once in a while, would hold up the keepalive by some 80 ms, and longer the more there is; the tick
+        takes ``PLANNER_SILENCE_S`` without one for a dead plan.
+        """
+        gc.unfreeze()  # of the program before
+        gc.collect()
+        gc.freeze()
+        self.planner.load(items, now.queue_end_s, now.epoch)
 
     def send(self, message: PieceMessage) -> bool:
         """False while packets wait, and when nobody is there to take them."""

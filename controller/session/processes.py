@@ -153,7 +153,7 @@ def plan_main(job: Job) -> None:
     if max(abs(a - b) for a, b in zip(now.joints, task.start, strict=True)) > SAME_PLACE:
         task = replace(task, start=five(now.joints))
         walk = checked.walk_of(task, job.check, job.unchecked)
-    plan.planner.load(walk.items, now.queue_end_s, now.epoch)
+    plan.load(walk.items, now)
     while not plan.alone:
         now = plan.snapshot()
         plan.planner.work(now)

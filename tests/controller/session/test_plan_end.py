@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import gc
 import os
+import weakref
+from collections.abc import Iterator
 from pathlib import Path
 
 from cutting import shipped
@@ -11,14 +15,38 @@ from controller.handoff import PieceMessage, SnapshotBoard, piece_pair, request_
 from controller.session.plan_end import PlanEnd
 
 
-def test_another_planner_never_uses_the_number_of_a_message_that_is_on_its_way(tmp_path: Path) -> None:
-    path = str(tmp_path / "snapshot")
+@contextlib.contextmanager
+def alone(folder: Path) -> Iterator[PlanEnd]:
+    path = str(folder / "snapshot")
     board, (plan, tick), (operator, requests) = SnapshotBoard(path), piece_pair(), request_pair()
     board.write(*[0] * 53)  # the tick has answered none
-    with tick, requests:
-        end = PlanEnd(shipped(), os.dup(plan.fileno()), os.dup(operator.fileno()), path)
+    with plan, tick, operator, requests:
+        yield PlanEnd(shipped(), os.dup(plan.fileno()), os.dup(operator.fileno()), path)
+
+
+def test_another_planner_never_uses_the_number_of_a_message_that_is_on_its_way(tmp_path: Path) -> None:
+    with alone(tmp_path) as end:
         end.send(PieceMessage(7, 0.0, {}, ()))
         end.planner = end.new_planner(shipped())
         assert 7 in end.planner.marks
-    plan.close()
-    operator.close()
+
+
+class Ring:
+    """Garbage that only the collector finds."""
+
+    def __init__(self) -> None:
+        self.own = self
+
+
+def test_the_collector_does_not_look_again_at_what_is_there_when_a_program_is_loaded(tmp_path: Path) -> None:
+    with alone(tmp_path) as end:
+        there = Ring()
+        gone = weakref.ref(there)
+        try:
+            end.load((), end.snapshot())
+            assert not any(one is there for one in gc.get_objects())
+            del there
+            end.load((), end.snapshot())
+            assert gone() is None
+        finally:
+            gc.unfreeze()
