@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import urllib.error
 from typing import Any
 
 import browsing
@@ -14,13 +15,23 @@ pytestmark = pytest.mark.slow
 PASSWORD = "correct horse"
 
 
+def lets_nobody_in(site: browsing.Site) -> bool:
+    try:
+        site.ask("control")
+    except urllib.error.HTTPError as error:
+        return error.code == 401
+    return False
+
+
 def test_who_is_logged_in_is_shown_and_leaves_without_control(chromium: Any, tmp_path: Any) -> None:
     with browsing.fake_site(tmp_path) as site:
         Store(tmp_path).users.set("anna", PasswordHasher().hash(PASSWORD), "operate")
+        browsing.until(lambda: lets_nobody_in(site), "a panel that knows of its users")
         context = chromium.new_context(locale="en-GB")
         page = context.new_page()
         page.set_default_timeout(browsing.HANGS_S * 1000)
-        browsing.until(lambda: page.goto(site.url) and page.url.endswith("/login"), "the log-in page")
+        page.goto(site.url)
+        page.wait_for_url("**/login")
         page.fill("#name", "anna")
         page.fill("#password", PASSWORD)
         page.keyboard.press("Enter")
