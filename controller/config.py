@@ -179,6 +179,7 @@ def _axis(table: Table, buses: tuple[Bus, ...], folder: Path | None) -> Axis:
         serial=table.integer("serial", 0, 0xFFFF_FFFF, 0),
         homing=equipment.homing(table, unit, (lower, upper), inner),
         following_error=table.positive(f"following_error_{unit}") * abs(inner),
+        following=equipment.following(table, unit, abs(inner)),
         brake=table.flag("brake", False),
         feedback_every=table.integer("feedback_every", 1, 240, 1),
         feed_forward=table.flag("feed_forward", False),

@@ -9,11 +9,13 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from controller.geometry import Z, norm, scale
-from controller.machine import Axis, Bus, Clamp, Homing, Io, Spindle, Temperature, WorkTable
+from controller.machine import Axis, Bus, Clamp, Following, Homing, Io, Spindle, Temperature, WorkTable
 from controller.toml_table import Table
 
 INPUTS = ("estop", "door", "power", "tool_clamped", "coolant_flow")  # beside those that clamps name
 OUTPUTS = ("coolant", "mist")
+# Of the drive's own window (following_error): what the controller allows at rest, and of that in position.
+REST_SHARE = IN_POSITION_SHARE = 0.1
 MOST_BITS = 64  # of a PDO
 MODES = {"csv": 9, "pv": 3}
 
@@ -73,6 +75,23 @@ def homing(table: Table, unit: str, travel: tuple[float, float], inner: float) -
         fast=rate(f"fast_{unit}_s"),
         slow=rate(f"slow_{unit}_s"),
         acceleration=rate(f"acceleration_{unit}_s2"),
+    )
+    entry.finish()
+    return found
+
+
+def following(table: Table, unit: str, inner: float) -> Following:
+    """``following = { ... }`` of an axis; by default the drive's window at full speed, a tenth at rest."""
+    drives_own = table.positive(f"following_error_{unit}")
+    entry = table.table("following", f"{table.name} following", optional=True)
+    tightens = not entry.has(f"at_speed_{unit}")
+    rest = entry.positive(f"rest_{unit}", REST_SHARE * drives_own)
+    found = Following(
+        rest=rest * inner,
+        at_speed=entry.number(f"at_speed_{unit}", 0.0, default=drives_own) * inner,
+        in_position=entry.number(f"in_position_{unit}", 0.0, rest, IN_POSITION_SHARE * rest) * inner,
+        ticks=entry.integer("ticks", 1, 10, 3),
+        tightens=tightens,
     )
     entry.finish()
     return found

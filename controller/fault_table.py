@@ -44,13 +44,17 @@ _ROWS = (
     _row(Fault.FEEDBACK_LOST, False, Reaction.LOST_DRIVE, Recovery.COMMISSION, syncs=4),
     _row(Fault.STATE_LOST, False, Reaction.LOST_DRIVE, Recovery.HOME, syncs=3),
     _row(Fault.TORQUE_OFF, True, Reaction.LOST_DRIVE, Recovery.RESET, syncs=3),
-    _row(Fault.FOLLOWING_ERROR, False, Reaction.LOST_DRIVE, Recovery.HOME, syncs=3),
+    # Three SYNCs until a position answers a setpoint, and some in a row that are beyond the window.
+    _row(Fault.FOLLOWING_ERROR, False, Reaction.LOST_DRIVE, Recovery.HOME, syncs=7),
     _row(Fault.LIMIT_SWITCH, False, Reaction.LOST_DRIVE, Recovery.HOME, syncs=3),
     _row(Fault.EMCY, False, Reaction.LOST_DRIVE, Recovery.HOME, syncs=3),
     _row(Fault.DRIVE_WARNING, True, Reaction.WARN, Recovery.NOTHING),
     _row(Fault.HEARTBEAT_LOST, False, Reaction.LOST_DRIVE, Recovery.COMMISSION, wait=Wait.CONSUMER),
     # A drive that starts is silent: its boot-up message comes at the end.
     _row(Fault.NODE_RESET, False, Reaction.LOST_DRIVE, Recovery.COMMISSION, syncs=3, wait=Wait.CONSUMER),
+    _row(Fault.NODE_STOPPED, False, Reaction.LOST_DRIVE, Recovery.COMMISSION, syncs=3, wait=Wait.CONSUMER),
+    _row(Fault.NODE_TWICE, False, Reaction.QUICK_STOP, Recovery.COMMISSION, syncs=5),
+    _row(Fault.MODE_LOST, True, Reaction.LOST_DRIVE, Recovery.COMMISSION, syncs=3, wait=Wait.CONSUMER),
     _row(Fault.ENABLE_TIMEOUT, True, Reaction.QUICK_STOP, Recovery.RESET, wait=Wait.ENABLE),
     _row(Fault.HOMING_FAILED, False, Reaction.QUICK_STOP, Recovery.HOME, wait=Wait.HOMING),
     # --- bus
@@ -59,6 +63,7 @@ _ROWS = (
     _row(Fault.BUS_ERROR, False, Reaction.QUICK_STOP, Recovery.COMMISSION, wait=Wait.CONSUMER),
     _row(Fault.RX_OVERFLOW, True, Reaction.PATH_STOP, Recovery.RESET),
     _row(Fault.SYNC_FOREIGN, True, Reaction.QUICK_STOP, Recovery.RESET),
+    _row(Fault.FOREIGN_FRAMES, True, Reaction.QUICK_STOP, Recovery.RESET),
     _row(Fault.SEND_FAILED, False, Reaction.QUICK_STOP, Recovery.COMMISSION, wait=Wait.CONSUMER),
     _row(Fault.SYNC_LOST, False, Reaction.QUICK_STOP, Recovery.RESTART, syncs=4, wait=Wait.CONSUMER),
     # --- tick

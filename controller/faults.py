@@ -48,6 +48,10 @@ class Fault(IntEnum):
     COOLANT_LOST = 33
     CONTROLLER_GONE = 34
     STOP_OVERDUE = 35
+    NODE_STOPPED = 36
+    NODE_TWICE = 37
+    MODE_LOST = 38
+    FOREIGN_FRAMES = 39
 
 
 class Reaction(IntEnum):

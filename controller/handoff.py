@@ -251,9 +251,10 @@ class Snapshot(NamedTuple):
     untrusted: int = 0  # bit mask of the axes that must be homed before a start
     jogging: bool = False  # a jog moves, or is coming to rest
     away: bool = False  # jogged off the place of the hold; RESUME must wait for the way back
+    fault_off: float = 0.0  # of a following error: commanded less actual of its axis, mm or rad
 
 
-_SNAPSHOT = struct.Struct("<q3i7d4i5d5d5iid2Idii?I?i??id??QQii??")
+_SNAPSHOT = struct.Struct("<q3i7d4i5d5d5iid2Idii?I?i??id??QQii??d")
 _INTERLOCK, _WARNING = 43, 49  # their places in the flat values
 _COUNTER = struct.Struct("<Q")
 _SLOT = (_SNAPSHOT.size + 7) // 8 * 8

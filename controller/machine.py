@@ -61,6 +61,17 @@ class Homing:
 
 
 @dataclass(frozen=True, slots=True)
+class Following:
+    """How far an axis may be from what it was told (mm or rad): ``rest``, and more the faster it goes."""
+
+    rest: float
+    at_speed: float  # what is added at the axis' largest velocity, and in proportion below it
+    in_position: float  # where motion must have arrived: spindle, coolant and clamps wait for it
+    ticks: int = 3  # feedbacks in a row beyond it are a fault
+    tightens: bool = False  # ``at_speed`` is a default: what is measured narrows it
+
+
+@dataclass(frozen=True, slots=True)
 class Temperature:
     """Where a drive tells how warm it is; every maker has another object."""
 
@@ -97,7 +108,8 @@ class Axis:
     node: int
     profile: str
     homing: Homing
-    following_error: float  # largest allowed, mm or rad
+    following_error: float  # largest that the drive allows itself (6065h), mm or rad
+    following: Following  # largest that the controller allows it
     brake: bool
     feedback_every: int = 1  # its position comes with every so many SYNCs
     feed_forward: bool = False  # the velocity goes with the target (60B1h)
@@ -242,6 +254,14 @@ class Machine:
 
     def tool(self, number: int) -> Tool | None:
         return next((tool for tool in self.tools if tool.number == number), None)
+
+    def axis_off(self, index: int, off: float = 0.0) -> str:
+        """An axis by name, with how far it is from its command (mm, rad) where it is; "" for index -1."""
+        if index < 0:
+            return ""
+        axis = self.axes[index]
+        unit = "deg" if axis.is_rotary else "mm"
+        return f"{axis.name} ({abs(off * axis.shown_per_unit):.3g} {unit})" if off else axis.name
 
     def shown(self, joints: Sequence[float]) -> tuple[float, ...]:
         """Joints as programs, page and trace show them: mm and degrees in the configured sense."""

@@ -7,8 +7,16 @@ from pathlib import Path
 from controller import profiles
 from controller.machine import Axis, Machine, Temperature
 from controller.toml_table import ConfigError
-from drives.settings import BusSettings, IoSettings, MasterSettings, NodeSettings, SpindleSettings
+from drives.settings import (
+    BusSettings,
+    FollowingWindow,
+    IoSettings,
+    MasterSettings,
+    NodeSettings,
+    SpindleSettings,
+)
 
+IN_POSITION_COUNTS = 2.0
 IO_EDS = Path(__file__).resolve().parent.parent / "config" / "eds" / "simulated_io.eds"
 
 
@@ -84,6 +92,7 @@ def _node(axis: Axis, period_s: float) -> NodeSettings:
         counts_min=ends[0],
         counts_max=ends[1],
         following_error_counts=round(abs(axis.following_error * axis.counts_per_unit)),
+        following=_following(axis),
         homing_method=axis.homing.method,
         homing_position_counts=round(axis.homing.position * axis.counts_per_unit),
         absolute=axis.homing.absolute,
@@ -100,6 +109,19 @@ def _node(axis: Axis, period_s: float) -> NodeSettings:
         serial=axis.serial,
         temperature_tpdo=axis.temperature.tpdo if axis.temperature else 0,
         temperature_entry=_entry(axis.temperature) if axis.temperature else 0,
+    )
+
+
+def _following(axis: Axis) -> FollowingWindow:
+    """The controller's own window; what is in position is so within two counts at least."""
+    counts, allowed = abs(axis.counts_per_unit), axis.following
+    return FollowingWindow(
+        rest_counts=allowed.rest * counts,
+        speed_s=allowed.at_speed / axis.limits.velocity,
+        in_position_counts=max(IN_POSITION_COUNTS, allowed.in_position * counts),
+        ticks=allowed.ticks,
+        velocity_counts_s=axis.limits.velocity * counts,
+        tightens=allowed.tightens,
     )
 
 

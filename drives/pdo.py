@@ -30,6 +30,7 @@ FEEDBACK = Struct("<Hi")
 PDO_BYTES = 6
 TARGET = Struct("<ii")
 CONTROLWORD = Struct("<H")
+MODE_BYTES = 1  # mode of operation display 6061h i8
 LATCH = Struct("<Hi")  # touch probe: status 60B9h u16, position at the rising edge 60BAh i32
 EMERGENCY = Struct("<HB5s")  # error code, error register 1001h, five bytes of the vendor
 
@@ -54,9 +55,11 @@ NMT_STOPPED = 4
 NMT_OPERATIONAL = 5
 NMT_PRE_OPERATIONAL = 127
 
-# (identifier, mask) pairs: what the tick wants to hear, and nothing else.
+# (identifier, mask) pairs: what the tick wants to hear, and nothing else. Setpoints are its own:
+# one that it hears is a stranger's.
 TICK_FILTERS: Sequence[tuple[int, int]] = (
     *((TPDO1 + NEXT_PDO * n, GROUP_MASK) for n in range(4)),
+    *((RPDO1 + NEXT_PDO * n, GROUP_MASK) for n in range(4)),
     (EMCY, GROUP_MASK),  # holds SYNC too, which shares the function code with node 0
     (HEARTBEAT, GROUP_MASK),
 )

@@ -7,6 +7,7 @@ commissioning and the simulated drives may share them.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from drives.profile import GENERIC, Profile
@@ -27,6 +28,22 @@ class BusSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class FollowingWindow:
+    """How far a drive may be from what it was told, the bus' latency counted: rest + speed_s * speed.
+
+    ``ticks`` feedbacks in a row beyond it are a following error. ``tightens``: the part by speed is a
+    default and may be narrowed by what is measured.
+    """
+
+    rest_counts: float = math.inf  # inf: nothing is compared
+    speed_s: float = 0.0
+    in_position_counts: float = math.inf  # at rest: motion has arrived
+    ticks: int = 3
+    velocity_counts_s: float = 0.0  # the axis' largest
+    tightens: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class NodeSettings:
     """One CiA 402 drive: where it is and what is written to it at commissioning."""
 
@@ -44,6 +61,7 @@ class NodeSettings:
     profile: Profile = GENERIC
     feedback_every: int = 1  # transmission type of the feedback's TPDO: every so many SYNCs
     probe_tpdo: int = 0  # number of the event-driven TPDO with 60B9h and 60BAh; 0 = no touch probe
+    mode_tpdo: int = 0  # number of the TPDO with the mode of operation display, 6061h; 0 = it tells none
     temperature_tpdo: int = 0  # number of the TPDO with the drive's temperature; 0 = it tells none
     temperature_entry: int = 0  # what is mapped into it: index << 16 | sub << 8 | bits
     feed_forward: bool = False  # the velocity goes with the target (60B1h); the controlword apart
@@ -54,6 +72,7 @@ class NodeSettings:
     homing_fast_counts_s: int = 0  # 6099h:01; 0 = left as the drive has it
     homing_slow_counts_s: int = 0  # 6099h:02
     homing_acceleration_counts_s2: int = 0  # 609Ah
+    following: FollowingWindow = FollowingWindow()  # the controller's own, beside the drive's 6065h
 
 
 @dataclass(frozen=True, slots=True)

@@ -43,7 +43,7 @@ class FakeEngine:
         self.aside = False  # a resume leads along a way beside the path, which ends at once
         self.before_request: Callable[[Request], None] = lambda _: None
         board = SnapshotBoard()
-        board.write(*[0] * 53)
+        board.write(*[0] * 54)
         found = board.read()
         assert found is not None
         joints = homed_position(machine)

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from controller.geometry import Frame, Vector, X, Y, Z, unit
 from controller.kinematics import Kinematics
-from controller.machine import Axis, Bus, Homing, Kind, Limits, Machine, Sense, Spindle, Tool
+from controller.machine import Axis, Bus, Following, Homing, Kind, Limits, Machine, Sense, Spindle, Tool
 
 W = (0.0, 96.0, 120.0)  # the paper's tilt axis -> rotary centre, mm
 R = (8.0, 0.0, 0.0)  # rotary centre -> part origin, mm
@@ -115,5 +115,6 @@ def _axis(
         profile="simulated",
         homing=Homing(),
         following_error=1.0,
+        following=Following(0.1, 1.0, 0.01, tightens=True),
         brake=False,
     )

@@ -42,6 +42,13 @@ from drives.cyclic.drive import DriveFault
 Stops = Callable[[Piece, float, float], StopTable]  # of a piece that begins at a plan time; period
 
 
+class FakeFollowingError:
+    """Of a drive without lag."""
+
+    actual = 0
+    in_position = True
+
+
 class FakeDrive:
     """Is where it was told to be one SYNC later; homes in three ticks."""
 
@@ -55,6 +62,7 @@ class FakeDrive:
         self.homing_done = False
         self.homing_error = False
         self.homing_to = 0
+        self.following_error = FakeFollowingError()
         self.next = position
         self._homing = -1
 

@@ -87,9 +87,11 @@ FAULTS: dict[Fault, Words] = {
         "Close the safety circuit, check where the tool stands, reset and enable.",
     ),
     Fault.FOLLOWING_ERROR: Words(
-        "A drive stopped because it lagged behind its setpoint by more than its window (EMCY 8611h).",
-        "A collision, a stiff or braked axis, a drive that is badly tuned, or too small a window.",
-        "Look for a collision, a stiff axis or too small a window; reset and home the axis.",
+        "The axis is not where it was told to be: it lags behind its command by more than its window.",
+        "A collision, a stiff or braked axis, setpoints that do not reach the drive, a drive that is badly "
+        "tuned, or too small a window.",
+        "Look for a collision, a stiff axis, a loose bus cable or too small a window; reset and home "
+        "the axis.",
     ),
     Fault.LIMIT_SWITCH: Words(
         "A drive ran onto a limit switch, so its position is not what it is taken for (EMCY 8612h).",
@@ -112,9 +114,25 @@ FAULTS: dict[Fault, Words] = {
         "Check the drive's supply and cable; reset, commission again and home the axis.",
     ),
     Fault.NODE_RESET: Words(
-        "A drive started anew or left NMT Operational by itself; it has forgotten its settings.",
-        "A dip of its supply, or another master on the bus that resets or stops nodes.",
+        "A drive started anew; it has forgotten its settings.",
+        "A dip of its supply, or another master on the bus that resets nodes.",
         "Check the drive's supply; reset, commission again and home the axis.",
+    ),
+    Fault.NODE_STOPPED: Words(
+        "A drive was taken out of NMT Operational, and hears no setpoints.",
+        "Another master or a tool on the bus stops nodes, or the drive left by its own error behaviour.",
+        "Find who else sends NMT on the bus; reset, commission again and home the axis.",
+    ),
+    Fault.NODE_TWICE: Words(
+        "Two drives answer under one node id: whose position it is cannot be told.",
+        "A drive was exchanged or added with an id that another one has.",
+        "Give each drive an id of its own (directrix drives scan); reset, commission again and home "
+        "all axes.",
+    ),
+    Fault.MODE_LOST: Words(
+        "A drive left the mode of operation in which setpoints come (6061h).",
+        "Somebody wrote its object 6060h: a maker's tool or another master on the bus.",
+        "Take the other tool off the bus; reset and commission again.",
     ),
     Fault.ENABLE_TIMEOUT: Words(
         "A drive did not reach Operation Enabled in time.",
@@ -146,6 +164,11 @@ FAULTS: dict[Fault, Words] = {
         "Somebody else sends SYNC on the bus: drives would take setpoints at the wrong time.",
         "A drive or another controller is set up as SYNC producer.",
         "Find the second SYNC producer (object 1006h of each node) and switch it off; reset.",
+    ),
+    Fault.FOREIGN_FRAMES: Words(
+        "Somebody else sends under the controller's own identifiers: setpoints or its heartbeat.",
+        "Another controller or a tool that replays frames is on the bus.",
+        "Take it off the bus; reset.",
     ),
     Fault.SEND_FAILED: Words(
         "A frame could not be sent: the transmit queue is full or the bus is gone.",

@@ -91,11 +91,11 @@ FAULTS: dict[Fault, Words] = {
         "Sicherheitskreis schließen, nachsehen, wo das Werkzeug steht, zurücksetzen und freigeben.",
     ),
     Fault.FOLLOWING_ERROR: Words(
-        "Ein Antrieb hielt an, weil sein Schleppfehler das Fenster überschritt (EMCY 8611h).",
-        "Eine Kollision, eine schwergängige oder gebremste Achse, ein schlecht eingestellter Antrieb, "
-        "oder ein zu kleines Fenster.",
-        "Nach Kollision, schwergängiger Achse oder zu kleinem Fenster suchen; zurücksetzen und die Achse "
-        "referenzieren.",
+        "Die Achse ist nicht, wo sie sein soll: Ihr Schleppfehler ist größer als ihr Fenster.",
+        "Eine Kollision, eine schwergängige oder gebremste Achse, Sollwerte, die den Antrieb nicht "
+        "erreichen, ein schlecht eingestellter Antrieb, oder ein zu kleines Fenster.",
+        "Nach Kollision, schwergängiger Achse, losem Buskabel oder zu kleinem Fenster suchen; zurücksetzen "
+        "und die Achse referenzieren.",
     ),
     Fault.LIMIT_SWITCH: Words(
         "Ein Antrieb lief auf einen Endschalter; seine Position ist also eine andere als angenommen "
@@ -123,9 +123,26 @@ FAULTS: dict[Fault, Words] = {
         "referenzieren.",
     ),
     Fault.NODE_RESET: Words(
-        "Ein Antrieb startete neu oder verließ NMT Operational von selbst; seine Einstellungen sind weg.",
-        "Ein Einbruch seiner Versorgung, oder ein anderer Master, der Knoten zurücksetzt oder anhält.",
+        "Ein Antrieb startete neu; seine Einstellungen sind weg.",
+        "Ein Einbruch seiner Versorgung, oder ein anderer Master am Bus, der Knoten zurücksetzt.",
         "Versorgung des Antriebs prüfen; zurücksetzen, neu in Betrieb nehmen und die Achse referenzieren.",
+    ),
+    Fault.NODE_STOPPED: Words(
+        "Ein Antrieb wurde aus NMT Operational genommen und hört keine Sollwerte.",
+        "Ein anderer Master oder ein Werkzeug am Bus hält Knoten an, oder der Antrieb selbst nach einem "
+        "Fehler.",
+        "Suchen, wer noch NMT sendet; zurücksetzen, neu in Betrieb nehmen und die Achse referenzieren.",
+    ),
+    Fault.NODE_TWICE: Words(
+        "Zwei Antriebe antworten unter einer Knotennummer: Wessen Position es ist, ist nicht zu sagen.",
+        "Ein Antrieb wurde getauscht oder ergänzt, dessen Nummer schon ein anderer hat.",
+        "Jedem Antrieb eine eigene Nummer geben (directrix drives scan); zurücksetzen, neu in Betrieb nehmen "
+        "und alle Achsen referenzieren.",
+    ),
+    Fault.MODE_LOST: Words(
+        "Ein Antrieb verließ die Betriebsart, in der Sollwerte kommen (6061h).",
+        "Jemand schrieb sein Objekt 6060h: ein Werkzeug des Herstellers oder ein anderer Master am Bus.",
+        "Das andere Werkzeug vom Bus nehmen; zurücksetzen und neu in Betrieb nehmen.",
     ),
     Fault.ENABLE_TIMEOUT: Words(
         "Ein Antrieb hat Operation Enabled nicht rechtzeitig erreicht.",
@@ -158,6 +175,11 @@ FAULTS: dict[Fault, Words] = {
         "Jemand anderes sendet SYNC auf dem Bus: Antriebe nähmen Sollwerte zur falschen Zeit.",
         "Ein Antrieb oder eine andere Steuerung ist als SYNC-Erzeuger eingestellt.",
         "Den zweiten SYNC-Erzeuger suchen (Objekt 1006h jedes Knotens) und abschalten; zurücksetzen.",
+    ),
+    Fault.FOREIGN_FRAMES: Words(
+        "Jemand anderes sendet unter Kennungen der Steuerung: Sollwerte oder ihren Heartbeat.",
+        "Eine andere Steuerung, oder ein Werkzeug, das Telegramme abspielt, ist am Bus.",
+        "Es vom Bus nehmen; zurücksetzen.",
     ),
     Fault.SEND_FAILED: Words(
         "Ein Telegramm ließ sich nicht senden: die Sendewarteschlange ist voll, oder der Bus ist weg.",

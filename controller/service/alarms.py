@@ -99,13 +99,15 @@ def _read(file: Path) -> list[dict[str, Any]]:
     return found
 
 
-def of(machine: Machine, fault: Fault, axis: int, also: Fault = Fault.NONE) -> dict[str, Any]:
-    """A fault as it is shown, in both languages."""
-    name = machine.axes[axis].name if axis >= 0 else ""
+def of(
+    machine: Machine, fault: Fault, axis: int, also: Fault = Fault.NONE, off: float = 0.0
+) -> dict[str, Any]:
+    """A fault as it is shown, in both languages; ``off``: of a following error, mm or rad."""
+    name = machine.axis_off(axis, off)
     row = FAULTS[fault]
     return {
         "name": fault.name,
-        "axis": name or None,
+        "axis": machine.axis_off(axis) or None,
         "sentence": sentence(fault, name, also),
         "sentence_de": sentence(fault, name, also, "de"),
         "cause": row.cause,

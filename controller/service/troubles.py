@@ -76,7 +76,7 @@ class Troubles:
         return str(shown["sentence"])
 
     def _of(self, now: Snapshot) -> dict[str, Any]:
-        known = alarm_values.of(self._machine, now.fault, now.fault_axis, now.warning)
+        known = alarm_values.of(self._machine, now.fault, now.fault_axis, now.warning, now.fault_off)
         return {**known, "recording": None}
 
     def _look_at_recording(self, now: Snapshot) -> None:

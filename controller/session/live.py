@@ -131,7 +131,7 @@ class Live:
         """The operator's sentence on a fault, with the axis and where the recording lies; "" = none."""
         if now.fault is Fault.NONE:
             return ""
-        axis = self.machine.axes[now.fault_axis].name if now.fault_axis >= 0 else ""
+        axis = self.machine.axis_off(now.fault_axis, now.fault_off)
         return sentence(now.fault, axis, now.warning) + (self.keeper.told if self.keeper else "")
 
     def _kept(self) -> None:

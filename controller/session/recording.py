@@ -55,13 +55,15 @@ class Facts:
     homed: int  # bit mask of the axes
     drive_states: tuple[str, ...]
     emergencies: tuple[str, ...] = ()  # what each drive said last, "" = nothing
+    axis_off: str = ""  # its name, and how far it is from its command
 
     @classmethod
     def of(cls, machine: Machine, now: Snapshot, logs: Logs) -> Facts:
         """From a snapshot taken after the fault, and the frames up to it."""
-        axis = machine.axes[now.fault_axis].name if now.fault_axis >= 0 else ""
+        axis = machine.axis_off(now.fault_axis)
+        off = machine.axis_off(now.fault_axis, now.fault_off)
         states = tuple(State(state).name for state in now.drive_states)
-        return cls(now.fault, axis, now.tick, now.homed, states, tuple(_emergencies(machine, logs)))
+        return cls(now.fault, axis, now.tick, now.homed, states, tuple(_emergencies(machine, logs)), off)
 
     def to_dict(self) -> dict[str, object]:
         row = FAULTS[self.fault]
@@ -79,7 +81,7 @@ class Facts:
     def sentence(self) -> str:
         """For the operator: the axis, what happened, what its drive said, what to do."""
         said = next((text for text in self.emergencies if text), "")
-        return sentence(self.fault, self.axis) + (f" A drive said {said}." if said else "")
+        return sentence(self.fault, self.axis_off or self.axis) + (f" A drive said {said}." if said else "")
 
 
 def _emergencies(machine: Machine, logs: Logs) -> Iterator[str]:

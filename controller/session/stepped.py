@@ -361,7 +361,8 @@ class SteppedMachine:
         modes = self.cycle.modes
         if modes.fault is Fault.NONE:
             return ""
-        axis = self.machine.axes[modes.fault_axis].name if modes.fault_axis >= 0 else ""
+        now = self.board.read()
+        axis = self.machine.axis_off(modes.fault_axis, now.fault_off if now is not None else 0.0)
         return sentence(modes.fault, axis, modes.warning) + (self._keeper.told if self._keeper else "")
 
     def _ended(self, first: int, resumes: int, left: int, events: Sequence[Event], n: int) -> Run:

@@ -33,6 +33,10 @@ class Encoder:
         self.setpoints[:] = counts
         return True
 
+    def to_units(self, i: int, counts: int) -> float:
+        """Counts of one axis in mm or rad."""
+        return counts * self._units_per_count[i]
+
     def decode(self, positions: Sequence[int]) -> None:
         """Takes the drives' positions (counts)."""
         actual, units = self.actual, self._units_per_count

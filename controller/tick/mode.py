@@ -21,6 +21,8 @@ WARNING = 1 << 7  # of the statusword (CiA 402)
 _EFFECTS = (Fault.FEEDBACK_LOST, Fault.STATE_LOST, Fault.HEARTBEAT_LOST)
 _CAUSES = (
     Fault.NODE_RESET,
+    Fault.NODE_STOPPED,
+    Fault.MODE_LOST,
     Fault.EMCY,
     Fault.FOLLOWING_ERROR,
     Fault.LIMIT_SWITCH,
@@ -347,6 +349,11 @@ class Modes:
             self.mode, self.enabling, self.dropped = Mode.READY, False, True
         elif self._waited > self._enable_ticks:
             self.fail(Fault.ENABLE_TIMEOUT, self._first_not_following())
+
+    def not_in_position(self) -> int:
+        """Index of a drive that is not where motion has led it yet, or -1."""
+        drives = self._group.drives
+        return next((i for i, drive in enumerate(drives) if not drive.following_error.in_position), -1)
 
     def _first_not_following(self) -> int:
         return next((i for i, drive in enumerate(self._group.drives) if not drive.following), -1)

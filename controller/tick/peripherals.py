@@ -32,6 +32,7 @@ from drives.settings import MasterSettings
 STANDING_SHARE = 1e-3  # of an axis' largest velocity: slower is standing ...
 STANDING_S = 0.05  # ... for so long
 SPEED_LOST_S = 0.5  # a spindle that has been at speed may sag for so long in the cut
+IN_POSITION_S = 1.0  # the axes come to where motion has led them, before spindle, coolant and clamps act
 FLOW_S = 2.0  # until coolant flows
 FRESH_TICKS = 4  # what a drive says within these is of the order before
 MIST, FLOOD = 1, 2
@@ -130,6 +131,9 @@ class Peripherals:
         self._wanted = (0.0, 0, 0)  # rev/min, coolant, open clamps: what the program says
         self._homing = 0  # clamps to be open for an axis that homes, or is jogged
         self._was_running = self._was_homing = False
+        self._told: Piece | None = None  # what the program says, until the axes are in position
+        self._arriving = 0  # ticks since
+        self._most_arriving = round(IN_POSITION_S / period_s)
         self._waited = self._sagged = self._dry = 0  # ticks
         self.waiting = False
         self.rev_min = 0.0
@@ -151,7 +155,7 @@ class Peripherals:
     def tell(self, piece: Piece) -> None:
         """The program has come to a piece that ``sets``."""
         if self.present:
-            self._wanted = (piece.spindle_rev_min, piece.coolant, piece.open_clamps)
+            self._told, self._arriving = piece, 0
             self._wait()
 
     def opens_for(self, axes: int) -> bool:
@@ -185,6 +189,8 @@ class Peripherals:
         ``standing``: the commanded joints stand; ``actual``: mm, rad.
         """
         open_door = self._read(now_s, modes)
+        if self._told is not None:
+            self._arrive(self._told, modes, ticks)
         self._tell_all(modes, actual, standing, open_door, ticks)
         running = modes.running
         if running and not self._was_running:
@@ -240,6 +246,21 @@ class Peripherals:
         if self._node is not None:
             self._put_out(is_open | self._homing, actual, ticks)
 
+    def _arrive(self, told: Piece, modes: Modes, ticks: int) -> None:
+        """What the program says counts where motion has led the axes, not on the way there."""
+        if modes.mode not in _PROGRAM or modes.mode is Mode.FAULT:
+            self._told = None
+            return
+        late = modes.not_in_position()
+        self._arriving += ticks
+        if late < 0:
+            self._wanted = (told.spindle_rev_min, told.coolant, told.open_clamps)
+            self._told = None
+            self._wait()
+        elif self._arriving > self._most_arriving:
+            self._told = None
+            modes.fail(Fault.FOLLOWING_ERROR, late)
+
     def _put_out(self, is_open: int, actual: Sequence[float], ticks: int) -> None:
         outputs = (self._mist if self.coolant & MIST else 0) | (self._flood if self.coolant & FLOOD else 0)
         for clamp in self._clamps:
@@ -256,7 +277,8 @@ class Peripherals:
                 modes.fail(Fault.CLAMP, clamp.index)
                 return
         if self.waiting:
-            self._await(modes, ticks)
+            if self._told is None:
+                self._await(modes, ticks)
         elif self.at_speed:
             self._sagged = 0
         else:

@@ -7,6 +7,7 @@ from typing import Any
 
 from controller.handoff import OPTIONAL_STOP, SINGLE_BLOCK, STANDSTILL, STOOD, Recorder, SnapshotBoard
 from controller.machine import Machine
+from controller.state import Fault
 from controller.tick.follow import Follow
 from controller.tick.jog import Jogging
 from controller.tick.joints import Encoder
@@ -90,7 +91,15 @@ class Telling:
             modes.untrusted,
             self._jogging.active,
             modes.away,
+            self._fault_off(),
         )
+
+    def _fault_off(self) -> float:
+        """How far the axis is from its command that stopped for that reason."""
+        i = self._modes.fault_axis
+        if self._modes.fault is not Fault.FOLLOWING_ERROR or i < 0:
+            return 0.0
+        return float(self._encoder.to_units(i, self._group.drives[i].following_error.actual))
 
     def record(self, tick: int, lateness_s: float, sent: bool, accepted: int, stood: bool) -> None:
         """The row of this tick; ``stood``: after a gap the path was stood still in it."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 from drives import cia402, pdo
 from drives.cia402 import State, Wanted
 from drives.cyclic.drive_fault import DriveFault
+from drives.cyclic.following_error import FollowingError
 from drives.cyclic.power_stage import LOST_IN_A_ROW, PowerStage
 from drives.cyclic.supervised import NEVER_S, Handler
 from drives.cyclic.touch_probe import TouchProbe
@@ -24,6 +25,13 @@ __all__ = ["Drive", "DriveFault", "Handler"]
 # a statusword of k + 3 at the earliest; until "not attained" has been seen, or this
 # many statuswords have passed, "attained" is that of an earlier homing.
 STALE_STATUSWORDS = 10
+
+STOOD_FEEDBACKS = 3  # "attained" counts where the motor stands, too
+
+# Different answers to one SYNC, so many SYNCs in a row, are those of two nodes.
+TWICE_IN_A_ROW = 3
+# The mode is told when it changes, and again every so often: one frame may be of before the change.
+MODE_IN_A_ROW = 2
 
 # A controlword of its own RPDO is not repeated every tick: once more at once, for a lost
 # frame, then with our heartbeat.
@@ -43,7 +51,7 @@ class Drive(PowerStage):
 
     Read: ``position`` (counts), ``position_at_s``, ``following``, ``setpoint`` (as sent),
     ``homing_done``, ``homing_error``, ``refused`` (setpoints outside of int32, not sent),
-    ``probe``, and what `PowerStage` and `Supervised` have.
+    ``following_error`` (command against position), ``probe``, and what `PowerStage` and `Supervised` have.
     """
 
     def __init__(self, settings: NodeSettings, lost_after: int = LOST_IN_A_ROW) -> None:
@@ -65,10 +73,17 @@ class Drive(PowerStage):
         self.homing_done = False
         self.homing_error = False
         self.refused = 0
+        self.following_error = FollowingError(settings.following, settings.period_s)
         self._followed = False
+        self._twice = 0
+        self._twice_now = False
+        self._mode = profile.mode.value
+        self._other_mode = 0  # frames in a row that tell of another one
         self._homing = False
         self._homing_statuswords = 0
         self._homing_begun = False
+        self._homed_at = 0
+        self._stood = 0  # feedbacks in a row
         self._interpolates = profile.mode is CyclicMode.IP
         self._frame: bytearray | memoryview = pdo.command_frame(node, profile.rpdo)
         self.feed_forward = settings.feed_forward
@@ -79,6 +94,8 @@ class Drive(PowerStage):
         if self.feed_forward:
             self._frame[4] = pdo.TARGET.size  # length
         self.handlers[pdo.tpdo(profile.tpdo, node)] = self._feedback
+        if settings.mode_tpdo:
+            self.handlers[pdo.tpdo(settings.mode_tpdo, node)] = self._mode_display
         self.probe = TouchProbe(node, settings.probe_tpdo) if settings.probe_tpdo else None
         if self.probe is not None:
             self.handlers |= self.probe.handlers
@@ -89,7 +106,10 @@ class Drive(PowerStage):
         if len(data) != pdo.PDO_BYTES:
             self.malformed += 1
             return
-        statusword, self.position = _unpack_feedback(data)
+        statusword, position = _unpack_feedback(data)
+        if self._arrived and (position != self.position or statusword != self.statusword):
+            self._twice_now = True
+        self.position = position
         self.position_at_s = now_s
         self._arrived = True
         if statusword != self.statusword or self._pending:
@@ -100,11 +120,47 @@ class Drive(PowerStage):
         if self._homing:
             self._watch_homing()
 
+    def expect(self) -> None:
+        super().expect()
+        self.following_error.sync(self.setpoint, self.following)
+
+    def settle(self) -> None:
+        if self._twice_now or self._twice:
+            self._count_twice()
+        if self._arrived and self._awaiting and self.following:
+            self._compare()
+        super().settle()
+
+    def _compare(self) -> None:
+        """Command against position; one that is too far off is lost, and told to stop where it is."""
+        if self.following_error.judge(self.position) and self.wanted is _ENABLED:
+            self._lose(DriveFault.FOLLOWING_ERROR)
+            self._step()
+
+    def _count_twice(self) -> None:
+        self._twice = self._twice + 1 if self._twice_now else 0
+        self._twice_now = False
+        if self._twice >= TWICE_IN_A_ROW and self._judged:
+            self._lose(DriveFault.NODE_TWICE)
+            self._step()
+
+    def _mode_display(self, data: memoryview, now_s: float) -> None:
+        """6061h: a drive that a stranger has put into another mode goes by other objects than ours."""
+        if len(data) != pdo.MODE_BYTES:
+            self.malformed += 1
+            return
+        as_selected = data[0] == self._mode or not self.cyclic
+        self._other_mode = 0 if as_selected else self._other_mode + 1
+        if self._other_mode >= MODE_IN_A_ROW and self.wanted is _ENABLED:
+            self._lose(DriveFault.MODE_LOST)
+            self._step()
+
     # -- the state machine
 
     def _forget(self) -> None:
         super()._forget()
         self._followed = False
+        self.following_error.forget()
 
     def _look(self, enabled: bool) -> None:
         super()._look(enabled)
@@ -150,7 +206,7 @@ class Drive(PowerStage):
         if start:
             self.leave_cyclic()
             self.homing_done = self.homing_error = self._homing_begun = False
-            self._homing_statuswords = 0
+            self._homing_statuswords = self._stood = 0
         self._homing = start
         self._step()
 
@@ -160,11 +216,15 @@ class Drive(PowerStage):
             return
         word = self.statusword
         self._homing_statuswords += 1
+        moved = abs(self.position - self._homed_at)
+        self._homed_at = self.position
+        self._stood = self._stood + 1 if moved <= self.settings.following.in_position_counts else 0
         if not word & (cia402.HOMING_ATTAINED | cia402.HOMING_ERROR):
             self._homing_begun = True
         elif self._homing_begun or self._homing_statuswords > STALE_STATUSWORDS:
             self.homing_error = bool(word & cia402.HOMING_ERROR)
-            self.homing_done = not self.homing_error and bool(word & cia402.TARGET_REACHED)
+            reached = not self.homing_error and bool(word & cia402.TARGET_REACHED)
+            self.homing_done = reached and self._stood >= STOOD_FEEDBACKS
 
     # -- out
 

@@ -64,7 +64,7 @@ class Group:
         self.unsent = 0
         self._kernel_sync = master.sync == "kernel"
         others = (*(() if spindle is None else (spindle,)), *self.io)
-        self.lines = _lines(self.drives, others, ports, self._kernel_sync)
+        self.lines = _lines(self.drives, others, ports, self._kernel_sync, master)
         self._turns = tuple(
             (line, tuple((self.drives.index(drive), drive) for drive in line.drives)) for line in self.lines
         )
@@ -260,11 +260,21 @@ def _lines(
     others: Sequence[SpindleDrive | IoNode],
     ports: Mapping[str, Port],
     echoes: bool,
+    master: MasterSettings,
 ) -> tuple[Line, ...]:
     """The buses in the order in which drives, spindle and inputs and outputs first name them."""
     lines = []
     for bus in dict.fromkeys(node.settings.bus for node in (*drives, *others)):
         here = [drive for drive in drives if drive.settings.bus == bus]
         more = [other for other in others if other.settings.bus == bus]
-        lines.append(Line(ports[bus], here, drives.index(here[0]) if here else -1, more, echoes, bus))
+        first = drives.index(here[0]) if here else -1
+        lines.append(Line(ports[bus], here, first, more, echoes, bus, _own(here, master)))
     return tuple(lines)
+
+
+def _own(drives: Sequence[Drive], master: MasterSettings) -> frozenset[int]:
+    """Identifiers of setpoints, controlwords and heartbeat, which nobody else sends."""
+    numbers = (
+        (d.node, n) for d in drives for n in (d.settings.profile.rpdo, d.settings.profile.command_rpdo)
+    )
+    return frozenset((pdo.HEARTBEAT + master.node_id, *(pdo.rpdo(n, node) for node, n in numbers)))

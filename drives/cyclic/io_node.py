@@ -58,7 +58,7 @@ class IoNode(Supervised):
         """IO_LOST: silent, restarted, in error, or its inputs are not repeated any more."""
         if not self._judged:
             return DriveFault.NONE
-        if self.emcy_code or self._restarted or self.silent(now_s, consumer_s):
+        if self.emcy_code or self._left is not DriveFault.NONE or self.silent(now_s, consumer_s):
             return DriveFault.IO_LOST
         if self.inputs_at_s > NEVER_S and not self.fresh(now_s, consumer_s):
             return DriveFault.IO_LOST

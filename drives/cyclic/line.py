@@ -48,8 +48,12 @@ class Line:
         others: Sequence[SpindleDrive | IoNode] = (),
         echoes: bool = False,
         bus: str = "",
+        own: frozenset[int] = frozenset(),
     ) -> None:
-        """``echoes``: SYNC is the kernel's and comes back to us; otherwise a SYNC heard is a stranger's."""
+        """``echoes``: SYNC is the kernel's and comes back to us; otherwise a SYNC heard is a stranger's.
+
+        ``own``: identifiers that only the controller sends; heard, they are a stranger's, too.
+        """
         self.port = port
         self.bus = bus
         self.bits = 0
@@ -70,6 +74,7 @@ class Line:
         self._handlers: dict[int, Handler] = {}
         for node in (*self.drives, *others):
             self._handlers.update(node.handlers)
+        self._own = own
         self._buffer = bytearray(pdo.FRAME_BYTES)
         whole = memoryview(self._buffer)
         # A view per length, so that a handler sees exactly the bytes that were sent.
@@ -103,6 +108,8 @@ class Line:
                 self._heard_sync()
             elif can_id & pdo.ERROR_FLAG:
                 self._heard_error(can_id & _CLASSES)
+            elif can_id in self._own:
+                self._fail(DriveFault.FOREIGN_FRAMES)
         overflows = self.port.overflows
         if overflows != self._overflows:
             self._overflows = overflows

@@ -137,11 +137,12 @@ class PowerStage(Supervised):
         elif self._reached:
             self._lose()
 
-    def _lose(self) -> None:
-        """It has left operation, or stopped following, without being told to."""
+    def _lose(self, fault: DriveFault = _NONE) -> None:
+        """It has left operation, or does not follow, without being told to; ``fault``: known otherwise."""
         if not self._state_lost:
             self._state_lost = True
-            self._lost_as = drive_fault.of_statusword(self.state, self.statusword)
+            told = drive_fault.of_statusword(self.state, self.statusword)
+            self._lost_as = told if fault is _NONE else fault
 
     def _answer(self, state: State) -> int:
         if state is State.UNKNOWN and self.wanted is not Wanted.QUICK_STOP:
@@ -173,13 +174,13 @@ class PowerStage(Supervised):
             return _NONE
         if self.emcy_code:
             return self._emcy_fault
-        if self._restarted:
-            return DriveFault.NODE_RESET
+        if self._left is not _NONE:
+            return self._left
         if self._state_lost:
             return self._lost_as
         if self._feedback_lost:
             stopped = 0 <= self.nmt_state != pdo.NMT_OPERATIONAL
-            return DriveFault.NODE_RESET if stopped else DriveFault.FEEDBACK_LOST
+            return DriveFault.NODE_STOPPED if stopped else DriveFault.FEEDBACK_LOST
         if self._watched and now_s - self.heartbeat_at_s > consumer_s:
             return DriveFault.HEARTBEAT_LOST
         return _NONE

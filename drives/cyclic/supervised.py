@@ -41,7 +41,7 @@ class Supervised:
         self._judged = False  # something is wanted of it, so something can be wrong
         self._watched = False
         self._toggle = -1  # that the next guarding answer must have; -1 = any
-        self._restarted = False  # boot-up, or not NMT operational, while judged
+        self._left = DriveFault.NONE  # NODE_RESET by a boot-up message, NODE_STOPPED, while judged
         self.handlers: dict[int, Handler] = {
             pdo.EMCY + node: self._emergency,
             pdo.HEARTBEAT + node: self._heartbeat,
@@ -85,10 +85,17 @@ class Supervised:
         if state == pdo.NMT_BOOT_UP:
             self._toggle = -1
         if state != pdo.NMT_OPERATIONAL and self._judged:
-            self._restarted = True
+            self._leave(state)
         self.nmt_state = state
         self.heartbeat_at_s = now_s
         self._watched = True
+
+    def _leave(self, state: int) -> None:
+        """It is not NMT operational: started anew, or stopped by a stranger."""
+        if state == pdo.NMT_BOOT_UP:
+            self._left = DriveFault.NODE_RESET
+        elif self._left is DriveFault.NONE:
+            self._left = DriveFault.NODE_STOPPED
 
     def _toggles(self, bit: int) -> bool:
         """An answer whose toggle bit has not changed counts as none."""
@@ -99,7 +106,7 @@ class Supervised:
 
     def _forget(self) -> None:
         """A new beginning. The newest heartbeat may be older than an NMT command: the next one counts."""
-        self._restarted = False
+        self._left = DriveFault.NONE
 
     def silent(self, now_s: float, consumer_s: float) -> bool:
         """Whether it is watched and has not been heard for so long."""

@@ -85,7 +85,7 @@ def test_a_fault_row_speaks_english() -> None:
 
 def test_a_sentence_is_told_in_the_language_that_is_asked_for() -> None:
     said = sentence(Fault.FOLLOWING_ERROR, "C", Fault.NODE_RESET, language="de")
-    assert said.startswith("Achse C: Ein Antrieb hielt an, weil sein Schleppfehler")
+    assert said.startswith("Achse C: Die Achse ist nicht, wo sie sein soll")
     assert " Außerdem: Ein Antrieb startete neu" in said
     assert "Außerdem" not in sentence(Fault.EMCY, "C", Fault.EMCY, language="de")
 

@@ -70,7 +70,7 @@ def test_the_remedy_in_steps_fits_class_and_trust(fault: Fault) -> None:
 
 def test_a_sentence_names_the_axis_and_what_came_on_top() -> None:
     said = sentence(Fault.FOLLOWING_ERROR, "C", Fault.NODE_RESET)
-    assert said.startswith("Axis C: A drive stopped because it lagged")
+    assert said.startswith("Axis C: The axis is not where it was told")
     assert " Also: A drive started anew" in said
     assert " Also" not in sentence(Fault.EMCY, "C", Fault.EMCY)
 

@@ -53,6 +53,7 @@ def snapshot_values(tick: int) -> tuple[object, ...]:
         4,
         True,
         False,
+        0.25,
     )
     joints, actual, states = (1.0, 2.0, 3.0, 4.0, 5.0), (0.1,) * 5, (5,) * 5
     return (*head, *joints, *actual, *states, 2, 1e-4, 8, 6, 1200.0, 1, Request.START, False, *tail)

@@ -117,7 +117,7 @@ class Looked:
         self.journal = journal.Journal(self.file, lambda: self.now_s)
         self.journal.begin(job())
         block = SnapshotBoard()
-        block.write(*[0] * 53)
+        block.write(*[0] * 54)
         found = block.read()
         assert found is not None
         self.snapshot = found._replace(at_rest=False, homed=ALL, motion_id=5, line=19)

@@ -18,7 +18,7 @@ from controller.state import Mode
 
 def snapshot(**values: object) -> Snapshot:
     board = SnapshotBoard()
-    board.write(*[0] * 53)
+    board.write(*[0] * 54)
     found = board.read()
     assert found is not None
     return found._replace(**{"mode": Mode.RUNNING, "override": 1.0, "rapid_override": 1.0, **values})  # type: ignore[arg-type]

@@ -17,7 +17,7 @@ from controller.state import Fault, Mode, sentence
 
 def snapshot(**values: object) -> Snapshot:
     board = SnapshotBoard()
-    board.write(*[0] * 53)
+    board.write(*[0] * 54)
     found = board.read()
     assert found is not None
     return found._replace(**{"mode": Mode.READY, **values})  # type: ignore[arg-type]

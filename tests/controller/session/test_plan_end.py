@@ -19,7 +19,7 @@ from controller.session.plan_end import PlanEnd
 def alone(folder: Path) -> Iterator[PlanEnd]:
     path = str(folder / "snapshot")
     board, (plan, tick), (operator, requests) = SnapshotBoard(path), piece_pair(), request_pair()
-    board.write(*[0] * 53)  # the tick has answered none
+    board.write(*[0] * 54)  # the tick has answered none
     with plan, tick, operator, requests:
         yield PlanEnd(shipped(), os.dup(plan.fileno()), os.dup(operator.fileno()), path)
 

@@ -50,7 +50,8 @@ def test_a_fault_leaves_trace_frames_and_facts_and_its_sentence_says_where(tmp_p
     run = trip_in_motion(stepped)
     (folder,) = tmp_path.iterdir()
     assert run.result == "fault" and str(folder) in run.fault_text
-    assert run.fault_text.startswith("Axis Y: A drive stopped because it lagged")
+    assert run.fault_text.startswith("Axis Y (")
+    assert " mm): The axis is not where it was told to be" in run.fault_text
     assert folder.name.endswith("-FOLLOWING_ERROR-Y")
     facts = json.loads((folder / "fault.json").read_text())
     assert (facts["fault"], facts["axis"], facts["position_trusted"]) == ("FOLLOWING_ERROR", "Y", False)

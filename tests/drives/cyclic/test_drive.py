@@ -253,14 +253,21 @@ def test_heartbeats_are_watched_from_the_first_one_on():
     assert drive.fault(100.21, CONSUMER_S) is DriveFault.HEARTBEAT_LOST
 
 
-@pytest.mark.parametrize(("state", "reason"), [(0, "restarted"), (4, "stopped"), (127, "pre-operational")])
-def test_a_drive_that_leaves_operational_is_lost_though_it_still_beats(state, reason):
+@pytest.mark.parametrize(
+    ("state", "fault", "reason"),
+    [
+        (0, DriveFault.NODE_RESET, "restarted"),
+        (4, DriveFault.NODE_STOPPED, "stopped"),
+        (127, DriveFault.NODE_STOPPED, "pre-operational"),
+    ],
+)
+def test_a_drive_that_leaves_operational_is_lost_though_it_still_beats(state, fault, reason):
     drive = enabled()
     drive.receive(0x701, memoryview(b"\x05"), 1.0)
     drive.receive(0x701, memoryview(bytes([state])), 1.1)
-    assert drive.fault(1.1, CONSUMER_S) is DriveFault.NODE_RESET, reason
-    drive.receive(0x701, memoryview(b"\x05"), 1.2)  # started again by somebody: it has forgotten all
-    assert drive.fault(1.2, CONSUMER_S) is DriveFault.NODE_RESET, reason
+    assert drive.fault(1.1, CONSUMER_S) is fault, reason
+    drive.receive(0x701, memoryview(b"\x05"), 1.2)  # started again by somebody: what it has forgotten is lost
+    assert drive.fault(1.2, CONSUMER_S) is fault, reason
 
 
 def test_a_restart_is_named_before_the_feedback_that_it_costs():
@@ -280,7 +287,7 @@ def test_a_heartbeat_older_than_the_start_command_is_held_against_nobody():
     drive.want(Wanted.ENABLED)
     assert drive.fault(0.61, CONSUMER_S) is DriveFault.NONE
     drive.receive(0x701, memoryview(b"\x7f"), 0.65)
-    assert drive.fault(0.65, CONSUMER_S) is DriveFault.NODE_RESET
+    assert drive.fault(0.65, CONSUMER_S) is DriveFault.NODE_STOPPED
 
 
 def test_nothing_is_judged_while_nothing_is_wanted():

@@ -1,0 +1,192 @@
+"""Command against position, on simulated drives that notice nothing by themselves."""
+
+from __future__ import annotations
+
+import math
+from random import Random
+
+import pytest
+from group_bench import GroupBench, T, nodes
+
+from drives import pdo
+from drives.cyclic.drive_fault import DriveFault
+from drives.cyclic.following_error import FollowingError
+from drives.settings import FollowingWindow
+
+SPEED = 40_000_000.0  # counts/s: 200 mm/s at 200 000 counts a mm
+REST = 80_000.0  # 0.4 mm
+WINDOW = FollowingWindow(REST, 0.02, 8_000.0, 3, SPEED, tightens=True)
+RAMP = 50  # ticks to full speed
+FULL = round(SPEED * T)
+
+
+def bench_of(names: str = "XY", window: FollowingWindow = WINDOW, **changes: object) -> GroupBench:
+    bench = GroupBench(nodes(names, following=window, **changes))
+    bench.enable()
+    return bench
+
+
+def run(bench: GroupBench, ticks: int, share: float = 1.0, axis: int = 0) -> None:
+    """Up to a share of full speed and on; ends with the first fault."""
+    for i in range(ticks):
+        bench.setpoints[axis] += round(FULL * share * min(1.0, (i + 1) / RAMP))
+        bench.tick()
+        if bench.fault[0] is not DriveFault.NONE:
+            return
+
+
+def lose(bench: GroupBench, node: int, *delays: float) -> None:
+    bench.rig.buses["can"].tamper = lambda _at, can_id, _frame: delays if can_id == 0x200 + node else (0.0,)
+
+
+def off(bench: GroupBench, axis: int = 0) -> float:
+    """Where the motor is and where it was told to be: what the bus takes is counted by the observer."""
+    return abs(bench.setpoints[axis] - bench.devices[axis].axis.servo.position)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.1, 0.01, 0.001])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_setpoints_that_are_lost_for_good_are_a_following_error(share: float, axis: int) -> None:
+    bench = bench_of()
+    run(bench, 150, share, axis)
+    before = off(bench, axis)
+    lose(bench, axis + 1)
+    per_tick = round(FULL * share)
+    for _ in range(3000):
+        bench.setpoints[axis] += per_tick
+        bench.tick()
+        if bench.fault[0] is not DriveFault.NONE:
+            break
+    assert bench.fault == (DriveFault.FOLLOWING_ERROR, axis)
+    assert off(bench, axis) <= before + REST + WINDOW.speed_s / T * per_tick + 10 * per_tick
+    shown = bench.group.drives[axis].following_error
+    assert shown.actual > shown.window >= REST
+
+
+def test_at_rest_an_axis_that_is_pushed_away_is_noticed() -> None:
+    bench = bench_of()
+    bench.tick(20)
+    bench.devices[1].axis.servo.shift(-2.0 * REST)
+    lose(bench, 2)
+    bench.tick(10)
+    assert bench.fault == (DriveFault.FOLLOWING_ERROR, 1)
+
+
+def test_setpoints_that_come_late_for_good_are_a_following_error() -> None:
+    bench = bench_of()
+    lose(bench, 1, 0.04)
+    run(bench, 400)
+    assert bench.fault == (DriveFault.FOLLOWING_ERROR, 0)
+
+
+def test_a_lost_drive_is_told_its_own_position_and_quick_stop_so_that_nothing_jumps() -> None:
+    bench = bench_of()
+    run(bench, 150)
+    lose(bench, 1)
+    run(bench, 400)
+    assert bench.fault == (DriveFault.FOLLOWING_ERROR, 0)
+    bench.rig.buses["can"].tamper = None
+    at = bench.devices[0].axis.servo.position
+    bench.tick(100)
+    drive = bench.group.drives[0]
+    assert drive.setpoint == drive.position and not drive.following
+    assert abs(bench.devices[0].axis.servo.position - at) < REST
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_healthy_motion_with_reversals_and_stops_stays_within_half_of_its_window(seed: int) -> None:
+    random = Random(seed)
+    bench = bench_of(feedback_every=random.choice((1, 1, 2, 5)), feed_forward=random.random() < 0.3)
+    speed, worst = 0.0, 0.0
+    for _ in range(12):
+        target = random.choice((0.0, random.uniform(-1.0, 1.0), 1.0, -1.0)) * FULL
+        for _ in range(random.randrange(20, 200)):
+            speed += max(-FULL / RAMP, min(FULL / RAMP, target - speed))
+            bench.setpoints[0] += round(speed)
+            bench.tick()
+            error = bench.group.drives[0].following_error
+            worst = max(worst, abs(error.actual) / error.window) if error.window else worst
+            assert bench.fault == (DriveFault.NONE, -1), seed
+    assert worst < 0.6, worst
+
+
+def test_a_default_is_tightened_to_twice_what_was_measured_and_a_given_one_is_not() -> None:
+    widths = {}
+    for tightens in (True, False):
+        bench = bench_of("X", FollowingWindow(REST, 0.02, 8_000.0, 3, SPEED, tightens))
+        run(bench, 800)
+        error = bench.group.drives[0].following_error
+        widths[tightens] = (error.window - REST) / FULL
+        lag = error.actual / FULL
+    assert widths[False] == pytest.approx(0.02 / T)
+    assert widths[True] == pytest.approx(max(2.0, 2.0 * lag), rel=0.01)
+
+
+def first_order(error: FollowingError, speeds: list[float], lag_s: float) -> float:
+    """The largest share of the window that a position loop of gain 1 / lag_s takes, by itself."""
+    command, position, worst = 0.0, 0.0, 0.0
+    behind = [0.0, 0.0]
+    for speed in speeds:
+        command += speed * T
+        error.sync(round(behind[0]), True)
+        behind = [behind[1], command] if len(behind) == 2 else [command, command]
+        reached = error._reached
+        position += (reached - position) * (1.0 - math.exp(-T / lag_s))
+        error.judge(round(position))
+        worst = max(worst, abs(error.actual) / error.window) if error.window else worst
+    return worst
+
+
+@pytest.mark.parametrize("stop_ticks", [1, 10, 50, 200])
+def test_the_lag_of_a_slow_loop_that_has_stopped_is_still_within_the_window(stop_ticks: int) -> None:
+    """What is left of it at rest was made by a speed that is gone; the loop's lag is half of the window."""
+    speeds = [SPEED] * 200 + [SPEED * (1.0 - (i + 1) / stop_ticks) for i in range(stop_ticks)] + [0.0] * 200
+    error = FollowingError(FollowingWindow(1000.0, 0.02, 10.0, 3, SPEED), T)
+    assert 0.4 < first_order(error, speeds, 0.01) < 1.0
+
+
+def test_in_position_is_where_motion_has_led_it_and_not_on_the_way() -> None:
+    bench = bench_of("X")
+    error = bench.group.drives[0].following_error
+    assert error.in_position
+    seen = []
+    for i in range(100):
+        bench.setpoints[0] += 20_000 if i < 30 else 0
+        bench.tick()
+        seen.append(error.in_position)
+    assert not any(seen[4:32])
+    assert all(seen[50:])
+    first = seen.index(True, 32)
+    assert first > 32, "two SYNCs until a position answers"
+
+
+def test_two_nodes_under_one_id_are_named() -> None:
+    bench = bench_of()
+    send = bench.service["can"].send
+    for _ in range(20):
+        send(pdo.frame(0x182, pdo.FEEDBACK.pack(0x1237, 12345)))
+        bench.tick()
+    assert bench.fault == (DriveFault.NODE_TWICE, 1)
+
+
+def test_the_same_frame_twice_is_no_second_node() -> None:
+    bench = bench_of()
+    bench.rig.buses["can"].tamper = lambda _at, can_id, _f: (0.0, 0.0) if can_id == 0x182 else (0.0,)
+    run(bench, 100)
+    assert bench.fault == (DriveFault.NONE, -1)
+
+
+@pytest.mark.parametrize("can_id", [0x201, 0x302, 0x77F])
+def test_frames_under_our_own_identifiers_are_a_stranger_s(can_id: int) -> None:
+    bench = bench_of()
+    bench.service["can"].send(pdo.frame(can_id, b"\x0f\0\0\0\0\0"[: 1 if can_id == 0x77F else 6]))
+    bench.tick(2)
+    assert bench.fault[0] is DriveFault.FOREIGN_FRAMES
+
+
+@pytest.mark.parametrize("command", [2, 0x80])
+def test_a_stranger_who_stops_a_node_is_named_after_what_he_did(command: int) -> None:
+    bench = bench_of()
+    bench.service["can"].send(pdo.frame(pdo.NMT, bytes((command, 2))))
+    bench.tick(40)
+    assert bench.fault == (DriveFault.NODE_STOPPED, 1)
