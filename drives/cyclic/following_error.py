@@ -27,7 +27,7 @@ from drives.settings import FollowingWindow
 
 OUTLIVES = 3.0  # times the window's own time: how slowly the speed that counts is let down
 LEARN_S = 1.0  # of motion at speed, until the default is tightened
-AT_SPEED = 0.05  # share of the largest speed
+AT_SPEED = 0.02  # share of the largest speed
 MARGIN = 2.0  # what is allowed beside what was measured
 LEAST_SYNCS = 2.0  # the part by speed is never less: setpoints that come one SYNC late, and one more
 FILLED = 3  # SYNCs until what was sent while it followed has been reached
