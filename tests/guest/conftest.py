@@ -3,5 +3,25 @@
 from __future__ import annotations
 
 import os
+import time
+from collections.abc import Iterator
 
-collect_ignore_glob = [] if "DIRECTRIX_GUEST" in os.environ else ["test_*.py"]
+import pytest
+
+HERE = "DIRECTRIX_GUEST" in os.environ
+collect_ignore_glob = [] if HERE else ["test_*.py"]
+
+if HERE:
+    from guest import absence
+
+    @pytest.fixture(scope="session", autouse=True)
+    def _watched() -> Iterator[None]:
+        with absence.watched():
+            yield
+
+    @pytest.fixture(autouse=True)
+    def _absence(_watched: None) -> Iterator[None]:
+        """What the computer says of the time of a test is shown where it fails."""
+        began_s = time.monotonic()
+        yield
+        print(absence.since(began_s))
