@@ -48,6 +48,9 @@ def simulate(
     bit_rate: Annotated[
         int | None, typer.Option("--bit-rate", help="bit/s; 0 = frames take no time, as on a CAN interface.")
     ] = None,
+    worst_stuffing: Annotated[
+        bool, typer.Option("--worst-stuffing", help="Let every frame take as long as it can.")
+    ] = False,
     write_eds: Annotated[
         Path | None, typer.Option("--write-eds", help="Write the data sheet that such drives answer by.")
     ] = None,
@@ -73,7 +76,7 @@ def simulate(
             family = profiles.load(profile)
             sheet = eds or _sheet(family, bare, write_eds, Path(folder))
             devices = _of_family(family, sheet, bare, ids, spindle, io, nature)
-        server = _server(channel, interface, bit_rate)
+        server = _server(channel, interface, bit_rate, worst_stuffing)
         named = (None if log is None else str(log), socketcand, None if slcan is None else str(slcan))
         with options.equipped(server, faults, *named):
             tell.print(f"{len(devices)} simulated nodes on {server.path}; Ctrl-C ends them.", markup=False)
@@ -147,9 +150,10 @@ def _place(bus: BusSettings) -> tuple[str, str]:
     return ("", bus.channel) if bus.interface == "socketcan" else (bus.channel, "")
 
 
-def _server(channel: str, interface: str, bit_rate: int | None) -> Server:
+def _server(channel: str, interface: str, bit_rate: int | None, worst_stuffing: bool) -> Server:
     if interface and channel:
         raise Refused("--channel and --socketcan: one or the other; leave one out.")
     if interface:
-        return on_interface(interface, bit_rate or 0)
-    return Hub(channel or str(CHANNEL), BIT_RATE if bit_rate is None else bit_rate, sync_log=False)
+        return on_interface(interface, bit_rate or 0, worst_stuffing=worst_stuffing)
+    bit_rate = BIT_RATE if bit_rate is None else bit_rate
+    return Hub(channel or str(CHANNEL), bit_rate, sync_log=False, worst_stuffing=worst_stuffing)

@@ -15,25 +15,35 @@ They are computed over all payloads at once. What the rest of a frame costs depe
 through the check sum so far (2^15) and on the last run of equal bits (two values, length 1 to 4). So a
 table of 8 x 2^15 entries is carried from the end of the frame to its beginning, a bit at a time, taking
 the larger or the mean of both values of each free bit.
+
+A bus needs the length of every frame it carries: ``counter`` counts sixteen bits at a time, by tables
+over (run, sixteen bits) and over the sixteen bits that meet the check sum.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from functools import lru_cache
+from array import array
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache, lru_cache
+from struct import Struct
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from drives.pdo import DATA_AT, ERROR_FLAG, EXTENDED_FLAG, LENGTH_AT, REMOTE_FLAG
 
 CRC_BITS = 15
 CRC_POLYNOMIAL = 0x4599  # x^15 + x^14 + x^10 + x^8 + x^7 + x^4 + x^3 + 1
 CRC_MASK = (1 << 15) - 1
 UNSTUFFED_BITS = 13  # from the CRC delimiter to the end of the interframe space
 HEAD_BITS = 19  # from SOF to DLC
-EXTENDED_FLAG, EXTENDED_MASK, STANDARD_MASK = 0x8000_0000, 0x1FFF_FFFF, 0x7FF
+EXTENDED_HEAD_BITS = 20  # more of them: SRR, IDE moved, 18 of the identifier, r1
+EXTENDED_MASK, STANDARD_MASK = 0x1FFF_FFFF, 0x7FF
+MOST_HEADS = 4096  # heads kept; a bus in operation has some dozens
 
 Table = NDArray[Any]  # (8 runs, 2^15 check sums): stuff bits from here to the end of the frame
+Counter = Callable[[int, bytes], int]
 
 # A run of equal bits as one number: 4 * value + length - 1. The fifth equal bit ends it with a stuff
 # bit, which begins the next run: (run, bit) -> (next run, stuff bits).
@@ -47,9 +57,16 @@ _NEXT = tuple(
 _NO_RUN = 4  # before SOF: as after one recessive bit; SOF is dominant and begins a run
 
 
-def worst_bits(data_bytes: int) -> int:
+def worst_bits(data_bytes: int, extended: bool = False) -> int:
     """Bits of a data frame with interframe space, stuffed as badly as the rule allows."""
-    return 8 * data_bytes + 47 + (34 + 8 * data_bytes - 1) // 4
+    stuffable = HEAD_BITS + EXTENDED_HEAD_BITS * extended + 8 * data_bytes + CRC_BITS
+    return stuffable + (stuffable - 1) // 4 + UNSTUFFED_BITS
+
+
+def worst_case(can_id: int, frame: bytes) -> int:
+    """Bits that a packed frame has at most; a remote frame has no data, and no error frame has."""
+    data_bytes = 0 if can_id & (REMOTE_FLAG | ERROR_FLAG) else frame[LENGTH_AT]
+    return worst_bits(data_bytes, bool(can_id & EXTENDED_FLAG))
 
 
 def frame_bits(can_id: int, data: bytes = b"", *, remote: bool = False) -> int:
@@ -64,6 +81,55 @@ def frame_bits(can_id: int, data: bytes = b"", *, remote: bool = False) -> int:
         run, more = _NEXT[run][bit]
         stuffed += more
     return len(head) + len(body) + CRC_BITS + stuffed + UNSTUFFED_BITS
+
+
+@cache
+def counter() -> Counter:
+    """Bits of this very frame, as ``frame_bits`` counts them, of identifier with flags and packed frame.
+
+    An error frame counts as a remote frame of its identifier: it has no data that would be on a wire.
+    """
+    step, step_check = (_packed(*_steps(bits)) for bits in (16, 8))
+    end = _of_check_sum().astype(np.uint8).tobytes()
+    check_16, check_8 = (array("H", _remainders(bits).astype(np.uint16).tobytes()) for bits in (16, 8))
+    known: dict[int, Head] = {}
+
+    def bits_of(can_id: int, frame: bytes) -> int:
+        head = known.get(can_id << 4 | frame[LENGTH_AT])
+        if head is None:
+            head = _remembered(known, can_id, frame[LENGTH_AT])
+        run, check, bits, words, last = head
+        for word in words(frame):
+            stuffed = step[run << 16 | word]
+            run = stuffed & 7
+            bits += stuffed >> 3
+            check = check_16[check << 1 ^ word]
+        if last:
+            stuffed = step_check[run << 8 | frame[last]]
+            run = stuffed & 7
+            bits += stuffed >> 3
+            check = (check << 8 & CRC_MASK) ^ check_8[check >> 7 ^ frame[last]]
+        return bits + end[run << CRC_BITS | check]
+
+    return bits_of
+
+
+# What all frames of an identifier and a length have in common: run and check sum after the head; all bits
+# but the stuff bits to come; what unpacks the data in words of 16 bits; where an odd last byte is, or 0.
+Head = tuple[int, int, int, Callable[[bytes], tuple[int, ...]], int]
+
+
+def _remembered(known: dict[int, Head], can_id: int, length: int) -> Head:
+    if len(known) >= MOST_HEADS:
+        known.clear()
+    bare = bool(can_id & (REMOTE_FLAG | ERROR_FLAG))
+    head = list(_head(can_id, length, bare))
+    run, check, stuffed = _walk(head)
+    data_bytes = 0 if bare else length
+    bits = len(head) + stuffed + 8 * data_bytes + CRC_BITS + UNSTUFFED_BITS
+    words = Struct(f">{DATA_AT}x{data_bytes // 2}H").unpack_from
+    last = DATA_AT + data_bytes - 1 if data_bytes % 2 else 0
+    return known.setdefault(can_id << 4 | length, (run, check, bits, words, last))
 
 
 def longest_bits(can_id: int, free: int, fixed: bytes = b"") -> int:
@@ -141,11 +207,35 @@ def _before(table: Table, bit: int) -> Table:
 
 def _of_check_sum() -> Table:
     """Stuff bits within the check sum itself, which is known by then."""
-    runs = np.repeat(np.arange(8)[:, None], CRC_MASK + 1, axis=1)
+    return _steps(CRC_BITS)[1]
+
+
+def _steps(bits: int) -> tuple[Table, Table]:
+    """(next run, stuff bits) over so many bits, by run and by their value; shape (8, 2^bits) each."""
+    if bits > 8:
+        runs, count = _steps(bits - 8)
+        runs_8, count_8 = _steps(8)
+        count = count[:, :, None] + count_8[runs]
+        return runs_8[runs].reshape(8, -1), count.reshape(8, -1)
+    runs = np.repeat(np.arange(8, dtype=np.uint8)[:, None], 1 << bits, axis=1)
     count = np.zeros_like(runs)
-    next_run, more = (np.array([[step[k] for step in row] for row in _NEXT]) for k in (0, 1))
-    for at in range(CRC_BITS - 1, -1, -1):
-        bits = np.arange(CRC_MASK + 1)[None, :] >> at & 1
-        count += more[runs, bits]
-        runs = next_run[runs, bits]
-    return count
+    next_run, more = (np.array([[step[k] for step in row] for row in _NEXT], np.uint8) for k in (0, 1))
+    for at in range(bits - 1, -1, -1):
+        value = np.arange(1 << bits)[None, :] >> at & 1
+        count += more[runs, value]
+        runs = next_run[runs, value]
+    return runs, count
+
+
+def _packed(runs: Table, count: Table) -> bytes:
+    """``_steps`` as one byte each: 8 * stuff bits + next run."""
+    return (count << 3 | runs).astype(np.uint8).tobytes()
+
+
+def _remainders(bits: int) -> Table:
+    """Check sums after so many bits from zero, by the value of the bits."""
+    check = np.zeros(1 << bits, dtype=np.int64)
+    for at in range(bits - 1, -1, -1):
+        bit = np.arange(1 << bits) >> at & 1
+        check = (check << 1 & CRC_MASK) ^ np.where((check >> 14) ^ bit, CRC_POLYNOMIAL, 0)
+    return check

@@ -58,6 +58,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--bit-rate", type=int, help="bit/s; 0 = no bit timing; virtual bus: 1000000, CAN interface: 0"
     )
+    parser.add_argument(
+        "--worst-stuffing",
+        action="store_true",
+        help="let every frame take as long as it can",
+    )
     parser.add_argument("--lost-sync", choices=[kind.value for kind in LostSync], default="hold")
     parser.add_argument(
         "--soft", metavar="NODE=FACTOR", nargs="*", default=[], help="position loop gains, e.g. 3=0.95"
@@ -74,8 +79,9 @@ def _parser() -> argparse.ArgumentParser:
 def _server(chosen: argparse.Namespace) -> Server:
     logs = chosen.sync_log is not None
     if chosen.socketcan is not None:
-        return on_interface(chosen.socketcan, chosen.bit_rate or 0, logs)
-    return Hub(chosen.path, 1_000_000 if chosen.bit_rate is None else chosen.bit_rate, sync_log=logs)
+        return on_interface(chosen.socketcan, chosen.bit_rate or 0, logs, chosen.worst_stuffing)
+    bit_rate = 1_000_000 if chosen.bit_rate is None else chosen.bit_rate
+    return Hub(chosen.path, bit_rate, sync_log=logs, worst_stuffing=chosen.worst_stuffing)
 
 
 def _devices(chosen: argparse.Namespace) -> list[SimulatedDrive | IoNode]:

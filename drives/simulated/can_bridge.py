@@ -58,14 +58,19 @@ class CanBridge:
     """Serves the devices that are attached to ``bus``; the same calls as the hub's."""
 
     def __init__(
-        self, raw: socket.socket, bit_rate: int = 0, sync_log: bool = False, path: str = "can"
+        self,
+        raw: socket.socket,
+        bit_rate: int = 0,
+        sync_log: bool = False,
+        path: str = "can",
+        worst_stuffing: bool = False,
     ) -> None:
         """``raw`` carries one 16-byte frame per packet; ``path`` is the interface's name, for logs."""
         self.path = path
         raw.setblocking(False)
         raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BYTES)
         raw.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
-        self.bus = SteppedBus(bit_rate, start_s=time.monotonic())
+        self.bus = SteppedBus(bit_rate, time.monotonic(), worst_stuffing)
         self.syncs = SyncLog(1_000_000 if sync_log else 0)
         self.bus.watch(pdo.SYNC, self.syncs)
         self.lost = 0  # frames that a full transmit queue refused for too long

@@ -46,15 +46,17 @@ def rig(
     lost_sync: LostSync = LostSync.HOLD,
     parameters: Parameters = Parameters(),  # noqa: B008 (frozen)
     start_s: float = 0.0,
+    worst_stuffing: bool = False,
 ) -> Rig:
     """Stepped buses with a simulated device per node, from power-on at ``start_s``.
 
     A device has the object dictionary of its node's data sheet.
-    ``stiffness`` is a factor on the position loop gain by axis name (0.95 = 5 % softer).
+    ``stiffness`` is a factor on the position loop gain by axis name (0.95 = 5 % softer);
+    ``worst_stuffing`` lets every frame take as long as it can.
     Raises KeyError for a node on a bus that is not there, OSError for a data sheet that is not.
     """
     nature = replace(parameters, lost_sync=lost_sync)
-    made = Rig({bus.name: SteppedBus(bus.bit_rate, start_s) for bus in buses}, {})
+    made = Rig({bus.name: SteppedBus(bus.bit_rate, start_s, worst_stuffing) for bus in buses}, {})
     for node in nodes:
         one = replace(nature, stiffness=(stiffness or {}).get(node.name, 1.0))
         made.drives[node.name] = build.drive(node, one)

@@ -70,9 +70,11 @@ def run(
             server.syncs.save(sync_log)
 
 
-def on_interface(channel: str, bit_rate: int = 0, sync_log: bool = False) -> CanBridge:
+def on_interface(
+    channel: str, bit_rate: int = 0, sync_log: bool = False, worst_stuffing: bool = False
+) -> CanBridge:
     """A server on a CAN interface; give it to ``run``. Raises InterfaceError."""
-    return CanBridge(open_interface(channel), bit_rate, sync_log, channel)
+    return CanBridge(open_interface(channel), bit_rate, sync_log, channel, worst_stuffing)
 
 
 def _softened(nature: Parameters, node: int | NodeLike, stiffness: Mapping[int, float] | None) -> Parameters:

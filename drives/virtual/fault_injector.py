@@ -211,7 +211,7 @@ class Injector:
         source = bus.connect(lambda _frame, _at_s: None)
         frame = bytes(pdo.frame(can_id, bytes(8)))
         until_s = now_s + injection.duration_s
-        every_s = bus.frame_s(8) or BABBLE_EVERY_S
+        every_s = bus.frame_s(can_id, frame) or BABBLE_EVERY_S
 
         def go_on(at_s: float) -> None:
             if at_s >= until_s:

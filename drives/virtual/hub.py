@@ -123,10 +123,11 @@ class Hub:
         sync_log: bool = True,
         faults: FaultScript | None = None,
         log: Callable[[bytes, float], None] | None = None,
+        worst_stuffing: bool = False,
     ) -> None:
         """Raises OSError when the path cannot be bound."""
         self.path = path
-        self.bus = SteppedBus(bit_rate, start_s=time.monotonic())
+        self.bus = SteppedBus(bit_rate, time.monotonic(), worst_stuffing)
         self.syncs = SyncLog(1_000_000 if sync_log else 0)
         self.bus.watch(pdo.SYNC, self.syncs)
         if log is not None:

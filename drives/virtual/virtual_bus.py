@@ -1,10 +1,11 @@
-"""A CAN bus without hardware: arbitration by identifier and the time every frame takes.
+"""A CAN bus without hardware: arbitration by the bits on the wire, and the time every frame takes.
 
 ``SteppedBus`` is the bus itself, advanced by whoever owns the clock: the stepped
 clock of tests and simulations calls ``advance`` once per tick, ``drives.virtual.hub`` calls
 it from the wall clock and lets other processes join. Frames are 16 bytes as in
-Linux' ``struct can_frame``. One frame at a time is on the wire; when it ends, the
-lowest identifier among the waiting ones goes next, so a period that overloads a
+Linux' ``struct can_frame``. One frame at a time is on the wire, for as long as this very
+frame takes with its check sum and stuff bits (``drives.load.stuffing``); when it ends, the
+one that wins the arbitration (``arbitration``) goes next, so a period that overloads a
 real bus overloads this one. Every sender is taken to have a mailbox for each of its
 waiting frames (arbitration among all of them), which is what the budget assumes too.
 
@@ -25,15 +26,15 @@ from heapq import heapify, heappop, heappush
 from typing import Protocol
 
 from drives import pdo
-from drives.load.budget import worst_bits
-from drives.pdo import ERROR_FLAG, EXTENDED_FLAG, REMOTE_FLAG
+from drives.load import stuffing
+from drives.pdo import ERROR_FLAG
+from drives.virtual.arbitration import BASE_AT, rank
 from drives.virtual.confinement import Confinement
 from drives.virtual.error_counters import Controller, Level
 from drives.virtual.stepped_port import PORT_LIMIT, Agenda, Metronome, Port
 
 __all__ = ["PORT_LIMIT", "QUEUE_LIMIT", "Fate", "Filters", "Handler", "Link", "Node", "Port", "SteppedBus"]
 
-EXTENDED_BITS = 25  # 20 more in the frame (SRR, IDE, 18 of the identifier) and their stuffing
 ERROR_FRAME_BITS = 23  # error flags of all (12 at most), delimiter 8, intermission 3
 QUEUE_LIMIT = 256  # frames one sender may have waiting; SocketCAN's txqueuelen plays this part
 # Who may not send has so many frames "waiting": the queue's limit, looked at anyway, refuses more.
@@ -42,6 +43,8 @@ MUTED = 1 << 30
 Handler = Callable[[bytes, float], None]
 Filters = Sequence[tuple[int, int]]
 Tamper = Callable[[float, int, bytes], Sequence[float]]
+_Ready = tuple[int, int, int, int, bytes]  # rank, sequence, source, id, frame
+_Pending = tuple[float, int, int, int, int, bytes]  # time, rank, ...
 
 
 class Fate(Enum):
@@ -88,22 +91,25 @@ class Link:
 
 
 class SteppedBus:
-    """The bus in process. ``bit_rate`` 0 switches the bit timing off: frames arrive at once."""
+    """The bus in process. ``bit_rate`` 0 switches the bit timing off: frames arrive at once.
 
-    def __init__(self, bit_rate: int = 1_000_000, start_s: float = 0.0) -> None:
+    ``worst_stuffing``: every frame takes as long as the rule of stuffing allows, which is what the
+    bus budget judges by, in place of its own length.
+    """
+
+    def __init__(self, bit_rate: int = 1_000_000, start_s: float = 0.0, worst_stuffing: bool = False) -> None:
         self.now_s = start_s
         self.bit_rate = bit_rate
         self.due_s = math.inf  # earliest timer of all nodes
         self.busy_s = 0.0  # time the wire was taken, for load figures
         self.frames = 0
         self.tamper: Tamper | None = None
-        bit_s = 1.0 / bit_rate if bit_rate else 0.0
-        self._time_s = [worst_bits(n) * bit_s for n in range(9)]
-        self._extended_s = [(worst_bits(n) + EXTENDED_BITS) * bit_s for n in range(9)]
+        self._bit_s = 1.0 / bit_rate if bit_rate else 0.0
+        self._bits: stuffing.Counter = stuffing.worst_case if worst_stuffing else stuffing.counter()
         self._free_s = start_s  # when the wire is idle again
         self._flying: tuple[int, int, bytes] | None = None  # on the wire: id, source, frame
-        self._ready: list[tuple[int, int, int, bytes]] = []  # heap: id, sequence, source, frame
-        self._pending: list[tuple[float, int, int, int, bytes]] = []  # heap: time, id, ...
+        self._ready: list[_Ready] = []  # heap
+        self._pending: list[_Pending] = []  # heap
         self._sequence = 0
         self._waiting: list[int] = []  # frames by source
         self._routes: list[dict[int, tuple[Handler, ...]]] = []  # by source, by identifier
@@ -113,7 +119,7 @@ class SteppedBus:
         self.errors = Confinement(self)
         self.controller = Controller()  # of all ports: they stand for one CAN interface
         self.faults: Faults | None = None
-        self._error_s = ERROR_FRAME_BITS * bit_s
+        self._error_s = ERROR_FRAME_BITS * self._bit_s
         self._nowhere = self._source()  # frames that nobody hears fly as if sent by this one
         self._sync_source = -1
         self.agenda = Agenda()
@@ -197,7 +203,8 @@ class SteppedBus:
             return False
         waiting[source] += 1
         self._sequence += 1
-        heappush(self._pending, (at_s, can_id, self._sequence, source, frame))
+        order = can_id << BASE_AT if can_id < 0x800 else rank(can_id)
+        heappush(self._pending, (at_s, order, self._sequence, source, can_id, frame))
         return True
 
     def _tampered(self, source: int, at_s: float, can_id: int, frame: bytes) -> bool:
@@ -207,7 +214,7 @@ class SteppedBus:
         for delay_s in self.tamper(at_s, can_id, frame):
             self._waiting[source] += 1
             self._sequence += 1
-            heappush(self._pending, (at_s + delay_s, can_id, self._sequence, source, frame))
+            heappush(self._pending, (at_s + delay_s, rank(can_id), self._sequence, source, can_id, frame))
         return True
 
     def submit_again(self, source: int, at_s: float, can_id: int, frame: bytes) -> int:
@@ -215,7 +222,7 @@ class SteppedBus:
         self._sequence += 1
         if self._waiting[source] < MUTED // 2:
             self._waiting[source] += 1
-            heappush(self._pending, (at_s, can_id, self._sequence, source, frame))
+            heappush(self._pending, (at_s, rank(can_id), self._sequence, source, can_id, frame))
         return self._sequence
 
     def wake(self, at_s: float) -> None:
@@ -223,9 +230,9 @@ class SteppedBus:
         if at_s < self.due_s:
             self.due_s = max(at_s, self.now_s)
 
-    def frame_s(self, data_bytes: int) -> float:
-        """Time on the wire of a data frame with an 11-bit identifier; 0 without bit timing."""
-        return self._time_s[data_bytes]
+    def frame_s(self, can_id: int, frame: bytes) -> float:
+        """Time on the wire of a frame with interframe space; 0 without bit timing."""
+        return self._bits(can_id, frame) * self._bit_s
 
     def forget_routes(self) -> None:
         for routes in self._routes:
@@ -248,9 +255,9 @@ class SteppedBus:
     def _carry(self, until_s: float) -> None:
         """Carry frames that end by ``until_s`` and before the next timer.
 
-        submit ---> pending (by time) ---> ready (by identifier) ---> wire ---> routes
+        submit ---> pending (by time) ---> ready (by arbitration) ---> wire ---> routes
         """
-        pending, ready, waiting = self._pending, self._ready, self._waiting
+        pending, ready, waiting, bit_s = self._pending, self._ready, self._waiting, self._bit_s
         while True:
             limit_s = until_s if until_s < self.due_s else self.due_s
             if self._flying is not None:
@@ -271,11 +278,10 @@ class SteppedBus:
                     return
                 start_s = max(start_s, pending[0][0])
             while pending and pending[0][0] <= start_s:
-                _, can_id, sequence, source, frame = heappop(pending)
-                heappush(ready, (can_id, sequence, source, frame))
-            can_id, sequence, source, frame = heappop(ready)
+                heappush(ready, heappop(pending)[1:])
+            _, sequence, source, can_id, frame = heappop(ready)
             waiting[source] -= 1
-            taken_s = self._time_s[frame[4]] if can_id < 0x800 else self._odd_time(can_id, frame[4])
+            taken_s = self._bits(can_id, frame) * bit_s if bit_s else 0.0
             if self.faults is not None or self.errors.troubled:
                 fate = self._judged(start_s, can_id, sequence, source, frame)
                 if fate is Fate.WITHHELD:
@@ -290,11 +296,6 @@ class SteppedBus:
             self.frames += 1
             self._free_s = start_s + taken_s
             self._flying = (can_id, source, frame)
-
-    def _odd_time(self, can_id: int, length: int) -> float:
-        """Wire time of all but plain data frames; a remote frame carries no data, an error frame is short."""
-        table = self._extended_s if can_id & EXTENDED_FLAG else self._time_s
-        return table[0 if can_id & (REMOTE_FLAG | ERROR_FLAG) else length]
 
     def _run_timers(self, now_s: float) -> None:
         self.now_s = now_s
@@ -317,7 +318,7 @@ class SteppedBus:
         fate = self.faults.judge(start_s, can_id, sequence, source, frame) if self.faults else frame
         if fate is Fate.SPOILT:
             self._waiting[source] += 1
-            heappush(self._ready, (can_id, sequence, source, frame))
+            heappush(self._ready, (rank(can_id), sequence, source, can_id, frame))
             self.errors.spoilt(source, start_s)
         elif self.errors.troubled and fate is not Fate.WITHHELD:
             self.errors.carried(source, start_s)

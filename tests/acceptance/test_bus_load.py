@@ -1,14 +1,19 @@
-"""A plan that the budget refuses does overrun the bus, and one that it accepts never does."""
+"""A plan that the budget refuses does overrun the bus, and one that it accepts never does.
+
+Frames take as long as they can here: what the budget judges by, and what a payload may ask for any tick.
+"""
 
 from __future__ import annotations
 
 import math
 import random
+from functools import partial
 
 import pytest
 from cutting import cut, program, shipped
 from on_the_wire import Wire
 
+from controller.session import stepped as stepped_session
 from controller.session.bus_load import budgets, overload
 from controller.session.startup import SessionError
 from controller.session.stepped import SteppedMachine
@@ -16,6 +21,7 @@ from controller.state import Fault
 from drives import pdo
 from drives.load import budget
 from drives.settings import BusSettings, MasterSettings, NodeSettings
+from drives.simulated.rig import rig
 from drives.virtual.virtual_bus import Handler, Link, SteppedBus
 
 MASTER = MasterSettings()
@@ -52,7 +58,7 @@ def bare_ticks(drives: int, period_s: float, ticks: int, seed: int = 1) -> Wire:
     rng = random.Random(seed)
     nodes = [NodeSettings(f"N{n}", "can", n, "") for n in range(1, drives + 1)]
     (planned,) = budget.of(nodes, [BUS], MASTER, period_s)
-    bus = SteppedBus(BUS.bit_rate)
+    bus = SteppedBus(BUS.bit_rate, worst_stuffing=True)
     port = bus.port()
     for node in nodes:
         # Now and then one begins just before a SYNC, which has to wait for it.
@@ -85,8 +91,9 @@ def test_the_bus_overruns_where_the_budget_says_so_and_nowhere_else(drives: int,
         assert wire.bus.busy_s > 0.99 * (wire.bus.now_s - period_s)
 
 
-def test_a_machine_whose_tick_is_refused_does_not_even_come_up() -> None:
+def test_a_machine_whose_tick_is_refused_does_not_even_come_up(monkeypatch: pytest.MonkeyPatch) -> None:
     """Five drives at 1 ms on one bus: feedback and setpoints do not come, queues fill, a fault says so."""
+    monkeypatch.setattr(stepped_session, "rig", partial(rig, worst_stuffing=True))
     stepped = SteppedMachine(shipped("trunnion", period_s=0.001))
     (planned,) = budgets(stepped.machine)
     assert "2 buses" in overload(stepped.machine)

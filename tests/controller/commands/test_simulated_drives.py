@@ -10,10 +10,13 @@ import pytest
 from hub_process import running
 from typer.testing import CliRunner
 
+from controller.commands import simulated_drives
 from controller.commands.drives import app
 from drives import bus, commission, pdo
 from drives.commissioning import survey
 from drives.settings import BusSettings
+from drives.simulated import __main__ as drives_alone
+from drives.simulated.serve import Server
 
 
 @contextmanager
@@ -65,3 +68,21 @@ REFUSALS: Sequence[tuple[Sequence[str], str]] = [
 @pytest.mark.parametrize(("options", "sentence"), REFUSALS, ids=[" ".join(o) for o, _ in REFUSALS])
 def test_what_it_cannot_do_is_a_sentence(options: Sequence[str], sentence: str) -> None:
     assert sentence in refusal(*options)
+
+
+@pytest.mark.parametrize(("given", "bits"), [((), 51), (("--worst-stuffing",), 55)])
+def test_frames_take_their_own_length_or_the_most_they_can(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, given: Sequence[str], bits: int
+) -> None:
+    lasted: list[float] = []
+    sync = bytes(pdo.frame(pdo.SYNC))
+
+    def run(server: Server, *_: object, **__: object) -> None:
+        lasted.append(server.bus.frame_s(pdo.SYNC, sync))
+        server.close()
+
+    for module in (simulated_drives, drives_alone):
+        monkeypatch.setattr(module, "run", run)
+    assert CliRunner().invoke(app, ["simulate", "--channel", str(tmp_path / "can"), *given]).exit_code == 0
+    drives_alone.main([str(tmp_path / "can"), *given])
+    assert lasted == pytest.approx([bits * 1e-6, bits * 1e-6])

@@ -7,7 +7,9 @@ import random
 import bit_exact
 import pytest
 
+from drives import pdo
 from drives.load import stuffing
+from drives.pdo import EXTENDED_FLAG, REMOTE_FLAG
 
 IDENTIFIERS = (0x000, 0x080, 0x081, 0x185, 0x201, 0x203, 0x2AA, 0x585, 0x605, 0x701, 0x77F, 0x7FF)
 STUBBORN = (0x00, 0x0F, 0x1F, 0x3C, 0x78, 0xC3, 0xE1, 0xF0, 0xFF)  # bytes of long runs
@@ -43,8 +45,31 @@ def test_frames_of_any_kind_are_as_long_as_written_out() -> None:
         data, remote = payload(rng, rng.randint(0, 8)), rng.random() < 0.2
         short, long = rng.randrange(0x800), rng.randrange(1 << 29)
         assert stuffing.frame_bits(short, data, remote=remote) == bit_exact.length(short, data, remote)
-        extended = stuffing.frame_bits(long | stuffing.EXTENDED_FLAG, data, remote=remote)
+        extended = stuffing.frame_bits(long | EXTENDED_FLAG, data, remote=remote)
         assert extended == bit_exact.length(long, data, remote, extended=True)
+
+
+def test_the_counter_of_the_bus_counts_every_bit() -> None:
+    rng, bits_of = random.Random(3), stuffing.counter()
+    for _ in range(4000):
+        data, remote = payload(rng, rng.randint(0, 8)), rng.random() < 0.2
+        extended = rng.random() < 0.5
+        can_id = rng.randrange(1 << (29 if extended else 11))
+        flags = EXTENDED_FLAG * extended | REMOTE_FLAG * remote
+        frame = bytes(pdo.FRAME.pack(can_id | flags, len(data), b"" if remote else data))
+        assert bits_of(can_id | flags, frame) == bit_exact.length(can_id, data, remote, extended)
+        assert bits_of(can_id | flags, frame) <= stuffing.worst_case(can_id | flags, frame)
+
+
+def test_the_counter_looks_at_no_byte_behind_the_data() -> None:
+    frame = bytearray(pdo.frame(0x181, b"\x37\x12\x05"))
+    frame[pdo.DATA_AT + 3 :] = b"\x55" * 5
+    assert stuffing.counter()(0x181, bytes(frame)) == bit_exact.length(0x181, b"\x37\x12\x05")
+
+
+def test_an_extended_frame_is_twenty_bits_longer_and_five_of_stuffing_at_worst() -> None:
+    for n in range(9):
+        assert stuffing.worst_bits(n, extended=True) == stuffing.worst_bits(n) + 25
 
 
 def test_no_frame_is_longer_than_the_rule_says() -> None:

@@ -33,9 +33,9 @@ def test_the_lowest_identifier_goes_first_and_a_frame_on_the_wire_is_not_interru
     assert received(listener) == [0x300, 0x100, 0x200]
 
 
-def test_a_frame_takes_the_time_of_its_worst_stuffing() -> None:
+def test_a_frame_takes_the_time_of_its_worst_stuffing_where_that_is_asked_for() -> None:
     for length, bits in ((0, 55), (4, 95), (6, 115), (8, 135)):
-        bus = SteppedBus()
+        bus = SteppedBus(worst_stuffing=True)
         sender, listener = bus.port(), bus.port()
         sender.send(pdo.frame(0x123, bytes(length)))
         bus.advance((bits - 0.5) * BIT_S)
