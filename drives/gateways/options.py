@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Protocol, TypeVar
 
 from drives.bus import BusError
-from drives.gateways.host import Host
 from drives.gateways.serial import SerialAdapter
 from drives.gateways.slcan import SlcanTerminal
 from drives.gateways.socketcand import PORT, SocketcandServer
 from drives.log import candump
 from drives.virtual.fault_script import FaultScript, ScriptError
 from drives.virtual.hub import Gateway
+from drives.virtual.intake import Host
 
 
 class Served(Host, Protocol):

@@ -9,9 +9,9 @@ SocketCAN does it on one interface.
 from __future__ import annotations
 
 from drives import bus, pdo
-from drives.gateways.host import Host
 from drives.settings import BusSettings
 from drives.virtual.error_counters import CONTROLLER, overflow_frame
+from drives.virtual.intake import Host
 
 
 class SerialAdapter:

@@ -70,11 +70,11 @@ def _frame(text: bytes | bytearray) -> bytes | None:
         return None
     digits = 3 if letter in "tr" else 8
     can_id = int(text[1 : 1 + digits], 16)
+    length = int(text[1 + digits : 2 + digits])
+    if length > 8 or not 0 <= can_id <= (0x7FF if digits == 3 else 0x1FFF_FFFF):
+        return None
     if digits == 8:
         can_id |= EXTENDED_FLAG
-    length = int(text[1 + digits : 2 + digits])
-    if length > 8 or can_id & ~EXTENDED_FLAG > (0x7FF if digits == 3 else 0x1FFF_FFFF):
-        return None
     if letter in "rR":
         return FRAME.pack(can_id | REMOTE_FLAG, length, b"")
     payload = text[2 + digits : 2 + digits + 2 * length].decode("ascii")

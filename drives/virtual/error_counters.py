@@ -21,7 +21,7 @@ PASSIVE_RECEIVER_BACK = 127
 # linux/can/error.h: classes, and byte 1 of a controller problem.
 CONTROLLER, BUS_OFF, RESTARTED = 0x004, 0x040, 0x100
 RX_WARNING, TX_WARNING, RX_PASSIVE, TX_PASSIVE, ACTIVE_AGAIN = 0x04, 0x08, 0x10, 0x20, 0x40
-TX_OVERFLOW = 0x02
+RX_OVERFLOW, TX_OVERFLOW = 0x01, 0x02
 
 # A bus-off controller may come back after this many recessive bits: 128 times eleven.
 RECOVERY_BITS = 128 * 11

@@ -4,7 +4,9 @@ A packet to the hub holds one or more 16-byte frames, a packet from it exactly o
 A frame counts as handed to the bus when the kernel took it from its sender (the
 socket's time stamp), so a hub that wakes late delays deliveries but does not move
 frames on the modelled wire, just as a CAN adapter takes a frame whatever its driver
-does. SYNC is stamped where it leaves the wire; the stamps are saved at the end.
+does. A frame for which its client's queue has no room is refused by an error frame, as the
+tick wants it; a client that calls itself patient is not read until there is room again.
+SYNC is stamped where it leaves the wire; the stamps are saved at the end.
 """
 
 from __future__ import annotations
@@ -26,7 +28,8 @@ from drives import pdo
 from drives.pdo import FRAME_BYTES
 from drives.virtual.error_counters import overflow_frame
 from drives.virtual.fault_script import FaultScript
-from drives.virtual.hub_protocol import CYCLIC_SYNC, RESTART, lost_frame
+from drives.virtual.hub_protocol import CYCLIC_SYNC, PATIENT, RESTART, lost_frame
+from drives.virtual.intake import Intake
 from drives.virtual.virtual_bus import SteppedBus
 
 SO_TIMESTAMPNS = 35
@@ -81,6 +84,9 @@ class Client:
         self.lost = 0  # frames its full receive queue refused
         self.unsent = 0  # frames its full transmit queue refused
         self.source = -1
+        self.patient = False
+        self.intake: Intake | None = None
+        self.held: tuple[bytes, float] | None = None  # what did not fit of its last packet, and its time
         self._told = 0  # of the lost ones, by a frame of their own
 
     def put(self, frame: bytes, _at_s: float) -> None:
@@ -205,23 +211,30 @@ class Hub:
         client = Client(joined)
         client.source = self.bus.connect(client.put)
         self._clients[joined.fileno()] = client
-        self.listen(joined.fileno(), lambda: self._read(client))
+        client.intake = Intake(self, joined.fileno(), lambda: self._read(client))
 
-    def _read(self, client: Client) -> None:
-        """Everything a client has sent, up to its last packet."""
+    def _read(self, client: Client) -> bool:
+        """Everything a client has sent, up to its last packet; False if it has to wait with some of it."""
+        if client.held is not None:
+            packet, at_s = client.held
+            client.held = None
+            if not self._submit(client, packet, max(at_s, self.bus.now_s)):
+                return False
         while True:
             try:
                 packet, notes, _, _ = client.socket.recvmsg(PACKET_BYTES, 64)
             except BlockingIOError:
-                return
+                return True
             except OSError:
                 packet, notes = b"", []
             if not packet:
                 self._drop(client)
-                return
-            self._submit(client, packet, self._stamp(notes))
+                return True
+            if not self._submit(client, packet, self._stamp(notes)):
+                return False
 
-    def _submit(self, client: Client, packet: bytes, at_s: float) -> None:
+    def _submit(self, client: Client, packet: bytes, at_s: float) -> bool:
+        """Hand a packet on; False if the rest of it is held until a queue has room."""
         for start in range(0, len(packet) - FRAME_BYTES + 1, FRAME_BYTES):
             frame = packet[start : start + FRAME_BYTES]
             can_id = int.from_bytes(frame[:4], "little")
@@ -229,8 +242,14 @@ class Hub:
                 self.bus.cyclic_sync(client.source, int.from_bytes(frame[8:12], "little") * 1e-6)
             elif can_id == RESTART:
                 self._restart(client)
+            elif can_id == PATIENT:
+                client.patient = True
             elif frame[4] <= 8 and not self.bus.submit(client.source, at_s, can_id, frame):
+                if client.patient and self.bus.is_full(client.source):
+                    client.held = (packet[start:], at_s)
+                    return False
                 self._refuse(client, at_s)
+        return True
 
     def _refuse(self, client: Client, at_s: float) -> None:
         """The client believes its frame to be sent: an error frame tells what ENOBUFS would have told."""
@@ -258,6 +277,7 @@ class Hub:
 
     def _drop(self, client: Client) -> None:
         self._clients.pop(client.socket.fileno(), None)
-        self.forget(client.socket.fileno())
+        if client.intake is not None:
+            client.intake.close()
         self.bus.disconnect(client.source)
         client.socket.close()

@@ -13,18 +13,33 @@ from typing import Any
 import can
 
 from drives.pdo import ERROR_FLAG, EXTENDED_FLAG, FRAME, FRAME_BYTES, REMOTE_FLAG
-from drives.virtual.hub_protocol import LOST_FRAMES, connect
+from drives.virtual.error_counters import CONTROLLER, RX_OVERFLOW
+from drives.virtual.hub_protocol import LOST_FRAMES, NO_FD, PATIENT_FRAME, connect
 
-ID_MASK = 0x1FFF_FFFF
+STANDARD_MASK, ID_MASK = 0x7FF, 0x1FFF_FFFF
+MOST_BYTES = 8
 
 
 class HubBus(can.BusABC):
     """One client of the hub at the path ``channel``. Filters are python-can's, in software."""
 
     def __init__(
-        self, channel: str, can_filters: can.typechecking.CanFilters | None = None, **options: Any
+        self,
+        channel: str,
+        can_filters: can.typechecking.CanFilters | None = None,
+        fd: bool = False,
+        **options: Any,
     ) -> None:
-        self._socket = connect(channel)
+        """Raises can.CanInitializationError where there is no hub, or CAN FD is asked for."""
+        if fd or isinstance(options.get("timing"), can.BitTimingFd):
+            raise can.CanInitializationError(NO_FD)
+        try:
+            self._socket = connect(channel)
+            self._socket.send(PATIENT_FRAME)
+        except OSError as error:
+            raise can.CanInitializationError(
+                f"there is no virtual bus at {channel} ({error.strerror}); start 'directrix drives simulate'"
+            ) from error
         self.channel_info = f"directrix virtual bus at {channel}"
         super().__init__(channel=channel, can_filters=can_filters, **options)
 
@@ -32,10 +47,20 @@ class HubBus(can.BusABC):
         return self._socket.fileno()
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Raises can.CanOperationError when the hub is gone or does not take the frame in time."""
+        """Put a frame up for sending; without room for it, wait for ``timeout`` s, None = until there is.
+
+        Frames that were taken go out in the order of the arbitration, also after ``shutdown``. Raises
+        can.CanOperationError for a frame that was not taken in time, that is no frame of classic CAN,
+        and when the hub has gone.
+        """
+        packet = _packed(msg)
         self._socket.settimeout(timeout)
         try:
-            self._socket.send(_packed(msg))
+            self._socket.send(packet)
+        except (TimeoutError, BlockingIOError) as error:
+            raise can.CanOperationError(
+                f"the virtual bus did not take the frame within {timeout:g} s: its queue is full"
+            ) from error
         except OSError as error:
             raise can.CanOperationError(f"the virtual bus did not take the frame: {error}") from error
 
@@ -46,8 +71,6 @@ class HubBus(can.BusABC):
         packet = self._socket.recv(FRAME_BYTES)
         if not packet:
             raise can.CanOperationError("the virtual bus has closed")
-        if int.from_bytes(packet[:4], "little") == LOST_FRAMES:
-            return None, False  # the hub's own word for a full queue; python-can has none
         return _message(packet), False
 
     def shutdown(self) -> None:
@@ -56,6 +79,16 @@ class HubBus(can.BusABC):
 
 
 def _packed(msg: can.Message) -> bytes:
+    """The frame of a message. Raises can.CanOperationError where there is none."""
+    if msg.is_fd:
+        raise can.CanOperationError(NO_FD)
+    highest = ID_MASK if msg.is_extended_id or msg.is_error_frame else STANDARD_MASK
+    if not 0 <= msg.arbitration_id <= highest:
+        raise can.CanOperationError(
+            f"identifier {msg.arbitration_id:X}h: this kind of frame has one from 0 to {highest:X}h"
+        )
+    if not 0 <= msg.dlc <= MOST_BYTES or len(msg.data) > MOST_BYTES:
+        raise can.CanOperationError(f"length {msg.dlc}: a classic CAN frame has 0 to {MOST_BYTES} bytes")
     flags = (
         (EXTENDED_FLAG if msg.is_extended_id else 0)
         | (REMOTE_FLAG if msg.is_remote_frame else 0)
@@ -65,7 +98,10 @@ def _packed(msg: can.Message) -> bytes:
 
 
 def _message(packet: bytes) -> can.Message:
+    """A frame as python-can has it; the hub's word for frames lost here as SocketCAN's for an overflow."""
     can_id, length, data = FRAME.unpack(packet)
+    if can_id == LOST_FRAMES:
+        can_id, length, data = ERROR_FLAG | CONTROLLER, MOST_BYTES, bytes((0, RX_OVERFLOW, *bytes(6)))
     return can.Message(
         timestamp=time.time(),
         arbitration_id=can_id & ID_MASK,

@@ -12,9 +12,13 @@ from drives.pdo import ERROR_FLAG, FRAME
 
 CYCLIC_SYNC = ERROR_FLAG | 1  # to the hub: data u32 = period in us, 0 = stop
 RESTART = ERROR_FLAG | 2  # to the hub: the client's CAN controller is to leave bus-off
+PATIENT = ERROR_FLAG | 3  # to the hub: leave unread what does not fit into the client's queue, and it waits
 LOST_FRAMES = ERROR_FLAG | 0x1000_0000  # from the hub: data u32 = frames the client's queue refused
 
 RESTART_FRAME = FRAME.pack(RESTART, 0, b"")
+PATIENT_FRAME = FRAME.pack(PATIENT, 0, b"")
+
+NO_FD = "CAN FD frames are not carried: this bus is classic CAN; send frames of 8 bytes at most"
 
 
 def connect(path: str) -> socket.socket:

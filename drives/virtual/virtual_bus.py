@@ -225,6 +225,10 @@ class SteppedBus:
             heappush(self._pending, (at_s, rank(can_id), self._sequence, source, can_id, frame))
         return self._sequence
 
+    def is_full(self, source: int) -> bool:
+        """Whether a frame more of this source has to wait until one of its others has gone out."""
+        return QUEUE_LIMIT <= self._waiting[source] < MUTED // 2
+
     def wake(self, at_s: float) -> None:
         """Run the timers at ``at_s`` at the latest; a time gone by means now."""
         if at_s < self.due_s:

@@ -37,7 +37,9 @@ def test_no_line_raises(text: bytes) -> None:
     slcan.frame(text)
 
 
-@pytest.mark.parametrize("text", [b"t18", b"t1839", b"t18320", b"t183211", b"tXYZ0", b"T1", b"", b"sx000000"])
+@pytest.mark.parametrize(
+    "text", [b"t18", b"t1839", b"t18320", b"t183211", b"t-010", b"tXYZ0", b"T1", b"", b"sx000000"]
+)
 def test_a_line_that_is_none_is_none(text: bytes) -> None:
     assert slcan.frame(text) is None
 

@@ -1,0 +1,308 @@
+"""Guests in a hurry, and guests with frames that the bus does not carry. python-can is the client."""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import can
+import pytest
+from gateway_guests import PATIENCE_S, Served, heard, same, serving, until
+
+from drives import pdo
+from drives.virtual.fault_script import FaultScript
+from drives.virtual.hub import Hub
+from drives.virtual.hub_bus import HubBus
+
+MANY = 5000
+REMOTE = can.Message(arbitration_id=0x703, is_remote_frame=True, dlc=4, is_extended_id=False)
+PLAIN = can.Message(arbitration_id=0x123, data=b"\x11", is_extended_id=False)
+FD = can.Message(arbitration_id=0x124, data=bytes(12), is_fd=True, is_extended_id=False)
+WAYS = ("native", "socketcand", "slcan")
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[Served]:
+    with serving(tmp_path) as made:
+        yield made
+
+
+def numbered(n: int) -> can.Message:
+    return can.Message(arbitration_id=0x100 + n % 512, data=n.to_bytes(2, "little"), is_extended_id=False)
+
+
+def numbers_on(hub: Hub) -> list[int]:
+    """Numbers of what goes over the wire from now on, as it comes."""
+    found: list[int] = []
+    hub.bus.watch_all(lambda frame, _at_s: found.append(int.from_bytes(frame[8:10], "little")))
+    return found
+
+
+def answering(served: Served) -> None:
+    """Have 581h answer 601h at once, as an SDO server would."""
+    bus = served.hub.bus
+    server = bus.connect(lambda _frame, _at_s: None)
+    answer = bytes(pdo.frame(0x581, bytes.fromhex("4300100092010200")))
+
+    def put(_frame: bytes, at_s: float) -> None:
+        assert bus.submit(server, at_s, 0x581, answer)
+
+    bus.watch(0x601, put)
+
+
+# -- what is asked early is answered
+
+
+def test_a_question_right_after_rawmode_is_answered(served: Served) -> None:
+    answering(served)
+    for _ in range(5):
+        guest = served.socketcand()
+        guest.send(can.Message(arbitration_id=0x601, data=bytes(8), is_extended_id=False))
+        assert [m.arbitration_id for m in heard(guest, 1)] == [0x581]
+        guest.shutdown()
+
+
+def test_a_whole_dialogue_in_one_segment_is_answered_in_order(served: Served) -> None:
+    answering(served)
+    with socket.create_connection(("127.0.0.1", served.tcp.port)) as guest:
+        guest.settimeout(PATIENCE_S)
+        guest.sendall(b"< open can0 >< rawmode >< send 601 8 40 0 10 0 0 0 0 0 >< echo >")
+        said = b""
+        while b"frame" not in said or not said.endswith(b">"):
+            said += guest.recv(4096)
+    assert said.startswith(b"< hi >< ok >< ok >< echo >< frame 581 "), said
+    assert said.endswith(b" 4300100092010200 >")
+
+
+def test_a_guest_that_only_listens_misses_nothing_after_rawmode(served: Served) -> None:
+    native, guest = served.native(), served.socketcand()
+    sent = [numbered(n) for n in range(40)]
+    for message in sent:
+        native.send(message)
+    assert same(heard(guest, 40), sent)
+    native.shutdown()
+    guest.shutdown()
+
+
+# -- who sends faster than the bus carries
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_5000_frames_of_a_fast_loop_are_all_on_the_bus_once(served: Served, way: str) -> None:
+    open_guest: Callable[[], can.BusABC] = getattr(served, way)
+    found, guest = numbers_on(served.hub), open_guest()
+    for n in range(MANY):
+        guest.send(numbered(n))
+    until(lambda: len(found) >= MANY)
+    assert sorted(found) == list(range(MANY))
+    guest.shutdown()
+
+
+def test_what_does_not_fit_within_the_time_out_is_an_exception_and_the_rest_arrives(tmp_path: Path) -> None:
+    with serving(tmp_path, bit_rate=20_000) as slow:
+        guest, found = slow.native(), numbers_on(slow.hub)
+        taken, refused = [], 0
+        for n in range(2000):
+            try:
+                guest.send(numbered(n), timeout=0.0)
+                taken.append(n)
+            except can.CanOperationError as refusal:
+                assert "queue is full" in str(refusal)
+                refused += 1
+        assert refused > 0
+        until(lambda: len(found) >= len(taken))
+        assert sorted(found) == taken
+        guest.shutdown()
+
+
+def test_what_was_taken_goes_out_after_its_sender_has_left(served: Served) -> None:
+    guest, found = served.native(), numbers_on(served.hub)
+    for n in range(1000):
+        guest.send(numbered(n))
+    guest.shutdown()
+    until(lambda: len(found) >= 1000)
+    assert sorted(found) == list(range(1000))
+    until(lambda: not served.hub._clients)
+
+
+def test_a_guest_that_waits_does_not_hold_up_another(tmp_path: Path) -> None:
+    with serving(tmp_path, bit_rate=20_000) as slow:
+        busy, other, found = slow.socketcand(), slow.native(), numbers_on(slow.hub)
+        for n in range(600):
+            busy.send(numbered(n))
+        other.send(can.Message(arbitration_id=0x001, data=b"\xff\xff", is_extended_id=False))
+        until(lambda: 0xFFFF in found)
+        assert len(found) < 500, "it has the highest priority, and its own queue is empty"
+        busy.shutdown()
+        other.shutdown()
+
+
+def test_a_queue_that_takes_nothing_is_told_by_an_error_frame(served: Served) -> None:
+    guest = served.native()
+    guest.send(can.Message(arbitration_id=0x080, is_extended_id=False))  # who sends SYNC is the master
+    until(lambda: served.hub.bus.frames == 1)
+    script = FaultScript.read("at 0 s: queue_full master for 60 s")
+    bus = served.hub.bus
+
+    def inject(now_s: float) -> None:
+        script.inject(bus, now_s)
+
+    bus.agenda.add(0.0, inject)
+    until(lambda: bus.masters is not bus.controller and not bus.submit(bus._sync_source, 0.0, 0, bytes(16)))
+    guest.send(PLAIN)
+    (told,) = heard(guest, 1)
+    assert told.is_error_frame
+    assert (told.arbitration_id, told.data[1]) == (0x04, 0x02), "a controller's overflow, of transmission"
+    guest.shutdown()
+
+
+def test_a_listener_that_does_not_read_is_told_that_it_has_lost_frames(served: Served) -> None:
+    sleeper, talker = served.native(), served.native()
+    found = numbers_on(served.hub)
+    for n in range(MANY):
+        talker.send(numbered(n))
+    until(lambda: len(found) >= MANY)
+    while sleeper.recv(0.0) is not None:
+        pass
+    talker.send(PLAIN)
+    first, second = heard(sleeper, 2)
+    assert first.is_error_frame
+    assert (first.arbitration_id, first.data[1]) == (0x04, 0x01), "a controller's overflow, of reception"
+    assert same([second], [PLAIN])
+    for guest in (sleeper, talker):
+        guest.shutdown()
+
+
+# -- remote frames
+
+
+@pytest.mark.parametrize("dlc", range(9))
+def test_the_plugin_carries_remote_frames_with_their_length_code(served: Served, dlc: int) -> None:
+    one, two = served.native(), served.native()
+    for extended in (False, True):
+        sent = can.Message(arbitration_id=0x703, is_remote_frame=True, dlc=dlc, is_extended_id=extended)
+        one.send(sent)
+        (got,) = heard(two, 1)
+        assert same([got], [sent])
+        assert (got.is_remote_frame, got.dlc, bytes(got.data)) == (True, dlc, b"")
+    for guest in (one, two):
+        guest.shutdown()
+
+
+def test_a_remote_frame_does_not_break_a_socketcand_guest(served: Served) -> None:
+    guest, native = served.socketcand(), served.native()
+    guest.send(REMOTE)
+    (told,) = heard(guest, 1)
+    assert told.is_error_frame and told.arbitration_id == 0x04
+    native.send(REMOTE)  # there is no word for it
+    native.send(PLAIN)
+    assert same(heard(guest, 1), [PLAIN])
+    guest.send(PLAIN)
+    assert same(heard(native, 1), [PLAIN])
+    assert served.hub.bus.frames == 3
+    for each in (guest, native):
+        each.shutdown()
+
+
+@pytest.mark.parametrize("way", ["native", "socketcand"])
+def test_an_error_frame_of_the_bus_is_one_for_the_guest(served: Served, way: str) -> None:
+    others = set(served.hub.bus._ports)
+    guest: can.BusABC = getattr(served, way)()
+    until(lambda: set(served.hub.bus._ports) != others)
+    bus = served.hub.bus
+    (source,) = set(bus._ports) - others
+    bus.agenda.add(0.0, lambda now_s: bus.errors.switch_off(bus.errors.of(source), now_s))
+    (told,) = heard(guest, 1)
+    assert told.is_error_frame
+    assert told.arbitration_id == 0x40
+    guest.shutdown()
+
+
+# -- CAN FD
+
+
+def test_the_plugin_refuses_can_fd_by_name(served: Served) -> None:
+    guest = served.native()
+    with pytest.raises(can.CanOperationError, match="CAN FD frames are not carried"):
+        guest.send(FD)
+    with pytest.raises(can.CanInitializationError, match="CAN FD frames are not carried"):
+        HubBus(served.path, fd=True)
+    guest.send(PLAIN)
+    until(lambda: served.hub.bus.frames == 1)
+    guest.shutdown()
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        can.Message(arbitration_id=0x800, is_extended_id=False),
+        can.Message(arbitration_id=1 << 29, is_extended_id=True),
+        can.Message(arbitration_id=0x123, dlc=9, is_remote_frame=True, is_extended_id=False),
+        can.Message(arbitration_id=0x123, data=bytes(9), is_extended_id=False),
+    ],
+)
+def test_the_plugin_refuses_what_is_no_frame(served: Served, message: can.Message) -> None:
+    guest = served.native()
+    with pytest.raises(can.CanOperationError, match=r"identifier|length"):
+        guest.send(message)
+    guest.shutdown()
+
+
+def test_no_hub_is_a_sentence_of_python_can(tmp_path: Path) -> None:
+    with pytest.raises(can.CanInitializationError, match="there is no virtual bus at"):
+        HubBus(str(tmp_path / "nothing"))
+
+
+@pytest.mark.parametrize("command", [b"< fdsend 123 1 11 >", b"< send 123 C 1 2 3 4 5 6 7 8 9 a b c >"])
+def test_socketcand_refuses_can_fd_by_name(served: Served, command: bytes) -> None:
+    with socket.create_connection(("127.0.0.1", served.tcp.port)) as guest:
+        guest.settimeout(PATIENCE_S)
+        guest.sendall(b"< open can0 >< rawmode >" + command + b"< echo >")
+        said = b""
+        while not said.endswith(b"< echo >"):
+            said += guest.recv(4096)
+    assert b"CAN FD frames are not carried" in said
+    assert served.hub.bus.frames == 0
+
+
+def test_python_can_hears_of_a_refused_fd_frame_and_goes_on(served: Served) -> None:
+    guest, native = served.socketcand(), served.native()
+    guest.send(FD)
+    (told,) = heard(guest, 1)
+    assert told.is_error_frame
+    native.send(PLAIN)
+    assert same(heard(guest, 1), [PLAIN])
+    for each in (guest, native):
+        each.shutdown()
+
+
+@pytest.mark.parametrize("brs", [False, True])
+@pytest.mark.parametrize("extended", [False, True])
+def test_slcan_refuses_can_fd_and_says_so_where_the_hub_runs(
+    served: Served, capfd: pytest.CaptureFixture[str], brs: bool, extended: bool
+) -> None:
+    guest, native = served.slcan(), served.native()
+    fd = can.Message(
+        arbitration_id=0x124, data=bytes(12), is_fd=True, bitrate_switch=brs, is_extended_id=extended
+    )
+    guest.send(fd)
+    guest.send(PLAIN)
+    assert same(heard(native, 1), [PLAIN])
+    assert capfd.readouterr().err.count("CAN FD frames are not carried") == 1
+    for each in (guest, native):
+        each.shutdown()
+
+
+def test_a_line_that_is_no_frame_is_refused_by_a_bell_and_harms_nobody(served: Served) -> None:
+    terminal = os.open(served.link, os.O_RDWR | os.O_NOCTTY)
+    try:
+        for line in (b"O", b"t-010", b"t1233", b"tFFF0", b"d12311122", b"t1231FF"):
+            os.write(terminal, line + b"\r")
+        said = b""
+        while not said.endswith(b"z\r"):
+            said += os.read(terminal, 256)
+        assert said == b"\r" + 4 * b"\a" + b"z\r"
+    finally:
+        os.close(terminal)
