@@ -99,6 +99,8 @@ def _node(axis: Axis, period_s: float) -> NodeSettings:
         homing_fast_counts_s=round(axis.homing.fast * abs(axis.counts_per_unit)),
         homing_slow_counts_s=round(axis.homing.slow * abs(axis.counts_per_unit)),
         homing_acceleration_counts_s2=round(axis.homing.acceleration * abs(axis.counts_per_unit)),
+        speed_counts_s=axis.limits.velocity * abs(axis.counts_per_unit),
+        acceleration_counts_s2=axis.limits.acceleration * abs(axis.counts_per_unit),
         period_s=period_s,
         brake=axis.brake,
         feedback_every=axis.feedback_every,

@@ -73,6 +73,8 @@ class NodeSettings:
     homing_slow_counts_s: int = 0  # 6099h:02
     homing_acceleration_counts_s2: int = 0  # 609Ah
     following: FollowingWindow = FollowingWindow()  # the controller's own, beside the drive's 6065h
+    speed_counts_s: float = 0.0  # of the axis by the machine file; what its motor is sized for; 0 = not known
+    acceleration_counts_s2: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,7 +37,9 @@ LIMIT, DEVIATES = 1 << 11, 1 << 13
 MODE_BITS = 0x0270  # controlword bits 4 .. 6 and 9
 FOLLOWING_FAULT, LIMIT_SWITCH_FAULT, EXTERNAL_FAULT = 0x8611, 0x8612, 0x9000
 MOST_GUESSES = 2
-OFF = 0xFFFF_FFFF  # 6065h: no check
+OFF = 0xFFFF_FFFF  # 6065h: no check; 607Fh and 6080h: no limit
+SPEED_LIMITS = (0x607F, 0x6080)
+SPEED_RESERVE = 1.02  # of a speed that is told, for the position controller above the demand
 
 Moment = Callable[[float], None]  # called with the time
 
@@ -76,7 +78,7 @@ class Axis:
         self.offsets_mapped = False  # 60B0h, 60B1h or 60B2h comes by RPDO
         self.period_s = 0.0
         self.generator: Demand | None = None
-        self.limit = self._clamped = self._deviates = self._halted = 0
+        self.limit = self._clamped = self._deviates = self._halted = self._saturated = 0
         self._lagging_s: float | None = None
         self.guesses = 0
         publish(self)
@@ -97,11 +99,18 @@ class Axis:
             nature = self.parameters
             frequency_hz = nature.frequency_hz * nature.stiffness
             self.servo.tune(period_s, frequency_hz, nature.damping, nature.feed_forward)
+        self.servo.limit(self.parameters.strongest_counts_s2, self._fastest())
         law = self._law
         if isinstance(law, CyclicPosition) and self.follows and law.limits != (self.generator is not None):
             self.generator = law.begin()
         self.sensors.period_s = period_s
         self.sensors.watch()
+
+    def _fastest(self) -> float:
+        """The motor's speed limit: its own, or what 607Fh or 6080h tell (0 and FFFFFFFFh: nothing)."""
+        told = [self.dictionary.get(index) for index in SPEED_LIMITS]
+        limits = [SPEED_RESERVE * speed for speed in told if speed not in (0, OFF)]
+        return min(self.parameters.fastest_counts_s, *limits, math.inf)
 
     def actual(self) -> int:
         """Position actual value, 6064h."""
@@ -149,6 +158,9 @@ class Axis:
         else:
             self.station.now_s = now_s
             servo.step(self.generator())
+        if servo.limited is not bool(self._saturated):
+            self._saturated = LIMIT if servo.limited else 0
+            self.refresh()
         lag = servo.start - servo.position
         if lag > self._window or lag < -self._window:
             self._lag_too_far(now_s)
@@ -289,7 +301,7 @@ class Axis:
         self.servo.rest()
         self.target = self.actual()
         self._lagging_s = None
-        self._clamped = 0
+        self._clamped = self._saturated = 0
         self.generator = None
         if self.power is Power.ENABLED:
             self.resume()
@@ -316,7 +328,7 @@ class Axis:
         word |= 0 if self.sto else VOLTAGE
         word |= 0 if self.dictionary.local_control else REMOTE
         if self.power is Power.ENABLED and self.stops.leaving is None:
-            word |= self._halted & REACHED if self._halted else self._law.bits
+            word |= self._saturated | (self._halted & REACHED if self._halted else self._law.bits)
         elif self.power is Power.QUICK_STOP and self.generator == self.hold:
             word |= REACHED
         self.statusword = word

@@ -14,6 +14,8 @@ from drives.simulated.parameters import Parameters
 
 NodeLike = NodeSettings | SpindleSettings | IoSettings
 SPINDLE_REV_S2 = 200.0  # a spindle motor's own limit, above what a controller asks of it
+# Of a motor over what its axis needs, where nothing else is said.
+TORQUE_RESERVE, SPEED_RESERVE = 3.0, 1.2
 
 
 def drive(settings: NodeSettings, parameters: Parameters) -> SimulatedDrive:
@@ -24,13 +26,26 @@ def drive(settings: NodeSettings, parameters: Parameters) -> SimulatedDrive:
     if settings.absolute:
         at = settings.homing_position_counts
         parameters = replace(parameters, position_counts=at, absolute_encoder=True)
-    made = SimulatedDrive(settings.node, parameters, Path(settings.eds) if settings.eds else EDS)
+    nature = sized(parameters, settings.speed_counts_s, settings.acceleration_counts_s2)
+    made = SimulatedDrive(settings.node, nature, Path(settings.eds) if settings.eds else EDS)
     return families.restrict(made, settings.profile)
+
+
+def sized(parameters: Parameters, speed_counts_s: float, acceleration_counts_s2: float) -> Parameters:
+    """A motor for an axis that moves so fast (0 = not known), unless it has been chosen."""
+    usual = Parameters()
+    changes: dict[str, float] = {}
+    if acceleration_counts_s2 and parameters.strongest_counts_s2 == usual.strongest_counts_s2:
+        changes["strongest_counts_s2"] = TORQUE_RESERVE * acceleration_counts_s2
+    if speed_counts_s and parameters.fastest_counts_s == usual.fastest_counts_s:
+        changes["fastest_counts_s"] = SPEED_RESERVE * speed_counts_s
+    return replace(parameters, **changes)
 
 
 def spindle(settings: SpindleSettings, parameters: Parameters) -> SimulatedDrive:
     """A drive whose motor turns on and on: its position wraps, and its torque is limited."""
-    nature = replace(parameters, most_acceleration=SPINDLE_REV_S2 * settings.counts_per_rev)
+    most = SPINDLE_REV_S2 * settings.counts_per_rev
+    nature = sized(replace(parameters, most_acceleration=most), 0.0, most)
     made = SimulatedDrive(settings.node, nature, Path(settings.eds) if settings.eds else EDS)
     return families.restrict(made, settings.profile)
 

@@ -68,13 +68,15 @@ class Mode:
 
     @property
     def fastest(self) -> int:
-        """Speed of profiles and of csv: 607Fh, and 6080h of the motor (in counts/s here)."""
+        """Speed of profiles and of csv: 607Fh, and 6080h of the motor (in counts/s here; 0 is none)."""
         get = self.axis.dictionary.get
-        return min(get(0x607F), get(0x6080))
+        return min(get(0x607F) or ENDLESS, get(0x6080) or ENDLESS)
 
     def turned(self, speed: float) -> float:
         """The demand one period on at a speed: within 607Dh, or for ever round where that is no limit."""
         axis = self.axis
+        if axis.servo.limited:
+            axis.servo.anchor()
         if axis.low != INT32_MIN or axis.high != INT32_MAX:
             return axis.bounded(axis.servo.end + speed * axis.period_s)
         if not INT32_MIN <= axis.servo.position <= INT32_MAX:
@@ -96,6 +98,7 @@ class CyclicPosition(Mode):
 
     def begin(self) -> Demand | None:
         self._speed = Speed(self.axis.servo, self.axis.period_s)
+        self._before = self.axis.servo.end
         return self._limited if self.limits else None
 
     @property
@@ -111,11 +114,16 @@ class CyclicPosition(Mode):
         wanted = axis.within(axis.target + get(0x60B0))
         self.lead()
         speed = (wanted - axis.servo.end) / axis.period_s
-        most = get(0x607F)
-        allowed = max(-most, min(most, speed))
-        reached = self._speed.towards(allowed, Profile(most, get(0x60C5), get(0x60C6)))
+        own, self._before = (wanted - self._before) / axis.period_s, wanted
+        profile = Profile(get(0x607F) or ENDLESS, self._most(0x60C5), self._most(0x60C6))
+        reached = self._speed.after(speed, own, wanted - axis.servo.end, profile)
         axis.say_limit(reached != speed or wanted != axis.target + get(0x60B0))
         return wanted if reached == speed else axis.servo.end + reached * axis.period_s
+
+    def _most(self, index: int) -> float:
+        """An acceleration limit; without one the demand is still what the motor can follow."""
+        most = self.axis.dictionary.get(index)
+        return most if most not in (0, ENDLESS) else math.inf
 
 
 class CyclicVelocity(Mode):

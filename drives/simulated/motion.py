@@ -50,10 +50,34 @@ class Speed:
 
     def towards(self, wanted: float, profile: Profile) -> float:
         """One period on: the new speed. Away from zero is acceleration, back to it deceleration."""
-        speeds_up = abs(wanted) > abs(self.now) and wanted * self.now >= 0.0
-        most = (profile.acceleration if speeds_up else profile.deceleration) * self._period_s
+        most = self._change(wanted, profile)
         self.now += max(-most, min(most, wanted - self.now))
         return self.now
+
+    def _change(self, wanted: float, profile: Profile) -> float:
+        """The most that the speed changes in one period."""
+        speeds_up = abs(wanted) > abs(self.now) and wanted * self.now >= 0.0
+        return (profile.acceleration if speeds_up else profile.deceleration) * self._period_s
+
+    def after(self, speed: float, own: float, distance: float, profile: Profile) -> float:
+        """One period on after a target that moves at ``own`` speed and is ``distance`` away: the new speed.
+
+        ``speed`` reaches it at once, and is what comes where the profile allows it. If not, the
+        target is closed in on no faster than the profile can brake down to its speed.
+        """
+        most = profile.speed
+        allowed = max(-most, min(most, speed))
+        off = max(abs(speed - self.now), abs(speed - own))
+        if allowed == speed and off <= self._change(speed, profile):
+            self.now = speed
+            return speed
+        t, d = self._period_s, profile.deceleration
+        if d != math.inf:
+            closes = d * (math.sqrt(t * t + 2.0 * abs(distance) / d) - t)
+            own = max(-most, min(most, own))
+            allowed = max(own - closes, min(own + closes, allowed))
+            allowed = max(-most, min(most, allowed))
+        return self.towards(allowed, profile)
 
     def to_position(self, target: float, profile: Profile) -> float:
         """One period on the way to a target; the demand for its end.

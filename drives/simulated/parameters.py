@@ -10,6 +10,9 @@ from drives.simulated.plant import PlantParameters
 from drives.simulated.servo import DAMPING, NATURAL_FREQUENCY_HZ
 
 
+STRONGEST_COUNTS_S2 = 2e9  # five times the quick stop of the simulated drive's data sheet
+
+
 class LostSync(Enum):
     """What a drive does when a SYNC (or the setpoint before it) does not come.
 
@@ -34,6 +37,8 @@ class Parameters:
     stiffness: float = 1.0  # factor on the position loop's gain (speed / following error)
     plant: PlantParameters | None = None  # friction, backlash, encoder; None = none of them
     most_acceleration: float = math.inf  # counts/s^2 that the motor can give in velocity modes
+    strongest_counts_s2: float = STRONGEST_COUNTS_S2  # that the motor can give, in every mode
+    fastest_counts_s: float = math.inf  # that the motor can turn, whatever 607Fh and 6080h say
     torque_counts_s2: float = 1000.0  # acceleration by a thousandth of the rated torque (60B2h)
     coast_counts_s2: float = 0.0  # deceleration by friction of a motor without current
     lost_sync: LostSync = LostSync.HOLD

@@ -15,9 +15,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from drives.simulated.servo import Servo
-
-STEP_S = 125e-6  # of the position controller; 8 kHz is usual
+from drives.simulated.servo import STEP_S, Servo
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,36 +33,28 @@ class PlantParameters:
 class Plant(Servo):
     """Takes the servo's place where a drive has plant parameters."""
 
-    __slots__ = ("_damping", "_feed_forward", "_frequency", "_period_s", "load", "motor", "nature")
+    __slots__ = ("load", "motor", "nature")
 
     def __init__(self, position: float, nature: PlantParameters) -> None:
         super().__init__(position)
         self.nature = nature
         self.motor = position
         self.load = position
+        self.limit(math.inf, math.inf)
 
-    def tune(self, period_s: float, frequency_hz: float, damping: float, feed_forward: float) -> None:
-        super().tune(period_s, frequency_hz, damping, feed_forward)
-        self._period_s = period_s
-        self._frequency = 2.0 * math.pi * frequency_hz
-        self._damping = damping
-        self._feed_forward = feed_forward
+    def limit(self, strongest: float, fastest: float) -> None:
+        super().limit(min(strongest, self.nature.strongest), fastest)
 
     def step(self, next_end: float) -> None:
-        """As the servo's; the running period in steps of the controller."""
-        parts = max(1, round(self._period_s / STEP_S))
-        h = self._period_s / parts
-        speed = (self.end - self.start) / self._period_s
-        for part in range(parts):
-            self._move(self.start + speed * h * (part + 0.5), speed, h)
-        self.start, self.end = self.end, next_end
+        """As the servo's; the running period in steps of the controller, whatever it asks for."""
+        start, end = self.start, self.end
+        leans = -self.acceleration * self._bend_s2
+        self.limited = abs(leans) > self._reach or (self.limited and abs(start - self.position) > self._near)
+        self._saturate(start, (end - start) * self._per_s)
+        self.start, self.end = end, next_end
 
-    def _move(self, demand: float, speed: float, h: float) -> None:
-        w, d = self._frequency, self._damping
-        law = w * w * (demand - self.position)
-        law += 2.0 * d * w * (self._feed_forward * speed - self.velocity) + w * w * self.lead
-        law = max(-self.nature.strongest, min(self.nature.strongest, law))
-        self.velocity = self._rubbed(self.velocity + law * h, h)
+    def _push(self, demand: float, speed: float, h: float) -> None:
+        self.velocity = self._rubbed(self.velocity + self._given(demand, speed) * h, h)
         self.motor += self.velocity * h
         half = self.nature.backlash / 2.0
         self.load = max(self.motor - half, min(self.motor + half, self.load))

@@ -16,6 +16,16 @@ Why 60 Hz and d = 1/sqrt(2): position loops of machine-tool servos reach some 40
 on: to x(t) = r(t - lag) + (2 d^2 - 1)/w^2 r'' + ..., a term that vanishes at
 d = 1/sqrt(2) (the maximally flat response) and would be 7 um per 1000 mm/s^2 at
 d = 1. What is left, sqrt(2)/3 r'''/w^3, is below 1 um at 50000 mm/s^3.
+
+The same law is a cascade, a speed that the position asks for and an acceleration that the
+speed asks for, and a motor gives only so much of either (``limit``):
+
+    v* = w/2d (r - x) + f r'        within the speed limit
+    x'' = 2 d w (v* - x')           within the torque
+
+A period in which the law stays within both is the closed form, to the last bit. One in which
+it does not is integrated in the short steps of a drive's controller, where v* keeps to what
+can still be braked, as a position controller that knows its own limits does.
 """
 
 from __future__ import annotations
@@ -24,6 +34,8 @@ import math
 
 NATURAL_FREQUENCY_HZ = 60.0
 DAMPING = math.sqrt(0.5)
+STEP_S = 125e-6  # of the position controller; 8 kHz is usual
+BRAKING_SHARE = 0.8  # of the torque that a saturated controller plans its braking with
 
 
 class Servo:
@@ -35,11 +47,19 @@ class Servo:
         "_a21",
         "_a22",
         "_bend_s2",
+        "_fastest",
+        "_feed_forward",
+        "_jammed",
         "_lag_s",
         "_lead_s",
+        "_near",
         "_per_s",
+        "_reach",
+        "_share",
+        "_strongest",
         "end",
         "lead",
+        "limited",
         "position",
         "start",
         "velocity",
@@ -51,6 +71,12 @@ class Servo:
         self.start = position  # demand now ...
         self.end = position  # ... and at the end of the period that runs
         self.lead = 0.0  # counts by which offsets of velocity and torque lead
+        self.limited = False  # in the last period the law asked for more than the motor gives
+        self._strongest = self._fastest = math.inf
+        self._share = 1.0  # of the torque that is there
+        self._jammed = False
+        self._bend_s2 = self._lead_s = 1.0
+        self._reckon()
 
     def tune(self, period_s: float, frequency_hz: float, damping: float, feed_forward: float) -> None:
         """Precompute a period. Raises ValueError for a damping outside of 0 < d < 1."""
@@ -67,7 +93,36 @@ class Servo:
         self._lead_s = 2.0 * damping / w
         self._bend_s2 = 1.0 / (w * w)
         self._lag_s = self._lead_s * (1.0 - feed_forward)
+        self._feed_forward = feed_forward
         self._per_s = 1.0 / period_s
+        self._reckon()
+
+    def limit(self, strongest: float, fastest: float) -> None:
+        """What the motor gives at most: counts/s^2 either way, counts/s. Infinite = no limit."""
+        self._strongest, self._fastest = strongest, fastest
+        self._reckon()
+
+    def weaken(self, share: float) -> None:
+        """So much of the torque is there, 0 < share <= 1."""
+        self._share = share
+        self._reckon()
+
+    def jam(self, jammed: bool) -> None:
+        """Stuck: it stops hard where it is, and no torque moves it."""
+        self._jammed = jammed
+        if jammed:
+            self.velocity = 0.0
+        self._reckon()
+
+    def _reckon(self) -> None:
+        """How far the law may lean, in counts, before it asks for more torque than there is."""
+        self._reach = -1.0 if self._jammed else self.strongest * self._bend_s2
+        self._near = BRAKING_SHARE * self.strongest * self._lead_s**2  # where the law can still be braked
+
+    @property
+    def strongest(self) -> float:
+        """Acceleration that the motor can give now, counts/s^2."""
+        return self._strongest * self._share
 
     def step(self, next_end: float) -> None:
         """Follow the running period's demand to its end; the next one leads to ``next_end``."""
@@ -76,10 +131,59 @@ class Servo:
         behind = self._lag_s * speed - self.lead
         offset = self.position - start + behind
         slip = self.velocity - speed
-        self.position = end - behind + self._a11 * offset + self._a12 * slip
-        self.velocity = speed + self._a21 * offset + self._a22 * slip
+        velocity = speed + self._a21 * offset + self._a22 * slip
+        left = self._a11 * offset + self._a12 * slip
+        reach, fastest, lead_s = self._reach, self._fastest, self._lead_s
+        if (
+            -reach <= offset + lead_s * slip <= reach
+            and -reach <= left + lead_s * (velocity - speed) <= reach
+            and -fastest <= velocity <= fastest
+            and not (self.limited and abs(offset) > self._near)
+        ):
+            self.position = end - behind + self._a11 * offset + self._a12 * slip
+            self.velocity = velocity
+            self.limited = False
+        else:
+            self.limited = True
+            self._saturate(start, speed)
         self.start = end
         self.end = next_end
+
+    def _saturate(self, start: float, speed: float) -> None:
+        """A period of a motor at its limits: the demand goes from ``start`` at ``speed``."""
+        if self._jammed:
+            self.velocity = 0.0
+            return
+        parts = max(1, round(1.0 / (self._per_s * STEP_S)))
+        h = 1.0 / (self._per_s * parts)
+        for part in range(parts):
+            self._push(start + speed * h * (part + 0.5), speed, h)
+
+    def _push(self, demand: float, speed: float, h: float) -> None:
+        self.velocity += self._given(demand, speed) * h
+        self.position += self.velocity * h
+
+    def _given(self, demand: float, speed: float) -> float:
+        """The acceleration of the cascade within its limits, counts/s^2."""
+        strongest, fastest = self.strongest, self._fastest
+        error = demand - self.position - self._lag_s * speed + self.lead
+        closing = error / self._lead_s
+        if self.limited and abs(error) > self._near:
+            most = 2.0 * BRAKING_SHARE * strongest
+            closing = math.copysign(math.sqrt(most * (abs(error) - 0.5 * self._near)), error)
+        wanted = max(-fastest, min(fastest, speed + closing))
+        asked = (wanted - self.velocity) * self._lead_s / self._bend_s2
+        return max(-strongest, min(strongest, asked))
+
+    def anchor(self) -> None:
+        """Let go of a demand that has run away further than the torque answers to (velocity modes)."""
+        step = self.end - self.start
+        most = abs(step) * (1.0 + self._lag_s * self._per_s) + max(0.0, self._reach)
+        ahead = self.end - self.position
+        if abs(ahead) > most:
+            back = math.copysign(most, ahead) - ahead
+            self.start += back
+            self.end += back
 
     @property
     def acceleration(self) -> float:
