@@ -35,8 +35,8 @@ from drives.simulated.stops import Stops
 REMOTE, VOLTAGE = 1 << 9, 1 << 4
 LIMIT, DEVIATES = 1 << 11, 1 << 13
 MODE_BITS = 0x0270  # controlword bits 4 .. 6 and 9
-FOLLOWING_FAULT, LIMIT_SWITCH_FAULT, EXTERNAL_FAULT = 0x8611, 0x8612, 0x9000
-MOST_GUESSES = 2
+FOLLOWING_FAULT, LIMIT_SWITCH_FAULT, SYNC_LOST, EXTERNAL_FAULT = 0x8611, 0x8612, 0x8700, 0x9000
+NO_TARGET_YET = -(10**9)  # of a drive that waits for its first one
 OFF = 0xFFFF_FFFF  # 6065h: no check; 607Fh and 6080h: no limit
 SPEED_LIMITS = (0x607F, 0x6080)
 SPEED_RESERVE = 1.02  # of a speed that is told, for the position controller above the demand
@@ -80,7 +80,7 @@ class Axis:
         self.generator: Demand | None = None
         self.limit = self._clamped = self._deviates = self._halted = self._saturated = 0
         self._lagging_s: float | None = None
-        self.guesses = 0
+        self.guesses = NO_TARGET_YET  # periods in a row without a target
         publish(self)
         self.configure()
         self.refresh()
@@ -144,11 +144,26 @@ class Axis:
             self._clamped = clamped
             self.refresh()
 
-    def guess(self) -> None:
-        """No new target came for the next period."""
-        if self.parameters.lost_sync is LostSync.EXTRAPOLATE and self.guesses < MOST_GUESSES:
-            self.guesses += 1
+    def guess(self, now_s: float) -> None:
+        """No new target came for the next period; what that leads to is the maker's choice."""
+        self.guesses += 1
+        nature = self.parameters
+        if 0 < self.guesses <= nature.guessed_periods:
             self.target = round(2.0 * self.servo.end - self.servo.start)
+        elif nature.times_out and self.guesses > nature.guessed_periods + nature.patient_periods:
+            self.time_out(now_s)
+
+    def time_out(self, now_s: float) -> None:
+        """Interpolation time-out: a drive that follows setpoints stops by itself."""
+        if not (self.cyclic and self.follows):
+            return
+        self.servo.take_up()
+        self.guesses = NO_TARGET_YET
+        if self.parameters.lost_sync is LostSync.FAULT:
+            self.fail(SYNC_LOST, now_s)
+        else:
+            self._emergencies.tell(SYNC_LOST, now_s)
+            self.quick_stop_input(now_s)
 
     def step(self, now_s: float) -> None:
         """One interpolation period ends, the next one begins."""
@@ -300,6 +315,7 @@ class Axis:
         """The demand is where the motor is; in CSP the next target leads on from there."""
         self.servo.rest()
         self.target = self.actual()
+        self.guesses = NO_TARGET_YET
         self._lagging_s = None
         self._clamped = self._saturated = 0
         self.generator = None

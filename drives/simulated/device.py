@@ -46,6 +46,7 @@ class Device(Station):
         self._wanted: tuple[object, ...] = ()  # what the handlers were made for
         self.emergencies = Emergencies(self)
         self.process = ProcessData(self, self.emergencies)
+        self.process.overdue = self._overdue
         self.sync = Sync(self, self.emergencies, self._on_sync)
         self.storage = Storage(self.dictionary, self._may_store)
         self.lss = Lss(self, self._get_node)
@@ -252,6 +253,12 @@ class Device(Station):
         self.emergencies.report(CONNECTION_LOST, now_s)
         self._lose_connection(now_s)
         self._behave(COMMUNICATION, now_s)
+
+    def _overdue(self, now_s: float) -> None:
+        """The deadline of an RPDO has passed (its event timer): the setpoints have stopped."""
+        self.now_s = now_s
+        self._live(now_s)
+        self._lose_connection(now_s)
 
     def _connection_back(self, now_s: float) -> None:
         self.emergencies.gone(CONNECTION_LOST, now_s)

@@ -19,14 +19,14 @@ from drives.simulated.axis import Axis
 from drives.simulated.data_sheet import EDS, key
 from drives.simulated.device import APPLICATION, Device
 from drives.simulated.machine402 import POWERED
-from drives.simulated.parameters import LostSync, Parameters
+from drives.simulated.parameters import Parameters
 from drives.simulated.pdo_map import Pdo
 from drives.simulated.station import OPERATIONAL
 from drives.virtual.virtual_bus import Handler
 
-SYNC_LOST = 0x8700
 FEEDBACK = Struct("<IB3xHi2x")
-LATEST_PERIODS = 2.5  # FAULT drives trip this long after the last SYNC
+LATEST_PERIODS = 2.5  # drives with an interpolation time-out act this long after the last SYNC
+QUIET_PERIODS = 4.0  # without SYNC after which the others live on by their own clock
 MOST_CATCH_UP = 500  # periods made up for after a long silence; by then every ramp has ended
 OFFSETS = (key(0x60B0), key(0x60B1), key(0x60B2))
 
@@ -42,6 +42,7 @@ class SimulatedDrive(Device):
         self._guessed = 0  # periods already made up for since the last SYNC
         self._received: bytes | None = None  # the newest standard RPDO, latched by SYNC
         self._fast_in: list[Pdo] = []
+        self._deadline: Pdo | None = None  # of the standard RPDO, if it has one
         self._fast_out = 0  # identifier of the standard TPDO, if it is as the controller maps it
         self._latched = self.process.latched  # one dict for ever: looked at with every SYNC
         self.axis = Axis(self, self.emergencies, self._alive, self._faulted)
@@ -70,7 +71,7 @@ class SimulatedDrive(Device):
                 axis.target = target
                 axis.guesses = 0
         elif axis.powered and not self._latched:
-            axis.guess()
+            axis.guess(now_s)
         if self._latched:
             self.process.take_latched(now_s)
         if counts:
@@ -116,7 +117,7 @@ class SimulatedDrive(Device):
             self.lost_syncs += missing
         for _ in range(min(missing, MOST_CATCH_UP)):
             if axis.powered:
-                axis.guess()
+                axis.guess(now_s)
                 axis.step(now_s)
 
     def _live(self, now_s: float) -> None:
@@ -144,6 +145,8 @@ class SimulatedDrive(Device):
             return
         if frame[4] == PDO_BYTES or self.process.long_enough(frame[4], PDO_BYTES, now_s):
             self._received = frame
+            if self._deadline is not None:
+                self.process.watch(self._deadline, now_s)
 
     # -- what a drive adds to a device
 
@@ -162,7 +165,8 @@ class SimulatedDrive(Device):
         fast = [t for t in tpdos if plain and pdo_map.is_fast_out(t)][:1]
         self._fast_out = fast[0].can_id if fast else 0
         slow_in = [r for r in rpdos if r not in self._fast_in]
-        self.process.configure(slow_in, tpdos, fast[0] if fast else None)
+        self._deadline = next((r for r in self._fast_in if r.event_s > 0.0), None)
+        self.process.configure(rpdos, tpdos, fast[0] if fast else None, slow_in)
         self._slow_out = len(tpdos) > len(fast) or not plain
 
     def _may_store(self) -> bool:
@@ -188,8 +192,7 @@ class SimulatedDrive(Device):
         self._sync_s = now_s
         self._guessed = 0
         self.axis.boot()
-        if self.parameters.lost_sync is LostSync.FAULT:
-            self.alarm("sync", now_s, self._watch_sync)
+        self.alarm("sync", now_s, self._watch_sync)
 
     # -- faults
 
@@ -209,11 +212,14 @@ class SimulatedDrive(Device):
         self.axis.refresh()
 
     def _watch_sync(self, now_s: float) -> None:
-        """Only drives that fault on a lost SYNC need to look for it."""
-        expires_s = self._sync_s + LATEST_PERIODS * self.axis.period_s
-        if now_s < expires_s or not self.axis.powered:
-            self.alarm("sync", max(expires_s, now_s + self.axis.period_s), self._watch_sync)
+        """SYNC itself costs no timer: somebody looks now and then whether it has stayed away."""
+        axis = self.axis
+        patience = LATEST_PERIODS if self.parameters.times_out else QUIET_PERIODS
+        expires_s = self._sync_s + patience * axis.period_s
+        if now_s < expires_s or not axis.powered:
+            self.alarm("sync", max(expires_s, now_s + axis.period_s), self._watch_sync)
             return
         self._live(now_s)
-        self.axis.fail(SYNC_LOST, now_s)
-        self.alarm("sync", now_s + 1.0, self._watch_sync)
+        if self.parameters.times_out:
+            axis.time_out(now_s)
+        self.alarm("sync", now_s + axis.period_s, self._watch_sync)

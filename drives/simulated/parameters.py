@@ -9,22 +9,24 @@ from enum import Enum
 from drives.simulated.plant import PlantParameters
 from drives.simulated.servo import DAMPING, NATURAL_FREQUENCY_HZ
 
-
+USUALLY_GUESSED = 2  # periods
 STRONGEST_COUNTS_S2 = 2e9  # five times the quick stop of the simulated drive's data sheet
 
 
 class LostSync(Enum):
-    """What a drive does when a SYNC (or the setpoint before it) does not come.
+    """What a drive does when a SYNC, or the setpoint before it, does not come.
 
     Real drives differ: Kollmorgen and others go on along the line, isel's holds the last
     target, Delta's trips. A missing SYNC is noticed half a period after it was due. One
-    miss never trips: FAULT trips (8700h) on the second in a row, 2.5 periods after the
-    last SYNC, since a SYNC may itself come a quarter period late.
+    miss never trips: FAULT and QUICK_STOP act (8700h) on the second SYNC in a row, 2.5 periods
+    after the last, since a SYNC may itself come a quarter period late, and on the third setpoint
+    in a row (``patient_periods`` are let pass). Whatever it does, the motor needs its way to stop.
     """
 
-    HOLD = "hold"
-    EXTRAPOLATE = "extrapolate"  # for up to two periods, then hold
-    FAULT = "fault"
+    HOLD = "hold"  # the last target, within the motor's torque
+    EXTRAPOLATE = "extrapolate"  # for some periods, then hold
+    FAULT = "fault"  # interpolation time-out: the fault reaction's ramp (605Eh), then fault
+    QUICK_STOP = "quick_stop"  # interpolation time-out: a quick stop (605Ah)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +44,8 @@ class Parameters:
     torque_counts_s2: float = 1000.0  # acceleration by a thousandth of the rated torque (60B2h)
     coast_counts_s2: float = 0.0  # deceleration by friction of a motor without current
     lost_sync: LostSync = LostSync.HOLD
+    extrapolated_periods: int | None = None  # before it does that; None: two if it extrapolates, else none
+    patient_periods: int = 2  # without a setpoint before an interpolation time-out
     position_counts: int = 0  # at power-on
     absolute_encoder: bool = False  # position and homing survive a loss of the supply
     switches: tuple[float, float] = (-1e8, 1e8)  # limit switches, pressed beyond these
@@ -59,3 +63,15 @@ class Parameters:
     sdo_delay_s: float = 0.0004
     sdo_patience_s: float = 2.0  # silence in an SDO transfer after which it is aborted
     tpdo_delay_s: float = 0.0001  # after the end of SYNC
+
+    @property
+    def guessed_periods(self) -> int:
+        """For how long a drive goes on along the line when no setpoint comes."""
+        if self.extrapolated_periods is not None:
+            return self.extrapolated_periods
+        return USUALLY_GUESSED if self.lost_sync is LostSync.EXTRAPOLATE else 0
+
+    @property
+    def times_out(self) -> bool:
+        """Whether the drive has an interpolation time-out."""
+        return self.lost_sync in (LostSync.FAULT, LostSync.QUICK_STOP)

@@ -196,7 +196,7 @@ def guard(dictionary: Dictionary) -> None:
 
 def is_fast_in(mapped: Pdo) -> bool:
     """The controller's own RPDO, with nothing that needs a second look."""
-    return mapped.entries == FAST_IN and mapped.synchronous and not mapped.event_s
+    return mapped.entries == FAST_IN and mapped.synchronous
 
 
 def is_fast_out(mapped: Pdo) -> bool:

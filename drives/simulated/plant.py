@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from drives.simulated.servo import STEP_S, Servo
+from drives.simulated.servo import Servo
 
 
 @dataclass(frozen=True, slots=True)

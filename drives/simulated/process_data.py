@@ -8,6 +8,7 @@ RPDO   0 .. 240  latched, used at the next SYNC        254, 255  used at once
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 
 from drives.pdo import REMOTE_FLAG
@@ -45,21 +46,27 @@ class ProcessData:
         self.events: list[Outgoing] = []  # those that go on change
         self._at_sync: list[Outgoing] = []
         self._incoming: list[Pdo] = []
+        self._watched: list[Pdo] = []
+        self.overdue: Callable[[float], None] = lambda _now_s: None  # an RPDO has missed its deadline
         self.latched: dict[int, tuple[Pdo, bytes]] = {}
         self._came_s: dict[int, float] = {}  # RPDOs with a deadline, by identifier
         self.window_s = 0.0  # 1007h: synchronous data count only so long after SYNC; 0 = always
         self.sync_s = 0.0
 
-    def configure(self, rpdos: list[Pdo], tpdos: list[Pdo], fast: Pdo | None) -> None:
+    def configure(
+        self, rpdos: list[Pdo], tpdos: list[Pdo], fast: Pdo | None, slow: list[Pdo] | None = None
+    ) -> None:
         """Take over a configuration; what has not changed keeps its memory.
 
-        The drive sends ``fast`` at SYNC itself; here it is for remote requests only.
+        The drive sends ``fast`` at SYNC itself; here it is for remote requests only. ``slow``:
+        the RPDOs that are received here, if not all of them are.
         """
         before = {out.pdo: out for out in self.outgoing}
         self.outgoing = [before.get(pdo) or Outgoing(pdo) for pdo in tpdos]
         self._at_sync = [out for out in self.outgoing if out.pdo != fast]
         self.events = [out for out in self.outgoing if out.pdo.event_driven]
-        self._incoming = rpdos
+        self._watched = rpdos
+        self._incoming = rpdos if slow is None else slow
         self.look(self._station.now_s)
 
     def listens(self) -> dict[int, Handler]:
@@ -155,7 +162,7 @@ class ProcessData:
         if not self.long_enough(frame[4], pdo.length, now_s):
             return
         if pdo.event_s > 0.0:
-            self._watch(pdo, now_s)
+            self.watch(pdo, now_s)
         if pdo.synchronous:
             self.latched[pdo.can_id] = (pdo, frame)
         else:
@@ -178,7 +185,7 @@ class ProcessData:
             pdo.take(self._dictionary, frame)
         self.latched.clear()
 
-    def _watch(self, pdo: Pdo, now_s: float) -> None:
+    def watch(self, pdo: Pdo, now_s: float) -> None:
         """The deadline of an RPDO (its event timer) starts with the first one that comes."""
         self._came_s[pdo.can_id] = now_s
         self._emergencies.gone(LATE, now_s)
@@ -188,10 +195,11 @@ class ProcessData:
 
     def _look_for(self, pdo: Pdo, now_s: float) -> None:
         came_s = self._came_s.get(pdo.can_id)
-        if came_s is None or pdo not in self._incoming:
+        if came_s is None or pdo not in self._watched:
             return
         if now_s < came_s + pdo.event_s:
             self._station.alarm(f"rpdo {pdo.can_id:x}", came_s + pdo.event_s, partial(self._look_for, pdo))
         else:
             del self._came_s[pdo.can_id]
             self._emergencies.report(LATE, now_s)
+            self.overdue(now_s)

@@ -175,6 +175,11 @@ class Servo:
         asked = (wanted - self.velocity) * self._lead_s / self._bend_s2
         return max(-strongest, min(strongest, asked))
 
+    def take_up(self) -> None:
+        """The demand moves as the motor does: what a stop begins from when setpoints have failed."""
+        self.start = self.position + self._lag_s * self.velocity - self.lead
+        self.end = self.start + self.velocity / self._per_s
+
     def anchor(self) -> None:
         """Let go of a demand that has run away further than the torque answers to (velocity modes)."""
         step = self.end - self.start

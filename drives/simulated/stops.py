@@ -112,5 +112,7 @@ class Stops:
         deceleration = axis.dictionary.get(0x6084 if option == SLOW else 0x6085) or STEEPEST
         if option > QUICK:
             deceleration = round(HARDEST * deceleration)
+        if axis.guesses > 0:
+            axis.servo.take_up()
         axis.generator = motion.ramp_down(axis.servo, deceleration, axis.period_s, stopped)
         axis.moves_by_itself()

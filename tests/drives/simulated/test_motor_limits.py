@@ -93,7 +93,7 @@ def test_setpoints_that_come_again_after_a_gap_make_no_jump() -> None:
     for _ in range(200):
         bench.tick(rpdo=False)
     before, speeds, words = bench.actual["X"], [], []
-    for k in range(1, 400):
+    for _k in range(1, 400):
         bench.tick(targets=[last + step * 200])
         speeds.append((bench.actual["X"] - before) / PERIOD_S)
         words.append(bench.statuswords["X"])
