@@ -1,7 +1,8 @@
 """TOML to ``Profile``: what a family of drives can do and how it is commissioned.
 
-``load(name_or_path)`` is the verb. A profile file has one table ``[drive]`` and, for what
-else a drive must be told, ``[[write]]`` tables; ``config/drives`` holds the shipped ones.
+``load(name_or_path)`` is the verb. A profile file has one table ``[drive]``, for what else a
+drive must be told ``[[write]]`` tables, and for makers' objects with the counts of a revolution
+``[[encoder_resolution]]``; ``config/drives`` holds the shipped ones.
 Every refusal is a ``ConfigError`` in the form of ``toml_table``, and no key goes unread.
 """
 
@@ -12,7 +13,7 @@ from functools import lru_cache
 from pathlib import Path
 
 from controller.toml_table import ConfigError, Table, is_number, parse, read_text
-from drives.profile import CyclicMode, Profile, Supervision, Write
+from drives.profile import CyclicMode, Encoder, Profile, Supervision, Write
 
 SHIPPED = Path(__file__).resolve().parent.parent / "config" / "drives"
 MODES = {"csp": CyclicMode.CSP, "ip": CyclicMode.IP}
@@ -84,6 +85,10 @@ def read(text: str, file: str, folder: Path, name: str) -> Profile:
         product=table.integer("product", 1, 0xFFFF_FFFF) if table.has("product") else None,
         optional=_objects(table, "optional"),
         writes=tuple(_write(entry) for entry in top.tables("write")),
+        velocity_unit_counts_s=table.positive_or_none("velocity_unit_counts_s") or 0.0,
+        acceleration_unit_counts_s2=table.positive_or_none("acceleration_unit_counts_s2") or 0.0,
+        revolution=table.text("revolution", ("motor", "shaft"), GENERAL.revolution),
+        encoder_resolution=tuple(_encoder(entry) for entry in top.tables("encoder_resolution")),
         quirks=_sentences(table, "quirks"),
     )
     _audit(profile, table)
@@ -170,16 +175,29 @@ def _home_offset(table: Table) -> int | None:
     return index
 
 
-def _write(table: Table) -> Write:
-    """``object = "2210:01"``, its value, and why it is needed (the end of a sentence)."""
+def _encoder(table: Table) -> Encoder:
+    """``object = "3000:05"`` that tells counts, or with ``times = 4`` pulses, of a revolution."""
+    found = Encoder(*_place(table), table.integer("times", 1, 1024, 1))
+    table.finish()
+    return found
+
+
+def _place(table: Table) -> tuple[int, int]:
+    """Index and sub-index of ``object = "2210:01"``."""
     text = table.text("object")
     index, _, sub = text.partition(":")
     number = _index(index)
     if number is None or not (sub == "" or (len(sub) == 2 and set(sub.upper()) <= set("0123456789ABCDEF"))):
         table.refuse("object", "is no object", f"{OBJECT}, with a sub-index", 'write e.g. "2210:01"')
+    return number, int(sub or "0", 16)
+
+
+def _write(table: Table) -> Write:
+    """An object, its value, and why it is needed (the end of a sentence)."""
+    where = _place(table)
     value = table.get("value", "a whole number")
     if not is_number(value) or type(value) is not int:
         table.refuse("value", "is not a whole number", "a whole number", "write it without quotes")
-    write = Write(number, int(sub or "0", 16), value, table.text("why"))
+    write = Write(*where, value, table.text("why"))
     table.finish()
     return write

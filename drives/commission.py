@@ -14,7 +14,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from drives import pdo
-from drives.commissioning import identity, possible
+from drives.arranged import Arranged
+from drives.commissioning import identity, possible, stopping
 from drives.commissioning.network import (
     CommissionError,
     Network,
@@ -25,11 +26,13 @@ from drives.commissioning.network import (
     wall_pump,
 )
 from drives.commissioning.remote import NMT_PRE_OPERATIONAL, NMT_START, Change, Drive, Outcome, shown
+from drives.commissioning.units import UnitError, units_of
 from drives.commissioning.wanted import Setting, Settings, Step, interpolation_time, steps_of
 from drives.profile import Supervision
 from drives.settings import IoSettings, MasterSettings, NodeSettings, SpindleSettings
 
 __all__ = [
+    "Arranged",
     "Change",
     "CommissionError",
     "Drive",
@@ -95,10 +98,25 @@ def _prepare(network: Network, drive: Drive, settings: Settings, master: MasterS
     if not isinstance(settings, IoSettings):
         _see_off(network, drive)
     drive.command(NMT_PRE_OPERATIONAL)
-    for step in steps_of(settings, master, drive.sheet):
+    if isinstance(settings, IoSettings):
+        for step in steps_of(settings, master, drive.sheet):
+            drive.apply(step)
+        return
+    try:
+        _set_up(drive, settings, master)
+    except UnitError as error:
+        raise CommissionError(f"{drive.title}: {error}") from error
+
+
+def _set_up(drive: Drive, settings: NodeSettings | SpindleSettings, master: MasterSettings) -> None:
+    units = units_of(settings, drive.find)
+    for step in steps_of(settings, master, drive.sheet, units):
         drive.apply(step)
-    if not isinstance(settings, IoSettings):
-        drive.set_mode(_mode(settings))
+    if isinstance(settings, NodeSettings):
+        drive.outcome.arranged = stopping.arrange(drive, settings, units)
+    else:
+        drive.outcome.arranged = stopping.of_spindle(drive, settings, units)
+    drive.set_mode(_mode(settings))
 
 
 def _mode(settings: NodeSettings | SpindleSettings) -> int:

@@ -39,6 +39,15 @@ class Write:
 
 
 @dataclass(frozen=True, slots=True)
+class Encoder:
+    """An object of the maker's that tells the counts of a revolution of the motor."""
+
+    index: int
+    sub: int
+    times: int = 1  # counts per what it tells: 4 where those are pulses
+
+
+@dataclass(frozen=True, slots=True)
 class Profile:
     """A family of CiA 402 drives."""
 
@@ -65,6 +74,10 @@ class Profile:
     product: int | None = None
     optional: tuple[int, ...] = ()  # objects (index) that may be missing without harm
     writes: tuple[Write, ...] = ()
+    velocity_unit_counts_s: float = 0.0  # one unit of velocity, where 60A9h is 0 or missing; 0 = 6096h says
+    acceleration_unit_counts_s2: float = 0.0
+    revolution: str = "motor"  # of which 60A9h speaks, before or behind 6091h: "motor" or "shaft"
+    encoder_resolution: tuple[Encoder, ...] = ()  # instead of 608Fh; the first that is not 0
     quirks: tuple[str, ...] = ()  # sentences for the person who commissions it
 
 

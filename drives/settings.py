@@ -73,8 +73,15 @@ class NodeSettings:
     homing_slow_counts_s: int = 0  # 6099h:02
     homing_acceleration_counts_s2: int = 0  # 609Ah
     following: FollowingWindow = FollowingWindow()  # the controller's own, beside the drive's 6065h
-    speed_counts_s: float = 0.0  # of the axis by the machine file; what its motor is sized for; 0 = not known
+    velocity_counts_s: float = 0.0  # largest of the axis; 0 = not known: how it stops is left to the drive
     acceleration_counts_s2: float = 0.0
+    quick_stop_counts_s2: float = 0.0  # the machine file's own word; 0 = the largest acceleration
+    most_quick_stop_s: float = 3.0  # a drive that takes longer to stop by itself is refused
+    rotary: bool = False
+    counts_per_si: float = 0.0  # counts per metre, or radian of a rotary; 0 = not known
+    velocity_unit_counts_s: float = 0.0  # the machine file's own word; 0 = the drive says what its units are
+    acceleration_unit_counts_s2: float = 0.0
+    velocity_units: float = 1.0  # units of 60B1h in one count per second, until commissioning has told
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,12 +96,16 @@ class SpindleSettings:
     bus: str
     node: int
     eds: str
-    counts_per_rev: float  # 60FFh in counts per second; its sign is the direction of M3
+    counts_per_rev: float  # position units of a revolution; its sign is the direction of M3
     mode: int = 9  # 6060h: 9 cyclic synchronous velocity, 3 profile velocity
     at_speed_share: float = 0.05  # at speed within this share of the wanted one
     profile: Profile = GENERIC
     feedback_every: int = 10  # SYNCs from one actual speed to the next
     acceleration_rev_s2: float = 50.0  # of the wanted speed in mode 9; in mode 3 the drive has its own ramp
+    most_rev_min: float = 0.0  # fastest that is asked for; 0 = not known
+    velocity_unit_counts_s: float = 0.0  # as of an axis
+    acceleration_unit_counts_s2: float = 0.0
+    velocity_units: float = 1.0  # units of 60FFh and 606Ch in one count per second, as of an axis
 
 
 @dataclass(frozen=True, slots=True)

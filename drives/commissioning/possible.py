@@ -270,7 +270,7 @@ def _of_setting(setting: Setting, settings: Settings, sheet: Sheet) -> Iterator[
                 f" {setting.why}; {remedy}"
             )
         return
-    least, most = _range(found)
+    least, most = range_of(found)
     if least is not None and most is not None and not least <= setting.value <= most:
         yield (
             f"{setting.where}: {setting.value} is needed ({setting.why}), {sheet.name} allows {least} to"
@@ -282,7 +282,7 @@ def _may_be_missing(setting: Setting, settings: Settings) -> bool:
     return not isinstance(settings, IoSettings) and setting.index in settings.profile.optional
 
 
-def _range(found: ODVariable) -> tuple[int | None, int | None]:
+def range_of(found: ODVariable) -> tuple[int | None, int | None]:
     """What the type holds, narrowed by the limits; zeros, or turned round, were not meant."""
     if found.data_type not in INTEGERS:
         return None, None

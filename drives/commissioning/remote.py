@@ -12,6 +12,7 @@ from canopen import ObjectDictionaryError
 from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from drives import pdo
+from drives.arranged import Arranged
 from drives.commissioning import sheet
 from drives.commissioning.network import CommissionError, Network, Node
 from drives.commissioning.wanted import Setting, Step
@@ -49,6 +50,7 @@ class Outcome:
     changes: list[Change] = field(default_factory=list)
     already_so: int = 0  # objects that were right before
     stored: bool = False
+    arranged: Arranged | None = None  # its units, and how it stops; of drives only
 
 
 class Drive:
@@ -109,6 +111,44 @@ class Drive:
             raise CommissionError(self._silent(index, sub)) from error
         except MISFITS as error:
             raise CommissionError(self._misfit(index, sub, error)) from error
+
+    def find(self, index: int, sub: int = 0) -> int | None:
+        """Upload of what a drive may do without: None where it has no such object. Raises CommissionError."""
+        found = self.sheet.find(index, sub)
+        if found is None or not found.readable:
+            return None
+        try:
+            return self.read(index, sub)
+        except MissingObjectError:
+            return None
+
+    def offer(self, setting: Setting, at_least: bool = False) -> tuple[int | None, str]:
+        """Write what the drive may refuse, unless it is so: what it has then, and why it is not as offered.
+
+        ``at_least``: more is as good. None: it has no such object. Raises CommissionError for silence.
+        """
+        before = self.find(*setting.place)
+        if before is None or before == setting.value or (at_least and before > setting.value):
+            self.outcome.already_so += before is not None
+            return before, "" if before is not None else f"{setting.where} is not there"
+        if not self.sheet.writable(*setting.place):
+            return before, f"{setting.where} is read only and reads {shown(before)}"
+        try:
+            self._variable(*setting.place).raw = setting.value
+        except SdoAbortedError as error:
+            return before, f"{setting.where} refuses {shown(setting.value)} ({error}), reads {shown(before)}"
+        except SdoCommunicationError as error:
+            raise CommissionError(self._silent(*setting.place)) from error
+        except MISFITS as error:
+            raise CommissionError(self._misfit(*setting.place, error)) from error
+        found = self.read(*setting.place)
+        if found != before:
+            self.outcome.changes.append(Change(*setting.place, before, found, setting.why))
+        differs = found < setting.value if at_least else found != setting.value
+        return (
+            found,
+            f"{setting.where} was set to {shown(setting.value)}, reads {shown(found)}" if differs else "",
+        )
 
     def write(self, setting: Setting) -> None:
         """Download and read back, unless it is so already. Raises CommissionError."""

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from drives import pdo
 from drives.commissioning.sheet import NO_REMOTE, Sheet
+from drives.commissioning.units import Units
 from drives.profile import CyclicMode, Profile, Supervision
 from drives.settings import (
     TEMPERATURE_EVERY_MS,
@@ -70,23 +71,31 @@ class Step:
         return tuple(last.values())
 
 
-def steps_of(settings: Settings, master: MasterSettings, sheet: Sheet) -> Iterator[Step]:
-    """All that a node is told, in order; process data off before it is changed."""
+def steps_of(
+    settings: Settings, master: MasterSettings, sheet: Sheet, units: Units | None = None
+) -> Iterator[Step]:
+    """All that a node is told, in order; process data off before it is changed.
+
+    Without ``units``, which the drive itself must be asked for, nothing that is told in them. How it stops
+    is ``stopping``'s. Raises UnitError.
+    """
     if isinstance(settings, NodeSettings):
-        yield from _axis(settings, master, sheet)
+        yield from _axis(settings, master, sheet, units)
     elif isinstance(settings, SpindleSettings):
         yield from _spindle(settings, master, sheet)
     else:
         yield from _io(settings, master, sheet)
 
 
-def _axis(node: NodeSettings, master: MasterSettings, sheet: Sheet) -> Iterator[Step]:
+def _axis(node: NodeSettings, master: MasterSettings, sheet: Sheet, units: Units | None) -> Iterator[Step]:
     used = [*axis_pdos(node)]
     yield from _process_data(used, node.node, sheet)
     yield from _interpolation(node.profile, node.period_s)
     yield from _supervision(node.profile, master, sheet, node.unsupervised, node.brake)
     yield from _limits(node)
     yield from _homing(node)
+    if units is not None:
+        yield from _homing_speeds(node, units)
     for write in node.profile.writes:
         yield _one(write.index, write.sub, write.value, write.why)
 
@@ -340,12 +349,16 @@ def _homing(node: NodeSettings) -> Iterator[Step]:
         yield _one(0x6098, 0, node.homing_method, "the machine file chooses how to home")
         if node.profile.home_offset is not None:
             yield _one(node.profile.home_offset, 0, node.homing_position_counts, "homing sets this position")
-    for index, sub, value, what in (
-        (0x6099, 1, node.homing_fast_counts_s, "the search for the switch"),
-        (0x6099, 2, node.homing_slow_counts_s, "the search for the zero"),
-        (0x609A, 0, node.homing_acceleration_counts_s2, "homing"),
+
+
+def _homing_speeds(node: NodeSettings, units: Units) -> Iterator[Step]:
+    for index, sub, counts, convert, what in (
+        (0x6099, 1, node.homing_fast_counts_s, units.velocity, "the search for the switch"),
+        (0x6099, 2, node.homing_slow_counts_s, units.velocity, "the search for the zero"),
+        (0x609A, 0, node.homing_acceleration_counts_s2, units.acceleration, "homing"),
     ):
-        if value:
+        if counts:
+            value = convert(counts, f"object {index:04X}h:{sub:02X}")
             yield _one(index, sub, value, f"the machine file says how fast {what} is")
 
 

@@ -87,7 +87,7 @@ class Drive(PowerStage):
         self._interpolates = profile.mode is CyclicMode.IP
         self._frame: bytearray | memoryview = pdo.command_frame(node, profile.rpdo)
         self.feed_forward = settings.feed_forward
-        self._per_s = 1.0 / settings.period_s
+        self.set_velocity_units(settings.velocity_units)
         self._word_frame = pdo.frame(pdo.rpdo(profile.command_rpdo, node), bytes(2))
         self._word_due_s = NEVER_S
         self._repeats = 0
@@ -99,6 +99,10 @@ class Drive(PowerStage):
         self.probe = TouchProbe(node, settings.probe_tpdo) if settings.probe_tpdo else None
         if self.probe is not None:
             self.handlers |= self.probe.handlers
+
+    def set_velocity_units(self, per_count_s: float) -> None:
+        """How many of its units of velocity (60B1h) one count per second is, as commissioning read."""
+        self._per_period = per_count_s / self.settings.period_s
 
     # -- in
 
@@ -235,7 +239,7 @@ class Drive(PowerStage):
 
     def frame(self, setpoint: int, now_s: float) -> bytearray | memoryview:
         """The synchronous RPDO, packed: the setpoint (counts) or the actual position, and with it
-        the controlword, or with feed-forward the velocity (counts/s) of the period it begins.
+        the controlword, or with feed-forward the velocity (the drive's units) of the period it begins.
 
         The same buffer every time: send it before the next call.
         """
@@ -257,7 +261,7 @@ class Drive(PowerStage):
         """A drive goes from the last target to this one in a straight line: this is its slope."""
         if not self.following:
             return 0
-        velocity = round((setpoint - self.setpoint) * self._per_s)
+        velocity = round((setpoint - self.setpoint) * self._per_period)
         return max(INT32_MIN, min(INT32_MAX, velocity))
 
     def event_frame(self, now_s: float, heartbeat_s: float) -> bytearray | None:

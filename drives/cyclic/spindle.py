@@ -41,7 +41,8 @@ class SpindleDrive(PowerStage):
             lost_after=lost_after,
         )
         self.settings = settings
-        self.speed = 0
+        self.set_velocity_units(settings.velocity_units)
+        self.speed = 0.0
         self.speed_at_s = NEVER_S
         self.wanted_rev_min = 0.0
         self._wanted_speed = 0.0  # counts/s
@@ -56,13 +57,16 @@ class SpindleDrive(PowerStage):
         self._repeats = 0
         self.handlers[pdo.tpdo(profile.tpdo, node)] = self._feedback
 
+    def set_velocity_units(self, per_count_s: float) -> None:
+        """How many of its units of velocity (60FFh, 606Ch) one count per second is, as was read."""
+        self._units, self._unit = per_count_s, 1.0 / per_count_s
+
     # -- what is wanted
 
     def want_speed(self, rev_min: float) -> None:
         """Turn so fast, rev/min; positive as M3, negative as M4. It turns while ENABLED is wanted."""
         self.wanted_rev_min = rev_min
-        speed = rev_min / 60.0 * self.settings.counts_per_rev
-        self._wanted_speed = max(float(INT32_MIN), min(float(INT32_MAX), speed))
+        self._wanted_speed = rev_min / 60.0 * self.settings.counts_per_rev
 
     def stop(self) -> None:
         """Come to a standstill, and stay enabled."""
@@ -98,7 +102,8 @@ class SpindleDrive(PowerStage):
         if len(data) != pdo.PDO_BYTES:
             self.malformed += 1
             return
-        statusword, self.speed = _unpack_feedback(data)
+        statusword, speed = _unpack_feedback(data)
+        self.speed = speed * self._unit
         self.speed_at_s = now_s
         self._arrived = True
         if statusword != self.statusword or self._pending:
@@ -123,7 +128,7 @@ class SpindleDrive(PowerStage):
         return self._frame
 
     def _lead(self, now_s: float) -> int:
-        """The speed to command now, counts/s. Without operation it is the actual one, where it begins."""
+        """The speed to command now, in the drive's units; without operation the actual one, for a start."""
         step_s = min(max(now_s - self._stepped_s, 0.0), LONGEST_STEP_S)
         self._stepped_s = now_s
         if self.state is not State.OPERATION_ENABLED or self._controlword != cia402.ENABLE_OPERATION:
@@ -133,4 +138,4 @@ class SpindleDrive(PowerStage):
         else:
             most = self._acceleration * step_s
             self._led_speed += max(-most, min(most, self._wanted_speed - self._led_speed))
-        return round(self._led_speed)
+        return max(INT32_MIN, min(INT32_MAX, round(self._led_speed * self._units)))

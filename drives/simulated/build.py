@@ -26,19 +26,19 @@ def drive(settings: NodeSettings, parameters: Parameters) -> SimulatedDrive:
     if settings.absolute:
         at = settings.homing_position_counts
         parameters = replace(parameters, position_counts=at, absolute_encoder=True)
-    nature = sized(parameters, settings.speed_counts_s, settings.acceleration_counts_s2)
+    nature = sized(parameters, settings.velocity_counts_s, settings.acceleration_counts_s2)
     made = SimulatedDrive(settings.node, nature, Path(settings.eds) if settings.eds else EDS)
     return families.restrict(made, settings.profile)
 
 
-def sized(parameters: Parameters, speed_counts_s: float, acceleration_counts_s2: float) -> Parameters:
+def sized(parameters: Parameters, velocity_counts_s: float, acceleration_counts_s2: float) -> Parameters:
     """A motor for an axis that moves so fast (0 = not known), unless it has been chosen."""
     usual = Parameters()
     changes: dict[str, float] = {}
     if acceleration_counts_s2 and parameters.strongest_counts_s2 == usual.strongest_counts_s2:
         changes["strongest_counts_s2"] = TORQUE_RESERVE * acceleration_counts_s2
-    if speed_counts_s and parameters.fastest_counts_s == usual.fastest_counts_s:
-        changes["fastest_counts_s"] = SPEED_RESERVE * speed_counts_s
+    if velocity_counts_s and parameters.fastest_counts_s == usual.fastest_counts_s:
+        changes["fastest_counts_s"] = SPEED_RESERVE * velocity_counts_s
     return replace(parameters, **changes)
 
 

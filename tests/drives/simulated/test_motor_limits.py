@@ -160,7 +160,7 @@ def test_a_quick_stop_takes_as_long_as_the_torque_lets_it() -> None:
 
 
 def test_a_motor_is_sized_for_its_axis_unless_it_has_been_chosen() -> None:
-    node = NodeSettings("X", "can", 1, "", speed_counts_s=4e7, acceleration_counts_s2=4e8)
+    node = NodeSettings("X", "can", 1, "", velocity_counts_s=4e7, acceleration_counts_s2=4e8)
     sized = build.drive(node, Parameters()).parameters
     assert (sized.strongest_counts_s2, sized.fastest_counts_s) == pytest.approx((1.2e9, 4.8e7))
     chosen = build.drive(node, Parameters(strongest_counts_s2=5e8, fastest_counts_s=4e7)).parameters

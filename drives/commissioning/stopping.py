@@ -1,0 +1,190 @@
+"""How a drive stops by itself: arranged as far as it lets itself be told, then believed as it reads.
+
+What is offered, in the drive's own units, and what it is made of:
+
+    6085h  quick stop deceleration     the machine file's word, else the axis' largest acceleration: for that
+                                       its motor and mechanics are made, so the ramp needs nothing to spare
+    6084h  profile deceleration        the axis' largest acceleration
+    605Bh  605Ch  605Dh                1: ramps by 6084h, before the power goes
+    605Eh  fault reaction              2: the quick stop's ramp
+    6066h  following error time-out    five ticks, so that the drive trips before the axis has gone far
+    607Fh  6080h  largest speed        the axis' and 5 % (6080h where 60A9h says its unit)
+    60C5h  60C6h                       no less than path and quick stop need
+
+A number out of the data sheet's range becomes the nearest in it: less deceleration makes the promise longer,
+less time-out trips sooner. 605Ah is the profile's, and written before. What is refused, missing or fixed is
+told, and what is read counts: a standstill is promised by 6085h, 6084h and 60C6h as they are, or, where they
+tell nothing, by the longest stop that the machine file allows. A longer one is refused.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from drives.arranged import Arranged
+from drives.commissioning.network import CommissionError
+from drives.commissioning.possible import range_of
+from drives.commissioning.remote import Drive
+from drives.commissioning.units import Units
+from drives.commissioning.wanted import Setting
+from drives.settings import NodeSettings, SpindleSettings
+
+QUICK_STOP, FAULT_REACTION = 0x605A, 0x605E  # option codes
+SLOW, QUICK = (1, 5), (2, 6)  # their ramps: by 6084h, by 6085h
+DECELERATION = {SLOW: (0x6084, 0x6083), QUICK: (0x6085,)}  # the first that is there (CiA 402-2, 6084h)
+MARGIN = 1.05  # of the largest speed
+HEADROOM = 1.2  # of 60C5h over the path's accelerations: rounding to counts, and the servo
+TIME_OUT_TICKS = 5
+FOLLOWING = 0x6066
+MOST = 0xFFFF_FFFF
+# Without these a drive stops as well as with them.
+UNIMPORTANT = (0x605D, 0x6083, 0x6084, FOLLOWING, 0x6080, 0x60C5, 0x60C6)
+
+Read = Mapping[int, int]  # by index
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """One object that a drive should have so."""
+
+    index: int
+    value: int
+    why: str
+    at_least: bool = False
+
+
+def arrange(drive: Drive, node: NodeSettings, units: Units) -> Arranged:
+    """Offer all of it and read it back. Raises CommissionError, UnitError."""
+    if node.feed_forward:
+        units.see_fits(node.velocity_counts_s, "object 60B1h:00")
+    if not node.velocity_counts_s:
+        return _arranged(drive, units)
+    found: dict[int, int] = {}
+    notes = [
+        f"{drive.title}: {problem}."
+        for offer in offers(node, units)
+        for problem in _made(drive, offer, found)
+    ]
+    for index in (QUICK_STOP,) if 0x6084 in found else (QUICK_STOP, 0x6083):
+        if (value := drive.find(index)) is not None:
+            found[index] = value
+    stop = stop_counts_s2(found, node, units)
+    stop_s = node.velocity_counts_s / stop if stop else node.most_quick_stop_s
+    if not stop:
+        notes.append(
+            f"{drive.title}: it does not tell how hard it brakes (objects 605Ah, 6085h); promised is the"
+            f" longest stop, {stop_s:g} s: measure it, and write quick_stop_mm_s2 or quick_stop_deg_s2."
+        )
+    if stop_s > node.most_quick_stop_s:
+        raise CommissionError(f"{drive.title}: {_too_long(found, stop_s, node)}")
+    return _arranged(drive, units, stop, stop_s, found, notes)
+
+
+def _made(drive: Drive, offer: Offer, found: dict[int, int]) -> Iterator[str]:
+    """Offer one object; what it is then goes into ``found``, and why it is not as it should be comes out."""
+    value = _within(drive, offer)
+    have, problem = drive.offer(Setting(offer.index, 0, value, offer.why), offer.at_least)
+    if have is not None:
+        found[offer.index] = have
+    if problem and (have is not None or offer.index not in UNIMPORTANT):
+        yield f"{problem}; {offer.why}"
+    elif have == value != offer.value and offer.index != FOLLOWING:
+        yield f"object {offer.index:04X}h:00 goes as far as {value}, {offer.value} is wanted; {offer.why}"
+
+
+def _arranged(
+    drive: Drive,
+    units: Units,
+    stop: float = 0.0,
+    stop_s: float = 0.0,
+    found: Read | None = None,
+    notes: list[str] | None = None,
+) -> Arranged:
+    objects = tuple((f"{index:04X}h:00", value) for index, value in sorted((found or {}).items()))
+    sizes = units.velocity_counts_s, units.acceleration_counts_s2
+    return Arranged(
+        drive.settings.name, drive.settings.node, *sizes, stop, stop_s, objects, tuple(notes or ())
+    )
+
+
+def of_spindle(drive: Drive, node: SpindleSettings, units: Units) -> Arranged:
+    """Its units; a spindle's ramps are its own. Raises UnitError."""
+    units.see_fits(abs(node.counts_per_rev) * node.most_rev_min / 60.0, "object 60FFh:00")
+    return _arranged(drive, units)
+
+
+def offers(node: NodeSettings, units: Units) -> Iterator[Offer]:
+    """What a drive should have. Raises UnitError."""
+    most = node.acceleration_counts_s2
+    quick = node.quick_stop_counts_s2 or most
+    yield Offer(
+        0x6085, units.acceleration(quick, "object 6085h:00"), "a quick stop takes as long as is promised"
+    )
+    slow = units.acceleration(most, "object 6084h:00")
+    yield Offer(0x6084, slow, "the drive's own ramps are those of the axis")
+    for index, code, why in (
+        (0x605B, 1, "shutdown brakes before the power goes"),
+        (0x605C, 1, "disable operation brakes before the power goes"),
+        (0x605D, 1, "halt brakes"),
+        (FAULT_REACTION, 2, "a fault brakes before the power goes"),
+    ):
+        yield Offer(index, code, why)
+    late_ms = max(1, round(TIME_OUT_TICKS * node.period_s * 1e3))
+    yield Offer(FOLLOWING, late_ms, "the drive must trip before the axis has gone far")
+    fastest = _fastest(node.velocity_counts_s / units.velocity_counts_s)
+    yield Offer(0x607F, fastest, "no motor may be faster than its axis")
+    if units.said:
+        yield Offer(0x6080, fastest, "no motor may be faster than its axis")
+    why = "neither path nor quick stop may be held back"
+    needed = math.ceil(HEADROOM * max(most, quick) / units.acceleration_counts_s2)
+    yield Offer(0x60C5, min(needed, MOST), why, at_least=True)
+    yield Offer(0x60C6, min(needed, MOST), why, at_least=True)
+
+
+def _fastest(exact: float) -> int:
+    """Within 5 % above the axis' speed, if the unit is fine enough for that; never below it."""
+    return max(math.floor(MARGIN * exact), math.ceil(exact))
+
+
+def _within(drive: Drive, offer: Offer) -> int:
+    """The nearest that the data sheet allows."""
+    entry = drive.sheet.find(offer.index)
+    least, most = range_of(entry) if entry is not None else (None, None)
+    value = offer.value if least is None else max(least, offer.value)
+    return value if most is None else min(most, value)
+
+
+def stop_counts_s2(found: Read, node: NodeSettings, units: Units) -> float:
+    """The weakest of the ramps by which the drive may stop, as read; 0 = it does not tell."""
+    slowest: list[float] = []
+    for index, otherwise in ((QUICK_STOP, node.profile.quick_stop_code), (FAULT_REACTION, 2)):
+        code = found.get(index, otherwise)
+        if (ramp := _ramp(code, found)) is not None:
+            slowest.append(ramp * units.acceleration_counts_s2)
+        elif index == QUICK_STOP:
+            # A drive that has no such object stops as its makers have it; the machine file may know.
+            return 0.0 if 0x6085 in found else node.quick_stop_counts_s2
+    if limit := found.get(0x60C6):
+        slowest.append(limit * units.acceleration_counts_s2)
+    return min(slowest)
+
+
+def _ramp(code: int | None, found: Read) -> float | None:
+    """In the drive's units. None: it coasts, brakes as hard as it can, or does not tell."""
+    for codes, objects in DECELERATION.items():
+        if code in codes or (code is None and codes is QUICK):
+            return next((float(found[index]) for index in objects if found.get(index)), None)
+    return None
+
+
+def _too_long(found: Read, stop_s: float, node: NodeSettings) -> str:
+    told = ", ".join(
+        f"{index:04X}h reads {found[index]}" for index in (0x6085, 0x6084, 0x60C6) if index in found
+    )
+    return (
+        f"a quick stop from the largest speed would take {stop_s:.3g} s (object {told}), allowed is"
+        f" max_quick_stop_s = {node.most_quick_stop_s:g}; let the drive brake harder, or raise that in"
+        " [machine]"
+    )

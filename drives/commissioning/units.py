@@ -1,0 +1,307 @@
+"""In which units a drive takes speeds and accelerations, from what it says of them (CiA 402-2, CiA 303-2).
+
+Positions are in the drive's position units, which the machine file calls counts. With the objects of
+CiA 402-2, "factor group":
+
+    position = increments x feed constant (6092h) / (encoder resolution (608Fh) x gear ratio (6091h))
+    velocity = d position / dt x velocity factor (6096h)         where 60A9h does not say otherwise
+
+so a revolution of the motor is 6092h / 6091h counts, whatever the encoder has: 608Fh counts only where there
+is no feed constant, and 6090h cancels out. SI units (60A8h, 60A9h, 60AAh) are
+
+    31 ... 24 exponent   23 ... 16 numerator   15 ... 8 denominator   7 ... 0 reserved
+
+What is meant is, in this order: the machine file's own word, which 60A9h must not contradict; 60A9h and
+60AAh (without the latter, velocity units per second); the profile's; 6096h and 6097h on counts.
+Inverted polarity (607Eh) inverts targets and actual positions alike inside of the drive, so counts are what
+they are; the sign of the machine file's counts belongs to it. It is read, never written. Its bits 7
+(position) and 6 (velocity) must agree, or velocity feed-forward had the wrong sign.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from drives.settings import INT32_MAX, NodeSettings, SpindleSettings
+
+# An object's value; None: the drive has no such object.
+Read = Callable[[int, int], int | None]
+
+# CiA 303-2, and C0h as makers use it for accelerations: revolutions per minute.
+METRE, RADIAN, DEGREE, REVOLUTION, INCREMENT, REV_MIN = 0x01, 0x10, 0x41, 0xB4, 0xB5, 0xC0
+PER_S = {0x03: 1.0, 0x47: 60.0, 0x48: 3600.0}  # second, minute, hour
+PER_S2 = {0x57: 1.0, 0x58: 3600.0}  # their squares
+ANGLES = {RADIAN: 1.0, DEGREE: math.pi / 180.0}
+
+POLARITY, POSITION_BIT, VELOCITY_BIT = 0x607E, 1 << 7, 1 << 6
+RESOLUTION, GEAR, FEED = 0x608F, 0x6091, 0x6092
+VELOCITY_FACTOR, ACCELERATION_FACTOR = 0x6096, 0x6097
+OLD_FACTORS = (0x6093, 0x6094)  # of CiA DSP 402 before version 2
+SAME = 1e-6  # two units that differ by less are the same
+FACTOR_SAME = 1e-3  # factors are ratios of integers, and rounded
+OWN_WORD = "or say velocity_unit_counts_s in the machine file"
+
+
+class UnitError(Exception):
+    """A unit is not known, or a value cannot be told in it; the sentence names the object."""
+
+
+@dataclass(frozen=True, slots=True)
+class Units:
+    """Sizes of the drive's units, in counts."""
+
+    velocity_counts_s: float = 1.0
+    acceleration_counts_s2: float = 1.0
+    said: bool = False  # 60A9h says so: 6080h is in this unit, too
+    inverted: bool = False  # 607Eh
+
+    def velocity(self, counts_s: float, where: str) -> int:
+        """A speed in the drive's units. Raises UnitError where none is near it."""
+        return _nearest(counts_s, self.velocity_counts_s, where, "counts/s")
+
+    def acceleration(self, counts_s2: float, where: str) -> int:
+        """Likewise an acceleration."""
+        return _nearest(counts_s2, self.acceleration_counts_s2, where, "counts/s^2")
+
+    def see_fits(self, counts_s: float, where: str) -> None:
+        """Raises UnitError for a speed that no INTEGER32 takes in this unit."""
+        if counts_s / self.velocity_counts_s > INT32_MAX:
+            raise UnitError(
+                f"{where}: {counts_s:g} counts/s are {counts_s / self.velocity_counts_s:.3g} units of"
+                f" {self.velocity_counts_s:g} counts/s, an INTEGER32 takes {INT32_MAX}; choose a coarser unit"
+                " in the drive (60A9h)"
+            )
+
+
+COARSEST = 0.25  # a value may be larger by this share than what is wanted, for want of a finer unit
+
+
+def _nearest(wanted: float, unit: float, where: str, name: str) -> int:
+    """Never 0, which many objects take for "none" or "as fast as it goes"; else less is safer than more."""
+    exact = wanted / unit
+    near = round(exact)
+    if near > (1.0 + COARSEST) * exact:
+        near = math.floor(exact)
+    if near < 1:
+        raise UnitError(
+            f"{where}: {wanted:g} {name} are wanted, the drive's unit is {unit:g} {name}; choose a finer"
+            " unit in the drive (60A9h), or more in the machine file"
+        )
+    return near
+
+
+class Si(NamedTuple):
+    """An SI unit as 60A8h, 60A9h, 60AAh have it."""
+
+    exponent: int
+    numerator: int
+    denominator: int
+
+    @property
+    def prefix(self) -> float:
+        return float(10.0**self.exponent)
+
+
+def si(word: int) -> Si:
+    """The parts of an object's value."""
+    exponent = word >> 24 & 0xFF
+    return Si(exponent - 256 if exponent > 127 else exponent, word >> 16 & 0xFF, word >> 8 & 0xFF)
+
+
+def units_of(settings: NodeSettings | SpindleSettings, read: Read) -> Units:
+    """The units of a drive. Raises UnitError, and what ``read`` raises."""
+    return _Reading(settings, read).units()
+
+
+class _Reading:
+    """One drive's objects, as far as they are needed."""
+
+    def __init__(self, settings: NodeSettings | SpindleSettings, read: Read) -> None:
+        self._settings = settings
+        self._ask = read
+        self._found: dict[tuple[int, int], int | None] = {}
+
+    def _read(self, index: int, sub: int) -> int | None:
+        """Asked for once."""
+        if (index, sub) not in self._found:
+            self._found[index, sub] = self._ask(index, sub)
+        return self._found[index, sub]
+
+    def units(self) -> Units:
+        inverted = self._inverted()
+        if self._position is not None:
+            self._see_position(self._position)
+        told, own = self._told(), self._own()
+        if told is not None and own is not None and abs(told[0] - own[0]) > SAME * own[0]:
+            raise UnitError(
+                f"object 60A9h is {self._word(0x60A9):08X}h, a unit of {told[0]:g} counts/s; the machine file"
+                f" says velocity_unit_counts_s = {own[0]:g}; correct one of the two"
+            )
+        velocity, acceleration = own or told or self._of_family() or self._of_factors()
+        return Units(velocity, acceleration, told is not None, inverted)
+
+    # -- objects
+
+    def _word(self, index: int) -> int:
+        return self._read(index, 0) or 0
+
+    def _ratio(self, index: int) -> float | None:
+        """Two integers as one number; None where they are missing, or not set."""
+        above = self._read(index, 1)
+        below = self._read(index, 2) if above is not None else None
+        if not above and not below:
+            return None
+        if not above or not below:
+            raise UnitError(f"object {index:04X}h is {above} / {below}; write a ratio into the drive")
+        return above / below
+
+    @property
+    def _position(self) -> Si | None:
+        word = self._word(0x60A8)
+        return si(word) if word else None
+
+    def _inverted(self) -> bool:
+        polarity = self._word(POLARITY)
+        position, velocity = bool(polarity & POSITION_BIT), bool(polarity & VELOCITY_BIT)
+        if position != velocity and isinstance(self._settings, NodeSettings):
+            raise UnitError(
+                f"object 607Eh is {polarity:02X}h, which inverts {'position' if position else 'velocity'}"
+                " alone; write C0h or 0 into the drive, and let the machine file's counts have the sign"
+            )
+        return velocity
+
+    # -- what says it
+
+    def _own(self) -> tuple[float, float] | None:
+        velocity = self._settings.velocity_unit_counts_s
+        return (velocity, self._settings.acceleration_unit_counts_s2 or velocity) if velocity else None
+
+    def _of_family(self) -> tuple[float, float] | None:
+        profile = self._settings.profile
+        velocity = profile.velocity_unit_counts_s
+        return (velocity, profile.acceleration_unit_counts_s2 or velocity) if velocity else None
+
+    def _told(self) -> tuple[float, float] | None:
+        """By 60A9h and 60AAh; what the machine file says itself need not be understood."""
+        word = self._word(0x60A9)
+        if not word:
+            return None
+        try:
+            velocity = self._velocity(word)
+            acceleration = self._acceleration(self._word(0x60AA), velocity)
+        except UnitError:
+            if self._own() is not None:
+                return None
+            raise
+        self._see_factor(VELOCITY_FACTOR, velocity, 0x60A9)
+        self._see_factor(ACCELERATION_FACTOR, acceleration, 0x60AA)
+        return velocity, acceleration
+
+    def _of_factors(self) -> tuple[float, float]:
+        for index in OLD_FACTORS:
+            if self._ratio(index) not in (None, 1.0):
+                raise UnitError(
+                    f"object {index:04X}h is {self._ratio(index):g}, a factor of the old CiA 402 that is not"
+                    f" understood here; write 1 / 1 into the drive, {OWN_WORD}"
+                )
+        velocity = self._ratio(VELOCITY_FACTOR) or 1.0
+        acceleration = self._ratio(ACCELERATION_FACTOR) or 1.0
+        return 1.0 / velocity, 1.0 / acceleration
+
+    def _see_factor(self, index: int, unit: float, by: int) -> None:
+        """A factor of 1 is one that nobody set."""
+        factor = self._ratio(index) or 1.0
+        if factor != 1.0 and abs(factor * unit - 1.0) > FACTOR_SAME:
+            raise UnitError(
+                f"object {index:04X}h is {factor:g}, a unit of {1.0 / factor:g} counts, and object"
+                f" {by:04X}h makes it {unit:g}; correct one of the two in the drive"
+            )
+
+    # -- SI units
+
+    def _velocity(self, word: int) -> float:
+        unit = si(word)
+        if unit.denominator not in PER_S:
+            raise self._unknown(0x60A9, word)
+        return self._length(unit, 0x60A9, word) / PER_S[unit.denominator]
+
+    def _acceleration(self, word: int, velocity: float) -> float:
+        if not word:
+            return velocity
+        unit = si(word)
+        if unit.numerator == REV_MIN and unit.denominator in PER_S:
+            rev_min = self._length(unit._replace(numerator=REVOLUTION), 0x60AA, word) / 60.0
+            return rev_min / PER_S[unit.denominator]
+        if unit.denominator not in PER_S2:
+            raise self._unknown(0x60AA, word)
+        return self._length(unit, 0x60AA, word) / PER_S2[unit.denominator]
+
+    def _length(self, unit: Si, index: int, word: int) -> float:
+        """Counts in one unit of way. What the position itself is measured in needs no more than prefixes."""
+        position = self._position
+        if position is not None and position.numerator == unit.numerator:
+            return unit.prefix / position.prefix
+        if unit.numerator == INCREMENT:
+            return unit.prefix * self._counts_per_increment()
+        if unit.numerator == REVOLUTION:
+            return unit.prefix * self._counts_per_revolution(index, word)
+        if unit.numerator == METRE and self._per_si(rotary=False):
+            return unit.prefix * self._per_si(rotary=False)
+        if unit.numerator in ANGLES and self._per_si(rotary=True):
+            return unit.prefix * ANGLES[unit.numerator] * self._per_si(rotary=True)
+        raise self._unknown(index, word)
+
+    def _unknown(self, index: int, word: int) -> UnitError:
+        return UnitError(
+            f"object {index:04X}h is {word:08X}h, a unit that is not understood for such an axis; choose"
+            f" 00B44700h (1/min) in the drive, {OWN_WORD}"
+        )
+
+    def _per_si(self, rotary: bool) -> float:
+        """Counts per metre or radian of the axis; 0 = it is of the other kind, or nobody said."""
+        node = self._settings
+        return node.counts_per_si if isinstance(node, NodeSettings) and node.rotary is rotary else 0.0
+
+    def _see_position(self, unit: Si) -> None:
+        """A position in SI units leaves the machine file no choice."""
+        size = ANGLES.get(unit.numerator, 1.0) * unit.prefix
+        known = self._per_si(unit.numerator in ANGLES) if unit.numerator in (METRE, *ANGLES) else 0.0
+        if known and abs(known * size - 1.0) > SAME:
+            name = "radian" if unit.numerator in ANGLES else "metre"
+            raise UnitError(
+                f"object 60A8h is {self._word(0x60A8):08X}h, which is {1.0 / size:g} counts per {name}; the"
+                f" machine file's are {known:g}; correct one of the two"
+            )
+
+    def _counts_per_increment(self) -> float:
+        feed, resolution = self._ratio(FEED), self._ratio(RESOLUTION)
+        if self._position is not None or feed in (None, 1.0) or resolution in (None, 1.0):
+            return 1.0
+        return (feed or 1.0) / (resolution or 1.0) / (self._ratio(GEAR) or 1.0)
+
+    def _counts_per_revolution(self, index: int, word: int) -> float:
+        """Of the motor, or of the driving shaft, as the family has it."""
+        feed, gear = self._ratio(FEED), self._ratio(GEAR) or 1.0
+        of_shaft = self._settings.profile.revolution == "shaft"
+        if feed is not None and feed != 1.0:
+            return feed if of_shaft else feed / gear
+        resolution = self._ratio(RESOLUTION)
+        if feed is None or resolution in (None, 1.0):
+            motor = (resolution if resolution not in (None, 1.0) else None) or self._of_encoder()
+            if motor:
+                return motor * gear if of_shaft else motor
+        told = f"608Fh is {resolution or 'not there'}, 6092h is {feed or 'not there'}"
+        raise UnitError(
+            f"object {index:04X}h is {word:08X}h, in revolutions, and nothing says how many counts one has"
+            f" ({told}); write 6092h (position units per revolution) into the drive, {OWN_WORD}"
+        )
+
+    def _of_encoder(self) -> float:
+        """The family's objects, the first that has a value; of a spindle without any, the machine file."""
+        for entry in self._settings.profile.encoder_resolution:
+            if value := self._read(entry.index, entry.sub):
+                return float(value * entry.times)
+        return 0.0 if isinstance(self._settings, NodeSettings) else abs(self._settings.counts_per_rev)
