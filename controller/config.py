@@ -16,7 +16,7 @@ from pathlib import Path
 
 from controller import equipment, profiles
 from controller.geometry import ZERO, Frame, Vector, X, Y, Z, cross, norm, rotate, scale, subtract
-from controller.machine import Axis, Bus, Kind, Limits, Machine, Sense, Spindle, Tool
+from controller.machine import MAX_QUICK_STOP_S, Axis, Bus, Kind, Limits, Machine, Sense, Spindle, Tool
 from controller.nodes import all_settings as all_settings
 from controller.nodes import bus_settings as bus_settings
 from controller.nodes import eds_of as eds_of
@@ -95,6 +95,7 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
         io=equipment.io(top.table("io", "[io]"), buses, axes, folder) if top.has("io") else None,
         table=equipment.work_table(top.table("table", "[table]")) if top.has("table") else None,
         placement=general.text("placement", PLACEMENTS, "single"),
+        max_quick_stop_s=general.number("max_quick_stop_s", 0.01, 60.0, default=MAX_QUICK_STOP_S),
         max_overcut_mm=general.positive_or_none("max_overcut_mm"),
     )
     for table in (general, tools, top):
@@ -187,6 +188,7 @@ def _axis(table: Table, buses: tuple[Bus, ...], folder: Path | None) -> Axis:
         unsupervised=table.flag("unsupervised", False),
         clamp=equipment.clamp(table),
         temperature=equipment.temperature(table),
+        stopping=equipment.stopping(table, unit, inner),
     )
     table.finish()
     return axis

@@ -9,7 +9,18 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from controller.geometry import Z, norm, scale
-from controller.machine import Axis, Bus, Clamp, Following, Homing, Io, Spindle, Temperature, WorkTable
+from controller.machine import (
+    Axis,
+    Bus,
+    Clamp,
+    Following,
+    Homing,
+    Io,
+    Spindle,
+    Stopping,
+    Temperature,
+    WorkTable,
+)
 from controller.toml_table import Table
 
 INPUTS = ("estop", "door", "power", "tool_clamped", "coolant_flow")  # beside those that clamps name
@@ -39,6 +50,7 @@ def spindle(table: Table, buses: Sequence[Bus], profile: FindProfile, folder: Pa
         spin_up_s=table.number("spin_up_s", 0.1, 120.0, default=10.0),
         acceleration_rev_s2=table.positive("acceleration_rev_s2", default=50.0),
         eds=_data_sheet(table, folder),
+        stopping=Stopping(0.0, *_units(table)),
     )
     _fits(table, found)
     table.finish()
@@ -46,7 +58,7 @@ def spindle(table: Table, buses: Sequence[Bus], profile: FindProfile, folder: Pa
 
 
 def _fits(table: Table, found: Spindle) -> None:
-    """The target is counts per second in an int32 (60FFh)."""
+    """The target is at most an int32 (60FFh), in counts per second where the drive has no other unit."""
     if found.counts_per_rev == 0.0:
         table.refuse("counts_per_rev", "is zero", "a number other than 0", "give the encoder's resolution")
     most = (2**31 - 1) / abs(found.counts_per_rev) * 60.0
@@ -54,6 +66,19 @@ def _fits(table: Table, found: Spindle) -> None:
         problem = f"{found.max_rev_min:g} 1/min does not fit a drive's 32-bit velocity in counts/s"
         allowed = f"up to {most:.0f} 1/min with this counts_per_rev"
         table.refuse("max_rev_min", problem, allowed, "lower it or the resolution")
+
+
+def stopping(table: Table, unit: str, inner: float) -> Stopping:
+    """``quick_stop_mm_s2`` and the drive's units of an axis; ``unit`` is mm or deg, ``inner`` its size."""
+    return Stopping(table.positive_or_none(f"quick_stop_{unit}_s2", abs(inner)) or 0.0, *_units(table))
+
+
+def _units(table: Table) -> tuple[float, float]:
+    """One unit of the drive's velocity and acceleration, where the drive cannot say what they are."""
+    velocity, acceleration = "velocity_unit_counts_s", "acceleration_unit_counts_s2"
+    if table.has(acceleration) and not table.has(velocity):
+        table.refuse(acceleration, f"{velocity} is missing", "both, or none", "add it")
+    return table.positive_or_none(velocity) or 0.0, table.positive_or_none(acceleration) or 0.0
 
 
 def homing(table: Table, unit: str, travel: tuple[float, float], inner: float) -> Homing:

@@ -42,7 +42,14 @@ from controller.pieces import (
     StopTable,
     dwell,
 )
-from controller.requests import RequestInbox, request_pair, send_jog, send_request
+from controller.requests import (
+    Arrangement,
+    RequestInbox,
+    request_pair,
+    send_arrangement,
+    send_jog,
+    send_request,
+)
 from controller.state import Fault, Mode
 
 if TYPE_CHECKING:
@@ -61,6 +68,7 @@ __all__ = [
     "STANDSTILL",
     "STILL",
     "STOOD",
+    "Arrangement",
     "Jog",
     "Law",
     "Piece",
@@ -79,6 +87,7 @@ __all__ = [
     "encode",
     "piece_pair",
     "request_pair",
+    "send_arrangement",
     "send_jog",
     "send_request",
 ]

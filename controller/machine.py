@@ -14,6 +14,8 @@ from enum import Enum
 
 from controller.geometry import Frame, Vector
 
+MAX_QUICK_STOP_S = 3.0  # where the machine file says nothing
+
 Joints = tuple[float, float, float, float, float]
 
 
@@ -92,6 +94,15 @@ class Clamp:
 
 
 @dataclass(frozen=True, slots=True)
+class Stopping:
+    """How the drive should stop by itself, and its units; 0 = as ``nodes`` and the drive have it."""
+
+    quick_stop: float = 0.0  # deceleration, mm/s^2 or rad/s^2; 0 = the largest acceleration
+    velocity_unit_counts_s: float = 0.0  # of 6099h, 60B1h ...
+    acceleration_unit_counts_s2: float = 0.0  # of 6085h, 609Ah ...; 0 with the former: that, per second
+
+
+@dataclass(frozen=True, slots=True)
 class Axis:
     """One joint: geometry, travel, limits, and the drive that moves it."""
 
@@ -119,6 +130,7 @@ class Axis:
     serial: int = 0  # of the very drive that belongs here (1018h:04); 0 = any of its kind
     clamp: Clamp | None = None
     temperature: Temperature | None = None
+    stopping: Stopping = Stopping()
 
     @property
     def is_rotary(self) -> bool:
@@ -173,6 +185,7 @@ class Spindle:
     spin_up_s: float = 10.0  # longest time until it is at speed, or stands
     acceleration_rev_s2: float = 50.0  # at which it is led to its speed in mode 9
     eds: str = ""  # path of its data sheet; "" = the profile's
+    stopping: Stopping = Stopping()  # its units alone
 
     @property
     def is_driven(self) -> bool:
@@ -235,6 +248,7 @@ class Machine:
     io: Io | None = None
     table: WorkTable | None = None  # for the check of collisions; None: nobody has told its size
     placement: str = "single"  # of the cutter on surfaces: "single" (the paper), "double" or "optimal"
+    max_quick_stop_s: float = MAX_QUICK_STOP_S  # a drive that takes longer to stop by itself is refused
     max_overcut_mm: float | None = None  # deeper overcut than this is a gouge wherever it comes from
 
     @property

@@ -17,6 +17,7 @@ from drives.settings import (
 )
 
 IN_POSITION_COUNTS = 2.0
+MM_PER_M = 1000.0
 IO_EDS = Path(__file__).resolve().parent.parent / "config" / "eds" / "simulated_io.eds"
 
 
@@ -32,7 +33,7 @@ def master_settings(machine: Machine) -> MasterSettings:
 
 def node_settings(machine: Machine) -> tuple[NodeSettings, ...]:
     """One drive per axis, in the axes' order, in counts; raises ``ConfigError`` without its EDS."""
-    return tuple(_node(axis, machine.period_s) for axis in machine.axes)
+    return tuple(_node(axis, machine) for axis in machine.axes)
 
 
 def spindle_settings(machine: Machine) -> SpindleSettings | None:
@@ -50,6 +51,9 @@ def spindle_settings(machine: Machine) -> SpindleSettings | None:
         at_speed_share=spindle.at_speed_share,
         profile=profiles.load(spindle.profile),
         acceleration_rev_s2=spindle.acceleration_rev_s2,
+        most_rev_min=spindle.max_rev_min,
+        velocity_unit_counts_s=spindle.stopping.velocity_unit_counts_s,
+        acceleration_unit_counts_s2=spindle.stopping.acceleration_unit_counts_s2,
     )
 
 
@@ -82,7 +86,8 @@ def eds_of(profile: str, named: str = "") -> Path:
     return Path(eds).resolve()
 
 
-def _node(axis: Axis, period_s: float) -> NodeSettings:
+def _node(axis: Axis, machine: Machine) -> NodeSettings:
+    counts = abs(axis.counts_per_unit)
     ends = sorted(round(q * axis.counts_per_unit) for q in (axis.travel_min, axis.travel_max))
     return NodeSettings(
         name=axis.name,
@@ -96,12 +101,18 @@ def _node(axis: Axis, period_s: float) -> NodeSettings:
         homing_method=axis.homing.method,
         homing_position_counts=round(axis.homing.position * axis.counts_per_unit),
         absolute=axis.homing.absolute,
-        homing_fast_counts_s=round(axis.homing.fast * abs(axis.counts_per_unit)),
-        homing_slow_counts_s=round(axis.homing.slow * abs(axis.counts_per_unit)),
-        homing_acceleration_counts_s2=round(axis.homing.acceleration * abs(axis.counts_per_unit)),
-        speed_counts_s=axis.limits.velocity * abs(axis.counts_per_unit),
-        acceleration_counts_s2=axis.limits.acceleration * abs(axis.counts_per_unit),
-        period_s=period_s,
+        homing_fast_counts_s=round(axis.homing.fast * counts),
+        homing_slow_counts_s=round(axis.homing.slow * counts),
+        homing_acceleration_counts_s2=round(axis.homing.acceleration * counts),
+        velocity_counts_s=axis.limits.velocity * counts,
+        acceleration_counts_s2=axis.limits.acceleration * counts,
+        quick_stop_counts_s2=axis.stopping.quick_stop * counts,
+        most_quick_stop_s=machine.max_quick_stop_s,
+        rotary=axis.is_rotary,
+        counts_per_si=counts if axis.is_rotary else counts * MM_PER_M,
+        velocity_unit_counts_s=axis.stopping.velocity_unit_counts_s,
+        acceleration_unit_counts_s2=axis.stopping.acceleration_unit_counts_s2,
+        period_s=machine.period_s,
         brake=axis.brake,
         feedback_every=axis.feedback_every,
         feed_forward=axis.feed_forward,

@@ -92,6 +92,7 @@ class Request(IntEnum):
     OPTIONAL_STOP = 13  # value: 1 = M1 stops, 0 = it does not
     JOG = 14  # a datagram of its own: pieces.Jog; sent again and again while a key is down
     JOG_STOP = 15  # the key is up
+    ARRANGED = 16  # a datagram of its own: what commissioning has found of the drives
 
 
 # (mode, request) -> mode that follows at once. Overrides and switches are allowed in every
@@ -137,6 +138,7 @@ ALWAYS = frozenset(
         Request.SINGLE_BLOCK,
         Request.OPTIONAL_STOP,
         Request.JOG_STOP,
+        Request.ARRANGED,
     }
 )
 

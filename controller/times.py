@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from controller.handoff import PLANNER_SILENCE_S, commit_lead_s
 from controller.machine import Machine
 from controller.state import Times
+from drives.arranged import Arranged
 from drives.settings import MasterSettings
 
 ENABLE_S = 5.0  # brakes take 0.2 s, some drives' intermediate circuits two or three
@@ -18,8 +20,8 @@ LOST_BUS_S = 0.1  # without a SYNC that can be sent: nothing that is commanded r
 STOP_FACTOR = 4.0
 
 
-def of(machine: Machine) -> Times:
-    """The times of a machine, from its axes' limits and the master's settings."""
+def of(machine: Machine, arranged: Sequence[Arranged] = ()) -> Times:
+    """The times of a machine: its axes' limits, the master's settings, and its drives as they were read."""
     master = MasterSettings(period_s=machine.period_s)
     return Times(
         machine.period_s,
@@ -30,7 +32,7 @@ def of(machine: Machine) -> Times:
         HOMING_S,
         _answer_s(machine),
         path_stop_s(machine),
-        quick_stop_s(machine),
+        quick_stop_s(machine, arranged),
         max(axis.feedback_every for axis in machine.axes),
     )
 
@@ -53,9 +55,13 @@ def answer_s(machine: Machine) -> float:
     return max([*clamps, machine.spindle.spin_up_s if machine.spindle is not None else 0.0])
 
 
-def quick_stop_s(machine: Machine) -> float:
-    """A drive's own ramp from its axis' largest speed; its deceleration is no less than the axis' limit."""
-    return max(axis.limits.velocity / axis.limits.acceleration for axis in machine.axes)
+def quick_stop_s(machine: Machine, arranged: Sequence[Arranged] = ()) -> float:
+    """A drive's own ramp from its axis' largest speed: as the drive was read, else as it will be told."""
+    read_s = {found.name: found.stop_s for found in arranged if found.stop_s}
+    return max(
+        read_s.get(axis.name) or axis.limits.velocity / (axis.stopping.quick_stop or axis.limits.acceleration)
+        for axis in machine.axes
+    )
 
 
 def path_stop_s(machine: Machine) -> float:

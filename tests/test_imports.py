@@ -45,18 +45,19 @@ ARROWS: dict[str, set[str]] = {
     },  # the machine as the bus side knows it; config hands it on
     "config": {"machine", "geometry", "toml_table", "equipment", "profiles", "nodes"},
     "plan": LEAVES | SHAPES | {"handoff"},
+    "arranged": {"machine", "geometry", "whole"},  # how drives were found, on disk
     "times": LEAVES | {"handoff"},  # what a machine's faults take
     "tick": LEAVES | (SHAPES - {"jets"}) | {"handoff", "times"},
     "journal": LEAVES | {"handoff", "plan", "catalogue", "whole"},  # where the running program is, on disk
     "verify": LEAVES | SHAPES | {"plan", "handoff"},
     # Puts the parts together, as the command line does; nothing but that imports it.
-    "session": LEAVES | SHAPES | {"config", "handoff", "plan", "tick", "verify"},
+    "session": LEAVES | SHAPES | {"config", "handoff", "plan", "tick", "verify", "times", "arranged"},
     "fitting": LEAVES | {"config", "toml_table", "whole"},  # what the operator changed, laid over the machine
     # The process of `serve`: parent of tick and plan, and the far side of the door.
     "service": LEAVES
     | SHAPES
     | {"config", "toml_table", "fitting", "jog_frames", "door", "journal", "catalogue", "whole"}
-    | {"handoff", "plan", "session", "tick", "times"},
+    | {"handoff", "plan", "session", "tick", "times", "arranged"},
     "panel": LEAVES
     | {"handoff", "config", "toml_table", "fitting", "door", "plan", "verify"}
     | {"faults", "catalogue", "whole"},
@@ -66,11 +67,11 @@ ARROWS: dict[str, set[str]] = {
     "commands": LEAVES
     | SHAPES
     | {"config", "nodes", "profiles", "toml_table", "handoff", "plan", "verify", "session", "times"}
-    | {"catalogue", "door", "fitting", "service", "panel", "cad", "post"},
+    | {"catalogue", "door", "fitting", "service", "panel", "cad", "post", "arranged"},
 }
 
 # Parts of drives that are values and tables, for all.
-VALUES = {"settings", "profile", "scale", "pdo", "cia402", "emergency_codes"}
+VALUES = {"settings", "arranged", "profile", "scale", "pdo", "cia402", "emergency_codes"}
 
 # Room of a folder -> rooms of it that it may import; files beside the rooms may import all.
 ROOMS: dict[str, dict[str, set[str]]] = {
@@ -100,7 +101,8 @@ TO_DRIVES: dict[str, set[str]] = {
     "service": VALUES | {"bus", "load", "log"},
     "profiles": {"profile"},
     "nodes": {"settings"},
-    "times": {"settings"},
+    "times": {"settings", "arranged"},
+    "arranged": {"arranged"},
     "verify": {"load"},  # to show it
     "commands": {"*"},
     "__main__": {"*"},

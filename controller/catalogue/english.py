@@ -18,6 +18,11 @@ FRAMES = {
     "no": "lost",
     "stands": "stands within {ms} ms",
     "title": "Faults of {machine}",
+    "unread": (
+        "The drives have not been commissioned yet with this machine file: their own stops are "
+        "as it says, not as they were read."
+    ),
+    "read": ("The drives' own stops as read on {at}: {stops}."),
 }
 
 CLASSES = {

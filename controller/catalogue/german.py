@@ -18,6 +18,11 @@ FRAMES = {
     "no": "verloren",
     "stands": "steht in {ms} ms",
     "title": "Störungen von {machine}",
+    "unread": (
+        "Mit dieser Maschinendatei wurden die Antriebe noch nicht in Betrieb genommen: Ihre "
+        "eigenen Halte stehen hier, wie die Datei sie nennt, nicht wie gelesen."
+    ),
+    "read": ("Die eigenen Halte der Antriebe, gelesen am {at}: {stops}."),
 }
 
 CLASSES = {

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from controller import config, nodes, profiles
+from controller import arranged, config, door, nodes, profiles
 from controller.commands import drive_tables, simulated_drives, stop_drives
 from controller.machine import Machine
 from controller.toml_table import ConfigError
@@ -167,6 +167,8 @@ def commission(
                 outcomes += commissioning.commission(
                     each.network, each.nodes, master, store=store, bit_rate=each.bus.bit_rate
                 )
+        found = [outcome.arranged for outcome in outcomes if outcome.arranged is not None]
+        _keep(made, found)
         if as_json:
             rows = [asdict(outcome) for outcome in outcomes]
             print(json.dumps({"ok": True, "machine": made.name, "lss": given, "drives": rows}))
@@ -174,6 +176,18 @@ def commission(
             if given:
                 show.print(f"{set_node} has node id {given['node']} now.", markup=False)
             show.print(drive_tables.outcomes(outcomes))
+        for one in found:
+            for note in one.notes if not as_json else ():
+                tell.print(note, markup=False)
+
+
+def _keep(machine: Machine, found: Sequence[commissioning.Arranged]) -> None:
+    """For ``directrix faults``; the drives are commissioned all the same where that cannot be."""
+    folder = door.state_folder() / arranged.FOLDER
+    try:
+        arranged.save(folder, machine, found)
+    except OSError as error:
+        tell.print(f"{folder}: how the drives stop is not kept: {error.strerror}.", markup=False)
 
 
 def _see_alone(joined: Joined, master: MasterSettings) -> None:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.padding import Padding
 from rich.text import Text
 
-from controller import catalogue, config, times
+from controller import arranged, catalogue, config, door, times
+from controller.arranged import Found
 from controller.catalogue import Catalogue
 from controller.state import FAULTS, Fault, Times, stands_within_s
 from controller.toml_table import ConfigError
@@ -18,24 +21,50 @@ from controller.verify.console import Refused, refusals, show
 
 MachineArgument = Annotated[str, typer.Argument(help="Machine file, or the name of a shipped one.")]
 Language = Annotated[str, typer.Option("--language", help="Of the texts: en or de.")]
+State = Annotated[
+    Path | None, typer.Option("--state", help="State folder; default: the service's or the user's.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
 INDENT = (0, 0, 0, 4)  # columns of what stands under a fault's name
 
 
-def faults(machine: MachineArgument = "trunnion", language: Language = "en", as_json: Json = False) -> None:
+def faults(
+    machine: MachineArgument = "trunnion",
+    language: Language = "en",
+    state: State = None,
+    as_json: Json = False,
+) -> None:
     """Every fault: its class, what happened, what to do, and within which time the axes stand."""
     with refusals(as_json, lambda: (ConfigError,)):
         said = _catalogue(language)
         made = config.load(machine)
-        taken = times.of(made)
+        found = arranged.load((state or door.state_folder()) / arranged.FOLDER, made)
+        taken = times.of(made, found.drives if found else ())
         rows = [_row(fault, taken, said) for fault in Fault if fault is not Fault.NONE]
         if as_json:
-            print(json.dumps({"ok": True, "machine": made.name, "times": taken._asdict(), "faults": rows}))
+            facts = {"ok": True, "machine": made.name, "times": taken._asdict(), "drives": _drives(found)}
+            print(json.dumps({**facts, "faults": rows}))
             return
         show.print(Text(said.frames["title"].format(machine=made.name), style="italic"))
+        show.print(*(Text(line) for line in _basis(found, said)), sep="\n")
         for row in rows:
             show.print(*_paragraph(row, said))
+
+
+def _drives(found: Found | None) -> dict[str, Any] | None:
+    return {"read": found.at, "axes": [asdict(one) for one in found.drives]} if found else None
+
+
+def _basis(found: Found | None, said: Catalogue) -> Iterator[str]:
+    """Whether the drives' own stops are as they were read, and what is wrong with them."""
+    if found is None:
+        yield said.frames["unread"]
+        return
+    stops = ", ".join(f"{one.name} {1e3 * one.stop_s:.0f} ms" for one in found.drives if one.stop_s)
+    yield said.frames["read"].format(at=found.at.replace("T", " "), stops=stops)
+    for one in found.drives:
+        yield from one.notes
 
 
 def _catalogue(language: str) -> Catalogue:

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from controller import arranged
 from controller.handoff import Snapshot
 from controller.kinematics import Kinematics
 from controller.machine import Machine, five
@@ -66,7 +67,8 @@ def run(job_file: Path) -> int:
     job: PlanJob = pickle.loads(job_file.read_bytes())
     cores.leave()
     try:
-        end = PlanEnd(job.machine, job.pieces, job.requests, job.snapshot_path)
+        kept = job.checks.parent / arranged.FOLDER
+        end = PlanEnd(job.machine, job.pieces, job.requests, job.snapshot_path, kept)
         Planning(end, job.checks, connections.Connection(job.orders), job.machine).run()
     except EXPECTED as error:
         children.words_of(job_file).write_text(str(error))

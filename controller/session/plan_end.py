@@ -10,13 +10,15 @@ import sys
 import threading
 import time
 from collections.abc import Iterable
+from pathlib import Path
 
-from controller import config
+from controller import arranged, config
 from controller.handoff import (
     PieceMessage,
     PieceOutbox,
     Snapshot,
     SnapshotBoard,
+    send_arrangement,
     send_request,
 )
 from controller.kinematics import Kinematics
@@ -24,23 +26,30 @@ from controller.machine import Machine
 from controller.plan.planner import Planner
 from controller.plan.route.path import Chain, Pause
 from controller.session import children
-from controller.session.startup import SessionError, StartUp, homing_mask
+from controller.session.startup import SessionError, StartUp, arrangement, homing_mask
 from controller.state import Fault, Mode, Request
 from drives import bus, commission, pdo
+from drives.arranged import Arranged
 
 PLAN_TURN_S = 0.010
 KEEPALIVE_S = 0.025
 NICE = -10  # where we may: before everything else of this computer but the tick
 SWITCH_S = 0.001  # the keepalive gets its turn so soon while a chain is planned
 TAKEN_TICKS = 2  # after which a request has been taken
+TELL_S = 2.0  # the tick takes requests with every turn
 COME_UP_S = 150.0  # longer than the tick itself waits for a drive to home
 
 
 class PlanEnd:
     """Planner, keepalive and start-up in a process of their own, on sockets that were handed over."""
 
-    def __init__(self, machine: Machine, pieces: int, requests: int, snapshot_path: str) -> None:
-        """``pieces`` and ``requests``: descriptors of this end of the sockets."""
+    def __init__(
+        self, machine: Machine, pieces: int, requests: int, snapshot_path: str, kept: Path | None = None
+    ) -> None:
+        """``pieces`` and ``requests``: descriptors of this end of the sockets; ``kept``: folder for how the
+        drives were found, None = the user's.
+        """
+        self._kept = kept or arranged.folder()
         self.alone = False  # the tick is gone
         self._machine = machine
         self._board = SnapshotBoard(snapshot_path, create=False)
@@ -120,8 +129,32 @@ class PlanEnd:
             for settings in config.bus_settings(self._machine):
                 port = bus.open(settings, pdo.SERVICE_FILTERS)
                 networks[settings.name] = commission.Network(port, commission.wall_pump(port.fileno()))
-            self._start_up = StartUp(self._machine, networks, self._ask, lambda: self.snapshot().homed)
+            self._start_up = StartUp(
+                self._machine, networks, self._ask, lambda: self.snapshot().homed, self._take_arranged
+            )
         return self._start_up
+
+    def _take_arranged(self, found: tuple[Arranged, ...]) -> None:
+        """The tick must know it before a drive is enabled, the operator by ``directrix faults``.
+
+        Raises SessionError where the tick takes no requests.
+        """
+        told = arrangement(self._machine, found)
+        give_up_s = time.monotonic() + TELL_S
+        while True:
+            try:
+                send_arrangement(self._requests, told)
+                break
+            except BlockingIOError:
+                if time.monotonic() > give_up_s:
+                    raise SessionError("The tick takes no requests; start the controller again.") from None
+                time.sleep(PLAN_TURN_S)
+            except OSError:  # it is gone, which others tell
+                break
+        try:
+            arranged.save(self._kept, self._machine, found)
+        except OSError as error:
+            print(f"{self._kept}: how the drives stop is not kept: {error.strerror}.", file=sys.stderr)
 
     def _ask(self, request: Request, value: float, wanted: Mode) -> tuple[Mode, Fault]:
         """Homing begins and ends in OFF: there it is the axes homed that tell that it is over.

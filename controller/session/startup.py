@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
-from controller import config
+from controller import config, times
+from controller.handoff import Arrangement
 from controller.machine import Machine
 from controller.state import FAULTS, Fault, Mode, Request
 from drives import commission
+from drives.arranged import Arranged
 from drives.settings import NodeSettings
 
 HOMING = 6  # mode of operation, 6060h
@@ -24,6 +26,13 @@ class SessionError(Exception):
 def homing_mask(request: Request, value: float) -> int:
     """The axes that must be homed when a request is done."""
     return int(value) if request is Request.HOME else 0
+
+
+def arrangement(machine: Machine, found: Sequence[Arranged]) -> Arrangement:
+    """What the tick must know of it."""
+    units = {one.name: one.velocity_units for one in found}
+    axes = tuple(units.get(axis.name, 1.0) for axis in machine.axes)
+    return Arrangement(times.quick_stop_s(machine, found), units.get("spindle", 1.0), axes)
 
 
 def no_start(machine: Machine, interlock: Fault, untrusted: int) -> str:
@@ -45,18 +54,25 @@ class StartUp:
         networks: Mapping[str, commission.Network],
         ask: Ask,
         homed: Callable[[], int] = lambda: 0,
+        arranged: Callable[[tuple[Arranged, ...]], None] = lambda _: None,
     ) -> None:
-        """``networks`` by bus name; ``homed``: bit mask of the axes that know where they are."""
+        """``networks`` by bus name; ``homed``: bit mask of the axes that know where they are;
+        ``arranged``: told how the drives were found, each time that they have been commissioned.
+        """
         self._machine, self._networks, self._ask, self._homed = machine, networks, ask, homed
+        self._arranged = arranged
         self._nodes = config.node_settings(machine)
 
     def commission(self) -> None:
         """Write and read back every node's settings and start it. Raises CommissionError."""
         master, nodes = config.master_settings(self._machine), config.all_settings(self._machine)
         rates = {bus.name: bus.bit_rate for bus in self._machine.buses}
+        found: list[Arranged] = []
         for name, network in self._networks.items():
             its = [node for node in nodes if node.bus == name]
-            commission.commission(network, its, master, bit_rate=rates[name])
+            outcomes = commission.commission(network, its, master, bit_rate=rates[name])
+            found += [outcome.arranged for outcome in outcomes if outcome.arranged is not None]
+        self._arranged(tuple(found))
 
     def come_up(self) -> None:
         """Home what is not homed yet, group by group, and enable. Raises SessionError.

@@ -25,6 +25,7 @@ from controller.handoff import (
     SnapshotBoard,
     piece_pair,
     request_pair,
+    send_arrangement,
     send_request,
 )
 from controller.kinematics import Kinematics
@@ -38,11 +39,12 @@ from controller.session.events import Event, Turn
 from controller.session.recording import Keeper
 from controller.session.replay import Replay
 from controller.session.simulation import healthy_inputs, wires
-from controller.session.startup import SessionError, StartUp, homing_mask, no_start
+from controller.session.startup import SessionError, StartUp, arrangement, homing_mask, no_start
 from controller.state import Fault, Mode, Request, sentence
 from controller.tick.cycle import Cycle
 from controller.tick.loop import Loop, SteppedClock
 from drives import commission, pdo
+from drives.arranged import Arranged
 from drives.log.frame_log import FrameLog
 from drives.simulated.io_node import IoNode as SimulatedIo
 from drives.simulated.parameters import LostSync
@@ -128,12 +130,14 @@ class SteppedMachine:
             bus.name: commission.Network(self.rig.port(pdo.SERVICE_FILTERS, bus.name), self._pass_time())
             for bus in buses
         }
-        self._start_up = StartUp(machine, networks, self._ask, lambda: self.cycle.modes.homed)
+        self._operator, request_end = request_pair()
+        self._start_up = StartUp(
+            machine, networks, self._ask, lambda: self.cycle.modes.homed, self._take_arranged
+        )
         self._start_up.commission()
         ports = {bus.name: self.rig.port(pdo.TICK_FILTERS, bus.name) for bus in buses}
         self._group = cyclic.group(machine, ports)
         self._plan_end, tick_end = piece_pair()
-        self._operator, request_end = request_pair()
         self.board, self.recorder = SnapshotBoard(), Recorder()
         self.clock = SteppedClock([self._advance], lateness)
         self.cycle = Cycle(
@@ -154,6 +158,10 @@ class SteppedMachine:
         self._rows: list[Rows] = []
         self._idle = 0  # ticks in which nothing moved, and nothing was there that would
         self._skips_before = 0  # while coming up
+
+    def _take_arranged(self, found: tuple[Arranged, ...]) -> None:
+        self.arranged = found
+        send_arrangement(self._operator, arrangement(self.machine, found))
 
     def _advance(self, now_s: float) -> None:
         self.rig.advance(now_s + self._offset_s)

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from controller import times
 from controller.handoff import (
     PLANNER_SILENCE_S,
+    Arrangement,
     PieceInbox,
     Recorder,
     RequestInbox,
@@ -212,10 +213,23 @@ class Cycle:
         if request is Request.JOG:
             self.jogging.ask(self._requests.jog)
             return
+        if request is Request.ARRANGED:
+            self._arrange(self._requests.arranged)
+            return
         if self._homing_asked and request not in ALWAYS:
             self._homing_asked = 0.0
             self.peripherals.opens_for(0)
         self.modes.request(request, value, self.follow.at_rest)
+
+    def _arrange(self, found: Arrangement | None) -> None:
+        """The drives have been commissioned: how long their own stops take, and in what they take speeds."""
+        if found is None:
+            return
+        self.modes.quick_stop_takes(found.quick_stop_s)
+        for drive, units in zip(self.group.drives, found.axis_units, strict=False):
+            drive.set_velocity_units(units)
+        if self.group.spindle is not None:
+            self.group.spindle.set_velocity_units(found.spindle_units)
 
     def _home(self) -> None:
         """Homing begins when the clamps of its axes are open, which may take some ticks."""

@@ -71,8 +71,9 @@ class Modes:
         ``quick_stop_s``: after so long every drive's own ramp is over. See ``times``.
         """
         self._group = group
+        self._period_s = period_s
         self._stop_ticks = path_stop_s / period_s
-        self._ramp_ticks = quick_stop_s / period_s
+        self.quick_stop_takes(quick_stop_s)
         self._enable_ticks = round(ENABLE_S / period_s)
         self._homing_ticks = round(HOMING_S / period_s)
         self._waited = 0  # ticks of enabling or homing
@@ -100,6 +101,10 @@ class Modes:
         self.away = False  # jogged off the place of the hold; its owner tells
         self.refused = 0  # the last request that the table refused
         self.dropped = False  # the queue is void: its owner clears it and this flag
+
+    def quick_stop_takes(self, seconds: float) -> None:
+        """As the drives were read, from now on."""
+        self._ramp_ticks = seconds / self._period_s
 
     @property
     def running(self) -> bool:
