@@ -19,6 +19,7 @@ lives() {
     if too_wide; then
         reason="this processor's floating-point state$(grep -qw amx_tile /proc/cpuinfo && echo ' (AMX)' || true)"
         reason+=" is larger than User Mode Linux's buffer (put_fp_registers)"
+        [[ $preload != *wide_fp_state* ]] || reason+=", also with wide_fp_state.c"
     else
         reason="User Mode Linux does not boot: $(complaint)"
     fi
@@ -26,8 +27,8 @@ lives() {
 }
 too_wide() { grep -q 'ptrace set fp regs failed' "$job/console"; }
 complaint() { # the line of the console that tells most
-    grep -m1 -iE 'panic|fatal|denied|not permitted|cannot|failed' "$job/console" || tail -1 "$job/console" | grep . ||
-        echo "it said nothing within 60 s"
+    grep -m1 -iE 'panic|fatal|denied|not permitted|cannot' "$job/console" ||
+        grep . "$job/console" | tail -1 | grep . || echo "it said nothing within 60 s"
 }
 
 widen() { # puts wide_fp_state.c under the guest; else tells in $reason why not
