@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from controller import equipment, profiles
+from controller import drive_objects, equipment, profiles
 from controller.geometry import ZERO, Frame, Vector, X, Y, Z, cross, norm, rotate, scale, subtract
 from controller.machine import MAX_QUICK_STOP_S, Axis, Bus, Kind, Limits, Machine, Sense, Spindle, Tool
 from controller.nodes import all_settings as all_settings
@@ -189,6 +189,7 @@ def _axis(table: Table, buses: tuple[Bus, ...], folder: Path | None) -> Axis:
         clamp=equipment.clamp(table),
         temperature=equipment.temperature(table),
         stopping=equipment.stopping(table, unit, inner),
+        overrides=drive_objects.overrides(table),
     )
     table.finish()
     return axis

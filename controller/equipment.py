@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from controller import drive_objects
 from controller.geometry import Z, norm, scale
 from controller.machine import (
     Axis,
@@ -51,6 +52,8 @@ def spindle(table: Table, buses: Sequence[Bus], profile: FindProfile, folder: Pa
         acceleration_rev_s2=table.positive("acceleration_rev_s2", default=50.0),
         eds=_data_sheet(table, folder),
         stopping=Stopping(0.0, *_units(table)),
+        unsupervised=table.flag("unsupervised", False),
+        overrides=drive_objects.overrides(table),
     )
     _fits(table, found)
     table.finish()
@@ -166,6 +169,8 @@ def io(table: Table, buses: Sequence[Bus], axes: Sequence[Axis], folder: Path | 
         inputs=inputs,
         outputs=outputs,
         inverted=_inverted(table, [name for name, _ in (*inputs, *outputs)]),
+        unsupervised=table.flag("unsupervised", False),
+        overrides=drive_objects.overrides(table),
     )
     table.finish()
     return found

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from controller.geometry import Frame, Vector
+from drives.profile import Override
 
 MAX_QUICK_STOP_S = 3.0  # where the machine file says nothing
 
@@ -131,6 +132,7 @@ class Axis:
     clamp: Clamp | None = None
     temperature: Temperature | None = None
     stopping: Stopping = Stopping()
+    overrides: tuple[Override, ...] = ()  # where its data sheet is wrong
 
     @property
     def is_rotary(self) -> bool:
@@ -186,6 +188,8 @@ class Spindle:
     acceleration_rev_s2: float = 50.0  # at which it is led to its speed in mode 9
     eds: str = ""  # path of its data sheet; "" = the profile's
     stopping: Stopping = Stopping()  # its units alone
+    unsupervised: bool = False  # as of an axis
+    overrides: tuple[Override, ...] = ()
 
     @property
     def is_driven(self) -> bool:
@@ -202,6 +206,8 @@ class Io:
     inputs: tuple[tuple[str, int], ...]  # (name, bit): "estop", "door" ... and those of clamps
     outputs: tuple[tuple[str, int], ...]  # "coolant", "mist", and those of clamps
     inverted: tuple[str, ...] = ()  # names whose wire is 0 when they are on
+    unsupervised: bool = False  # as of an axis
+    overrides: tuple[Override, ...] = ()
 
     def input(self, name: str) -> int | None:
         """The bit of an input; None where the machine has none of that name."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from controller import profiles
@@ -54,6 +55,8 @@ def spindle_settings(machine: Machine) -> SpindleSettings | None:
         most_rev_min=spindle.max_rev_min,
         velocity_unit_counts_s=spindle.stopping.velocity_unit_counts_s,
         acceleration_unit_counts_s2=spindle.stopping.acceleration_unit_counts_s2,
+        unsupervised=spindle.unsupervised,
+        overrides=spindle.overrides,
     )
 
 
@@ -63,7 +66,8 @@ def io_settings(machine: Machine) -> tuple[IoSettings, ...]:
     if io is None:
         return ()
     inputs, outputs = (max((bit for _, bit in bits), default=0) // 8 + 1 for bits in (io.inputs, io.outputs))
-    return (IoSettings("io", io.bus, io.node, io.eds or str(IO_EDS), inputs, outputs),)
+    made = IoSettings("io", io.bus, io.node, io.eds or str(IO_EDS), inputs, outputs)
+    return (replace(made, unsupervised=io.unsupervised, overrides=io.overrides),)
 
 
 def all_settings(machine: Machine) -> tuple[NodeSettings | SpindleSettings | IoSettings, ...]:
@@ -118,6 +122,7 @@ def _node(axis: Axis, machine: Machine) -> NodeSettings:
         feed_forward=axis.feed_forward,
         enable_group=axis.enable_group,
         unsupervised=axis.unsupervised,
+        overrides=axis.overrides,
         profile=profiles.load(axis.profile),
         serial=axis.serial,
         temperature_tpdo=axis.temperature.tpdo if axis.temperature else 0,

@@ -1,8 +1,9 @@
 """TOML to ``Profile``: what a family of drives can do and how it is commissioned.
 
 ``load(name_or_path)`` is the verb. A profile file has one table ``[drive]``, for what else a
-drive must be told ``[[write]]`` tables, and for makers' objects with the counts of a revolution
-``[[encoder_resolution]]``; ``config/drives`` holds the shipped ones.
+drive must be told ``[[write]]`` tables, for makers' objects with the counts of a revolution
+``[[encoder_resolution]]``, and ``[[override]]`` tables where its data sheets are wrong;
+``config/drives`` holds the shipped ones.
 Every refusal is a ``ConfigError`` in the form of ``toml_table``, and no key goes unread.
 """
 
@@ -12,6 +13,8 @@ import difflib
 from functools import lru_cache
 from pathlib import Path
 
+from controller import drive_objects
+from controller.drive_objects import OBJECT
 from controller.toml_table import ConfigError, Table, is_number, parse, read_text
 from drives.profile import CyclicMode, Encoder, Profile, Supervision, Write
 
@@ -19,7 +22,6 @@ SHIPPED = Path(__file__).resolve().parent.parent / "config" / "drives"
 MODES = {"csp": CyclicMode.CSP, "ip": CyclicMode.IP}
 NONE = "none"  # TOML has no null
 LAST_PDO = 4  # numbers with a pre-defined identifier (CiA 301, 7.3.5)
-OBJECT = "an object in hexadecimal, in quotes, from 1000 to FFFF"
 GENERAL = Profile()
 
 
@@ -89,6 +91,7 @@ def read(text: str, file: str, folder: Path, name: str) -> Profile:
         acceleration_unit_counts_s2=table.positive_or_none("acceleration_unit_counts_s2") or 0.0,
         revolution=table.text("revolution", ("motor", "shaft"), GENERAL.revolution),
         encoder_resolution=tuple(_encoder(entry) for entry in top.tables("encoder_resolution")),
+        overrides=drive_objects.overrides(top),
         quirks=_sentences(table, "quirks"),
     )
     _audit(profile, table)
@@ -150,26 +153,17 @@ def _sentences(table: Table, key: str) -> tuple[str, ...]:
 
 
 def _objects(table: Table, key: str) -> tuple[int, ...]:
-    found = tuple(_index(text) for text in _sentences(table, key))
+    found = tuple(drive_objects.index(text) for text in _sentences(table, key))
     if None in found:
         table.refuse(key, "is not a list of objects", f"{OBJECT}, each", 'write e.g. ["60F4", "6502"]')
     return tuple(index for index in found if index is not None)
-
-
-def _index(text: str) -> int | None:
-    """1000h .. FFFFh of "60F4"; None for anything else."""
-    try:
-        index = int(text, 16)
-    except ValueError:
-        return None
-    return index if len(text) == 4 and 0x1000 <= index <= 0xFFFF else None
 
 
 def _home_offset(table: Table) -> int | None:
     text = table.text("home_offset", default="607C")
     if text == NONE:
         return None
-    index = _index(text)
+    index = drive_objects.index(text)
     if index is None:
         table.refuse("home_offset", "is no object", f'{OBJECT}, or "none"', 'write e.g. "607C"')
     return index
@@ -177,24 +171,14 @@ def _home_offset(table: Table) -> int | None:
 
 def _encoder(table: Table) -> Encoder:
     """``object = "3000:05"`` that tells counts, or with ``times = 4`` pulses, of a revolution."""
-    found = Encoder(*_place(table), table.integer("times", 1, 1024, 1))
+    found = Encoder(*drive_objects.place(table), table.integer("times", 1, 1024, 1))
     table.finish()
     return found
 
 
-def _place(table: Table) -> tuple[int, int]:
-    """Index and sub-index of ``object = "2210:01"``."""
-    text = table.text("object")
-    index, _, sub = text.partition(":")
-    number = _index(index)
-    if number is None or not (sub == "" or (len(sub) == 2 and set(sub.upper()) <= set("0123456789ABCDEF"))):
-        table.refuse("object", "is no object", f"{OBJECT}, with a sub-index", 'write e.g. "2210:01"')
-    return number, int(sub or "0", 16)
-
-
 def _write(table: Table) -> Write:
-    """An object, its value, and why it is needed (the end of a sentence)."""
-    where = _place(table)
+    """``object = "2210:01"``, its value, and why it is needed (the end of a sentence)."""
+    where = drive_objects.place(table)
     value = table.get("value", "a whole number")
     if not is_number(value) or type(value) is not int:
         table.refuse("value", "is not a whole number", "a whole number", "write it without quotes")

@@ -25,9 +25,9 @@ from drives.commissioning.network import (
     stepped_pump,
     wall_pump,
 )
-from drives.commissioning.remote import NMT_PRE_OPERATIONAL, NMT_START, Change, Drive, Outcome, shown
+from drives.commissioning.remote import NMT_PRE_OPERATIONAL, NMT_START, Change, Drive, Outcome
 from drives.commissioning.units import UnitError, units_of
-from drives.commissioning.wanted import Setting, Settings, Step, interpolation_time, steps_of
+from drives.commissioning.wanted import Setting, Settings, Step, interpolation_time, shown, steps_of
 from drives.profile import Supervision
 from drives.settings import IoSettings, MasterSettings, NodeSettings, SpindleSettings
 
@@ -75,6 +75,7 @@ def commission(
         found = possible.problems(settings, master, drive.sheet, bit_rate)
         if found:
             raise CommissionError(f"{drive.title}: {'. '.join(found)}.")
+        drive.outcome.warnings += possible.warnings(settings, master, drive.sheet)
     for drive, settings in zip(drives, nodes, strict=True):
         _prepare(network, drive, settings, master)
         if store and drive.outcome.changes:
@@ -163,9 +164,12 @@ def _identify(drive: Drive, settings: Settings) -> None:
         raise CommissionError(
             f"{drive.title}: object 1000h says device profile {kind}, needed is {needed}; check the node id"
         )
-    for word in identity.words_of(settings, drive.sheet):
-        if drive.has(0x1018, word.sub) and (sentence := word.mismatch(drive.read(0x1018, word.sub))):
+    words = [word for word in identity.words_of(settings, drive.sheet) if drive.has(0x1018, word.sub)]
+    found = {word.sub: drive.read(0x1018, word.sub) for word in words}
+    for word in words:
+        if sentence := word.mismatch(found[word.sub]):
             raise CommissionError(f"{drive.title}: {sentence}")
+    drive.outcome.warnings += identity.contradictions(drive.sheet, found)
     if not isinstance(settings, IoSettings) and drive.has(0x6502, 0):
         mode = _mode(settings)
         modes = drive.read(0x6502)

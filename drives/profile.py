@@ -48,6 +48,21 @@ class Encoder:
 
 
 @dataclass(frozen=True, slots=True)
+class Override:
+    """What a drive says of an entry that its data sheet is wrong about; None = the sheet's word stays."""
+
+    index: int
+    sub: int
+    reason: str  # who says so, for the person who commissions it
+    low: int | None = None
+    high: int | None = None
+    access: str | None = None  # as in a data sheet: "ro", "rw", ...
+    default: int | None = None
+    mappable: bool | None = None
+    data_type: int | None = None  # CiA 301, 7.4.7.1; with it, an entry that the sheet lacks
+
+
+@dataclass(frozen=True, slots=True)
 class Profile:
     """A family of CiA 402 drives."""
 
@@ -78,6 +93,7 @@ class Profile:
     acceleration_unit_counts_s2: float = 0.0
     revolution: str = "motor"  # of which 60A9h speaks, before or behind 6091h: "motor" or "shaft"
     encoder_resolution: tuple[Encoder, ...] = ()  # instead of 608Fh; the first that is not 0
+    overrides: tuple[Override, ...] = ()  # where the family's data sheets are wrong
     quirks: tuple[str, ...] = ()  # sentences for the person who commissions it
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from drives.profile import GENERIC, Profile
+from drives.profile import GENERIC, Override, Profile
 
 INT32_MIN = -(2**31)
 INT32_MAX = 2**31 - 1
@@ -82,6 +82,7 @@ class NodeSettings:
     velocity_unit_counts_s: float = 0.0  # the machine file's own word; 0 = the drive says what its units are
     acceleration_unit_counts_s2: float = 0.0
     velocity_units: float = 1.0  # units of 60B1h in one count per second, until commissioning has told
+    overrides: tuple[Override, ...] = ()  # where its data sheet is wrong, beside the profile's
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +107,8 @@ class SpindleSettings:
     velocity_unit_counts_s: float = 0.0  # as of an axis
     acceleration_unit_counts_s2: float = 0.0
     velocity_units: float = 1.0  # units of 60FFh and 606Ch in one count per second, as of an axis
+    unsupervised: bool = False  # as of an axis
+    overrides: tuple[Override, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +128,8 @@ class IoSettings:
     outputs: int = 1
     heartbeat_s: float = 0.05
     inputs_every_s: float = 0.05  # 0: the node has no event timer; the age of inputs is not judged then
+    unsupervised: bool = False  # as of an axis
+    overrides: tuple[Override, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,14 +36,16 @@ ARROWS: dict[str, set[str]] = {
     "whole": set(),  # files replaced whole
     "door": {"whole"},  # the service's local protocol, and its asking side
     "toml_table": {"geometry"},  # reads tables for config, knows no machine
-    "equipment": {"machine", "geometry", "toml_table"},  # config's: spindle, inputs and outputs, clamps
-    "profiles": {"toml_table"},  # drive profiles, for config
+    "drive_objects": {"toml_table"},  # objects of drives in tables, and where data sheets are wrong
+    # config's: spindle, inputs and outputs, clamps
+    "equipment": {"machine", "geometry", "toml_table", "drive_objects"},
+    "profiles": {"toml_table", "drive_objects"},  # drive profiles, for config
     "nodes": {
         "machine",
         "toml_table",
         "profiles",
     },  # the machine as the bus side knows it; config hands it on
-    "config": {"machine", "geometry", "toml_table", "equipment", "profiles", "nodes"},
+    "config": {"machine", "geometry", "toml_table", "equipment", "drive_objects", "profiles", "nodes"},
     "plan": LEAVES | SHAPES | {"handoff"},
     "arranged": {"machine", "geometry", "whole"},  # how drives were found, on disk
     "times": LEAVES | {"handoff"},  # what a machine's faults take
@@ -95,6 +97,8 @@ ROOMS: dict[str, dict[str, set[str]]] = {
 
 # Who may import which part of drives ("*" = all).
 TO_DRIVES: dict[str, set[str]] = {
+    "machine": {"profile"},  # where its data sheets are wrong, as values
+    "drive_objects": {"profile"},
     "config": {"settings", "profile"},
     "tick": {"settings", "scale", "cia402", "pdo", "bus", "cyclic"},
     "session": VALUES | {"bus", "cyclic", "load", "log", "commission", "simulated"},
@@ -115,6 +119,7 @@ ONLY_IN: dict[str, set[str]] = {
         "drives/commissioning/network.py",
         "drives/commissioning/remote.py",
         "drives/commissioning/sheet.py",
+        "drives/commissioning/overrides.py",
         "drives/commissioning/possible.py",
     },
     "OCP": {"controller/cad/kernel.py"},

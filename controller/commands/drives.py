@@ -69,7 +69,8 @@ def check(
         shortest_ms = max(CHECKED_PERIOD_MS, family.period_min_s * 1e3)
         period_s = _period_s(shortest_ms if period_ms is None else period_ms)
         master = MasterSettings(period_s=period_s)
-        found, remarks = possible.of_profile(family, sheet.load(str(eds), 1), master, bit_rate)
+        about = sheet.load(str(eds), 1, family.overrides)
+        found, remarks = possible.of_profile(family, about, master, bit_rate)
         facts = {"eds": str(eds), "profile": family.name, "period_s": period_s, "remarks": remarks}
         if not as_json:
             for remark in remarks:
@@ -216,7 +217,7 @@ def _identity(node: Settings) -> lss.Identity | None:
     serial = node.serial if isinstance(node, NodeSettings) else 0
     if not serial:
         return None
-    about = sheet.load(node.eds, node.node)
+    about = sheet.of(node)
     words = [about.identity(sub) for sub in (1, 2, 3)]
     if None in words:
         raise Refused(
@@ -268,7 +269,7 @@ def _strangers(joined: Joined, found: Sequence[survey.Found]) -> Iterator[str]:
     for node in joined.nodes:
         if one := by_node.get(node.node):
             has = {1: one.vendor, 2: one.product, 4: one.serial}
-            for word in identity.words_of(node, sheet.load(node.eds, node.node)):
+            for word in identity.words_of(node, sheet.of(node)):
                 known = has[word.sub]
                 if known is not None and (sentence := word.mismatch(known)):
                     yield f"drive {node.name} (node {node.node}): {sentence}"

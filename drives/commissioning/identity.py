@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from drives.commissioning.sheet import Sheet
@@ -16,15 +16,16 @@ class Word:
 
     sub: int
     what: str
-    wanted: int
+    wanted: tuple[int, ...]  # any of these: a sheet may contradict itself
     source: str
 
     def mismatch(self, found: int) -> str:
         """A sentence where another node answers; "" where it is the right one."""
-        if found == self.wanted:
+        if found in self.wanted:
             return ""
+        wanted = " or ".join(f"{word:#x}" for word in self.wanted)
         return (
-            f"{self.what} (object 1018h:{self.sub:02X}) is {found:#x}, {self.source} says {self.wanted:#x};"
+            f"{self.what} (object 1018h:{self.sub:02X}) is {found:#x}, {self.source} says {wanted};"
             " check node id and data sheet"
         )
 
@@ -37,9 +38,25 @@ def words_of(settings: Settings, sheet: Sheet) -> Iterator[Word]:
         (1, "vendor", profile.vendor if profile else None),
         (2, "product code", profile.product if profile else None),
     ):
-        if wanted := sheet.identity(sub):
+        if wanted := sheet.identities(sub):
             yield Word(sub, what, wanted, said)
         elif family:
-            yield Word(sub, what, family, "its profile")
+            yield Word(sub, what, (family,), "its profile")
     if isinstance(settings, NodeSettings) and settings.serial:
-        yield Word(4, "serial number", settings.serial, "the machine file")
+        yield Word(4, "serial number", (settings.serial,), "the machine file")
+
+
+def contradictions(sheet: Sheet, found: Mapping[int, int] | None = None) -> Iterator[str]:
+    """A sentence for each word that the head of a sheet and its object 1018h say differently.
+
+    ``found``: what the drive says, by sub-index.
+    """
+    for sub, what in ((1, "vendor"), (2, "product code")):
+        words = sheet.identities(sub)
+        if len(words) > 1:
+            drives = f"; the drive says {found[sub]:#x}" if found and sub in found else "; either is accepted"
+            head, entry = (f"{word:#x}" for word in words)
+            yield (
+                f"{what} (object 1018h:{sub:02X}): {sheet.name} says {head} in its head and {entry} in the"
+                f" object{drives}"
+            )

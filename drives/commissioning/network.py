@@ -100,21 +100,20 @@ class Network(canopen.Network):
         self._buffer = bytearray(pdo.FRAME_BYTES)
         self._awaited = -1  # identifier of the answer that is waited for
         self._asked = b""  # the request, if its answer shows that it is one to it
-        self._joined: dict[tuple[int, str], canopen.RemoteNode] = {}
+        self._joined: dict[sheet.Sheet, canopen.RemoteNode] = {}
         self.patience_s = patience_s
         self.nmt_states: dict[int, int] = {}  # by node, as its newest heartbeat says
         self.hearer: Hearer | None = None  # hears along
 
     def join(self, settings: Node) -> canopen.RemoteNode:
         """The node as canopen sees it with the data sheet of its settings. Raises CommissionError."""
-        wanted = settings.node, settings.eds
-        node = self._joined.get(wanted)
+        try:
+            about = sheet.of(settings)
+        except sheet.SheetError as error:
+            raise CommissionError(f"drive {settings.name} (node {settings.node}): {error}") from error
+        node = self._joined.get(about)
         if node is None:
-            try:
-                dictionary = sheet.load(settings.eds, settings.node).dictionary
-            except sheet.SheetError as error:
-                raise CommissionError(f"drive {settings.name} (node {settings.node}): {error}") from error
-            node = self._joined[wanted] = canopen.RemoteNode(settings.node, dictionary)
+            node = self._joined[about] = canopen.RemoteNode(settings.node, about.dictionary)
             node.sdo.RESPONSE_TIMEOUT = 0  # the answer is there before canopen looks for it
         if self.nodes.get(settings.node) is not node:
             self[settings.node] = node

@@ -2,19 +2,21 @@
 
 ``problems`` is the verb. Commissioning asks it first, so that a wrong period, mapping or
 supervision is refused before a frame is sent; ``directrix drives check`` asks it for a
-profile as a whole (``of_profile``).
+profile as a whole (``of_profile``). ``warnings`` are what was accepted all the same: entries
+of the sheet that were overridden, and drives that are unsupervised by the operator's word.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 from canopen.objectdictionary import ODVariable
 
-from drives.commissioning import wanted
+from drives.commissioning import identity, wanted
 from drives.commissioning.sheet import INTEGERS, Sheet
-from drives.commissioning.wanted import RPDO, Pdo, Setting, Settings
+from drives.commissioning.wanted import RPDO, Pdo, Setting, Settings, shown_at
 from drives.profile import Profile, Supervision
 from drives.settings import IoSettings, MasterSettings, NodeSettings, SpindleSettings
 
@@ -37,6 +39,9 @@ REMEDIES = {
     0x6007: "use a drive that stops by itself, or accept it with unsupervised = true",
 }
 OTHERWISE = "another profile or another drive is needed"
+WRONG = "if the sheet is wrong about its drive, override it with a reason ([[override]])"
+UNNOTICED = "such a drive does not notice a dead controller (neither heartbeat nor node guarding)"
+ACCEPTED = "accepted with unsupervised = true; see that it can do no harm"
 
 
 def problems(settings: Settings, master: MasterSettings, sheet: Sheet, bit_rate: int = 0) -> list[str]:
@@ -48,8 +53,22 @@ def problems(settings: Settings, master: MasterSettings, sheet: Sheet, bit_rate:
     told = not any("60C2h" in sentence for sentence in found)  # otherwise there is no value to look up
     for step in wanted.steps_of(settings, master, sheet):
         for setting in step.outcome:
-            if not _is_mapping(setting) and (told or setting.index != PERIOD):
-                found += _of_setting(setting, settings, sheet)
+            if not (_is_mapping(setting) or setting.waived) and (told or setting.index != PERIOD):
+                remedy = f"{REMEDIES.get(setting.index, OTHERWISE)}; {WRONG}"
+                found += (f"{problem}; {remedy}" for problem in _of_setting(setting, settings, sheet))
+    return list(dict.fromkeys(found))
+
+
+def warnings(settings: Settings, master: MasterSettings, sheet: Sheet) -> list[str]:
+    """A sentence for everything that paper speaks against and somebody has accepted."""
+    found = list(sheet.overridden)
+    family = None if isinstance(settings, IoSettings) else settings.profile
+    if family and family.supervision is Supervision.NONE and settings.unsupervised:
+        found.append(f"profile {family.name}: {UNNOTICED}; {ACCEPTED}")
+    for step in wanted.steps_of(settings, master, sheet):
+        for setting in step.outcome:
+            if setting.waived:
+                found += (f"{problem}; {ACCEPTED}" for problem in _of_setting(setting, settings, sheet))
     return list(dict.fromkeys(found))
 
 
@@ -57,14 +76,21 @@ def of_profile(
     profile: Profile, sheet: Sheet, master: MasterSettings, bit_rate: int = 0
 ) -> tuple[list[str], list[str]]:
     """Problems and remarks of a family against one of its data sheets, at the master's period."""
-    base = NodeSettings(profile.name, "", 1, sheet.name, period_s=master.period_s, profile=profile)
     methods = profile.homing_methods if sheet.writable(0x6098) else profile.homing_methods[:1]
+    base = NodeSettings(profile.name, "", 1, sheet.name, period_s=master.period_s, profile=profile)
     variants = [replace(base, homing_method=method) for method in methods]
-    variants.append(replace(variants[0], feedback_every=profile.most_feedback_every))
+    found = [problems(each, master, sheet, bit_rate) for each in variants]
+    least = min(range(len(found)), key=lambda i: len(found[i]))
+    base, needed = variants[least], found[least]
+    # What a machine file may choose and need not: where the sheet has no room for it, that is a remark.
+    chosen = [replace(base, feedback_every=profile.most_feedback_every)]
     if profile.takes_feed_forward and (sheet.has(0x60B1) or 0x60B1 not in profile.optional):
-        variants.append(replace(variants[0], feed_forward=True))
-    found = [sentence for each in variants for sentence in problems(each, master, sheet, bit_rate)]
-    return list(dict.fromkeys(found)), [*_remarks(profile, sheet), *profile.quirks]
+        chosen.append(replace(base, feed_forward=True))
+    found += [problems(each, master, sheet, bit_rate) for each in chosen]
+    beside = (sentence for each in found for sentence in each if sentence not in needed)
+    told = [*warnings(base, master, sheet), *identity.contradictions(sheet)]
+    remarks = [*(f"{one}." for one in dict.fromkeys((*told, *beside))), *_remarks(profile, sheet)]
+    return needed, [*remarks, *profile.quirks]
 
 
 def _remarks(profile: Profile, sheet: Sheet) -> Iterator[str]:
@@ -90,14 +116,12 @@ def _of_family(settings: Settings, master: MasterSettings) -> Iterator[str]:
     if isinstance(settings, NodeSettings):
         yield from _of_period(settings.period_s, profile)
         yield from _of_axis(settings, profile)
-        unsupervised = settings.unsupervised
     else:
         yield from _of_period(master.period_s, profile)
-        unsupervised = False
-    if profile.supervision is Supervision.NONE and not unsupervised:
+    if profile.supervision is Supervision.NONE and not settings.unsupervised:
         yield (
-            f"profile {profile.name}: such a drive does not notice a dead controller (neither heartbeat nor"
-            " node guarding); allowed with unsupervised = true in its table; see that it can do no harm"
+            f"profile {profile.name}: {UNNOTICED}; allowed with unsupervised = true in its table; see that it"
+            " can do no harm"
         )
 
 
@@ -158,7 +182,7 @@ def _of_device(settings: Settings, sheet: Sheet, bit_rate: int) -> Iterator[str]
     if said is not None and said & 0xFFFF != kind:
         yield (
             f"object 1000h: {sheet.name} is of device profile {said & 0xFFFF}, needed is {kind};"
-            " name this node's own data sheet"
+            f" name this node's own data sheet; {WRONG}"
         )
     needed = (0x1000,) if kind == 401 else (0x1000, 0x6040, 0x6041, 0x6060, 0x6061)
     for index in needed:
@@ -178,18 +202,18 @@ def _of_device(settings: Settings, sheet: Sheet, bit_rate: int) -> Iterator[str]
 def _of_kind(settings: NodeSettings | SpindleSettings, sheet: Sheet) -> Iterator[str]:
     profile = settings.profile
     for sub, wants in ((1, profile.vendor), (2, profile.product)):
-        said = sheet.identity(sub)
-        if wants and said and wants != said:
+        said = sheet.identities(sub)
+        if wants and said and wants not in said:
             yield (
-                f"object 1018h:{sub:02X}: {sheet.name} says {said:#x}, profile {profile.name} is for"
-                f" {wants:#x}; name the profile of this drive"
+                f"object 1018h:{sub:02X}: {sheet.name} says {said[0]:#x}, profile {profile.name} is for"
+                f" {wants:#x}; name the profile of this drive; {WRONG}"
             )
     mode = profile.mode.value if isinstance(settings, NodeSettings) else settings.mode
     modes = sheet.default(0x6502)
     if modes and not modes & 1 << (mode - 1):
         yield (
             f"object 6502h: {sheet.name} says {modes:#x}, which is without mode of operation {mode};"
-            f" {OTHERWISE}"
+            f" {OTHERWISE}; {WRONG}"
         )
 
 
@@ -202,7 +226,7 @@ def _of_homing(node: NodeSettings, sheet: Sheet) -> Iterator[str]:
         allowed = ", ".join(map(str, methods))
         yield (
             f"object 60E3h: {sheet.name} lists the homing methods {allowed}, wanted is {node.homing_method};"
-            " choose one of these"
+            f" choose one of these; {WRONG}"
         )
 
 
@@ -236,18 +260,18 @@ def _of_entry(used: Pdo, place: int, entry: int, sheet: Sheet) -> Iterator[str]:
     if not found.pdo_mappable or found.access_type not in (INTO if used.kind is RPDO else OUT_OF):
         yield (
             f"{where}: {sheet.name} does not let it be mapped into {used.title} (access {found.access_type},"
-            f" mappable {'yes' if found.pdo_mappable else 'no'}), but {used.what}; {OTHERWISE}"
+            f" mappable {'yes' if found.pdo_mappable else 'no'}), but {used.what}; {OTHERWISE}; {WRONG}"
         )
     if found.data_type not in INTEGERS or INTEGERS[found.data_type][0] != bits:
         yield (
             f"{where}: {sheet.name} gives it data type {found.data_type:#06x}, needed are {bits} bits;"
-            f" {OTHERWISE}"
+            f" {OTHERWISE}; {WRONG}"
         )
     held = sheet.find(used.mapping, place)
     if held is not None and not held.writable and sheet.default(used.mapping, place) != entry:
         yield (
             f"object {used.mapping:04X}h:{place:02X}: {sheet.name} lets nobody change what is mapped, but"
-            f" {used.what}; {OTHERWISE}"
+            f" {used.what}; {OTHERWISE}; {WRONG}"
         )
 
 
@@ -256,25 +280,27 @@ def _is_mapping(setting: Setting) -> bool:
 
 
 def _of_setting(setting: Setting, settings: Settings, sheet: Sheet) -> Iterator[str]:
+    """What is in the way of one value."""
     found = sheet.find(setting.index, setting.sub)
-    remedy = REMEDIES.get(setting.index, OTHERWISE)
     if found is None:
-        if not setting.optional and not _may_be_missing(setting, settings):
-            yield f"{setting.where} is not in {sheet.name}, but {setting.why}; {remedy}"
+        needed = setting.waived or not setting.optional
+        if needed and not _may_be_missing(setting, settings):
+            yield f"{setting.where} is not in {sheet.name}, but {setting.why}"
         return
+    told = partial(shown_at, setting.index, setting.sub)
     default = sheet.default(setting.index, setting.sub)
     if not found.writable:
         if default is not None and (default ^ setting.value) & setting.mask:
             yield (
-                f"{setting.where}: {sheet.name} has it read only with {default}, needed is {setting.value}:"
-                f" {setting.why}; {remedy}"
+                f"{setting.where}: {sheet.name} has it read only with {told(default)}, needed is"
+                f" {told(setting.value)}: {setting.why}"
             )
         return
     least, most = range_of(found)
     if least is not None and most is not None and not least <= setting.value <= most:
         yield (
-            f"{setting.where}: {setting.value} is needed ({setting.why}), {sheet.name} allows {least} to"
-            f" {most}; {remedy}"
+            f"{setting.where}: {told(setting.value)} is needed ({setting.why}), {sheet.name} allows"
+            f" {told(least)} to {told(most)}"
         )
 
 

@@ -15,7 +15,7 @@ from drives import pdo
 from drives.arranged import Arranged
 from drives.commissioning import sheet
 from drives.commissioning.network import CommissionError, Network, Node
-from drives.commissioning.wanted import Setting, Step
+from drives.commissioning.wanted import Setting, Step, shown
 
 NMT_START, NMT_PRE_OPERATIONAL = 0x01, 0x80
 BOOT_TRIES, BOOT_TRY_S = 20, 0.1  # a drive may be starting up when we look for it
@@ -26,7 +26,11 @@ MISFITS = (ObjectDictionaryError, struct.error, ValueError, TypeError, Attribute
 STORE_S = 5.0  # a drive may be silent while it writes its memory
 
 
-class MissingObjectError(CommissionError):
+class RefusedError(CommissionError):
+    """The drive does not take a value, or not for long."""
+
+
+class MissingObjectError(RefusedError):
     """The drive does not have an object that its data sheet has."""
 
 
@@ -51,6 +55,7 @@ class Outcome:
     already_so: int = 0  # objects that were right before
     stored: bool = False
     arranged: Arranged | None = None  # its units, and how it stops; of drives only
+    warnings: list[str] = field(default_factory=list)  # what was accepted all the same
 
 
 class Drive:
@@ -60,7 +65,7 @@ class Drive:
         self._network = network
         self.settings = settings
         self._node = network.join(settings)
-        self.sheet = sheet.load(settings.eds, settings.node)
+        self.sheet = sheet.of(settings)
         self.outcome = Outcome(settings.name, settings.node)
 
     @property
@@ -102,7 +107,7 @@ class Drive:
         try:
             return int(self._variable(index, sub).raw)
         except SdoAbortedError as error:
-            kind = MissingObjectError if error.code in MISSING else CommissionError
+            kind = MissingObjectError if error.code in MISSING else RefusedError
             raise kind(
                 f"{self.title}: reading object {index:04X}h:{sub:02X} was refused: {error};"
                 " check that drive and data sheet belong together"
@@ -155,7 +160,19 @@ class Drive:
         self.apply(Step((setting,)))
 
     def apply(self, step: Step) -> None:
-        """Write what belongs together and read it back, unless all of it is so. Raises CommissionError."""
+        """Write what belongs together and read it back, unless all of it is so. Raises CommissionError.
+
+        A drive that does not take what is waived is warned of.
+        """
+        try:
+            self._apply(step)
+        except RefusedError as error:
+            if not all(setting.waived for setting in step.settings):
+                raise
+            told = str(error).removeprefix(f"{self.title}: ")
+            self.outcome.warnings.append(f"{told}; accepted with unsupervised = true")
+
+    def _apply(self, step: Step) -> None:
         outcome = [setting for setting in step.outcome if self._known(setting)]
         before = self._before([setting for setting in outcome if self._readable(setting)])
         missing = [setting.place for setting in outcome if before.get(setting.place, 0) is None]
@@ -180,7 +197,7 @@ class Drive:
             try:
                 found[setting.place] = self.read(setting.index, setting.sub)
             except MissingObjectError:
-                if not setting.optional:
+                if setting.waived or not setting.optional:
                     raise
                 found[setting.place] = None
         return found
@@ -191,7 +208,7 @@ class Drive:
             if not _agrees(found, setting):
                 fixed = not self.sheet.writable(setting.index, setting.sub)
                 did = "is read only and must be" if fixed else "was set to"
-                raise CommissionError(
+                raise RefusedError(
                     f"{self.title}: {setting.where} {did} {shown(setting.value)} but reads"
                     f" {shown(found)}; {setting.why}; check that the drive supports this value"
                 )
@@ -219,7 +236,7 @@ class Drive:
         try:
             self._variable(setting.index, setting.sub).raw = setting.value
         except SdoAbortedError as error:
-            raise CommissionError(
+            raise RefusedError(
                 f"{self.title}: {setting.where} refuses {shown(setting.value)}: {error};"
                 f" {setting.why}; choose a value the drive supports"
             ) from error
@@ -289,8 +306,3 @@ class Drive:
 
 def _agrees(found: int, setting: Setting) -> bool:
     return not (found ^ setting.value) & setting.mask
-
-
-def shown(value: int) -> str:
-    """A number as people look for it in manuals: also in hexadecimal."""
-    return f"{value} ({value:#x})" if value > 9 else str(value)

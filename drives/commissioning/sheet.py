@@ -14,9 +14,13 @@ import re
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
+from typing import Protocol
 
 import canopen
 from canopen.objectdictionary import ODVariable
+
+from drives.commissioning import overrides
+from drives.profile import Override
 
 SECTION = re.compile(r"([0-9A-Fa-f]{4})(?:sub([0-9A-Fa-f]+))?", re.IGNORECASE)
 VARIABLE, DOMAIN = 0x7, 0x2
@@ -69,9 +73,12 @@ class SheetError(Exception):
 class Sheet:
     """What a data sheet says about objects."""
 
-    def __init__(self, name: str, dictionary: canopen.ObjectDictionary) -> None:
+    def __init__(
+        self, name: str, dictionary: canopen.ObjectDictionary, overridden: tuple[str, ...] = ()
+    ) -> None:
         self.name = name
         self.dictionary = dictionary
+        self.overridden = overridden  # a sentence for everything that the drive is believed instead
 
     def find(self, index: int, sub: int = 0) -> ODVariable | None:
         """The entry; exactly this one, while canopen makes up members of arrays."""
@@ -100,11 +107,15 @@ class Sheet:
         # "-1" is written as 0xFFFFFFFF as well.
         return found.default - (1 << bits) if signed and found.default >> (bits - 1) == 1 else found.default
 
-    def identity(self, sub: int) -> int | None:
-        """1018h:01 to :03 as the head of the sheet, or the object itself, says it."""
+    def identities(self, sub: int) -> tuple[int, ...]:
+        """1018h:01 to :03 as the head of the sheet says it and as the object does; none, one or two."""
         about = self.dictionary.device_information
-        head = (about.vendor_number, about.product_number, about.revision_number)
-        return head[sub - 1] or self.default(0x1018, sub)
+        head = (about.vendor_number, about.product_number, about.revision_number)[sub - 1]
+        return tuple(dict.fromkeys(word for word in (head, self.default(0x1018, sub)) if word))
+
+    def identity(self, sub: int) -> int | None:
+        """1018h:01 to :03, the head's word before the object's."""
+        return next(iter(self.identities(sub)), None)
 
     def subs(self, index: int) -> list[int]:
         """The sub-indices of an object but 0."""
@@ -112,10 +123,33 @@ class Sheet:
         return [] if found is None or isinstance(found, ODVariable) else sorted(set(found.subindices) - {0})
 
 
+class Named(Protocol):
+    """What any kind of node's settings tell of it."""
+
+    @property
+    def node(self) -> int: ...
+
+    @property
+    def eds(self) -> str: ...
+
+
+def of(settings: Named) -> Sheet:
+    """The data sheet of a node, with what its profile and the machine file know better. Raises SheetError."""
+    family = getattr(settings, "profile", None)
+    known = (*(family.overrides if family else ()), *getattr(settings, "overrides", ()))
+    return load(settings.eds, settings.node, known)
+
+
 @lru_cache(maxsize=64)
-def load(path: str, node: int) -> Sheet:
-    """The data sheet of a file, for a node id ("$NODEID"). Raises SheetError."""
-    return _read(_mended(path), Path(path).name, node)
+def load(path: str, node: int, known: tuple[Override, ...] = ()) -> Sheet:
+    """The data sheet of a file, for a node id ("$NODEID"), overridden. Raises SheetError."""
+    return overridden(_read(_mended(path), Path(path).name, node), known)
+
+
+def overridden(sheet: Sheet, known: tuple[Override, ...]) -> Sheet:
+    """The sheet with other words in it; the one that is given is changed, too."""
+    sentences = overrides.apply(sheet.dictionary, known, sheet.name)
+    return Sheet(sheet.name, sheet.dictionary, (*sheet.overridden, *sentences))
 
 
 @lru_cache(maxsize=16)

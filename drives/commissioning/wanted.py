@@ -38,6 +38,25 @@ PREDEFINED = 4  # PDOs with an identifier of the pre-defined connection set
 LINEAR = 0  # 60C0h: linear interpolation
 
 
+def shown(value: int) -> str:
+    """A number as people look for it in manuals: also in hexadecimal."""
+    return f"{value} ({value:#x})" if value > 9 else str(value)
+
+
+# Bits with a meaning each: statusword and controlword, error code and register, modes, identity.
+BITS = {0x1000, 0x1001, 0x1003, 0x1005, 0x1014, 0x1016, 0x1018, 0x603F, 0x6040, 0x6041, 0x6502}
+IDENTIFIERS = (range(0x1400, 0x1600), range(0x1800, 0x1A00), range(0x1200, 0x1300))  # in sub-index 1 (and 2)
+MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
+
+
+def shown_at(index: int, sub: int, value: int) -> str:
+    """A value of an object: identifiers, mappings and words of bits in hexadecimal."""
+    identifier = any(index in span for span in IDENTIFIERS) and (sub == 1 or (sub == 2 and index < 0x1300))
+    mapping = any(index in span for span in MAPPINGS) and sub > 0
+    bits = index in BITS and (sub > 0 or index not in (0x1003, 0x1016, 0x1018))
+    return f"{value:#x}" if value >= 0 and (identifier or mapping or bits) else str(value)
+
+
 @dataclass(frozen=True, slots=True)
 class Setting:
     """One object to write and read back."""
@@ -48,6 +67,7 @@ class Setting:
     why: str  # completes "... is needed"
     optional: bool = False  # only where the data sheet has it
     mask: int = -1  # what must agree when read back
+    waived: bool = False  # unsupervised = true: a drive that does not take it is accepted, with a warning
 
     @property
     def place(self) -> tuple[int, int]:
@@ -108,7 +128,7 @@ def _spindle(node: SpindleSettings, master: MasterSettings, sheet: Sheet) -> Ite
         yield Step(
             (Setting(0x60C2, 1, value, why, optional=True), Setting(0x60C2, 2, exponent, why, optional=True))
         )
-    yield from _supervision(node.profile, master, sheet, unsupervised=False)
+    yield from _supervision(node.profile, master, sheet, node.unsupervised)
     for write in node.profile.writes:
         yield _one(write.index, write.sub, write.value, write.why)
 
@@ -120,7 +140,7 @@ def _io(node: IoSettings, master: MasterSettings, sheet: Sheet) -> Iterator[Step
         why = "outputs go off when the controller falls silent"
         yield _one(0x6206, sub, 0xFF, why, optional=True)
         yield _one(0x6207, sub, 0, why, optional=True)
-    yield from _heartbeats(master, sheet, optional=False, produced_s=node.heartbeat_s)
+    yield from _heartbeats(master, sheet, node.unsupervised, produced_s=node.heartbeat_s)
 
 
 # --- process data ----------------------------------------------------------------
@@ -297,13 +317,13 @@ def _supervision(
     if profile.supervision is Supervision.GUARDING:
         yield _one(0x1017, 0, 0, "node guarding and heartbeat exclude each other", optional=True)
         poll_ms, factor = guarding(master)
-        yield _one(0x100C, 0, poll_ms, why, optional=unsupervised)
-        yield _one(0x100D, 0, factor, why, optional=unsupervised)
+        yield _one(0x100C, 0, poll_ms, why, waived=unsupervised)
+        yield _one(0x100D, 0, factor, why, waived=unsupervised)
     else:
         none = profile.supervision is Supervision.NONE
         yield from _heartbeats(master, sheet, unsupervised or none, master.heartbeat_s)
     if profile.abort_code is not None:
-        yield _one(0x6007, 0, profile.abort_code, f"{why} and stop", optional=unsupervised)
+        yield _one(0x6007, 0, profile.abort_code, f"{why} and stop", waived=unsupervised)
     if profile.quick_stop_code is not None:
         yield _one(0x605A, 0, *_quick_stop(profile.quick_stop_code, braked))
     if profile.error_behaviour is not None:
@@ -325,9 +345,11 @@ def guarding(master: MasterSettings) -> tuple[int, int]:
     return poll_ms, max(2, round(master.consumer_s / master.heartbeat_s))
 
 
-def _heartbeats(master: MasterSettings, sheet: Sheet, optional: bool, produced_s: float) -> Iterator[Step]:
+def _heartbeats(
+    master: MasterSettings, sheet: Sheet, unsupervised: bool, produced_s: float
+) -> Iterator[Step]:
     silence = master.node_id << 16 | round(master.consumer_s * 1e3)
-    yield _one(0x1016, 1, silence, "the drive must notice a dead controller", optional=optional)
+    yield _one(0x1016, 1, silence, "the drive must notice a dead controller", waived=unsupervised)
     for sub in sheet.subs(0x1016):
         if sub > 1:
             yield _one(0x1016, sub, 0, "nobody else's heartbeat may stop it", optional=True)
@@ -362,5 +384,13 @@ def _homing_speeds(node: NodeSettings, units: Units) -> Iterator[Step]:
             yield _one(index, sub, value, f"the machine file says how fast {what} is")
 
 
-def _one(index: int, sub: int, value: int, why: str, optional: bool = False, mask: int = -1) -> Step:
-    return Step((Setting(index, sub, value, why, optional, mask),))
+def _one(
+    index: int,
+    sub: int,
+    value: int,
+    why: str,
+    optional: bool = False,
+    mask: int = -1,
+    waived: bool = False,
+) -> Step:
+    return Step((Setting(index, sub, value, why, optional or waived, mask, waived),))

@@ -28,6 +28,7 @@ def drive(settings: NodeSettings, parameters: Parameters) -> SimulatedDrive:
         parameters = replace(parameters, position_counts=at, absolute_encoder=True)
     nature = sized(parameters, settings.velocity_counts_s, settings.acceleration_counts_s2)
     made = SimulatedDrive(settings.node, nature, Path(settings.eds) if settings.eds else EDS)
+    made.dictionary.believe(settings.overrides)
     return families.restrict(made, settings.profile)
 
 
@@ -47,11 +48,14 @@ def spindle(settings: SpindleSettings, parameters: Parameters) -> SimulatedDrive
     most = SPINDLE_REV_S2 * settings.counts_per_rev
     nature = sized(replace(parameters, most_acceleration=most), 0.0, most)
     made = SimulatedDrive(settings.node, nature, Path(settings.eds) if settings.eds else EDS)
+    made.dictionary.believe(settings.overrides)
     return families.restrict(made, settings.profile)
 
 
 def inputs_and_outputs(settings: IoSettings, parameters: Parameters) -> IoNode:
-    return IoNode(settings.node, parameters, Path(settings.eds) if settings.eds else IO_EDS)
+    made = IoNode(settings.node, parameters, Path(settings.eds) if settings.eds else IO_EDS)
+    made.dictionary.believe(settings.overrides)
+    return made
 
 
 def device(settings: NodeLike, parameters: Parameters) -> SimulatedDrive | IoNode:

@@ -103,7 +103,7 @@ def _variable(section: configparser.SectionProxy) -> Variable:
         default=default.strip(),
         low=section.get("LowLimit", ""),
         high=section.get("HighLimit", ""),
-        mappable=section.get("PDOMapping", "0").strip() == "1",
+        mappable=section.get("PDOMapping", "").strip() in ("1", "0x1", "0x01"),
     )
 
 

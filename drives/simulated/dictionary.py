@@ -8,8 +8,10 @@ writer; both are given by the drive.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from dataclasses import replace
 from pathlib import Path
 
+from drives.profile import Override
 from drives.simulated.aborts import Abort, Code
 from drives.simulated.data_sheet import (
     EDS,
@@ -27,6 +29,16 @@ __all__ = ["EDS", "Abort", "Code", "Dictionary", "Variable", "key"]
 
 MEMORY_BYTES = 65536  # the longest string or domain the drive can hold
 PROFILE_AT = 0x2000 << 8  # from here on the application's objects
+
+
+def _better(variable: Variable, known: Override) -> Variable:
+    return replace(
+        variable,
+        low=variable.low if known.low is None else str(known.low),
+        high=variable.high if known.high is None else str(known.high),
+        access=known.access or variable.access,
+        mappable=variable.mappable if known.mappable is None else known.mappable,
+    )
 
 
 class Dictionary:
@@ -67,6 +79,15 @@ class Dictionary:
         """The bus does not see these objects any more; the device keeps their values to itself."""
         self.variables = {where: v for where, v in self.variables.items() if where >> 8 not in indexes}
         self._indexes -= set(indexes)
+
+    def believe(self, known: Collection[Override]) -> None:
+        """The device does what its sheet is wrong about; what the sheet lacks stays away."""
+        for one in known:
+            where = key(one.index, one.sub)
+            if where in self.variables:
+                self.variables = {**self.variables, where: _better(self.variables[where], one)}
+            if one.default is not None:
+                self.factory[where] = self.values[where] = one.default
 
     def has(self, index: int, sub: int = 0) -> bool:
         return key(index, sub) in self.variables

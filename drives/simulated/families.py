@@ -36,6 +36,7 @@ def restrict(drive: SimulatedDrive, profile: Profile, bare: bool = False) -> Sim
     if profile == GENERIC and not bare:
         return drive
     dictionary = drive.dictionary
+    dictionary.believe(profile.overrides)
     dictionary.leave_out(missing(profile) | (set(profile.optional) if bare else set()))
     _settle_identity(dictionary, profile)
     _restrict_modes(dictionary, profile)

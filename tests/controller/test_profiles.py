@@ -22,8 +22,8 @@ def test_a_shipped_profile_is_read_whole_and_bears_its_name(name: str) -> None:
     assert profiles.load(name).name == name
 
 
-def test_six_families_are_shipped() -> None:
-    families = {"elmo", "generic", "maxon_epos4", "pilz_prbt", "simulated", "technosoft_ipos"}
+def test_seven_families_are_shipped() -> None:
+    families = {"elmo", "elmo_gold", "generic", "maxon_epos4", "pilz_prbt", "simulated", "technosoft_ipos"}
     assert set(profiles.shipped()) == families
 
 
@@ -59,6 +59,7 @@ def test_a_data_sheet_is_looked_for_beside_the_profile(tmp_path: Path) -> None:
         ("", r"mine\.toml: top level: drive: is missing"),
         ("[drive]\n", r"mine\.toml: \[drive\]: supervision: is missing; allowed: \"heartbeat\" or"),
         (LEAST + "rpd = 2\n", r"rpd = 2: this key is not known; .* did you mean 'rpdo'"),
+        (LEAST + '[[override]]\nobject = "1016:01"\nhigh = 3\n', r"\[\[override\]\] 1: reason: is missing"),
         (LEAST + "[more]\n", r"top level: more = .* this key is not known"),
         (LEAST + 'mode = "pp"\n', r'mode = "pp": is not known; allowed: "csp" or "ip"'),
         (LEAST + "rpdo = 5\n", "rpdo = 5: is out of range or not whole; allowed: a whole number from 1 to 4"),
@@ -90,3 +91,11 @@ def test_a_slip_is_one_sentence(text: str, sentence: str) -> None:
 def test_an_unknown_name_is_answered_with_the_near_one() -> None:
     with pytest.raises(ConfigError, match=r"maxon_epos5: there is no .*did you mean 'maxon_epos4'"):
         profiles.load("maxon_epos5")
+
+
+def test_a_profile_says_where_its_familys_sheets_are_wrong() -> None:
+    gold = profiles.load("elmo_gold")
+    assert (gold.mode, gold.vendor) == (CyclicMode.CSP, profiles.load("elmo").vendor)
+    (wrong,) = gold.overrides
+    assert (wrong.index, wrong.sub, wrong.high) == (0x1016, 1, 0xFFFF_FFFF)
+    assert wrong.reason
