@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 from drives import pdo
 from drives.arranged import Arranged
-from drives.commissioning import identity, possible, stopping
+from drives.commissioning import identity, possible, sheet, stopping
 from drives.commissioning.network import (
     CommissionError,
     Network,
@@ -46,6 +46,7 @@ __all__ = [
     "Stepped",
     "commission",
     "interpolation_time",
+    "on_paper",
     "set_mode",
     "shown",
     "stepped_pump",
@@ -72,8 +73,7 @@ def commission(
     """
     drives = [Drive(network, settings) for settings in nodes]
     for drive, settings in zip(drives, nodes, strict=True):
-        found = possible.problems(settings, master, drive.sheet, bit_rate)
-        if found:
+        if found := possible.problems(settings, master, drive.sheet, bit_rate):
             raise CommissionError(f"{drive.title}: {'. '.join(found)}.")
         drive.outcome.warnings += possible.warnings(settings, master, drive.sheet)
     for drive, settings in zip(drives, nodes, strict=True):
@@ -89,6 +89,18 @@ def commission(
         else:
             drive.read(0x1000)  # answered after it has heard the start command
     return [drive.outcome for drive in drives]
+
+
+def on_paper(settings: Settings, master: MasterSettings, bit_rate: int = 0) -> tuple[list[str], list[str]]:
+    """What ``commission`` would refuse of a node before a frame is sent, and what it would warn of."""
+    title = f"drive {settings.name} (node {settings.node})"
+    try:
+        about = sheet.of(settings)
+    except sheet.SheetError as error:
+        return [f"{title}: {error}"], []
+    warned = [*possible.warnings(settings, master, about), *identity.contradictions(about)]
+    problems = possible.problems(settings, master, about, bit_rate)
+    return [f"{title}: {one}" for one in problems], [f"{title}: {one}" for one in warned]
 
 
 def _prepare(network: Network, drive: Drive, settings: Settings, master: MasterSettings) -> None:

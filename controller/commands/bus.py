@@ -10,6 +10,7 @@ import typer
 
 from controller import config
 from controller.machine import Machine
+from controller.session import drive_sheets
 from controller.session.bus_load import budgets, overload
 from controller.toml_table import ConfigError
 from controller.verify import bus_tables
@@ -34,7 +35,10 @@ def bus(
     plot: Plot = None,
     as_json: Json = False,
 ) -> None:
-    """The bus budget: who sends what when in a tick, at its worst; what is left, and what would fit."""
+    """The bus budget: who sends what when in a tick, at its worst; what is left, and what would fit.
+
+    Drives that commissioning would refuse by their data sheets are refused here, too.
+    """
     with refusals(as_json, lambda: (ConfigError,)):
         made = config.load(file or machine)
         made = made if period_ms is None else config.with_period(made, period_ms / 1e3)
@@ -45,8 +49,9 @@ def bus(
             for one in found:
                 show.print(bus_tables.bus(one, made.max_bus_share))
         facts = _facts(found, made)
-        if sentence := overload(made):
-            raise Refused(sentence, **facts)
+        sentences = [sentence for sentence in (overload(made), drive_sheets.refusal(made)) if sentence]
+        if sentences:
+            raise Refused("\n".join(sentences), **facts)
         if as_json:
             print(json.dumps({"ok": True, **facts}))
 

@@ -15,6 +15,7 @@ from typing import Annotated, Any
 import typer
 
 from controller import config, fitting
+from controller.commands import machine_check
 from controller.machine import Machine, five
 from controller.motions import SurfaceCut
 from controller.plan.report import stored
@@ -122,19 +123,33 @@ def _length_mm(stretches: dict[int, Stretch]) -> float:
 
 
 def check(
-    program: ProgramFile,
-    machine: MachineFile = "trunnion",
+    program: Annotated[
+        Path | None, typer.Argument(help="The part program; none: only the machine is checked.")
+    ] = None,
+    machine: Annotated[
+        str, typer.Option("--machine", help="Machine file, or the name of a shipped one; default trunnion.")
+    ] = "",
     gouge: Gouge = "",
     store: Store = None,
     as_json: Json = False,
 ) -> None:
-    """Read, plan and audit a program over its whole path, and store the check; nothing moves."""
+    """Read, plan and audit a program over its whole path, and store the check; nothing moves.
+
+    The data sheets of the machine's drives are looked at first: what commissioning would refuse is refused.
+    """
+    if program is None and not machine:
+        raise typer.BadParameter("name a part program, or a machine alone with --machine")
     with _refusals(as_json):
-        task = _task(program, _machine(machine, gouge))
+        made = _machine(machine or "trunnion", gouge)
+        sheets = machine_check.sheets(made, as_json)
+        if program is None:
+            machine_check.alone(made, sheets, as_json)
+            return
+        task = _task(program, made)
         rows = Rows()
         found, kept, warning = _checked(task, store, rows, as_json)
         if as_json:
-            facts = {"ok": True, "program": str(program), **found.to_dict()}
+            facts = {"ok": True, "program": str(program), "sheets": sheets, **found.to_dict()}
             key = None if warning else task.key
             overcuts = {"overcuts": [asdict(one) for one in kept.overcuts]}
             rows.write({**facts, **overcuts, **_notes(kept.notes, task.machine), "stored": key}, sys.stdout)

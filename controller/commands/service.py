@@ -18,6 +18,7 @@ from controller import config
 from controller.commands import installation, self_test
 from controller.commands.installation import ENVIRONMENT, STATE, TARGET, UNITS
 from controller.machine import Machine
+from controller.session import drive_sheets
 from controller.toml_table import ConfigError
 from controller.verify.console import Refused, refusals, show, tell
 
@@ -64,6 +65,8 @@ def install(
         source = _source(machine)
         named = source or installation.machine_named_in(present or "")
         made = config.load(named)
+        if problems := drive_sheets.refusal(made):
+            raise Refused(problems)
         if root is None:
             _may_install(made, named)
         serve = None if simulate is None else "--simulate" * simulate

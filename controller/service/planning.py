@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import multiprocessing.connection as connections
 import pickle
+import sys
 import time
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator
@@ -145,7 +146,8 @@ class Planning:
         self._parent.send(answer)
 
     def _commission(self, _: Order) -> dict[str, Any]:
-        self._end.start_up.commission()
+        for sentence in self._end.start_up.commission():
+            print(sentence, file=sys.stderr, flush=True)
         return {}
 
     def _home(self, order: Order) -> dict[str, Any]:

@@ -147,7 +147,8 @@ def plan_main(job: Job) -> None:
     plan = PlanEnd(job.machine, job.pieces, job.requests, job.snapshot_path)
     task = checked.task(job.program, job.name, job.machine)
     walk = checked.walk_of(task, job.check, job.unchecked)
-    plan.start_up.commission()
+    for sentence in plan.start_up.commission():
+        print(sentence, file=sys.stderr, flush=True)
     plan.start_up.come_up()
     now = plan.snapshot()
     if max(abs(a - b) for a, b in zip(now.joints, task.start, strict=True)) > SAME_PLACE:

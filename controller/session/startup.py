@@ -63,16 +63,23 @@ class StartUp:
         self._arranged = arranged
         self._nodes = config.node_settings(machine)
 
-    def commission(self) -> None:
-        """Write and read back every node's settings and start it. Raises CommissionError."""
+    def commission(self) -> list[str]:
+        """Write and read back every node's settings and start it. Raises CommissionError.
+
+        A sentence for everything that is accepted although sheet or drive speak against it.
+        """
         master, nodes = config.master_settings(self._machine), config.all_settings(self._machine)
         rates = {bus.name: bus.bit_rate for bus in self._machine.buses}
         found: list[Arranged] = []
+        warnings: list[str] = []
         for name, network in self._networks.items():
             its = [node for node in nodes if node.bus == name]
-            outcomes = commission.commission(network, its, master, bit_rate=rates[name])
-            found += [outcome.arranged for outcome in outcomes if outcome.arranged is not None]
+            for done in commission.commission(network, its, master, bit_rate=rates[name]):
+                warnings += [f"drive {done.name} (node {done.node}): {warning}." for warning in done.warnings]
+                if done.arranged is not None:
+                    found.append(done.arranged)
         self._arranged(tuple(found))
+        return warnings
 
     def come_up(self) -> None:
         """Home what is not homed yet, group by group, and enable. Raises SessionError.
