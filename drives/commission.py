@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 from drives import pdo
 from drives.arranged import Arranged
-from drives.commissioning import identity, possible, sheet, stopping
+from drives.commissioning import identity, possible, sheet, stopping, twins
 from drives.commissioning.network import (
     CommissionError,
     Network,
@@ -76,10 +76,17 @@ def commission(
         if found := possible.problems(settings, master, drive.sheet, bit_rate):
             raise CommissionError(f"{drive.title}: {'. '.join(found)}.")
         drive.outcome.warnings += possible.warnings(settings, master, drive.sheet)
+    for drive in drives:
+        if not drive.answers():
+            # A stopped node is deaf to SDO; a moving one would have answered.
+            drive.command(NMT_PRE_OPERATIONAL)
+        drive.meet()
+    _see_single(network, drives)
     for drive, settings in zip(drives, nodes, strict=True):
         _prepare(network, drive, settings, master)
         if store and drive.outcome.changes:
             drive.store()
+    _see_undisturbed(network, drives)
     network.nmt_states.clear()
     for drive in drives:
         drive.command(NMT_START)
@@ -104,9 +111,6 @@ def on_paper(settings: Settings, master: MasterSettings, bit_rate: int = 0) -> t
 
 
 def _prepare(network: Network, drive: Drive, settings: Settings, master: MasterSettings) -> None:
-    if not drive.answers():
-        drive.command(NMT_PRE_OPERATIONAL)  # a stopped node is deaf to SDO; a moving one would have answered
-    drive.meet()
     _identify(drive, settings)
     if not isinstance(settings, IoSettings):
         _see_off(network, drive)
@@ -130,6 +134,27 @@ def _set_up(drive: Drive, settings: NodeSettings | SpindleSettings, master: Mast
     else:
         drive.outcome.arranged = stopping.of_spindle(drive, settings, units)
     drive.set_mode(_mode(settings))
+
+
+def _see_single(network: Network, drives: Sequence[Drive]) -> None:
+    """Every node id is one drive's."""
+    found = twins.doubled(network, [drive.settings.node for drive in drives])
+    network.booted.clear()
+    if found:
+        titles = {drive.settings.node: drive.title for drive in drives}
+        told = (f"{titles[node]}: {twins.sentence(serials)}" for node, serials in found.items())
+        raise CommissionError(". ".join(told))
+
+
+def _see_undisturbed(network: Network, drives: Sequence[Drive]) -> None:
+    """A drive that starts up meanwhile is a second one with this node id, or it has lost what it was told."""
+    again = [drive for drive in drives if drive.settings.node in network.booted]
+    if again:
+        _see_single(network, again)
+        raise CommissionError(
+            f"{again[0].title}: its boot-up message came while it was commissioned, so it has forgotten what"
+            " it was told; check its supply, and look for another master on the bus"
+        )
 
 
 def _mode(settings: NodeSettings | SpindleSettings) -> int:

@@ -19,7 +19,7 @@ from controller.verify.console import Refused, refusals, show, tell
 from drives import bus as buses
 from drives import commission as commissioning
 from drives import pdo
-from drives.commissioning import identity, lss, possible, sheet, survey
+from drives.commissioning import identity, lss, possible, sheet, survey, twins
 from drives.commissioning.wanted import Settings
 from drives.settings import BusSettings, MasterSettings, NodeSettings
 
@@ -248,7 +248,7 @@ def scan(
                 rows += [{"bus": each.bus.name, **asdict(one), "name": names.get(one.node)} for one in found]
                 silent = names.keys() - {one.node for one in found}
                 missing += [f"{names[node]} (bus {each.bus.name}, node {node})" for node in sorted(silent)]
-                strangers += _strangers(each, found)
+                strangers += [*_twins(each, found), *_strangers(each, found)]
         if not as_json:
             show.print(drive_tables.found(rows))
         facts = {"machine": made.name, "found": rows, "missing": missing, "strangers": strangers}
@@ -261,6 +261,15 @@ def scan(
             raise Refused("\n".join(sentences), **facts)
         if as_json:
             print(json.dumps({"ok": True, **facts}))
+
+
+def _twins(joined: Joined, found: Sequence[survey.Found]) -> Iterator[str]:
+    """A sentence for every node id that more than one drive has."""
+    names = {node.node: f"drive {node.name} (node {node.node})" for node in joined.nodes}
+    for one in found:
+        if one.twins:
+            title = names.get(one.node, f"bus {joined.bus.name}, node {one.node}")
+            yield f"{title}: {twins.sentence(one.twins)}"
 
 
 def _strangers(joined: Joined, found: Sequence[survey.Found]) -> Iterator[str]:

@@ -25,6 +25,7 @@ ABORT = 0x80
 COMMAND_MASK, ANSWERED_BY = 0xE0, {0x20: 0x60, 0x40: 0x40}
 NO_OBJECT = bytes(3)  # in some drives' aborts
 SEND_TRIES = 20
+BOOT_UP = b"\0"  # on the heartbeat's identifier (CiA 301, 7.2.8.3.3)
 
 # Everything it would log here is raised as well, with a better sentence.
 logging.getLogger("canopen.sdo.client").setLevel(logging.CRITICAL)
@@ -103,6 +104,7 @@ class Network(canopen.Network):
         self._joined: dict[sheet.Sheet, canopen.RemoteNode] = {}
         self.patience_s = patience_s
         self.nmt_states: dict[int, int] = {}  # by node, as its newest heartbeat says
+        self.booted: set[int] = set()  # nodes whose boot-up message has been heard
         self.hearer: Hearer | None = None  # hears along
 
     def join(self, settings: Node) -> canopen.RemoteNode:
@@ -162,6 +164,8 @@ class Network(canopen.Network):
                 self._awaited = -1
             elif can_id & pdo.GROUP_MASK == pdo.HEARTBEAT and data:
                 self.nmt_states[can_id & 0x7F] = data[0] & 0x7F
+                if data == BOOT_UP:
+                    self.booted.add(can_id & 0x7F)
             if self.hearer is not None:
                 self.hearer(can_id, data)
             self.notify(can_id, bytearray(data), 0.0)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from struct import Struct
 
 from drives import cia402, pdo
+from drives.commissioning import twins
 from drives.commissioning.network import SDO_REQUEST, CommissionError, Network, Node
 from drives.commissioning.remote import Drive
 
@@ -30,6 +31,7 @@ class Found:
     product: int | None
     revision: int | None
     serial: int | None
+    twins: twins.Serials = ()  # serial numbers where more than one drive has this node id
 
     @property
     def profile(self) -> int | None:
@@ -77,7 +79,11 @@ def scan(network: Network) -> list[Found]:
     kinds = questions.ask(NODES, 0x1000, 0)
     nodes = list(kinds)
     words = [questions.ask(nodes, 0x1018, sub) if nodes else {} for sub in range(1, 5)]
-    return [Found(node, kinds[node], *(word.get(node) for word in words)) for node in nodes]
+    doubled = twins.doubled(network, nodes) if nodes else {}
+    return [
+        Found(node, kinds[node], *(word.get(node) for word in words), twins=doubled.get(node, ()))
+        for node in nodes
+    ]
 
 
 @dataclass(frozen=True, slots=True)
