@@ -101,7 +101,7 @@ TO_DRIVES: dict[str, set[str]] = {
     "drive_objects": {"profile"},
     "config": {"settings", "profile"},
     "tick": {"settings", "scale", "cia402", "pdo", "bus", "cyclic"},
-    "session": VALUES | {"bus", "cyclic", "load", "log", "commission", "simulated"},
+    "session": VALUES | {"bus", "cyclic", "load", "log", "commission", "simulated", "virtual"},
     "service": VALUES | {"bus", "load", "log"},
     "profiles": {"profile"},
     "nodes": {"settings"},

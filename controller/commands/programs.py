@@ -191,17 +191,23 @@ def simulate(
     gouge: Gouge = "",
     trace_file: Annotated[Path | None, typer.Option("--trace", help="Write every tick (.npz).")] = None,
     events: Annotated[Path | None, typer.Option("--events", help="Requests at ticks (JSON lines).")] = None,
+    faults: Annotated[Path | None, typer.Option("--faults", help="Script of faults.")] = None,
+    faults_from: Annotated[
+        str, typer.Option("--faults-from", help="Its times count from the 'program', or from 'home'.")
+    ] = "program",
     plot: Annotated[Path | None, typer.Option("--plot", help="Draw the cut (.png).")] = None,
     store: Store = None,
     unchecked: Unchecked = False,
     as_json: Json = False,
 ) -> None:
     """Run a program on the stepped clock, with bus and simulated drives, as fast as it can."""
+    from controller.commands import fault_runs
     from controller.session.stepped import SteppedMachine
     from controller.verify import trace as traces
 
     with _refusals(as_json):
         made = _machine(machine, gouge, period_ms)
+        script = fault_runs.read(faults, faults_from, made)
         _budget_or_refuse(made)
         planned_events = event_files.read(events) if events else ()
         turns = event_files.turns(events) if events else ()
@@ -215,9 +221,11 @@ def simulate(
         if not as_json:
             _show_notes(walk.notes, task)
         bench = SteppedMachine(made, recordings=recording.folder())
-        bench.come_up()
+        under = fault_runs.FaultRun(bench, script, faults_from)
+        under.come_up()
         if begin is not None:
             bench.stand_at(begin.start.joints, begin.start.plan_time_s)
+        under.begin()
         began_s = time.perf_counter()
         with bar("simulating", as_json) as progress:
             run = bench.run(walk, planned_events, lambda s: progress(_share(s, kept)), turns)
@@ -235,7 +243,10 @@ def simulate(
             "wall_time_s": took_s,
             "times_real_time": len(trace.time_s) * made.period_s / took_s,
             **_notes(walk.notes, made),
+            **under.facts(),
         }
+        if script is not None and not as_json:
+            fault_runs.show(figures["faults"])
         _write(trace, made, stretches, trace_file, plot)
         if run.fault is not Fault.NONE:  # also a hold that waits for somebody to close a door
             raise Refused(run.fault_text, **figures)

@@ -9,7 +9,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from controller import config, nodes, profiles
-from controller.session.simulation import healthy_inputs, wires
+from controller.session.simulation import surround
 from controller.toml_table import ConfigError
 from controller.verify.console import Refused, refusals, tell
 from drives.gateways import options
@@ -139,9 +139,7 @@ def _of_machine(file: str, bus: str, nature: Parameters) -> tuple[BusSettings, D
     devices = [build.device(node, nature) for node in its]
     for device in devices:
         if isinstance(device, IoNode):
-            device.set_inputs(healthy_inputs(made), 0.0)
-            for wire in wires(made):
-                device.wire(*wire)
+            surround(device, made)
     return wanted, devices
 
 

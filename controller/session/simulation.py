@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from controller.machine import Machine
+from drives.simulated.io_node import IoNode
 
 SWITCH_SHARE = 0.5  # of the time that a clamp may take: a simulated one takes this
 
@@ -38,6 +39,13 @@ def wires(machine: Machine) -> tuple[Wire, ...]:
             straight = (clamp.output in io.inverted) == (clamp.input in io.inverted)
             found.append(Wire(valve, switch, SWITCH_SHARE * clamp.open_s, straight))
     return tuple(found)
+
+
+def surround(node: IoNode, machine: Machine) -> None:
+    """All doors closed, and clamps that do as they are told."""
+    node.set_inputs(healthy_inputs(machine), 0.0)
+    for wire in wires(machine):
+        node.wire(*wire)
 
 
 def options(machine: Machine, bus: str) -> list[str]:

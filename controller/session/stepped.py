@@ -36,9 +36,10 @@ from controller.plan.route.stretch import straight
 from controller.plan.text.program import Place
 from controller.session import cyclic
 from controller.session.events import Event, Turn
+from controller.session.observer import Observer
 from controller.session.recording import Keeper
 from controller.session.replay import Replay
-from controller.session.simulation import healthy_inputs, wires
+from controller.session.simulation import surround
 from controller.session.startup import SessionError, StartUp, arrangement, homing_mask, no_start
 from controller.state import Fault, Mode, Request, sentence
 from controller.tick.cycle import Cycle
@@ -46,7 +47,6 @@ from controller.tick.loop import Loop, SteppedClock
 from drives import commission, pdo
 from drives.arranged import Arranged
 from drives.log.frame_log import FrameLog
-from drives.simulated.io_node import IoNode as SimulatedIo
 from drives.simulated.parameters import LostSync
 from drives.simulated.rig import rig
 
@@ -78,13 +78,6 @@ def _end_of_program(rows: Rows) -> int:
     """The first of the READY rows at the end; what stands behind it is only the looking whether it stands."""
     others = np.flatnonzero(rows[:, COLUMN["mode"]] != Mode.READY)
     return int(others[-1]) + 1 if len(others) else 0
-
-
-def _surround(node: SimulatedIo, machine: Machine) -> None:
-    """All doors closed, and clamps that do as they are told."""
-    node.set_inputs(healthy_inputs(machine), 0.0)
-    for wire in wires(machine):
-        node.wire(*wire)
 
 
 class Items(Protocol):
@@ -124,7 +117,7 @@ class SteppedMachine:
         spindle, io = config.spindle_settings(machine), config.io_settings(machine)
         self.rig = rig(nodes, buses, spindle=spindle, io=io, stiffness=stiffness, lost_sync=lost_sync)
         for node in self.rig.io.values():
-            _surround(node, machine)
+            surround(node, machine)
         self._ticks_in_sdo = False
         networks = {
             bus.name: commission.Network(self.rig.port(pdo.SERVICE_FILTERS, bus.name), self._pass_time())
@@ -155,6 +148,7 @@ class SteppedMachine:
         self._replay = Replay(PieceOutbox(self._plan_end).send, self.cycle.stand)
         self.planner = Planner(machine, self.kinematics, self._replay.send, remember=True)
         self._keeper = None if recordings is None else self._keeping(recordings)
+        self._observer: Observer | None = None
         self._rows: list[Rows] = []
         self._idle = 0  # ticks in which nothing moved, and nothing was there that would
         self._skips_before = 0  # while coming up
@@ -200,6 +194,13 @@ class SteppedMachine:
         self._loop.tick()
         if self._keeper is not None and (self.cycle.modes.mode is Mode.FAULT or self._keeper.saved):
             self._kept()
+        if self._observer is not None:
+            self._observer.look()
+
+    def observe(self) -> Observer:
+        """Somebody who looks at the motors with every tick from now on; a run waits until they stand."""
+        self._observer = Observer(self.machine, self.cycle, self.rig)
+        return self._observer
 
     def _kept(self) -> bool:
         """Whether nothing is left to be recorded of a fault."""
@@ -373,9 +374,13 @@ class SteppedMachine:
         axis = self.machine.axis_off(modes.fault_axis, now.fault_off if now is not None else 0.0)
         return sentence(modes.fault, axis, modes.warning) + (self._keeper.told if self._keeper else "")
 
-    def _ended(self, first: int, resumes: int, left: int, events: Sequence[Event], n: int) -> Run:
-        while not self._kept():  # the drives' own way to standstill belongs to the recording
+    def stand_still(self) -> None:
+        """After a fault the drives' own way to standstill belongs to what is kept of it, or looked at."""
+        while not (self._kept() and (self._observer is None or self._observer.settled)):
             self.tick()
+
+    def _ended(self, first: int, resumes: int, left: int, events: Sequence[Event], n: int) -> Run:
+        self.stand_still()
         self._rows.append(self.recorder.drain())
         modes = self.cycle.modes
         if modes.mode is Mode.FAULT:

@@ -38,9 +38,17 @@ def bar(title: str, quiet: bool) -> Iterator[Told]:
 class Refused(Exception):
     """Ends a command with exit code 1; the sentence goes to stderr, or into the JSON object."""
 
+    exit_code = 1
+
     def __init__(self, sentence: str, **facts: Any) -> None:
         super().__init__(sentence)
         self.facts = facts
+
+
+class Misunderstood(Refused):
+    """Ends it with exit code 2, where 1 is what a good file may lead to: nothing was run."""
+
+    exit_code = 2
 
 
 @contextlib.contextmanager
@@ -52,7 +60,7 @@ def refusals(as_json: bool, expected: Callable[[], tuple[type[Exception], ...]])
     try:
         yield
     except Refused as error:
-        _refuse(as_json, str(error), error.facts)
+        _refuse(as_json, str(error), error.facts, error.exit_code)
     except OSError as error:
         name = f"{error.filename}: " if error.filename else ""
         _refuse(as_json, f"{name}{error.strerror}; check path, permission and space.", {})
@@ -70,9 +78,9 @@ def _of_programs() -> type[ProgramError]:
     return ProgramError
 
 
-def _refuse(as_json: bool, sentence: str, facts: dict[str, Any]) -> NoReturn:
+def _refuse(as_json: bool, sentence: str, facts: dict[str, Any], exit_code: int = 1) -> NoReturn:
     if as_json:
         print(json.dumps({"ok": False, "error": sentence, **facts}))
     else:
         tell.print(sentence, markup=False)
-    raise typer.Exit(1)
+    raise typer.Exit(exit_code)

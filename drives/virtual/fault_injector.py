@@ -17,6 +17,7 @@ from drives.pdo import DATA_AT
 from drives.virtual.fault_script import MASTER, Action, Injection, ScriptError
 from drives.virtual.virtual_bus import Fate, SteppedBus
 
+ROUNDING_S = 1e-6  # a frame takes longer
 BABBLE_EVERY_S = 135e-6  # a frame of eight bytes at 1 Mbit/s, where the bus has no bit timing of its own
 
 
@@ -45,7 +46,7 @@ class Injector:
 
     def __init__(self, bus: SteppedBus, origin_s: float = 0.0, seed: int = 0) -> None:
         self.log: list[tuple[float, str]] = []
-        self.syncs = 0  # on the wire, since the injection
+        self.syncs = 0  # on the wire, since the origin
         self._bus = bus
         self._origin_s = origin_s
         self._random = Random(seed)
@@ -92,7 +93,7 @@ class Injector:
             return Fate.WITHHELD
         if start_s >= self._next_s:
             self._begin_timed(start_s)
-        if can_id == pdo.SYNC:
+        if can_id == pdo.SYNC and start_s > self._origin_s - ROUNDING_S:
             self.syncs += 1
             if self._by_sync:
                 self._begin_counted(start_s)
