@@ -20,6 +20,8 @@ lives() {
         reason="this processor's floating-point state$(grep -qw amx_tile /proc/cpuinfo && echo ' (AMX)' || true)"
         reason+=" is larger than User Mode Linux's buffer (put_fp_registers)"
         [[ $preload != *wide_fp_state* ]] || reason+=", also with wide_fp_state.c"
+    elif grep -qE 'No working init found|Requested init .* failed|Attempted to kill init! exitcode=0x0000[0-9a-f]{2}00' "$job/console"; then
+        refuse "User Mode Linux boots, but tests/guest/init does not run: $(complaint)" # no skip: that is our own fault
     else
         reason="User Mode Linux does not boot: $(complaint)"
     fi
@@ -32,15 +34,11 @@ complaint() { # the line of the console that tells most
 }
 
 widen() { # puts wide_fp_state.c under the guest; else tells in $reason why not
-    if ! command -v "${CC:-cc}" >/dev/null && ! install gcc libc6-dev; then
-        reason+=", and there is no C compiler for tests/guest/wide_fp_state.c (Debian: gcc libc6-dev)"
-    elif ! compile wide_fp_state; then
-        reason+=", and tests/guest/wide_fp_state.c does not compile: $(head -1 "$job/compiler")"
-    else
-        preload=$job/wide_fp_state.so${preload:+:$preload}
-        return 0
+    if ! compile wide_fp_state && ! { install gcc libc6-dev && compile wide_fp_state; }; then
+        reason+=", and tests/guest/wide_fp_state.c does not compile (Debian: gcc libc6-dev): $(head -1 "$job/compiler")"
+        return 1
     fi
-    return 1
+    preload=$job/wide_fp_state.so${preload:+:$preload}
 }
 
 find_kernel() { # sets $preload; fails with the $reason where no kernel is to be had
