@@ -305,8 +305,7 @@ class Axis:
         speed = self.servo.velocity
         if (was_powered and not self.powered) or state is Power.ENABLED:
             self.stand()
-        if self.powered and not was_powered:
-            self.servo.velocity = speed  # a motor that coasts is caught, not nailed down
+            self.servo.velocity = speed  # a motor that turns is caught, not nailed down
         if was_powered and not self.powered:
             self.brake.current_gone(self.station.now_s, speed)
         self.refresh()
@@ -360,9 +359,14 @@ class Axis:
         self.enter(Power.NOT_READY)
 
     def power_off(self, now_s: float) -> None:
-        """The supply is gone; only an absolute encoder knows afterwards where the axis is."""
+        """The supply is gone: no current."""
         self.station.now_s = now_s
         self.enter(Power.NOT_READY)
+        self.brake.power_on(now_s)
+
+    def power_on(self, now_s: float) -> None:
+        """Only an absolute encoder knows where the axis is now."""
+        self.brake.power_on(now_s)
         if not self.parameters.absolute_encoder:
             self.recount(-self.servo.position)
 

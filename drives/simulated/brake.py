@@ -4,7 +4,7 @@
     close     ordered when the current is to go; it holds after its closing time
 
 Current without brake holds, brake without current holds; with neither the axis falls,
-or coasts on at the speed it had until friction or the brake has stopped it. Orderly ways
+or coasts on at the speed it had until friction and the brake have stopped it. Orderly ways
 out (605Bh, 605Ch, quick stop) keep the current until the brake holds; disabling the
 voltage and STO do not. 60FEh bit 0 (with its mask) sets the brake by hand.
 """
@@ -21,6 +21,7 @@ from drives.simulated.station import Station
 OUTPUTS_AT, MASK_AT = key(0x60FE, 1), key(0x60FE, 2)
 SET = 1  # bit 0
 FALL_STEP_S = 0.001
+HOLDS = 2.0  # times gravity
 
 
 class Brake:
@@ -83,26 +84,49 @@ class Brake:
         self._station.cancel("fall")
 
     def current_gone(self, now_s: float, speed: float) -> None:
-        """From now on only the brake holds; the motor turned at ``speed`` (counts/s)."""
+        """From now on only friction and the brake hold; the motor turned at ``speed`` (counts/s)."""
         self.current = False
         self.close(now_s)
-        if (self._nature.gravity or speed) and not self.holds:
-            self._servo.velocity = speed
+        self._servo.velocity = speed
+        self.fall(now_s)
+
+    def fall(self, now_s: float) -> None:
+        """Let a motor without current go on, as far as friction and the brake let it."""
+        moves = self._servo.velocity or (self._nature.gravity and not self.holds)
+        if moves and not self.current:
             self._fallen_s = now_s
             self._station.alarm("fall", now_s + FALL_STEP_S, self._fall)
+
+    def power_on(self, now_s: float) -> None:
+        """After a loss of the supply, which forgets what was under way."""
+        if not self.current:
+            self.close(now_s)
+            self.fall(now_s)
 
     def _fall(self, now_s: float) -> None:
         servo = self._servo
         taken_s = now_s - self._fallen_s
-        self._fallen_s = now_s
-        if self.current or self.holds or self._stands(taken_s):
+        if self.current or servo.jammed:
             servo.rest()
             return
-        friction = math.copysign(self._nature.coast_counts_s2, servo.velocity) if servo.velocity else 0.0
-        servo.drop(self._nature.gravity - friction, taken_s)
-        self._station.alarm("fall", now_s + FALL_STEP_S, self._fall)
+        pull = self._nature.gravity
+        friction = self._friction
+        slowing = math.copysign(friction, servo.velocity or pull)
+        gained = abs(slowing - pull) * taken_s
+        if abs(servo.velocity) <= gained and friction >= abs(pull):
+            servo.drop(pull - slowing, abs(servo.velocity) / abs(slowing - pull) if gained else 0.0)
+            servo.rest()
+            return
+        servo.drop(pull - slowing, taken_s)
+        self.fall(now_s)
 
-    def _stands(self, taken_s: float) -> bool:
-        """Friction has taken the last of the speed, and gravity does not overcome it."""
-        friction = self._nature.coast_counts_s2
-        return abs(self._nature.gravity) <= friction and abs(self._servo.velocity) <= friction * taken_s
+    @property
+    def _friction(self) -> float:
+        """What slows a motor down that has no current, counts/s^2; a brake that holds outdoes gravity.
+
+        Friction is already taken off the acceleration at which an axis falls.
+        """
+        nature = self._nature
+        brake = max(nature.brake_counts_s2, HOLDS * abs(nature.gravity)) if self.holds else 0.0
+        falls = nature.gravity and self._servo.velocity * nature.gravity >= 0.0
+        return brake if falls else nature.coast_counts_s2 + brake

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from drives.settings import IoSettings, NodeSettings, SpindleSettings
 from drives.simulated import families
@@ -16,6 +17,7 @@ NodeLike = NodeSettings | SpindleSettings | IoSettings
 SPINDLE_REV_S2 = 200.0  # a spindle motor's own limit, above what a controller asks of it
 # Of a motor over what its axis needs, where nothing else is said.
 TORQUE_RESERVE, SPEED_RESERVE = 3.0, 1.2
+COAST_SHARE, BRAKE_SHARE = 0.25, 1.0  # of the axis' acceleration: what friction and the brake take away
 
 
 def drive(settings: NodeSettings, parameters: Parameters) -> SimulatedDrive:
@@ -26,6 +28,7 @@ def drive(settings: NodeSettings, parameters: Parameters) -> SimulatedDrive:
     if settings.absolute:
         at = settings.homing_position_counts
         parameters = replace(parameters, position_counts=at, absolute_encoder=True)
+    parameters = replace(parameters, brake=parameters.brake and settings.brake)
     nature = sized(parameters, settings.velocity_counts_s, settings.acceleration_counts_s2)
     made = SimulatedDrive(settings.node, nature, Path(settings.eds) if settings.eds else EDS)
     made.dictionary.believe(settings.overrides)
@@ -34,12 +37,15 @@ def drive(settings: NodeSettings, parameters: Parameters) -> SimulatedDrive:
 
 def sized(parameters: Parameters, velocity_counts_s: float, acceleration_counts_s2: float) -> Parameters:
     """A motor for an axis that moves so fast (0 = not known), unless it has been chosen."""
+    sizes: dict[str, Any] = {
+        "strongest_counts_s2": TORQUE_RESERVE * acceleration_counts_s2,
+        "coast_counts_s2": COAST_SHARE * acceleration_counts_s2,
+        "brake_counts_s2": BRAKE_SHARE * acceleration_counts_s2,
+        "fastest_counts_s": SPEED_RESERVE * velocity_counts_s,
+    }
     usual = Parameters()
-    changes: dict[str, float] = {}
-    if acceleration_counts_s2 and parameters.strongest_counts_s2 == usual.strongest_counts_s2:
-        changes["strongest_counts_s2"] = TORQUE_RESERVE * acceleration_counts_s2
-    if velocity_counts_s and parameters.fastest_counts_s == usual.fastest_counts_s:
-        changes["fastest_counts_s"] = SPEED_RESERVE * velocity_counts_s
+    free = [name for name in sizes if getattr(parameters, name) == getattr(usual, name)]
+    changes = {name: sizes[name] for name in free if sizes[name]}
     return replace(parameters, **changes)
 
 

@@ -84,6 +84,9 @@ class Device(Station):
     def _power_off(self, now_s: float) -> None:
         """The supply is gone: what no memory keeps is lost."""
 
+    def _power_on(self, now_s: float) -> None:
+        """The supply is back, and the device begins afresh."""
+
     def _booted(self, now_s: float) -> None:
         """The device is about to say boot-up."""
 
@@ -111,7 +114,7 @@ class Device(Station):
             self.alarm("boot", now_s + self.parameters.boot_s, self._boot)
 
     def listens(self) -> dict[int, Handler]:
-        return self._heard if self.in_tune else {}
+        return self._heard if self.in_tune and self.supplied else {}
 
     def _handlers(self) -> dict[int, Handler]:
         heard: dict[int, Handler] = {pdo.NMT: self._on_nmt, lss.REQUEST: self.lss.on_frame}
@@ -209,6 +212,11 @@ class Device(Station):
 
     def power_cycle(self, now_s: float) -> None:
         """The supply fails and comes back: no goodbye, and only what was stored is still known."""
+        self.power_off(now_s)
+        self.power_on(now_s)
+
+    def power_off(self, now_s: float) -> None:
+        """The supply fails: deaf and silent from now on."""
         self.now_s = now_s
         self._live(now_s)
         self.process.stop()
@@ -216,8 +224,22 @@ class Device(Station):
         self.nmt = INITIALISING
         self.cancel_all()
         self._power_off(now_s)
+        self._switch_supply(False)
+
+    def power_on(self, now_s: float) -> None:
+        """The supply comes back."""
+        if self.supplied:
+            return
+        self.now_s = now_s
+        self._switch_supply(True)
         self.lss.power_off()
         self._begin_afresh(self.lss.stored, 0xFFFF, now_s)
+        self._power_on(now_s)
+
+    def _switch_supply(self, supplied: bool) -> None:
+        self.supplied = supplied
+        if self.link is not None:
+            self.link.relisten()
 
     def _begin_afresh(self, node: int, last: int, now_s: float) -> None:
         """Initialise: ``last`` is the last index that gets its stored or default value back."""

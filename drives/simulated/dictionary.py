@@ -49,7 +49,7 @@ class Dictionary:
     """
 
     def __init__(self, node: int, path: Path = EDS) -> None:
-        self._path = path
+        self.path = path
         self.variables = load(path)
         self.dummies = dummies(path)
         self.node = node
@@ -68,7 +68,7 @@ class Dictionary:
     def reset(self, first: int, last: int) -> None:
         """Defaults for the indexes first .. last (NMT reset node, reset communication)."""
         low, high = key(first), key(last, 0xFF)
-        numbers = defaults(self._path, self.node)
+        numbers = defaults(self.path, self.node)
         for source in (numbers, self.factory):
             self.values.update({where: value for where, value in source.items() if low <= where <= high})
         for where, variable in self.variables.items():

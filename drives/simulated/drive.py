@@ -18,6 +18,7 @@ from drives.simulated import pdo_map
 from drives.simulated.axis import Axis
 from drives.simulated.data_sheet import EDS, key
 from drives.simulated.device import APPLICATION, Device
+from drives.simulated.inputs import NEGATIVE_LIMIT, POSITIVE_LIMIT, STO
 from drives.simulated.machine402 import POWERED
 from drives.simulated.parameters import Parameters
 from drives.simulated.pdo_map import Pdo
@@ -188,6 +189,9 @@ class SimulatedDrive(Device):
         self._received = None
         self.axis.power_off(now_s)
 
+    def _power_on(self, now_s: float) -> None:
+        self.axis.power_on(now_s)
+
     def _booted(self, now_s: float) -> None:
         self._sync_s = now_s
         self._guessed = 0
@@ -210,6 +214,54 @@ class SimulatedDrive(Device):
         """Somebody operates the drive at its panel: statusword bit 9, no writing from the bus."""
         self.dictionary.local_control = taken
         self.axis.refresh()
+
+    def jam(self, jammed: bool, now_s: float) -> None:
+        """The motor is stuck, or free again."""
+        self._live(now_s)
+        self.axis.servo.jam(jammed)
+
+    def weaken(self, share: float, now_s: float) -> None:
+        """So much of the torque is there; 1 = all of it."""
+        self._live(now_s)
+        self.axis.servo.weaken(share)
+
+    def torque_off(self, active: bool, now_s: float) -> None:
+        """Safe torque off by its terminal."""
+        self._set_terminal(STO, active, now_s)
+
+    def press_switch(self, upper: bool, pressed: bool, now_s: float) -> None:
+        """A limit switch by its terminal."""
+        self._set_terminal(POSITIVE_LIMIT if upper else NEGATIVE_LIMIT, pressed, now_s)
+
+    def _set_terminal(self, bit: int, active: bool, now_s: float) -> None:
+        self._live(now_s)
+        word = self.axis.inputs.word
+        self.axis.inputs.set(word | bit if active else word & ~bit, now_s)
+
+    def place_switch(self, counts: int | None, now_s: float) -> None:
+        """A limit switch at this position, at the end beyond it; None takes it away."""
+        self._live(now_s)
+        self.axis.sensors.place_switch(counts)
+
+    def twin(self) -> SimulatedDrive:
+        """Another drive of the kind with the same node id, and a serial number of its own."""
+        return type(self)(self.node, self.parameters, self.dictionary.path)
+
+    # -- the motor itself, as somebody sees it who stands beside it
+
+    @property
+    def motor_counts(self) -> float:
+        """Where the motor is, in the counting that the drive reports by."""
+        return self.axis.servo.shaft
+
+    @property
+    def motor_counts_s(self) -> float:
+        return self.axis.servo.velocity
+
+    @property
+    def origin_counts(self) -> float:
+        """By how much the counting has moved since power-on: ``motor_counts`` less this never jumps."""
+        return self.axis.sensors.moved
 
     def _watch_sync(self, now_s: float) -> None:
         """SYNC itself costs no timer: somebody looks now and then whether it has stayed away."""

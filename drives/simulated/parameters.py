@@ -11,6 +11,7 @@ from drives.simulated.servo import DAMPING, NATURAL_FREQUENCY_HZ
 
 USUALLY_GUESSED = 2  # periods
 STRONGEST_COUNTS_S2 = 2e9  # five times the quick stop of the simulated drive's data sheet
+COAST_COUNTS_S2, BRAKE_COUNTS_S2 = 1e8, 4e8
 
 
 class LostSync(Enum):
@@ -42,7 +43,8 @@ class Parameters:
     strongest_counts_s2: float = STRONGEST_COUNTS_S2  # that the motor can give, in every mode
     fastest_counts_s: float = math.inf  # that the motor can turn, whatever 607Fh and 6080h say
     torque_counts_s2: float = 1000.0  # acceleration by a thousandth of the rated torque (60B2h)
-    coast_counts_s2: float = 0.0  # deceleration by friction of a motor without current
+    coast_counts_s2: float = COAST_COUNTS_S2  # deceleration by friction of a motor without current
+    brake_counts_s2: float = BRAKE_COUNTS_S2  # deceleration by the brake of one that still turns
     lost_sync: LostSync = LostSync.HOLD
     extrapolated_periods: int | None = None  # before it does that; None: two if it extrapolates, else none
     patient_periods: int = 2  # without a setpoint before an interpolation time-out

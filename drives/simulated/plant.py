@@ -72,6 +72,10 @@ class Plant(Servo):
         true = self.load if self.nature.encoder_on_load else self.motor
         return math.floor(true / self.nature.increment + 0.5) * self.nature.increment
 
+    @property
+    def shaft(self) -> float:
+        return self.motor
+
     def rest(self) -> None:
         super().rest()
         self.start = self.end = self.position

@@ -34,6 +34,8 @@ class Sensors:
         self._braked_at: float | None = None
         self.period_s = 0.0
         self.moved = 0.0  # present counting minus power-on counting
+        self._switches = station.parameters.switches
+        self._injected = False  # a limit switch is where none was
         self.inputs = 0  # bits of 60FDh set from outside
         self.interlock: Callable[[], bool] = lambda: False
         self.probes = Probes(self._dictionary, servo)
@@ -46,7 +48,7 @@ class Sensors:
         watches: list[Alarm] = []
         if self.probes.on:
             watches.append(lambda _now_s: self.probes.look(self.ground()))
-        if self._nature.limit_fault or self.inputs & LIMITS:
+        if self._nature.limit_fault or self._injected or self.inputs & LIMITS:
             watches.append(self._look_at_switches)
         if self._brake.stuck or self._dictionary.values[MASK_AT] & SET:
             watches.append(self._look_at_brake)
@@ -55,10 +57,19 @@ class Sensors:
     def ground(self) -> Ground:
         """Switches and index pulses in the present counting."""
         nature, moved = self._nature, self.moved
-        low, high = nature.switches
+        low, high = self._switches
         first, last = nature.home_switch
         windows = ((-math.inf, low + moved), (high + moved, math.inf), (first + moved, last + moved))
         return Ground(windows, nature.index_counts, nature.index_offset + moved)
+
+    def place_switch(self, counts: float | None) -> None:
+        """A limit switch at a position (present counting), at the end beyond it; None: as they were."""
+        low, high = self._switches = self._nature.switches
+        self._injected = counts is not None
+        if counts is not None:
+            at, upper = counts - self.moved, counts >= self._servo.position
+            self._switches = (low, at) if upper else (at, high)
+        self.watch()
 
     def digital_inputs(self) -> int:
         """60FDh: bit 0 negative, 1 positive limit, 2 home switch, 3 interlock (STO), 16, 17 probes."""

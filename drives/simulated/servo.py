@@ -175,6 +175,11 @@ class Servo:
         asked = (wanted - self.velocity) * self._lead_s / self._bend_s2
         return max(-strongest, min(strongest, asked))
 
+    @property
+    def shaft(self) -> float:
+        """Where the motor truly is, in the present counting."""
+        return self.position
+
     def take_up(self) -> None:
         """The demand moves as the motor does: what a stop begins from when setpoints have failed."""
         self.start = self.position + self._lag_s * self.velocity - self.lead
@@ -200,6 +205,10 @@ class Servo:
     def offset(self, counts_s: float, counts_s2: float) -> None:
         """Velocity offset (60B1h) and the acceleration that a torque offset (60B2h) stands for."""
         self.lead = counts_s * self._lead_s + counts_s2 * self._bend_s2
+
+    @property
+    def jammed(self) -> bool:
+        return self._jammed
 
     def rest(self) -> None:
         """Stand still where the motor is: power off, brake on."""

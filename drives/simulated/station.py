@@ -33,6 +33,7 @@ class Station:
         self.now_s = 0.0  # when the device was last spoken to
         self.link: Link | None = None
         self.in_tune = True  # the bit rate is the bus's; otherwise deaf and silent
+        self.supplied = True
         self._alarms: dict[str, tuple[float, Alarm]] = {}
 
     def timer(self, now_s: float) -> None:
@@ -64,5 +65,5 @@ class Station:
 
     def send(self, at_s: float, can_id: int, data: bytes) -> None:
         """Put a frame up for arbitration; ``at_s`` may lie ahead."""
-        if self.link is not None and self.in_tune:
+        if self.link is not None and self.in_tune and self.supplied:
             self.link.send(at_s, can_id, FRAME.pack(can_id, len(data), data))

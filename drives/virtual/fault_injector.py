@@ -10,21 +10,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from random import Random
-from typing import Protocol, cast
 
 from drives import pdo
 from drives.pdo import DATA_AT
-from drives.virtual.fault_script import MASTER, Action, Injection, ScriptError
+from drives.virtual.fault_kinds import Action, Injection, ScriptError
+from drives.virtual.fault_nodes import Nodes
 from drives.virtual.virtual_bus import Fate, SteppedBus
 
 ROUNDING_S = 1e-6  # a frame takes longer
-BABBLE_EVERY_S = 135e-6  # a frame of eight bytes at 1 Mbit/s, where the bus has no bit timing of its own
-
-
-class Resettable(Protocol):
-    """A device that can lose its supply for a moment."""
-
-    def power_cycle(self, now_s: float) -> None: ...
+REMEMBERING = (Action.REPEAT, Action.FOREIGN)
 
 
 @dataclass(slots=True)
@@ -34,11 +28,19 @@ class _Active:
     injection: Injection
     until_s: float
     left: float  # frames
+    content: bytes = b""  # REPEAT: of the last frame before
+    behind_s: float = -math.inf  # DELAY that lasts: when the last one delayed is due; none overtakes it
     held: list[tuple[int, bytes]] = field(default_factory=list)  # REORDER: source and frame
 
     def wants(self, start_s: float, can_id: int) -> bool:
-        lasts = self.left > 0 and start_s < self.until_s
-        return can_id == self.injection.can_id and (lasts or bool(self.held))
+        return can_id == self.injection.can_id and (self.goes_on(start_s) or self.owes(start_s))
+
+    def goes_on(self, start_s: float) -> bool:
+        return self.left > 0 and start_s < self.until_s
+
+    def owes(self, start_s: float) -> bool:
+        """It is over, but for frames that it still holds."""
+        return bool(self.held) or start_s < self.behind_s
 
 
 class Injector:
@@ -54,16 +56,19 @@ class Injector:
         self._next_s = math.inf  # the first of them
         self._by_sync: list[Injection] = []
         self._active: list[_Active] = []
-        self._silent: set[int] = set()  # sources whose frames get lost before the wire
+        self._seen: dict[int, bytes] = {}  # content of the newest frame, by identifiers that are of interest
+        self.silent: set[int] = set()  # sources whose frames get lost before the wire
         self._untouchable: set[int] = set()  # sequences of frames that have had their share
+        self._nodes = Nodes(bus, self.silent, self._seen)
         if bus.faults is not None:
             raise ScriptError("this bus has faults already: add to those")
         bus.faults = self
 
     def add(self, injection: Injection) -> None:
         """One fault more. Raises ScriptError for a node that is not on the bus."""
-        if injection.node is not None and injection.node != MASTER:
-            self._source(injection.node)
+        self._nodes.prepare(injection)
+        if injection.can_id is not None and injection.action in REMEMBERING:
+            self._seen.setdefault(injection.can_id, b"")
         if injection.when.sync:
             self._by_sync.append(injection)
         elif injection.action.of_frames:
@@ -89,7 +94,7 @@ class Injector:
 
     def judge(self, start_s: float, can_id: int, sequence: int, source: int, frame: bytes) -> bytes | Fate:
         """See ``virtual_bus.Faults``."""
-        if source in self._silent:
+        if source in self.silent:
             return Fate.WITHHELD
         if start_s >= self._next_s:
             self._begin_timed(start_s)
@@ -97,6 +102,8 @@ class Injector:
             self.syncs += 1
             if self._by_sync:
                 self._begin_counted(start_s)
+        if can_id in self._seen:
+            self._remember(start_s, can_id, frame)
         if not self._active:
             return frame
         if sequence in self._untouchable:
@@ -106,6 +113,12 @@ class Injector:
             if active.wants(start_s, can_id) and self._random.random() < active.injection.odds:
                 return self._befall(active, start_s, can_id, source, frame)
         return frame
+
+    def _remember(self, start_s: float, can_id: int, frame: bytes) -> None:
+        """The content that a repeated frame will have: the newest from before."""
+        repeats = (a for a in self._active if a.injection.action is Action.REPEAT)
+        if not any(active.wants(start_s, can_id) for active in repeats):
+            self._seen[can_id] = frame
 
     def _begin_timed(self, start_s: float) -> None:
         due = [i for i in self._by_time if self._time_of(i) <= start_s]
@@ -127,8 +140,9 @@ class Injector:
     def _begin(self, injection: Injection, from_s: float) -> None:
         until_s = from_s + injection.duration_s if injection.duration_s else math.inf
         left = math.inf if injection.count is None else injection.count
-        self._active = [a for a in self._active if a.left > 0 or a.held]
-        self._active.append(_Active(injection, until_s, left))
+        self._active = [a for a in self._active if a.goes_on(from_s) or a.owes(from_s)]
+        content = self._seen.get(injection.can_id or 0, b"")
+        self._active.append(_Active(injection, until_s, left, content))
 
     def _befall(
         self, active: _Active, start_s: float, can_id: int, source: int, frame: bytes
@@ -138,8 +152,13 @@ class Injector:
         action = injection.action
         if action is Action.REORDER:
             return self._swap(active, start_s, can_id, source, frame)
+        if action is Action.DELAY and injection.count is None:
+            return self._queue(active, start_s, can_id, source, frame)
         active.left -= 1
         self._note(injection, start_s)
+        if action is Action.REPEAT:
+            active.content = active.content or frame
+            return active.content
         if action is Action.DROP:
             return Fate.LOST
         if action is Action.CORRUPT:
@@ -149,6 +168,14 @@ class Injector:
         again_s = start_s + injection.delay_s  # of a duplicate: as soon as the wire is free
         self._untouchable.add(bus.submit_again(source, again_s, can_id, frame))
         return Fate.WITHHELD if action is Action.DELAY else frame
+
+    def _queue(self, active: _Active, start_s: float, can_id: int, source: int, frame: bytes) -> Fate:
+        """A delay that lasts is a queue: they keep their order, also those that come when it is over."""
+        if active.goes_on(start_s):
+            self._note(active.injection, start_s)
+            active.behind_s = start_s + active.injection.delay_s
+        self._untouchable.add(self._bus.submit_again(source, active.behind_s, can_id, frame))
+        return Fate.WITHHELD
 
     def _swap(self, active: _Active, start_s: float, can_id: int, source: int, frame: bytes) -> bytes | Fate:
         """Hold a frame back until the next of its identifier has begun; then it follows that."""
@@ -161,80 +188,10 @@ class Injector:
         self._untouchable.add(self._bus.submit_again(held_source, start_s, can_id, held))
         return frame
 
-    # -- nodes
-
     def _act(self, injection: Injection, now_s: float) -> None:
         """Do a fault of a node."""
         self._note(injection, now_s)
-        if injection.action is Action.BABBLE:
-            self._babble(injection, now_s)
-        elif injection.action is Action.BUS_OFF:
-            self._switch_off(injection, now_s)
-        elif injection.action is Action.SILENCE:
-            self._silence(injection, now_s)
-        elif injection.action is Action.QUEUE_FULL:
-            self._fill(injection, now_s)
-        elif injection.node is not None:
-            device = cast(Resettable, self._bus.device(self._source(injection.node)))
-            device.power_cycle(now_s)
-
-    def _switch_off(self, injection: Injection, now_s: float) -> None:
-        bus = self._bus
-        at_node = injection.node is not None and injection.node != MASTER
-        controller = bus.errors.of(self._source(injection.node or 0)) if at_node else bus.masters
-        bus.errors.switch_off(controller, now_s, restarts=False)
-        if injection.duration_s:
-            bus.agenda.add(now_s + injection.duration_s, lambda at_s: bus.errors.restart(controller, at_s))
-
-    def _silence(self, injection: Injection, now_s: float) -> None:
-        """Nothing of it reaches the wire, which it does not notice; it hears as before."""
-        sources = self._sources(injection)
-        self._silent.update(sources)
-        if injection.duration_s:
-            until_s = now_s + injection.duration_s
-            self._bus.agenda.add(until_s, lambda _: self._silent.difference_update(sources))
-
-    def _fill(self, injection: Injection, now_s: float) -> None:
-        """Its transmit queue takes nothing more; what is in it goes out."""
-        bus, sources = self._bus, self._sources(injection)
-
-        def relieve(_now_s: float) -> None:
-            for source in sources:
-                bus.take_again(source)
-
-        for source in sources:
-            bus.take_no_more(source)
-        bus.agenda.add(now_s + injection.duration_s, relieve)
-
-    def _babble(self, injection: Injection, now_s: float) -> None:
-        """A sender with always one more frame waiting, until its time is over."""
-        bus, can_id = self._bus, injection.can_id or 0
-        source = bus.connect(lambda _frame, _at_s: None)
-        frame = bytes(pdo.frame(can_id, bytes(8)))
-        until_s = now_s + injection.duration_s
-        every_s = bus.frame_s(can_id, frame) or BABBLE_EVERY_S
-
-        def go_on(at_s: float) -> None:
-            if at_s >= until_s:
-                bus.disconnect(source)
-                bus.mute(source)
-                return
-            bus.submit(source, at_s, can_id, frame)
-            bus.agenda.add(at_s + every_s, go_on)
-
-        bus.submit(source, now_s, can_id, frame)
-        go_on(now_s)
-
-    def _sources(self, injection: Injection) -> list[int]:
-        if injection.node == MASTER:
-            return self._bus.errors.users(self._bus.masters)
-        return [self._source(injection.node or 0)]
-
-    def _source(self, node_id: int) -> int:
-        try:
-            return self._bus.source_of(node_id)
-        except KeyError:
-            raise ScriptError(f"node {node_id} is not on this bus") from None
+        self._nodes.befall(injection, now_s)
 
     def _note(self, injection: Injection, at_s: float) -> None:
         self.log.append((at_s, injection.text()))

@@ -102,7 +102,7 @@ def test_without_current_and_brake_the_motor_coasts_as_far_as_friction_lets_it()
 
 
 def test_the_brake_ends_the_coasting_when_it_has_closed() -> None:
-    lone = moving(brake_close_s=0.05)
+    lone = moving(brake_close_s=0.05, coast_counts_s2=1.0)
     before = lone.drive.axis.servo.position
     lone.write(0x2004, 0, STO, 4)
     lone.run(0.2)
