@@ -107,6 +107,9 @@ def _audit(profile: Profile, table: Table) -> None:
         table.refuse(
             "command_rpdo", problem, "another number than rpdo", "change one or feed_forward = false"
         )
+    if profile.acceleration_unit_counts_s2 and not profile.velocity_unit_counts_s:
+        problem = "velocity_unit_counts_s is missing"
+        table.refuse("acceleration_unit_counts_s2", problem, "both, or none", "add it")
     if profile.mode is CyclicMode.IP and profile.takes_feed_forward:
         problem = "in interpolated position mode there is no 60B1h to send it to"
         table.refuse("feed_forward", problem, 'false with mode = "ip"', "write feed_forward = false")

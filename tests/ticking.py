@@ -64,10 +64,14 @@ class FakeDrive:
         self.homing_to = 0
         self.following_error = FakeFollowingError()
         self.next = position
+        self.velocity_units = 1.0
         self._homing = -1
 
     def want(self, wanted: Wanted) -> None:
         self.wanted = wanted
+
+    def set_velocity_units(self, per_count_s: float) -> None:
+        self.velocity_units = per_count_s
 
     def homing(self, start: bool) -> None:
         if start:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from milling import IO, SPINDLE, mill, text
 
-from controller import config
+from controller import config, times
 from controller.config import ConfigError
 from controller.machine import Clamp
 from drives.settings import IoSettings
@@ -136,3 +136,32 @@ def test_an_axis_has_its_ways_on_the_bus() -> None:
     extra = "node = 1\nfeedback_every = 2\nfeed_forward = true\nenable_group = 3\nunsupervised = true\n"
     x = config.node_settings(mill(changes=(("node = 1\n", extra),)))[0]
     assert (x.feedback_every, x.feed_forward, x.enable_group, x.unsupervised) == (2, True, 3, True)
+
+
+def test_an_axis_says_how_its_drive_stops_and_in_what_it_is_told() -> None:
+    extra = (
+        "node = 1\nquick_stop_mm_s2 = 3000.0\nvelocity_unit_counts_s = 68.25\n"
+        "acceleration_unit_counts_s2 = 4.5\nfollowing_error_mm = 4.0\n"
+    )
+    rotary = ("counts_per_deg = 200_000\n", "counts_per_deg = 200_000\nquick_stop_deg_s2 = 5000.0\n")
+    made = mill(changes=(("following_error_mm = 4.0\n", ""), ("node = 1\n", extra), rotary))
+    x, _, _, a, _ = config.node_settings(made)
+    assert (x.velocity_counts_s, x.acceleration_counts_s2) == pytest.approx((4e7, 4e8))
+    assert (x.quick_stop_counts_s2, x.rotary, x.counts_per_si) == (pytest.approx(6e8), False, 2e8)
+    assert (x.velocity_unit_counts_s, x.acceleration_unit_counts_s2) == (68.25, 4.5)
+    assert (a.quick_stop_counts_s2, a.rotary) == (pytest.approx(1e9), True)
+    assert a.counts_per_si == pytest.approx(200_000 * 180 / math.pi)
+    assert x.most_quick_stop_s == 3.0
+    assert times.quick_stop_s(made) == pytest.approx(0.12), "C; X takes 67 ms now"
+
+
+def test_the_longest_quick_stop_is_the_machines() -> None:
+    made = mill(changes=(("period_s = 0.002", "period_s = 0.002\nmax_quick_stop_s = 12.0"),))
+    assert {node.most_quick_stop_s for node in config.node_settings(made)} == {12.0}
+
+
+def test_a_unit_of_acceleration_without_one_of_velocity_is_refused() -> None:
+    with pytest.raises(
+        ConfigError, match=r"acceleration_unit_counts_s2 = 2.*: velocity_unit_counts_s is missing"
+    ):
+        mill(changes=(("node = 1\n", "node = 1\nacceleration_unit_counts_s2 = 2.0\n"),))

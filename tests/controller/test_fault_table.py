@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from machines import machine
 
 from controller import times
+from controller.machine import Stopping
 from controller.state import (
     FAULTS,
     Fault,
@@ -17,6 +20,7 @@ from controller.state import (
     stands_within_s,
     waits_s,
 )
+from drives.arranged import Arranged
 
 TIMES = Times(0.002, 0.2, 0.1, 0.1, 5.0, 120.0, 10.0, path_stop_s=0.5, quick_stop_s=0.1)
 
@@ -73,6 +77,24 @@ def test_a_sentence_names_the_axis_and_what_came_on_top() -> None:
     assert said.startswith("Axis C: The axis is not where it was told")
     assert " Also: A drive started anew" in said
     assert " Also" not in sentence(Fault.EMCY, "C", Fault.EMCY)
+
+
+def test_a_drive_that_was_read_to_brake_softer_makes_the_promise_longer() -> None:
+    made = machine()
+    read = [Arranged(axis.name, i, stop_s=0.05) for i, axis in enumerate(made.axes)]
+    assert times.of(made, read).quick_stop_s == pytest.approx(0.05)
+    read[2] = Arranged(made.axes[2].name, 3, stop_s=10.0)
+    found = times.of(made, read)
+    assert stands_within_s(Fault.EMERGENCY_STOP, found) == pytest.approx(10.0 + 2 * made.period_s)
+    assert times.of(made, read[:2]).quick_stop_s == times.quick_stop_s(made), "the others as the file says"
+
+
+def test_a_machine_file_that_brakes_harder_promises_less() -> None:
+    made = machine()
+    axes = tuple(
+        replace(axis, stopping=Stopping(quick_stop=2.0 * axis.limits.acceleration)) for axis in made.axes
+    )
+    assert times.quick_stop_s(replace(made, axes=axes)) == pytest.approx(times.quick_stop_s(made) / 2.0)
 
 
 def test_a_machines_times_follow_from_its_axes() -> None:

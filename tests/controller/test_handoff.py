@@ -12,6 +12,7 @@ from controller.handoff import (
     COLUMN,
     ROW,
     STILL,
+    Arrangement,
     Jog,
     Law,
     Piece,
@@ -26,6 +27,7 @@ from controller.handoff import (
     encode,
     piece_pair,
     request_pair,
+    send_arrangement,
     send_jog,
     send_request,
 )
@@ -134,6 +136,21 @@ def test_requests_arrive_in_order_and_garbage_is_passed_over() -> None:
     assert inbox.take() == (Request.OVERRIDE, 0.5)
     assert inbox.take() == (Request.HOLD, 0.0)
     assert inbox.take() is None
+
+
+def test_what_commissioning_found_arrives_whole_and_is_told_from_a_jog() -> None:
+    operator, tick = request_pair()
+    inbox = RequestInbox(tick)
+    found = Arrangement(0.25, 60 / 4000, (1.0, 60 / 4096, 0.5, 1e-6, 2.0))
+    send_arrangement(operator, found)
+    send_jog(operator, Jog((1.0, 0.0, 0.0, 0.0, 0.0), 25.0, 0.0))
+    assert inbox.take() == (Request.ARRANGED, 0.25) and inbox.arranged == found
+    assert inbox.jog is None
+    assert inbox.take() == (Request.JOG, 25.0) and inbox.arranged == found
+    send_request(operator, Request.ARRANGED, 1.0)
+    assert inbox.take() is None, "of the wrong size"
+    operator.close()
+    tick.close()
 
 
 def test_a_jog_arrives_with_its_line_and_only_in_a_datagram_of_its_own() -> None:

@@ -36,6 +36,11 @@ def test_what_the_makers_say_is_in_their_profiles() -> None:
     epos, ipos, prbt = (profiles.load(name) for name in ("maxon_epos4", "technosoft_ipos", "pilz_prbt"))
     assert (epos.mode, epos.quick_stop_code, epos.home_offset) == (CyclicMode.CSP, 6, 0x30B0)
     assert (ipos.mode, ipos.supervision) == (CyclicMode.IP, Supervision.GUARDING)
+    assert [(one.index, one.sub, one.times) for one in epos.encoder_resolution] == [
+        (0x3000, 5, 1),
+        (0x3010, 1, 4),
+    ]
+    assert ipos.velocity_unit_counts_s * 65536 == 1000 and ipos.acceleration_unit_counts_s2 * 65536 == 1e6
     assert (prbt.quick_stop_code, prbt.abort_code, prbt.homing_methods) == (None, None, (0,))
 
 
@@ -80,6 +85,10 @@ def test_a_data_sheet_is_looked_for_beside_the_profile(tmp_path: Path) -> None:
         (LEAST + '[[write]]\nobject = "2210:01"\nvalue = 1.5\nwhy = "x"\n', "value = 1.5: is not a whole"),
         (LEAST + '[[write]]\nobject = "2210:01"\nvalue = 1\n', "why: is missing"),
         (LEAST + '[[write]]\nobject = "2210:01"\nvalue = 1\nwhy = "x"\nwhen = 1\n', "when = 1: this key"),
+        (LEAST + "acceleration_unit_counts_s2 = 2.0\n", "velocity_unit_counts_s is missing"),
+        (LEAST + "velocity_unit_counts_s = 0\n", "velocity_unit_counts_s = 0: is not above zero"),
+        (LEAST + 'revolution = "load"\n', 'revolution = "load": is not known; allowed: "motor" or "shaft"'),
+        (LEAST + '[[encoder_resolution]]\nobject = "30:05"\n', r'object = "30:05": is no object'),
         ("[drive\n", r"mine\.toml: is not TOML"),
     ],
 )

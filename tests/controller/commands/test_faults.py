@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 from rich.console import Console
 from typer.testing import CliRunner
 
+from controller import arranged, config
 from controller.__main__ import app
 from controller.catalogue import LANGUAGES
 from controller.state import FAULTS, Fault
+from drives.arranged import Arranged
 
 ASK = CliRunner()
 
@@ -43,6 +46,28 @@ def test_every_line_fits_a_narrow_terminal_and_nothing_is_cut(monkeypatch: pytes
             if fault is not Fault.NONE:
                 for text in LANGUAGES[language].faults[fault]:
                     assert text in told
+
+
+def test_promises_are_of_the_drives_as_read_once_they_were(tmp_path: Path) -> None:
+    made = config.load("trunnion")
+    read = [Arranged(axis.name, i, stop_s=0.1, notes=()) for i, axis in enumerate(made.axes, 1)]
+    read[1] = Arranged("Y", 2, stop_s=10.0, objects=(("6085h:00", 4_000_000),), notes=("Y brakes softly.",))
+    arranged.save(tmp_path / "arranged", made, read)
+    told = json.loads(ASK.invoke(app, ["faults", "--state", str(tmp_path), "--json"]).stdout)
+    by_name = {row["fault"]: row for row in told["faults"]}
+    assert by_name["EMERGENCY_STOP"]["stands_within_s"] == pytest.approx(10.004)
+    assert told["drives"]["axes"][1]["objects"] == [["6085h:00", 4_000_000]]
+    shown = ASK.invoke(app, ["faults", "--state", str(tmp_path)]).stdout
+    assert "Y 10000 ms" in shown and "Y brakes softly." in shown and told["drives"]["read"][:4] in shown
+
+
+@pytest.mark.parametrize(
+    ("language", "text"), [("en", "not been commissioned yet"), ("de", "nicht wie gelesen")]
+)
+def test_promises_of_the_machine_file_alone_say_so(language: str, text: str) -> None:
+    shown = " ".join(ASK.invoke(app, ["faults", "--language", language]).stdout.split())
+    assert text in shown
+    assert json.loads(ASK.invoke(app, ["faults", "--json"]).stdout)["drives"] is None
 
 
 def test_the_texts_are_told_in_german_too() -> None:

@@ -11,9 +11,9 @@ import latched
 import numpy as np
 import pytest
 from machines import machine
-from ticking import Bench, commands, excess, s_curve, stops, straight
+from ticking import Bench, FakeDrive, commands, excess, s_curve, stops, straight
 
-from controller.handoff import COLUMN, STOOD, Law, dwell
+from controller.handoff import COLUMN, STOOD, Arrangement, Law, dwell, send_arrangement
 from controller.machine import Joints
 from controller.state import Fault, Mode, Request
 from controller.tick.cycle import LONG_GAP
@@ -48,6 +48,24 @@ def test_enabling_takes_the_drives_positions_over_without_a_jump() -> None:
     bench.tick(5)
     assert {setpoints for _, setpoints in bench.group.commands} == {tuple(bench.group.positions)}
     assert bench.cycle.follow.joints == pytest.approx(start, abs=1e-5)
+    bench.close()
+
+
+def test_what_commissioning_found_reaches_drives_spindle_and_the_stop() -> None:
+    """A path whose drives take half a second for their own ramp: their torque stays as long."""
+    bench = moving()
+    bench.group.spindle = FakeDrive()
+    units = (1.0, 0.5, 60 / 4096, 2.0, 1e-6)
+    send_arrangement(bench.requests, Arrangement(0.5, 60 / 4000, units))
+    bench.tick()
+    assert tuple(drive.velocity_units for drive in bench.group.drives) == units
+    assert bench.group.spindle.velocity_units == 60 / 4000
+    bench.group.spindle = None
+    bench.cycle.modes.fail(Fault.ESTOP_INPUT, -1)
+    bench.tick(249)
+    assert bench.group.wanted is Wanted.QUICK_STOP
+    bench.tick(3)
+    assert bench.group.wanted is Wanted.OFF
     bench.close()
 
 

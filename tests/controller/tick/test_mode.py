@@ -166,6 +166,19 @@ def test_an_emergency_stop_circuit_takes_the_torque_once_the_ramps_are_over() ->
     assert group.wanted is Wanted.OFF
 
 
+def test_a_longer_ramp_that_the_drives_were_read_to_have_keeps_the_torque_longer() -> None:
+    group = FakeGroup([0] * 5)
+    modes = Modes(group, 0.002, path_stop_s=1.0, quick_stop_s=0.1)
+    modes.quick_stop_takes(0.3)
+    modes.mode = Mode.RUNNING
+    modes.fail(Fault.ESTOP_INPUT, -1)
+    for _ in range(150):
+        modes.progress(1, standing=False)
+        assert group.wanted is Wanted.QUICK_STOP
+    modes.progress(1, standing=False)
+    assert group.wanted is Wanted.OFF
+
+
 @pytest.mark.parametrize("fault", [Fault.PLANNER_GONE, Fault.STATE_LOST])
 def test_a_coordinated_stop_that_takes_too_long_is_broken_off(fault: Fault) -> None:
     group = FakeGroup([0] * 5)

@@ -491,3 +491,13 @@ def test_any_sequence_of_statuswords_and_wishes_leaves_a_coherent_drive():
         assert word & 0x80 == 0 or (drive.state is State.FAULT and drive.wanted is Wanted.RESET), about
         assert word != 0x0F or drive.wanted is Wanted.ENABLED, about
         assert not drive.following or drive.state is State.OPERATION_ENABLED, about
+
+
+def test_feed_forward_is_in_the_units_that_commissioning_has_read():
+    """4096 counts a turn at 2 ms: 2048 counts a tick are 1 024 000 counts/s, 15 000 1/min."""
+    settings = NodeSettings("X", "can", 1, "", feed_forward=True, velocity_units=60 / 4096)
+    drive = Drive(settings)
+    drive.following = True
+    assert pdo.TARGET.unpack_from(drive.frame(2048, 0.0), 8) == (2048, 15_000)
+    drive.set_velocity_units(1.0)
+    assert pdo.TARGET.unpack_from(drive.frame(0, 0.0), 8) == (0, -1_024_000)

@@ -197,3 +197,19 @@ def test_feedback_from_before_it_was_enabled_again_does_not_make_it_drop_out():
         tell(drive, 0)
     tell(drive, 0, 0x0233)
     assert drive.fault(0.0, 1.0) is DriveFault.STATE_LOST
+
+
+def test_a_spindle_in_revolutions_per_minute_is_told_and_read_in_them():
+    """4000 counts a turn: 1/min is 66.67 counts/s."""
+    drive = SpindleDrive(spindle(mode=3))
+    drive.set_velocity_units(60 / 4000)
+    drive._feedback(memoryview(pdo.FEEDBACK.pack(0x0637, -1500)), 1.0)
+    assert drive.speed == pytest.approx(-100_000.0) and drive.rev_min == pytest.approx(-1500.0)
+    drive.want(Wanted.ENABLED)
+    drive.want_speed(1200.0)
+    drive._feedback(memoryview(pdo.FEEDBACK.pack(0x0637, 0)), 1.1)
+    for now_s in (1.2, 1.3, 1.4):
+        frame = drive.event_frame(now_s, 0.05)
+        drive._feedback(memoryview(pdo.FEEDBACK.pack(0x0637, 1190)), now_s)
+    assert frame is not None and pdo.COMMAND.unpack_from(frame, 8)[1] == 1200
+    assert drive.rev_min == pytest.approx(1190.0)
