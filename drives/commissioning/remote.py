@@ -27,7 +27,7 @@ STORE_S = 5.0  # a drive may be silent while it writes its memory
 
 
 class RefusedError(CommissionError):
-    """The drive does not take a value, or not for long."""
+    """The drive answers, and does not let an object be read, or written, or does not keep a value."""
 
 
 class MissingObjectError(RefusedError):
@@ -130,12 +130,16 @@ class Drive:
     def offer(self, setting: Setting, at_least: bool = False) -> tuple[int | None, str]:
         """Write what the drive may refuse, unless it is so: what it has then, and why it is not as offered.
 
-        ``at_least``: more is as good. None: it has no such object. Raises CommissionError for silence.
+        ``at_least``: more is as good. None: it has no such object, or keeps it to itself. Raises
+        CommissionError for silence.
         """
-        before = self.find(*setting.place)
+        try:
+            before = self.find(*setting.place)
+        except RefusedError as error:
+            return None, f"{setting.where} cannot be read ({error.__cause__})"
         if before is None or before == setting.value or (at_least and before > setting.value):
             self.outcome.already_so += before is not None
-            return before, "" if before is not None else f"{setting.where} is not there"
+            return before, ""
         if not self.sheet.writable(*setting.place):
             return before, f"{setting.where} is read only and reads {shown(before)}"
         try:

@@ -62,11 +62,13 @@ def arrange(drive: Drive, node: NodeSettings, units: Units) -> Arranged:
     if not node.velocity_counts_s:
         return _arranged(drive, units)
     found: dict[int, int] = {}
-    notes = [
-        f"{drive.title}: {problem}."
-        for offer in offers(node, units)
-        for problem in _made(drive, offer, found)
+    wanted = tuple(offers(node, units))
+    notes = [f"{drive.title}: {problem}." for offer in wanted for problem in _made(drive, offer, found)]
+    missing = [
+        f"{one.index:04X}h" for one in wanted if one.index not in found and one.index not in UNIMPORTANT
     ]
+    if missing:
+        notes.append(f"{drive.title}: it has no {', '.join(missing)}; there it stops as its makers have it.")
     for index in (QUICK_STOP,) if 0x6084 in found else (QUICK_STOP, 0x6083):
         if (value := drive.find(index)) is not None:
             found[index] = value
@@ -88,7 +90,7 @@ def _made(drive: Drive, offer: Offer, found: dict[int, int]) -> Iterator[str]:
     have, problem = drive.offer(Setting(offer.index, 0, value, offer.why), offer.at_least)
     if have is not None:
         found[offer.index] = have
-    if problem and (have is not None or offer.index not in UNIMPORTANT):
+    if problem:
         yield f"{problem}; {offer.why}"
     elif have == value != offer.value and offer.index != FOLLOWING:
         yield f"object {offer.index:04X}h:00 goes as far as {value}, {offer.value} is wanted; {offer.why}"

@@ -145,10 +145,21 @@ def test_a_drive_without_the_object_is_promised_the_longest_stop_until_somebody_
     _, outcome = commissioned(without(0x6085))
     found = arranged(outcome)
     assert (found.stop_counts_s2, found.stop_s) == (0.0, 3.0)
-    assert any("6085h:00 is not there" in note for note in found.notes)
-    assert any("measure it" in note for note in found.notes)
+    missing, measure = found.notes
+    assert "it has no 6085h;" in missing and "measure it" in measure
     _, measured = commissioned(without(0x6085), quick_stop_counts_s2=1e8)
     assert arranged(measured).stop_s == pytest.approx(0.4)
+
+
+def test_an_object_that_cannot_be_read_is_told_and_stops_nobody() -> None:
+    def refuse() -> int:
+        raise Abort(Code.HARDWARE)
+
+    def secret(stepped: Rig) -> None:
+        stepped.drives["X"].dictionary.readers[key(0x605B)] = refuse
+
+    _, outcome = commissioned(secret)
+    assert any("605Bh:00 cannot be read" in note for note in arranged(outcome).notes)
 
 
 def test_what_matters_little_may_be_missing_without_a_word() -> None:
