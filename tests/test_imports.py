@@ -119,6 +119,7 @@ ONLY_IN: dict[str, set[str]] = {
         "drives/commissioning/network.py",
         "drives/commissioning/remote.py",
         "drives/commissioning/sheet.py",
+        "drives/commissioning/dcf.py",
         "drives/commissioning/overrides.py",
         "drives/commissioning/possible.py",
     },

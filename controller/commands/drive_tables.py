@@ -1,27 +1,33 @@
-"""What ``directrix drives`` shows to people."""
+"""What ``directrix drives`` shows to people: tables that fit 80 columns.
+
+Identifiers, mappings and words of bits are hexadecimal, as manuals have them.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
+from rich import box
 from rich.markup import escape
 from rich.table import Table
 
 from drives.commissioning.remote import Outcome
+from drives.commissioning.setup import Row
 from drives.commissioning.survey import Entry, Status
+from drives.commissioning.wanted import shown_at
+
+SHORT = {"pre-operational": "pre-op"}
 
 
 def outcomes(found: Sequence[Outcome]) -> Table:
     """What commissioning changed, object by object; a drive that was right has one row."""
-    table = Table(title="Commissioned", title_justify="left")
-    for title in ("drive", "node", "object", "was", "is", "because"):
-        table.add_column(title, overflow="fold")
+    table = _table("Commissioned", "drive", "node", "object", "was", "is", because=True)
     for outcome in found:
         for change in outcome.changes:
-            where = f"{change.index:04X}h:{change.sub:02X}"
-            was = "-" if change.was is None else str(change.was)
-            table.add_row(outcome.name, str(outcome.node), where, was, str(change.now), escape(change.why))
+            at = change.index, change.sub
+            was, now = _value(*at, change.was), _value(*at, change.now)
+            table.add_row(outcome.name, str(outcome.node), place(*at), was, now, escape(change.why))
         left = f"{outcome.already_so} objects were already so" + (", stored" if outcome.stored else "")
         table.add_row(outcome.name, str(outcome.node), "", "", "", left)
     return table
@@ -29,43 +35,81 @@ def outcomes(found: Sequence[Outcome]) -> Table:
 
 def found(rows: Sequence[dict[str, Any]]) -> Table:
     """Who answers on the buses."""
-    table = Table(title="Nodes that answer", title_justify="left")
-    for title in ("bus", "node", "machine file", "profile", "vendor", "product", "revision", "serial"):
-        table.add_column(title, overflow="fold")
+    titles = "bus", "node", "drive", "profile", "vendor", "product", "revision", "serial"
+    table = _table("Nodes that answer", *titles)
     for row in rows:
         kind = row["device_type"]
         words = [_hex(row[key]) for key in ("vendor", "product", "revision", "serial")]
         profile = "-" if kind is None else str(kind & 0xFFFF)
-        table.add_row(row["bus"], str(row["node"]), escape(row["name"] or "not expected"), profile, *words)
+        table.add_row(row["bus"], str(row["node"]), escape(row["name"] or "unknown"), profile, *words)
     return table
 
 
 def status(found: Sequence[Status]) -> Table:
-    """How the drives are."""
-    table = Table(title="Drives", title_justify="left")
-    for title in ("drive", "node", "NMT", "state", "mode", "position", "error", "register", "history"):
-        table.add_column(title, overflow="fold")
+    """How the drives are; below an error the last ones before it (1003h)."""
+    table = _table("Drives", "drive", "node", "NMT", "state", "mode", "position", "error 603Fh, 1001h")
     for one in found:
         position = "-" if one.position_counts is None else str(one.position_counts)
         history = " ".join(f"{word & 0xFFFF:04X}" for word in one.history)
-        error, register = _hex(one.error_code), _hex(one.error_register)
-        about = (one.nmt, one.state or "-", one.mode_name, position, error, register, history)
-        table.add_row(one.name, str(one.node), *about)
+        error = f"{_hex(one.error_code)}, {_hex(one.error_register)}" + (f"\n{history}" if history else "")
+        word = "" if one.statusword is None else f"\n0x{one.statusword:04x}"
+        nmt = SHORT.get(one.nmt, one.nmt)
+        table.add_row(
+            one.name, str(one.node), nmt, f"{one.state or '-'}{word}", one.mode_name, position, error
+        )
     return table
 
 
 def dump(entries: Sequence[Entry]) -> Table:
     """Every object of a drive."""
-    table = Table(title="Objects", title_justify="left")
-    for title in ("object", "name", "access", "value", "hex", "default"):
-        table.add_column(title, overflow="fold")
+    table = _table("Objects", "object", "name", "access", "value", "hex", "default")
     for entry in entries:
-        value = entry.refused or str(entry.value)
+        at = entry.index, entry.sub
+        value = entry.refused or _value(*at, entry.value)
         hexadecimal = _hex(entry.value) if isinstance(entry.value, int) and entry.value >= 0 else ""
-        default = "" if entry.default is None else str(entry.default)
-        where = f"{entry.index:04X}h:{entry.sub:02X}"
-        table.add_row(where, escape(entry.name), entry.access, escape(value), hexadecimal, default)
+        default = "" if entry.default is None else _value(*at, entry.default)
+        shown = "" if hexadecimal == value else hexadecimal
+        table.add_row(place(*at), escape(entry.name), entry.access, escape(value), shown, default)
     return table
+
+
+def differences(rows: Sequence[Row], file: str) -> Table:
+    """What is other in a drive than in a file."""
+    table = _table("Differences", "object", "name", file, "drive")
+    for row in rows:
+        now = row.refused if row.now is None else _value(*row.place, row.now)
+        table.add_row(place(*row.place), escape(row.name), escape(_value(*row.place, row.kept)), escape(now))
+    return table
+
+
+def restored(rows: Sequence[Row]) -> Table:
+    """What was put back, and what the drive did not take."""
+    table = _table("Put back", "object", "name", "was", "is", "refused")
+    for row in rows:
+        was, kept = _value(*row.place, row.now), _value(*row.place, row.kept)
+        now = was if row.refused else kept
+        table.add_row(place(*row.place), escape(row.name), escape(was), escape(now), escape(row.refused))
+    return table
+
+
+def place(index: int, sub: int) -> str:
+    return f"{index:04X}h:{sub:02X}"
+
+
+def _table(title: str, *columns: str, because: bool = False) -> Table:
+    table = Table(title=title, title_justify="left", box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0))
+    table.pad_edge = False
+    for column in (*columns, "because") if because else columns:
+        table.add_column(column, overflow="fold", no_wrap=column in ("object", "node"))
+    return table
+
+
+def _value(index: int, sub: int, value: object) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, int):
+        return shown_at(index, sub, value)
+    return value.hex(" ") if isinstance(value, bytes) else str(value)
 
 
 def _hex(value: int | None) -> str:

@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from controller import arranged, config, door, nodes, profiles
-from controller.commands import drive_tables, simulated_drives, stop_drives
+from controller import arranged, door, nodes, profiles
+from controller.commands import drive_buses, drive_tables, kept_drives, simulated_drives, stop_drives
+from controller.commands.drive_buses import (
+    EXPECTED,
+    Channel,
+    Joined,
+    Json,
+    MachineFile,
+    OnBus,
+    OnlyNode,
+    PeriodMs,
+)
 from controller.machine import Machine
-from controller.toml_table import ConfigError
 from controller.verify.console import Refused, refusals, show, tell
-from drives import bus as buses
 from drives import commission as commissioning
-from drives import pdo
 from drives.commissioning import identity, lss, possible, sheet, survey, twins
 from drives.commissioning.wanted import Settings
-from drives.settings import BusSettings, MasterSettings, NodeSettings
+from drives.settings import MasterSettings, NodeSettings
 
 app = typer.Typer(
     add_completion=False,
@@ -29,27 +35,7 @@ app = typer.Typer(
     help="Check a drive's data sheet; find, commission and look at the drives of a machine.",
 )
 
-MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
-OnBus = Annotated[str, typer.Option("--bus", help="Only this bus of the machine.")]
-Channel = Annotated[
-    str, typer.Option("--channel", help="Instead of the bus's own channel: path of a virtual bus, can0, ...")
-]
-OnlyNode = Annotated[str, typer.Option("--drive", help="Only this axis, 'spindle' or 'io'.")]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
-PeriodMs = Annotated[float | None, typer.Option("--period-ms", help="Instead of the machine file's period.")]
-
-EXPECTED = (ConfigError, buses.BusError, commissioning.CommissionError, sheet.SheetError)
 CHECKED_PERIOD_MS = 2.0
-PATIENCE_S = 3.0  # for an SDO answer: a drive that writes its memory, or a busy computer of simulated ones
-
-
-@dataclass(frozen=True, slots=True)
-class Joined:
-    """One bus of the machine with the nodes that are wanted there."""
-
-    bus: BusSettings
-    network: commissioning.Network
-    nodes: tuple[Settings, ...]
 
 
 # --- check ---------------------------------------------------------------------------
@@ -92,54 +78,6 @@ def _period_s(period_ms: float) -> float:
     return period_ms / 1e3
 
 
-# --- the machine's buses ---------------------------------------------------------------
-
-
-def _machine(file: str, period_ms: float | None = None) -> Machine:
-    machine = config.load(file)
-    return machine if period_ms is None else config.with_period(machine, period_ms / 1e3)
-
-
-def _chosen(machine: Machine, bus: str, drive: str) -> list[tuple[BusSettings, tuple[Settings, ...]]]:
-    """The buses that are asked for, with those of their nodes. Raises Refused, ConfigError."""
-    every = nodes.all_settings(machine)
-    names = [settings.name for settings in nodes.bus_settings(machine)]
-    if bus and bus not in names:
-        raise Refused(f"--bus {bus}: the machine has no such bus; allowed are {', '.join(names)}.")
-    known = ", ".join(node.name for node in every)
-    if drive and all(node.name != drive for node in every):
-        raise Refused(f"--drive {drive}: the machine has no such drive; allowed are {known}.")
-    wanted = [node for node in every if drive in ("", node.name) and bus in ("", node.bus)]
-    found = [
-        (settings, tuple(node for node in wanted if node.bus == settings.name))
-        for settings in nodes.bus_settings(machine)
-        if bus in ("", settings.name)
-    ]
-    return [(settings, its) for settings, its in found if its or not drive]
-
-
-@contextlib.contextmanager
-def _joined(machine: Machine, bus: str, channel: str, drive: str = "") -> Iterator[list[Joined]]:
-    """Ports on the buses that are asked for; closed at the end. Raises Refused, BusError, ConfigError."""
-    chosen = _chosen(machine, bus, drive)
-    if channel and len(chosen) > 1:
-        raise Refused("--channel names one bus, the machine has more; choose one with --bus.")
-    with contextlib.ExitStack() as stack:
-        joined = []
-        for named, its in chosen:
-            settings = replace(named, channel=channel) if channel else named
-            if not settings.channel:
-                raise Refused(
-                    f"bus {settings.name}: no channel is named; allowed is the path of a virtual bus;"
-                    " give --channel PATH, or channel in the machine file."
-                )
-            port = buses.open(settings, pdo.SERVICE_FILTERS)
-            stack.callback(port.close)
-            pump = commissioning.wall_pump(port.fileno())
-            joined.append(Joined(settings, commissioning.Network(port, pump, PATIENCE_S), its))
-        yield joined
-
-
 # --- commission ------------------------------------------------------------------------
 
 
@@ -157,12 +95,12 @@ def commission(
 ) -> None:
     """Write everything that the machine file wants into its drives, read it back, and start them."""
     with refusals(as_json, lambda: EXPECTED):
-        made = _machine(machine, period_ms)
+        made = drive_buses.machine(machine, period_ms)
         master = nodes.master_settings(made)
         outcomes = []
-        with _joined(made, bus, channel) as joined:
+        with drive_buses.joined(made, bus, channel) as joined:
             for each in joined:
-                _see_alone(each, master)
+                drive_buses.see_alone(each, master)
             given = _set_node(joined, set_node, store) if set_node else None
             for each in joined:
                 outcomes += commissioning.commission(
@@ -176,6 +114,9 @@ def commission(
         else:
             if given:
                 show.print(f"{set_node} has node id {given['node']} now.", markup=False)
+            for outcome in outcomes:
+                for warning in outcome.warnings:
+                    tell.print(f"drive {outcome.name} (node {outcome.node}): {warning}.", markup=False)
             show.print(drive_tables.outcomes(outcomes))
         for one in found:
             for note in one.notes if not as_json else ():
@@ -189,16 +130,6 @@ def _keep(machine: Machine, found: Sequence[commissioning.Arranged]) -> None:
         arranged.save(folder, machine, found)
     except OSError as error:
         tell.print(f"{folder}: how the drives stop is not kept: {error.strerror}.", markup=False)
-
-
-def _see_alone(joined: Joined, master: MasterSettings) -> None:
-    """A running controller sends heartbeats: its drives are not to be taken from under it."""
-    heard = joined.network.nmt_states
-    if joined.network.wait(lambda: master.node_id in heard, 3.0 * master.heartbeat_s):
-        raise Refused(
-            f"bus {joined.bus.name}: a controller is running there (heartbeat of node {master.node_id});"
-            " end it before drives are commissioned by hand."
-        )
 
 
 def _set_node(joined: Sequence[Joined], name: str, store: bool) -> dict[str, Any]:
@@ -237,11 +168,11 @@ def scan(
 ) -> None:
     """Every node 1 .. 127 that answers, with its identity, beside what the machine file expects."""
     with refusals(as_json, lambda: EXPECTED):
-        made = _machine(machine)
+        made = drive_buses.machine(machine)
         rows: list[dict[str, Any]] = []
         missing: list[str] = []
         strangers: list[str] = []
-        with _joined(made, bus, channel) as joined:
+        with drive_buses.joined(made, bus, channel) as joined:
             for each in joined:
                 found = survey.scan(each.network)
                 names = {node.node: node.name for node in each.nodes}
@@ -294,9 +225,9 @@ def status(
 ) -> None:
     """How the drives are: NMT and power state, mode, position, errors. Changes nothing."""
     with refusals(as_json, lambda: EXPECTED):
-        made = _machine(machine)
+        made = drive_buses.machine(machine)
         found: list[survey.Status] = []
-        with _joined(made, bus, channel, drive) as joined:
+        with drive_buses.joined(made, bus, channel, drive) as joined:
             for each in joined:
                 found += survey.status(each.network, each.nodes)
         if as_json:
@@ -315,8 +246,8 @@ def dump(
 ) -> None:
     """Every object of one drive as it is now, beside the data sheet's default. Changes nothing."""
     with refusals(as_json, lambda: EXPECTED):
-        made = _machine(machine)
-        with _joined(made, bus, channel, drive) as joined:
+        made = drive_buses.machine(machine)
+        with drive_buses.joined(made, bus, channel, drive) as joined:
             entries = [
                 entry for each in joined for node in each.nodes for entry in survey.dump(each.network, node)
             ]
@@ -326,7 +257,10 @@ def dump(
             show.print(drive_tables.dump(entries))
 
 
-# --- stop, simulate ----------------------------------------------------------------------
+# --- save, restore, compare, stop, simulate ------------------------------------------------
 
+app.command("save")(kept_drives.save)
+app.command("restore")(kept_drives.restore)
+app.command("compare")(kept_drives.compare)
 app.command("stop")(stop_drives.stop)
 app.command("simulate")(simulated_drives.simulate)

@@ -236,18 +236,33 @@ class Drive:
         found = self.sheet.find(setting.index, setting.sub)
         return found is not None and found.readable
 
+    def put(self, index: int, sub: int, value: int | float | str | bytes) -> None:
+        """Download as the data sheet types it, and no more. Raises CommissionError."""
+        try:
+            self._send(index, sub, value)
+        except SdoAbortedError as error:
+            told = shown(value) if isinstance(value, int) else str(value)
+            raise RefusedError(
+                f"{self.title}: object {index:04X}h:{sub:02X} refuses {told}: {error}"
+            ) from error
+
     def _download(self, setting: Setting) -> None:
         try:
-            self._variable(setting.index, setting.sub).raw = setting.value
+            self._send(setting.index, setting.sub, setting.value)
         except SdoAbortedError as error:
             raise RefusedError(
                 f"{self.title}: {setting.where} refuses {shown(setting.value)}: {error};"
                 f" {setting.why}; choose a value the drive supports"
             ) from error
+
+    def _send(self, index: int, sub: int, value: int | float | str | bytes) -> None:
+        """Raises SdoAbortedError, and CommissionError for all else."""
+        try:
+            self._variable(index, sub).raw = value
         except SdoCommunicationError as error:
-            raise CommissionError(self._silent(setting.index, setting.sub)) from error
+            raise CommissionError(self._silent(index, sub)) from error
         except MISFITS as error:
-            raise CommissionError(self._misfit(setting.index, setting.sub, error)) from error
+            raise CommissionError(self._misfit(index, sub, error)) from error
 
     def _misfit(self, index: int, sub: int, error: Exception) -> str:
         reason = " ".join(str(error).split())

@@ -135,14 +135,23 @@ class Named(Protocol):
 
 def of(settings: Named) -> Sheet:
     """The data sheet of a node, with what its profile and the machine file know better. Raises SheetError."""
+    return load(settings.eds, settings.node, known_of(settings))
+
+
+def known_of(settings: Named) -> tuple[Override, ...]:
+    """Where the data sheet of a node is wrong, by its profile and by the machine file."""
     family = getattr(settings, "profile", None)
-    known = (*(family.overrides if family else ()), *getattr(settings, "overrides", ()))
-    return load(settings.eds, settings.node, known)
+    return (*(family.overrides if family else ()), *getattr(settings, "overrides", ()))
 
 
 @lru_cache(maxsize=64)
 def load(path: str, node: int, known: tuple[Override, ...] = ()) -> Sheet:
     """The data sheet of a file, for a node id ("$NODEID"), overridden. Raises SheetError."""
+    return own(path, node, known)
+
+
+def own(path: str, node: int, known: tuple[Override, ...] = ()) -> Sheet:
+    """As ``load``, and nobody else's: it may be changed. Raises SheetError."""
     return overridden(_read(_mended(path), Path(path).name, node), known)
 
 

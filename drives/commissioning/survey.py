@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from struct import Struct
 
@@ -80,10 +80,14 @@ def scan(network: Network) -> list[Found]:
     nodes = list(kinds)
     words = [questions.ask(nodes, 0x1018, sub) if nodes else {} for sub in range(1, 5)]
     doubled = twins.doubled(network, nodes) if nodes else {}
-    return [
-        Found(node, kinds[node], *(word.get(node) for word in words), twins=doubled.get(node, ()))
-        for node in nodes
-    ]
+    return [_found(node, kinds[node], [word.get(node) for word in words], doubled) for node in nodes]
+
+
+def _found(
+    node: int, kind: int | None, words: Sequence[int | None], doubled: Mapping[int, twins.Serials]
+) -> Found:
+    vendor, product, revision, serial = words
+    return Found(node, kind, vendor, product, revision, serial, doubled.get(node, ()))
 
 
 @dataclass(frozen=True, slots=True)
