@@ -13,6 +13,7 @@ with the SYNC of tick k + 2 the period is over, and in tick k + 3 the motors of 
 from __future__ import annotations
 
 from bisect import bisect
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -47,8 +48,11 @@ class Seen(NamedTuple):
     warning: Fault
     on_path: bool  # the commanded joints are the plan's, and the drives are to follow them
     untrusted: int  # bit mask of the axes
+    torque: int  # of the motors that have some
+    recounted: int  # of the drives that count from another zero than when the path began
     command: tuple[float, ...]  # joints, mm and rad
-    motors: tuple[float, ...]  # joints
+    motors: tuple[float, ...]  # mm and rad, in power-on counting: homing moves the counting, not the motor
+    zeros: tuple[float, ...]  # to be added for joints
 
 
 class Raised(NamedTuple):
@@ -87,8 +91,7 @@ class Observer:
         cycle = self._cycle
         modes = cycle.modes
         on_path = modes.on_path and modes.mode not in (Mode.OFF, Mode.HOMING)
-        if on_path and not self._on_path:
-            # Homing, or a lost supply, moves a drive's counting and not its motor.
+        if (on_path and not self._on_path) or modes.mode in (Mode.OFF, Mode.HOMING):
             self._shift = [axis.sensors.moved for axis in self._axes]
         self._on_path = on_path
         seen = Seen(
@@ -100,17 +103,21 @@ class Observer:
             modes.warning,
             on_path,
             modes.untrusted,
+            sum(1 << i for i, axis in enumerate(self._axes) if axis.powered),
+            self._recounted(),
             cycle.follow.joints,
-            self._motors(),
+            self._scaled([_true_counts(axis.servo) - axis.sensors.moved for axis in self._axes]),
+            self._scaled(self._shift),
         )
         self._count(seen)
         self._seen.append(seen)
 
-    def _motors(self) -> tuple[float, ...]:
-        return tuple(
-            (_true_counts(axis.servo) - axis.sensors.moved + shift) * per_count
-            for axis, shift, per_count in zip(self._axes, self._shift, self._per_count, strict=True)
-        )
+    def _recounted(self) -> int:
+        pairs = zip(self._axes, self._shift, strict=True)
+        return sum(1 << i for i, (axis, shift) in enumerate(pairs) if axis.sensors.moved != shift)
+
+    def _scaled(self, counts: Sequence[float]) -> tuple[float, ...]:
+        return tuple(n * per_count for n, per_count in zip(counts, self._per_count, strict=True))
 
     def _count(self, seen: Seen) -> None:
         before = self._seen[-1].motors if self._seen else seen.motors
@@ -152,6 +159,10 @@ class Sight:
     @cached_property
     def motors(self) -> Array:
         """Where the motors truly were, shape (N, 5), mm and rad, in the joints' counting."""
+        return self._travel + np.array([seen.zeros for seen in self.ticks])
+
+    @cached_property
+    def _travel(self) -> Array:
         return np.array([seen.motors for seen in self.ticks])
 
     @cached_property
@@ -175,7 +186,7 @@ class Sight:
     @cached_property
     def speed(self) -> Array:
         """Of the motors over the last tick, shape (N, 5), mm/s and rad/s."""
-        steps = np.diff(self.motors, axis=0, prepend=self.motors[:1])
+        steps = np.diff(self._travel, axis=0, prepend=self._travel[:1])
         return np.asarray(np.abs(steps) / self.machine.period_s)
 
     def raised(self) -> tuple[Raised, ...]:

@@ -250,6 +250,7 @@ class SteppedMachine:
     ) -> Run:
         """Run a path to its end, or to where the events, a fault or a refused block leave it at rest.
 
+        ``events`` in the order of their ticks; a list may be added to meanwhile.
         ``turns``: of the planner in a live run that is to be repeated.
         Raises SessionError where an open door, or an axis that must be homed, forbids the start.
         """
@@ -265,13 +266,14 @@ class SteppedMachine:
             self._plan()
         self.request(Request.START)
         first, self._skips_before = self.cycle.tick + 1, self.cycle.skips
-        waiting, self._idle = list(events), 0
-        resumes, n = 0, 0
+        self._idle = asked_for = resumes = n = 0  # ``asked_for``: events that have been sent
         plan_every = max(1, round(PLAN_EVERY_S / self.machine.period_s))
         while True:
-            while waiting and waiting[0].tick <= n:
-                self._send(waiting.pop(0))
+            while asked_for < len(events) and events[asked_for].tick <= n:
+                self._send(events[asked_for])
+                asked_for += 1
                 self._idle = 0
+            waiting = events[asked_for:]
             if turns:
                 self._replay.before(n, self.planner, self.board.read())
             if n % plan_every == 0:

@@ -1,0 +1,177 @@
+"""Random fault scripts against one invariant, and random healthy runs against none: see fault_judge.
+
+    pytest -m slow tests/acceptance/test_random_faults.py                            some hundred
+    DIRECTRIX_FAULT_SCRIPTS=10000 pytest -m soak tests/acceptance/test_random_faults.py -n 2
+    DIRECTRIX_HEALTHY_RUNS=1000 pytest -m soak tests/acceptance/test_random_faults.py -n 2 -k healthy
+
+A case that fails says how ``directrix simulate`` makes it again; its files stay in pytest's folder.
+"""
+
+from __future__ import annotations
+
+import os
+import shlex
+from pathlib import Path
+
+import fault_judge
+import numpy as np
+import pytest
+import random_faults
+from cutting import shipped
+from random_faults import Batch, Came
+from typer.testing import CliRunner
+
+from controller import __main__ as command_line
+from controller.machine import Machine
+from controller.session.observer import LATENCY, Seen, Sight
+from controller.state import Fault, Mode
+
+IN_A_BATCH = 40
+SCRIPTS = int(os.environ.get("DIRECTRIX_FAULT_SCRIPTS", "10000"))
+HEALTHY = int(os.environ.get("DIRECTRIX_HEALTHY_RUNS", "1000"))
+FEW, FEW_HEALTHY = 5 * len(random_faults.MACHINES), len(random_faults.MACHINES)  # batches; CI takes a sixth
+
+
+def judge(of: Batch, came: list[Came], folder: Path) -> None:
+    """Fails with every wrong, and the command that shows it."""
+    told = []
+    for n, one in enumerate(came):
+        if one.wrongs:
+            words = random_faults.written(of, one.case, folder / f"case-{n}")
+            told += [*one.wrongs, f"  directrix {shlex.join(words)}"]
+    assert not told, "\n".join([f"batch {of.number}, of {len(came)} cases:", *told])
+
+
+def random_scripts(number: int, folder: Path) -> None:
+    of = random_faults.batch(number)
+    judge(of, random_faults.cases(of, IN_A_BATCH), folder)
+
+
+def healthy_runs(number: int, folder: Path) -> None:
+    of = random_faults.healthy_batch(number)
+    came = random_faults.cases(of, IN_A_BATCH, draw=random_faults.healthy_case)
+    assert [one.fault for one in came] == ["NONE"] * (IN_A_BATCH + 1)
+    judge(of, came, folder)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(FEW))
+def test_who_is_off_has_said_so_and_everything_stands_in_time(number: int, tmp_path: Path) -> None:
+    random_scripts(number, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(FEW_HEALTHY))
+def test_a_healthy_run_has_no_fault(number: int, tmp_path: Path) -> None:
+    healthy_runs(number, tmp_path)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("number", range(-(-SCRIPTS // IN_A_BATCH)))
+def test_ten_thousand_scripts(number: int, tmp_path: Path) -> None:
+    random_scripts(FEW + number, tmp_path)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("number", range(-(-HEALTHY // IN_A_BATCH)))
+def test_a_thousand_healthy_runs(number: int, tmp_path: Path) -> None:
+    healthy_runs(FEW_HEALTHY + number, tmp_path)
+
+
+# ---- the fork is the run itself
+
+
+def is_simulated_again(of: Batch, one: Came, trace: Path, folder: Path) -> None:
+    """``directrix simulate`` makes the same run; it goes on longer where it records a fault."""
+    words = random_faults.written(of, one.case, folder)
+    again = folder / "again.npz"
+    result = CliRunner().invoke(command_line.app, [*words, "--trace", str(again)])
+    assert (one.fault != "NONE") == (result.exit_code == 1), result.output
+    ours, theirs = np.load(trace), np.load(again)
+    n = len(ours["time_s"])
+    assert n > 10 and len(theirs["time_s"]) >= n
+    for name in ours.files:
+        kept = theirs[name][:n] if ours[name].shape[:1] == (n,) else theirs[name]
+        assert ours[name].tobytes() == kept.tobytes(), name
+
+
+def again(number: int, count: int, folder: Path) -> None:
+    of = random_faults.batch(number)
+    (folder / "traces").mkdir()
+    came = random_faults.cases(of, count, folder / "traces")
+    ours = [one for one in came if one.case.script]
+    assert len(ours) == count
+    for n, one in enumerate(ours):
+        trace = folder / "traces" / f"{n}.npz"
+        if trace.exists():  # not where homing has failed: nothing was run
+            is_simulated_again(of, one, trace, folder / str(n))
+
+
+def test_a_forked_run_is_what_simulate_makes_of_it(tmp_path: Path) -> None:
+    again(0, 2, tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(1, 2 * len(random_faults.MACHINES)))
+def test_any_case_is_had_again_bit_for_bit(number: int, tmp_path: Path) -> None:
+    again(number, 4, tmp_path)
+
+
+# ---- the judge
+
+
+def sight(machine: Machine, off: float = 0.0, fault_at: int = 10**9, **last: object) -> Sight:
+    """X at 50 mm/s for 200 ticks and at rest for 300; from tick 100 on its motor is off by ``off``."""
+    v, ticks = 50.0 * machine.period_s, []
+    place = [min(n, 200) * v for n in range(500)]
+    for n in range(500):
+        motor = place[max(0, n - LATENCY)] + (off if n >= 100 else 0.0)
+        failed = n >= fault_at
+        ticks.append(
+            Seen(
+                tick=n,
+                time_s=n * machine.period_s,
+                mode=Mode.FAULT if failed else Mode.RUNNING,
+                fault=Fault.FOLLOWING_ERROR if failed else Fault.NONE,
+                fault_axis=0 if failed else -1,
+                warning=Fault.NONE,
+                on_path=True,
+                untrusted=0,
+                torque=31,
+                recounted=0,
+                command=(place[n], 0.0, 0.0, 0.0, 0.0),
+                motors=(motor, 0.0, 0.0, 0.0, 0.0),
+                zeros=(0.0,) * 5,
+            )
+        )
+    ticks[-1] = ticks[-1]._replace(**last)  # type: ignore[arg-type]
+    return Sight(machine, tuple(ticks))
+
+
+def test_the_judge_lets_pass_what_is_in_order() -> None:
+    assert fault_judge.wrongs(sight(shipped())) == []
+    assert fault_judge.wrongs(sight(shipped(), off=0.1)) == []
+    assert fault_judge.wrongs(sight(shipped(), recounted=1, untrusted=1)) == []
+
+
+def test_the_judge_sees_an_axis_that_is_off_and_a_jump() -> None:
+    found = fault_judge.wrongs(sight(shipped(), off=2.5))
+    assert any("X was off for" in one and "2.500" in one for one in found)
+    assert any("X ran 6.50 times its velocity limit" in one for one in found)
+    assert not any("was off" in one for one in fault_judge.wrongs(sight(shipped(), off=2.5, fault_at=99)))
+
+
+def test_the_judge_sees_who_goes_on_after_a_fault() -> None:
+    machine = shipped()
+    moving = sight(machine, fault_at=5)
+    ticks = tuple(s._replace(motors=(0.1 * s.tick, *s.motors[1:])) for s in moving.ticks)
+    found = fault_judge.wrongs(Sight(machine, ticks))
+    assert any("X moved 988 ms after FOLLOWING_ERROR" in one for one in found)
+    assert any("X moves to the end" in one for one in found)
+    coasting = tuple(s._replace(torque=30) for s in ticks)
+    assert not any(" ms after" in one for one in fault_judge.wrongs(Sight(machine, coasting)))
+
+
+def test_the_judge_sees_a_count_that_is_trusted_and_lost() -> None:
+    found = fault_judge.wrongs(sight(shipped(), recounted=1))
+    assert found == ["tick 499: X counts from another zero and is trusted"]

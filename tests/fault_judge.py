@@ -1,0 +1,115 @@
+"""What must hold whatever is done to a machine, judged by its motors and not by what it says.
+
+* an axis that is off by more than its window and what it moves in ten ticks has raised a fault;
+* after a fault everything stands within the promise, and stays;
+* no motor is faster than its limit, but for a servo's overshoot;
+* a drive that counts from another zero is not trusted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from controller import times
+from controller.machine import Axis
+from controller.session.observer import LATENCY, STANDS, Sight
+from controller.state import Fault, Mode, stands_within_s
+
+OVERSHOOT = 1.05  # of a servo
+LATEST_TICKS = 10  # "its window plus what it moves in so many ticks"
+
+
+class Window(NamedTuple):
+    """How far an axis may be off: at rest (mm or rad), and the seconds of its speed that come on top."""
+
+    at_rest: float
+    by_speed_s: float
+
+
+def window_of(axis: Axis) -> Window:
+    """Of the machine's own file."""
+    return Window(0.5 / abs(axis.shown_per_unit), 0.006)
+
+
+def wrongs(sight: Sight) -> list[str]:
+    """What should not have been, in the order of its ticks; empty if all is well."""
+    found = sorted((*_unnoticed(sight), *_too_fast(sight), *_restless(sight), *_dishonest(sight)))
+    return [f"tick {tick}: {text}" for tick, text in found]
+
+
+Wrong = tuple[int, str]
+
+
+def _first_fault(sight: Sight) -> int:
+    """The row in which a fault was first shown that stops the machine; behind the last if none was."""
+    rows = (row for row, seen in enumerate(sight.ticks) if seen.mode is Mode.FAULT)
+    return next(rows, len(sight.ticks))
+
+
+def _unnoticed(sight: Sight) -> Iterator[Wrong]:
+    """Off, and nobody has said so."""
+    machine, until = sight.machine, _first_fault(sight)
+    speed = np.abs(np.diff(sight.command, axis=0, prepend=sight.command[:1])) / machine.period_s
+    then = np.zeros_like(speed)
+    then[LATENCY:] = speed[:-LATENCY]
+    windows = [window_of(axis) for axis in machine.axes]
+    allowed = [w.at_rest for w in windows] + np.array([w.by_speed_s for w in windows]) * then
+    allowed += np.maximum(_moved(sight.command), _moved(sight.motors))
+    off = sight.distance > allowed
+    for i, axis in enumerate(machine.axes):
+        rows = np.flatnonzero(off[:until, i])
+        if len(rows):
+            worst = float(sight.distance[rows, i].max()) * abs(axis.shown_per_unit)
+            told = f"{axis.name} was off for {len(rows)} ticks, by up to {worst:.3f}, and no fault said so"
+            yield sight.ticks[rows[0]].tick, told
+
+
+def _moved(joints: np.ndarray) -> np.ndarray:
+    """The way of the last ten ticks, (N, 5)."""
+    way = np.cumsum(np.abs(np.diff(joints, axis=0, prepend=joints[:1])), axis=0)
+    before = np.zeros_like(way)
+    before[LATEST_TICKS:] = way[:-LATEST_TICKS]
+    return np.asarray(way - before)
+
+
+def _too_fast(sight: Sight) -> Iterator[Wrong]:
+    for i, axis in enumerate(sight.machine.axes):
+        share = sight.speed[:, i] / axis.limits.velocity
+        if share.max() > OVERSHOOT:
+            row = int(np.flatnonzero(share > OVERSHOOT)[0])
+            yield sight.ticks[row].tick, f"{axis.name} ran {share.max():.2f} times its velocity limit"
+
+
+def _restless(sight: Sight) -> Iterator[Wrong]:
+    """Something moves for longer than is promised, or again. A motor without torque coasts."""
+    first = _first_fault(sight)
+    if first == len(sight.ticks):
+        return
+    after = sight.ticks[first:]
+    promised_s = max(
+        stands_within_s(fault, times.of(sight.machine))
+        for seen in after
+        for fault in (seen.fault, seen.warning)
+        if fault is not Fault.NONE
+    )
+    late = first + int(np.ceil(promised_s / sight.machine.period_s))
+    for i, axis in enumerate(sight.machine.axes):
+        moving = sight.speed[late:, i] * abs(axis.shown_per_unit) > STANDS
+        torque = np.array([seen.torque >> i & 1 for seen in sight.ticks[late:]], bool)
+        rows = np.flatnonzero(moving & torque)
+        if len(rows):
+            last = sight.ticks[late + int(rows[-1])].tick - sight.ticks[first].tick
+            ms = 1e3 * last * sight.machine.period_s
+            yield sight.ticks[late].tick, f"{axis.name} moved {ms:.0f} ms after {after[-1].fault.name}"
+        if len(moving) and moving[-1]:
+            yield sight.ticks[-1].tick, f"{axis.name} moves to the end"
+
+
+def _dishonest(sight: Sight) -> Iterator[Wrong]:
+    last = sight.ticks[-1]
+    for i, axis in enumerate(sight.machine.axes):
+        if last.recounted >> i & 1 and not last.untrusted >> i & 1:
+            yield last.tick, f"{axis.name} counts from another zero and is trusted"
