@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
@@ -9,11 +10,10 @@ from fault_scene import Scene
 
 from controller.state import Fault, Request
 from drives import pdo
-from drives.simulated.inputs import POSITIVE_LIMIT, STO
-from drives.virtual.fault_script import MASTER, Action, Injection, parse
 from drives.virtual.stepped_port import PORT_LIMIT, SYNC_FRAME
 
 AXIS = 1  # Y: the one that faults are done to; it moves in every mode that moves
+AHEAD = 100  # counts
 
 N = Fault.NONE
 Named = frozenset[Fault]
@@ -29,18 +29,18 @@ class Case(NamedTuple):
     by_mode: Mapping[str, Named] = {}
     free: tuple[int, ...] = ()  # axes without torque: no promise about when they stand
     all_axes: bool = False  # any may be named
-    loses: int = 0  # frames in a row that the drives do without: steps of so many more are theirs
 
     def allowed(self, mode: str) -> Named:
         return self.by_mode.get(mode, self.named)
 
 
-def script(line: str) -> Callable[[Scene], None]:
-    """A line of a fault script without its time: at once. ``{n}`` is the node of the axis."""
+def script(*lines: str) -> Callable[[Scene], None]:
+    """Lines of a fault script without their time: at once. ``{ahead}``: a little further on the way of Y."""
 
     def strike(scene: Scene) -> None:
-        node = scene.machine.axes[AXIS].node
-        scene.injector.add(parse("at 0 s: " + line.format(n=node)))
+        servo = scene.drive(AXIS).axis.servo
+        ahead = round(servo.position + math.copysign(AHEAD, servo.velocity))
+        scene.befall(*(line.format(ahead=ahead) for line in lines))
 
     return strike
 
@@ -72,34 +72,12 @@ def emergency_stop(scene: Scene) -> None:
     scene.request(Request.ESTOP)
 
 
-def torque_off(scene: Scene) -> None:
-    scene.drive(AXIS).axis.inputs.set(STO, scene.rig.now_s)
-
-
-def torque_off_all(scene: Scene) -> None:
-    for drive in scene.rig.drives.values():
-        drive.axis.inputs.set(STO, scene.rig.now_s)
-
-
-def limit_switch(scene: Scene) -> None:
-    drive = scene.drive(AXIS)
-    drive.axis.inputs.set(POSITIVE_LIMIT, scene.rig.now_s)
-    drive.inject(0x8612, scene.rig.now_s)
-
-
 def foreign_sync(scene: Scene) -> None:
     """Another node sends SYNC in the middle of each of the next ticks."""
     stranger = scene.bus.connect(lambda _frame, _at_s: None, ())
     T = scene.machine.period_s
     for n in range(5):
         scene.bus.submit(stranger, scene.rig.now_s + (n + 0.5) * T, pdo.SYNC, SYNC_FRAME)
-
-
-def queue_full(seconds: float) -> Callable[[Scene], None]:
-    def strike(scene: Scene) -> None:
-        scene.injector.add(Injection(Action.QUEUE_FULL, node=MASTER, duration_s=seconds))
-
-    return strike
 
 
 def of(*faults: Fault) -> Named:
@@ -114,32 +92,34 @@ def only(modes: tuple[str, ...], named: Named) -> dict[str, Named]:
 
 
 LOST = of(F.FEEDBACK_LOST)
+NOT_THERE = of(F.FOLLOWING_ERROR, F.EMCY)  # the drive's own word for it may come first
+SWITCHED = of(N, F.LIMIT_SWITCH, F.FOLLOWING_ERROR, F.STATE_LOST)  # nothing, where it moves the other way
 
 CASES: tuple[Case, ...] = (
-    Case("RPDO dropped once", script("drop rpdo {n} x 1"), NOTHING, loses=1),
-    Case("RPDO dropped twice", script("drop rpdo {n} x 2"), NOTHING, loses=2),
-    Case("RPDO dropped 10 times", script("drop rpdo {n} x 10"), of(N, F.FOLLOWING_ERROR), loses=10),
-    Case("TPDO dropped once", script("drop tpdo {n} x 1"), NOTHING),
-    Case("TPDO dropped twice", script("drop tpdo {n} x 2"), LOST),
-    Case("TPDO dropped 10 times", script("drop tpdo {n} x 10"), LOST),
-    Case("SYNC dropped once", script("drop sync x 1"), NOTHING, loses=1),
-    Case("SYNC dropped twice", script("drop sync x 2"), LOST, loses=2, all_axes=True),
-    Case("SYNC dropped 10 times", script("drop sync x 10"), LOST, loses=2, all_axes=True),
-    Case("RPDO late by 3 ms", script("delay rpdo {n} by 3 ms"), NOTHING, loses=2),
-    Case("TPDO late by 3 ms", script("delay tpdo {n} by 3 ms"), NOTHING),
-    Case("SYNC late by 0.4 ms", script("delay sync by 400 us"), NOTHING, loses=1),
-    Case("RPDO twice", script("duplicate rpdo {n} x 5"), NOTHING),
-    Case("TPDO twice", script("duplicate tpdo {n} x 5"), NOTHING),
+    Case("RPDO dropped once", script("drop rpdo Y x 1"), NOTHING),
+    Case("RPDO dropped twice", script("drop rpdo Y x 2"), NOTHING),
+    Case("RPDO dropped 10 times", script("drop rpdo Y x 10"), of(N, F.FOLLOWING_ERROR)),
+    Case("TPDO dropped once", script("drop tpdo Y x 1"), NOTHING),
+    Case("TPDO dropped twice", script("drop tpdo Y x 2"), LOST),
+    Case("TPDO dropped 10 times", script("drop tpdo Y x 10"), LOST),
+    Case("SYNC dropped once", script("drop sync x 1"), NOTHING),
+    Case("SYNC dropped twice", script("drop sync x 2"), LOST, all_axes=True),
+    Case("SYNC dropped 10 times", script("drop sync x 10"), LOST, all_axes=True),
+    Case("RPDO late by 3 ms", script("delay rpdo Y by 3 ms"), NOTHING),
+    Case("TPDO late by 3 ms", script("delay tpdo Y by 3 ms"), NOTHING),
+    Case("SYNC late by 0.4 ms", script("delay sync by 400 us"), NOTHING),
+    Case("RPDO twice", script("duplicate rpdo Y x 5"), NOTHING),
+    Case("TPDO twice", script("duplicate tpdo Y x 5"), NOTHING),
     Case("SYNC twice", script("duplicate sync x 5"), NOTHING),
-    Case("RPDO in disorder", script("reorder rpdo {n} x 1"), NOTHING, loses=2),
-    Case("TPDO in disorder", script("reorder tpdo {n} x 1"), NOTHING),
-    Case("TPDO corrupted once", script("corrupt tpdo {n} x 1"), NOTHING),
-    Case("RPDO corrupted 17 times", script("corrupt rpdo {n} x 17"), of(F.BUS_ERROR), loses=2),
-    Case("RPDO corrupted 40 times", script("corrupt rpdo {n} x 40"), of(F.BUS_ERROR, F.BUS_OFF), loses=2),
+    Case("RPDO in disorder", script("reorder rpdo Y x 1"), NOTHING),
+    Case("TPDO in disorder", script("reorder tpdo Y x 1"), NOTHING),
+    Case("TPDO corrupted once", script("corrupt tpdo Y x 1"), NOTHING),
+    Case("RPDO corrupted 17 times", script("corrupt rpdo Y x 17"), of(F.BUS_ERROR)),
+    Case("RPDO corrupted 40 times", script("corrupt rpdo Y x 40"), of(F.BUS_ERROR, F.BUS_OFF)),
     Case("receive queue overflows", receive_queue_full, of(F.RX_OVERFLOW), all_axes=True),
-    Case("node silent 100 ms", script("silence {n} for 100 ms"), LOST),
-    Case("node silent for good", script("silence {n} for 900 ms"), LOST),
-    Case("node reset", script("node_reset {n}"), of(F.NODE_RESET), free=(AXIS,)),
+    Case("node silent 100 ms", script("silence Y for 100 ms"), LOST),
+    Case("node silent for good", script("silence Y for 900 ms"), LOST),
+    Case("node reset", script("node_reset Y"), of(F.NODE_RESET), free=(AXIS,)),
     Case("EMCY 1000h generic", emcy(0x1000), of(F.EMCY)),
     Case("EMCY 2310h current", emcy(0x2310), of(F.EMCY)),
     Case("EMCY 3220h voltage", emcy(0x3220), of(F.EMCY)),
@@ -150,22 +130,35 @@ CASES: tuple[Case, ...] = (
     Case("EMCY 8130h heartbeat", emcy(0x8130), of(F.EMCY)),
     Case("EMCY 8250h protocol", emcy(0x8250), of(F.EMCY)),
     Case("EMCY FF01h vendor", emcy(0xFF01), of(F.EMCY)),
-    Case("following error", emcy(0x8611), of(F.FOLLOWING_ERROR)),
-    Case("limit switch", limit_switch, of(F.LIMIT_SWITCH)),
-    Case("STO of one drive", torque_off, of(F.TORQUE_OFF), free=(AXIS,)),
-    Case("STO of all drives", torque_off_all, of(F.TORQUE_OFF), free=(0, 1, 2, 3, 4), all_axes=True),
-    Case("wrong statusword: not enabled", script("falsify tpdo {n} byte 0 xor 04 x 1"), of(F.STATE_LOST)),
-    Case("wrong statusword: in fault", script("falsify tpdo {n} byte 0 xor 08 x 1"), of(F.STATE_LOST)),
-    Case("node bus-off", script("bus_off {n}"), LOST),
+    Case("motor jammed", script("jam Y for 250 ms"), NOT_THERE),
+    Case("motor weak", script("weak Y to 2 % for 250 ms"), NOT_THERE | NOTHING),
+    Case("RPDO lost for 250 ms", script("drop rpdo Y for 250 ms"), NOT_THERE | NOTHING),
+    Case("RPDO late by 40 ms for good", script("delay rpdo Y by 40 ms for 400 ms"), NOT_THERE | NOTHING),
+    Case("RPDO repeated for 250 ms", script("repeat rpdo Y for 250 ms"), NOT_THERE | NOTHING),
+    Case("limit switch by position", script("limit Y at {ahead} for 250 ms"), SWITCHED),
+    Case("limit switch pressed", script("switch Y high for 250 ms"), SWITCHED),
+    Case("STO of one drive", script("sto Y for 250 ms"), of(F.TORQUE_OFF), free=(AXIS,)),
+    Case(
+        "STO of all drives",
+        script(*(f"sto {name} for 250 ms" for name in "XYZAC")),
+        of(F.TORQUE_OFF),
+        free=(0, 1, 2, 3, 4),
+        all_axes=True,
+    ),
+    Case("supply lost", script("power Y for 100 ms"), of(F.NODE_RESET, F.FEEDBACK_LOST), free=(AXIS,)),
+    Case("mode by a stranger", script("mode Y to 1"), of(F.STATE_LOST, F.FOLLOWING_ERROR)),
+    Case("NMT stop by a stranger", script("nmt Y stop"), of(F.FEEDBACK_LOST, F.NODE_RESET)),
+    Case("wrong statusword: not enabled", script("falsify tpdo Y byte 0 xor 04 x 1"), of(F.STATE_LOST)),
+    Case("wrong statusword: in fault", script("falsify tpdo Y byte 0 xor 08 x 1"), of(F.STATE_LOST)),
+    Case("node bus-off", script("bus_off Y"), LOST),
     Case("master bus-off", script("bus_off master for 600 ms"), of(F.BUS_OFF)),
-    Case("ENOBUFS 5 ms", queue_full(0.005), of(F.SEND_FAILED)),
-    Case("ENOBUFS 300 ms", queue_full(0.3), of(F.SEND_FAILED)),
+    Case("ENOBUFS 5 ms", script("queue_full master for 5 ms"), of(F.SEND_FAILED)),
+    Case("ENOBUFS 300 ms", script("queue_full master for 300 ms"), of(F.SEND_FAILED)),
     Case("foreign SYNC", foreign_sync, of(F.SYNC_FOREIGN), all_axes=True),
     Case(
         "babbling node 20 ms",
         script("babble 001 for 20 ms"),
         of(F.FEEDBACK_LOST, F.SEND_FAILED),
-        loses=2,
         all_axes=True,
     ),
     Case("emergency stop asked for", emergency_stop, of(F.EMERGENCY_STOP)),

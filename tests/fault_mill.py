@@ -6,14 +6,13 @@ import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from fault_cases import NOTHING, Case, of, only
+from fault_cases import NOTHING, Case, of, only, script
 from fault_scene import JOG, Scene, with_homing
 from milling import IO, SPINDLE, mill
 
 from controller.machine import Machine
 from controller.session.events import Event
 from controller.state import FAULTS, Fault, Reaction, Request
-from drives.virtual.fault_script import FaultScript, parse
 
 INPUTS = {"estop": 0, "door": 1, "clamp_A_closed": 2, "clamp_C_closed": 3, "power": 4, "tool_clamped": 5}
 MORE_IO = IO.replace("clamp_C_closed = 3 }", "clamp_C_closed = 3, power = 4, tool_clamped = 5 }")
@@ -33,10 +32,6 @@ class MillScene(Scene):
     def __init__(self, recordings: Path) -> None:
         super().__init__(recordings, of=machine())
         self.goes_on_s = 1.0  # a spindle may sag for half of that
-        self._inject()
-
-    def _inject(self) -> None:
-        self.second = FaultScript().inject(self.rig.buses["can1"])
 
     def run_text(self, text: str) -> None:
         """With the spindle on, and coolant, where something is cut."""
@@ -62,8 +57,6 @@ class MillScene(Scene):
             self.input(name, True)
         for wire in node._wires:
             node._pull(wire, self.rig.now_s)
-        self.second.remove()
-        self._inject()
         super().heal()
 
 
@@ -73,16 +66,6 @@ def opened(name: str) -> Callable[[Scene], None]:
     def strike(scene: Scene) -> None:
         assert isinstance(scene, MillScene)
         scene.input(name, False)
-
-    return strike
-
-
-def second_bus(line: str) -> Callable[[Scene], None]:
-    """A line of a fault script for the bus of spindle and inputs."""
-
-    def strike(scene: Scene) -> None:
-        assert isinstance(scene, MillScene)
-        scene.second.add(parse("at 0 s: " + line))
 
     return strike
 
@@ -99,12 +82,12 @@ CASES: tuple[Case, ...] = (
     Case("door opened", opened("door"), of(F.DOOR_OPEN), only(("idle",), NOTHING)),
     Case("tool not clamped", opened("tool_clamped"), of(F.CLAMP), only(("idle",), NOTHING)),
     Case("rotary clamp closes", clamp_says_closed, of(F.CLAMP), AT_REST | only(("hold",), NOTHING)),
-    Case("spindle drive silent", second_bus("silence 10 for 900 ms"), of(F.SPINDLE_LOST)),
+    Case("spindle drive silent", script("silence spindle for 900 ms"), of(F.SPINDLE_LOST)),
     Case(
         "spindle loses its speed",
-        second_bus("falsify tpdo 10 byte 4 xor 10 x 200"),
+        script("falsify tpdo spindle byte 4 xor 10 x 200"),
         of(F.SPINDLE_NOT_AT_SPEED),  # in a rapid too: there it turns and must not
         only(("homing", "idle", "hold"), NOTHING),
     ),
-    Case("input node silent", second_bus("silence 11 for 900 ms"), of(F.IO_LOST)),
+    Case("input node silent", script("silence io for 900 ms"), of(F.IO_LOST)),
 )

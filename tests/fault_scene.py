@@ -21,13 +21,13 @@ from controller.machine import Homing, Machine
 from controller.plan.route import path
 from controller.plan.text import blocks
 from controller.session.events import Event
+from controller.session.fault_file import MachineScript
 from controller.session.recording import Keeper
 from controller.session.startup import SessionError
 from controller.session.stepped import SteppedMachine
 from controller.state import Fault, Mode, Request
 from drives.cia402 import Wanted
 from drives.simulated.drive import SimulatedDrive
-from drives.virtual.fault_script import FaultScript
 
 INDEX_SEARCH = 34  # homing on the next index pulse: it moves, and needs no switch
 SLOW = 0.2  # mm/s or rad/s
@@ -79,7 +79,8 @@ class Scene(SteppedMachine):
         self.resumed_s = math.inf  # when a hold of the machine's own was over
         super().__init__(of or machine(), recordings=recordings, lateness=self._late)
         self.bus = self.rig.buses[self.machine.axes[0].bus]
-        self.injector = FaultScript().inject(self.bus)
+        self.observer = self.observe()
+        self.injected = MachineScript().inject(self.rig.buses)
         self.group = self._group
 
     def _late(self, _wait: int) -> float:
@@ -132,6 +133,11 @@ class Scene(SteppedMachine):
         known = blocks.read(text.encode(), self.machine, "part.ngc")
         self.run(path.trace(known, self.machine, self.kinematics, self.joints))
 
+    def befall(self, *lines: str) -> None:
+        """Lines of a fault script without their time: at once."""
+        text = "\n".join(f"at 0 s: {line}" for line in lines)
+        self.injected.add(MachineScript.read(text, self.machine).faults)
+
     # -- back to work
 
     @property
@@ -143,8 +149,9 @@ class Scene(SteppedMachine):
         """Whatever was done to bus, drives and planner is over."""
         self.after_tick = lambda: None
         self.planner_dead = self.will_resume = False
-        self.injector.remove()
-        self.injector = FaultScript().inject(self.bus)
+        for bus in self.rig.buses.values():
+            bus.faults = None
+        self.injected = MachineScript().inject(self.rig.buses)
         for source in (
             self.bus.controller,
             *(self.bus.errors.of(self.bus.source_of(a.node)) for a in self.machine.axes),
@@ -311,10 +318,3 @@ def _parts(looks: Sequence[Look]) -> list[tuple[np.ndarray, np.ndarray]]:
             found[-1].append(before)
     long = [part for part in found if len(part) > 2]
     return [(np.array([p.setpoints for p in part], float), np.array([p.used for p in part])) for part in long]
-
-
-def fastest(scene: Scene) -> float:
-    """Largest speed of any motor, as a share of its axis' limit."""
-    axes = scene.machine.axes
-    limits = np.array([a.limits.velocity * abs(a.counts_per_unit) for a in axes])
-    return float((np.abs([look.speeds for look in scene.looks]) / limits).max(initial=0.0))

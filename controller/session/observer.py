@@ -185,9 +185,10 @@ class Sight:
 
     @cached_property
     def speed(self) -> Array:
-        """Of the motors over the last tick, shape (N, 5), mm/s and rad/s."""
+        """Of the motors since the tick before, shape (N, 5), mm/s and rad/s."""
+        T, times_s = self.machine.period_s, np.array([seen.time_s for seen in self.ticks])
         steps = np.diff(self._travel, axis=0, prepend=self._travel[:1])
-        return np.asarray(np.abs(steps) / self.machine.period_s)
+        return np.asarray(np.abs(steps) / np.diff(times_s, prepend=times_s[0] - T)[:, None])
 
     def raised(self) -> tuple[Raised, ...]:
         """Every fault in the order of its first tick; also what stopped nothing, or came on top."""

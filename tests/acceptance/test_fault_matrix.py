@@ -21,7 +21,7 @@ SLICE = (
     ("SYNC dropped 10 times", ("idle", "jog")),
     ("node reset", ("idle",)),
     ("STO of one drive", ("jog",)),
-    ("following error", ("cutting",)),
+    ("motor jammed", ("cutting",)),
     ("planner killed", ("resume",)),
 )
 
