@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from functools import partial
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
+from controller.session import stepped
 from drives import pdo
 from drives.load.budget import BusBudget
+from drives.simulated.rig import rig
 from drives.virtual.virtual_bus import SteppedBus
 
 ID_AND_FLAGS = 0xE000_07FF
+
+
+def take_the_worst(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have the buses of stepped machines take every frame at its worst, as the budget does."""
+    monkeypatch.setattr(stepped, "rig", partial(rig, worst_stuffing=True))
 
 
 class Wire:

@@ -7,13 +7,11 @@ from __future__ import annotations
 
 import math
 import random
-from functools import partial
 
 import pytest
 from cutting import cut, program, shipped
-from on_the_wire import Wire
+from on_the_wire import Wire, take_the_worst
 
-from controller.session import stepped as stepped_session
 from controller.session.bus_load import budgets, overload
 from controller.session.startup import SessionError
 from controller.session.stepped import SteppedMachine
@@ -21,7 +19,6 @@ from controller.state import Fault
 from drives import pdo
 from drives.load import budget
 from drives.settings import BusSettings, MasterSettings, NodeSettings
-from drives.simulated.rig import rig
 from drives.virtual.virtual_bus import Handler, Link, SteppedBus
 
 MASTER = MasterSettings()
@@ -93,7 +90,7 @@ def test_the_bus_overruns_where_the_budget_says_so_and_nowhere_else(drives: int,
 
 def test_a_machine_whose_tick_is_refused_does_not_even_come_up(monkeypatch: pytest.MonkeyPatch) -> None:
     """Five drives at 1 ms on one bus: feedback and setpoints do not come, queues fill, a fault says so."""
-    monkeypatch.setattr(stepped_session, "rig", partial(rig, worst_stuffing=True))
+    take_the_worst(monkeypatch)
     stepped = SteppedMachine(shipped("trunnion", period_s=0.001))
     (planned,) = budgets(stepped.machine)
     assert "2 buses" in overload(stepped.machine)

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import pytest
 from cutting import Cut, cut, program, shipped
-from on_the_wire import Wire
+from on_the_wire import Wire, take_the_worst
 
 from controller.session.bus_load import budgets
 from controller.session.stepped import SteppedMachine
 
 CASES = [("trunnion_two_buses", 0.001, [3, 2]), ("trunnion_five_buses", 0.0005, [1, 1, 1, 1, 1])]
+
+
+@pytest.fixture(autouse=True)
+def _at_worst(monkeypatch: pytest.MonkeyPatch) -> None:
+    take_the_worst(monkeypatch)
 
 
 def run(name: str, feed: str | None) -> tuple[Cut, list[Wire]]:
@@ -33,7 +38,7 @@ def assert_no_overrun(done: Cut, wires: list[Wire]) -> None:
         assert len(wire.syncs_s) >= len(done.rows) - 2
         assert wire.overruns() == 0, wire.budget.bus
         assert wire.uncounted() == set()
-        # This bus takes every frame at its worst, so that the sums must agree, but for first and last.
+        # These buses take every frame at its worst, so that the sums must agree, but for first and last.
         judged_us = wire.budget.total_us + wire.budget.background_us
         assert wire.busy_us_per_tick() == pytest.approx(judged_us, rel=0.002)
         print(f"\n{wire.budget.bus}: {len(wire.syncs_s)} ticks, {wire.busy_us_per_tick():.1f} us a tick")

@@ -67,7 +67,8 @@ def test_the_inhibit_time_keeps_changes_apart_and_loses_none() -> None:
         lone.wait(0.004)
     lone.wait(0.05)
     times = lone.times(TPDO2)
-    assert min(b - a for a, b in pairwise(times)) >= 0.02 - 1e-9
+    stuffing_s = 15e-6  # times are of the frames' ends, and one has fewer stuff bits than another
+    assert min(b - a for a, b in pairwise(times)) >= 0.02 - stuffing_s
     assert lone.of(TPDO2)[-1][0] == 8
 
 
