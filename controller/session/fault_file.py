@@ -19,9 +19,9 @@ from typing import NamedTuple, NoReturn
 from controller import config
 from controller.machine import Machine
 from drives import pdo
+from drives.virtual.fault_grammar import MEANINGS
 from drives.virtual.fault_script import (
     MASTER,
-    MEANINGS,
     Action,
     FaultScript,
     Injection,
