@@ -52,6 +52,7 @@ class Fault(IntEnum):
     NODE_TWICE = 37
     MODE_LOST = 38
     FOREIGN_FRAMES = 39
+    SETPOINTS_LOST = 40
 
 
 class Reaction(IntEnum):

@@ -14,6 +14,7 @@ from drives.profile import GENERIC, Override, Profile
 
 INT32_MIN = -(2**31)
 INT32_MAX = 2**31 - 1
+MODE_EVERY_MS = 50  # a drive tells its mode when it changes, and so often where it can
 TEMPERATURE_EVERY_MS = 500  # a drive tells its temperature at most so often
 
 
@@ -61,7 +62,6 @@ class NodeSettings:
     profile: Profile = GENERIC
     feedback_every: int = 1  # transmission type of the feedback's TPDO: every so many SYNCs
     probe_tpdo: int = 0  # number of the event-driven TPDO with 60B9h and 60BAh; 0 = no touch probe
-    mode_tpdo: int = 0  # number of the TPDO with the mode of operation display, 6061h; 0 = it tells none
     temperature_tpdo: int = 0  # number of the TPDO with the drive's temperature; 0 = it tells none
     temperature_entry: int = 0  # what is mapped into it: index << 16 | sub << 8 | bits
     feed_forward: bool = False  # the velocity goes with the target (60B1h); the controlword apart
@@ -83,6 +83,12 @@ class NodeSettings:
     acceleration_unit_counts_s2: float = 0.0
     velocity_units: float = 1.0  # units of 60B1h in one count per second, until commissioning has told
     overrides: tuple[Override, ...] = ()  # where its data sheet is wrong, beside the profile's
+
+    @property
+    def mode_tpdo(self) -> int:
+        """Number of the TPDO with the mode of operation display (6061h): the first that is free."""
+        taken = (self.profile.tpdo, self.probe_tpdo, self.temperature_tpdo)
+        return next(number for number in range(1, 5) if number not in taken)
 
 
 @dataclass(frozen=True, slots=True)

@@ -98,6 +98,11 @@ FAULTS: dict[Fault, Words] = {
         "Look for a collision, a stiff axis, a loose bus cable or too small a window; reset and home "
         "the axis.",
     ),
+    Fault.SETPOINTS_LOST: Words(
+        "A drive tells that its setpoints have stopped coming (EMCY 8250h).",
+        "A loose bus cable, a disturbed or overloaded bus, or a drive that filters the identifier.",
+        "Check cable, termination and error counters of the bus; reset.",
+    ),
     Fault.LIMIT_SWITCH: Words(
         "A drive ran onto a limit switch, so its position is not what it is taken for (EMCY 8612h).",
         "Homed at a wrong place, a travel in the machine file that is too long, or a broken switch wire.",

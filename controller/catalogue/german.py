@@ -102,6 +102,11 @@ FAULTS: dict[Fault, Words] = {
         "Nach Kollision, schwergängiger Achse, losem Buskabel oder zu kleinem Fenster suchen; zurücksetzen "
         "und die Achse referenzieren.",
     ),
+    Fault.SETPOINTS_LOST: Words(
+        "Ein Antrieb meldet, dass seine Sollwerte ausbleiben (EMCY 8250h).",
+        "Ein loses Buskabel, ein gestörter oder überlasteter Bus, oder ein Antrieb, der die Kennung ausfiltert.",
+        "Kabel, Abschluss und Fehlerzähler des Busses prüfen; zurücksetzen.",
+    ),
     Fault.LIMIT_SWITCH: Words(
         "Ein Antrieb lief auf einen Endschalter; seine Position ist also eine andere als angenommen "
         "(EMCY 8612h).",

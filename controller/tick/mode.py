@@ -25,6 +25,7 @@ _CAUSES = (
     Fault.MODE_LOST,
     Fault.EMCY,
     Fault.FOLLOWING_ERROR,
+    Fault.SETPOINTS_LOST,
     Fault.LIMIT_SWITCH,
     Fault.TORQUE_OFF,
 )

@@ -41,6 +41,7 @@ REMEDIES = {
 OTHERWISE = "another profile or another drive is needed"
 WRONG = "if the sheet is wrong about its drive, override it with a reason ([[override]])"
 UNNOTICED = "such a drive does not notice a dead controller (neither heartbeat nor node guarding)"
+MODE_UNSEEN = "that somebody else changes the drive's mode is noticed by its statusword and position only"
 ACCEPTED = "accepted with unsupervised = true; see that it can do no harm"
 
 
@@ -65,6 +66,9 @@ def warnings(settings: Settings, master: MasterSettings, sheet: Sheet) -> list[s
     family = None if isinstance(settings, IoSettings) else settings.profile
     if family and family.supervision is Supervision.NONE and settings.unsupervised:
         found.append(f"profile {family.name}: {UNNOTICED}; {ACCEPTED}")
+    for used in wanted.pdos_of(settings):
+        if used.optional and not wanted.carries(used, sheet):
+            found.append(f"{used.title}: {sheet.name} does not let 6061h be mapped into it; {MODE_UNSEEN}")
     for step in wanted.steps_of(settings, master, sheet):
         for setting in step.outcome:
             if setting.waived:
@@ -232,6 +236,8 @@ def _of_homing(node: NodeSettings, sheet: Sheet) -> Iterator[str]:
 
 def _of_mapping(settings: Settings, sheet: Sheet) -> Iterator[str]:
     for used in wanted.pdos_of(settings):
+        if used.optional:
+            continue
         if not (sheet.holds(used.parameters) and sheet.holds(used.mapping)):
             yield (
                 f"{used.title}: objects {used.parameters:04X}h and {used.mapping:04X}h are not both in"

@@ -15,6 +15,7 @@ from drives.commissioning.sheet import NO_REMOTE, Sheet
 from drives.commissioning.units import Units
 from drives.profile import CyclicMode, Profile, Supervision
 from drives.settings import (
+    MODE_EVERY_MS,
     TEMPERATURE_EVERY_MS,
     IoSettings,
     MasterSettings,
@@ -29,6 +30,7 @@ COB_ID_MASK = 0x8000_07FF
 GENERATES = 0x4000_0000  # of 1005h: the device sends SYNC itself
 CONTROLWORD, TARGET, SETPOINT = 0x6040_0010, 0x607A_0020, 0x60C1_0120
 VELOCITY_OFFSET, TARGET_VELOCITY = 0x60B1_0020, 0x60FF_0020
+MODE_DISPLAY = 0x6061_0008
 STATUSWORD, POSITION, VELOCITY = 0x6041_0010, 0x6064_0020, 0x606C_0020
 PROBE_STATUS, PROBE_POSITION = 0x60B9_0010, 0x60BA_0020
 SYNCHRONOUS, ON_CHANGE = 1, 255  # transmission types
@@ -108,7 +110,7 @@ def steps_of(
 
 
 def _axis(node: NodeSettings, master: MasterSettings, sheet: Sheet, units: Units | None) -> Iterator[Step]:
-    used = [*axis_pdos(node)]
+    used = [each for each in axis_pdos(node) if not each.optional or carries(each, sheet)]
     yield from _process_data(used, node.node, sheet)
     yield from _interpolation(node.profile, node.period_s)
     yield from _supervision(node.profile, master, sheet, node.unsupervised, node.brake)
@@ -157,6 +159,7 @@ class Pdo:
     what: str
     event_ms: int = 0  # event timer, sub 5
     quiet_ms: int = 0  # at least between two of them, sub 3
+    optional: bool = False  # only where the drive can
 
     @property
     def parameters(self) -> int:
@@ -177,15 +180,18 @@ class Pdo:
 def axis_pdos(node: NodeSettings) -> Iterator[Pdo]:
     """What goes to and comes from a drive that takes part in the path."""
     profile = node.profile
+    silence_ms = round(
+        1e3 * MasterSettings().consumer_s
+    )  # as for our heartbeat: 1400h:05, where there is one
     target = TARGET if profile.mode is CyclicMode.CSP else SETPOINT
     if node.feed_forward:
-        entries = (TARGET, VELOCITY_OFFSET)
-        yield Pdo(RPDO, profile.rpdo, SYNCHRONOUS, entries, f"setpoints come by RPDO {profile.rpdo}")
+        entries, what = (TARGET, VELOCITY_OFFSET), f"setpoints come by RPDO {profile.rpdo}"
+        yield Pdo(RPDO, profile.rpdo, SYNCHRONOUS, entries, what, silence_ms)
         what = f"the controlword comes by RPDO {profile.command_rpdo}"
         yield Pdo(RPDO, profile.command_rpdo, ON_CHANGE, (CONTROLWORD,), what)
     else:
         what = f"setpoints come by RPDO {profile.rpdo}"
-        yield Pdo(RPDO, profile.rpdo, SYNCHRONOUS, (CONTROLWORD, target), what)
+        yield Pdo(RPDO, profile.rpdo, SYNCHRONOUS, (CONTROLWORD, target), what, silence_ms)
     what = f"feedback goes by TPDO {profile.tpdo}"
     yield Pdo(TPDO, profile.tpdo, node.feedback_every, (STATUSWORD, POSITION), what)
     if node.probe_tpdo:
@@ -198,6 +204,20 @@ def axis_pdos(node: NodeSettings) -> Iterator[Pdo]:
         warmth = (node.temperature_entry,)
         times_ms = TEMPERATURE_MS, TEMPERATURE_EVERY_MS
         yield Pdo(TPDO, node.temperature_tpdo, ON_CHANGE, warmth, what, *times_ms)
+    what = f"the mode of operation goes by TPDO {node.mode_tpdo}"
+    yield Pdo(TPDO, node.mode_tpdo, ON_CHANGE, (MODE_DISPLAY,), what, MODE_EVERY_MS, optional=True)
+
+
+def carries(used: Pdo, sheet: Sheet) -> bool:
+    """Whether a drive can send a TPDO as it is wanted: it has it, and lets its objects be mapped."""
+    if not (sheet.holds(used.parameters) and sheet.holds(used.mapping)):
+        return False
+    for place, entry in enumerate(used.entries, 1):
+        found, held = sheet.find(entry >> 16, entry >> 8 & 0xFF), sheet.find(used.mapping, place)
+        fixed = held is not None and not held.writable and sheet.default(used.mapping, place) != entry
+        if found is None or not found.pdo_mappable or fixed:
+            return False
+    return True
 
 
 def spindle_pdos(node: SpindleSettings) -> tuple[Pdo, ...]:
@@ -267,7 +287,11 @@ def _mapped(used: Pdo, node: int, sheet: Sheet) -> Step:
         )
         settings.append(Setting(parameters, 3, 10 * used.quiet_ms, held, optional=not used.quiet_ms))
         event = f"{what} again after {used.event_ms} ms" if used.event_ms else f"{what} at no other time"
-        settings.append(Setting(parameters, 5, used.event_ms, event, optional=not used.event_ms))
+        needed = used.event_ms and not used.optional
+        settings.append(Setting(parameters, 5, used.event_ms, event, optional=not needed))
+    elif used.event_ms:
+        overdue = f"the drive must notice when they stop for {used.event_ms} ms"
+        settings.append(Setting(parameters, 5, used.event_ms, f"{what}, and {overdue}", optional=True))
     settings.append(Setting(mapping, 0, 0, what))
     settings += [Setting(mapping, sub, entry, what) for sub, entry in enumerate(used.entries, 1)]
     settings.append(Setting(mapping, 0, len(used.entries), what))

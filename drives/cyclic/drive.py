@@ -30,8 +30,6 @@ STOOD_FEEDBACKS = 3  # "attained" counts where the motor stands, too
 
 # Different answers to one SYNC, so many SYNCs in a row, are those of two nodes.
 TWICE_IN_A_ROW = 3
-# The mode is told when it changes, and again every so often: one frame may be of before the change.
-MODE_IN_A_ROW = 2
 
 # A controlword of its own RPDO is not repeated every tick: once more at once, for a lost
 # frame, then with our heartbeat.
@@ -78,7 +76,6 @@ class Drive(PowerStage):
         self._twice = 0
         self._twice_now = False
         self._mode = profile.mode.value
-        self._other_mode = 0  # frames in a row that tell of another one
         self._homing = False
         self._homing_statuswords = 0
         self._homing_begun = False
@@ -94,8 +91,7 @@ class Drive(PowerStage):
         if self.feed_forward:
             self._frame[4] = pdo.TARGET.size  # length
         self.handlers[pdo.tpdo(profile.tpdo, node)] = self._feedback
-        if settings.mode_tpdo:
-            self.handlers[pdo.tpdo(settings.mode_tpdo, node)] = self._mode_display
+        self.handlers[pdo.tpdo(settings.mode_tpdo, node)] = self._mode_display
         self.probe = TouchProbe(node, settings.probe_tpdo) if settings.probe_tpdo else None
         if self.probe is not None:
             self.handlers |= self.probe.handlers
@@ -153,9 +149,7 @@ class Drive(PowerStage):
         if len(data) != pdo.MODE_BYTES:
             self.malformed += 1
             return
-        as_selected = data[0] == self._mode or not self.cyclic
-        self._other_mode = 0 if as_selected else self._other_mode + 1
-        if self._other_mode >= MODE_IN_A_ROW and self.wanted is _ENABLED:
+        if data[0] != self._mode and self.cyclic and self.wanted is _ENABLED:
             self._lose(DriveFault.MODE_LOST)
             self._step()
 

@@ -15,6 +15,7 @@ class DriveFault(Enum):
     STATE_LOST = "state lost"  # left OPERATION_ENABLED, or stopped following, without being told to
     TORQUE_OFF = "torque off"  # dropped to SWITCH_ON_DISABLED without a fault: STO or the enable input
     FOLLOWING_ERROR = "following error"  # emergency 8611h, or not where it was told to be
+    SETPOINTS_LOST = "setpoints lost"  # emergency 8250h: the deadline of its RPDO (1400h:05) has passed
     LIMIT_SWITCH = "limit switch"  # emergency 8612h
     EMCY = "emergency"  # the drive reported any other error; see emcy_code
     HEARTBEAT_LOST = "heartbeat lost"  # silent for consumer_s, or node guarding is not answered
@@ -32,9 +33,10 @@ class DriveFault(Enum):
     SPINDLE_LOST = "spindle lost"  # the spindle's drive is silent, restarted, in error or not enabled
 
 
-# Error codes of emergency messages that name their cause (CiA 402-1; 9000h: CiA 301, "external
+# Error codes of emergency messages that name their cause (CiA 402-1; 8250h, 9000h: CiA 301, "external
 # error", the one that drives use for a safe torque off). Every other one is EMCY.
 EMERGENCIES: dict[int, DriveFault] = {
+    0x8250: DriveFault.SETPOINTS_LOST,
     0x8611: DriveFault.FOLLOWING_ERROR,
     0x8612: DriveFault.LIMIT_SWITCH,
     0x9000: DriveFault.TORQUE_OFF,

@@ -16,6 +16,7 @@ from drives import pdo
 from drives.load import stuffing
 from drives.profile import Supervision
 from drives.settings import (
+    MODE_EVERY_MS,
     TEMPERATURE_EVERY_MS,
     BusSettings,
     IoSettings,
@@ -167,6 +168,8 @@ def _drive(rows: _Rows, node: NodeSettings, master: MasterSettings) -> None:
     if node.temperature_tpdo:
         warmth, size = pdo.tpdo(node.temperature_tpdo, node.node), (node.temperature_entry & 0xFF) // 8
         rows.at_interval(f"temperature of {name}", name, warmth, TEMPERATURE_EVERY_MS / 1000, b"", more=size)
+    mode = pdo.tpdo(node.mode_tpdo, node.node)
+    rows.at_interval(f"mode of {name}", name, mode, MODE_EVERY_MS / 1000, bytes([profile.mode.value]))
     _supervised(rows, name, node.node, profile.supervision, master)
     rows.on_event(f"emergency of {name}", name, pdo.EMCY + node.node, EMERGENCY_BYTES)
 

@@ -57,10 +57,12 @@ def test_setpoints_that_are_lost_for_good_are_a_following_error(share: float, ax
         bench.tick()
         if bench.fault[0] is not DriveFault.NONE:
             break
-    assert bench.fault == (DriveFault.FOLLOWING_ERROR, axis)
+    # A slow axis' drive misses its setpoints (1400h:05) before it is off by its window.
+    slow = bench.fault == (DriveFault.SETPOINTS_LOST, axis) and share < 0.1
+    assert slow or bench.fault == (DriveFault.FOLLOWING_ERROR, axis)
     assert off(bench, axis) <= before + REST + WINDOW.speed_s / T * per_tick + 10 * per_tick
     shown = bench.group.drives[axis].following_error
-    assert shown.actual > shown.window >= REST
+    assert slow or shown.actual > shown.window >= REST
 
 
 def test_at_rest_an_axis_that_is_pushed_away_is_noticed() -> None:
@@ -190,3 +192,30 @@ def test_a_stranger_who_stops_a_node_is_named_after_what_he_did(command: int) ->
     bench.service["can"].send(pdo.frame(pdo.NMT, bytes((command, 2))))
     bench.tick(40)
     assert bench.fault == (DriveFault.NODE_STOPPED, 1)
+
+
+@pytest.mark.parametrize("mode", [1, 3, 6, 9])
+@pytest.mark.parametrize("moving", [False, True])
+def test_a_drive_that_a_stranger_puts_into_another_mode_is_noticed_within_100_ms(
+    mode: int, moving: bool
+) -> None:
+    bench = bench_of()
+    if moving:
+        run(bench, 100, 0.2, axis=1)
+    bench.write(2, 0x6060, 0, mode, 1)
+    for ticks in range(round(0.1 / T)):
+        bench.setpoints[1] += round(0.2 * FULL) if moving else 0
+        bench.tick()
+        if bench.fault[0] is not DriveFault.NONE:
+            break
+    assert bench.fault[0] in (DriveFault.MODE_LOST, DriveFault.STATE_LOST), (bench.fault, ticks)
+    assert bench.fault[1] == 1
+
+
+def test_the_mode_that_a_drive_tells_while_it_homes_is_no_fault() -> None:
+    bench = bench_of("X")
+    drive = bench.group.drives[0]
+    drive.leave_cyclic()
+    bench.service["can"].send(pdo.frame(pdo.tpdo(drive.settings.mode_tpdo, 1), b"\x06"))
+    bench.tick(2)
+    assert bench.fault == (DriveFault.NONE, -1)
