@@ -21,7 +21,7 @@ from drives.simulated.brake import Brake
 from drives.simulated.emergency import Emergencies
 from drives.simulated.inputs import Inputs
 from drives.simulated.machine402 import POWERED, Command, Power, command, following
-from drives.simulated.modes import HALT, HALTABLE, HOMING, MODES, REACHED, CyclicPosition, Mode
+from drives.simulated.modes import BIT_12, HALT, HALTABLE, HOMING, MODES, REACHED, CyclicPosition, Mode
 from drives.simulated.motion import Demand
 from drives.simulated.parameters import LostSync
 from drives.simulated.plant import Plant
@@ -31,6 +31,7 @@ from drives.simulated.sensors import Sensors
 from drives.simulated.servo import Servo
 from drives.simulated.station import Station
 from drives.simulated.stops import Stops
+from drives.simulated.units import Units
 
 REMOTE, VOLTAGE = 1 << 9, 1 << 4
 LIMIT, DEVIATES = 1 << 11, 1 << 13
@@ -50,6 +51,7 @@ class Axis:
     def __init__(self, station: Station, emergencies: Emergencies, alive: Moment, faulted: Moment) -> None:
         self.station = station
         self.dictionary = station.dictionary
+        self.units = Units(self.dictionary)
         self.parameters = nature = station.parameters
         self._emergencies = emergencies
         self._alive = alive
@@ -59,6 +61,7 @@ class Axis:
         self.brake = Brake(station, self.servo)
         self.stops = Stops(self)
         self.sensors = Sensors(station, self.servo, self.brake, self._overrun)
+        self.sensors.probes.told = self.units.told_position
         self.sensors.interlock = lambda: self.sto
         self.inputs = Inputs(self)
         self.records = Records(self.dictionary)
@@ -69,7 +72,7 @@ class Axis:
         self.unsettled = True  # the state has changed since the controlword was looked at
         self.powered = False
         self.statusword = 0
-        self.target = nature.position_counts
+        self.target: float = nature.position_counts
         self.causes: set[int] = set()  # injected errors that are still there: no fault reset
         self._errors: set[int] = set()  # what the present fault is made of
         self.sto = False  # safe torque off
@@ -90,9 +93,9 @@ class Axis:
     def configure(self) -> None:
         """Take over what may have been written."""
         get = self.dictionary.get
-        self.low, self.high = get(0x607D, 1), get(0x607D, 2)
-        window = get(0x6065)
-        self._window = math.inf if window == OFF else float(window)
+        self.units.configure()
+        self.low, self.high = self.units.limits()
+        self._window = math.inf if get(0x6065) == OFF else float(self.units.distance_at(0x6065))
         period_s = (get(0x60C2, 1) or 1) * 10.0 ** get(0x60C2, 2)
         if period_s != self.period_s:
             self.period_s = period_s
@@ -108,19 +111,19 @@ class Axis:
 
     def _fastest(self) -> float:
         """The motor's speed limit: its own, or what 607Fh or 6080h tell (0 and FFFFFFFFh: nothing)."""
-        told = [self.dictionary.get(index) for index in SPEED_LIMITS]
+        told = [self.units.speed_at(index) for index in SPEED_LIMITS]
         limits = [SPEED_RESERVE * speed for speed in told if speed not in (0, OFF)]
         return min(self.parameters.fastest_counts_s, *limits, math.inf)
 
     def actual(self) -> int:
-        """Position actual value, 6064h."""
+        """Where the motor is, in whole increments."""
         return max(INT32_MIN, min(INT32_MAX, round(self.servo.position)))
 
     # -- every period
 
-    def aim(self, target: int) -> None:
+    def aim(self, target: float) -> None:
         """A new target position; outside of 607Dh it is held there and bit 11 says so."""
-        self.target = self.within(target)
+        self.target = self.within(target) if self.units.plain else max(self.low, min(self.high, target))
         limit = 0 if self.target == target else LIMIT
         if limit != self.limit:
             self.limit = limit
@@ -266,6 +269,8 @@ class Axis:
             self.stops.leave(state, now_s)
         elif state is not Power.READY or not self.sto:
             self.enter(state)
+            if asked is Command.ENABLE:  # from READY: 3, and 4 in one go
+                self._ask_enable(now_s)
 
     def _ask_enable(self, now_s: float) -> None:
         """The brake takes its time; from a quick stop only 605Ah = 5 .. 8 lets the drive go on."""
@@ -343,10 +348,15 @@ class Axis:
         word |= 0 if self.sto else VOLTAGE
         word |= 0 if self.dictionary.local_control else REMOTE
         if self.power is Power.ENABLED and self.stops.leaving is None:
-            word |= self._saturated | (self._halted & REACHED if self._halted else self._law.bits)
+            word |= self._saturated | (self._halted & REACHED if self._halted else self._mode_bits())
         elif self.power is Power.QUICK_STOP and self.generator == self.hold:
             word |= REACHED
         self.statusword = word
+
+    def _mode_bits(self) -> int:
+        """Statusword bits of the mode; a cyclic target that a limit cuts short is not followed."""
+        cut_short = self._law.cyclic and (self.limit or self._clamped)
+        return self._law.bits & ~BIT_12 if cut_short else self._law.bits
 
     def switch_off(self) -> None:
         """As after power-on; the motor stays where it is."""
@@ -420,8 +430,17 @@ class Axis:
         self.mode, self._law = mode, MODES[mode](self)
         self._halted = 0
         if self.power is Power.ENABLED:
-            self.stand()
+            self._change_over()
         self.refresh()
+
+    def _change_over(self) -> None:
+        """The new mode takes the motor as it is: one that turns is not nailed down."""
+        speed = self.servo.velocity
+        self.stand()
+        if abs(speed) * self.period_s >= 1.0:
+            self.servo.velocity = speed
+            self.servo.take_up()
+            self.resume()
 
     def recount(self, counts: float) -> None:
         """Move the origin of the counting (homing)."""

@@ -161,8 +161,10 @@ class SimulatedDrive(Device):
         self._soonest_s = 0.5 * axis.period_s
         self._latest_s = 1.5 * axis.period_s
         self._tpdo_delay_s = self.parameters.tpdo_delay_s
-        plain = self.sync.window_s == 0.0
-        self._fast_in = [r for r in rpdos if plain and pdo_map.is_fast_in(r)][:1]
+        plain = self.sync.window_s == 0.0 and axis.units.plain
+        before, self._fast_in = self._fast_in, [r for r in rpdos if plain and pdo_map.is_fast_in(r)][:1]
+        if before != self._fast_in:
+            self._wanted = ()  # the same frames go another way
         fast = [t for t in tpdos if plain and pdo_map.is_fast_out(t)][:1]
         self._fast_out = fast[0].can_id if fast else 0
         slow_in = [r for r in rpdos if r not in self._fast_in]

@@ -42,6 +42,12 @@ class Method:
     first: int
     index: bool
 
+    def mirrored(self) -> Method:
+        """The same for a motor that counts the other way (607Eh)."""
+        switch = {NEGATIVE: POSITIVE, POSITIVE: NEGATIVE}.get(self.switch, self.switch)
+        edge = LEFT if self.edge == RIGHT else RIGHT
+        return Method(switch, edge, -self.direction, -self.first, self.index)
+
 
 # Of a vendor (maxon): the end stop, felt by its current, in place of the limit switch.
 END_STOPS = {-1: 2, -2: 1, -3: 18, -4: 17}
@@ -131,8 +137,9 @@ class Search:
         period_s: float,
         found: Callable[[float], None],
         failed: Callable[[], None],
+        inverted: bool = False,
     ) -> None:
-        self._method = METHODS[number]
+        self._method = METHODS[number].mirrored() if inverted else METHODS[number]
         self._servo = servo
         self._ground = ground
         self._pace = pace

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from drives.settings import INT32_MAX, INT32_MIN
 from drives.simulated.homing import HERE, Pace, Search
-from drives.simulated.motion import Demand, Profile, Speed
+from drives.simulated.motion import Demand, Profile, Speed, ramp_down
 
 if TYPE_CHECKING:
     from drives.simulated.axis import Axis
@@ -53,10 +53,10 @@ class Mode:
 
     def profile(self, speed: float) -> Profile:
         """Acceleration and deceleration of profile motion within 60C5h and 60C6h; 0 is as good as none."""
-        get = self.axis.dictionary.get
+        at = self.axis.units.acceleration_at
         most = self.strongest
-        up = min(most, get(0x6083) or ENDLESS, get(0x60C5) or ENDLESS)
-        down = min(most, get(0x6084) or ENDLESS, get(0x60C6) or ENDLESS)
+        up = min(most, at(0x6083) or ENDLESS, at(0x60C5) or ENDLESS)
+        down = min(most, at(0x6084) or ENDLESS, at(0x60C6) or ENDLESS)
         return Profile(min(speed, self.fastest), up, down)
 
     @property
@@ -67,10 +67,10 @@ class Mode:
         return min(nature.most_acceleration, limit)
 
     @property
-    def fastest(self) -> int:
-        """Speed of profiles and of csv: 607Fh, and 6080h of the motor (in counts/s here; 0 is none)."""
-        get = self.axis.dictionary.get
-        return min(get(0x607F) or ENDLESS, get(0x6080) or ENDLESS)
+    def fastest(self) -> float:
+        """Speed of profiles and of csv: 607Fh, and 6080h of the motor (in the same unit here; 0 is none)."""
+        at = self.axis.units.speed_at
+        return min(at(0x607F) or ENDLESS, at(0x6080) or ENDLESS)
 
     def turned(self, speed: float) -> float:
         """The demand one period on at a speed: within 607Dh, or for ever round where that is no limit."""
@@ -85,8 +85,9 @@ class Mode:
 
     def lead(self) -> None:
         """Velocity and torque offset, 60B1h and 60B2h, act on the position loop."""
-        get = self.axis.dictionary.get
-        self.axis.servo.offset(get(0x60B1), get(0x60B2) * self.axis.parameters.torque_counts_s2)
+        axis = self.axis
+        torque = axis.dictionary.get(0x60B2) * axis.parameters.torque_counts_s2
+        axis.servo.offset(axis.units.velocity_at(0x60B1), math.copysign(torque, torque * axis.units.position))
 
 
 class CyclicPosition(Mode):
@@ -110,19 +111,19 @@ class CyclicPosition(Mode):
 
     def _limited(self) -> float:
         axis = self.axis
-        get = axis.dictionary.get
-        wanted = axis.within(axis.target + get(0x60B0))
+        aim = axis.target + axis.units.position_at(0x60B0)
+        wanted = axis.within(aim) if axis.units.plain else max(axis.low, min(axis.high, aim))
         self.lead()
         speed = (wanted - axis.servo.end) / axis.period_s
         own, self._before = (wanted - self._before) / axis.period_s, wanted
-        profile = Profile(get(0x607F) or ENDLESS, self._most(0x60C5), self._most(0x60C6))
+        profile = Profile(axis.units.speed_at(0x607F) or ENDLESS, self._most(0x60C5), self._most(0x60C6))
         reached = self._speed.after(speed, own, wanted - axis.servo.end, profile)
-        axis.say_limit(reached != speed or wanted != axis.target + get(0x60B0))
+        axis.say_limit(reached != speed or wanted != aim)
         return wanted if reached == speed else axis.servo.end + reached * axis.period_s
 
     def _most(self, index: int) -> float:
         """An acceleration limit; without one the demand is still what the motor can follow."""
-        most = self.axis.dictionary.get(index)
+        most = self.axis.units.acceleration_at(index)
         return most if most not in (0, ENDLESS) else math.inf
 
 
@@ -139,12 +140,13 @@ class CyclicVelocity(Mode):
 
     def _demand(self) -> float:
         axis = self.axis
-        get = axis.dictionary.get
+        units = axis.units
         most, strongest = self.fastest, self.strongest
-        wanted = max(-most, min(most, get(0x60FF) + get(0x60B1)))
-        pace = Profile(most, min(strongest, get(0x60C5)), min(strongest, get(0x60C6)))
-        self._speed.towards(wanted, pace)
-        axis.servo.offset(0.0, get(0x60B2) * axis.parameters.torque_counts_s2)
+        wanted = max(-most, min(most, units.velocity_at(0x60FF) + units.velocity_at(0x60B1)))
+        up, down = units.acceleration_at(0x60C5), units.acceleration_at(0x60C6)
+        self._speed.towards(wanted, Profile(most, min(strongest, up), min(strongest, down)))
+        torque = axis.dictionary.get(0x60B2) * axis.parameters.torque_counts_s2
+        axis.servo.offset(0.0, math.copysign(torque, torque * units.velocity))
         return self.turned(self._speed.now)
 
 
@@ -160,7 +162,7 @@ class Interpolated(Mode):
 
     def begin(self) -> Demand | None:
         self.axis.records.clear()
-        self.axis.dictionary.values[0x60C1_01] = self.axis.actual()
+        self.axis.dictionary.values[0x60C1_01] = self.axis.units.told_position(self.axis.actual())
         self._switch(self.axis.controlword)
         return self._demand
 
@@ -177,9 +179,9 @@ class Interpolated(Mode):
             return axis.servo.end
         self.lead()
         if not axis.records.size:
-            return axis.bounded(axis.dictionary.values[0x60C1_01])
+            return axis.bounded(axis.units.increments(axis.dictionary.values[0x60C1_01]))
         record = axis.records.take()
-        return axis.servo.end if record is None else axis.bounded(record)
+        return axis.servo.end if record is None else axis.bounded(axis.units.increments(record))
 
 
 class ProfilePosition(Mode):
@@ -227,13 +229,13 @@ class ProfilePosition(Mode):
             self._goal, self._next = self._next, None
             self.set_bits(BIT_12 if axis.controlword & BIT_4 else 0)
         self._look()
-        speed = axis.dictionary.get(0x6081)
+        speed = axis.units.speed_at(0x6081)
         return axis.bounded(self._speed.to_position(self._goal, self.profile(speed)))
 
     def _look(self) -> None:
         """Bit 10."""
         axis = self.axis
-        near = self._arrived() and abs(axis.servo.position - self._goal) <= axis.dictionary.get(0x6067)
+        near = self._arrived() and abs(axis.servo.position - self._goal) <= axis.units.distance_at(0x6067)
         self._near_s = self._near_s + axis.period_s if near else 0.0
         reached = near and self._near_s >= axis.dictionary.get(0x6068) * 1e-3
         self.set_bits(self.bits & ~REACHED | (REACHED if reached else 0))
@@ -252,15 +254,16 @@ class ProfileVelocity(Mode):
     def _demand(self) -> float:
         axis = self.axis
         most = self.fastest
-        wanted = max(-most, min(most, axis.dictionary.get(0x60FF)))
+        wanted = max(-most, min(most, axis.units.velocity_at(0x60FF)))
         self._speed.towards(wanted, self.profile(most))
         self._look(wanted)
         return self.turned(self._speed.now)
 
     def _look(self, wanted: float) -> None:
         get, servo, period_s = self.axis.dictionary.get, self.axis.servo, self.axis.period_s
-        near = abs(servo.velocity - wanted) <= get(0x606D)
-        slow = abs(servo.velocity) <= get(0x606F)
+        at = self.axis.units.velocity_at
+        near = abs(servo.velocity - wanted) <= abs(at(0x606D))
+        slow = abs(servo.velocity) <= abs(at(0x606F))
         self._near_s = self._near_s + period_s if near else 0.0
         self._slow_s = self._slow_s + period_s if slow else 0.0
         bits = REACHED if near and self._near_s >= get(0x606E) * 1e-3 else 0
@@ -286,8 +289,15 @@ class Homing(Mode):
         if word & BIT_4:
             self._start()
         elif self.bits == self.RUNS:
-            self.axis.stand()
+            self._break_off()
         self.axis.refresh()
+
+    def _break_off(self) -> None:
+        """The search is given up; the axis stops by the homing acceleration."""
+        axis = self.axis
+        self.bits = self.IDLE
+        steep = axis.units.acceleration_at(0x609A)
+        axis.generator = ramp_down(axis.servo, steep, axis.period_s, lambda: None)
 
     def _start(self) -> None:
         axis = self.axis
@@ -296,17 +306,16 @@ class Homing(Mode):
         if method in HERE:
             self._found(axis.servo.position)
             return
-        get = axis.dictionary.get
-        pace = Pace(get(0x6099, 1), get(0x6099, 2), get(0x609A))
-        search = Search(
-            method, axis.servo, axis.sensors.ground(), pace, axis.period_s, self._found, self._failed
-        )
+        units = axis.units
+        pace = Pace(units.speed_at(0x6099, 1), units.speed_at(0x6099, 2), units.acceleration_at(0x609A))
+        ground, inverted = axis.sensors.ground(), units.position < 0.0
+        search = Search(method, axis.servo, ground, pace, axis.period_s, self._found, self._failed, inverted)
         axis.generator = search.demand
 
     def _found(self, point: float) -> None:
         """``point`` (present counting) becomes 607Ch, or what this family of drives has instead."""
         axis = self.axis
-        home = axis.dictionary.get(axis.home_offset) if axis.home_offset else 0
+        home = axis.units.position_at(axis.home_offset) if axis.home_offset else 0
         axis.recount(home - point)
         self._end(self.DONE)
 

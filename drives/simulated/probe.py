@@ -40,6 +40,7 @@ class Probes:
         self.closed = [False, False]
         self._before = servo.position
         self.function = 0
+        self.told: Callable[[float], int] = round  # a position as the drive reports it
         self.changed: Callable[[], None] = lambda: None
         dictionary.writers[FUNCTION_AT] = self._write
         for probe in (0, 1):
@@ -115,5 +116,5 @@ class Probes:
         wanted = function & ON and function & (RISING if rising else FALLING)
         if not wanted or (self._values[STATUS_AT] & stored and not function & CONTINUOUS):
             return
-        self._values[LATCHES[probe][0 if rising else 1]] = round(position)
+        self._values[LATCHES[probe][0 if rising else 1]] = self.told(position)
         self._values[STATUS_AT] |= stored

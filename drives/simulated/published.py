@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from drives.simulated.aborts import Abort, Code
 from drives.simulated.data_sheet import key
 from drives.simulated.dictionary import Dictionary
+from drives.simulated.units import OBJECTS
 
 if TYPE_CHECKING:
     from drives.simulated.axis import Axis
@@ -20,28 +21,31 @@ MOST_TORQUE = 0x7FFF
 
 def publish(axis: Axis) -> None:
     """Bind an axis to its drive's dictionary."""
-    dictionary, servo, station = axis.dictionary, axis.servo, axis.station
+    dictionary, servo, station, units = axis.dictionary, axis.servo, axis.station, axis.units
     readers: dict[int, Callable[[], int]] = {
         0x6040: lambda: axis.controlword,
         0x6041: lambda: axis.statusword,
         0x6061: lambda: axis.mode,
-        0x6062: lambda: round(servo.start),
+        0x6062: lambda: units.told_position(servo.start),
         0x6063: axis.actual,
-        0x6064: axis.actual,
-        0x606B: lambda: round((servo.end - servo.start) / axis.period_s),
-        0x606C: lambda: round(servo.velocity),
-        0x607A: lambda: axis.target,
+        0x6064: lambda: units.told_position(servo.position),
+        0x606B: lambda: units.told_velocity((servo.end - servo.start) / axis.period_s),
+        0x606C: lambda: units.told_velocity(servo.velocity),
+        0x607A: lambda: units.told_position(axis.target),
         0x6077: lambda: _torque(axis),
-        0x60F4: lambda: round(servo.start - servo.position),
+        0x60F4: lambda: units.told_position(servo.start - servo.position),
     }
     writers: dict[int, Callable[[int], None]] = {
         0x6040: lambda word: axis.command(word, station.now_s),
-        0x607A: axis.aim,
+        0x607A: lambda target: axis.aim(units.increments(target)),
         0x6060: axis.ask_mode,
         0x6098: lambda method: _known_method(axis, method),
     }
     dictionary.readers.update({key(index): reader for index, reader in readers.items()})
     dictionary.writers.update({key(index): writer for index, writer in writers.items()})
+    for where in dictionary.values:
+        if where >> 8 in OBJECTS:
+            dictionary.writers[where] = lambda _value: _standing(axis)
     for sub in (LOW, HIGH):
         dictionary.writers[key(RANGE_AT, sub)] = partial(_check_range, dictionary, sub)
 
@@ -52,6 +56,12 @@ def _check_range(dictionary: Dictionary, sub: int, value: int) -> None:
     high = value if sub == HIGH else dictionary.get(RANGE_AT, HIGH)
     if low > high and dictionary.get(RANGE_AT, LOW + HIGH - sub):
         raise Abort(Code.MAX_BELOW_MIN)
+
+
+def _standing(axis: Axis) -> None:
+    """Units do not change under a motor with current."""
+    if axis.powered:
+        raise Abort(Code.DEVICE_STATE)
 
 
 def _torque(axis: Axis) -> int:

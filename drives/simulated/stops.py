@@ -109,7 +109,7 @@ class Stops:
 
     def _ramp(self, option: int, stopped: Callable[[], None]) -> None:
         axis = self._axis
-        deceleration = axis.dictionary.get(0x6084 if option == SLOW else 0x6085) or STEEPEST
+        deceleration = axis.units.acceleration_at(0x6084 if option == SLOW else 0x6085) or STEEPEST
         if option > QUICK:
             deceleration = round(HARDEST * deceleration)
         if axis.guesses > 0:
