@@ -84,11 +84,11 @@ def differences(rows: Sequence[Row], file: str) -> Table:
 
 def restored(rows: Sequence[Row]) -> Table:
     """What was put back, and what the drive did not take."""
-    table = _table("Put back", "object", "name", "was", "is", "refused")
+    table = _table("Put back", "object", "name", "was", "file", "drive")
     for row in rows:
         was, kept = _value(*row.place, row.now), _value(*row.place, row.kept)
-        now = was if row.refused else kept
-        table.add_row(place(*row.place), escape(row.name), escape(was), escape(now), escape(row.refused))
+        result = f"refused: {row.refused}" if row.refused else "so now"
+        table.add_row(place(*row.place), escape(row.name), escape(was), escape(kept), escape(result))
     return table
 
 

@@ -15,7 +15,7 @@ from drives import pdo
 from drives.arranged import Arranged
 from drives.commissioning import sheet
 from drives.commissioning.network import CommissionError, Network, Node
-from drives.commissioning.wanted import Setting, Step, shown
+from drives.commissioning.wanted import Setting, Step, told
 
 NMT_START, NMT_PRE_OPERATIONAL = 0x01, 0x80
 BOOT_TRIES, BOOT_TRY_S = 20, 0.1  # a drive may be starting up when we look for it
@@ -173,8 +173,8 @@ class Drive:
         except RefusedError as error:
             if not all(setting.waived for setting in step.settings):
                 raise
-            told = str(error).removeprefix(f"{self.title}: ")
-            self.outcome.warnings.append(f"{told}; accepted with unsupervised = true")
+            reason = str(error).removeprefix(f"{self.title}: ")
+            self.outcome.warnings.append(f"{reason}; accepted with unsupervised = true")
 
     def _apply(self, step: Step) -> None:
         outcome = [setting for setting in step.outcome if self._known(setting)]
@@ -213,8 +213,8 @@ class Drive:
                 fixed = not self.sheet.writable(setting.index, setting.sub)
                 did = "is read only and must be" if fixed else "was set to"
                 raise RefusedError(
-                    f"{self.title}: {setting.where} {did} {shown(setting.value)} but reads"
-                    f" {shown(found)}; {setting.why}; check that the drive supports this value"
+                    f"{self.title}: {setting.where} {did} {told(*setting.place, setting.value)} but reads"
+                    f" {told(*setting.place, found)}; {setting.why}; check that the drive supports this value"
                 )
             if was is not None and _agrees(was, setting):
                 self.outcome.already_so += 1
@@ -241,9 +241,9 @@ class Drive:
         try:
             self._send(index, sub, value)
         except SdoAbortedError as error:
-            told = shown(value) if isinstance(value, int) else str(value)
+            what = told(index, sub, value) if isinstance(value, int) else str(value)
             raise RefusedError(
-                f"{self.title}: object {index:04X}h:{sub:02X} refuses {told}: {error}"
+                f"{self.title}: object {index:04X}h:{sub:02X} refuses {what}: {error}"
             ) from error
 
     def _download(self, setting: Setting) -> None:
@@ -251,7 +251,7 @@ class Drive:
             self._send(setting.index, setting.sub, setting.value)
         except SdoAbortedError as error:
             raise RefusedError(
-                f"{self.title}: {setting.where} refuses {shown(setting.value)}: {error};"
+                f"{self.title}: {setting.where} refuses {told(*setting.place, setting.value)}: {error};"
                 f" {setting.why}; choose a value the drive supports"
             ) from error
 

@@ -59,6 +59,12 @@ def shown_at(index: int, sub: int, value: int) -> str:
     return f"{value:#x}" if value >= 0 and (identifier or mapping or bits) else str(value)
 
 
+def told(index: int, sub: int, value: int) -> str:
+    """The same in a sentence: other numbers in both forms."""
+    hexadecimal = shown_at(index, sub, value)
+    return hexadecimal if hexadecimal.startswith("0x") else shown(value)
+
+
 @dataclass(frozen=True, slots=True)
 class Setting:
     """One object to write and read back."""

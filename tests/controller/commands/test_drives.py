@@ -69,9 +69,24 @@ def test_a_dump_has_every_object_with_its_default(hub: str) -> None:
 
 def test_people_get_tables(hub: str) -> None:
     for words in (["commission"], ["scan"], ["status"], ["dump", "X"]):
-        result = CliRunner().invoke(app, [*words, "--channel", hub], env={"COLUMNS": "160"})
+        result = CliRunner().invoke(app, [*words, "--channel", hub], env={"COLUMNS": "80"})
         assert result.exit_code == 0, result.output
-        assert "│" in result.stdout
+        assert "─" in result.stdout
+        assert max(map(len, result.output.splitlines())) <= 80, result.output
+        assert "…" not in result.output
+
+
+def test_tables_show_identifiers_mappings_and_words_in_hexadecimal(hub: str) -> None:
+    def text(*words: str) -> str:
+        return CliRunner().invoke(app, [*words, "--channel", hub], env={"COLUMNS": "80"}).stdout
+
+    asked("commission", "--channel", hub)
+    lines = {line.split()[0]: line for line in text("dump", "X").splitlines() if "h:" in line}
+    assert "0x201" in lines["1400h:01"] and "513" not in lines["1400h:01"]
+    assert "0x607a0020" in lines["1600h:02"] and "0x7f00c8" in lines["1016h:01"]
+    words = text("status")
+    assert "switch on" in words and "disabled" in words
+    assert len(re.findall(r"\b0x[0-9a-f]{4}\b", words)) == 5, "the statuswords"
 
 
 @pytest.mark.slow
