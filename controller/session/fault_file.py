@@ -19,18 +19,11 @@ from typing import NamedTuple, NoReturn
 from controller import config
 from controller.machine import Machine
 from drives import pdo
-from drives.virtual.fault_grammar import MEANINGS
-from drives.virtual.fault_script import (
-    MASTER,
-    Action,
-    FaultScript,
-    Injection,
-    ScriptError,
-    parse,
-)
+from drives.virtual.fault_script import MASTER, Action, FaultScript, Injection, ScriptError, parse
 from drives.virtual.virtual_bus import SteppedBus
 
 NODE_BITS = 0x7F  # of an identifier (CiA 301, 7.3.5)
+OF_IDENTIFIERS = ("babble", "foreign")  # these begin to send
 LAST_OF_A_NODE = 0x7FF
 
 
@@ -181,18 +174,18 @@ def _numbered(line: str, stations: Sequence[Station]) -> tuple[str, Station | No
     """The line with a node's number in the place of its name."""
     head, colon, rest = line.partition(":")
     tokens = rest.split()
-    for i in (1, 2):
-        if i < len(tokens) and (tokens[i - 1] in MEANINGS or (i == 1 and _takes_node(tokens[0]))):
-            for station in stations:
-                if station.name == tokens[i]:
-                    tokens[i] = str(station.node)
-                    return f"{head}{colon} {' '.join(tokens)}", station
+    named = {station.name: station for station in stations}
+    at = 1 if tokens and _takes_node(tokens[0]) else 2
+    if at < len(tokens) and tokens[at] in named:  # "sto Y", "drop rpdo Y"
+        station = named[tokens[at]]
+        tokens[at] = str(station.node)
+        return f"{head}{colon} {' '.join(tokens)}", station
     return line, None
 
 
 def _takes_node(name: str) -> bool:
-    """Whether an action's target is a node, so that A is an axis and no identifier."""
-    return any(a.value == name and not a.of_frames and a is not Action.BABBLE for a in Action)
+    """Whether an action's target is a node at once; of frames a word comes first, or A is an identifier."""
+    return any(a.value == name and not a.of_frames and name not in OF_IDENTIFIERS for a in Action)
 
 
 def _node_of(injection: Injection) -> int:
