@@ -104,7 +104,7 @@ FAULTS: dict[Fault, Words] = {
     ),
     Fault.SETPOINTS_LOST: Words(
         "Ein Antrieb meldet, dass seine Sollwerte ausbleiben (EMCY 8250h).",
-        "Ein loses Buskabel, ein gestörter oder überlasteter Bus, oder ein Antrieb, der die Kennung ausfiltert.",
+        "Ein loses Buskabel, ein gestörter oder überlasteter Bus, oder ein Antrieb, der die Kennung filtert.",
         "Kabel, Abschluss und Fehlerzähler des Busses prüfen; zurücksetzen.",
     ),
     Fault.LIMIT_SWITCH: Words(
