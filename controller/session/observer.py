@@ -159,7 +159,7 @@ class Sight:
     @cached_property
     def motors(self) -> Array:
         """Where the motors truly were, shape (N, 5), mm and rad, in the joints' counting."""
-        return self._travel + np.array([seen.zeros for seen in self.ticks])
+        return np.asarray(self._travel + np.array([seen.zeros for seen in self.ticks]))
 
     @cached_property
     def _travel(self) -> Array:
