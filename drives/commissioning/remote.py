@@ -140,12 +140,14 @@ class Drive:
         if before is None or before == setting.value or (at_least and before > setting.value):
             self.outcome.already_so += before is not None
             return before, ""
+        wanted = told(*setting.place, setting.value)
         if not self.sheet.writable(*setting.place):
-            return before, f"{setting.where} is read only and reads {shown(before)}"
+            return before, f"{setting.where} is read only and reads {told(*setting.place, before)}"
         try:
             self._variable(*setting.place).raw = setting.value
         except SdoAbortedError as error:
-            return before, f"{setting.where} refuses {shown(setting.value)} ({error}), reads {shown(before)}"
+            reads = told(*setting.place, before)
+            return before, f"{setting.where} refuses {wanted} ({error}), reads {reads}"
         except SdoCommunicationError as error:
             raise CommissionError(self._silent(*setting.place)) from error
         except MISFITS as error:
@@ -154,10 +156,8 @@ class Drive:
         if found != before:
             self.outcome.changes.append(Change(*setting.place, before, found, setting.why))
         differs = found < setting.value if at_least else found != setting.value
-        return (
-            found,
-            f"{setting.where} was set to {shown(setting.value)}, reads {shown(found)}" if differs else "",
-        )
+        reads = told(*setting.place, found)
+        return found, f"{setting.where} was set to {wanted}, reads {reads}" if differs else ""
 
     def write(self, setting: Setting) -> None:
         """Download and read back, unless it is so already. Raises CommissionError."""
