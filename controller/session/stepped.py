@@ -154,7 +154,6 @@ class SteppedMachine:
         self._skips_before = 0  # while coming up
 
     def _take_arranged(self, found: tuple[Arranged, ...]) -> None:
-        self.arranged = found
         send_arrangement(self._operator, arrangement(self.machine, found))
 
     def _advance(self, now_s: float) -> None:
