@@ -102,7 +102,8 @@ class Axis:
             nature = self.parameters
             frequency_hz = nature.frequency_hz * nature.stiffness
             self.servo.tune(period_s, frequency_hz, nature.damping, nature.feed_forward)
-        self.servo.limit(self.parameters.strongest_counts_s2, self._fastest())
+        self.brake.scale = scale = self.units.scale
+        self.servo.limit(self.parameters.strongest_counts_s2 * scale, self._fastest())
         law = self._law
         if isinstance(law, CyclicPosition) and self.follows and law.limits != (self.generator is not None):
             self.generator = law.begin()
@@ -113,7 +114,7 @@ class Axis:
         """The motor's speed limit: its own, or what 607Fh or 6080h tell (0 and FFFFFFFFh: nothing)."""
         told = [self.units.speed_at(index) for index in SPEED_LIMITS]
         limits = [SPEED_RESERVE * speed for speed in told if speed not in (0, OFF)]
-        return min(self.parameters.fastest_counts_s, *limits, math.inf)
+        return min(self.parameters.fastest_counts_s * self.units.scale, *limits, math.inf)
 
     def actual(self) -> int:
         """Where the motor is, in whole increments."""

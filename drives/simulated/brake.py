@@ -34,6 +34,7 @@ class Brake:
         self.closed = True
         self.stuck = False  # injected: does not open
         self.current = False  # the motor holds
+        self.scale = 1.0  # increments per count of the parameters
         self._fallen_s = 0.0
         values = station.dictionary.values
         readers = station.dictionary.readers
@@ -109,7 +110,7 @@ class Brake:
         if self.current or servo.jammed:
             servo.rest()
             return
-        pull = self._nature.gravity
+        pull = self.scale * self._nature.gravity
         friction = self._friction
         slowing = math.copysign(friction, servo.velocity or pull)
         gained = abs(slowing - pull) * taken_s
@@ -129,4 +130,4 @@ class Brake:
         nature = self._nature
         brake = max(nature.brake_counts_s2, HOLDS * abs(nature.gravity)) if self.holds else 0.0
         falls = nature.gravity and self._servo.velocity * nature.gravity >= 0.0
-        return brake if falls else nature.coast_counts_s2 + brake
+        return self.scale * (brake if falls else nature.coast_counts_s2 + brake)

@@ -32,7 +32,10 @@ class LostSync(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Parameters:
-    """One simulated drive's nature. Positions are in power-on counting."""
+    """One simulated drive's nature. Positions are in power-on counting.
+
+    Accelerations and speeds are in position units of the drive, positions in increments of its encoder.
+    """
 
     frequency_hz: float = NATURAL_FREQUENCY_HZ
     damping: float = DAMPING

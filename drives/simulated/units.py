@@ -23,7 +23,8 @@ POLARITY, RESOLUTION, GEAR, FEED = 0x607E, 0x608F, 0x6091, 0x6092
 VELOCITY_FACTOR, ACCELERATION_FACTOR = 0x6096, 0x6097
 POSITION_SI, VELOCITY_SI, ACCELERATION_SI = 0x60A8, 0x60A9, 0x60AA
 OBJECTS = (0x607E, 0x608F, 0x6090, 0x6091, 0x6092, 0x6096, 0x6097, 0x60A8, 0x60A9, 0x60AA)
-PULSES_AT, PER_PULSE = key(0x3010, 1), 4  # of maxon's incremental encoder; increments count every edge
+# Of maxon, in place of 608Fh: main sensor resolution; pulses of the incremental encoder, four counts each
+ENCODERS = ((key(0x3000, 5), 1), (key(0x3010, 1), 4))
 POSITION_BIT, VELOCITY_BIT = 1 << 7, 1 << 6
 INCREMENT, REVOLUTION, REV_MIN = 0xB5, 0xB4, 0xC0
 SECONDS = {0x03: 1.0, 0x47: 60.0, 0x48: 3600.0}  # second, minute, hour
@@ -40,6 +41,7 @@ class Units:
     def __init__(self, dictionary: Dictionary) -> None:
         self._dictionary = dictionary
         self.position = self.velocity = self.acceleration = 1.0
+        self.scale = 1.0  # increments per position unit
         self.plain = True
 
     def configure(self) -> None:
@@ -55,6 +57,7 @@ class Units:
             self.acceleration = velocity if si else self._ratio(ACCELERATION_FACTOR) / size
         self.position = (-1.0 if polarity & POSITION_BIT else 1.0) / size
         self.velocity = (-1.0 if polarity & VELOCITY_BIT else 1.0) * velocity
+        self.scale = abs(1.0 / self.position)
         self.plain = self.position == self.velocity == self.acceleration == 1.0
 
     def _ratio(self, index: int) -> float:
@@ -63,9 +66,10 @@ class Units:
 
     def _increments_per_revolution(self) -> float:
         resolution = self._ratio(RESOLUTION)
-        if resolution == 1.0 and PULSES_AT in self._dictionary.variables:
-            return float(PER_PULSE * self._dictionary.values[PULSES_AT] or 1)
-        return resolution
+        if resolution != 1.0:
+            return resolution
+        values = self._dictionary.values
+        return next((float(times * values[at]) for at, times in ENCODERS if values.get(at)), 1.0)
 
     def _position_size(self) -> float:
         """Increments in one position unit."""

@@ -148,6 +148,18 @@ def test_homing_is_in_the_drive_s_units_and_direction() -> None:
     assert made.read(0x6064, signed=True) == pytest.approx(250 - edge / 4.096, abs=2)
 
 
+def test_the_motor_is_as_strong_in_the_drive_s_units_as_it_is_said_to_be() -> None:
+    made = lone(*ENCODER, *ratio(0x6092, 1000), strongest_counts_s2=1e6, coast_counts_s2=2e5, brake=False)
+    made.enable(3)
+    made.write(0x60FF, 0, 500_000, 4)
+    made.run(0.2)
+    assert made.drive.motor_counts_s == pytest.approx(1e6 * 0.2 * 4.096, rel=0.05)
+    before = made.drive.motor_counts_s
+    made.drive.torque_off(True, made.bus.now_s)
+    made.wait(0.1)
+    assert before - made.drive.motor_counts_s == pytest.approx(2e5 * 0.1 * 4.096, rel=0.1)
+
+
 def test_units_do_not_change_under_a_motor_with_current() -> None:
     made = lone()
     made.enable()
