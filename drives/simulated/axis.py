@@ -24,40 +24,29 @@ from drives.simulated.machine402 import POWERED, Command, Power, command, follow
 from drives.simulated.modes import BIT_12, HALT, HALTABLE, HOMING, MODES, REACHED, CyclicPosition, Mode
 from drives.simulated.motion import Demand
 from drives.simulated.parameters import LostSync
-from drives.simulated.plant import Plant
 from drives.simulated.published import publish
 from drives.simulated.records import Records
 from drives.simulated.sensors import Sensors
-from drives.simulated.servo import Servo
+from drives.simulated.setpoints import LIMIT, NO_LIMIT, NO_TARGET_YET, Setpoints
 from drives.simulated.station import Station
 from drives.simulated.stops import Stops
-from drives.simulated.units import Units
 
 REMOTE, VOLTAGE = 1 << 9, 1 << 4
-LIMIT, DEVIATES = 1 << 11, 1 << 13
+DEVIATES = 1 << 13
 MODE_BITS = 0x0270  # controlword bits 4 .. 6 and 9
 FOLLOWING_FAULT, LIMIT_SWITCH_FAULT, SYNC_LOST, EXTERNAL_FAULT = 0x8611, 0x8612, 0x8700, 0x9000
-NO_TARGET_YET = -(10**9)  # of a drive that waits for its first one
-OFF = 0xFFFF_FFFF  # 6065h: no check; 607Fh and 6080h: no limit
-SPEED_LIMITS = (0x607F, 0x6080)
-SPEED_RESERVE = 1.02  # of a speed that is told, for the position controller above the demand
 
 Moment = Callable[[float], None]  # called with the time
 
 
-class Axis:
+class Axis(Setpoints):
     """One motor with its power stage. ``alive``: periods must pass; ``faulted``: it has tripped."""
 
     def __init__(self, station: Station, emergencies: Emergencies, alive: Moment, faulted: Moment) -> None:
-        self.station = station
-        self.dictionary = station.dictionary
-        self.units = Units(self.dictionary)
-        self.parameters = nature = station.parameters
+        super().__init__(station)
         self._emergencies = emergencies
         self._alive = alive
         self._faulted = faulted
-        plant = nature.plant
-        self.servo = Plant(nature.position_counts, plant) if plant else Servo(nature.position_counts)
         self.brake = Brake(station, self.servo)
         self.stops = Stops(self)
         self.sensors = Sensors(station, self.servo, self.brake, self._overrun)
@@ -72,18 +61,15 @@ class Axis:
         self.unsettled = True  # the state has changed since the controlword was looked at
         self.powered = False
         self.statusword = 0
-        self.target: float = nature.position_counts
         self.causes: set[int] = set()  # injected errors that are still there: no fault reset
         self._errors: set[int] = set()  # what the present fault is made of
         self.sto = False  # safe torque off
         self.homing_methods = homing.KNOWN  # what 6098h takes
         self.home_offset = 0x607C  # object with the position at the homed point; 0 = there is none
         self.offsets_mapped = False  # 60B0h, 60B1h or 60B2h comes by RPDO
-        self.period_s = 0.0
         self.generator: Demand | None = None
-        self.limit = self._clamped = self._deviates = self._halted = self._saturated = 0
+        self._deviates = self._halted = self._saturated = 0
         self._lagging_s: float | None = None
-        self.guesses = NO_TARGET_YET  # periods in a row without a target
         publish(self)
         self.configure()
         self.refresh()
@@ -95,7 +81,7 @@ class Axis:
         get = self.dictionary.get
         self.units.configure()
         self.low, self.high = self.units.limits()
-        self._window = math.inf if get(0x6065) == OFF else float(self.units.distance_at(0x6065))
+        self._window = math.inf if get(0x6065) == NO_LIMIT else float(self.units.distance_at(0x6065))
         period_s = (get(0x60C2, 1) or 1) * 10.0 ** get(0x60C2, 2)
         if period_s != self.period_s:
             self.period_s = period_s
@@ -103,59 +89,18 @@ class Axis:
             frequency_hz = nature.frequency_hz * nature.stiffness
             self.servo.tune(period_s, frequency_hz, nature.damping, nature.feed_forward)
         self.brake.scale = scale = self.units.scale
-        self.servo.limit(self.parameters.strongest_counts_s2 * scale, self._fastest())
+        self.servo.limit(self.parameters.strongest_counts_s2 * scale, self.fastest_told())
         law = self._law
         if isinstance(law, CyclicPosition) and self.follows and law.limits != (self.generator is not None):
             self.generator = law.begin()
         self.sensors.period_s = period_s
         self.sensors.watch()
 
-    def _fastest(self) -> float:
-        """The motor's speed limit: its own, or what 607Fh or 6080h tell (0 and FFFFFFFFh: nothing)."""
-        told = [self.units.speed_at(index) for index in SPEED_LIMITS]
-        limits = [SPEED_RESERVE * speed for speed in told if speed not in (0, OFF)]
-        return min(self.parameters.fastest_counts_s * self.units.scale, *limits, math.inf)
-
     def actual(self) -> int:
         """Where the motor is, in whole increments."""
         return max(INT32_MIN, min(INT32_MAX, round(self.servo.position)))
 
     # -- every period
-
-    def aim(self, target: float) -> None:
-        """A new target position; outside of 607Dh it is held there and bit 11 says so."""
-        self.target = self.within(target) if self.units.plain else max(self.low, min(self.high, target))
-        limit = 0 if self.target == target else LIMIT
-        if limit != self.limit:
-            self.limit = limit
-            self.refresh()
-        self.guesses = 0
-
-    def within(self, target: float) -> int:
-        """A position inside of the software limits."""
-        return round(max(self.low, min(self.high, target)))
-
-    def bounded(self, demand: float) -> float:
-        """A demand inside of the software limits; bit 11 says when it was not."""
-        inside = max(self.low, min(self.high, demand))
-        self.say_limit(inside != demand)
-        return inside
-
-    def say_limit(self, active: bool) -> None:
-        """Statusword bit 11 for a limit that the demand, not the target, meets."""
-        clamped = LIMIT if active else 0
-        if clamped != self._clamped:
-            self._clamped = clamped
-            self.refresh()
-
-    def guess(self, now_s: float) -> None:
-        """No new target came for the next period; what that leads to is the maker's choice."""
-        self.guesses += 1
-        nature = self.parameters
-        if 0 < self.guesses <= nature.guessed_periods:
-            self.target = round(2.0 * self.servo.end - self.servo.start)
-        elif nature.times_out and self.guesses > nature.guessed_periods + nature.patient_periods:
-            self.time_out(now_s)
 
     def time_out(self, now_s: float) -> None:
         """Interpolation time-out: a drive that follows setpoints stops by itself."""

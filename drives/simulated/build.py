@@ -16,7 +16,7 @@ from drives.simulated.parameters import Parameters
 NodeLike = NodeSettings | SpindleSettings | IoSettings
 SPINDLE_REV_S2 = 200.0  # a spindle motor's own limit, above what a controller asks of it
 # Of a motor over what its axis needs, where nothing else is said.
-TORQUE_RESERVE, SPEED_RESERVE = 3.0, 1.2
+TORQUE_RESERVE, SPEED_RESERVE = 3.0, 1.05
 COAST_SHARE, BRAKE_SHARE = 0.25, 1.0  # of the axis' acceleration: what friction and the brake take away
 
 
