@@ -3,23 +3,32 @@
 * an axis that is off by more than its window and what it moves in ten ticks has raised a fault;
 * after a fault everything stands within the promise, and stays;
 * no motor is faster than its limit, but for a servo's overshoot;
-* a drive that counts from another zero is not trusted.
+* a drive that counts from another zero is not trusted, nor is a place where no motor is.
+
+The window is the one that the machine's file gives the axis, whatever the tick makes of it: a part at
+rest and a part by the speed of late. A loop whose lag is the whole part by speed is a first-order one
+with the time constant at_speed / velocity; after five of these less than a hundredth of a lag is left.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from controller import times
 from controller.machine import Axis
 from controller.session.observer import LATENCY, STANDS, Sight
-from controller.state import Fault, Mode, stands_within_s
+from controller.state import Fault, Mode, Times, stands_within_s
 
 OVERSHOOT = 1.05  # of a servo
 LATEST_TICKS = 10  # "its window plus what it moves in so many ticks"
+OF_LATE = 5.0  # time constants of the slowest loop that stays inside of the window
+
+Array = npt.NDArray[np.float64]
 
 
 class Window(NamedTuple):
@@ -28,15 +37,28 @@ class Window(NamedTuple):
     at_rest: float
     by_speed_s: float
 
+    def allowed(self, command: Array, period_s: float) -> Array:
+        """For the motors as they are seen with each tick; ``command``: the joint, shape (N,), mm or rad."""
+        speed = np.abs(np.diff(command, prepend=command[:1])) / period_s
+        then = np.concatenate([np.zeros(LATENCY), speed[: len(speed) - LATENCY]])
+        ticks = max(1, math.ceil(OF_LATE * self.by_speed_s / period_s))
+        past = np.concatenate([np.zeros(ticks - 1), then])
+        of_late = np.lib.stride_tricks.sliding_window_view(past, ticks).max(axis=1)
+        return np.asarray(self.at_rest + self.by_speed_s * of_late)
+
 
 def window_of(axis: Axis) -> Window:
     """Of the machine's own file."""
-    return Window(0.5 / abs(axis.shown_per_unit), 0.006)
+    return Window(axis.following.rest, axis.following.at_speed / axis.limits.velocity)
 
 
-def wrongs(sight: Sight) -> list[str]:
-    """What should not have been, in the order of its ticks; empty if all is well."""
-    found = sorted((*_unnoticed(sight), *_too_fast(sight), *_restless(sight), *_dishonest(sight)))
+def wrongs(sight: Sight, taken: Times | None = None) -> list[str]:
+    """What should not have been, in the order of its ticks; empty if all is well.
+
+    ``taken``: the machine's times with its drives as they were read; without them as its file has them.
+    """
+    taken = taken or times.of(sight.machine)
+    found = sorted((*_unnoticed(sight), *_too_fast(sight), *_restless(sight, taken), *_dishonest(sight)))
     return [f"tick {tick}: {text}" for tick, text in found]
 
 
@@ -51,15 +73,10 @@ def _first_fault(sight: Sight) -> int:
 
 def _unnoticed(sight: Sight) -> Iterator[Wrong]:
     """Off, and nobody has said so."""
-    machine, until = sight.machine, _first_fault(sight)
-    speed = np.abs(np.diff(sight.command, axis=0, prepend=sight.command[:1])) / machine.period_s
-    then = np.zeros_like(speed)
-    then[LATENCY:] = speed[:-LATENCY]
-    windows = [window_of(axis) for axis in machine.axes]
-    allowed = [w.at_rest for w in windows] + np.array([w.by_speed_s for w in windows]) * then
-    allowed += np.maximum(_moved(sight.command), _moved(sight.motors))
-    off = sight.distance > allowed
-    for i, axis in enumerate(machine.axes):
+    until = _first_fault(sight)
+    moved = np.maximum(_moved(sight.command), _moved(sight.motors))
+    off = sight.distance > allowed(sight) + moved
+    for i, axis in enumerate(sight.machine.axes):
         rows = np.flatnonzero(off[:until, i])
         if len(rows):
             worst = float(sight.distance[rows, i].max()) * abs(axis.shown_per_unit)
@@ -67,7 +84,14 @@ def _unnoticed(sight: Sight) -> Iterator[Wrong]:
             yield sight.ticks[rows[0]].tick, told
 
 
-def _moved(joints: np.ndarray) -> np.ndarray:
+def allowed(sight: Sight) -> Array:
+    """The windows of all axes, tick by tick, shape (N, 5), mm and rad."""
+    windows = [window_of(axis) for axis in sight.machine.axes]
+    columns = [w.allowed(sight.command[:, i], sight.machine.period_s) for i, w in enumerate(windows)]
+    return np.stack(columns, axis=1)
+
+
+def _moved(joints: Array) -> Array:
     """The way of the last ten ticks, (N, 5)."""
     way = np.cumsum(np.abs(np.diff(joints, axis=0, prepend=joints[:1])), axis=0)
     before = np.zeros_like(way)
@@ -83,14 +107,14 @@ def _too_fast(sight: Sight) -> Iterator[Wrong]:
             yield sight.ticks[row].tick, f"{axis.name} ran {share.max():.2f} times its velocity limit"
 
 
-def _restless(sight: Sight) -> Iterator[Wrong]:
+def _restless(sight: Sight, taken: Times) -> Iterator[Wrong]:
     """Something moves for longer than is promised, or again. A motor without torque coasts."""
     first = _first_fault(sight)
     if first == len(sight.ticks):
         return
     after = sight.ticks[first:]
     promised_s = max(
-        stands_within_s(fault, times.of(sight.machine))
+        stands_within_s(fault, taken)
         for seen in after
         for fault in (seen.fault, seen.warning)
         if fault is not Fault.NONE
@@ -111,5 +135,13 @@ def _restless(sight: Sight) -> Iterator[Wrong]:
 def _dishonest(sight: Sight) -> Iterator[Wrong]:
     last = sight.ticks[-1]
     for i, axis in enumerate(sight.machine.axes):
-        if last.recounted >> i & 1 and not last.untrusted >> i & 1:
+        if last.untrusted >> i & 1:
+            continue
+        if last.recounted >> i & 1:
             yield last.tick, f"{axis.name} counts from another zero and is trusted"
+            continue
+        off = abs(last.told[i] - float(sight.motors[-1, i]))
+        stands = sight.speed[-1, i] * abs(axis.shown_per_unit) <= STANDS
+        if stands and off > axis.following.rest:
+            shown = off * abs(axis.shown_per_unit)
+            yield last.tick, f"{axis.name} is told to be {shown:.3f} from where it is, and trusted"

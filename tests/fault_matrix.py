@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from fault_cases import AXIS, Case
-from fault_judge import wrongs
+from fault_judge import allowed, wrongs
 from fault_scene import MODES, Scene, jumps, stood_after_s
 
-from controller import times
+from controller.session.observer import Sight
 from controller.state import FAULTS, Fault, Mode, Reaction, Recovery, Request, stands_within_s
 
 SLACK = 1.003  # rounding to counts
@@ -45,6 +45,7 @@ def run(case: Case, mode: str, scene: Scene) -> Cell:
     _make_ready(scene, mode)
     scene.looks.clear()
     scene.observer.begin(0.0)
+    began_s = scene.rig.now_s
     scene.resumed_s = math.inf
     struck: list[float] = []
 
@@ -55,21 +56,37 @@ def run(case: Case, mode: str, scene: Scene) -> Cell:
     MODES[mode](scene, strike)
     scene.after_tick = lambda: None
     fault = _shown(scene)
-    promised_s = stands_within_s(fault, times.of(scene.machine))
-    stood_s = stood_after_s(scene, struck[0], case.free) if fault is not Fault.NONE else 0.0
-    jump, slope = jumps(scene)
     sight = scene.observer.sight
+    promised_s = stands_within_s(fault, scene.times)
+    event_s = _event_s(sight, struck[0] - began_s, fault) + began_s
+    stood_s = stood_after_s(scene, event_s, case.free) if fault is not Fault.NONE else 0.0
+    jump, slope = jumps(scene)
     limits = [axis.limits.velocity for axis in scene.machine.axes]
     fast = float((sight.speed / limits).max())
     problems = [
         *_named(case, mode, scene, fault),
         *_stood(stood_s, promised_s),
         *_smooth(jump, slope),
-        *wrongs(sight),  # whatever the machine says of it
+        *wrongs(sight, scene.times),  # whatever the machine says of it
         *_recorded(scene, fault),
         *_recovered(scene, fault, mode),
     ]
     return Cell(case.name, mode, fault, stood_s, promised_s, jump, fast, tuple(problems))
+
+
+def _event_s(sight: Sight, struck_s: float, fault: Fault) -> float:
+    """When what the promise counts from was: of a following error the first tick outside of the window."""
+    if fault is not Fault.FOLLOWING_ERROR:
+        return struck_s
+    beyond = (sight.distance > allowed(sight)).any(axis=1)
+    return next(
+        (
+            seen.time_s
+            for seen, off in zip(sight.ticks, beyond, strict=True)
+            if off and seen.time_s >= struck_s
+        ),
+        struck_s,
+    )
 
 
 def _make_ready(scene: Scene, mode: str) -> None:

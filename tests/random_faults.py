@@ -7,7 +7,6 @@ tick and forks there. Everything is drawn from the batch's number, and every cas
 
 from __future__ import annotations
 
-import contextlib
 import json
 import random
 from collections.abc import Callable
@@ -16,23 +15,13 @@ from pathlib import Path
 from typing import NamedTuple
 
 from cutting import program
-from fault_judge import wrongs
-from forks import Forkable
+from random_lines import line
 
 from controller import config
 from controller.machine import Machine
-from controller.session import checked
-from controller.session.events import REQUESTS, Event
-from controller.session.fault_file import Injected, MachineScript
-from controller.session.startup import SessionError
-from controller.session.stepped import Run
-from controller.verify import trace as traces
 
 MACHINES = tuple(file.stem for file in sorted(config.SHIPPED.glob("*.toml")) if file.stem not in ("tools",))
-HORIZON_S = 5.0  # of a program: later nothing happens that has not happened before
 AFTER_S = 0.4  # from the end of the last fault to the operator's stop
-STILL_S = 0.2  # after a fault all stands for so long, looked at
-LONGEST_S = 30.0  # a run that takes longer does not end
 
 
 @dataclass(frozen=True)
@@ -57,13 +46,7 @@ class Case(NamedTuple):
     script: str
 
 
-class Came(NamedTuple):
-    """What came of a case."""
-
-    case: Case
-    wrongs: tuple[str, ...]
-    fault: str
-    ticks: int
+Draw = Callable[[random.Random, Machine, int, str], Case]
 
 
 def batch(number: int) -> Batch:
@@ -148,242 +131,6 @@ def case(rng: random.Random, machine: Machine, tick: int, origin: str) -> Case:
     stops = begin + in_ticks(min(lasts_s, 1.0) + AFTER_S) if origin == "program" else in_ticks(0.2)
     events.append({"tick": stops, "request": "stop"})
     return Case(tick, tuple(events), "\n".join([*lines, ""]))
-
-
-def line(rng: random.Random, machine: Machine) -> tuple[str, float]:
-    """One fault as "on BUS: |words", and about how long it lasts, s."""
-    axis, bus = rng.choice(machine.axes).name, rng.choice(machine.buses).name
-    kind = rng.choice(tuple(KINDS))
-    words, on_bus, length_s = KINDS[kind](rng, axis, machine.period_s)
-    return f"{f'on {bus}: ' if on_bus else ''}|{kind} {words}", length_s
-
-
-Words = tuple[str, bool, float]  # the words, whether they are about a whole bus, and how long it lasts
-
-
-def _frames(rng: random.Random, axis: str) -> tuple[str, bool]:
-    name = rng.choice(("rpdo", "rpdo", "rpdo", "tpdo", "tpdo", "sync", "heartbeat"))
-    return (name, True) if name == "sync" else (f"{name} {axis}", False)
-
-
-def _how_many(rng: random.Random, period_s: float) -> tuple[str, float]:
-    """So many frames, or so long, now and then by chance."""
-    if rng.random() < 0.5:
-        count = rng.choice((1, 2, 3, 5, 10, 20, 50, 200, 1000))
-        return f"x {count}", count * period_s
-    length_s = rng.choice((0.002, 0.01, 0.05, 0.2, 1.0, 10.0))
-    return f"for {length_s} s" + (
-        f" odds {rng.choice((0.2, 0.5, 0.9))}" if rng.random() < 0.3 else ""
-    ), length_s
-
-
-def _befall(rng: random.Random, axis: str, period_s: float) -> Words:
-    (target, on_bus), (many, length_s) = _frames(rng, axis), _how_many(rng, period_s)
-    return f"{target} {many}", on_bus, length_s
-
-
-def _late(rng: random.Random, axis: str, period_s: float) -> Words:
-    target, on_bus, length_s = _befall(rng, axis, period_s)
-    name, _, rest = target.partition(" x ")
-    late_ms = rng.choice((0.3, 1.0, 3.0, 10.0, 40.0, 150.0))
-    if rest:
-        return f"{name} x {rest} by {late_ms} ms", on_bus, length_s + 1e-3 * late_ms
-    name, _, rest = target.partition(" for ")
-    return f"{name} by {late_ms} ms for {rest}", on_bus, length_s + 1e-3 * late_ms
-
-
-def _falsify(rng: random.Random, axis: str, period_s: float) -> Words:
-    many, length_s = _how_many(rng, period_s)
-    name, byte = rng.choice(("rpdo", "tpdo")), rng.randrange(6)
-    return f"{name} {axis} byte {byte} xor {1 << rng.randrange(8):02X} {many}", False, length_s
-
-
-def _node(rng: random.Random, axis: str, _: float) -> Words:
-    length_s = rng.choice((0.005, 0.05, 0.3, 1.0))
-    return f"{axis} for {length_s} s", False, length_s
-
-
-def _bus_off(rng: random.Random, axis: str, period_s: float) -> Words:
-    words, _, length_s = _node(rng, axis, period_s)
-    return (words, False, length_s) if rng.random() < 0.7 else (f"master for {length_s} s", True, length_s)
-
-
-def _whole_bus(what: str) -> Callable[[random.Random, str, float], Words]:
-    def words(rng: random.Random, _axis: str, _period_s: float) -> Words:
-        length_s = rng.choice((0.005, 0.02, 0.1, 0.4))
-        return f"{what} for {length_s} s", True, length_s
-
-    return words
-
-
-KINDS: dict[str, Callable[[random.Random, str, float], Words]] = {
-    "drop": _befall,
-    "delay": _late,
-    "duplicate": _befall,
-    "reorder": _befall,
-    "corrupt": _befall,
-    "falsify": _falsify,
-    "silence": _node,
-    "bus_off": _bus_off,
-    "node_reset": lambda _rng, axis, _period_s: (axis, False, 0.3),
-    "queue_full": _whole_bus("master"),
-    "babble": _whole_bus("001"),
-}
-
-
-# ---- running them
-
-
-Draw = Callable[[random.Random, Machine, int, str], Case]
-
-
-class Bench(Forkable):
-    """A batch's machine, ready to begin."""
-
-    def __init__(self, of: Batch, draw: Draw) -> None:
-        self.batch, self.draw = of, draw
-        self.asked: list[Event] = []
-        made = of.made
-        self.task = checked.task(of.program.encode(), "part.ngc", made)
-        self.walk = checked.walk_of(self.task, None, False)
-        super().__init__(made)
-        self.injected: Injected | None = None
-
-    def begin_script(self, seed: int = 0) -> None:
-        after_s = 0.0 if self.batch.origin == "home" else self.machine.period_s
-        self.observer.begin(after_s)
-        self.injected = MachineScript((), seed).inject(self.rig.buses, after_s)
-
-    def do(self, one: Case) -> None:
-        """From here on the case's faults and requests."""
-        script = MachineScript.read(one.script, self.machine)
-        assert self.injected is not None
-        for injector in self.injected._injectors.values():
-            injector._random.seed(script.seed)
-        self.injected.add(script.faults)
-        self.asked += [event(told) for told in one.events]
-
-    @property
-    def tick_now(self) -> int:
-        """Counted from the program's start; the last one that has been."""
-        return self.cycle.tick - self.observer.first_tick
-
-    def came(self, one: Case, run: Run | None, trace: Path | None) -> Came:
-        """The verdict, once the run is over; then the machine is looked at a little longer."""
-        if run is not None and trace is not None:
-            stretches = self.planner.stretches
-            seen = traces.from_rows(
-                run.rows, self.machine, self.task.kinematics, stretches, first_tick=run.first_tick
-            )
-            seen.save(trace)
-        ticks = self.tick_now
-        self.at_tick = lambda: None
-        for _ in range(round(STILL_S / self.machine.period_s)):
-            self.tick()
-        found = wrongs(self.observer.sight)
-        return Came(one, tuple(found), self.cycle.modes.fault.name, ticks)
-
-
-def event(told: dict[str, object]) -> Event:
-    """As ``--events`` reads it."""
-    request, value = REQUESTS[str(told["request"])], float(str(told.get("value", 0.0)))
-    return Event(
-        int(str(told["tick"])), request, value / 100.0 if "override" in str(told["request"]) else value
-    )
-
-
-class Ended(Exception):
-    """The rest of a run is not needed."""
-
-
-def cases(of: Batch, count: int, save: Path | None = None, draw: Draw = case) -> list[Came]:
-    """Run a batch; ``save``: a folder for the trace of each, as ``simulate`` writes it.
-
-    Of a batch that begins with the program the first that comes is the healthy run.
-    """
-    bench = Bench(of, draw)
-    with bench.nursery():
-        return (_homed if of.origin == "home" else _forked)(bench, count, save)
-
-
-def _homed(bench: Bench, count: int, save: Path | None) -> list[Came]:
-    """From the beginning of homing, each alone."""
-    found, second = [], round(1.0 / bench.machine.period_s)
-    bench.begin_script()
-    for n in range(count):
-        rng = random.Random(f"case {bench.batch.number} {n}")
-        one = bench.draw(rng, bench.machine, rng.randrange(second), "home")
-        came = bench.fork()
-        if came is None:
-            bench.do(one)
-            _come_up_and_run(bench, one, save and save / f"{n}.npz")
-        found.append(came)
-    return found
-
-
-def _come_up_and_run(bench: Bench, one: Case, trace: Path | None) -> None:
-    bench.at_tick = lambda: _must_end(bench, one)
-    try:
-        bench.come_up()
-    except SessionError:
-        bench.stand_still()
-        bench.report(bench.came(one, None, trace))
-    bench.report(bench.came(one, bench.run(bench.walk, bench.asked), trace))
-
-
-def _forked(bench: Bench, count: int, save: Path | None) -> list[Came]:
-    """The healthy run first, and then from tick to tick."""
-    bench.come_up()
-    bench.begin_script()
-    horizon = round(HORIZON_S / bench.machine.period_s)
-    healthy = Case(0, ({"tick": horizon, "request": "stop"},), "")
-    whole = bench.fork()
-    if whole is None:
-        bench.do(healthy)
-        bench.report(bench.came(healthy, bench.run(bench.walk, bench.asked), None))
-    rng = random.Random(f"ticks {bench.batch.number}")
-    branches = _Branches(bench, sorted(rng.randrange(1, max(2, whole.ticks - 2)) for _ in range(count)))
-    bench.at_tick = branches.look
-    run = None
-    with contextlib.suppress(Ended):
-        run = bench.run(bench.walk, bench.asked)
-    if bench.is_child:
-        number, one = branches.mine
-        bench.report(bench.came(one, run, save and save / f"{number}.npz"))
-    return [whole, *branches.found]
-
-
-class _Branches:
-    """Looks behind every tick of the parent's run whether it is time for the next cases."""
-
-    def __init__(self, bench: Bench, ticks: list[int]) -> None:
-        self._bench, self._waiting = bench, ticks
-        self.found: list[Came] = []
-        self.mine = (-1, Case(0, (), ""))  # of a child: what it does
-
-    def look(self) -> None:
-        bench = self._bench
-        if bench.is_child:
-            _must_end(bench, self.mine[1])
-            return
-        while self._waiting and self._waiting[0] <= bench.tick_now and bench.quiet:
-            self._waiting.pop(0)
-            number = len(self.found)
-            rng = random.Random(f"case {bench.batch.number} {number}")
-            one = bench.draw(rng, bench.machine, bench.tick_now, "program")
-            came = bench.fork()
-            if came is None:
-                self.mine = number, one
-                bench.do(one)
-                return
-            self.found.append(came)
-        if not self._waiting:
-            raise Ended
-
-
-def _must_end(bench: Bench, one: Case) -> None:
-    if (bench.tick_now - one.tick) * bench.machine.period_s > LONGEST_S:
-        raise RuntimeError(f"the run does not end:\n{one.script}")
 
 
 # ---- having one again

@@ -53,6 +53,7 @@ class Seen(NamedTuple):
     command: tuple[float, ...]  # joints, mm and rad
     motors: tuple[float, ...]  # mm and rad, in power-on counting: homing moves the counting, not the motor
     zeros: tuple[float, ...]  # to be added for joints
+    told: tuple[float, ...]  # joints where the drives say they are, as the tick has heard it
 
 
 class Raised(NamedTuple):
@@ -108,6 +109,7 @@ class Observer:
             cycle.follow.joints,
             self._scaled([_true_counts(axis.servo) - axis.sensors.moved for axis in self._axes]),
             self._scaled(self._shift),
+            self._scaled(cycle.group.positions),
         )
         self._count(seen)
         self._seen.append(seen)

@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from controller import config
+from controller import config, times
 from controller.handoff import (
     COLUMN,
     PieceInbox,
@@ -124,6 +124,7 @@ class SteppedMachine:
             for bus in buses
         }
         self._operator, request_end = request_pair()
+        self.times = times.of(machine)  # once commissioned: as its drives were found
         self._start_up = StartUp(
             machine, networks, self._ask, lambda: self.cycle.modes.homed, self._take_arranged
         )
@@ -154,6 +155,7 @@ class SteppedMachine:
         self._skips_before = 0  # while coming up
 
     def _take_arranged(self, found: tuple[Arranged, ...]) -> None:
+        self.times = times.of(self.machine, found)
         send_arrangement(self._operator, arrangement(self.machine, found))
 
     def _advance(self, now_s: float) -> None:

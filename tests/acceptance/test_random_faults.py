@@ -16,9 +16,11 @@ from pathlib import Path
 import fault_judge
 import numpy as np
 import pytest
+import random_bench
 import random_faults
 from cutting import shipped
-from random_faults import Batch, Came
+from random_bench import Came
+from random_faults import Batch
 from typer.testing import CliRunner
 
 from controller import __main__ as command_line
@@ -44,12 +46,12 @@ def judge(of: Batch, came: list[Came], folder: Path) -> None:
 
 def random_scripts(number: int, folder: Path) -> None:
     of = random_faults.batch(number)
-    judge(of, random_faults.cases(of, IN_A_BATCH), folder)
+    judge(of, random_bench.cases(of, IN_A_BATCH), folder)
 
 
 def healthy_runs(number: int, folder: Path) -> None:
     of = random_faults.healthy_batch(number)
-    came = random_faults.cases(of, IN_A_BATCH, draw=random_faults.healthy_case)
+    came = random_bench.cases(of, IN_A_BATCH, draw=random_faults.healthy_case)
     assert [one.fault for one in came] == ["NONE"] * (IN_A_BATCH + 1)
     judge(of, came, folder)
 
@@ -98,7 +100,7 @@ def is_simulated_again(of: Batch, one: Came, trace: Path, folder: Path) -> None:
 def again(number: int, count: int, folder: Path) -> None:
     of = random_faults.batch(number)
     (folder / "traces").mkdir()
-    came = random_faults.cases(of, count, folder / "traces")
+    came = random_bench.cases(of, count, folder / "traces")
     ours = [one for one in came if one.case.script]
     assert len(ours) == count
     for n, one in enumerate(ours):
@@ -142,6 +144,7 @@ def sight(machine: Machine, off: float = 0.0, fault_at: int = 10**9, **last: obj
                 command=(place[n], 0.0, 0.0, 0.0, 0.0),
                 motors=(motor, 0.0, 0.0, 0.0, 0.0),
                 zeros=(0.0,) * 5,
+                told=(motor, 0.0, 0.0, 0.0, 0.0),
             )
         )
     ticks[-1] = ticks[-1]._replace(**last)  # type: ignore[arg-type]
