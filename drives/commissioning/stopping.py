@@ -159,8 +159,11 @@ def _within(drive: Drive, offer: Offer) -> int:
 
 
 def stop_counts_s2(found: Read, node: NodeSettings, units: Units) -> float:
-    """The weakest of the ramps by which the drive may stop, as read; 0 = it does not tell."""
-    slowest: list[float] = []
+    """The weakest of the ramps by which the drive may stop, as read; 0 = it does not tell.
+
+    A steeper one than was offered is not believed: the axis is not made for it.
+    """
+    slowest = [node.quick_stop_counts_s2 or node.acceleration_counts_s2]
     for index, otherwise in ((QUICK_STOP, node.profile.quick_stop_code), (FAULT_REACTION, 2)):
         code = found.get(index, otherwise)
         if (ramp := _ramp(code, found)) is not None:

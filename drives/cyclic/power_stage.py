@@ -85,6 +85,8 @@ class PowerStage(Supervised):
                 self._since += 1
                 if self._since >= self._every:
                     self._miss()
+        elif self._arrived:
+            self._missed = 0  # late, in a tick that sent no SYNC: what is missed next is not in a row
         self._arrived = False
 
     def _miss(self) -> None:

@@ -169,6 +169,7 @@ def test_a_mapping_that_is_not_so_is_written_in_the_standards_order() -> None:
     assert written == [
         (0x1400, 1, 0x8000_0201),
         (0x1400, 2, 1),
+        (0x1400, 5, 200),
         (0x1600, 0, 0),
         (0x1600, 1, 0x6040_0010),
         (0x1600, 2, 0x607A_0020),
@@ -211,7 +212,8 @@ def test_pdos_have_the_numbers_of_the_profile_and_all_others_are_off() -> None:
     assert [get(0x1602, sub) for sub in range(3)] == [2, 0x6040_0010, 0x607A_0020]
     assert [get(0x1A03, sub) for sub in range(3)] == [2, 0x6041_0010, 0x6064_0020]
     assert (get(0x1402, 1), get(0x1803, 1), get(0x1803, 2)) == (0x401, 0x481, 4)
-    off = [get(0x1400 + n, 1) for n in (0, 1, 3)] + [get(0x1800 + n, 1) for n in (0, 1, 2)]
+    assert [get(0x1A00, sub) for sub in range(2)] == [1, 0x6061_0008], "the mode, by the first that is free"
+    off = [get(0x1400 + n, 1) for n in (0, 1, 3)] + [get(0x1800 + n, 1) for n in (1, 2)]
     assert all(can_id & 0x8000_0000 for can_id in off)
 
 

@@ -138,7 +138,7 @@ def test_a_refusal_is_told_with_the_drives_reason_and_what_it_has_counts() -> No
     _, outcome = commissioned(refusing(0x6085), acceleration_counts_s2=3e8)
     (note,) = arranged(outcome).notes
     assert "6085h:00 refuses 300000000" in note and "0x06090030" in note and "reads 400000000" in note
-    assert arranged(outcome).stop_s == pytest.approx(0.1), "as it reads"
+    assert arranged(outcome).stop_s == pytest.approx(4e7 / 3e8), "the axis is not made for more"
 
 
 def test_a_drive_without_the_object_is_promised_the_longest_stop_until_somebody_measures() -> None:
@@ -196,7 +196,7 @@ def test_what_is_promised_is_the_weakest_ramp_as_read(found: dict[int, int], sto
 # ---- standstill ------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("quick_stop", [1e8, 4e8, 16e8])
+@pytest.mark.parametrize("quick_stop", [1e8, 4e8, 8e8])
 def test_the_simulated_axis_stands_after_the_time_that_is_promised(quick_stop: float) -> None:
     bench = Bench("X", **FAST, quick_stop_counts_s2=quick_stop, following_error_counts=10**7)
     bench.enable()
@@ -234,11 +234,8 @@ def epos(tmp_path: Path, resolution: int = 4096) -> str:
         + text[feed:].replace("DefaultValue=1", f"DefaultValue={resolution}", 1)
     )
     for index, value in (("60A9", "0x00B44700"), ("60AA", "0x00C00300")):
-        if f"[{index}]" not in text:
-            text += (
-                f"\n[{index}]\nParameterName=SI unit\nObjectType=0x7\nDataType=0x0007\nAccessType=rw\n"
-                f"DefaultValue={value}\nPDOMapping=0\n"
-            )
+        before, section, after = text.partition(f"[{index}]")
+        text = before + section + after.replace("DefaultValue=0", f"DefaultValue={value}", 1)
     file = tmp_path / "epos.eds"
     file.write_text(text, encoding="latin-1")
     return str(file)

@@ -163,6 +163,18 @@ def test_a_reset_of_a_drive_without_fault_steps_it_down():
     assert sent(drive)[0] == 0x07
 
 
+def test_feedback_that_comes_late_in_a_tick_without_sync_ends_the_row():
+    drive = enabled()
+    drive.settle()
+    drive.expect()
+    drive.settle()  # missed
+    tell(drive, OE | FOLLOWS)  # it comes in a tick that sent no SYNC
+    drive.settle()
+    drive.expect()
+    drive.settle()
+    assert (drive.lost, drive.fault(0.0, CONSUMER_S)) == (2, DriveFault.NONE)
+
+
 def test_one_lost_feedback_is_counted_and_the_second_in_a_row_is_a_fault():
     drive = enabled()
     for came, missing, fault in [
@@ -356,7 +368,7 @@ def test_changing_the_mode_in_operation_is_no_lost_state_when_announced():
 def test_the_profile_names_the_pdos():
     drive = Drive(NodeSettings("X", "can0", 1, "a.eds", profile=replace(GENERIC, rpdo=3, tpdo=4)))
     drive.want(Wanted.ENABLED)
-    assert not drive.receive(0x181, memoryview(pdo.FEEDBACK.pack(SOD, 5)), 0.0)
+    assert not drive.receive(0x281, memoryview(pdo.FEEDBACK.pack(SOD, 5)), 0.0)
     assert drive.receive(0x481, memoryview(pdo.FEEDBACK.pack(SOD, 5)), 0.0)
     can_id, data = pdo.unpack(drive.frame(0, 0.0))
     assert (can_id, pdo.COMMAND.unpack(data)) == (0x401, (0x06, 5))

@@ -89,7 +89,7 @@ def test_the_longest_tick_has_payloads_that_make_it_and_none_that_exceed_it():
 def test_the_rows_add_up_and_go_to_json():
     (one,) = budget.of(*axes(5), MASTER)
     plain = json.loads(json.dumps(one.to_dict()))
-    assert len(plain["rows"]) == 1 + 5 * 2 + 6 + 5 + 2
+    assert len(plain["rows"]) == 1 + 5 * 3 + 6 + 5 + 2
     summed = sum(row["worst_us"] * row["per_tick"] for row in plain["rows"])
     assert summed == pytest.approx(plain["total_us"] + plain["background_us"])
     assert plain["share"] == pytest.approx(0.6025)
