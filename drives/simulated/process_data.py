@@ -66,7 +66,8 @@ class ProcessData:
         self._at_sync = [out for out in self.outgoing if out.pdo != fast]
         self.events = [out for out in self.outgoing if out.pdo.event_driven]
         for gone in (pdo for pdo in self._watched if pdo not in rpdos):
-            self._station.cancel(f"rpdo {gone.can_id:x}")  # another deadline begins with the next frame
+            self._came_s.pop(gone.can_id, None)
+            self._station.cancel(f"rpdo {gone.can_id:x}")
         self._watched = rpdos
         self._incoming = rpdos if slow is None else slow
         self.look(self._station.now_s)

@@ -121,6 +121,18 @@ def test_the_deadline_of_the_rpdo_ends_in_8250_and_what_6007_says(reaction: int,
     assert bench.drive.axis.power is then
 
 
+def test_a_deadline_that_is_changed_counts_from_then_on() -> None:
+    bench = with_deadline(500, 1)
+    for milliseconds, trips in ((20, True), (0, False)):
+        bench.write(0x1400, 5, milliseconds.to_bytes(2, "little"))
+        bench.tick()
+        bench.tick()
+        bench.tick()
+        before = bench.emergencies.count((1, 0x8250))
+        stop(bench, 40)
+        assert (bench.emergencies.count((1, 0x8250)) > before) is trips
+
+
 def test_a_deadline_does_not_change_the_motion() -> None:
     positions = []
     for milliseconds in (0, 20):

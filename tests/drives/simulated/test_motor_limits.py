@@ -89,7 +89,8 @@ def test_setpoints_that_come_again_after_a_gap_make_no_jump() -> None:
     """400 mm/s at 200 000 counts/mm: seen from outside it went at 37 m/s."""
     step = 80_000 * 2
     bench = Bench(parameters=Parameters(fastest_counts_s=1e8))
-    bench.write(0x1400, 5, bytes(2))  # as of a drive that does not miss them
+    bench.write(0x1400, 5, bytes(2))  # no deadline
+    bench.tick()
     last = moving(bench, step, 200)
     for _ in range(200):
         bench.tick(rpdo=False)
