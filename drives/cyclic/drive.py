@@ -38,6 +38,10 @@ REPEATS = 1
 # Looked up every tick, and an enum's members are slow to look up.
 _OPERATION_ENABLED = State.OPERATION_ENABLED
 _ENABLED = Wanted.ENABLED
+_FOLLOWS = cia402.FOLLOWS_COMMAND
+# One that follows and comes to a limit of its own (607Fh, 60C5h) takes bit 12 back until it has caught
+# up: after a lost setpoint at full speed. How far it is off then is the following error's matter.
+_FOLLOWS_SLOWLY = cia402.FOLLOWS_COMMAND | cia402.INTERNAL_LIMIT
 _unpack_feedback = pdo.FEEDBACK.unpack
 _pack_command_into = pdo.COMMAND.pack_into
 _pack_target_into = pdo.TARGET.pack_into
@@ -82,6 +86,7 @@ class Drive(PowerStage):
         self._homed_at = 0
         self._stood = 0  # feedbacks in a row
         self._interpolates = profile.mode is CyclicMode.IP
+        self._goes_on = _FOLLOWS if self._interpolates else _FOLLOWS_SLOWLY
         self._frame: bytearray | memoryview = pdo.command_frame(node, profile.rpdo)
         self.feed_forward = settings.feed_forward
         self.set_velocity_units(settings.velocity_units)
@@ -162,7 +167,7 @@ class Drive(PowerStage):
 
     def _look(self, enabled: bool) -> None:
         super()._look(enabled)
-        told = enabled and bool(self.statusword & cia402.FOLLOWS_COMMAND)
+        told = enabled and bool(self.statusword & (self._goes_on if self.following else _FOLLOWS))
         follows = told and self.cyclic and not self._stale
         if self.wanted is _ENABLED:
             if follows:

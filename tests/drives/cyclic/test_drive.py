@@ -118,6 +118,23 @@ def test_to_stop_following_in_operation_is_a_lost_state_too():
     assert drive.fault(0.0, CONSUMER_S) is DriveFault.STATE_LOST
 
 
+def test_a_drive_that_catches_up_at_its_own_limit_is_followed_further():
+    drive = enabled()
+    tell(drive, OE | cia402.INTERNAL_LIMIT, 1000)  # after a lost setpoint at full speed
+    assert drive.following and sent(drive, 1500) == (0x0F, 1500)
+    assert drive.fault(0.0, 0.1) is DriveFault.NONE
+    tell(drive, OE, 1000)  # without a limit of its own it does not follow
+    assert not drive.following and drive.fault(0.0, 0.1) is DriveFault.STATE_LOST
+
+
+def test_a_limit_alone_does_not_make_a_drive_follow():
+    drive = new_drive()
+    drive.want(Wanted.ENABLED)
+    for statusword in (SOD, RTSO, SO, OE | cia402.INTERNAL_LIMIT):
+        tell(drive, statusword, 7)
+    assert not drive.following
+
+
 def test_not_yet_enabled_is_no_lost_state():
     drive = new_drive()
     drive.want(Wanted.ENABLED)
