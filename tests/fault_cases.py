@@ -130,7 +130,8 @@ CASES: tuple[Case, ...] = (
     Case("EMCY 8130h heartbeat", emcy(0x8130), of(F.EMCY)),
     Case("EMCY 8250h protocol", emcy(0x8250), of(F.EMCY)),
     Case("EMCY FF01h vendor", emcy(0xFF01), of(F.EMCY)),
-    Case("motor jammed", script("jam Y for 250 ms"), NOT_THERE),
+    # At rest nothing is harmed, nor is a search for the zero that goes on when the motor is free again.
+    Case("motor jammed", script("jam Y for 250 ms"), NOT_THERE, only(("homing", "idle"), NOTHING)),
     Case("motor weak", script("weak Y to 2 % for 250 ms"), NOT_THERE | NOTHING),
     Case("RPDO lost for 250 ms", script("drop rpdo Y for 250 ms"), NOT_THERE | NOTHING),
     Case("RPDO late by 40 ms for good", script("delay rpdo Y by 40 ms for 400 ms"), NOT_THERE | NOTHING),

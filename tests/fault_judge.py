@@ -25,6 +25,7 @@ from controller.session.observer import LATENCY, STANDS, Sight
 from controller.state import Fault, Mode, Times, stands_within_s
 
 OVERSHOOT = 1.05  # of a servo
+ROUNDING = 1e-6
 LATEST_TICKS = 10  # "its window plus what it moves in so many ticks"
 OF_LATE = 5.0  # time constants of the slowest loop that stays inside of the window
 
@@ -100,10 +101,12 @@ def _moved(joints: Array) -> Array:
 
 
 def _too_fast(sight: Sight) -> Iterator[Wrong]:
+    """By the motor's own speed, and by its way: in a tick it has two periods at most, if a SYNC is late."""
+    fastest = np.maximum(sight.turned, sight.speed / 2.0)
     for i, axis in enumerate(sight.machine.axes):
-        share = sight.speed[:, i] / axis.limits.velocity
-        if share.max() > OVERSHOOT:
-            row = int(np.flatnonzero(share > OVERSHOOT)[0])
+        share = fastest[:, i] / axis.limits.velocity
+        if share.max() > OVERSHOOT + ROUNDING:
+            row = int(np.flatnonzero(share > OVERSHOOT + ROUNDING)[0])
             yield sight.ticks[row].tick, f"{axis.name} ran {share.max():.2f} times its velocity limit"
 
 

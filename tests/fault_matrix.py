@@ -62,7 +62,7 @@ def run(case: Case, mode: str, scene: Scene) -> Cell:
     stood_s = stood_after_s(scene, event_s, case.free) if fault is not Fault.NONE else 0.0
     jump, slope = jumps(scene)
     limits = [axis.limits.velocity for axis in scene.machine.axes]
-    fast = float((sight.speed / limits).max())
+    fast = float((sight.turned / limits).max())
     problems = [
         *_named(case, mode, scene, fault),
         *_stood(stood_s, promised_s),

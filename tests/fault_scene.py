@@ -80,7 +80,7 @@ class Scene(SteppedMachine):
         super().__init__(of or machine(), recordings=recordings, lateness=self._late)
         self.bus = self.rig.buses[self.machine.axes[0].bus]
         self.observer = self.observe()
-        self.injected = MachineScript().inject(self.rig.buses)
+        self.inject()
         self.group = self._group
 
     def _late(self, _wait: int) -> float:
@@ -133,9 +133,15 @@ class Scene(SteppedMachine):
         known = blocks.read(text.encode(), self.machine, "part.ngc")
         self.run(path.trace(known, self.machine, self.kinematics, self.joints))
 
+    def inject(self) -> None:
+        """The script's time begins."""
+        self.began_s = self.rig.now_s
+        self.injected = MachineScript().inject(self.rig.buses)
+
     def befall(self, *lines: str) -> None:
         """Lines of a fault script without their time: at once."""
-        text = "\n".join(f"at 0 s: {line}" for line in lines)
+        now_s = self.rig.now_s - self.began_s
+        text = "\n".join(f"at {now_s:.9f} s: {line}" for line in lines)
         self.injected.add(MachineScript.read(text, self.machine).faults)
 
     # -- back to work
@@ -151,7 +157,7 @@ class Scene(SteppedMachine):
         self.planner_dead = self.will_resume = False
         for bus in self.rig.buses.values():
             bus.faults = None
-        self.injected = MachineScript().inject(self.rig.buses)
+        self.inject()
         for source in (
             self.bus.controller,
             *(self.bus.errors.of(self.bus.source_of(a.node)) for a in self.machine.axes),

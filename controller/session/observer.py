@@ -53,6 +53,7 @@ class Seen(NamedTuple):
     command: tuple[float, ...]  # joints, mm and rad
     motors: tuple[float, ...]  # mm and rad, in power-on counting: homing moves the counting, not the motor
     zeros: tuple[float, ...]  # to be added for joints
+    speeds: tuple[float, ...]  # of the motors, mm/s and rad/s
     told: tuple[float, ...]  # joints where the drives say they are, as the tick has heard it
 
 
@@ -109,6 +110,7 @@ class Observer:
             cycle.follow.joints,
             self._scaled([_true_counts(axis.servo) - axis.sensors.moved for axis in self._axes]),
             self._scaled(self._shift),
+            self._scaled([axis.servo.velocity for axis in self._axes]),
             self._scaled(cycle.group.positions),
         )
         self._count(seen)
@@ -186,8 +188,16 @@ class Sight:
         return off
 
     @cached_property
+    def turned(self) -> Array:
+        """The speed of the motors themselves, shape (N, 5), mm/s and rad/s."""
+        return np.abs(np.array([seen.speeds for seen in self.ticks]))
+
+    @cached_property
     def speed(self) -> Array:
-        """Of the motors since the tick before, shape (N, 5), mm/s and rad/s."""
+        """Of the motors since the tick before, shape (N, 5), mm/s and rad/s.
+
+        Their periods end with a SYNC, which may come late: now and then two of them are in one tick.
+        """
         T, times_s = self.machine.period_s, np.array([seen.time_s for seen in self.ticks])
         steps = np.diff(self._travel, axis=0, prepend=self._travel[:1])
         return np.asarray(np.abs(steps) / np.diff(times_s, prepend=times_s[0] - T)[:, None])
