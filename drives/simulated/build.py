@@ -16,6 +16,7 @@ from drives.simulated.parameters import Parameters
 NodeLike = NodeSettings | SpindleSettings | IoSettings
 SPINDLE_REV_S2 = 200.0  # a spindle motor's own limit, above what a controller asks of it
 # Of a motor over what its axis needs, where nothing else is said.
+QUICK_STOP_SHARE = 2.4  # of a quick stop that the machine file wants over the acceleration: the torque has it
 TORQUE_RESERVE, SPEED_RESERVE = 3.0, 1.05
 COAST_SHARE, BRAKE_SHARE = 0.25, 1.0  # of the axis' acceleration: what friction and the brake take away
 
@@ -29,7 +30,8 @@ def drive(settings: NodeSettings, parameters: Parameters) -> SimulatedDrive:
         at = settings.homing_position_counts
         parameters = replace(parameters, position_counts=at, absolute_encoder=True)
     parameters = replace(parameters, brake=parameters.brake and settings.brake)
-    nature = sized(parameters, settings.velocity_counts_s, settings.acceleration_counts_s2)
+    needed = max(settings.acceleration_counts_s2, settings.quick_stop_counts_s2 / QUICK_STOP_SHARE)
+    nature = sized(parameters, settings.velocity_counts_s, needed)
     made = SimulatedDrive(settings.node, nature, Path(settings.eds) if settings.eds else EDS)
     made.dictionary.believe(settings.overrides)
     return families.restrict(made, settings.profile)

@@ -99,7 +99,7 @@ def test_one_skip_at_full_feed_trips_no_drive_and_exceeds_no_limit(kind: LostSyn
 
 
 def test_after_a_gap_in_which_the_drives_stood_the_cut_goes_on_from_rest() -> None:
-    done, listener = run_late(lambda n: 0.014 if n == 1900 else 0.0, LostSync.HOLD, "3000.")
+    done, listener = run_late(lambda n: 0.014 if n == 1500 else 0.0, LostSync.HOLD, "3000.")
     assert done.run.result == "completed" and done.run.fault is Fault.NONE, done.run.fault_text
     (stood,) = np.flatnonzero(done.column("switches") == STOOD)
     assert done.trace.feed_mm_s[stood - 1] > 40.0 and done.trace.feed_mm_s[stood + 1] == 0.0
@@ -110,6 +110,12 @@ def test_after_a_gap_in_which_the_drives_stood_the_cut_goes_on_from_rest() -> No
     # What is cut is whole: the place at which it goes on is the one at which it stood.
     s = done.column("s")
     assert s[stood] == s[stood + 1] < s[stood - 1]
+
+
+def test_a_gap_at_an_axis_full_speed_carries_the_motor_on_and_is_no_good_part() -> None:
+    """Y does 200 mm/s there: no motor stands at once, and 2 mm beside the path are told."""
+    done, _ = run_late(lambda n: 0.014 if n == 1900 else 0.0, LostSync.HOLD, "3000.")
+    assert (done.run.fault, done.run.fault_axis) == (Fault.FOLLOWING_ERROR, 1)
 
 
 @pytest.mark.slow
