@@ -46,7 +46,6 @@ class FakeFollowingError:
     """Of a drive without lag."""
 
     actual = 0
-    in_position = True
 
 
 class FakeDrive:
@@ -63,6 +62,7 @@ class FakeDrive:
         self.homing_error = False
         self.homing_to = 0
         self.following_error = FakeFollowingError()
+        self.in_position = True
         self.next = position
         self.velocity_units = 1.0
         self._homing = -1

@@ -359,7 +359,7 @@ class Modes:
     def not_in_position(self) -> int:
         """Index of a drive that is not where motion has led it yet, or -1."""
         drives = self._group.drives
-        return next((i for i, drive in enumerate(drives) if not drive.following_error.in_position), -1)
+        return next((i for i, drive in enumerate(drives) if not drive.in_position), -1)
 
     def _first_not_following(self) -> int:
         return next((i for i, drive in enumerate(self._group.drives) if not drive.following), -1)

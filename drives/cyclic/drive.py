@@ -76,8 +76,10 @@ class Drive(PowerStage):
         self.homing_error = False
         self.refused = 0
         self.following_error = FollowingError(settings.following, settings.period_s)
+        self._rest = settings.following.rest_counts
+        self._target_latched = self._target_reached = 0  # at the last SYNC: taken over; come to
         self._followed = False
-        self._twice = 0
+        self._twice = 0  # SYNCs in a row
         self._twice_now = False
         self._mode = profile.mode.value
         self._homing = False
@@ -112,8 +114,10 @@ class Drive(PowerStage):
             self.malformed += 1
             return
         statusword, position = _unpack_feedback(data)
-        if self._arrived and (position != self.position or statusword != self.statusword):
-            self._twice_now = True
+        if self._arrived:
+            self._again(position != self.position or statusword != self.statusword)
+        elif self._twice:
+            self._twice, self._twice_now = self._twice if self._twice_now else 0, False
         self.position = position
         self.position_at_s = now_s
         self._arrived = True
@@ -122,32 +126,43 @@ class Drive(PowerStage):
             self.statusword = statusword
             self._known = True
             self._step()
+        lag = self._target_reached - position
+        if not -self._rest <= lag <= self._rest and self.following:
+            self._compare(lag)
         if self._homing:
             self._watch_homing()
 
     def expect(self) -> None:
-        super().expect()
-        self.following_error.sync(self.setpoint, self.following)
+        self._awaiting = True
+        self._target_reached, self._target_latched = self._target_latched, self.setpoint
 
-    def settle(self) -> None:
-        if self._twice_now or self._twice:
-            self._count_twice()
-        if self._arrived and self._awaiting and self.following:
-            self._compare()
-        super().settle()
+    def measure(self) -> None:
+        """Every ``MEASURE_EVERY`` SYNCs; see `FollowingError`."""
+        if self.following:
+            reached = self._target_reached
+            self.following_error.measure(reached - self.position, self._target_latched - reached)
 
-    def _compare(self) -> None:
+    @property
+    def in_position(self) -> bool:
+        """Whether it stands where motion has led it."""
+        at_rest = self.setpoint == self._target_latched == self._target_reached
+        return at_rest and abs(self.setpoint - self.position) <= self.settings.following.in_position_counts
+
+    def _compare(self, lag: int) -> None:
         """Command against position; one that is too far off is lost, and told to stop where it is."""
-        if self.following_error.judge(self.position) and self.wanted is _ENABLED:
+        beyond = self.following_error.beyond(lag, self._target_latched - self._target_reached)
+        if beyond and self.wanted is _ENABLED:
             self._lose(DriveFault.FOLLOWING_ERROR)
             self._step()
 
-    def _count_twice(self) -> None:
-        self._twice = self._twice + 1 if self._twice_now else 0
-        self._twice_now = False
-        if self._twice >= TWICE_IN_A_ROW and self._judged:
-            self._lose(DriveFault.NODE_TWICE)
-            self._step()
+    def _again(self, differs: bool) -> None:
+        """A second feedback for one SYNC."""
+        if differs and not self._twice_now:
+            self._twice_now = True
+            self._twice += 1
+            if self._twice >= TWICE_IN_A_ROW and self._judged:
+                self._lose(DriveFault.NODE_TWICE)
+                self._step()
 
     def _mode_display(self, data: memoryview, now_s: float) -> None:
         """6061h: a drive that a stranger has put into another mode goes by other objects than ours."""

@@ -1,4 +1,4 @@
-"""Command against position: whether a drive is where it was told to be, with the bus counted.
+"""Command against position: how far a drive may be from where it was told to be, the bus counted.
 
 A setpoint is sent in tick k, latched by SYNC k + 1, and reached at SYNC k + 2, for the drive
 interpolates over one period; the position sampled there is read in tick k + 3. So what a feedback
@@ -17,6 +17,9 @@ times the window's own time: a first-order loop that takes half of the window at
 
 Where the part by speed is a default, and nobody's word, it is tightened by what is measured: over the
 first second of motion at speed since the drive was enabled, to twice the lag that was seen there.
+
+What is within the part at rest costs the tick one comparison (``drive.py``); only what is beyond it is
+looked at here, and every so many SYNCs the speed.
 """
 
 from __future__ import annotations
@@ -26,34 +29,32 @@ import math
 from drives.settings import FollowingWindow
 
 OUTLIVES = 3.0  # times the window's own time: how slowly the speed that counts is let down
+MEASURE_EVERY = 4  # SYNCs
 LEARN_S = 1.0  # of motion at speed, until the default is tightened
 AT_SPEED = 0.02  # share of the largest speed
 MARGIN = 2.0  # what is allowed beside what was measured
 LEAST_SYNCS = 2.0  # the part by speed is never less: setpoints that come one SYNC late, and one more
-FILLED = 3  # SYNCs until what was sent while it followed has been reached
 
 
 class FollowingError:
     """One drive's following error, in counts.
 
-    Read: ``actual`` (commanded less actual at the last feedback, as 60F4h), ``window`` (allowed at it),
-    ``in_position``.
+    Read: ``actual`` (commanded less actual as 60F4h, when it was last beyond the part at rest), ``window``
+    (allowed then).
     """
 
     def __init__(self, window: FollowingWindow, period_s: float) -> None:
         self.actual = 0
         self.window = 0.0
-        self._at_rest = True  # nothing that was commanded is still to be reached
         self._rest = window.rest_counts
         self._given = window.speed_s / period_s  # SYNCs of the present speed
-        self._in_position = window.in_position_counts
         self._ticks = window.ticks
-        self._decay = math.exp(-period_s / (OUTLIVES * window.speed_s)) if window.speed_s > 0.0 else 0.0
+        let_down_s = OUTLIVES * window.speed_s
+        self._decay = math.exp(-MEASURE_EVERY * period_s / let_down_s) if let_down_s > 0.0 else 0.0
         self._at_speed = AT_SPEED * window.velocity_counts_s * period_s
-        self._to_learn = round(LEARN_S / period_s) if window.tightens and self._at_speed > 0.0 else 0
-        self._latched = self._reached = 0
+        learns = window.tightens and self._at_speed > 0.0
+        self._to_learn = round(LEARN_S / period_s / MEASURE_EVERY) if learns else 0
         self._speed = 0.0  # counts per SYNC, the largest of late
-        self._syncs = 0  # since it follows
         self._beyond = 0  # feedbacks in a row
         self._by_speed = self._given
         self._learning = self._to_learn
@@ -61,44 +62,36 @@ class FollowingError:
 
     def forget(self) -> None:
         """Enabled anew: what was measured belongs to another day's load."""
-        self._syncs = self._beyond = 0
+        self._beyond = 0
         self._by_speed, self._learning, self._largest = self._given, self._to_learn, 0.0
 
-    def sync(self, sent: int, follows: bool) -> None:
-        """A SYNC has gone out: the drive latches ``sent`` and has come to what it latched before."""
-        before, reached = self._reached, self._latched
-        self._reached, self._latched = reached, sent
-        self._at_rest = sent == reached == before
-        if not follows:
-            self._syncs, self._speed = 0, 0.0
-            return
-        self._syncs += 1
-        moved = reached - before
-        speed = self._speed * self._decay
-        self._speed = moved if moved > speed else -moved if -moved > speed else speed
+    def beyond(self, lag: int, moved: int) -> bool:
+        """A feedback beyond the part at rest; True where it is beyond the window too often in a row.
 
-    def judge(self, position: int) -> bool:
-        """The feedback of the last SYNC; True where it has been beyond the window too often in a row."""
-        self.actual = lag = self._reached - position
-        if self._syncs < FILLED:
-            return False
+        ``moved``: counts of the command in one SYNC.
+        """
+        speed = float(moved if moved >= 0 else -moved)
+        if speed > self._speed:
+            self._speed = speed
+        self.actual = lag
         self.window = window = self._rest + self._by_speed * self._speed
-        off = lag if lag > 0 else -lag
-        if off > window:
-            self._beyond += 1
-            return self._beyond >= self._ticks
-        self._beyond = 0
-        if self._learning and self._speed > self._at_speed:
-            self._learn(off)
-        return False
+        if -window <= lag <= window:
+            self._beyond = 0
+            return False
+        self._beyond += 1
+        return self._beyond >= self._ticks
 
-    @property
-    def in_position(self) -> bool:
-        """Whether it stands where motion has led it."""
-        return self._at_rest and -self._in_position <= self.actual <= self._in_position
+    def measure(self, lag: int, moved: int) -> None:
+        """Every ``MEASURE_EVERY`` SYNCs: the speed that counts, and what the drive lags by it."""
+        speed = float(moved if moved >= 0 else -moved)
+        late = self._speed * self._decay
+        self._speed = speed = speed if speed > late else late
+        if -self._rest <= lag <= self._rest:
+            self._beyond = 0
+        if self._learning and speed > self._at_speed and not self._beyond:
+            self._learn((lag if lag >= 0 else -lag) / speed)
 
-    def _learn(self, off: int) -> None:
-        lag = off / self._speed
+    def _learn(self, lag: float) -> None:
         if lag > self._largest:
             self._largest = lag
         self._learning -= 1

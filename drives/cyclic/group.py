@@ -23,6 +23,7 @@ from drives.cia402 import Wanted
 from drives.cyclic.drive import Drive
 from drives.cyclic.drive_fault import DriveFault
 from drives.cyclic.enabling import Enabling
+from drives.cyclic.following_error import MEASURE_EVERY
 from drives.cyclic.io_node import IoNode
 from drives.cyclic.line import BITS, MOST_FRAMES, Line
 from drives.cyclic.spindle import SpindleDrive
@@ -76,6 +77,8 @@ class Group:
         self._guarded: tuple[tuple[Line, Supervised], ...] = tuple(
             (line, node) for line in self.lines for node in (*line.drives, *line.others) if node.guarded
         )
+        self._measures = tuple(self.drives[turn::MEASURE_EVERY] for turn in range(MEASURE_EVERY))
+        self._measured = 0
         self._guard_turn = 0
         self._guard_due_s = -math.inf if self._guarded else math.inf
         self._enabling = Enabling(self.drives)
@@ -123,6 +126,9 @@ class Group:
         positions = self.positions
         for i, drive in enumerate(self.drives):
             positions[i] = drive.position
+        self._measured = turn = (self._measured + 1) % MEASURE_EVERY
+        for drive in self._measures[turn]:
+            drive.measure()
         if self._enabling.waits:
             self._enabling.progress(now_s)
 

@@ -10,12 +10,13 @@ from group_bench import GroupBench, T, nodes
 
 from drives import pdo
 from drives.cyclic.drive_fault import DriveFault
-from drives.cyclic.following_error import FollowingError
+from drives.cyclic.following_error import MEASURE_EVERY, FollowingError
 from drives.settings import FollowingWindow
 
 SPEED = 40_000_000.0  # counts/s: 200 mm/s at 200 000 counts a mm
 REST = 80_000.0  # 0.4 mm
 WINDOW = FollowingWindow(REST, 0.02, 8_000.0, 3, SPEED, tightens=True)
+REST_OF_LOOP = 1000.0
 RAMP = 50  # ticks to full speed
 FULL = round(SPEED * T)
 
@@ -127,15 +128,16 @@ def test_a_default_is_tightened_to_twice_what_was_measured_and_a_given_one_is_no
 def first_order(error: FollowingError, speeds: list[float], lag_s: float) -> float:
     """The largest share of the window that a position loop of gain 1 / lag_s takes, by itself."""
     command, position, worst = 0.0, 0.0, 0.0
-    behind = [0.0, 0.0]
-    for speed in speeds:
-        command += speed * T
-        error.sync(round(behind[0]), True)
-        behind = [behind[1], command] if len(behind) == 2 else [command, command]
-        reached = error._reached
-        position += (reached - position) * (1.0 - math.exp(-T / lag_s))
-        error.judge(round(position))
-        worst = max(worst, abs(error.actual) / error.window) if error.window else worst
+    for k, speed in enumerate(speeds):
+        moved = speed * T
+        command += moved
+        position += (command - position) * (1.0 - math.exp(-T / lag_s))
+        lag = round(command - position)
+        if abs(lag) > REST_OF_LOOP:
+            error.beyond(lag, round(moved))
+            worst = max(worst, abs(error.actual) / error.window)
+        if k % MEASURE_EVERY == 0:
+            error.measure(lag, round(moved))
     return worst
 
 
@@ -143,19 +145,19 @@ def first_order(error: FollowingError, speeds: list[float], lag_s: float) -> flo
 def test_the_lag_of_a_slow_loop_that_has_stopped_is_still_within_the_window(stop_ticks: int) -> None:
     """What is left of it at rest was made by a speed that is gone; the loop's lag is half of the window."""
     speeds = [SPEED] * 200 + [SPEED * (1.0 - (i + 1) / stop_ticks) for i in range(stop_ticks)] + [0.0] * 200
-    error = FollowingError(FollowingWindow(1000.0, 0.02, 10.0, 3, SPEED), T)
+    error = FollowingError(FollowingWindow(REST_OF_LOOP, 0.02, 10.0, 3, SPEED), T)
     assert 0.4 < first_order(error, speeds, 0.01) < 1.0
 
 
 def test_in_position_is_where_motion_has_led_it_and_not_on_the_way() -> None:
     bench = bench_of("X")
-    error = bench.group.drives[0].following_error
-    assert error.in_position
+    drive = bench.group.drives[0]
+    assert drive.in_position
     seen = []
     for i in range(100):
         bench.setpoints[0] += 20_000 if i < 30 else 0
         bench.tick()
-        seen.append(error.in_position)
+        seen.append(drive.in_position)
     assert not any(seen[4:32])
     assert all(seen[50:])
     first = seen.index(True, 32)
