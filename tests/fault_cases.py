@@ -93,6 +93,8 @@ def only(modes: tuple[str, ...], named: Named) -> dict[str, Named]:
 
 LOST = of(F.FEEDBACK_LOST)
 NOT_THERE = of(F.FOLLOWING_ERROR, F.EMCY)  # the drive's own word for it may come first
+UNHEARD = of(F.SETPOINTS_LOST)  # by the deadline of its RPDO, where nothing is seen to be off before
+AT_REST = only(("homing", "idle"), NOTHING)  # there it stands, or moves by itself and slowly
 SWITCHED = of(N, F.LIMIT_SWITCH, F.FOLLOWING_ERROR, F.STATE_LOST)  # nothing, where it moves the other way
 
 CASES: tuple[Case, ...] = (
@@ -127,15 +129,29 @@ CASES: tuple[Case, ...] = (
     Case("EMCY 5530h hardware", emcy(0x5530), of(F.EMCY)),
     Case("EMCY 6320h software", emcy(0x6320), of(F.EMCY)),
     Case("EMCY 7305h encoder", emcy(0x7305), of(F.EMCY)),
-    Case("EMCY 8130h heartbeat", emcy(0x8130), of(F.EMCY)),
-    Case("EMCY 8250h protocol", emcy(0x8250), of(F.EMCY)),
     Case("EMCY FF01h vendor", emcy(0xFF01), of(F.EMCY)),
     # At rest nothing is harmed, nor is a search for the zero that goes on when the motor is free again.
-    Case("motor jammed", script("jam Y for 250 ms"), NOT_THERE, only(("homing", "idle"), NOTHING)),
-    Case("motor weak", script("weak Y to 2 % for 250 ms"), NOT_THERE | NOTHING),
-    Case("RPDO lost for 250 ms", script("drop rpdo Y for 250 ms"), NOT_THERE | NOTHING),
-    Case("RPDO late by 40 ms for good", script("delay rpdo Y by 40 ms for 400 ms"), NOT_THERE | NOTHING),
-    Case("RPDO repeated for 250 ms", script("repeat rpdo Y for 250 ms"), NOT_THERE | NOTHING),
+    Case("motor jammed", script("jam Y for 250 ms"), NOT_THERE, AT_REST),
+    Case("motor weak", script("weak Y to 2 % for 250 ms"), NOT_THERE, AT_REST),
+    Case(
+        "RPDO lost for 250 ms",
+        script("drop rpdo Y for 250 ms"),
+        of(F.FOLLOWING_ERROR),
+        only(("homing", "idle"), UNHEARD),
+    ),
+    Case("heartbeat of the controller lost", script("drop 77F for 400 ms"), of(F.EMCY), all_axes=True),
+    Case(
+        "RPDO late by 40 ms for good",
+        script("delay rpdo Y by 40 ms for 400 ms"),
+        of(F.FOLLOWING_ERROR),
+        AT_REST,
+    ),
+    Case(
+        "RPDO repeated for 250 ms",
+        script("repeat rpdo Y for 250 ms"),
+        of(F.FOLLOWING_ERROR),
+        AT_REST,
+    ),
     Case("limit switch by position", script("limit Y at {ahead} for 250 ms"), SWITCHED),
     Case("limit switch pressed", script("switch Y high for 250 ms"), SWITCHED),
     Case("STO of one drive", script("sto Y for 250 ms"), of(F.TORQUE_OFF), free=(AXIS,)),
@@ -147,8 +163,14 @@ CASES: tuple[Case, ...] = (
         all_axes=True,
     ),
     Case("supply lost", script("power Y for 100 ms"), of(F.NODE_RESET, F.FEEDBACK_LOST), free=(AXIS,)),
-    Case("mode by a stranger", script("mode Y to 1"), of(F.STATE_LOST, F.FOLLOWING_ERROR)),
-    Case("NMT stop by a stranger", script("nmt Y stop"), of(F.FEEDBACK_LOST, F.NODE_RESET)),
+    Case(
+        "mode by a stranger", script("mode Y to 1"), of(F.MODE_LOST), only(("homing",), of(F.HOMING_FAILED))
+    ),
+    Case("NMT stop by a stranger", script("nmt Y stop"), of(F.NODE_STOPPED)),
+    Case("NMT pre-operational by a stranger", script("nmt Y preop"), of(F.NODE_STOPPED)),
+    Case("NMT reset by a stranger", script("nmt Y reset_communication"), of(F.NODE_RESET), free=(AXIS,)),
+    Case("setpoints of a stranger", script("foreign rpdo Y for 20 ms"), of(F.FOREIGN_FRAMES), all_axes=True),
+    Case("two drives with one id", script("second Y"), of(F.NODE_TWICE, F.NODE_RESET)),
     Case("wrong statusword: not enabled", script("falsify tpdo Y byte 0 xor 04 x 1"), of(F.STATE_LOST)),
     Case("wrong statusword: in fault", script("falsify tpdo Y byte 0 xor 08 x 1"), of(F.STATE_LOST)),
     Case("node bus-off", script("bus_off Y"), LOST),

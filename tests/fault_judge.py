@@ -26,6 +26,7 @@ from controller.state import Fault, Mode, Times, stands_within_s
 
 OVERSHOOT = 1.05  # of a servo
 ROUNDING = 1e-6
+WAY_TICKS, LIVED_LATE = 25, 4  # periods
 LATEST_TICKS = 10  # "its window plus what it moves in so many ticks"
 OF_LATE = 5.0  # time constants of the slowest loop that stays inside of the window
 
@@ -92,17 +93,18 @@ def allowed(sight: Sight) -> Array:
     return np.stack(columns, axis=1)
 
 
-def _moved(joints: Array) -> Array:
-    """The way of the last ten ticks, (N, 5)."""
+def _moved(joints: Array, ticks: int = LATEST_TICKS) -> Array:
+    """The way of the last ticks, (N, 5)."""
     way = np.cumsum(np.abs(np.diff(joints, axis=0, prepend=joints[:1])), axis=0)
     before = np.zeros_like(way)
-    before[LATEST_TICKS:] = way[:-LATEST_TICKS]
+    before[ticks:] = way[:-ticks]
     return np.asarray(way - before)
 
 
 def _too_fast(sight: Sight) -> Iterator[Wrong]:
-    """By the motor's own speed, and by its way: in a tick it has two periods at most, if a SYNC is late."""
-    fastest = np.maximum(sight.turned, sight.speed / 2.0)
+    """By the motor's own speed, and by its way, of which a drive that misses SYNCs lives some periods late."""
+    way = _moved(sight.motors, WAY_TICKS) / (WAY_TICKS + LIVED_LATE) / sight.machine.period_s
+    fastest = np.maximum(sight.turned, way)
     for i, axis in enumerate(sight.machine.axes):
         share = fastest[:, i] / axis.limits.velocity
         if share.max() > OVERSHOOT + ROUNDING:

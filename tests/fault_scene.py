@@ -155,8 +155,10 @@ class Scene(SteppedMachine):
         """Whatever was done to bus, drives and planner is over."""
         self.after_tick = lambda: None
         self.planner_dead = self.will_resume = False
-        for bus in self.rig.buses.values():
-            bus.faults = None
+        for injector in self.injected._injectors.values():
+            for twin in injector._nodes._twins.values():
+                twin.power_off(self.rig.now_s)
+            injector.remove()
         self.inject()
         for source in (
             self.bus.controller,
