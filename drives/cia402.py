@@ -45,6 +45,8 @@ HOMING_ATTAINED = 1 << 12  # the same bit, in homing mode
 FOLLOWING_ERROR = 1 << 13
 HOMING_ERROR = 1 << 13
 
+HOMING = 6  # mode of operation, objects 6060h and 6061h
+
 # Controlwords, object 6040h.
 DISABLE_VOLTAGE = 0x00
 QUICK_STOP = 0x02

@@ -163,9 +163,7 @@ CASES: tuple[Case, ...] = (
         all_axes=True,
     ),
     Case("supply lost", script("power Y for 100 ms"), of(F.NODE_RESET, F.FEEDBACK_LOST), free=(AXIS,)),
-    Case(
-        "mode by a stranger", script("mode Y to 1"), of(F.MODE_LOST), only(("homing",), of(F.HOMING_FAILED))
-    ),
+    Case("mode by a stranger", script("mode Y to 1"), of(F.MODE_LOST)),
     Case("NMT stop by a stranger", script("nmt Y stop"), of(F.NODE_STOPPED)),
     Case("NMT pre-operational by a stranger", script("nmt Y preop"), of(F.NODE_STOPPED)),
     Case("NMT reset by a stranger", script("nmt Y reset_communication"), of(F.NODE_RESET), free=(AXIS,)),

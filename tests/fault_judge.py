@@ -102,9 +102,11 @@ def _moved(joints: Array, ticks: int = LATEST_TICKS) -> Array:
 
 
 def _too_fast(sight: Sight) -> Iterator[Wrong]:
-    """By the motor's own speed, and by its way, of which a drive that misses SYNCs lives some periods late."""
-    way = _moved(sight.motors, WAY_TICKS) / (WAY_TICKS + LIVED_LATE) / sight.machine.period_s
-    fastest = np.maximum(sight.turned, way)
+    """By the motor's own speed, and by its way; a drive that misses SYNCs lives some periods late."""
+    times_s = np.array([seen.time_s for seen in sight.ticks])
+    took_s = times_s - np.concatenate([np.full(WAY_TICKS, times_s[0]), times_s])[: len(times_s)]
+    way = _moved(sight.travel, WAY_TICKS)
+    fastest = np.maximum(sight.turned, way / (took_s + LIVED_LATE * sight.machine.period_s)[:, None])
     for i, axis in enumerate(sight.machine.axes):
         share = fastest[:, i] / axis.limits.velocity
         if share.max() > OVERSHOOT + ROUNDING:

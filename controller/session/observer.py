@@ -163,10 +163,11 @@ class Sight:
     @cached_property
     def motors(self) -> Array:
         """Where the motors truly were, shape (N, 5), mm and rad, in the joints' counting."""
-        return np.asarray(self._travel + np.array([seen.zeros for seen in self.ticks]))
+        return np.asarray(self.travel + np.array([seen.zeros for seen in self.ticks]))
 
     @cached_property
-    def _travel(self) -> Array:
+    def travel(self) -> Array:
+        """Where the motors were in power-on counting, shape (N, 5), mm and rad."""
         return np.array([seen.motors for seen in self.ticks])
 
     @cached_property
@@ -199,7 +200,7 @@ class Sight:
         Their periods end with a SYNC, which may come late: now and then two of them are in one tick.
         """
         T, times_s = self.machine.period_s, np.array([seen.time_s for seen in self.ticks])
-        steps = np.diff(self._travel, axis=0, prepend=self._travel[:1])
+        steps = np.diff(self.travel, axis=0, prepend=self.travel[:1])
         return np.asarray(np.abs(steps) / np.diff(times_s, prepend=times_s[0] - T)[:, None])
 
     def raised(self) -> tuple[Raised, ...]:

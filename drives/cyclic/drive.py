@@ -38,6 +38,7 @@ REPEATS = 1
 # Looked up every tick, and an enum's members are slow to look up.
 _OPERATION_ENABLED = State.OPERATION_ENABLED
 _ENABLED = Wanted.ENABLED
+_HOMING = cia402.HOMING
 _FOLLOWS = cia402.FOLLOWS_COMMAND
 # One that follows and comes to a limit of its own (607Fh, 60C5h) takes bit 12 back until it has caught
 # up: after a lost setpoint at full speed. How far it is off then is the following error's matter.
@@ -169,7 +170,8 @@ class Drive(PowerStage):
         if len(data) != pdo.MODE_BYTES:
             self.malformed += 1
             return
-        if data[0] != self._mode and self.cyclic and self.wanted is _ENABLED:
+        ours = data[0] == (_HOMING if self._homing else self._mode)
+        if not ours and (self.cyclic or self._homing) and self.wanted is _ENABLED:
             self._lose(DriveFault.MODE_LOST)
             self._step()
 

@@ -375,6 +375,16 @@ def test_a_homing_error_ends_homing_without_done():
     assert not drive.homing_done
 
 
+def test_a_homing_drive_that_a_stranger_puts_into_another_mode_is_lost():
+    drive = enabled()
+    drive.homing(True)
+    tell_mode = drive.handlers[pdo.tpdo(drive.settings.mode_tpdo, 1)]
+    tell_mode(memoryview(b"\x06"), 0.0)
+    assert drive.fault(0.0, CONSUMER_S) is DriveFault.NONE
+    tell_mode(memoryview(b"\x01"), 0.0)
+    assert drive.fault(0.0, CONSUMER_S) is DriveFault.MODE_LOST
+
+
 def test_changing_the_mode_in_operation_is_no_lost_state_when_announced():
     drive = enabled()
     drive.leave_cyclic()
