@@ -104,6 +104,7 @@ class FakeGroup:
         self.sync_seen = True
         self.syncs_seen = 1
         self.failure: tuple[DriveFault, int] = (DriveFault.NONE, -1)
+        self.unseen: dict[int, DriveFault] = {}
         self.wanted = Wanted.OFF
         self.sync_stopped = False
         self.spindle: Any = None
@@ -142,6 +143,9 @@ class FakeGroup:
 
     def fault_of(self, index: int, now_s: float) -> DriveFault:
         return self.failure[0] if index == self.failure[1] else DriveFault.NONE
+
+    def out_of_sight(self, index: int, now_s: float) -> DriveFault:
+        return self.unseen.get(index, DriveFault.NONE)
 
     def stop_sync(self) -> None:
         self.sync_stopped = True

@@ -48,7 +48,7 @@ class Seen(NamedTuple):
     warning: Fault
     on_path: bool  # the commanded joints are the plan's, and the drives are to follow them
     untrusted: int  # bit mask of the axes
-    torque: int  # of the motors that have some
+    torque: int  # of the motors that have enough for a stop of their axis
     recounted: int  # of the drives that count from another zero than when the path began
     command: tuple[float, ...]  # joints, mm and rad
     motors: tuple[float, ...]  # mm and rad, in power-on counting: homing moves the counting, not the motor
@@ -72,6 +72,10 @@ class Observer:
     def __init__(self, machine: Machine, cycle: Cycle, rig: Rig) -> None:
         self._machine, self._cycle, self._rig = machine, cycle, rig
         self._axes = [rig.drives[axis.name].axis for axis in machine.axes]
+        self._stops = [  # counts/s^2
+            (axis.stopping.quick_stop or axis.limits.acceleration) * abs(axis.counts_per_unit)
+            for axis in machine.axes
+        ]
         self._per_count = [1.0 / axis.counts_per_unit for axis in machine.axes]
         self._seen: list[Seen] = []
         self._shift = [0.0] * len(self._axes)
@@ -105,7 +109,7 @@ class Observer:
             modes.warning,
             on_path,
             modes.untrusted,
-            sum(1 << i for i, axis in enumerate(self._axes) if axis.powered),
+            self._braking(),
             self._recounted(),
             cycle.follow.joints,
             self._scaled([_true_counts(axis.servo) - axis.sensors.moved for axis in self._axes]),
@@ -115,6 +119,10 @@ class Observer:
         )
         self._count(seen)
         self._seen.append(seen)
+
+    def _braking(self) -> int:
+        pairs = enumerate(zip(self._axes, self._stops, strict=True))
+        return sum(1 << i for i, (axis, stop) in pairs if axis.powered and axis.servo.strongest >= stop)
 
     def _recounted(self) -> int:
         pairs = zip(self._axes, self._shift, strict=True)

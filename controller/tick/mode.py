@@ -59,6 +59,7 @@ class Drives(Protocol):
     def following(self) -> bool: ...
     def fault(self, now_s: float) -> tuple[DriveFault, int]: ...
     def fault_of(self, index: int, now_s: float) -> DriveFault: ...
+    def out_of_sight(self, index: int, now_s: float) -> DriveFault: ...
     def stop_sync(self) -> None: ...
 
 
@@ -305,11 +306,16 @@ class Modes:
             fault = self._group.fault_of(i, now_s)
             if fault is not DriveFault.NONE:
                 lost += 1
-                self._distrust(DRIVE_FAULTS[fault], i)
-                self._name_more(DRIVE_FAULTS[fault], i)
+                self._look_at(fault, i)
+                self._look_at(self._group.out_of_sight(i, now_s), i)
         if lost > 1 and not self._quick_stopped:
             self.reaction = max(self.reaction, Reaction.QUICK_STOP)
             self.quick_stop()
+
+    def _look_at(self, fault: DriveFault, i: int) -> None:
+        if fault is not DriveFault.NONE:
+            self._distrust(DRIVE_FAULTS[fault], i)
+            self._name_more(DRIVE_FAULTS[fault], i)
 
     def _look_for_a_warning(self) -> None:
         """One drive per tick: a warning may wait for a few."""

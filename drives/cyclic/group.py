@@ -260,6 +260,10 @@ class Group:
         """What is wrong with one drive, whatever else is wrong."""
         return self.drives[index].fault(now_s, self.master.consumer_s)
 
+    def out_of_sight(self, index: int, now_s: float) -> DriveFault:
+        """Whether one drive cannot be seen, or was not for a while, whatever it has reported before."""
+        return self.drives[index].out_of_sight(now_s, self.master.consumer_s)
+
 
 def _lines(
     drives: Sequence[Drive],

@@ -176,10 +176,16 @@ class PowerStage(Supervised):
             return _NONE
         if self.emcy_code:
             return self._emcy_fault
+        if self._state_lost and self._left is _NONE:
+            return self._lost_as
+        return self.out_of_sight(now_s, consumer_s)
+
+    def out_of_sight(self, now_s: float, consumer_s: float) -> DriveFault:
+        """Whether it started anew, was stopped or is silent, whatever else it has reported before."""
+        if not self._judged:
+            return _NONE
         if self._left is not _NONE:
             return self._left
-        if self._state_lost:
-            return self._lost_as
         if self._feedback_lost:
             stopped = 0 <= self.nmt_state != pdo.NMT_OPERATIONAL
             return DriveFault.NODE_STOPPED if stopped else DriveFault.FEEDBACK_LOST

@@ -240,3 +240,13 @@ def test_a_drive_that_does_not_enable_in_time_is_named() -> None:
     for _ in range(2600):
         modes.progress(1, standing=True)
     assert (modes.fault, modes.fault_axis) == (Fault.ENABLE_TIMEOUT, 3)
+
+
+def test_a_drive_that_starts_anew_after_a_fault_is_no_longer_trusted_though_its_fault_stays_shown() -> None:
+    modes, group = modes_in(Mode.RUNNING)
+    group.failure = DriveFault.TORQUE_OFF, 2
+    modes.watch(0.0)
+    assert (modes.fault, modes.untrusted) == (Fault.TORQUE_OFF, 0)
+    group.unseen = {2: DriveFault.NODE_RESET}
+    modes.watch(0.1)
+    assert (modes.fault, modes.warning, modes.untrusted) == (Fault.TORQUE_OFF, Fault.NODE_RESET, 0x04)

@@ -309,6 +309,15 @@ def test_a_restart_is_named_before_the_feedback_that_it_costs():
     assert drive.fault(1.1, CONSUMER_S) is DriveFault.NODE_RESET
 
 
+def test_a_restart_after_an_emergency_is_not_hidden_by_it():
+    drive = enabled()
+    drive.receive(0x081, memoryview(b"\x00\x90\x01\0\0\0\0\0"), 0.0)
+    assert drive.out_of_sight(0.0, CONSUMER_S) is DriveFault.NONE
+    drive.receive(0x701, memoryview(bytes([pdo.NMT_BOOT_UP])), 0.1)
+    assert drive.fault(0.1, CONSUMER_S) is DriveFault.TORQUE_OFF  # the cause
+    assert drive.out_of_sight(0.1, CONSUMER_S) is DriveFault.NODE_RESET  # what it has cost
+
+
 def test_a_heartbeat_older_than_the_start_command_is_held_against_nobody():
     drive = new_drive()
     drive.receive(0x701, memoryview(b"\0"), 0.5)
