@@ -199,7 +199,7 @@ class Sight:
     @cached_property
     def turned(self) -> Array:
         """The speed of the motors themselves, shape (N, 5), mm/s and rad/s."""
-        return np.abs(np.array([seen.speeds for seen in self.ticks]))
+        return np.asarray(np.abs(np.array([seen.speeds for seen in self.ticks])))
 
     @cached_property
     def speed(self) -> Array:

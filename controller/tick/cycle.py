@@ -22,10 +22,11 @@ from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.state import ALWAYS, Fault, Mode, Request
 from controller.tick.check import Check
+from controller.tick.drives import Drives
 from controller.tick.follow import Follow, Step
 from controller.tick.jog import Jogging
 from controller.tick.joints import Encoder
-from controller.tick.mode import Drives, Modes
+from controller.tick.mode import Modes
 from controller.tick.peripherals import Peripherals
 from controller.tick.telling import Telling
 from drives.cyclic.drive_fault import DriveFault

@@ -6,10 +6,9 @@ All of it works on values; the only thing it moves is the group's goal (``want``
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any, Protocol
 
 from controller.state import ALL_AXES, ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Reaction, Request, bars
+from controller.tick.drives import Drives
 from controller.times import ENABLE_S, HOMING_S
 from drives.cia402 import State, Wanted
 from drives.cyclic.drive import DriveFault
@@ -31,36 +30,6 @@ _CAUSES = (
 )
 
 DRIVE_FAULTS = {fault: Fault[fault.name] for fault in DriveFault}
-
-
-class Drives(Protocol):
-    """What the tick needs of ``drives.cyclic.group.Group``."""
-
-    sync_seen: bool
-    syncs_seen: int
-
-    @property
-    def drives(self) -> Sequence[Any]: ...
-    @property
-    def positions(self) -> Sequence[int]: ...
-    @property
-    def lines(self) -> Sequence[Any]: ...
-
-    # The spindle's drive and the nodes with inputs and outputs; see ``peripherals``.
-    @property
-    def spindle(self) -> Any: ...
-    @property
-    def io(self) -> Sequence[Any]: ...
-
-    def receive(self, now_s: float) -> None: ...
-    def sync(self, now_s: float) -> bool: ...
-    def command(self, setpoints: Sequence[int], now_s: float) -> bool: ...
-    def want(self, wanted: Wanted) -> None: ...
-    def following(self) -> bool: ...
-    def fault(self, now_s: float) -> tuple[DriveFault, int]: ...
-    def fault_of(self, index: int, now_s: float) -> DriveFault: ...
-    def out_of_sight(self, index: int, now_s: float) -> DriveFault: ...
-    def stop_sync(self) -> None: ...
 
 
 class Modes:

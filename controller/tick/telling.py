@@ -8,10 +8,11 @@ from typing import Any
 from controller.handoff import OPTIONAL_STOP, SINGLE_BLOCK, STANDSTILL, STOOD, Recorder, SnapshotBoard
 from controller.machine import Machine
 from controller.state import Fault
+from controller.tick.drives import Drives
 from controller.tick.follow import Follow
 from controller.tick.jog import Jogging
 from controller.tick.joints import Encoder
-from controller.tick.mode import Drives, Modes
+from controller.tick.mode import Modes
 from controller.tick.peripherals import Peripherals
 
 
