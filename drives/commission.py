@@ -27,7 +27,8 @@ from drives.commissioning.network import (
 )
 from drives.commissioning.remote import NMT_PRE_OPERATIONAL, NMT_START, Change, Drive, Outcome
 from drives.commissioning.units import UnitError, units_of
-from drives.commissioning.wanted import Setting, Settings, Step, interpolation_time, shown, steps_of
+from drives.commissioning.values import shown
+from drives.commissioning.wanted import Setting, Settings, Step, interpolation_time, steps_of
 from drives.profile import Supervision
 from drives.settings import IoSettings, MasterSettings, NodeSettings, SpindleSettings
 

@@ -15,7 +15,7 @@ from rich.table import Table
 from drives.commissioning.remote import Outcome
 from drives.commissioning.setup import Row
 from drives.commissioning.survey import Entry, Status
-from drives.commissioning.wanted import shown_at
+from drives.commissioning.values import shown_at
 
 SHORT = {"pre-operational": "pre-op"}
 

@@ -16,7 +16,8 @@ from canopen.objectdictionary import ODVariable
 
 from drives.commissioning import identity, wanted
 from drives.commissioning.sheet import INTEGERS, Sheet
-from drives.commissioning.wanted import RPDO, Pdo, Setting, Settings, shown_at
+from drives.commissioning.values import shown_at
+from drives.commissioning.wanted import RPDO, Pdo, Setting, Settings
 from drives.profile import Profile, Supervision
 from drives.settings import IoSettings, MasterSettings, NodeSettings, SpindleSettings
 

@@ -15,7 +15,8 @@ from drives import pdo
 from drives.arranged import Arranged
 from drives.commissioning import sheet
 from drives.commissioning.network import CommissionError, Network, Node
-from drives.commissioning.wanted import Setting, Step, told
+from drives.commissioning.values import told
+from drives.commissioning.wanted import Setting, Step
 
 NMT_START, NMT_PRE_OPERATIONAL = 0x01, 0x80
 BOOT_TRIES, BOOT_TRY_S = 20, 0.1  # a drive may be starting up when we look for it
