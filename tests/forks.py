@@ -19,8 +19,11 @@ from controller.machine import Machine
 from controller.session.stepped import SteppedMachine
 
 
+MOST_BYTES = 1 << 20  # of a message
+
+
 class Forkable(SteppedMachine):
-    """``at_tick`` is called behind every tick; there ``fork`` may be used, where ``quiet`` is true."""
+    """``at_tick`` is called behind every tick; there ``fork`` may be used."""
 
     def __init__(self, machine: Machine) -> None:
         self.at_tick: Callable[[], None] = lambda: None
@@ -48,7 +51,8 @@ class Forkable(SteppedMachine):
 
         Raises RuntimeError with the child's traceback. Only inside of ``nursery``.
         """
-        assert self.quiet and not self.is_child
+        assert not self.is_child
+        under_way = [_taken(tick_end) for _, tick_end in self._ends]
         reads, writes = os.pipe()
         child = os.fork()
         if child == 0:
@@ -56,7 +60,9 @@ class Forkable(SteppedMachine):
             os.close(reads)
             self._to_parent = writes
             self._own_sockets()
+            self._put_back(under_way)
             return None
+        self._put_back(under_way)
         os.close(writes)
         with os.fdopen(reads, "rb") as pipe:
             data = pipe.read()
@@ -91,6 +97,11 @@ class Forkable(SteppedMachine):
             pickle.dump((ok, found), pipe)
         os._exit(0)
 
+    def _put_back(self, under_way: list[list[bytes]]) -> None:
+        for (sender, _), messages in zip(self._ends, under_way, strict=True):
+            for message in messages:
+                sender.send(message)
+
     def _own_sockets(self) -> None:
         """New ones behind the same descriptors: the parent's are not to be heard or spoken to."""
         for one, other in self._ends:
@@ -99,6 +110,14 @@ class Forkable(SteppedMachine):
                     new.setsockopt(socket.SOL_SOCKET, option, old.getsockopt(socket.SOL_SOCKET, option))
                 new.setblocking(False)
                 os.dup2(new.fileno(), old.fileno())
+
+
+def _taken(end: socket.socket) -> list[bytes]:
+    """The messages that wait to be read."""
+    found = []
+    while _holds(end):
+        found.append(end.recv(MOST_BYTES))
+    return found
 
 
 def _holds(end: socket.socket) -> bool:
