@@ -7,7 +7,8 @@ CiA 402-2, "factor group":
     velocity = d position / dt x velocity factor (6096h)         where 60A9h does not say otherwise
 
 so a revolution of the motor is 6092h / 6091h counts, whatever the encoder has: 608Fh counts only where there
-is no feed constant, and 6090h cancels out. SI units (60A8h, 60A9h, 60AAh) are
+is no feed constant, or where 60A8h says that positions are increments, and 6090h cancels out. SI units
+(60A8h, 60A9h, 60AAh) are
 
     31 ... 24 exponent   23 ... 16 numerator   15 ... 8 denominator   7 ... 0 reserved
 
@@ -57,6 +58,7 @@ class Units:
     acceleration_counts_s2: float = 1.0
     said: bool = False  # 60A9h says so: 6080h is in this unit, too
     inverted: bool = False  # 607Eh
+    rev_min_counts_s: float = 0.0  # 1/min of the motor, as CiA 402-2 has 6080h; 0 = nobody knows
 
     def velocity(self, counts_s: float, where: str) -> int:
         """A speed in the drive's units. Raises UnitError where none is near it."""
@@ -134,14 +136,36 @@ class _Reading:
         inverted = self._inverted()
         if self._position is not None:
             self._see_position(self._position)
-        told, own = self._told(), self._own()
-        if told is not None and own is not None and abs(told[0] - own[0]) > SAME * own[0]:
+        velocity = self._told_velocity()
+        sizes = self._sizes(velocity)
+        said = velocity is not None
+        return Units(*sizes, said, inverted, self._rev_min())
+
+    def _sizes(self, told: float | None) -> tuple[float, float]:
+        """Of velocity and acceleration; ``told``: the former by 60A9h."""
+        own = self._own()
+        if told is not None and own is not None and abs(told - own[0]) > SAME * own[0]:
             raise UnitError(
-                f"object 60A9h is {self._word(0x60A9):08X}h, a unit of {told[0]:g} counts/s; the machine file"
+                f"object 60A9h is {self._word(0x60A9):08X}h, a unit of {told:g} counts/s; the machine file"
                 f" says velocity_unit_counts_s = {own[0]:g}; correct one of the two"
             )
-        velocity, acceleration = own or told or self._of_family() or self._of_factors()
-        return Units(velocity, acceleration, told is not None, inverted)
+        if own is not None:
+            return own
+        velocity, acceleration = self._of_family() or self._of_factors()
+        if told is not None:
+            velocity = acceleration = told
+        if word := self._word(0x60AA):
+            acceleration = self._acceleration(word)
+        if told is not None or word:
+            self._see_factor(ACCELERATION_FACTOR, acceleration, 0x60AA)
+        return velocity, acceleration
+
+    def _rev_min(self) -> float:
+        """Counts per second of a motor that turns once a minute; 0 where nobody says it."""
+        try:
+            return self._counts_per_turn(0x6080, 0) / 60.0
+        except UnitError:
+            return 0.0
 
     # -- objects
 
@@ -184,21 +208,19 @@ class _Reading:
         velocity = profile.velocity_unit_counts_s
         return (velocity, profile.acceleration_unit_counts_s2 or velocity) if velocity else None
 
-    def _told(self) -> tuple[float, float] | None:
-        """By 60A9h and 60AAh; what the machine file says itself need not be understood."""
+    def _told_velocity(self) -> float | None:
+        """By 60A9h; what the machine file says itself need not be understood."""
         word = self._word(0x60A9)
         if not word:
             return None
         try:
             velocity = self._velocity(word)
-            acceleration = self._acceleration(self._word(0x60AA), velocity)
         except UnitError:
             if self._own() is not None:
                 return None
             raise
         self._see_factor(VELOCITY_FACTOR, velocity, 0x60A9)
-        self._see_factor(ACCELERATION_FACTOR, acceleration, 0x60AA)
-        return velocity, acceleration
+        return velocity
 
     def _of_factors(self) -> tuple[float, float]:
         for index in OLD_FACTORS:
@@ -228,9 +250,7 @@ class _Reading:
             raise self._unknown(0x60A9, word)
         return self._length(unit, 0x60A9, word) / PER_S[unit.denominator]
 
-    def _acceleration(self, word: int, velocity: float) -> float:
-        if not word:
-            return velocity
+    def _acceleration(self, word: int) -> float:
         unit = si(word)
         if unit.numerator == REV_MIN and unit.denominator in PER_S:
             rev_min = self._length(unit._replace(numerator=REVOLUTION), 0x60AA, word) / 60.0
@@ -245,9 +265,9 @@ class _Reading:
         if position is not None and position.numerator == unit.numerator:
             return unit.prefix / position.prefix
         if unit.numerator == INCREMENT:
-            return unit.prefix * self._counts_per_increment()
+            return unit.prefix * self._counts_per_increment(index, word)
         if unit.numerator == REVOLUTION:
-            return unit.prefix * self._counts_per_revolution(index, word)
+            return unit.prefix * self._counts_per_turn(index, word) * self._turns
         if unit.numerator == METRE and self._per_si(rotary=False):
             return unit.prefix * self._per_si(rotary=False)
         if unit.numerator in ANGLES and self._per_si(rotary=True):
@@ -267,6 +287,8 @@ class _Reading:
 
     def _see_position(self, unit: Si) -> None:
         """A position in SI units leaves the machine file no choice."""
+        if self._own() is None:
+            self._see_turn(unit)
         size = ANGLES.get(unit.numerator, 1.0) * unit.prefix
         known = self._per_si(unit.numerator in ANGLES) if unit.numerator in (METRE, *ANGLES) else 0.0
         if known and abs(known * size - 1.0) > SAME:
@@ -276,26 +298,62 @@ class _Reading:
                 f" machine file's are {known:g}; correct one of the two"
             )
 
-    def _counts_per_increment(self) -> float:
-        feed, resolution = self._ratio(FEED), self._ratio(RESOLUTION)
-        if self._position is not None or feed in (None, 1.0) or resolution in (None, 1.0):
-            return 1.0
-        return (feed or 1.0) / (resolution or 1.0) / (self._ratio(GEAR) or 1.0)
+    @property
+    def _turns(self) -> float:
+        """Of the motor, for one revolution that the family speaks of: the driving shaft's, or its own."""
+        return (self._ratio(GEAR) or 1.0) if self._settings.profile.revolution == "shaft" else 1.0
 
-    def _counts_per_revolution(self, index: int, word: int) -> float:
-        """Of the motor, or of the driving shaft, as the family has it."""
-        feed, gear = self._ratio(FEED), self._ratio(GEAR) or 1.0
-        of_shaft = self._settings.profile.revolution == "shaft"
-        if feed is not None and feed != 1.0:
-            return feed if of_shaft else feed / gear
+    @property
+    def _resolution(self) -> float:
+        """Increments per turn of the motor; 0 = nobody says it."""
         resolution = self._ratio(RESOLUTION)
-        if feed is None or resolution in (None, 1.0):
-            motor = (resolution if resolution not in (None, 1.0) else None) or self._of_encoder()
-            if motor:
-                return motor * gear if of_shaft else motor
-        told = f"608Fh is {resolution or 'not there'}, 6092h is {feed or 'not there'}"
-        raise UnitError(
-            f"object {index:04X}h is {word:08X}h, in revolutions, and nothing says how many counts one has"
+        return self._of_encoder() if resolution in (None, 1.0) else resolution or 0.0
+
+    def _counts_per_increment(self, index: int, word: int) -> float:
+        position, feed = self._position, self._ratio(FEED)
+        if position is not None and position.numerator == INCREMENT:
+            return 1.0 / position.prefix
+        if position is None and feed in (None, 1.0):
+            return 1.0
+        if not self._resolution:
+            raise self._no_turn(index, word, "increments")
+        return self._counts_per_turn(index, word) / self._resolution
+
+    def _counts_per_turn(self, index: int, word: int) -> float:
+        """Of the motor."""
+        feed, position = self._ratio(FEED), self._position
+        if by := self._turn_by_feed() or (self._turn_said(position) if position is not None else 0.0):
+            return by
+        plain = position is None and (feed is None or self._ratio(RESOLUTION) in (None, 1.0))
+        if plain and self._resolution:
+            return self._resolution
+        raise self._no_turn(index, word, "revolutions")
+
+    def _turn_by_feed(self) -> float:
+        feed = self._ratio(FEED)
+        return 0.0 if feed in (None, 1.0) or not feed else feed / (self._ratio(GEAR) or 1.0)
+
+    def _see_turn(self, position: Si) -> None:
+        """What 60A8h says of a turn of the motor, and what the feed constant does, must agree."""
+        by_feed, said = self._turn_by_feed(), self._turn_said(position)
+        if by_feed and said and abs(by_feed / said - 1.0) > FACTOR_SAME:
+            raise UnitError(
+                f"object 60A8h is {self._word(0x60A8):08X}h, {said:g} counts per turn of the motor, and"
+                f" object 6092h makes it {by_feed:g}; correct one of the two in the drive"
+            )
+
+    def _turn_said(self, position: Si) -> float:
+        """By 60A8h alone: positions are revolutions, or increments of the encoder."""
+        if position.numerator == REVOLUTION:
+            return 1.0 / position.prefix / self._turns
+        return self._resolution / position.prefix if position.numerator == INCREMENT else 0.0
+
+    def _no_turn(self, index: int, word: int, way: str) -> UnitError:
+        told = (
+            f"608Fh is {self._ratio(RESOLUTION) or 'not there'}, 6092h is {self._ratio(FEED) or 'not there'}"
+        )
+        return UnitError(
+            f"object {index:04X}h is {word:08X}h, in {way}, and nothing says how many counts one has"
             f" ({told}); write 6092h (position units per revolution) into the drive, {OWN_WORD}"
         )
 

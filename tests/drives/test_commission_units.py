@@ -54,6 +54,10 @@ def of(objects: Objects, settings: NodeSettings | SpindleSettings = LINEAR) -> U
         ({0x60A9: 0x00B50300, 0x60A8: 0x00B50000}, 1.0, "increments, and per second"),
         ({0x60A9: 0x00B50300, 0x608F: (4096, 1), 0x6092: (1024, 1)}, 0.25, "four increments are a count"),
         ({0x60A9: 0x03B50300, 0x60A8: 0x00B50000}, 1000.0, "kilo"),
+        ({0x60A9: 0x00B50300, 0x60A8: 0x01B50000}, 0.1, "positions in tens of increments"),
+        ({0x60A9: 0x00B50300, 0x60A8: 0xFA010000, 0x608F: (4096, 1), 0x6092: (1024, 1)}, 0.25, "and in um"),
+        ({0x60A9: 0x00B50300, 0x60A8: 0xFDB40000, 0x608F: (4000, 1)}, 0.25, "and in thousandths of a turn"),
+        ({0x60A9: RPM, 0x60A8: 0x01B50000, 0x608F: (4000, 1), 0x6092: (1, 1)}, 400 / 60, "the same, turned"),
         ({0x60A9: RPM, 0x60A8: 0xFDB40000}, 1000 / 60, "a position in milli revolutions"),
         ({0x6096: (600_000, 1_048_576), 0x608F: (1_048_576, 1)}, 1_048_576 / 600_000, "AX8000: 10^-4 1/min"),
         ({0x60A9: 0xFCB44700, 0x6096: (600_000, 1_048_576), 0x608F: (1_048_576, 1)}, 1_048_576 / 6e5, "both"),
@@ -85,6 +89,8 @@ def test_the_makers_example_is_met_by_a_whole_number() -> None:
         ({0x60A9: RPM, 0x608F: (4096, 1), 0x60AA: 0x00B45700}, 4096.0, "revolutions per second squared"),
         ({0x60A9: MM_S, 0x60AA: 0x00015700}, 200_000_000.0, "m/s2"),
         ({0x6097: (1, 100)}, 100.0, "the factor alone"),
+        ({0x60AA: 0x00C00300, 0x608F: (4096, 1)}, 4096 / 60, "60AAh without 60A9h"),
+        ({0x60AA: 0x00015700, 0x6096: (7, 3)}, 200_000_000.0, "and beside a factor of velocity"),
     ],
 )
 def test_a_unit_of_acceleration(objects: Objects, acceleration: float, why: str) -> None:
@@ -154,6 +160,13 @@ def test_a_spindle_without_an_encoder_resolution_has_the_machine_files_revolutio
         ({0x60A9: RPM, 0x608F: (4096, 1), 0x6096: (3, 2)}, LINEAR, "6096h is 1.5, .* 60A9h makes it"),
         ({0x60A9: RPM, 0x608F: (4096, 1), 0x6097: (3, 2)}, LINEAR, "6097h is 1.5, .* 60AAh makes it"),
         ({0x60A9: RPM, 0x608F: (4096, 1)}, replace(LINEAR, velocity_unit_counts_s=70.0), "60A9h.* says vel"),
+        ({0x60AA: 0x00B55700, 0x6092: (1000, 1)}, LINEAR, "60AAh is 00B55700h, in increments, and nothing"),
+        ({0x60AA: 0x00FF5700}, LINEAR, "60AAh is 00FF5700h, a unit that is not understood"),
+        (
+            {0x60A8: 0x00B50000, 0x608F: (4000, 1), 0x6092: (500, 1)},
+            LINEAR,
+            "60A8h .* 4000 .* 6092h makes it 500",
+        ),
         ({0x607E: 0x80}, LINEAR, "607Eh is 80h, which inverts position alone"),
         ({0x607E: 0x40}, LINEAR, "607Eh is 40h, which inverts velocity alone"),
     ],
