@@ -11,10 +11,14 @@ What is offered, in the drive's own units, and what it is made of:
     607Fh  6080h  largest speed        the axis' and 5 % (6080h where 60A9h says its unit)
     60C5h  60C6h                       no less than path and quick stop need
 
+6080h is the motor's, in 1/min (CiA 402-2) or, by some makers, in the unit of 60A9h: the larger number is
+told, which holds nobody back, and it is never raised above what the drive or its sheet has.
+
 A number out of the data sheet's range becomes the nearest in it: less deceleration makes the promise longer,
 less time-out trips sooner. 605Ah is the profile's, and written before. What is refused, missing or fixed is
 told, and what is read counts: a standstill is promised by 6085h, 6084h and 60C6h as they are, or, where they
-tell nothing, by the longest stop that the machine file allows. A longer one is refused.
+tell nothing, by the longest stop that the machine file allows. A longer one is refused, and so is a drive
+that holds its axis back (607Fh, 6080h, 60C5h, 60C6h): it would stand beside its command.
 """
 
 from __future__ import annotations
@@ -26,7 +30,7 @@ from dataclasses import dataclass
 from drives.arranged import Arranged
 from drives.commissioning.network import CommissionError
 from drives.commissioning.possible import range_of
-from drives.commissioning.remote import Drive
+from drives.commissioning.remote import Drive, RefusedError
 from drives.commissioning.units import Units
 from drives.commissioning.wanted import Setting
 from drives.settings import NodeSettings, SpindleSettings
@@ -38,6 +42,8 @@ MARGIN = 1.05  # of the largest speed
 HEADROOM = 1.2  # of 60C5h over the path's accelerations: rounding to counts, and the servo
 TIME_OUT_TICKS = 5
 FOLLOWING = 0x6066
+MOTOR_SPEED = 0x6080
+NEARLY = 1.0 - 1e-6  # of what is needed; the rest is rounding
 MOST = 0xFFFF_FFFF
 # Without these a drive stops as well as with them.
 UNIMPORTANT = (0x605D, 0x6083, 0x6084, FOLLOWING, 0x6080, 0x60C5, 0x60C6)
@@ -61,6 +67,7 @@ def arrange(drive: Drive, node: NodeSettings, units: Units) -> Arranged:
         units.see_fits(node.velocity_counts_s, "object 60B1h:00")
     if not node.velocity_counts_s:
         return _arranged(drive, units)
+    _see_motor(drive, node, units)
     found: dict[int, int] = {}
     wanted = tuple(offers(node, units))
     notes = [f"{drive.title}: {problem}." for offer in wanted for problem in _made(drive, offer, found)]
@@ -72,6 +79,8 @@ def arrange(drive: Drive, node: NodeSettings, units: Units) -> Arranged:
     for index in (QUICK_STOP,) if 0x6084 in found else (QUICK_STOP, 0x6083):
         if (value := drive.find(index)) is not None:
             found[index] = value
+    if held := _held_back(found, node, units):
+        raise CommissionError(f"{drive.title}: {held}")
     stop = stop_counts_s2(found, node, units)
     stop_s = node.velocity_counts_s / stop if stop else node.most_quick_stop_s
     if not stop:
@@ -138,7 +147,8 @@ def offers(node: NodeSettings, units: Units) -> Iterator[Offer]:
     fastest = _fastest(node.velocity_counts_s / units.velocity_counts_s)
     yield Offer(0x607F, fastest, "no motor may be faster than its axis")
     if units.said:
-        yield Offer(0x6080, fastest, "no motor may be faster than its axis")
+        by_turns = _fastest(node.velocity_counts_s / units.rev_min_counts_s) if units.rev_min_counts_s else 0
+        yield Offer(0x6080, max(fastest, by_turns), "no motor may be faster than its axis")
     why = "neither path nor quick stop may be held back"
     needed = math.ceil(HEADROOM * max(most, quick) / units.acceleration_counts_s2)
     yield Offer(0x60C5, min(needed, MOST), why, at_least=True)
@@ -148,6 +158,42 @@ def offers(node: NodeSettings, units: Units) -> Iterator[Offer]:
 def _fastest(exact: float) -> int:
     """Within 5 % above the axis' speed, if the unit is fine enough for that; never below it."""
     return max(math.floor(MARGIN * exact), math.ceil(exact))
+
+
+def _see_motor(drive: Drive, node: NodeSettings, units: Units) -> None:
+    """6080h protects the motor. Raises CommissionError where the axis is faster, however it is read."""
+    unit = max(units.rev_min_counts_s, units.velocity_counts_s if units.said else 0.0)
+    try:
+        most = drive.find(MOTOR_SPEED)
+    except RefusedError:
+        return
+    if not most or most == MOST:
+        return
+    most = max(most, drive.sheet.default(MOTOR_SPEED) or 0)
+    if most * unit and most * unit < NEARLY * node.velocity_counts_s:
+        raise CommissionError(
+            f"{drive.title}: object 6080h lets the motor turn at {most}, which are {most * unit:.4g}"
+            f" counts/s; the axis is to go at {node.velocity_counts_s:.4g}; correct counts or velocity of the"
+            " axis in the machine file, or the motor's data in the drive"
+        )
+
+
+def _held_back(found: Read, node: NodeSettings, units: Units) -> str:
+    """What keeps the axis from its speed or acceleration; 0 is as good as no limit."""
+    speed, rate = node.velocity_counts_s, node.acceleration_counts_s2
+    for index, unit, needed, name in (
+        (0x607F, units.velocity_counts_s, speed, "counts/s"),
+        (0x60C5, units.acceleration_counts_s2, rate, "counts/s^2"),
+        (0x60C6, units.acceleration_counts_s2, rate, "counts/s^2"),
+    ):
+        value = found.get(index)
+        if value and value * unit < NEARLY * needed:
+            return (
+                f"object {index:04X}h reads {value}, which are {value * unit:.4g} {name}; the axis needs"
+                f" {needed:.4g}; let the drive have more, choose a coarser unit in it (60A9h, 60AAh), or"
+                " lower the limits of the axis"
+            )
+    return ""
 
 
 def _within(drive: Drive, offer: Offer) -> int:
