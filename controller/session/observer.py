@@ -72,9 +72,12 @@ class Observer:
     def __init__(self, machine: Machine, cycle: Cycle, rig: Rig) -> None:
         self._machine, self._cycle, self._rig = machine, cycle, rig
         self._axes = [rig.drives[axis.name].axis for axis in machine.axes]
-        self._stops = [  # counts/s^2
-            (axis.stopping.quick_stop or axis.limits.acceleration) * abs(axis.counts_per_unit)
-            for axis in machine.axes
+        # Motors are in increments of their encoders, whatever their drives speak in.
+        scales = zip(self._axes, machine.axes, strict=True)
+        self._per_increment = [one.units.position / axis.counts_per_unit for one, axis in scales]
+        self._stops = [  # increments/s^2
+            (axis.stopping.quick_stop or axis.limits.acceleration) / abs(size)
+            for axis, size in zip(machine.axes, self._per_increment, strict=True)
         ]
         self._per_count = [1.0 / axis.counts_per_unit for axis in machine.axes]
         self._seen: list[Seen] = []
@@ -112,10 +115,10 @@ class Observer:
             self._braking(),
             self._recounted(),
             cycle.follow.joints,
-            self._scaled([_true_counts(axis.servo) - axis.sensors.moved for axis in self._axes]),
-            self._scaled(self._shift),
-            self._scaled([axis.servo.velocity for axis in self._axes]),
-            self._scaled(cycle.group.positions),
+            self._turned([_true_counts(axis.servo) - axis.sensors.moved for axis in self._axes]),
+            self._turned(self._shift),
+            self._turned([axis.servo.velocity for axis in self._axes]),
+            tuple(n * size for n, size in zip(cycle.group.positions, self._per_count, strict=True)),
         )
         self._count(seen)
         self._seen.append(seen)
@@ -128,8 +131,8 @@ class Observer:
         pairs = zip(self._axes, self._shift, strict=True)
         return sum(1 << i for i, (axis, shift) in enumerate(pairs) if axis.sensors.moved != shift)
 
-    def _scaled(self, counts: Sequence[float]) -> tuple[float, ...]:
-        return tuple(n * per_count for n, per_count in zip(counts, self._per_count, strict=True))
+    def _turned(self, increments: Sequence[float]) -> tuple[float, ...]:
+        return tuple(n * size for n, size in zip(increments, self._per_increment, strict=True))
 
     def _count(self, seen: Seen) -> None:
         before = self._seen[-1].motors if self._seen else seen.motors
