@@ -30,6 +30,9 @@ def drive(settings: NodeSettings, parameters: Parameters) -> SimulatedDrive:
         at = settings.homing_position_counts
         parameters = replace(parameters, position_counts=at, absolute_encoder=True)
     parameters = replace(parameters, brake=parameters.brake and settings.brake)
+    size = settings.counts_per_si
+    known = (0.0, size) if settings.rotary else (size, 0.0)
+    parameters = replace(parameters, counts_per_metre=known[0], counts_per_radian=known[1])
     needed = max(settings.acceleration_counts_s2, settings.quick_stop_counts_s2 / QUICK_STOP_SHARE)
     nature = sized(parameters, settings.velocity_counts_s, needed)
     made = SimulatedDrive(settings.node, nature, Path(settings.eds) if settings.eds else EDS)

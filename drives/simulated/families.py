@@ -42,6 +42,7 @@ def restrict(drive: SimulatedDrive, profile: Profile, bare: bool = False) -> Sim
     _restrict_modes(dictionary, profile)
     _restrict_periods(dictionary, profile)
     _restrict_homing(drive.axis, profile)
+    drive.axis.units.of_shaft = profile.revolution == "shaft"
     _refuse_above(dictionary, key(0x6065), profile.most_following_error)
     for n in range(TPDOS):
         _check_first(dictionary, key(0x1800 + n, 2), _counts_to(profile.most_feedback_every))

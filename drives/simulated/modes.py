@@ -53,10 +53,10 @@ class Mode:
 
     def profile(self, speed: float) -> Profile:
         """Acceleration and deceleration of profile motion within 60C5h and 60C6h; 0 is as good as none."""
-        at = self.axis.units.acceleration_at
+        at, limit = self.axis.units.acceleration_at, self.axis.units.most_acceleration_at
         most = self.strongest
-        up = min(most, at(0x6083) or ENDLESS, at(0x60C5) or ENDLESS)
-        down = min(most, at(0x6084) or ENDLESS, at(0x60C6) or ENDLESS)
+        up = min(most, at(0x6083) or ENDLESS, limit(0x60C5))
+        down = min(most, at(0x6084) or ENDLESS, limit(0x60C6))
         return Profile(min(speed, self.fastest), up, down)
 
     @property
@@ -68,7 +68,7 @@ class Mode:
 
     @property
     def fastest(self) -> float:
-        """Speed of profiles and of csv: 607Fh, and 6080h of the motor (in the same unit here; 0 is none)."""
+        """Speed of profiles and of csv: 607Fh, and 6080h of the motor; 0 is none."""
         at = self.axis.units.speed_at
         return min(at(0x607F) or ENDLESS, at(0x6080) or ENDLESS)
 
@@ -116,15 +116,11 @@ class CyclicPosition(Mode):
         self.lead()
         speed = (wanted - axis.servo.end) / axis.period_s
         own, self._before = (wanted - self._before) / axis.period_s, wanted
-        profile = Profile(axis.units.speed_at(0x607F) or ENDLESS, self._most(0x60C5), self._most(0x60C6))
+        limit = axis.units.most_acceleration_at
+        profile = Profile(axis.units.speed_at(0x607F) or ENDLESS, limit(0x60C5), limit(0x60C6))
         reached = self._speed.after(speed, own, wanted - axis.servo.end, profile)
         axis.say_limit(reached != speed or wanted != aim)
         return wanted if reached == speed else axis.servo.end + reached * axis.period_s
-
-    def _most(self, index: int) -> float:
-        """An acceleration limit; without one the demand is still what the motor can follow."""
-        most = self.axis.units.acceleration_at(index)
-        return most if most not in (0, ENDLESS) else math.inf
 
 
 class CyclicVelocity(Mode):
@@ -143,7 +139,7 @@ class CyclicVelocity(Mode):
         units = axis.units
         most, strongest = self.fastest, self.strongest
         wanted = max(-most, min(most, units.velocity_at(0x60FF) + units.velocity_at(0x60B1)))
-        up, down = units.acceleration_at(0x60C5), units.acceleration_at(0x60C6)
+        up, down = (min(ENDLESS, units.most_acceleration_at(index)) for index in (0x60C5, 0x60C6))
         self._speed.towards(wanted, Profile(most, min(strongest, up), min(strongest, down)))
         torque = axis.dictionary.get(0x60B2) * axis.parameters.torque_counts_s2
         axis.servo.offset(0.0, math.copysign(torque, torque * units.velocity))

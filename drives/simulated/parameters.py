@@ -52,6 +52,8 @@ class Parameters:
     extrapolated_periods: int | None = None  # before it does that; None: two if it extrapolates, else none
     patient_periods: int = 2  # without a setpoint before an interpolation time-out
     position_counts: int = 0  # at power-on
+    counts_per_metre: float = 0.0  # of the axis, for a drive that speaks of metres; 0 = it was not told
+    counts_per_radian: float = 0.0
     absolute_encoder: bool = False  # position and homing survive a loss of the supply
     switches: tuple[float, float] = (-1e8, 1e8)  # limit switches, pressed beyond these
     limit_fault: bool = False  # whether running onto a limit switch trips the drive (8612h)

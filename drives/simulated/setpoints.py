@@ -22,8 +22,8 @@ class Setpoints(ABC):
     def __init__(self, station: Station) -> None:
         self.station = station
         self.dictionary = station.dictionary
-        self.units = Units(self.dictionary)
         self.parameters = nature = station.parameters
+        self.units = Units(self.dictionary, nature.counts_per_metre, nature.counts_per_radian)
         plant = nature.plant
         self.servo = Plant(nature.position_counts, plant) if plant else Servo(nature.position_counts)
         self.period_s = 0.0

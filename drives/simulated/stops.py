@@ -8,7 +8,7 @@
     605Eh  fault reaction       at once  slow  quick   current   voltage
     6007h  connection lost      nothing  fault disable voltage   quick stop
 
-Slow is the profile's deceleration 6084h, quick 6085h; at the current or voltage limit
+Slow is the profile's deceleration 6084h, quick 6085h, both within 60C6h; at the current or voltage limit
 a drive stops as hard as it can, here twice as hard as quick.
 """
 
@@ -112,6 +112,8 @@ class Stops:
         deceleration = axis.units.acceleration_at(0x6084 if option == SLOW else 0x6085) or STEEPEST
         if option > QUICK:
             deceleration = round(HARDEST * deceleration)
+        else:
+            deceleration = min(deceleration, axis.units.most_acceleration_at(0x60C6))
         if axis.guesses > 0:
             axis.servo.take_up()
         axis.generator = motion.ramp_down(axis.servo, deceleration, axis.period_s, stopped)

@@ -4,16 +4,21 @@ CiA 402-2, "factor group", and the SI units 60A8h, 60A9h, 60AAh (CiA 303-2):
 
     position      increments x feed constant (6092h) / (encoder resolution (608Fh) x gear ratio (6091h)),
                   increments where no feed constant is set; with 60A8h in revolutions those of the motor
-    velocity      60A9h; without it position units per second x velocity factor (6096h)
+    velocity      60A9h (lengths and angles by 60A8h, else by what was made known of the axis);
+                  without it position units per second x velocity factor (6096h)
     acceleration  60AAh; without it velocity units per second where 60A9h is told, else position units
                   per s^2 x acceleration factor (6097h)
     polarity      607Eh: bit 7 inverts positions, bit 6 velocities
+
+    motor speed   6080h: as velocity where 60A9h is told in revolutions, else 1/min of the motor
 
 An SI unit: exponent of ten (bits 31 .. 24), numerator, denominator, reserved. A ratio of 1 / 1 is one that
 nobody has set. 6090h, the velocity's encoder, is the position's own here, and changes nothing.
 """
 
 from __future__ import annotations
+
+import math
 
 from drives.settings import INT32_MAX, INT32_MIN
 from drives.simulated.data_sheet import key
@@ -26,7 +31,9 @@ OBJECTS = (0x607E, 0x608F, 0x6090, 0x6091, 0x6092, 0x6096, 0x6097, 0x60A8, 0x60A
 # Of maxon, in place of 608Fh: main sensor resolution; pulses of the incremental encoder, four counts each
 ENCODERS = ((key(0x3000, 5), 1), (key(0x3010, 1), 4))
 POSITION_BIT, VELOCITY_BIT = 1 << 7, 1 << 6
-INCREMENT, REVOLUTION, REV_MIN = 0xB5, 0xB4, 0xC0
+METRE, INCREMENT, REVOLUTION, REV_MIN = 0x01, 0xB5, 0xB4, 0xC0
+ANGLES = {0x10: 1.0, 0x41: math.pi / 180.0}  # radian, degree
+MOTOR_SPEED = 0x6080
 SECONDS = {0x03: 1.0, 0x47: 60.0, 0x48: 3600.0}  # second, minute, hour
 SQUARES = {0x57: 1.0, 0x58: 3600.0}  # second and minute squared
 NO_LIMIT = (0, 0xFFFF_FFFF)
@@ -38,8 +45,11 @@ class Units:
     With nothing set they are 1, and values are handed on as they are, to the last bit.
     """
 
-    def __init__(self, dictionary: Dictionary) -> None:
+    def __init__(self, dictionary: Dictionary, per_metre: float = 0.0, per_radian: float = 0.0) -> None:
+        """Position units in a metre or a radian of the axis, where that was made known to the drive."""
         self._dictionary = dictionary
+        self._per_metre, self._per_radian = per_metre, per_radian
+        self.of_shaft = False  # 60A9h and 60AAh speak of revolutions behind the gear
         self.position = self.velocity = self.acceleration = 1.0
         self.scale = 1.0  # increments per position unit
         self.plain = True
@@ -71,28 +81,41 @@ class Units:
         values = self._dictionary.values
         return next((float(times * values[at]) for at, times in ENCODERS if values.get(at)), 1.0)
 
+    def _turn(self) -> float:
+        """Increments in a revolution as SI units mean it."""
+        return self._increments_per_revolution() * (self._ratio(GEAR) if self.of_shaft else 1.0)
+
     def _position_size(self) -> float:
         """Increments in one position unit."""
         word = self._dictionary.get(POSITION_SI)
         if word >> 16 & 0xFF == REVOLUTION:
-            return _prefix(word) * self._increments_per_revolution()
+            return _prefix(word) * self._turn()
         feed = self._ratio(FEED)
-        if word >> 16 & 0xFF == INCREMENT or feed == 1.0:
+        if word >> 16 & 0xFF == INCREMENT:
             return _prefix(word)
+        if feed == 1.0:
+            return 1.0
         return self._increments_per_revolution() * self._ratio(GEAR) / feed
 
     def _size(self, word: int) -> float:
         """Increments per s, or s^2, in one unit of velocity or acceleration."""
         numerator, denominator = word >> 16 & 0xFF, word >> 8 & 0xFF
         time = SECONDS.get(denominator) or SQUARES.get(denominator) or 1.0
-        position = self._dictionary.get(POSITION_SI)
         if numerator == REV_MIN:
-            return _prefix(word) * self._increments_per_revolution() / SECONDS[0x47] / time
+            return _prefix(word) * self._turn() / SECONDS[0x47] / time
         if numerator == REVOLUTION:
-            return _prefix(word) * self._increments_per_revolution() / time
+            return _prefix(word) * self._turn() / time
         if numerator == INCREMENT:
             return _prefix(word) / time
-        return _prefix(word) / _prefix(position) * self._position_size() / time
+        return _prefix(word) * self._units_in(numerator) * self._position_size() / time
+
+    def _units_in(self, numerator: int) -> float:
+        """Position units in a metre, radian or degree: by 60A8h, else as it was made known."""
+        position = self._dictionary.get(POSITION_SI)
+        said, angle = position >> 16 & 0xFF, ANGLES.get(numerator, 1.0)
+        if said == numerator or (said in ANGLES and numerator in ANGLES):
+            return angle / ANGLES.get(said, 1.0) / _prefix(position)
+        return (self._per_radian if numerator in ANGLES else self._per_metre) * angle or 1.0
 
     # -- from the dictionary
 
@@ -123,12 +146,21 @@ class Units:
     def speed_at(self, index: int, sub: int = 0) -> float:
         """A speed limit, increments/s; what means "no limit" stays what it is."""
         value = self._dictionary.get(index, sub)
-        return value if self.plain or value in NO_LIMIT else abs(value / self.velocity)
+        if value in NO_LIMIT:
+            return value
+        if index == MOTOR_SPEED and self._dictionary.get(VELOCITY_SI) >> 16 & 0xFF != REVOLUTION:
+            turn = self._increments_per_revolution()
+            return value * turn / SECONDS[0x47] if turn != 1.0 else NO_LIMIT[-1]
+        return value if self.plain else abs(value / self.velocity)
 
     def acceleration_at(self, index: int) -> float:
-        """An acceleration, increments/s^2; what means "no limit" stays what it is."""
+        """An acceleration, increments/s^2."""
         value = self._dictionary.get(index)
-        return value if self.plain or value in NO_LIMIT else value / self.acceleration
+        return value if self.plain else value / self.acceleration
+
+    def most_acceleration_at(self, index: int) -> float:
+        """A limit of accelerations, increments/s^2; what means "no limit" is infinite."""
+        return math.inf if self._dictionary.get(index) in NO_LIMIT else self.acceleration_at(index)
 
     # -- to the dictionary
 

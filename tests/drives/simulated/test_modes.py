@@ -288,6 +288,7 @@ def test_periods_without_sync_are_lost_syncs_in_cyclic_modes_only() -> None:
 @pytest.mark.parametrize(("index", "size"), [(0x607F, 4), (0x6080, 4)])
 def test_speed_is_limited_by_profile_and_motor(index: int, size: int) -> None:
     lone = Lone()
+    lone.write(0x60A9, 0, 0x00B40300, 4)  # 1/s, and a turn is an increment: 6080h has it, too
     lone.write(index, 0, 50_000, size)
     lone.write(0x60FF, 0, 200_000, 4)
     lone.enable(3)

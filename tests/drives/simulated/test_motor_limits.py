@@ -109,6 +109,8 @@ def test_setpoints_that_come_again_after_a_gap_make_no_jump() -> None:
 @pytest.mark.parametrize("index", [0x607F, 0x6080])
 def test_the_speed_limit_that_a_drive_is_told_holds_for_jumps_too(index: int) -> None:
     bench = Bench()
+    bench.write(0x60A9, 0, (0x00B40300).to_bytes(4, "little"))  # 1/s, of one increment
+    bench.wait()
     bench.enable()
     bench.write(index, 0, (10_000_000).to_bytes(4, "little"))
     bench.tick()
