@@ -179,7 +179,7 @@ def _see_motor(drive: Drive, node: NodeSettings, units: Units) -> None:
 
 
 def _held_back(found: Read, node: NodeSettings, units: Units) -> str:
-    """What keeps the axis from its speed or acceleration; 0 is as good as no limit."""
+    """What keeps the axis from its speed or acceleration; 0 and FFFFFFFFh are none."""
     speed, rate = node.velocity_counts_s, node.acceleration_counts_s2
     for index, unit, needed, name in (
         (0x607F, units.velocity_counts_s, speed, "counts/s"),
@@ -187,7 +187,7 @@ def _held_back(found: Read, node: NodeSettings, units: Units) -> str:
         (0x60C6, units.acceleration_counts_s2, rate, "counts/s^2"),
     ):
         value = found.get(index)
-        if value and value * unit < NEARLY * needed:
+        if value not in (None, 0, MOST) and value * unit < NEARLY * needed:
             return (
                 f"object {index:04X}h reads {value}, which are {value * unit:.4g} {name}; the axis needs"
                 f" {needed:.4g}; let the drive have more, choose a coarser unit in it (60A9h, 60AAh), or"
