@@ -237,6 +237,8 @@ class Bench:
         """Speeds of the motor on the way, mm/s or degrees/s, tick by tick."""
         speeds: list[float] = []
         commission.set_mode(self.network, self.node, 6)
+        for _ in range(5):  # what the drive has said meanwhile is heard
+            self.tick()
         self.drive.homing(True)
         self.group.want(Wanted.ENABLED)
         self.until(
