@@ -64,7 +64,9 @@ _ROWS = (
     _row(Fault.BUS_ERROR, False, Reaction.QUICK_STOP, Recovery.COMMISSION, wait=Wait.CONSUMER),
     _row(Fault.RX_OVERFLOW, True, Reaction.PATH_STOP, Recovery.RESET),
     _row(Fault.SYNC_FOREIGN, True, Reaction.QUICK_STOP, Recovery.RESET),
-    _row(Fault.FOREIGN_FRAMES, True, Reaction.QUICK_STOP, Recovery.RESET),
+    # A drive obeys the stranger, too: one setpoint of his and it is on its way at full speed, maybe back.
+    # The stop begins from there, with his last frame.
+    _row(Fault.FOREIGN_FRAMES, True, Reaction.QUICK_STOP, Recovery.RESET, wait=Wait.CONSUMER),
     _row(Fault.SEND_FAILED, False, Reaction.QUICK_STOP, Recovery.COMMISSION, wait=Wait.CONSUMER),
     _row(Fault.SYNC_LOST, False, Reaction.QUICK_STOP, Recovery.RESTART, syncs=4, wait=Wait.CONSUMER),
     # --- tick

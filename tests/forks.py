@@ -18,7 +18,6 @@ from typing import Any, NoReturn
 from controller.machine import Machine
 from controller.session.stepped import SteppedMachine
 
-
 MOST_BYTES = 1 << 20  # of a message
 
 

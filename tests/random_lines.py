@@ -123,8 +123,8 @@ def _somewhere(rng: random.Random, axis: Axis) -> str:
 def _forged(rng: random.Random, axis: Axis) -> tuple[str, float]:
     name = rng.choice(("rpdo", "rpdo", "tpdo", "heartbeat", "emcy"))
     data = rng.choice(("", " data 0F0000000000", " data 0B0000000000", " data 0600", " data 00", " data 7F"))
-    many, length_s = _how_many(rng, 1e-3)
-    return f"{name} {axis.name}{data} {many.partition(' odds')[0]}", length_s
+    # As long as a stranger goes on the drive obeys him, too, and nothing can be promised.
+    return f"{name} {axis.name}{data} x {rng.choice((1, 2, 5, 20, 50))}", 0.05
 
 
 AT_DRIVES: dict[str, Hardware] = {
