@@ -171,7 +171,9 @@ class Drive(PowerStage):
             self.malformed += 1
             return
         ours = data[0] == (_HOMING if self._homing else self._mode)
-        if not ours and (self.cyclic or self._homing) and self.wanted is _ENABLED:
+        # Until it is in operation a frame may be of before the slow side has chosen the mode.
+        judged = self._reached and (self.cyclic or self._homing)
+        if not ours and judged and self.wanted is _ENABLED:
             self._lose(DriveFault.MODE_LOST)
             self._step()
 

@@ -9,6 +9,7 @@ import pytest
 from group_bench import GroupBench, T, nodes
 
 from drives import pdo
+from drives.cia402 import Wanted
 from drives.cyclic.drive_fault import DriveFault
 from drives.cyclic.following_error import MEASURE_EVERY, FollowingError
 from drives.settings import FollowingWindow
@@ -220,4 +221,13 @@ def test_the_mode_that_a_drive_tells_while_it_homes_is_no_fault() -> None:
     drive.leave_cyclic()
     bench.service["can"].send(pdo.frame(pdo.tpdo(drive.settings.mode_tpdo, 1), b"\x06"))
     bench.tick(2)
+    assert bench.fault == (DriveFault.NONE, -1)
+
+
+def test_a_mode_told_before_the_drive_is_in_operation_may_be_of_before_it_was_chosen() -> None:
+    bench = GroupBench(nodes("X", following=WINDOW))
+    drive = bench.group.drives[0]
+    bench.group.want(Wanted.ENABLED)
+    bench.service["can"].send(pdo.frame(pdo.tpdo(drive.settings.mode_tpdo, 1), b"\x06"))
+    bench.until(bench.group.following)
     assert bench.fault == (DriveFault.NONE, -1)
