@@ -127,11 +127,17 @@ class Drive(PowerStage):
             self.statusword = statusword
             self._known = True
             self._step()
-        lag = self._target_reached - position
-        if not -self._rest <= lag <= self._rest and self.following:
-            self._compare(lag)
         if self._homing:
             self._watch_homing()
+
+    def _heard(self) -> None:
+        lag = self._target_reached - self.position
+        if not -self._rest <= lag <= self._rest and self.following:
+            self._compare(lag)
+
+    def _miss(self) -> None:
+        super()._miss()
+        self._twice = 0  # what comes late comes in pairs; two nodes miss nothing
 
     def expect(self) -> None:
         self._awaiting = True

@@ -78,6 +78,7 @@ class PowerStage(Supervised):
             if self._arrived:
                 self.fresh = True
                 self._since = self._missed = 0
+                self._heard()
                 if self._stale:
                     self._stale -= 1
                     self._pending = self._pending or not self._stale
@@ -88,6 +89,9 @@ class PowerStage(Supervised):
         elif self._arrived:
             self._missed = 0  # late, in a tick that sent no SYNC: what is missed next is not in a row
         self._arrived = False
+
+    def _heard(self) -> None:
+        """The feedback owed has come; of several that came at once the newest counts."""
 
     def _miss(self) -> None:
         self.fresh = False

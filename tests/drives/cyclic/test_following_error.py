@@ -10,6 +10,7 @@ from group_bench import GroupBench, T, nodes
 
 from drives import pdo
 from drives.cia402 import Wanted
+from drives.cyclic.drive import Drive
 from drives.cyclic.drive_fault import DriveFault
 from drives.cyclic.following_error import MEASURE_EVERY, FollowingError
 from drives.settings import FollowingWindow
@@ -231,3 +232,28 @@ def test_a_mode_told_before_the_drive_is_in_operation_may_be_of_before_it_was_ch
     bench.service["can"].send(pdo.frame(pdo.tpdo(drive.settings.mode_tpdo, 1), b"\x06"))
     bench.until(bench.group.following)
     assert bench.fault == (DriveFault.NONE, -1)
+
+
+@pytest.mark.parametrize("pattern", [(1, 3), (1, 1), (4, 1), (2, 5), (5, 2)])
+def test_feedback_that_comes_late_and_in_bursts_is_neither_lag_nor_a_second_node(
+    pattern: tuple[int, int],
+) -> None:
+    """A drive's process that the computer kept waiting: nothing for some SYNCs, then all at once."""
+    settings = nodes("X", following=FollowingWindow(REST, 0.02, 8_000.0, 3, SPEED))[0]
+    drive = Drive(settings, lost_after=100)
+    drive.want(Wanted.ENABLED)
+    waiting: list[int] = []
+    sent = [0, 0, 0]
+    for tick in range(200):
+        late = tick > 20 and tick % sum(pattern) < pattern[0]
+        if not late:
+            for position in waiting:
+                drive.receive(0x181, memoryview(pdo.FEEDBACK.pack(0x1237, position)), 0.0)
+            waiting.clear()
+        drive.settle()
+        drive.expect()
+        waiting.append(sent[-2])  # what the SYNC before this one latched is reached
+        drive.frame(tick * FULL, 0.0)
+        sent.append(drive.setpoint)
+        assert drive.fault(0.0, 1.0) is DriveFault.NONE, tick
+    assert drive.following
