@@ -137,7 +137,7 @@ class Drive(PowerStage):
 
     def _miss(self) -> None:
         super()._miss()
-        self._twice = 0  # what comes late comes in pairs; two nodes miss nothing
+        self._twice, self._twice_now = 0, False  # what comes late comes in pairs; two nodes miss nothing
 
     def expect(self) -> None:
         self._awaiting = True

@@ -257,3 +257,19 @@ def test_feedback_that_comes_late_and_in_bursts_is_neither_lag_nor_a_second_node
         sent.append(drive.setpoint)
         assert drive.fault(0.0, 1.0) is DriveFault.NONE, tick
     assert drive.following
+
+
+def test_two_nodes_are_named_after_a_pair_and_a_miss_too() -> None:
+    drive = Drive(nodes("X")[0], lost_after=100)
+    drive.want(Wanted.ENABLED)
+
+    def sync(*positions: int) -> None:
+        drive.expect()
+        for position in positions:
+            drive.receive(0x181, memoryview(pdo.FEEDBACK.pack(0x1237, position)), 0.0)
+        drive.settle()
+
+    for positions in ((0,), (0, 5), (), (0, 5), (0, 5), (0, 5)):
+        assert drive.fault(0.0, 1.0) is DriveFault.NONE
+        sync(*positions)
+    assert drive.fault(0.0, 1.0) is DriveFault.NODE_TWICE
