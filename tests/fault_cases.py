@@ -122,14 +122,14 @@ CASES: tuple[Case, ...] = (
     Case("node silent 100 ms", script("silence Y for 100 ms"), LOST),
     Case("node silent for good", script("silence Y for 900 ms"), LOST),
     Case("node reset", script("node_reset Y"), of(F.NODE_RESET), free=(AXIS,)),
-    Case("EMCY 1000h generic", emcy(0x1000), of(F.EMCY)),
-    Case("EMCY 2310h current", emcy(0x2310), of(F.EMCY)),
-    Case("EMCY 3220h voltage", emcy(0x3220), of(F.EMCY)),
-    Case("EMCY 4310h temperature", emcy(0x4310), of(F.EMCY)),
-    Case("EMCY 5530h hardware", emcy(0x5530), of(F.EMCY)),
-    Case("EMCY 6320h software", emcy(0x6320), of(F.EMCY)),
-    Case("EMCY 7305h encoder", emcy(0x7305), of(F.EMCY)),
-    Case("EMCY FF01h vendor", emcy(0xFF01), of(F.EMCY)),
+    # What a drive finds inside of itself, where a bus cannot make the cause; overload and a lost supply, whose
+    # causes are made, stand below as a jammed and a weak motor, and as the supply.
+    Case("drive tells 1000h generic", emcy(0x1000), of(F.EMCY)),
+    Case("drive tells 4310h temperature", emcy(0x4310), of(F.EMCY)),
+    Case("drive tells 5530h memory", emcy(0x5530), of(F.EMCY)),
+    Case("drive tells 6320h parameters", emcy(0x6320), of(F.EMCY)),
+    Case("drive tells 7305h encoder", emcy(0x7305), of(F.EMCY)),
+    Case("drive tells FF01h of its maker", emcy(0xFF01), of(F.EMCY)),
     # At rest nothing is harmed, nor is a search for the zero that goes on when the motor is free again.
     Case("motor jammed", script("jam Y for 250 ms"), NOT_THERE, AT_REST),
     Case("motor weak", script("weak Y to 2 % for 250 ms"), NOT_THERE, AT_REST),

@@ -32,7 +32,7 @@ class Came(NamedTuple):
 
     case: Case
     wrongs: tuple[str, ...]
-    fault: str
+    fault: str  # at the run's end
     ticks: int
 
 
@@ -75,12 +75,12 @@ class Bench(Forkable):
                 run.rows, self.machine, self.task.kinematics, stretches, first_tick=run.first_tick
             )
             seen.save(trace)
-        ticks = self.tick_now
+        ticks, fault = self.tick_now, self.cycle.modes.fault.name
         self.at_tick = lambda: None
         for _ in range(round(STILL_S / self.machine.period_s)):
             self.tick()
         found = wrongs(self.observer.sight, self.times)
-        return Came(one, tuple(found), self.cycle.modes.fault.name, ticks)
+        return Came(one, tuple(found), fault, ticks)
 
 
 def event(told: dict[str, object]) -> Event:

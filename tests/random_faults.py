@@ -128,8 +128,7 @@ def case(rng: random.Random, machine: Machine, tick: int, origin: str) -> Case:
         bus, _, words = text.partition("|")
         lines.append(f"{bus}{when}: {words}")
         lasts_s = max(lasts_s, length_s + (at - begin) * T)
-    stops = begin + in_ticks(min(lasts_s, 1.0) + AFTER_S) if origin == "program" else in_ticks(0.2)
-    events.append({"tick": stops, "request": "stop"})
+    events.append({"tick": begin + in_ticks(min(lasts_s, 1.0) + AFTER_S), "request": "stop"})
     return Case(tick, tuple(events), "\n".join([*lines, ""]))
 
 

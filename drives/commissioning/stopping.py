@@ -8,11 +8,12 @@ What is offered, in the drive's own units, and what it is made of:
     605Bh  605Ch  605Dh                1: ramps by 6084h, before the power goes
     605Eh  fault reaction              2: the quick stop's ramp
     6066h  following error time-out    five ticks, so that the drive trips before the axis has gone far
-    607Fh  6080h  largest speed        the axis' and 5 % (6080h where 60A9h says its unit)
+    607Fh  6080h  largest speed        the axis' and 5 % (6080h where a turn of the motor is known)
     60C5h  60C6h                       no less than path and quick stop need
 
-6080h is the motor's, in 1/min (CiA 402-2) or, by some makers, in the unit of 60A9h: the larger number is
-told, which holds nobody back, and it is never raised above what the drive or its sheet has.
+6080h is the motor's, in 1/min (CiA 402-2) or, by some makers, in the unit of 60A9h where that tells turns:
+the larger number is told, which holds nobody back, and it is never raised above what the drive or its sheet
+has. A drive that does not take it, and would be too slow by one of the two readings, is refused.
 
 A number out of the data sheet's range becomes the nearest in it: less deceleration makes the promise longer,
 less time-out trips sooner. 605Ah is the profile's, and written before. What is refused, missing or fixed is
@@ -146,9 +147,9 @@ def offers(node: NodeSettings, units: Units) -> Iterator[Offer]:
     yield Offer(FOLLOWING, late_ms, "the drive must trip before the axis has gone far")
     fastest = _fastest(node.velocity_counts_s / units.velocity_counts_s)
     yield Offer(0x607F, fastest, "no motor may be faster than its axis")
-    if units.said:
-        by_turns = _fastest(node.velocity_counts_s / units.rev_min_counts_s) if units.rev_min_counts_s else 0
-        yield Offer(0x6080, max(fastest, by_turns), "no motor may be faster than its axis")
+    if speeds := units.motor_speeds_counts_s:
+        by_turns = _fastest(node.velocity_counts_s / min(speeds))
+        yield Offer(MOTOR_SPEED, by_turns, "no motor may be faster than its axis")
     why = "neither path nor quick stop may be held back"
     needed = math.ceil(HEADROOM * max(most, quick) / units.acceleration_counts_s2)
     yield Offer(0x60C5, min(needed, MOST), why, at_least=True)
@@ -162,7 +163,7 @@ def _fastest(exact: float) -> int:
 
 def _see_motor(drive: Drive, node: NodeSettings, units: Units) -> None:
     """6080h protects the motor. Raises CommissionError where the axis is faster, however it is read."""
-    unit = max(units.rev_min_counts_s, units.velocity_counts_s if units.said else 0.0)
+    unit = max(units.motor_speeds_counts_s, default=0.0)
     try:
         most = drive.find(MOTOR_SPEED)
     except RefusedError:
@@ -183,6 +184,7 @@ def _held_back(found: Read, node: NodeSettings, units: Units) -> str:
     speed, rate = node.velocity_counts_s, node.acceleration_counts_s2
     for index, unit, needed, name in (
         (0x607F, units.velocity_counts_s, speed, "counts/s"),
+        *((MOTOR_SPEED, unit, speed, "counts/s") for unit in units.motor_speeds_counts_s),
         (0x60C5, units.acceleration_counts_s2, rate, "counts/s^2"),
         (0x60C6, units.acceleration_counts_s2, rate, "counts/s^2"),
     ):

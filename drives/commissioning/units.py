@@ -56,9 +56,15 @@ class Units:
 
     velocity_counts_s: float = 1.0
     acceleration_counts_s2: float = 1.0
-    said: bool = False  # 60A9h says so: 6080h is in this unit, too
+    turns: bool = False  # 60A9h tells revolutions: by some makers 6080h is in this unit, too
     inverted: bool = False  # 607Eh
-    rev_min_counts_s: float = 0.0  # 1/min of the motor, as CiA 402-2 has 6080h; 0 = nobody knows
+    rev_min_counts_s: float = 0.0  # 1/min of the motor, as CiA 402-2 has 6080h, at most; 0 = nobody knows
+
+    @property
+    def motor_speeds_counts_s(self) -> tuple[float, ...]:
+        """What one of 6080h may be: 1/min of the motor (CiA 402-2), or by some makers as 60A9h has it."""
+        readings = (self.rev_min_counts_s, self.velocity_counts_s if self.turns else 0.0)
+        return tuple(unit for unit in readings if unit)
 
     def velocity(self, counts_s: float, where: str) -> int:
         """A speed in the drive's units. Raises UnitError where none is near it."""
@@ -138,8 +144,8 @@ class _Reading:
             self._see_position(self._position)
         velocity = self._told_velocity()
         sizes = self._sizes(velocity)
-        said = velocity is not None
-        return Units(*sizes, said, inverted, self._rev_min())
+        turns = velocity is not None and si(self._word(0x60A9)).numerator == REVOLUTION
+        return Units(*sizes, turns, inverted, self._rev_min())
 
     def _sizes(self, told: float | None) -> tuple[float, float]:
         """Of velocity and acceleration; ``told``: the former by 60A9h."""
@@ -161,11 +167,16 @@ class _Reading:
         return velocity, acceleration
 
     def _rev_min(self) -> float:
-        """Counts per second of a motor that turns once a minute; 0 where nobody says it."""
+        """Counts per second of a motor that turns once a minute; 0 where nobody says it.
+
+        A feed constant of 1 / 1 is one that nobody has set, or one of a unit per turn of the shaft: then
+        it is the most that it can be, so that what is too slow by it is too slow by any reading.
+        """
         try:
             return self._counts_per_turn(0x6080, 0) / 60.0
         except UnitError:
-            return 0.0
+            either_way = self._position is None and self._ratio(FEED) == 1.0
+            return self._resolution / 60.0 if either_way else 0.0
 
     # -- objects
 
