@@ -27,6 +27,7 @@ from drives.simulated.dictionary import Abort, Code
 
 PERIOD_S = 0.002
 SIGN = {0x00: 1, 0xC0: -1}
+STANDS_TICKS = 20  # a servo that comes back from behind its goal passes a moment of rest
 SHEETS = itertools.count()  # data sheets are read once by their path
 
 
@@ -279,11 +280,19 @@ class Bench:
             self.tick()
 
     def quick_stop(self, most_s: float) -> tuple[float, float]:
-        """Seconds and way from the request to where the motor stands."""
+        """Seconds from the request to where the motor stands for good, and the farthest that it went."""
         begun, fastest = self.place, abs(self.speed)
+        farthest, moved, ticks = 0.0, 0, 0
         self.group.want(Wanted.QUICK_STOP)
-        ticks = self.until(lambda: abs(self.speed) < 1e-3 * fastest, round(most_s / PERIOD_S))
-        return ticks * PERIOD_S, self.place - begun
+        while ticks - moved < STANDS_TICKS:
+            assert ticks * PERIOD_S < most_s, f"it moves after {ticks} ticks, at {self.speed}"
+            self.tick()
+            ticks += 1
+            if abs(self.speed) >= 1e-3 * fastest:
+                moved = ticks
+            way = self.place - begun
+            farthest = way if abs(way) > abs(farthest) else farthest
+        return (moved + 1) * PERIOD_S, farthest
 
 
 def _refuse(_: int) -> None:

@@ -122,8 +122,8 @@ CASES: tuple[Case, ...] = (
     Case("node silent 100 ms", script("silence Y for 100 ms"), LOST),
     Case("node silent for good", script("silence Y for 900 ms"), LOST),
     Case("node reset", script("node_reset Y"), of(F.NODE_RESET), free=(AXIS,)),
-    # What a drive finds inside of itself, where a bus cannot make the cause; overload and a lost supply, whose
-    # causes are made, stand below as a jammed and a weak motor, and as the supply.
+    # What a drive finds inside of itself, where a bus cannot make the cause. Overload and a lost supply can
+    # be made: a jammed and a weak motor, and the supply, below.
     Case("drive tells 1000h generic", emcy(0x1000), of(F.EMCY)),
     Case("drive tells 4310h temperature", emcy(0x4310), of(F.EMCY)),
     Case("drive tells 5530h memory", emcy(0x5530), of(F.EMCY)),

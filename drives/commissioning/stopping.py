@@ -11,9 +11,9 @@ What is offered, in the drive's own units, and what it is made of:
     607Fh  6080h  largest speed        the axis' and 5 % (6080h where a turn of the motor is known)
     60C5h  60C6h                       no less than path and quick stop need
 
-6080h is the motor's, in 1/min (CiA 402-2) or, by some makers, in the unit of 60A9h where that tells turns:
-the larger number is told, which holds nobody back, and it is never raised above what the drive or its sheet
-has. A drive that does not take it, and would be too slow by one of the two readings, is refused.
+6080h is the motor's, in 1/min (CiA 402-2) or, by some makers, in the unit of 60A9h: the larger number is
+told, which holds nobody back, and it is never raised above what the drive or its sheet has. A drive that does
+not take it, and would be too slow by one of the two readings, is refused.
 
 A number out of the data sheet's range becomes the nearest in it: less deceleration makes the promise longer,
 less time-out trips sooner. 605Ah is the profile's, and written before. What is refused, missing or fixed is
@@ -41,6 +41,7 @@ SLOW, QUICK = (1, 5), (2, 6)  # their ramps: by 6084h, by 6085h
 DECELERATION = {SLOW: (0x6084, 0x6083), QUICK: (0x6085,)}  # the first that is there (CiA 402-2, 6084h)
 MARGIN = 1.05  # of the largest speed
 HEADROOM = 1.2  # of 60C5h over the path's accelerations: rounding to counts, and the servo
+STEEP = 1.3  # of what was offered: more than the coarsest unit makes of it, and any servo has to spare
 TIME_OUT_TICKS = 5
 FOLLOWING = 0x6066
 MOTOR_SPEED = 0x6080
@@ -209,19 +210,29 @@ def _within(drive: Drive, offer: Offer) -> int:
 def stop_counts_s2(found: Read, node: NodeSettings, units: Units) -> float:
     """The weakest of the ramps by which the drive may stop, as read; 0 = it does not tell.
 
-    A steeper one than was offered is not believed: the axis is not made for it.
+    A steeper one than was offered is not believed: the axis is not made for it, overshoots, and comes back.
     """
-    slowest = [node.quick_stop_counts_s2 or node.acceleration_counts_s2]
+    offered = node.quick_stop_counts_s2 or node.acceleration_counts_s2
+    slowest = [offered]
     for index, otherwise in ((QUICK_STOP, node.profile.quick_stop_code), (FAULT_REACTION, 2)):
         code = found.get(index, otherwise)
         if (ramp := _ramp(code, found)) is not None:
-            slowest.append(ramp * units.acceleration_counts_s2)
+            slowest.append(_believed(ramp * units.acceleration_counts_s2, offered))
         elif index == QUICK_STOP:
             # A drive that has no such object stops as its makers have it; the machine file may know.
             return 0.0 if 0x6085 in found else node.quick_stop_counts_s2
     if limit := found.get(0x60C6):
         slowest.append(limit * units.acceleration_counts_s2)
     return min(slowest)
+
+
+def _believed(ramp: float, offered: float) -> float:
+    """A ramp steeper than the axis is made for ends before its motor does.
+
+    That brakes by what was offered, is too far by d = v^2 / 2a - v^2 / 2r, and comes back in 2 sqrt(d / a).
+    """
+    too_steep = 1.0 - STEEP * offered / ramp
+    return ramp if too_steep <= 0.0 else offered / (1.0 + math.sqrt(2.0 * too_steep))
 
 
 def _ramp(code: int | None, found: Read) -> float | None:

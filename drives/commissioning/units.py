@@ -56,14 +56,14 @@ class Units:
 
     velocity_counts_s: float = 1.0
     acceleration_counts_s2: float = 1.0
-    turns: bool = False  # 60A9h tells revolutions: by some makers 6080h is in this unit, too
+    said: bool = False  # 60A9h says so: by some makers 6080h is in this unit, too
     inverted: bool = False  # 607Eh
     rev_min_counts_s: float = 0.0  # 1/min of the motor, as CiA 402-2 has 6080h, at most; 0 = nobody knows
 
     @property
     def motor_speeds_counts_s(self) -> tuple[float, ...]:
         """What one of 6080h may be: 1/min of the motor (CiA 402-2), or by some makers as 60A9h has it."""
-        readings = (self.rev_min_counts_s, self.velocity_counts_s if self.turns else 0.0)
+        readings = (self.rev_min_counts_s, self.velocity_counts_s if self.said else 0.0)
         return tuple(unit for unit in readings if unit)
 
     def velocity(self, counts_s: float, where: str) -> int:
@@ -144,8 +144,8 @@ class _Reading:
             self._see_position(self._position)
         velocity = self._told_velocity()
         sizes = self._sizes(velocity)
-        turns = velocity is not None and si(self._word(0x60A9)).numerator == REVOLUTION
-        return Units(*sizes, turns, inverted, self._rev_min())
+        said = velocity is not None
+        return Units(*sizes, said, inverted, self._rev_min())
 
     def _sizes(self, told: float | None) -> tuple[float, float]:
         """Of velocity and acceleration; ``told``: the former by 60A9h."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -135,10 +136,17 @@ def test_ten_seconds_are_promised_where_the_machine_file_allows_them_and_refused
 
 
 def test_a_refusal_is_told_with_the_drives_reason_and_what_it_has_counts() -> None:
-    _, outcome = commissioned(refusing(0x6085), acceleration_counts_s2=3e8)
+    _, outcome = commissioned(refusing(0x6085), acceleration_counts_s2=3.5e8)
     (note,) = arranged(outcome).notes
-    assert "6085h:00 refuses 300000000" in note and "0x06090030" in note and "reads 400000000" in note
-    assert arranged(outcome).stop_s == pytest.approx(4e7 / 3e8), "the axis is not made for more"
+    assert "6085h:00 refuses 350000000" in note and "0x06090030" in note and "reads 400000000" in note
+    assert arranged(outcome).stop_s == pytest.approx(4e7 / 3.5e8), "the axis is not made for more"
+
+
+def test_a_ramp_that_no_motor_follows_is_promised_with_the_way_back() -> None:
+    """From 4e7 counts/s by 2e8 counts/s^2 it is 0.2 s and 4e6 counts to rest, and as good as all of it back."""
+    found = {0x605A: 2, 0x6085: 0xFFFF_FFFF}
+    promised_s = 4e7 / stop_counts_s2(found, replace(AXIS, acceleration_counts_s2=2e8), Units())
+    assert promised_s == pytest.approx(0.2 + 2.0 * math.sqrt(4e6 / 2e8), rel=0.05)
 
 
 def test_a_drive_without_the_object_is_promised_the_longest_stop_until_somebody_measures() -> None:

@@ -76,7 +76,7 @@ def test_the_makers_example_is_met_by_a_whole_number() -> None:
     """EPOS4: 1000 1/min of an encoder with 4096 increments are 68266.67 increments per second."""
     units = of({0x60A9: RPM, 0x608F: (4096, 1)})
     assert units.velocity(68_266.67, "6099h") == 1000
-    assert units.turns and units.acceleration_counts_s2 == units.velocity_counts_s
+    assert units.said and units.acceleration_counts_s2 == units.velocity_counts_s
 
 
 @pytest.mark.parametrize(
