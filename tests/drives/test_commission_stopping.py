@@ -143,7 +143,7 @@ def test_a_refusal_is_told_with_the_drives_reason_and_what_it_has_counts() -> No
 
 
 def test_a_ramp_that_no_motor_follows_is_promised_with_the_way_back() -> None:
-    """From 4e7 counts/s by 2e8 counts/s^2 it is 0.2 s and 4e6 counts to rest, and as good as all of it back."""
+    """From 4e7 counts/s by 2e8 counts/s^2 0.2 s and 4e6 counts to rest, and nearly all of it back."""
     found = {0x605A: 2, 0x6085: 0xFFFF_FFFF}
     promised_s = 4e7 / stop_counts_s2(found, replace(AXIS, acceleration_counts_s2=2e8), Units())
     assert promised_s == pytest.approx(0.2 + 2.0 * math.sqrt(4e6 / 2e8), rel=0.05)
