@@ -83,15 +83,20 @@ def directrix() -> None:
 
 
 def main() -> None:
-    """Entry point of ``directrix``; a script that asks for JSON gets it for a wrong option too."""
-    if "--json" not in sys.argv[1:]:
-        app()
+    """Entry point of ``directrix``; a script that asks for JSON gets it whatever is wrong."""
+    as_json = "--json" in sys.argv[1:]
     try:
-        sys.exit(app(standalone_mode=False))
+        sys.exit(app(standalone_mode=not as_json))
     except USAGE as error:
         sentence = f"{error.format_message().rstrip('.')}; see --help for what is allowed."
         print(json.dumps({"ok": False, "error": sentence}))
         sys.exit(2)
+    except typer.Abort:  # Ctrl-C
+        sys.exit(130)
+    except Exception as error:  # nobody reads a traceback
+        from controller.commands import internal_error
+
+        sys.exit(internal_error.end(error, as_json))
 
 
 if __name__ == "__main__":

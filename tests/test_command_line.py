@@ -224,6 +224,25 @@ def test_a_wrong_option_is_json_too_where_json_was_asked_for(monkeypatch, capsys
     assert json.loads(out)["ok"] is False and "--help" in out
 
 
+@pytest.mark.parametrize("as_json", [False, True])
+def test_an_error_of_our_own_is_one_sentence_and_a_file_to_send_in(at_work, monkeypatch, capsys, as_json):
+    def wrong(*_: object) -> None:
+        raise IndexError("index 7 is out of\nbounds")
+
+    monkeypatch.setattr("controller.session.checked.task", wrong)
+    monkeypatch.setattr("tempfile.tempdir", str(at_work))
+    words = ["check", program(CONE), *(["--json"] if as_json else [])]
+    monkeypatch.setattr("sys.argv", ["directrix", *words])
+    with pytest.raises(SystemExit) as end:
+        command_line.main()
+    out, err = capsys.readouterr()
+    assert (end.value.code, err if as_json else out) == (70, "")
+    told = json.loads(out)["error"] if as_json else err.strip()
+    assert "\n" not in told and "IndexError in test_command_line.py" in told
+    kept = Path(re.search(r"send in (\S+)", told)[1]).read_text()
+    assert "Traceback" in kept and " ".join(words) in kept
+
+
 # ---- runs ------------------------------------------------------------------------------
 
 

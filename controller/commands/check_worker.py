@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from controller import fitting
+from controller.commands import internal_error
 from controller.plan.report.picture import Picture
 from controller.plan.route.stretch import Stretch
 from controller.plan.text import blocks
@@ -74,8 +75,10 @@ def check(
     except ProgramError as error:
         place = {"line": error.line, "column": error.column}
         return "refused", {"sentence": error.sentence, **place}
-    except (ConfigError, OSError, ValueError) as error:
+    except (ConfigError, OSError) as error:
         return "failed", {"sentence": f"{name}: could not be checked: {error}"}
+    except Exception as error:  # the operator gets a sentence, and we the rest
+        return "failed", {"sentence": f"{name}: could not be checked. {internal_error.sentence(error)}"}
     with contextlib.suppress(OSError):  # a program runs without its picture
         picture.shape().save(state / PICTURES / f"{task.key}.npz")
     if kept.overcuts:

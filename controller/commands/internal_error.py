@@ -1,0 +1,54 @@
+"""What a command says where it finds itself wrong: one sentence, and a file to send in."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import sys
+import tempfile
+import traceback
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+
+EXIT_CODE = 70  # EX_SOFTWARE of sysexits.h
+
+
+def sentence(error: BaseException) -> str:
+    """One sentence; the traceback goes into a file that it names."""
+    frame = traceback.extract_tb(error.__traceback__)[-1] if error.__traceback__ else None
+    where = f" in {Path(frame.filename).name}, line {frame.lineno}" if frame else ""
+    told = " ".join(str(error).split())
+    kept = _kept("".join(traceback.format_exception(error)))
+    return (
+        f"Directrix itself is wrong here ({type(error).__name__}{where}{': ' if told else ''}{told});"
+        f" send in {kept if kept is not None else 'this line'} with the program and the machine file."
+    )
+
+
+def end(error: BaseException, as_json: bool) -> int:
+    """Says it where the command's answer would have been; the exit code."""
+    if "JOURNAL_STREAM" in os.environ:  # of a service; its own /tmp goes with it
+        traceback.print_exception(error)
+    told = sentence(error)
+    if as_json:
+        print(json.dumps({"ok": False, "internal": True, "error": told}))
+    else:
+        print(told, file=sys.stderr)
+    return EXIT_CODE
+
+
+def _kept(text: str) -> Path | None:
+    """A file of what is needed to find it, for this user alone; None where there is no room."""
+    head = (
+        f"directrix {metadata.version('directrix')}, Python {platform.python_version()}, {platform.platform()}\n"
+        f"{datetime.now(UTC).isoformat(timespec='seconds')}\n{' '.join(sys.argv)}\n\n"
+    )
+    try:
+        handle, name = tempfile.mkstemp(prefix="directrix-error-", suffix=".txt")
+        with os.fdopen(handle, "w", encoding="utf-8", errors="backslashreplace") as file:
+            file.write(head + text)
+    except OSError:
+        return None
+    return Path(name)
