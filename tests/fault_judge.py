@@ -28,6 +28,7 @@ OVERSHOOT = 1.05  # of a servo
 ROUNDING = 1e-6
 WAY_TICKS, LIVED_LATE = 25, 4  # periods
 LATEST_TICKS = 10  # "its window plus what it moves in so many ticks"
+COMES_BACK = 2.0  # times as long as at its velocity limit
 OF_LATE = 5.0  # time constants of the slowest loop that stays inside of the window
 
 Array = npt.NDArray[np.float64]
@@ -126,8 +127,8 @@ def _restless(sight: Sight, taken: Times) -> Iterator[Wrong]:
         for fault in (seen.fault, seen.warning)
         if fault is not Fault.NONE
     )
-    late = first + int(np.ceil(promised_s / sight.machine.period_s))
     for i, axis in enumerate(sight.machine.axes):
+        late = first + _stands_after(sight, first, i, promised_s)
         moving = sight.speed[late:, i] * abs(axis.shown_per_unit) > STANDS
         torque = np.array([seen.torque >> i & 1 for seen in sight.ticks[late:]], bool)
         rows = np.flatnonzero(moving & torque)
@@ -137,6 +138,19 @@ def _restless(sight: Sight, taken: Times) -> Iterator[Wrong]:
             yield sight.ticks[late].tick, f"{axis.name} moved {ms:.0f} ms after {after[-1].fault.name}"
         if len(moving) and moving[-1]:
             yield sight.ticks[-1].tick, f"{axis.name} moves to the end"
+
+
+def _stands_after(sight: Sight, first: int, i: int, promised_s: float) -> int:
+    """In ticks. One that was carried off for want of torque, and gets it again, must come back first."""
+    size, ticks = abs(sight.machine.axes[i].shown_per_unit), promised_s / sight.machine.period_s
+    moving = sight.speed[first:, i] * size > STANDS
+    weak = np.array([not seen.torque >> i & 1 for seen in sight.ticks[first:]])
+    carried = np.flatnonzero(moving & weak)
+    if len(carried):
+        way = float(np.ptp(sight.motors[first : first + carried[-1] + 1, i]))
+        back_s = COMES_BACK * way / sight.machine.axes[i].limits.velocity
+        ticks += float(carried[-1]) + back_s / sight.machine.period_s
+    return math.ceil(ticks)
 
 
 def _dishonest(sight: Sight) -> Iterator[Wrong]:

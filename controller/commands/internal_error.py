@@ -41,10 +41,9 @@ def end(error: BaseException, as_json: bool) -> int:
 
 def _kept(text: str) -> Path | None:
     """A file of what is needed to find it, for this user alone; None where there is no room."""
-    head = (
-        f"directrix {metadata.version('directrix')}, Python {platform.python_version()}, {platform.platform()}\n"
-        f"{datetime.now(UTC).isoformat(timespec='seconds')}\n{' '.join(sys.argv)}\n\n"
-    )
+    of = f"directrix {metadata.version('directrix')}, Python {platform.python_version()}"
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    head = f"{of}, {platform.platform()}\n{now}\n{' '.join(sys.argv)}\n\n"
     try:
         handle, name = tempfile.mkstemp(prefix="directrix-error-", suffix=".txt")
         with os.fdopen(handle, "w", encoding="utf-8", errors="backslashreplace") as file:
