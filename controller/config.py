@@ -88,7 +88,7 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
         buses=buses,
         tools=_tools(top),
         offsets=_offsets(offsets := top.table("offsets", "[offsets]", optional=True)),
-        unset=frozenset(name for name in OFFSETS[1:] if not offsets.has(name)),
+        unset=tuple(name for name in OFFSETS[1:] if not offsets.has(name)),
         spindle=_spindle(top, buses, folder),
         text=text,
         tip_acceleration_mm_s2=general.positive_or_none("tip_acceleration_mm_s2"),

@@ -87,7 +87,8 @@ def with_offset(machine: Machine, name: str, values: object) -> Machine:
     frame = config.offset(Table("offsets", name, {name: values}), name)
     offsets = list(machine.offsets)
     offsets[config.OFFSETS.index(name)] = frame
-    return replace(machine, offsets=tuple(offsets), unset=machine.unset - {name})
+    unset = tuple(one for one in machine.unset if one != name)
+    return replace(machine, offsets=tuple(offsets), unset=unset)
 
 
 def with_tool(machine: Machine, number: int, values: object) -> Machine:
