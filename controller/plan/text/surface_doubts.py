@@ -37,7 +37,7 @@ def of_words(code: str, words: Iterable[Word], contact_mm: float) -> str:
 
 def contact_mm(points: Sequence[Vector]) -> float:
     """About the length of a curve, by its control points."""
-    return sum(norm(subtract(b, a)) for a, b in itertools.pairwise(points))
+    return float(sum(norm(subtract(b, a)) for a, b in itertools.pairwise(points)))
 
 
 def is_upside_down(upper: Sequence[Vector], lower: Sequence[Vector], part: Frame) -> bool:
