@@ -100,7 +100,8 @@ def _derivatives_of_cut(stretch: Stretch, cut: SurfaceCut, s: Array, kinematics:
     tip, axis = cut.surface.pose(series, cut.offset_mm, jets)
     tip, axis = cut.part.to_parent(tip), cut.part.turn(axis)
     shown = joints_along(stretch, inside, kinematics)
-    first, second = _matching(kinematics.branches(axis, jets), shown, kinematics)
+    seen = cut.seen_along(series, axis, kinematics, jets)
+    first, second = _matching(kinematics.branches(axis, jets, seen=seen), shown, kinematics)
     x, y, z = kinematics.linear(tip, (first, second), cut.length_mm, jets)
     values: tuple[Number, ...] = (x, y, z, first, second)
     joint = [values[i] for i in kinematics.order]
