@@ -42,7 +42,13 @@ NEAR_RAD = 0.05  # a sample of an axis that comes near: zoomed into
 BESIDE_RAD = 2e-3  # so near to the pole the rotary turns too quickly for samples that do not know
 FINEST = 1e-13  # of u
 MOST_DIPS = 32
+QUICK = 0.02  # of the largest
 FIT_DEGREE, FITTED = 12, 1e-14
+# Chebyshev's polynomials in powers, a column each.
+_POWERS = np.stack(
+    [np.resize(chebyshev.cheb2poly([0.0] * k + [1.0]), FIT_DEGREE + 1) for k in range(FIT_DEGREE + 1)], axis=1
+)
+_POWERS = np.triu(_POWERS)
 WINDOWS = tuple(0.25 * 0.5**k for k in range(8))  # of u, about a touch of an axis that is no polynomial
 
 
@@ -89,8 +95,19 @@ def touched(cut: SurfaceCut, kinematics: Kinematics) -> SurfaceCut:
         parts = _fitted(axis, [u for u, off in dips if off <= SAME_AXIS_RAD])
     found = [_touch(part, kinematics) for part in parts]
     touches = tuple(touch for touch in found if touch is not None)
-    beside = tuple(u for u, off in dips if NEAR_POLE < off and seen_at(touches, u) is None)
-    return replace(cut, touches=touches, beside_pole=beside) if touches or beside else cut
+    beside = [u for u, off in dips if off > NEAR_POLE and seen_at(touches, u) is None]
+    beside += [u for touch in touches for u in _turning(touch)]
+    return replace(cut, touches=touches, beside_pole=tuple(beside)) if touches or beside else cut
+
+
+def _turning(touch: Touch) -> list[float]:
+    """Where the direction that is left turns quickly: what tells it comes near to nothing there."""
+    u = np.linspace(touch.low, touch.high, SAMPLES)
+    a, b, _, _ = touch.seen(u, np)
+    size = np.hypot(a, b) + 0.0 * u
+    padded = np.concatenate(([np.inf], size, [np.inf]))
+    low = (size <= padded[:-2]) & (size < padded[2:]) & (size < QUICK * size.max())
+    return [float(one) for one in u[low]]
 
 
 # ---- the axis and its polynomials -----------------------------------------------------
@@ -172,8 +189,7 @@ def _interpolated(axis: Axis, low: float, high: float) -> _Part | None:
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     nodes = chebyshev.chebpts1(FIT_DEGREE + 1)
     series = np.linalg.solve(chebyshev.chebvander(nodes, FIT_DEGREE), axis(middle + half * nodes))
-    rows = np.stack([chebyshev.cheb2poly(column) for column in series.T], axis=1)
-    part = _Part(low, high, middle, rows / half ** np.arange(FIT_DEGREE + 1)[:, None])
+    part = _Part(low, high, middle, _POWERS @ series / half ** np.arange(FIT_DEGREE + 1)[:, None])
     check = np.linspace(low, high, 4 * FIT_DEGREE + 1)
     return part if np.abs(part.at(check) - axis(check)).max() <= FITTED else None
 
@@ -197,7 +213,7 @@ def _touch(part: _Part, kinematics: Kinematics) -> Touch | None:
         return None
     across = tuple((float(a), float(b)) for a, b in left.rows[:, :2])
     along = tuple(float(h) for h in part.moved(left.about)[:, 2])
-    return Touch(part.low, part.high, tuple(roots), left.about, across, along)
+    return Touch(part.low, part.high, tuple(map(float, roots)), float(left.about), across, along)
 
 
 def _reached(along: Array, kinematics: Kinematics) -> bool:
@@ -236,7 +252,7 @@ def _candidates(part: _Part, order: int) -> Iterator[float]:
             steep = float(slope(t))
             t -= float(product(t)) / steep if steep else 0.0
         if 0.0 < t < 1.0:
-            yield part.low + width * t
+            yield float(part.low + width * t)
 
 
 def _meets(part: _Part, left: _Part, roots: list[float]) -> bool:
