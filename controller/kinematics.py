@@ -111,7 +111,7 @@ class Kinematics:
         return self._e1, self._e2, self._w2
 
     def reaches_pole(self, side: float) -> bool:
-        """Whether the tool axis can stand along w2 (``side`` > 0) or against it: on any other it never does."""
+        """Whether the tool axis can stand along w2 (``side`` > 0) or against it."""
         return self._left[0 if side > 0.0 else 1] == 0.0
 
     def near_pole(self, axis: Vector) -> bool:

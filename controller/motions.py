@@ -62,7 +62,7 @@ class SurfaceCut:
         return kinematics.inverse(Pose(self.part.to_parent(tip), axis), near, self.length_mm, inside, seen)
 
     def seen_along(self, u: Number, axis: Vector, kinematics: Kinematics, m: ModuleType) -> Seen | None:
-        """For ``Kinematics.branches``: the ``axis`` (table frame) at samples or series ``u``, or None for itself."""
+        """The ``axis`` (table frame) at samples or series ``u`` with its touches told; None: it has none."""
         return seen_along(self.touches, u, kinematics.seen(axis), m) if self.touches else None
 
 

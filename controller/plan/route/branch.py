@@ -102,7 +102,7 @@ def _grid(cut: SurfaceCut) -> Array:
 def beside_pole(cut: SurfaceCut) -> Array:
     """Samples (u) that gather where ``cut`` passes by the pole."""
     near = [u + sign * GATHERING for u in cut.beside_pole for sign in (-1.0, 1.0)]
-    return np.clip(np.concatenate([cut.beside_pole, *near]), 0.0, 1.0)
+    return np.asarray(np.clip(np.concatenate([cut.beside_pole, *near]), 0.0, 1.0))
 
 
 def field(cut: SurfaceCut, kinematics: Kinematics, extra: Array | None = None) -> Field:

@@ -44,7 +44,7 @@ FINEST = 1e-13  # of u
 MOST_DIPS = 32
 QUICK = 0.02  # of the largest
 FIT_DEGREE, FITTED = 12, 1e-14
-# Chebyshev's polynomials in powers, a column each.
+# Chebyshev's polynomials in powers, a column each: what a column repeats below its own end is cut off.
 _POWERS = np.stack(
     [np.resize(chebyshev.cheb2poly([0.0] * k + [1.0]), FIT_DEGREE + 1) for k in range(FIT_DEGREE + 1)], axis=1
 )

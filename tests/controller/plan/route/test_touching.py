@@ -111,7 +111,7 @@ def test_tick_and_plan_go_through_a_touch_alike_smoothly_and_along_the_ruling(
         np.clip(np.concatenate([np.linspace(0.0, motion.end, 201), near_touch, [middle]]), 0.0, motion.end)
     )
     rows = joints_along(along, s, kinematics)
-    tips, axes = kinematics.forward(rows.T, 0.0, np)
+    _, axes = kinematics.forward(rows.T, 0.0, np)
     wanted = np.array(part.turn(surface.axis(motion.arc.u_along(s), np)))
     assert np.abs(np.array(axes) - wanted).max() < 1e-12
     near = rotaries_of(along.start, kinematics)
