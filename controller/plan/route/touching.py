@@ -42,6 +42,7 @@ NEAR_RAD = 0.05  # a sample of an axis that comes near: zoomed into
 BESIDE_RAD = 2e-3  # so near to the pole the rotary turns too quickly for samples that do not know
 FINEST = 1e-13  # of u
 MOST_DIPS = 32
+_CLOSER = np.linspace(-1.0, 1.0, 41)
 QUICK = 0.02  # of the largest
 FIT_DEGREE, FITTED = 12, 1e-14
 # Chebyshev's polynomials in powers, a column each: what a column repeats below its own end is cut off.
@@ -139,11 +140,12 @@ def _dips(axis: Axis) -> list[tuple[float, float]]:
         return []
     found = []
     for i in dips:
-        at, half = float(u[i]), 1.0 / (SAMPLES - 1)
-        while half > FINEST:
-            grid = np.clip(at + np.linspace(-half, half, 41), 0.0, 1.0)
-            at, half = float(grid[np.argmin(off(grid))]), 0.1 * half
-        least = float(off(np.array([at]))[0])
+        at, least, half = float(u[i]), float(value[i + 1]), 1.0 / (SAMPLES - 1)
+        while half > FINEST and least > 0.0:  # which it is where an end of a block is on the pole
+            grid = np.clip(at + half * _CLOSER, 0.0, 1.0)
+            sines = off(grid)
+            k, half = int(np.argmin(sines)), 0.1 * half
+            at, least = float(grid[k]), float(sines[k])
         if least <= BESIDE_RAD:
             found.append((at, least))
     return found
