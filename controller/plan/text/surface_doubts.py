@@ -10,11 +10,11 @@ import itertools
 from collections.abc import Iterable, Sequence
 
 from controller.geometry import Frame, Vector, norm, subtract
+from controller.plan.text.modal import BLU_PER_MM
 from controller.plan.text.words import Word
 
 MICROSCOPIC_MM = 0.1  # a contact that is no longer
 UPSIDE_DOWN = -0.5  # cosine of the ruling's angle to the table's normal
-PER_MM = 100.0  # BLU
 
 
 def of_words(code: str, words: Iterable[Word], contact_mm: float) -> str:
@@ -24,7 +24,9 @@ def of_words(code: str, words: Iterable[Word], contact_mm: float) -> str:
     if plain is None:
         return ""
     pointed = next((word for word in counted if word.point), None)
-    means = f"{plain.text} is {abs(plain.value) / PER_MM:g} mm, for without a decimal point it counts 0.01 mm"
+    means = (
+        f"{plain.text} is {abs(plain.value) / BLU_PER_MM:g} mm, for without a decimal point it counts 0.01 mm"
+    )
     if pointed is not None:
         return (
             f"{code} mixes words with and without a decimal point: {means}, {pointed.text} does not;"

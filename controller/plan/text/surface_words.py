@@ -58,10 +58,10 @@ def cone(ask: Ask, state: State, machine: Machine) -> CutCone:
     sweep = given["D"].value if given["D"].point else given["D"].value / BLU_PER_DEGREE
     height, radius = _length_mm(given["H"], state), _length_mm(given["R"], state)
     feed = feed_of(ask, "G51", word, state, machine)
-    contact_mm = math.radians(abs(sweep)) * math.hypot(start[0] - centre[0], start[1] - centre[1])
+    sweep_rad = math.radians(sweep)
+    contact_mm = abs(sweep_rad) * math.hypot(start[0] - centre[0], start[1] - centre[1])
     doubt = surface_doubts.of_words("G51", (given[letter] for letter in LENGTHS), contact_mm)
-    what = (start, centre, height, radius, math.radians(sweep), feed, doubt)
-    return CutCone(ask.place(word), state.modal, *what)
+    return CutCone(ask.place(word), state.modal, start, centre, height, radius, sweep_rad, feed, doubt)
 
 
 def _check_cone(ask: Ask, start: Vector, centre: Vector) -> None:
