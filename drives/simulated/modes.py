@@ -15,6 +15,7 @@ import math
 from typing import TYPE_CHECKING, ClassVar
 
 from drives.settings import INT32_MAX, INT32_MIN
+from drives.simulated.data_sheet import key
 from drives.simulated.homing import HERE, Pace, Search
 from drives.simulated.motion import Demand, Profile, Speed, ramp_down
 
@@ -27,6 +28,7 @@ REACHED, BIT_12, BIT_13 = 1 << 10, 1 << 12, 1 << 13
 ENDLESS = 0xFFFF_FFFF
 UNLIMITED = 0xFFFF  # 6072h
 OFFSETS = (0x60B0, 0x60B1, 0x60B2)
+BETWEEN = tuple(key(index) for index in (0x607F, 0x60C5, 0x60C6, *OFFSETS))  # target and demand of csp
 
 
 class Mode:
@@ -100,6 +102,7 @@ class CyclicPosition(Mode):
     def begin(self) -> Demand | None:
         self._speed = Speed(self.axis.servo, self.axis.period_s)
         self._before = self.axis.servo.end
+        self._told: list[int] = []
         return self._limited if self.limits else None
 
     @property
@@ -109,16 +112,25 @@ class CyclicPosition(Mode):
         endless = get(0x607F) == get(0x60C5) == get(0x60C6) == ENDLESS
         return not endless or self.axis.offsets_mapped or any(get(index) for index in OFFSETS)
 
+    def _take(self, told: list[int]) -> None:
+        """What stands between target and demand has been written."""
+        units = self.axis.units
+        limit = units.most_acceleration_at
+        self._told = told
+        self._profile = Profile(units.speed_at(0x607F) or ENDLESS, limit(0x60C5), limit(0x60C6))
+        self._offset = units.position_at(0x60B0)
+        self.lead()
+
     def _limited(self) -> float:
         axis = self.axis
-        aim = axis.target + axis.units.position_at(0x60B0)
+        values = axis.dictionary.values
+        if (told := [values[where] for where in BETWEEN]) != self._told:
+            self._take(told)
+        aim = axis.target + self._offset
         wanted = axis.within(aim) if axis.units.plain else max(axis.low, min(axis.high, aim))
-        self.lead()
         speed = (wanted - axis.servo.end) / axis.period_s
         own, self._before = (wanted - self._before) / axis.period_s, wanted
-        limit = axis.units.most_acceleration_at
-        profile = Profile(axis.units.speed_at(0x607F) or ENDLESS, limit(0x60C5), limit(0x60C6))
-        reached = self._speed.after(speed, own, wanted - axis.servo.end, profile)
+        reached = self._speed.after(speed, own, wanted - axis.servo.end, self._profile)
         axis.say_limit(reached != speed or wanted != aim)
         return wanted if reached == speed else axis.servo.end + reached * axis.period_s
 
