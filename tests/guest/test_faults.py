@@ -63,7 +63,7 @@ def test_error_passive_stops_the_machine_and_a_warning_before_it_does_not() -> N
 
 
 def test_bus_off_is_named_and_the_drives_behind_it_stop_by_themselves() -> None:
-    machine = on_can.machine("can0")
+    machine = on_can.machine("can0", period_s=on_can.SERIAL_PERIOD_S)
     with on_can.drives(), on_can.adapter() as tell:
         last, _ = struck(machine, lambda _: tell("bus_off"))
         assert last.mode is Mode.FAULT and last.fault in named("BUS_OFF")
