@@ -140,17 +140,12 @@ def test_a_guest_that_waits_does_not_hold_up_another(tmp_path: Path) -> None:
 
 
 def test_a_queue_that_takes_nothing_is_told_by_an_error_frame(served: Served) -> None:
-    guest = served.native()
+    guest, bus = served.native(), served.hub.bus
     guest.send(can.Message(arbitration_id=0x080, is_extended_id=False))  # who sends SYNC is the master
     # A frame counts when it begins; whose SYNC it was is known when it has arrived.
-    until(lambda: served.hub.bus.masters is not served.hub.bus.controller)
+    until(lambda: bus.masters is not bus.controller)
     script = FaultScript.read("at 0 s: queue_full master for 60 s")
-    bus = served.hub.bus
-
-    def inject(now_s: float) -> None:
-        script.inject(bus, now_s)
-
-    bus.agenda.add(0.0, inject)
+    bus.agenda.add(0.0, lambda now_s: script.inject(bus, now_s))
     found: list[can.Message] = []
 
     def told() -> bool:
