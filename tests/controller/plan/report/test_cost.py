@@ -21,11 +21,12 @@ from controller.plan.feed.law import at_share
 from controller.plan.report import moments, planned
 from controller.plan.report.duration import bounded, least_s
 from controller.plan.report.survey import BlockUse, Survey, survey
+from controller.plan.route.stretch import Chain
 from controller.plan.text.program import ProgramError
 
 FEEDS = (10_000.0, 1000.0, 100.0, 10.0, 1.0, 0.1, 0.01)  # mm/min
 LINE = "G1 X0.1 F{}\n"
-ARC = "G2 X10 Y0 I5 J0 F{}\n"
+ARC = "G0 X0 Y0\nG2 X10 Y0 I5 J0 F{}\n"
 CONE = "G42\nG51 X0. Y15. Z0. I0. J0. K0. H10. R10. D0.4 F{}\n"
 
 
@@ -79,6 +80,14 @@ def test_a_slow_feed_costs_no_more_than_a_fast_one(text: str, most: dict[str, in
     assert lasting[-1] > 400.0 * lasting[1]
 
 
+def arc_course(words: str, built: Machine) -> Course:
+    """An arc that begins at X0 Y0."""
+    items = trace(f"G0 X0 Y0\n{words}\n", built).items
+    last = [item for item in items if isinstance(item, Chain)][-1].stretches[-1]
+    assert last.name == "arc"
+    return Course([last], built, Kinematics(built))
+
+
 @pytest.mark.parametrize("feed", [20.0, 6.0])
 def test_windows_that_are_rolled_on_end_where_planned_ones_do(
     feed: float, monkeypatch: pytest.MonkeyPatch
@@ -108,13 +117,12 @@ def test_a_dwell_of_a_day_costs_nothing() -> None:
 
 def test_a_law_at_the_feed_keeps_every_limit_and_is_no_slower_than_the_one_that_is_sought() -> None:
     built = shipped()
-    kinematics = Kinematics(built)
-    for text in ("G2 X10 Y0 I5 J0 F60\n", "G3 X4 Y0 I2 J0 F300\n"):
-        (chain,) = trace(text, built).items
-        course = Course(chain.stretches, built, kinematics)  # type: ignore[union-attr]
+    for words in ("G2 X10 Y0 I5 J0 F60", "G3 X20 Y0 I10 J0 F90"):
+        course = arc_course(words, built)
         quick = profile.plan(course)
         sought = profile._searched(course, profile.REST, course.length)
         assert quick is not None and sought is not None
+        assert len(quick.pieces) <= 7, "the closed form"
         assert quick.joins and quick.end_s == pytest.approx(course.length, abs=1e-9)
         assert quick.duration_s <= sought.duration_s + 2e-3
         for share in np.linspace(0.0, 1.0, 21):
@@ -129,8 +137,7 @@ def test_a_law_at_the_feed_keeps_every_limit_and_is_no_slower_than_the_one_that_
 
 def test_moments_cover_every_span_once_and_lie_close_where_shares_change() -> None:
     built = mill()
-    (chain,) = trace("G2 X10 Y0 I5 J0 F1200\n", built).items
-    course = Course(chain.stretches, built, Kinematics(built))  # type: ignore[union-attr]
+    course = arc_course("G2 X10 Y0 I5 J0 F1200", built)
     plan = profile.plan(course)
     assert plan is not None
     spans = binding.spans(plan.laws(course))
@@ -184,7 +191,7 @@ def test_on_the_way_nothing_is_read_beyond_the_bound() -> None:
 
 
 def test_the_least_time_is_just_below_the_planned_one() -> None:
-    for text in ("G1 X20 F60\nG4 P2\nG0 X-200\n", "G1 X10 F100\nG2 X20 Y0 I5 J0 F50\nG1 A20 F600\n"):
+    for text in ("G1 X20 F60\nG4 P2\nG0 X-200\n", "G1 X0 Y0 F1000\nG2 X10 Y0 I5 J0 F50\nG1 A20 F600\n"):
         built = mill()
         least = sum(least_s(item, built) for item in trace(text, built).items)
         found, _, _ = looked_at(text, built)
