@@ -87,7 +87,8 @@ def with_offset(machine: Machine, name: str, values: object) -> Machine:
     frame = config.offset(Table("offsets", name, {name: values}), name)
     offsets = list(machine.offsets)
     offsets[config.OFFSETS.index(name)] = frame
-    return replace(machine, offsets=tuple(offsets))
+    unset = tuple(one for one in machine.unset if one != name)
+    return replace(machine, offsets=tuple(offsets), unset=unset)
 
 
 def with_tool(machine: Machine, number: int, values: object) -> Machine:
@@ -110,8 +111,9 @@ def with_tool(machine: Machine, number: int, values: object) -> Machine:
 
 
 def offsets_of(machine: Machine) -> dict[str, Any]:
-    """The work offsets as an operator reads them; a turned one shows its axes, too."""
-    return {name: _shown(frame) for name, frame in zip(config.OFFSETS, machine.offsets, strict=True)}
+    """The work offsets as an operator reads them; a turned one shows its axes, too, and one may be unset."""
+    named = zip(config.OFFSETS, machine.offsets, strict=True)
+    return {name: {**_shown(frame), "unset": name in machine.unset} for name, frame in named}
 
 
 def _shown(frame: Frame) -> dict[str, Any]:

@@ -257,6 +257,7 @@ class Machine:
     table: WorkTable | None = None  # for the check of collisions; None: nobody has told its size
     placement: str = "single"  # of the cutter on surfaces: "single" (the paper), "double" or "optimal"
     max_quick_stop_s: float = MAX_QUICK_STOP_S  # a drive that takes longer to stop by itself is refused
+    unset: tuple[str, ...] = ()  # of G55 .. G59 those that nobody has set: no program may use them
     max_overcut_mm: float | None = None  # deeper overcut than this is a gouge wherever it comes from
     longest_program_h: float = LONGEST_PROGRAM_H  # a program that takes longer is refused
 

@@ -11,7 +11,7 @@ import numpy as np
 from cutting import shipped
 from restarting import assert_rest_is_cut, distance, stretches
 
-from controller import journal
+from controller import fitting, journal
 from controller.handoff import COLUMN, Snapshot
 from controller.journal import Entry, Journal
 from controller.machine import Machine
@@ -31,7 +31,7 @@ class Bench:
     """A stepped machine whose plan is that of the service."""
 
     def __init__(self, folder: Path) -> None:
-        self.machine, self._folder = shipped(), folder
+        self.machine, self._folder = fitting.with_offset(shipped(), "G55", [0.0, 0.0, 0.0]), folder
         self.stepped = SteppedMachine(self.machine)
         self.stepped.come_up()
         self.stepped._plan = self._turn  # type: ignore[method-assign]

@@ -32,6 +32,7 @@ WORDS: Words = {
     "setup.tip": ("Tip on the table", "Spitze über dem Tisch"),
     "setup.touch_by": ("Touch off with", "Antasten mit"),
     "setup.offset": ("Offset", "Nullpunkt"),
+    "setup.unset": ("not set", "nicht gesetzt"),
     "setup.turned": ("turned about", "gedreht um"),
     "setup.save": ("Save", "Speichern"),
     "setup.saved": ("{0} is saved.", "{0} ist gespeichert."),

@@ -273,12 +273,14 @@ class _Settings:
         self.state = replace(state, modal=modal, plane=ask.code("plane") or state.plane, absolute=absolute)
 
     def _offset(self, code: str) -> int:
-        index = GROUPS["offset"].index(code)
-        if index >= len(self._machine.offsets):
+        if code in self._machine.unset:
+            known = [name for name in GROUPS["offset"] if name not in self._machine.unset]
             raise self.ask.refusal(
-                self.ask.codes["offset"][1], f"{code} is not in the machine file: add it there or use G54"
+                self.ask.codes["offset"][1],
+                f"{code} is not set, neither in [offsets] of the machine file nor at the machine; set it, or"
+                f" use {' '.join(known)}",
             )
-        return index
+        return GROUPS["offset"].index(code)
 
     def _blend(self) -> tuple[float, float]:
         p, q = self.ask.words.get("P"), self.ask.words.get("Q")

@@ -135,7 +135,7 @@
     const row = dx.el(
       "tr",
       { "data-row": name },
-      dx.el("th", { scope: "row" }, dx.el("span", { class: "axis-name" }, name)),
+      dx.el("th", { scope: "row" }, dx.el("span", { class: "axis-name" }, name), dx.el("span", { class: "dim", "data-unset": "" }, ` ${word("unset")}`)),
       ...["X", "Y", "Z"].map((axis) =>
         dx.el(
           "td",
@@ -175,7 +175,9 @@
 
   looks.push(
     dx.every("setup", 2, "offsets", (body) => {
-      if (shows("offsets")) table("setup-offsets", Object.entries(body.offsets), offset, of_offset);
+      if (!shows("offsets")) return;
+      table("setup-offsets", Object.entries(body.offsets), offset, of_offset);
+      for (const row of $("setup-offsets").children) row.querySelector("[data-unset]").hidden = !body.offsets[row.dataset.row].unset;
     }),
   );
 

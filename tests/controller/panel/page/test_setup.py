@@ -45,6 +45,13 @@ def test_an_offset_is_typed_and_saved_also_with_a_decimal_comma(setup: Any, site
     assert asked["values"]["turned_deg"] == [0.0, 0.0, -30.0]
 
 
+def test_an_offset_that_nobody_has_set_says_so(setup: Any, site: Site) -> None:
+    part(setup, "offsets")
+    mark = "#setup-offsets tr[data-row={}] [data-unset]"
+    setup.wait_for_selector(mark.format("G55") + " >> text=not set")
+    assert not setup.is_visible(mark.format("G54"))
+
+
 def test_what_is_no_number_is_not_saved(setup: Any, site: Site) -> None:
     part(setup, "offsets")
     before = len(site.asked("set_offset"))

@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 from machines import machine
 
+from controller import config, fitting
 from controller.machine import Kind, Machine, Sense, Spindle
 from controller.plan.text import blocks
 from controller.plan.text.program import (
@@ -66,7 +67,7 @@ def listing(program: Program) -> list[str]:
     power_on = Modal(1, 0, Side.RIGHT, 0.0, True, 0.0, 0.0, None, 0.0, 0)
     rows = []
     for block in program.blocks:
-        own = [f for f in fields(block) if f.name not in ("place", "modal")]
+        own = [f for f in fields(block) if f.name not in ("place", "modal", "doubt")]
         own = [f for f in own if f.name != "time_s" or getattr(block, f.name) is not None]
         values = [f"{f.name}={shown(getattr(block, f.name))}" for f in own]
         modal = [(f.name, getattr(block.modal, f.name)) for f in fields(Modal)]
@@ -280,3 +281,12 @@ def test_the_papers_program_with_any_one_line_lost_is_refused() -> None:
     for lost in range(len(text)):
         error = refusal("".join(text[:lost] + text[lost + 1 :]))
         assert "G52" in error.sentence
+
+
+def test_an_offset_that_nobody_has_set_is_refused_and_one_that_is_set_to_zero_is_not() -> None:
+    made = config.load("trunnion")
+    with pytest.raises(ProgramError) as refused:
+        blocks.read(b"G21 G90\nG56 G0 X1.\n", made, "part.ngc")
+    assert (refused.value.line, refused.value.column) == (2, 1)
+    assert "G56 is not set" in refused.value.sentence and "use G54" in refused.value.sentence
+    blocks.read(b"G21 G90\nG56 G0 X1.\n", fitting.with_offset(made, "G56", [0.0, 0.0, 0.0]), "part.ngc")
