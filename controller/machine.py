@@ -16,6 +16,8 @@ from controller.geometry import Frame, Vector
 from drives.profile import Override
 
 MAX_QUICK_STOP_S = 3.0  # where the machine file says nothing
+LONGEST_PROGRAM_H = 168.0  # the same: a week ...
+MOST_PROGRAM_H = 10_000.0  # ... and what it may say at most
 
 Joints = tuple[float, float, float, float, float]
 
@@ -257,6 +259,7 @@ class Machine:
     max_quick_stop_s: float = MAX_QUICK_STOP_S  # a drive that takes longer to stop by itself is refused
     unset: tuple[str, ...] = ()  # of G55 .. G59 those that nobody has set: no program may use them
     max_overcut_mm: float | None = None  # deeper overcut than this is a gouge wherever it comes from
+    longest_program_h: float = LONGEST_PROGRAM_H  # a program that takes longer is refused
 
     @property
     def has_peripherals(self) -> bool:

@@ -291,7 +291,7 @@ class Windows:
     def _pieces(self, made: Sent, units: list[Unit], reach: _Reach) -> tuple[Piece, ...]:
         assert made.profile is not None and made.course is not None
         pieces, laws = [], made.profile.laws(made.course)
-        for (k, law), binds in zip(laws, binding.marks(made.course, laws), strict=True):
+        for (k, law), binds in zip(laws, self._binds(made.course, laws), strict=True):
             stretch, orders = made.course.stretches[k], made.orders
             rapid = stretch.feed_mm_s is None
             pieces.append(
@@ -312,6 +312,9 @@ class Windows:
         ends = units[-1].last and reach.until is None
         pieces[-1] = pieces[-1]._replace(block_end=reach.marked, end=ends)
         return tuple(pieces)
+
+    def _binds(self, course: Course, laws: binding.Laws) -> list[binding.Marks]:
+        return binding.marks(course, laws)
 
     def _stops(self, made: Sent) -> StopTable | None:
         """Stops for the part that is meant to be followed, and a little more."""

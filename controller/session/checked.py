@@ -16,7 +16,7 @@ from pathlib import Path
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine, five
 from controller.motions import Rotaries
-from controller.plan.report import stored, survey
+from controller.plan.report import duration, stored, survey
 from controller.plan.report.stored import Stored
 from controller.plan.report.survey import BlockUse, Survey
 from controller.plan.route import choices, path, placements, restart
@@ -70,7 +70,8 @@ def path_of(asked: Task, chosen: Mapping[int, Rotaries] | None = None, dry_run_m
     source = _source(asked, chosen, dry_run_mm).dry()
     tracer = path.Tracer(asked.name, source.machine, asked.kinematics, asked.start, chosen or {})
     read = _Read(iter(source.blocks))
-    return Walk(_whole(tracer.items(read), read, asked.name), tracer.notes, chosen or {})
+    items = duration.bounded(tracer.items(read), source.machine, asked.name, whole=chosen is not None)
+    return Walk(_whole(items, read, asked.name), tracer.notes, chosen or {})
 
 
 def rest_of(asked: Task, chosen: Mapping[int, Rotaries] | None, spot: Spot, dry_run_mm: float = 0.0) -> Rest:

@@ -16,7 +16,7 @@ little less, and each shows what bound for most of it, or the corner in it.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -69,33 +69,23 @@ def spans(laws: Laws) -> list[Span]:
     return [Span(k, law, 0.0, law.duration_s) for k, law in laws]
 
 
-def sliced(whole: Sequence[Span], longest_s: float) -> Iterator[list[Span]]:
-    """The same spans in rows that last no longer than ``longest_s``, cut where need be."""
-    row: list[Span] = []
-    room = longest_s
-    for span in whole:
-        start = span.from_s
-        while span.to_s - start > room:
-            yield [*row, span._replace(from_s=start, to_s=start + room)]
-            start, row, room = start + room, [], longest_s
-        row.append(span._replace(from_s=start))
-        room -= span.to_s - start
-    if row:
-        yield row
+def windows(span: Span) -> int:
+    """How many windows a span is cut into: of ``SHOWN_S`` or a little less."""
+    length = span.to_s - span.from_s
+    return max(1, math.ceil(length / SHOWN_S - 1e-9)) if length > 0.0 else 0
 
 
-def moments(course: Course, row: Sequence[Span], per_window: int = PER_WINDOW) -> Motion:
-    """``per_window`` moments in each window of each span of positive length."""
-    windows, parts = [], []
-    for span in row:
-        length = span.to_s - span.from_s
-        n = max(1, math.ceil(length / SHOWN_S - 1e-9)) if length > 0.0 else 0
-        windows.append(n)
-        dt = length / max(1, n * per_window)
+def moments(
+    course: Course, row: Sequence[Span], per_window: int = PER_WINDOW, counts: Sequence[int] | None = None
+) -> Motion:
+    """``per_window`` moments in each window of each span; ``counts`` windows instead of their own number."""
+    counts, parts = [windows(span) for span in row] if counts is None else counts, []
+    for span, n in zip(row, counts, strict=True):
+        dt = (span.to_s - span.from_s) / max(1, n * per_window)
         t: Array = np.asarray(span.from_s + (np.arange(n * per_window) + 0.5) * dt)
         s, v, a, j = along(span.law, t)
         parts.append((np.full(len(t), dt), s + course.starts[span.stretch], v, a, j))
-    return Motion(tuple(windows), per_window, *(np.concatenate(p) for p in zip(*parts, strict=True)))
+    return Motion(tuple(counts), per_window, *(np.concatenate(p) for p in zip(*parts, strict=True)))
 
 
 def used(motion: Motion, d: Derivatives) -> Array:

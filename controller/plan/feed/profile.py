@@ -4,8 +4,8 @@
     plan(course, State(s, v, a), until)         from a state of motion (or rest) to rest at ``until``
     split_at_stops(stretches, ...)              where a row of stretches must stop anyway
 
-A straight move with constant limits has the classic closed form; everything else is
-searched for (``search``).
+A straight move with constant limits has the classic closed form, and so has a course on which the
+feed alone counts (``cruise``); everything else is searched for (``search``).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from controller.handoff import Law
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import JointMove
-from controller.plan.feed import search
+from controller.plan.feed import cruise, search
 from controller.plan.feed.course import Course, slowest
 from controller.plan.feed.law import split, straight
 from controller.plan.feed.tool_limits import has_limits
@@ -143,6 +143,8 @@ def plan(
         return None
     if begin.v == 0.0 and begin.a == 0.0 and (even := _straight(course, begin.s, last)):
         return even
+    if (law := cruise.law(course, *begin, last)) is not None:
+        return Profile(*law)
     found = _searched(course, begin, last)
     return _after(course, guess, last) if found is None and guess is not None else found
 

@@ -11,9 +11,9 @@ are reported together, as one block with its range and number of lines.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,22 +23,19 @@ from controller.machine import Machine
 from controller.motions import SurfaceCut, ToolLine, ToolSpline
 from controller.placement import Placed
 from controller.plan.feed import binding
-from controller.plan.feed.binding import Laws, Marks, Span
+from controller.plan.feed.binding import Span
 from controller.plan.feed.course import Course
 from controller.plan.feed.law import along
-from controller.plan.planner import RETRY_S
+from controller.plan.report import moments
+from controller.plan.report.planned import Planned, planned
 from controller.plan.report.tally import Bound, Part, Tally, bounds
 from controller.plan.report.waits import Waits
 from controller.plan.route.path import Chain, Pause, Stretch, joints_along
 from controller.plan.text.program import Act
-from controller.plan.track import Track
-from controller.plan.window import Orders, Place, Sent, Windows
 from controller.surfaces import Cone
 
 Array = npt.NDArray[np.float64]
 
-LOOK_S = 8.0  # of motion that is looked at at once: it bounds the memory
-PER_WINDOW = 10  # moments in each window of the display
 WAYS = frozenset(
     {"retract", "position", "down", "plunge", "lead in", "run on", "lead out", "lift", "pivot", "swivel"}
 )
@@ -116,71 +113,8 @@ def survey(
     look = _Look(machine, kinematics, tell)
     for sent in planned(items, machine, kinematics):
         look.window(sent)
-        progress(sent.line)
+        progress(_line(sent))
     return look.survey()
-
-
-class Planned(NamedTuple):
-    """A pause, or the part of a window that is followed, as the planner sends it when nobody interferes."""
-
-    took_s: float  # a whole number of periods
-    pause: Pause | None
-    course: Course | None
-    spans: list[Span]  # of the course
-
-    @property
-    def line(self) -> int:
-        if self.pause is not None:
-            return self.pause.place.line
-        return lines_of(self.course.stretches[self.spans[-1].stretch])[1] if self.course and self.spans else 0
-
-
-def planned(items: Iterable[Chain | Pause], machine: Machine, kinematics: Kinematics) -> Iterator[Planned]:
-    """The planner's own windows over a whole path, each up to where the next one replaces it.
-
-    Raises ProgramError where the path is refused on the way.
-    """
-    track, windows, orders = Track(items, machine, kinematics), _Windows(machine, kinematics), Orders()
-    place, start_s, soon = Place(0, 0.0), 0.0, True
-    while (sent := windows.from_rest(track, place, start_s, orders, soon)) is not None:
-        soon = False
-        while (seam_s := sent.seam_s) is not None:
-            after = windows.from_motion(track, sent, seam_s, orders)
-            if after is None:  # as the planner does: a little later, or not at all
-                later_s = seam_s + RETRY_S
-                sent = replace(sent, seam_s=later_s if later_s < sent.end_s else None)
-                continue
-            yield _planned(track, replace(sent, end_s=seam_s))
-            sent = after
-            track.forget(sent.first)
-        yield _planned(track, sent)
-        place, start_s = sent.after, sent.end_s
-        track.forget(place.unit - 1)
-    if track.error is not None:
-        raise track.error
-
-
-class _Windows(Windows):
-    """Windows that nobody will have to stop in, or to look at while they run."""
-
-    def _stops(self, made: Sent) -> None:
-        return None
-
-    def _binds(self, made: Sent, laws: Laws) -> list[Marks]:
-        return [()] * len(laws)
-
-
-def _planned(track: Track, sent: Sent) -> Planned:
-    took_s = sent.end_s - sent.start_s
-    if sent.course is None or sent.profile is None:
-        unit = track.at(sent.first)
-        return Planned(took_s, unit.what if unit and isinstance(unit.what, Pause) else None, None, [])
-    spans, begin_s = [], 0.0
-    for k, law in sent.profile.laws(sent.course):
-        if begin_s < took_s:
-            spans.append(Span(k, law, 0.0, min(law.duration_s, took_s - begin_s)))
-        begin_s += law.duration_s
-    return Planned(took_s, None, sent.course, spans)
 
 
 # ---- collecting -----------------------------------------------------------------
@@ -270,7 +204,7 @@ class _Look:
         self._marked = True
 
     def _motion(self, course: Course, spans: Sequence[Span], took_s: float) -> None:
-        for row in binding.sliced(spans, LOOK_S):
+        for row in moments.rows(course, spans, self._limits):
             self._moments(course, row)
         for span in spans:
             motion = course.stretches[span.stretch].motion
@@ -330,8 +264,8 @@ class _Look:
 
     # ---- moments
 
-    def _moments(self, course: Course, row: Sequence[Span]) -> None:
-        motion = binding.moments(course, row, PER_WINDOW)
+    def _moments(self, course: Course, row: Sequence[moments.Look]) -> None:
+        motion = moments.of(course, row)
         use = binding.used(motion, course.derivatives(motion.s))
         found = binding.codes(course, motion, use)
         shown = binding.shown(motion, found)
@@ -341,8 +275,8 @@ class _Look:
         self._fed_seconds += np.bincount(found[fed], motion.dt[fed], binding.NUMBER_OF_CODES)
         np.maximum(self._ratio, ratio.max(axis=0), out=self._ratio)
         window = first = 0
-        for span, n in zip(row, motion.windows, strict=True):
-            here = slice(first, first + n * PER_WINDOW)
+        for span, n in row:
+            here = slice(first, first + n * motion.per_window)
             stretch = course.stretches[span.stretch]
             if n:
                 tally, rate = self._of(stretch), _tip_rate(stretch)
@@ -369,6 +303,13 @@ class _Look:
             low, high = sorted((axis.travel_min * axis.shown_per_unit, axis.travel_max * axis.shown_per_unit))
             uses.append(JointUse(axis.name, lowest, highest, (low, high), *map(float, self._ratio[i])))
         return tuple(uses)
+
+
+def _line(sent: Planned) -> int:
+    """The last line of the program in it."""
+    if sent.pause is not None:
+        return sent.pause.place.line
+    return lines_of(sent.course.stretches[sent.spans[-1].stretch])[1] if sent.course and sent.spans else 0
 
 
 def _word(act: Act) -> str:

@@ -1,4 +1,4 @@
-"""The check of stops: every joint at both ends and in the middle of every step, by the machine's limits."""
+"""The check of stops: every joint at both ends and inside of every step, by the machine's limits."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ Flags = npt.NDArray[np.bool_]
 
 # Accepted at most. A plan runs at up to 1.0, 1.0005 and 1.012, and a stop begins there.
 MOST_VELOCITY, MOST_ACCELERATION, MOST_JERK = 1.0003, 1.0009, 1.0148
+MOST_LOOKS = 8  # parts of a step at whose ends it is looked at: one of a tick has two, longer ones more
 STANDSTILL = 1e-9  # speed (unit of s per second) below which nothing needs to stop
 
 
@@ -26,11 +27,18 @@ def check(way: Way, start: Motion, h: float, found: Found) -> tuple[Flags, Array
     lane = np.nonzero(used)[1]
     into, out = np.concatenate([j[:1], j])[used], np.concatenate([j, 0.0 * j[:1]])[used]
     good[lane[~_within(way, (s[used], v[used], a[used]), (into, out), rapid[lane], s[-1][lane])]] = False
-    used = (step[:-1] < found.steps) & good
-    lane = np.nonzero(used)[1]
-    middle = _after(s[:-1][used], v[:-1][used], a[:-1][used], j[used], 0.5 * h)
-    good[lane[~_within(way, middle, (j[used],), rapid[lane], s[-1][lane])]] = False
+    for share in _inner(h, way.period_s):
+        used = (step[:-1] < found.steps) & good
+        lane = np.nonzero(used)[1]
+        inside = _after(s[:-1][used], v[:-1][used], a[:-1][used], j[used], share * h)
+        good[lane[~_within(way, inside, (j[used],), rapid[lane], s[-1][lane])]] = False
     return good, s[-1]
+
+
+def _inner(h: float, period_s: float) -> Array:
+    """Shares of a step of ``h`` at which it is looked at inside: its middle, and more where it is long."""
+    looks = min(max(round(h / period_s), 1) + 1, MOST_LOOKS)
+    return np.arange(1, looks) / looks
 
 
 def nodes(start: Motion, h: float, jerks: Array) -> Motion:

@@ -169,7 +169,7 @@ class _Seeker:
             for other in later[:LATER]:
                 n = math.ceil((times[other] - times[lane]) / self._h - 1e-9)
                 speeds, rates = profile.along(times[other] - self._h * np.arange(n, -1.0, -1.0))[1:3]
-                before = rates[int(np.flatnonzero(speeds >= speed * SLOWER)[-1]) :]
+                before = rates[_last_as_fast(speeds, speed) :]
                 behind = before[-1] + self._h * np.cumsum(self._row(int(other)))
                 brakings.append(np.concatenate([[0.0], before[1:], behind[:-1], [0.0]]))
             if brakings:
@@ -270,6 +270,16 @@ def _braking_from(profile: Profile, longest_s: float, speed: float) -> float:
     t = profile.duration_s - longest_s * np.arange(BRAKING_LOOKS + 1) / BRAKING_LOOKS
     as_fast = profile.along(t)[1] >= speed * SLOWER
     return float(t[int(np.argmax(as_fast))])
+
+
+def _last_as_fast(speeds: Array, speed: float) -> int:
+    """The last of the samples at which the plan has ``speed``; the first where none has.
+
+    Steps of braking are no steps of the table: a plan that still gains a little, as a heavy machine
+    does, may have its highest speed at the start itself, between the first sample and the second.
+    """
+    as_fast = np.flatnonzero(speeds >= speed * SLOWER)
+    return int(as_fast[-1]) if len(as_fast) else 0
 
 
 def _as_found(jerks: Array, steps: Indices) -> Found:

@@ -34,6 +34,7 @@ class Way:
 
     def __init__(self, course: Course, profile: Profile, first_s: float, last_s: float) -> None:
         limits = JointLimits.of(course.machine)
+        self.period_s = course.machine.period_s
         self._jerk = limits.jerk
         self.acceleration = (limits.acceleration / limits.jerk)[:, None]
         self.velocity = (limits.velocity / limits.jerk)[:, None]

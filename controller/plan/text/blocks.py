@@ -40,6 +40,7 @@ from controller.plan.text.program import (
 from controller.plan.text.words import Line, Word
 
 SHORTEST_VECTOR = 1e-6  # of I J K; shorter ones have no sure direction
+MOST_TURNS = 1000  # of one arc
 
 # Plane axes so that first x second = normal: counter-clockwise is the right hand about the normal.
 _PLANES = MappingProxyType({"G17": (0, 1, 2), "G18": (2, 0, 1), "G19": (1, 2, 0)})
@@ -316,6 +317,10 @@ class _Turn:
         turns = 1 if word is None else self.ask.whole(word)
         if word is not None and turns == 0:
             raise self.ask.refusal(word, f"{word.text} is no arc: P counts the turns, from 1 up; correct it")
+        if word is not None and turns > MOST_TURNS:
+            raise self.ask.refusal(
+                word, f"{word.text} is too many turns: P counts 1 to {MOST_TURNS} of them; write more arcs"
+            )
         return turns
 
     def _centre(self, word: Word) -> tuple[tuple[float, float] | None, float | None]:

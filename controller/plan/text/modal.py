@@ -15,6 +15,8 @@ from controller.plan.text.words import Word
 
 TIPS = MappingProxyType({"G43": Tip.OFF, "G43.4": Tip.ROTARIES, "G43.5": Tip.VECTORS})
 BLU_PER_MM = 100.0  # the paper's basic length unit is 0.01 mm (and 0.01 mm/min)
+FEEDS = (1e-4, 1e7)  # units a minute: below, a millimetre takes a week; above, no drive follows
+MOST_DWELL_S = 604_800.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,6 +135,9 @@ class _Settings:
         mm_s = per_min * (1.0 if in_blu else self.state.mm_per_unit) / 60.0
         if mm_s <= 0.0:
             raise self.ask.refusal(word, f"{word.text} is no feed: F must be greater than 0; correct it")
+        if not FEEDS[0] <= per_min <= FEEDS[1]:
+            low, high = (f"{feed * (BLU_PER_MM if in_blu else 1.0):.12g}" for feed in FEEDS)
+            raise self.ask.refusal(word, f"{word.text} is no feed: {low} to {high} a minute are; correct it")
         deg_s = per_min / 60.0
         if (mm_s, deg_s) != (self.state.modal.feed_mm_s, self.state.feed_deg_s):
             modal = replace(self.state.modal, feed_mm_s=mm_s)
@@ -207,6 +212,13 @@ class _Settings:
         if "P" not in self.ask.words:
             raise self.ask.refusal(word, "G4 has no time: write P with the seconds to wait, such as G4 P0.5")
         seconds = self.ask.not_negative(self.ask.words["P"])
+        if seconds > MOST_DWELL_S:
+            found = self.ask.words["P"]
+            raise self.ask.refusal(
+                found,
+                f"{found.text} waits for {seconds / 3600.0:.4g} h: P of G4 is 0 to {MOST_DWELL_S:.0f} "
+                "seconds, a week; write M0 to wait for the operator",
+            )
         self.made.append(Dwell(self.ask.place(word), self.state.modal, seconds))
 
     def _side(self) -> None:

@@ -21,6 +21,7 @@ from controller.plan.text.program import CutCone, CutRuled, ProgramError
 from controller.plan.text.words import Line, Word
 
 BLU_PER_DEGREE = 1000.0
+MOST_SWEEP_DEG = 36_000.0  # a hundred turns; no rotary that is told in degrees goes much further
 LENGTHS = "XYZIJKHR"  # of a cone
 LEVEL_MM = 1e-9  # start and centre of a cone are on one level, a radius is not 0, beyond this
 
@@ -54,8 +55,8 @@ def cone(ask: Ask, state: State, machine: Machine) -> CutCone:
     if lacking := missing(given, CONE_WORDS):
         raise _not_a_cone(ask.line, word, lacking)
     start, centre = point_of(given, "XYZ", state), point_of(given, "IJK", state)
-    _check_cone(ask, start, centre)
     sweep = given["D"].value if given["D"].point else given["D"].value / BLU_PER_DEGREE
+    _check_cone(ask, start, centre, sweep)
     height, radius = _length_mm(given["H"], state), _length_mm(given["R"], state)
     feed = feed_of(ask, "G51", word, state, machine)
     sweep_rad = math.radians(sweep)
@@ -64,7 +65,7 @@ def cone(ask: Ask, state: State, machine: Machine) -> CutCone:
     return CutCone(ask.place(word), state.modal, start, centre, height, radius, sweep_rad, feed, doubt)
 
 
-def _check_cone(ask: Ask, start: Vector, centre: Vector) -> None:
+def _check_cone(ask: Ask, start: Vector, centre: Vector, sweep_deg: float) -> None:
     given = ask.words
     radius = math.hypot(start[0] - centre[0], start[1] - centre[1])
     forbidden = (
@@ -73,6 +74,7 @@ def _check_cone(ask: Ask, start: Vector, centre: Vector) -> None:
         ("D", given["D"].value == 0.0, "the swept angle D must not be 0 (positive is counter-clockwise)"),
         ("K", abs(start[2] - centre[2]) > LEVEL_MM, "start Z and centre K must be on one level"),
         ("I", radius <= LEVEL_MM, "the start X Y must be off the centre I J by the bottom radius"),
+        ("D", abs(sweep_deg) > MOST_SWEEP_DEG, f"D sweeps at most {MOST_SWEEP_DEG:.0f} degrees either way"),
     )
     for letter, is_so, allowed in forbidden:
         if is_so:

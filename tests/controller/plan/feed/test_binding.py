@@ -120,18 +120,6 @@ def test_pieces_shorter_than_a_window_and_empty_ones_have_their_marks_too() -> N
     assert binding.marks(course, [*even(course, 10.0, 1000.0, 4e4), (0, nothing)])[1] == ()
 
 
-def test_slices_cover_every_law_once() -> None:
-    law = Law((0.0, 5.0), ((0.0, 1.0, 0, 0, 0, 0),))
-    short = Law((0.0, 0.3), ((0.0, 1.0, 0, 0, 0, 0),))
-    laws = [(0, short), (1, law), (2, short), (3, short)]
-    rows = list(binding.sliced(binding.spans(laws), 2.0))
-    assert all(sum(s.to_s - s.from_s for s in row) <= 2.0 + 1e-12 for row in rows)
-    for k, one in laws:
-        parts = [s for row in rows for s in row if s.stretch == k]
-        assert parts[0].from_s == 0.0 and parts[-1].to_s == one.duration_s
-        assert all(a.to_s == b.from_s for a, b in itertools.pairwise(parts))
-
-
 def test_the_limits_of_the_tool_itself_bind_where_the_machine_file_has_them() -> None:
     built = machine(spindle=None)
     kinematics = Kinematics(built)

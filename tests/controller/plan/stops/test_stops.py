@@ -12,7 +12,7 @@ import independent_stop
 import numpy as np
 import pytest
 import traced
-from cutting import SHIPPED, program, shipped
+from cutting import SHIPPED, cut, program, shipped
 from random_surfaces import compound, text
 
 from controller.handoff import StopTable
@@ -301,3 +301,65 @@ def test_stops_on_unseen_surfaces_are_hardly_longer_than_the_shortest(seed: int)
         judge(unseen(seed, feed), f"seed {seed} at {feed:.0f}", 5)
     except ProgramError:
         pytest.skip("refused")
+
+
+# --- slow and heavy machines: limits over four decades, and a tool that turns by half a turn
+
+HEAVY = (Limits(100.0, 500.0, 3000.0), Limits(0.4, 0.5, 1.5), Limits(0.8, 0.5, 1.5))
+
+
+def machine_of(linear: Limits, tilt: Limits, turn: Limits) -> Machine:
+    """The shipped trunnion with other limits for X Y Z, for A and for C."""
+    built = shipped()
+    turning = {"A": tilt, "C": turn}
+    axes = (replace(a, limits=linear if a.kind is Kind.LINEAR else turning[a.name]) for a in built.axes)
+    return replace(built, axes=tuple(axes))
+
+
+def drawn(rng: random.Random) -> Machine:
+    """Accelerations over four decades, jerks of two to a hundred times as much a second."""
+
+    def limits(velocity: float, acceleration: float) -> Limits:
+        return Limits(velocity, acceleration, acceleration * 10.0 ** rng.uniform(0.3, 2.0))
+
+    linear = limits(100.0, 10.0 ** rng.uniform(1.3, 4.0))
+    tilt = limits(rng.uniform(0.3, 3.0), 10.0 ** rng.uniform(-1.5, 2.5))
+    turn = limits(rng.uniform(0.3, 6.0), 10.0 ** rng.uniform(-1.5, 2.5))
+    return machine_of(linear, tilt, turn)
+
+
+def turning_surface(lean_mm: float, feed: float) -> str:
+    """A lower edge of 98 mm round half a turn, the rulings leaning outwards all the way."""
+    side, top = (30.0 + lean_mm, lean_mm), (15.0 + lean_mm / 3.0, 32.0 + 1.2 * lean_mm)
+    upper = [(-side[0], side[1]), (-top[0], top[1]), top, side]
+    lower = [(-30.0, 0.0), (-20.0, 43.0), (20.0, 43.0), (30.0, 0.0)]
+    points = [f"X{x:.3f} Y{y:.3f} Z10." for x, y in upper] + [f"X{x} Y{y} Z0." for x, y in lower]
+    body = "\n".join(points)
+    return f"G21 G90 G54\nT1 M6\nS1000 M3\nG52 F{feed:.0f}. {body}\nM5\nM30\n"
+
+
+def test_a_plan_that_still_gains_a_little_where_a_stop_is_sought_has_stops() -> None:
+    """Its highest speed lies between two samples of the braking that is tried."""
+    cases = list(planned(turning_surface(6.0, 4000.0), machine_of(*HEAVY), "cut"))
+    assert cases
+    for case in cases:
+        for first_s in np.linspace(0.0, 0.6 * case.plan.duration_s, 5):
+            part = round(first_s / 0.002) * 0.002
+            table = stops(case.course, case.plan, part, part + 1.0, 0.004)
+            assert table.first[-1] > 0
+        assert_good(case, "heavy", 29)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 15, *(pytest.param(n, marks=pytest.mark.slow) for n in range(2, 15))])
+def test_stops_of_machines_over_four_decades_keep_their_limits(seed: int) -> None:
+    rng = random.Random(seed)
+    built, feed = drawn(rng), 10.0 ** rng.uniform(2.7, 4.0)
+    for case in planned(turning_surface(rng.uniform(2.0, 14.0), feed), built, "cut"):
+        assert len(case.table) > 0
+        assert_good(case, (seed, [axis.limits for axis in built.axes]), 23)
+
+
+@pytest.mark.slow
+def test_a_heavy_machine_cuts_a_surface_along_which_the_tool_turns_by_half_a_turn() -> None:
+    done = cut(turning_surface(6.0, 4000.0), machine_of(*HEAVY))
+    assert done.run.result == "completed"

@@ -1,0 +1,71 @@
+"""How long a path takes at the least, and the refusal of one that takes longer than the machine file lets it.
+
+At its feeds, at the axes' largest speeds and with its dwells; what it takes to speed up and slow down, and
+to wait for spindle and clamps, comes on top. So nothing has to be planned for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+
+from controller.machine import MOST_PROGRAM_H, Machine
+from controller.plan.route.stretch import Chain, Pause, Stretch
+from controller.plan.text.program import Place, ProgramError
+
+HOUR_S = 3600.0
+
+
+def least_s(item: Chain | Pause, machine: Machine) -> float:
+    """Seconds that an item of a path takes at 100 %, at the least."""
+    return sum(seconds for _, seconds in _parts(item, machine))
+
+
+def _parts(item: Chain | Pause, machine: Machine) -> list[tuple[Place, float]]:
+    if isinstance(item, Pause):
+        return [(item.place, item.seconds)]
+    return [(stretch.place, _least_s(stretch, machine)) for stretch in item.stretches]
+
+
+def _least_s(stretch: Stretch, machine: Machine) -> float:
+    share = machine.rapid_share if stretch.feed_mm_s is None else 1.0
+    ways = zip(stretch.start, stretch.end, machine.axes, strict=True)
+    turned_s = max(abs(b - a) / (axis.limits.velocity * share) for a, b, axis in ways)
+    if stretch.feed_mm_s is None:
+        return turned_s
+    starts = np.array([0.0, *(s for s, _ in stretch.feed_steps if 0.0 < s < stretch.motion.end)])
+    lengths = np.diff(starts, append=stretch.motion.end)
+    return max(turned_s, float((lengths / stretch.feed_at(starts)).sum()))
+
+
+def bounded(
+    items: Iterable[Chain | Pause], machine: Machine, name: str, whole: bool = True
+) -> Iterator[Chain | Pause]:
+    """The same path; raises ProgramError where it takes longer than ``machine.longest_program_h``.
+
+    ``whole``: the rest of it is read before, so that its whole time can be told.
+    """
+    total_s, passed = 0.0, None
+    for item in items:
+        for place, seconds in _parts(item, machine):
+            total_s += seconds
+            if passed is None and total_s > machine.longest_program_h * HOUR_S:
+                passed = place
+        if passed is None:
+            yield item
+        elif not whole:
+            break
+    if passed is not None:
+        raise _refusal(total_s / HOUR_S, passed, machine, name, whole)
+
+
+def _refusal(hours: float, place: Place, machine: Machine, name: str, whole: bool) -> ProgramError:
+    allowed = machine.longest_program_h
+    what = "the program takes" if whole else "up to here the program takes"
+    more = f", or raise longest_program_h up to {MOST_PROGRAM_H:g}" if hours <= MOST_PROGRAM_H else ""
+    sentence = (
+        f"{what} {hours:.4g} h at the least, at its feeds and with its dwells, and passes here the "
+        f"{allowed:g} h that longest_program_h in [machine] allows; write a higher F or a shorter dwell{more}"
+    )
+    return ProgramError(name, place.line, place.column, sentence)

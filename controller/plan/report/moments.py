@@ -1,0 +1,135 @@
+"""At which moments of a planned motion one has to look to know all of it.
+
+    for row in rows(course, spans, limits):     so many windows at once that memory is bounded
+        motion = of(course, row)
+
+Where the speed changes there are windows of ``binding.SHOWN_S``, ten moments in each. Where it is even
+the path alone makes a difference: windows are as long as the path is the same, and shorter where a
+joint's share of a limit changes by more than ``CHANGE`` within one, until they are ``SHOWN_S`` long. So
+no share is wrong by more than that between two moments, as far as what happens is longer than
+``mesh.SPACING``, the planner's own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.curves import Arc, Line
+from controller.motions import JointMove
+from controller.plan.feed import binding, mesh
+from controller.plan.feed.binding import SHOWN_S, Motion, Span
+from controller.plan.feed.course import Course
+from controller.plan.feed.law import along
+from controller.plan.route.stretch import Stretch
+
+Array = npt.NDArray[np.float64]
+
+PER_WINDOW = 10  # moments
+MOST_WINDOWS = 320  # that are looked at at once
+CHANGE = 0.02  # of a limit, within a window that is longer than SHOWN_S
+CLOSER = 4  # parts of a window in which it changes more
+PER_RADIAN = 16.0  # moments on an arc
+
+
+class Look(NamedTuple):
+    """A span and how many windows of it are looked at."""
+
+    span: Span
+    windows: int
+
+
+def of(course: Course, row: Sequence[Look]) -> Motion:
+    """The moments of a row."""
+    return binding.moments(course, [one.span for one in row], PER_WINDOW, [one.windows for one in row])
+
+
+def rows(course: Course, spans: Sequence[Span], limits: Array) -> Iterator[list[Look]]:
+    """All that is to be looked at, in order; ``limits`` (5, 3) of the joints."""
+    row: list[Look] = []
+    for look in _looks(course, spans, limits):
+        row.append(look)
+        if sum(one.windows for one in row) >= MOST_WINDOWS:
+            yield row
+            row = []
+    if row:
+        yield row
+
+
+def _looks(course: Course, spans: Sequence[Span], limits: Array) -> Iterator[Look]:
+    """Spans cut where their speed is even, and none of more windows than are looked at at once."""
+    for span in spans:
+        for part, even in _cut(span):
+            own = binding.windows(part)
+            n = min(own, _places(course, part)) if even else own
+            many = _even(course, Look(part, n), limits) if even else iter([Look(part, n)])
+            for look in many:
+                yield from _slices(look)
+
+
+def _slices(look: Look) -> Iterator[Look]:
+    count = math.ceil(look.windows / MOST_WINDOWS)
+    ends = np.linspace(look.span.from_s, look.span.to_s, look.windows + 1)
+    for first in range(0, look.windows, MOST_WINDOWS) if count > 1 else ():
+        last = min(first + MOST_WINDOWS, look.windows)
+        yield Look(_part(look.span, ends[first], ends[last]), last - first)
+    if count <= 1:
+        yield look
+
+
+def _part(span: Span, from_s: float, to_s: float) -> Span:
+    return span._replace(from_s=float(from_s), to_s=float(to_s))
+
+
+def _cut(span: Span) -> Iterator[tuple[Span, bool]]:
+    """A span's parts with whether their speed is even; those are longer than a window."""
+    law, start = span.law, span.from_s
+    for t0, t1, row in zip(law.knots_s, law.knots_s[1:], law.coefficients, strict=False):
+        low, high = max(t0, span.from_s), min(t1, span.to_s)
+        if high - low > SHOWN_S and not any(row[2:]):
+            if low > start:
+                yield _part(span, start, low), False
+            yield _part(span, low, high), True
+            start = high
+    if span.to_s > start or start == span.from_s:
+        yield _part(span, start, span.to_s), False
+
+
+def _places(course: Course, span: Span) -> int:
+    """Windows in which the path's own bends are seen at an even speed."""
+    stretch = course.stretches[span.stretch]
+    low, high = along(span.law, np.array([span.from_s, span.to_s]))[0]
+    return 1 + int(_moments(stretch, float(high - low)) / PER_WINDOW)
+
+
+def _moments(stretch: Stretch, length: float) -> float:
+    motion = stretch.motion
+    if isinstance(motion, JointMove):
+        if isinstance(motion.curve, Line):
+            return 0.0
+        turn = motion.curve.sweep_rad if isinstance(motion.curve, Arc) else 2.0 * math.pi
+        return PER_RADIAN * abs(turn) * length / motion.end
+    return max(length / mesh.SPACING, mesh.SAMPLES[0] * length / motion.end)
+
+
+def _even(course: Course, look: Look, limits: Array) -> Iterator[Look]:
+    """A look cut into more and closer windows where the joints' shares change."""
+    span, n = look
+    if n >= binding.windows(span):
+        yield look
+        return
+    motion = of(course, [look])
+    share = binding.used(motion, course.derivatives(motion.s)) / limits
+    change = np.ptp(share.reshape(n, PER_WINDOW, -1), axis=1).max(axis=1)
+    feed = course.feed(motion.s).reshape(n, PER_WINDOW)
+    rough = (change > CHANGE) | (feed != feed[:, :1]).any(axis=1)
+    ends = np.linspace(span.from_s, span.to_s, n + 1)
+    cuts = np.unique(np.concatenate([[0, n], np.flatnonzero(np.diff(rough)) + 1]))
+    for first, last in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True):
+        part = _part(span, ends[first], ends[last])
+        closer = Look(part, min(CLOSER * (last - first), binding.windows(part)))
+        yield from _even(course, closer, limits) if rough[first] else iter([Look(part, last - first)])

@@ -1,0 +1,140 @@
+"""A whole path as the planner will send it when nobody interferes, and no dearer than what happens on it.
+
+    planned(items, machine, kinematics)   pauses and parts of windows, in the order of the path
+
+Windows are of so many seconds, so a slow feed would need as many as its motion lasts. Where the
+feed alone holds the speed one window is like the one before it: such a row of windows is not
+planned but rolled on, as far as nothing of the path comes into the sight of its last one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.kinematics import Kinematics
+from controller.machine import Machine
+from controller.plan.feed import cruise, mesh
+from controller.plan.feed.binding import Laws, Marks, Span
+from controller.plan.feed.course import Course
+from controller.plan.feed.profile import Profile
+from controller.plan.planner import RETRY_S
+from controller.plan.route.path import Chain, Pause
+from controller.plan.route.stretch import Stretch
+from controller.plan.track import Track
+from controller.plan.window import WHOLE_SHARE, WINDOW_S, Orders, Place, Sent, Windows
+
+SIGHT_S = 2.0 * WHOLE_SHARE * WINDOW_S  # of motion at the feed: no window looks as far ahead
+FEWEST = 2  # windows that are rolled on at once
+
+
+class Planned(NamedTuple):
+    """A pause, or the part of a window that is followed, as the planner sends it when nobody interferes."""
+
+    took_s: float  # a whole number of periods
+    pause: Pause | None
+    course: Course | None
+    spans: list[Span]  # of the course
+
+
+def planned(items: Iterable[Chain | Pause], machine: Machine, kinematics: Kinematics) -> Iterator[Planned]:
+    """The planner's own windows over a whole path, each up to where the next one replaces it.
+
+    Raises ProgramError where the path is refused on the way.
+    """
+    track, windows, orders = Track(items, machine, kinematics), _Windows(machine, kinematics), Orders()
+    place, start_s, soon = Place(0, 0.0), 0.0, True
+    rolling = _Rolling(machine, kinematics)
+    while (sent := windows.from_rest(track, place, start_s, orders, soon)) is not None:
+        soon = False
+        while (seam_s := sent.seam_s) is not None:
+            if (rolled := rolling.on(sent)) is not None:
+                yield _planned(track, replace(sent, end_s=seam_s))
+                sent = rolled
+                continue
+            after = windows.from_motion(track, sent, seam_s, orders)
+            if after is None:  # as the planner does: a little later, or not at all
+                later_s = seam_s + RETRY_S
+                sent = replace(sent, seam_s=later_s if later_s < sent.end_s else None)
+                continue
+            yield _planned(track, replace(sent, end_s=seam_s))
+            sent = after
+            track.forget(sent.first)
+        yield _planned(track, sent)
+        place, start_s = sent.after, sent.end_s
+        track.forget(place.unit - 1)
+    if track.error is not None:
+        raise track.error
+
+
+class _Windows(Windows):
+    """Windows that nobody will have to stop in, or to look at while they run."""
+
+    def _stops(self, made: Sent) -> None:
+        return None
+
+    def _binds(self, course: Course, laws: Laws) -> list[Marks]:
+        return [()] * len(laws)
+
+
+def _planned(track: Track, sent: Sent) -> Planned:
+    took_s = sent.end_s - sent.start_s
+    if sent.course is None or sent.profile is None:
+        unit = track.at(sent.first)
+        return Planned(took_s, unit.what if unit and isinstance(unit.what, Pause) else None, None, [])
+    spans, begin_s = [], 0.0
+    for k, law in sent.profile.laws(sent.course):
+        if begin_s < took_s:
+            spans.append(Span(k, law, 0.0, min(law.duration_s, took_s - begin_s)))
+        begin_s += law.duration_s
+    return Planned(took_s, None, sent.course, spans)
+
+
+class _Rolling:
+    """Rolls even windows on; of the last stretch it knows where more than the feed counts."""
+
+    def __init__(self, machine: Machine, kinematics: Kinematics) -> None:
+        self._machine, self._kinematics = machine, kinematics
+        self._stretch: Stretch | None = None
+        self._tight = np.empty(0)  # places of it where anything but its feed holds the speed
+
+    def on(self, sent: Sent) -> Sent | None:
+        """As many windows like ``sent`` as may follow it, as one; None where they must be planned."""
+        if sent.course is None or sent.profile is None or sent.seam_s is None:
+            return None
+        step_s = sent.seam_s - sent.start_s
+        speed = _even_speed(sent.profile, step_s)
+        s = sent.profile.at(step_s).s
+        first, k = sent.course.index(np.array([sent.profile.start_s, s]))
+        stretch = sent.course.stretches[k]
+        if first != k or speed is None or stretch.feed_mm_s is None:
+            return None
+        base = float(sent.course.starts[k])
+        ahead_s = (self._until(stretch, s - base, speed) - (s - base)) / speed
+        count = math.floor((ahead_s - SIGHT_S) / step_s)
+        if count < FEWEST:
+            return None
+        long_s = count * step_s
+        even = Profile(np.array([0.0, long_s + WINDOW_S]), np.array([[s, speed, 0.0, 0.0, 0.0, 0.0]]))
+        end_s = sent.seam_s + long_s
+        return replace(sent, start_s=sent.seam_s, end_s=end_s, seam_s=end_s, profile=even, pieces=())
+
+    def _until(self, stretch: Stretch, s: float, speed: float) -> float:
+        """The first place of a stretch behind ``s`` at which anything but a feed of ``speed`` counts."""
+        if stretch is not self._stretch:
+            course = Course([stretch], self._machine, self._kinematics)
+            found = mesh.survey(mesh.Parts.of(course, s, course.length))
+            tight = (found.allowed < cruise.SURELY * found.feed) | (found.feed != speed)
+            self._stretch, self._tight = stretch, np.append(found.s[tight], course.length)
+        return float(self._tight[np.searchsorted(self._tight, s)])
+
+
+def _even_speed(profile: Profile, until_s: float) -> float | None:
+    """The one speed of a profile up to a time; None where it has others."""
+    rows = profile.pieces[: int(np.searchsorted(profile.times, until_s))]
+    even = len(rows) > 0 and not rows[:, 2:].any() and (rows[:, 1] == rows[0, 1]).all()
+    return float(rows[0, 1]) if even else None
