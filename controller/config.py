@@ -16,7 +16,18 @@ from pathlib import Path
 
 from controller import drive_objects, equipment, profiles
 from controller.geometry import ZERO, Frame, Vector, X, Y, Z, cross, norm, rotate, scale, subtract
-from controller.machine import MAX_QUICK_STOP_S, Axis, Bus, Kind, Limits, Machine, Sense, Spindle, Tool
+from controller.machine import (
+    MAX_QUICK_STOP_S,
+    TOOL_CHANGE_S,
+    Axis,
+    Bus,
+    Kind,
+    Limits,
+    Machine,
+    Sense,
+    Spindle,
+    Tool,
+)
 from controller.nodes import all_settings as all_settings
 from controller.nodes import bus_settings as bus_settings
 from controller.nodes import eds_of as eds_of
@@ -98,6 +109,7 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
         placement=general.text("placement", PLACEMENTS, "single"),
         max_quick_stop_s=general.number("max_quick_stop_s", 0.01, 60.0, default=MAX_QUICK_STOP_S),
         max_overcut_mm=general.positive_or_none("max_overcut_mm"),
+        tool_change_s=tools.number("change_s", 0.0, 3600.0, default=TOOL_CHANGE_S),
     )
     for table in (general, tools, top):
         table.finish()

@@ -57,7 +57,9 @@ class Job:
     def of(cls, name: str, program: bytes, machine: Machine, start: Joints, dry_run_mm: float = 0.0) -> Job:
         """Of a program on a machine with its offsets and tools as they are now."""
         offsets = f"{machine.offsets!r} {machine.unset!r}"
-        file, offsets, tools = (sha256(text.encode()) for text in (machine.text, offsets, repr(machine.tools)))
+        file, offsets, tools = (
+            sha256(text.encode()) for text in (machine.text, offsets, repr(machine.tools))
+        )
         return cls(name, sha256(program), file, offsets, tools, start, dry_run_mm)
 
 

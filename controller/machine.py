@@ -16,6 +16,7 @@ from controller.geometry import Frame, Vector
 from drives.profile import Override
 
 MAX_QUICK_STOP_S = 3.0  # where the machine file says nothing
+TOOL_CHANGE_S = 60.0  # by hand
 
 Joints = tuple[float, float, float, float, float]
 
@@ -256,6 +257,7 @@ class Machine:
     placement: str = "single"  # of the cutter on surfaces: "single" (the paper), "double" or "optimal"
     max_quick_stop_s: float = MAX_QUICK_STOP_S  # a drive that takes longer to stop by itself is refused
     unset: tuple[str, ...] = ()  # of G55 .. G59 those that nobody has set: no program may use them
+    tool_change_s: float = TOOL_CHANGE_S  # what a change by hand takes, for those who plan the shop
     max_overcut_mm: float | None = None  # deeper overcut than this is a gouge wherever it comes from
 
     @property

@@ -19,7 +19,7 @@ from controller.motions import Rotaries
 from controller.plan.report import stored, survey
 from controller.plan.report.stored import Stored
 from controller.plan.report.survey import BlockUse, Survey
-from controller.plan.route import choices, path, placements, restart
+from controller.plan.route import choices, path, placements, restart, tool_changes
 from controller.plan.route.restart import Rest, Source
 from controller.plan.route.spot import Spot
 from controller.plan.route.stretch import Chain, Note, Pause, Stretch
@@ -61,16 +61,23 @@ def task(text: bytes, name: str, machine: Machine) -> Task:
     return Task(text, name, machine, Kinematics(machine), home)
 
 
-def path_of(asked: Task, chosen: Mapping[int, Rotaries] | None = None, dry_run_mm: float = 0.0) -> Walk:
+def path_of(
+    asked: Task,
+    chosen: Mapping[int, Rotaries] | None = None,
+    dry_run_mm: float = 0.0,
+    in_spindle: int = tool_changes.AT_POWER_ON,
+) -> Walk:
     """The path block by block, as ``chosen`` over the whole program, or as the blocks come.
 
     What it walks over raises ProgramError where a block is refused. ``dry_run_mm``: so far off the
-    part along the tool axis, spindle and coolant off.
+    part along the tool axis, spindle and coolant off. ``in_spindle``: a tool's number, 0 = not known.
     """
     source = _source(asked, chosen, dry_run_mm).dry()
     tracer = path.Tracer(asked.name, source.machine, asked.kinematics, asked.start, chosen or {})
     read = _Read(iter(source.blocks))
-    return Walk(_whole(tracer.items(read), read, asked.name), tracer.notes, chosen or {})
+    whole = _whole(tracer.items(read), read, asked.name)
+    items = tool_changes.stopped(whole, asked.machine, in_spindle, note=tracer.notes.append)
+    return Walk(items, tracer.notes, chosen or {})
 
 
 def rest_of(asked: Task, chosen: Mapping[int, Rotaries] | None, spot: Spot, dry_run_mm: float = 0.0) -> Rest:

@@ -61,7 +61,7 @@ def path_from(asked: Task, kept: Stored | None, start: Start) -> Walk:
         return Walk(entered, choices=choices)
     if max(abs(a - b) for a, b in zip(start.joints, asked.start, strict=True)) > SAME_PLACE:
         asked = replace(asked, start=start.joints)
-    walk = checked.path_of(asked, choices, start.dry_run_mm)
+    walk = checked.path_of(asked, choices, start.dry_run_mm, start.in_spindle)
     walk.notes += kept.notes if kept is not None else ()
     return walk
 
