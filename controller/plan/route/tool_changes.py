@@ -28,20 +28,23 @@ def stopped(
     ``before``: the state in which the path begins; None: that of a whole program. ``note`` is told
     of every stop.
     """
-    state = before or modal.power_on().modal
+    state, is_open = before or modal.power_on().modal, 0
     for item in items:
-        wanted = item.modal if isinstance(item, Pause) else state
-        stops = wanted.tool != in_spindle
         if isinstance(item, Pause):
             yield item
-            state, stops = wanted, stops and item.act is Act.TOOL
-        if stops:
-            place = item.place if isinstance(item, Pause) else item.stretches[0].place
-            note(Note(place, f"Stops until {_named(wanted.tool, machine)} is in the spindle."))
-            if not isinstance(item, Pause):
-                yield Pause(place, state, act=Act.TOOL)
-            yield Pause(place, state, act=Act.STOP)
-            in_spindle = wanted.tool
+            state, is_open = item.modal, item.open_clamps
+            if item.act is not Act.TOOL or state.tool == in_spindle:
+                continue
+            place = item.place
+        else:
+            if state.tool == in_spindle:
+                yield item
+                continue
+            place = item.stretches[0].place
+            yield Pause(place, state, act=Act.TOOL, open_clamps=is_open)
+        note(Note(place, f"Stops until {_named(state.tool, machine)} is in the spindle."))
+        yield Pause(place, state, act=Act.STOP, open_clamps=is_open)
+        in_spindle = state.tool
         if not isinstance(item, Pause):
             yield item
 
