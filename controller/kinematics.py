@@ -26,6 +26,7 @@ import numpy as np
 
 from controller.geometry import ZERO, Number, Pose, Vector, Z, add, cross, dot, norm, scale, subtract, unit
 from controller.machine import Joints, Kind, Machine
+from controller.touches import Seen
 
 Pair = tuple[float, float]
 Travel = tuple[Pair, Pair]
@@ -101,6 +102,18 @@ class Kinematics:
         (x, y, z), (ax, ay, az), (bx, by, bz), (hx, hy, hz) = axis, self._e1, self._e2, self._w2
         return x * ax + y * ay + z * az, x * bx + y * by + z * bz, x * hx + y * hy + z * hz
 
+    def seen(self, axis: Vector) -> Seen:
+        """``axis`` as the rotary next to the work sees it."""
+        return Seen(*self._across_work(axis), 1.0)
+
+    def work_frame(self) -> tuple[Vector, Vector, Vector]:
+        """Unit vectors (table frame) that ``Seen`` counts along: two across w2, and w2."""
+        return self._e1, self._e2, self._w2
+
+    def reaches_pole(self, side: float) -> bool:
+        """Whether the tool axis can stand along w2 (``side`` > 0) or against it."""
+        return self._left[0 if side > 0.0 else 1] == 0.0
+
     def near_pole(self, axis: Vector) -> bool:
         """Whether ``axis`` (floats) is so near +-w2 that the work's rotary takes its limit from inside."""
         a, b, _ = self._across_work(axis)
@@ -117,16 +130,21 @@ class Kinematics:
         return m.sqrt(a * a + b * b)
 
     def _solve(
-        self, axis: Vector, m: ModuleType, inside: Vector | None
+        self, axis: Vector, m: ModuleType, inside: Vector | None, seen: Seen | None
     ) -> tuple[tuple[Number, Number], tuple[Number, Number], Number]:
-        """(t1, t2) of both branches (nan out of reach), and whether t2 is undetermined."""
-        a, b, h = self._across_work(axis)
+        """(t1, t2) of both branches (nan out of reach), and whether t2 is undetermined.
+
+        a, b, c and r are those of the axis over rho: t2 needs their ratios only, and where
+        rho is 0 they stay. With a rho that changes its sign G does, so each branch goes on.
+        """
+        a, b, h, rho = seen or self.seen(axis)
         square = a * a + b * b
         # A = (height - cosine h) / across; near the pole 1 - |h| = square / (1 + |h|),
         # without the cancellation which would drown A in rounding there.
         left, side = self._left_at(h, m)
-        c = (left + (square / (1.0 + side * h)) * (self._cosine * side)) / self._across
+        c = (left + (square / (1.0 + side * h)) * (self._cosine * side) * rho) / self._across
         a, b, c, r, g, lost = self._limit(a, b, c, square, inside, m)
+        g = g * rho
         # Height along w1 is fixed, so along f1 c has what h and that height leave over.
         base = (h - self._cosine * self._height) / self._across
         z1, z2 = self._z1, self._z2
@@ -174,6 +192,7 @@ class Kinematics:
         m: ModuleType = math,
         inside: Vector | None = None,
         keep: tuple[Number, Number] = (0.0, 0.0),
+        seen: Seen | None = None,
     ) -> list[tuple[Number, Number]]:
         """Both (first, second) rotary pairs, in the machine's order, that put the spindle along ``axis``.
 
@@ -181,9 +200,10 @@ class Kinematics:
         the pole the work's rotary follows ``inside``, a vector towards where the axis
         is just inside the block; without one it keeps its place in ``keep``. Series
         (``m=jets``) that start at a pole leave it ahead, or to ``inside``; the third
-        derivative of the work's rotary is not told there.
+        derivative of the work's rotary is not told there. With ``seen``, of a cut that
+        touches the pole, nothing is undetermined, and no branch changes its name there.
         """
-        *solutions, lost = self._solve(axis, m, inside)
+        *solutions, lost = self._solve(axis, m, inside, seen)
         kept = keep[0] if self._work_first else keep[1]
         pairs = []
         for t1, t2 in solutions:
@@ -198,7 +218,12 @@ class Kinematics:
         return pairs
 
     def inverse(
-        self, pose: Pose, near: Pair, length_mm: float, inside: Vector | None = None
+        self,
+        pose: Pose,
+        near: Pair,
+        length_mm: float,
+        inside: Vector | None = None,
+        seen: Seen | None = None,
     ) -> Joints | None:
         """Joints for a pose of the table frame, on branch and turns nearest to ``near``.
 
@@ -208,7 +233,7 @@ class Kinematics:
         tip, axis = pose
         near1, near2 = near
         best, least = None, math.inf
-        for q1, q2 in self.branches(axis, math, inside, near):
+        for q1, q2 in self.branches(axis, math, inside, near, seen):
             if q1 != q1 or q2 != q2:  # nan: out of reach
                 return None
             q1 += TURN * round((near1 - q1) / TURN)

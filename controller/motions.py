@@ -11,12 +11,14 @@ import math
 from array import array
 from bisect import bisect_right
 from dataclasses import dataclass
+from types import ModuleType
 
 from controller.curves import ArcLength, Curve
-from controller.geometry import Frame, Pose, Vector, scale
+from controller.geometry import Frame, Number, Pose, Vector, scale
 from controller.kinematics import Kinematics
 from controller.machine import Joints
 from controller.surfaces import Surface
+from controller.touches import Seen, Touch, seen_along, seen_at
 
 Rotaries = tuple[float, float]
 
@@ -34,6 +36,8 @@ class SurfaceCut:
     offset_mm: float  # cutter radius, positive on Eq. 5's side (right), negative on the left
     length_mm: float  # of the tool
     part: Frame  # the part frame seen from the table frame
+    touches: tuple[Touch, ...] = ()  # where its axis touches the pole of this machine
+    beside_pole: tuple[float, ...] = ()  # u where it passes so near by that a rotary turns within little way
 
     @property
     def end(self) -> float:
@@ -50,11 +54,16 @@ class SurfaceCut:
         tip, axis = self.surface.pose(u, self.offset_mm)
         axis = self.part.turn(axis)
         inside = None
-        if kinematics.near_pole(axis):
+        seen = seen_at(self.touches, u)
+        if seen is None and kinematics.near_pole(axis):
             # The limit from inside the block: ahead at its start, behind at its end.
             rate = self.part.turn(self.surface.axis_rate(u))
             inside = rate if u < 0.5 else scale(rate, -1.0)
-        return kinematics.inverse(Pose(self.part.to_parent(tip), axis), near, self.length_mm, inside)
+        return kinematics.inverse(Pose(self.part.to_parent(tip), axis), near, self.length_mm, inside, seen)
+
+    def seen_along(self, u: Number, axis: Vector, kinematics: Kinematics, m: ModuleType) -> Seen | None:
+        """The ``axis`` (table frame) at samples or series ``u`` with its touches told; None: it has none."""
+        return seen_along(self.touches, u, kinematics.seen(axis), m) if self.touches else None
 
 
 @dataclass(frozen=True, slots=True)

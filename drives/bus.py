@@ -127,7 +127,7 @@ def open(
 
 def _open_virtual(settings: BusSettings) -> HubSocket:
     try:
-        return HubSocket(hub_protocol.connect(settings.channel), settings.name)
+        return HubSocket(hub_protocol.connect(settings.channel), settings.name, settings.channel)
     except OSError as error:
         raise BusError(
             f"bus {settings.name}: no virtual bus at {settings.channel}: {error.strerror};"

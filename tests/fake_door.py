@@ -54,7 +54,8 @@ class FakeDoor:
         self.recorder = Recorder(rows=4096)
         self.presses = Presses()
         self.job: dict[str, Any] | None = None
-        self.offsets: dict[str, Any] = {"G54": {"origin_mm": [0.0, 0.0, 0.0], "turned_deg": [0.0, 0.0, 0.0]}}
+        zero = {"origin_mm": [0.0, 0.0, 0.0], "turned_deg": [0.0, 0.0, 0.0]}
+        self.offsets: dict[str, Any] = {"G54": {**zero, "unset": False}, "G55": {**zero, "unset": True}}
         self.restart: dict[str, Any] = {"offered": False, "sentence": "Nothing was interrupted."}
         self.tools: dict[str, Any] = {"1": {"name": "", "radius_mm": 3.0, "length_mm": 0.0, "flute_mm": 15.0}}
 

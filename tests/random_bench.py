@@ -21,6 +21,7 @@ from controller.session.fault_file import Injected, MachineScript
 from controller.session.startup import SessionError
 from controller.session.stepped import Run
 from controller.verify import trace as traces
+from drives.commission import CommissionError
 
 HORIZON_S = 5.0  # of a program: later nothing happens that has not happened before
 STILL_S = 0.2  # after a fault all stands for so long, looked at
@@ -124,7 +125,7 @@ def _come_up_and_run(bench: Bench, one: Case, trace: Path | None) -> None:
     bench.at_tick = lambda: _must_end(bench, one)
     try:
         bench.come_up()
-    except SessionError:
+    except (SessionError, CommissionError):
         bench.stand_still()
         bench.report(bench.came(one, None, trace))
     bench.report(bench.came(one, bench.run(bench.walk, bench.asked), trace))

@@ -119,7 +119,7 @@ def test_a_part_that_cannot_be_cut_is_refused_where_it_stands(at_work, why, text
 
 
 def test_a_tool_axis_out_of_reach_is_a_lost_branch(at_work):
-    hanging = program(ruled(along(0.0), along(10.0)))
+    hanging = program(ruled(along(0.0, y=-30.0), along(10.0)))
     assert "no position of the rotary axes" in refused("check", hanging, "--machine", "oblique45")["error"]
 
 

@@ -10,7 +10,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 LEAVES = {"machine", "state", "geometry"}
-SHAPES = {"jets", "curves", "splines", "rulings", "surfaces", "placement", "kinematics", "motions"}
+SHAPES = {"jets", "curves", "splines", "rulings", "surfaces", "placement", "touches", "kinematics", "motions"}
 
 # Part of controller -> parts of controller it may import. A file of a folder counts as
 # the folder, and every part may import itself.
@@ -27,8 +27,9 @@ ARROWS: dict[str, set[str]] = {
     "rulings": {"geometry", "curves", "splines"},
     "surfaces": LEAVES | {"jets", "curves", "splines", "rulings"},
     "placement": LEAVES | {"curves", "surfaces"},
-    "kinematics": LEAVES | {"jets", "curves"},
-    "motions": LEAVES | {"curves", "surfaces", "kinematics"},
+    "touches": {"geometry"},  # of a cut's axis and the pole
+    "kinematics": LEAVES | {"jets", "curves", "touches"},
+    "motions": LEAVES | {"curves", "surfaces", "touches", "kinematics"},
     "pieces": {"motions"},  # values of the hand-over
     "requests": {"state", "pieces"},  # how they travel, for the hand-over
     "handoff": LEAVES | {"pieces", "requests", "motions", "curves", "surfaces"},

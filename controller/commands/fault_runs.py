@@ -15,6 +15,7 @@ from controller.session.startup import SessionError
 from controller.session.stepped import SteppedMachine
 from controller.verify import console
 from controller.verify.console import Misunderstood, Refused
+from drives.commission import CommissionError
 from drives.virtual.fault_script import ScriptError
 
 ORIGINS = ("program", "home")
@@ -42,7 +43,7 @@ class FaultRun:
         self._observer: Observer | None = None
 
     def come_up(self) -> None:
-        """Home and enable. Raises SessionError; under faults Refused, with what came of them."""
+        """Home and enable. Raises SessionError, CommissionError; under faults Refused, with their facts."""
         if self._script is None:
             self._bench.come_up()
             return
@@ -51,7 +52,7 @@ class FaultRun:
             self._inject(0.0)
         try:
             self._bench.come_up()
-        except SessionError as error:
+        except (SessionError, CommissionError) as error:  # the latter: a drive no longer answers
             self._bench.stand_still()
             raise Refused(str(error), result="fault", **self.facts()) from error
 

@@ -149,8 +149,8 @@ def offers(node: NodeSettings, units: Units) -> Iterator[Offer]:
     fastest = _fastest(node.velocity_counts_s / units.velocity_counts_s)
     yield Offer(0x607F, fastest, "no motor may be faster than its axis")
     if speeds := units.motor_speeds_counts_s:
-        by_turns = _fastest(node.velocity_counts_s / min(speeds))
-        yield Offer(MOTOR_SPEED, by_turns, "no motor may be faster than its axis")
+        most_turns = _fastest(node.velocity_counts_s / min(speeds))
+        yield Offer(MOTOR_SPEED, most_turns, "no motor may be faster than its axis")
     why = "neither path nor quick stop may be held back"
     needed = math.ceil(HEADROOM * max(most, quick) / units.acceleration_counts_s2)
     yield Offer(0x60C5, min(needed, MOST), why, at_least=True)

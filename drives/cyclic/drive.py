@@ -82,6 +82,7 @@ class Drive(PowerStage):
         self._followed = False
         self._twice = 0  # SYNCs in a row
         self._twice_now = False
+        self._late = 0  # feedbacks that were missed and may come yet
         self._mode = profile.mode.value
         self._homing = False
         self._homing_statuswords = 0
@@ -137,7 +138,8 @@ class Drive(PowerStage):
 
     def _miss(self) -> None:
         super()._miss()
-        self._twice, self._twice_now = 0, False  # what comes late comes in pairs; two nodes miss nothing
+        self._twice, self._twice_now = 0, False
+        self._late = min(self._late + 1, self._lost_after)
 
     def expect(self) -> None:
         self._awaiting = True
@@ -163,8 +165,10 @@ class Drive(PowerStage):
             self._step()
 
     def _again(self, differs: bool) -> None:
-        """A second feedback for one SYNC."""
-        if differs and not self._twice_now:
+        """A second feedback for one SYNC: one that is late, if one was missed, or another node's."""
+        if self._late:
+            self._late -= 1
+        elif differs and not self._twice_now:
             self._twice_now = True
             self._twice += 1
             if self._twice >= TWICE_IN_A_ROW and self._judged:

@@ -121,7 +121,8 @@ class HubSocket(FrameSocket):
 
     packs = True
 
-    def __init__(self, sock: socket.socket, name: str) -> None:
+    def __init__(self, sock: socket.socket, name: str, place: str = "") -> None:
+        """``place``: the hub's socket in the file system, where `restart` joins the next one."""
         super().__init__(sock, name)
         self._packet = bytearray(HUB_PACKET_BYTES)
         self._view = memoryview(self._packet)
@@ -129,7 +130,7 @@ class HubSocket(FrameSocket):
         self._end = 0
         self._cyclic_sync = False
         self._lost = 0
-        self._place = str(sock.getpeername())
+        self._place = place  # not the peer's name: a hub binds elsewhere and moves its socket
         self.gone = False
 
     @property

@@ -25,19 +25,21 @@ import numpy as np
 import numpy.typing as npt
 
 from controller import jets
-from controller.geometry import Number
+from controller.geometry import Number, norm
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import JointMove, SurfaceCut, ToolLine, ToolSpline
 from controller.plan.route import tool_paths
 from controller.plan.route.branch import joints_along
 from controller.plan.route.stretch import Stretch
+from controller.touches import seen_at
 
 Array = npt.NDArray[np.float64]
 
 # Exact derivatives of the rotaries are 0/0 at a pole and lose 1/distance^3 digits
-# beside it; a micron inside they are those of the limit.
+# beside it; a micron inside they are those of the limit. A touch tells them at the pole itself.
 POLE_MARGIN_MM = 1e-3
+LEAST_RATE = 1e-3  # of C1'' at an end: below that C1 stands still there, and s has no series
 
 # A jump of the joints' rates is spread over one tick. It may use this share of each
 # limit, the motion law around it the rest.
@@ -94,13 +96,29 @@ def _series_in_arc_length(cut: SurfaceCut, u: Array) -> jets.Jet:
     return jets.Jet(np.stack([u, 1.0 / b1, -b2 / b1**3, (2.0 * b2 * b2 - b1 * b3) / b1**5]))
 
 
+def _margins(cut: SurfaceCut) -> tuple[float, float]:
+    """How far (mm) inside the start and the end of a cut its derivatives are taken."""
+    lower = cut.surface.lower
+    if not cut.touches:
+        return POLE_MARGIN_MM, POLE_MARGIN_MM
+
+    def margin(u: float) -> float:
+        rate, bend = (float(norm(lower.derivative(u, k))) for k in (1, 2))
+        told = seen_at(cut.touches, u) is not None and rate > LEAST_RATE * bend
+        return 0.0 if told else POLE_MARGIN_MM
+
+    return margin(0.0), margin(1.0)
+
+
 def _derivatives_of_cut(stretch: Stretch, cut: SurfaceCut, s: Array, kinematics: Kinematics) -> Derivatives:
-    inside = np.clip(s, min(POLE_MARGIN_MM, cut.end / 3), max(cut.end - POLE_MARGIN_MM, 2 * cut.end / 3))
+    first, last = (min(margin, cut.end / 3) for margin in _margins(cut))
+    inside = np.clip(s, first, cut.end - last)
     series = _series_in_arc_length(cut, cut.arc.u_along(inside))
     tip, axis = cut.surface.pose(series, cut.offset_mm, jets)
     tip, axis = cut.part.to_parent(tip), cut.part.turn(axis)
     shown = joints_along(stretch, inside, kinematics)
-    first, second = _matching(kinematics.branches(axis, jets), shown, kinematics)
+    seen = cut.seen_along(series, axis, kinematics, jets)
+    first, second = _matching(kinematics.branches(axis, jets, seen=seen), shown, kinematics)
     x, y, z = kinematics.linear(tip, (first, second), cut.length_mm, jets)
     values: tuple[Number, ...] = (x, y, z, first, second)
     joint = [values[i] for i in kinematics.order]

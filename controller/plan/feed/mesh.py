@@ -15,10 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.curves import Arc
-from controller.motions import JointMove
+from controller.motions import JointMove, SurfaceCut
 from controller.plan.feed import tool_limits
 from controller.plan.feed.course import Course, Index
 from controller.plan.feed.limits import Derivatives, JointLimits, ramp_length
+from controller.plan.route.branch import beside_pole
 from controller.plan.route.stretch import Stretch
 
 Array = npt.NDArray[np.float64]
@@ -84,7 +85,7 @@ class Parts:
 def survey(parts: Parts, v: float = 0.0, a: float = 0.0) -> Samples:
     """Every part sampled closely enough to see narrow places, and what a motion at its beginning does."""
     found = [
-        _even(parts.course.stretches[k], low, high)
+        _even(parts.course.stretches[k], float(parts.course.starts[k]), low, high)
         for k, low, high in zip(parts.index, parts.ends[:-1], parts.ends[1:], strict=True)
     ]
     part = np.repeat(np.arange(len(found)), [len(one) for one in found])
@@ -96,7 +97,8 @@ def survey(parts: Parts, v: float = 0.0, a: float = 0.0) -> Samples:
     return _refined(parts, rough)
 
 
-def _even(stretch: Stretch, low: float, high: float) -> Array:
+def _even(stretch: Stretch, start: float, low: float, high: float) -> Array:
+    """Places of a stretch that begins at ``start``; they gather where its axis passes by the pole."""
     motion = stretch.motion
     if isinstance(motion, JointMove):
         turn = motion.curve.sweep_rad if isinstance(motion.curve, Arc) else 0.0
@@ -104,7 +106,11 @@ def _even(stretch: Stretch, low: float, high: float) -> Array:
     else:
         share = (high - low) / motion.end
         count = 2 + int(min(max((high - low) / SPACING, SAMPLES[0] * share), SAMPLES[1]))
-    return np.linspace(low, high, count + 1)
+    even = np.linspace(low, high, count + 1)
+    if not isinstance(motion, SurfaceCut) or not motion.beside_pole:
+        return even
+    near = start + motion.arc.s_at(beside_pole(motion))
+    return np.unique(np.concatenate((even, near[(near > low) & (near < high)])))
 
 
 def _sampled(parts: Parts, s: Array, part: Index) -> Samples:

@@ -139,12 +139,17 @@ def plan(
     continued within the limits, or there is nowhere to go.
     """
     last = course.length if until is None else until
-    if last - begin.s <= NOTHING * max(1.0, last):
+    if _is_there(begin, last):
         return None
     if begin.v == 0.0 and begin.a == 0.0 and (even := _straight(course, begin.s, last)):
         return even
     found = _searched(course, begin, last)
     return _after(course, guess, last) if found is None and guess is not None else found
+
+
+def _is_there(state: State, last: float) -> bool:
+    """Whether a state is at ``last``, or beyond it, but for rounding: there is nowhere to go."""
+    return last - state.s <= NOTHING * max(1.0, last)
 
 
 def _searched(course: Course, begin: State, last: float) -> Profile | None:
@@ -157,7 +162,7 @@ def _searched(course: Course, begin: State, last: float) -> Profile | None:
 def _after(course: Course, before: Profile, last: float) -> Profile | None:
     """Goes on with ``before`` for a while, where it touches limits so that there is no other way."""
     for wait_s in WAITS_S:
-        if wait_s >= before.duration_s or before.at(wait_s).s >= last:
+        if wait_s >= before.duration_s or _is_there(before.at(wait_s), last):
             break
         found = _searched(course, before.at(wait_s), last)
         if found is not None:

@@ -25,6 +25,8 @@ from controller.surfaces import Cone
 
 Array = npt.NDArray[np.float64]
 
+GATHERING = 0.02 * 0.5 ** np.arange(32.0)  # of u: where samples lie about a place beside the pole
+
 
 class BranchLost(Exception):
     """The rotaries cannot follow the tool axis at ``u``."""
@@ -52,6 +54,16 @@ class Field:
         turn = np.sqrt((np.diff(self.axis, axis=1) ** 2).sum(axis=0))
         return np.nan_to_num(change), np.asarray(turn)
 
+    def unresolved(self) -> Array:
+        """Between which samples (N-1,) there may be more than a change of names at the pole."""
+        change, turn = self.steps()
+        jumps = change.max(axis=0) > JUMP_RAD
+        return np.asarray(jumps & ((turn > SAME_AXIS_RAD) | (self._swapped() > JUMP_RAD)))
+
+    def _swapped(self) -> Array:
+        """Largest change of a rotary (N-1,) from each branch to the other one."""
+        return np.asarray(np.abs(wrapped(self.pairs[::-1, 1:] - self.pairs[:, :-1])).max(axis=(0, 2)))
+
     def follow(self, start: Rotaries) -> Array:
         """Rotaries (N, 2) that begin next to ``start`` and never jump; raises BranchLost."""
         begin = wrapped(self.pairs[:, 0] - np.array(start))
@@ -72,8 +84,7 @@ class Field:
         stay, _ = self.steps()
         jumps = stay.max(axis=0) > JUMP_RAD
         if jumps.any():
-            swapped = np.abs(wrapped(self.pairs[::-1, 1:] - self.pairs[:, :-1])).max(axis=(0, 2))
-            torn = np.flatnonzero(jumps & (swapped > JUMP_RAD))
+            torn = np.flatnonzero(jumps & (self._swapped() > JUMP_RAD))
             if len(torn):
                 raise BranchLost(float(self.u[torn[0]]), "the rotary axes would have to jump")
         return np.asarray(jumps)
@@ -84,7 +95,14 @@ def _grid(cut: SurfaceCut) -> Array:
     surface = cut.surface
     base = surface.base if isinstance(surface, Placed) else surface
     turns = abs(base.sweep_rad) / TURN if isinstance(base, Cone) else 0.0
-    return np.linspace(0.0, 1.0, 129 + 2 * math.ceil(32 * turns))
+    even = np.linspace(0.0, 1.0, 129 + 2 * math.ceil(32 * turns))
+    return np.unique(np.concatenate((even, beside_pole(cut)))) if cut.beside_pole else even
+
+
+def beside_pole(cut: SurfaceCut) -> Array:
+    """Samples (u) that gather where ``cut`` passes by the pole."""
+    near = [u + sign * GATHERING for u in cut.beside_pole for sign in (-1.0, 1.0)]
+    return np.asarray(np.clip(np.concatenate([cut.beside_pole, *near]), 0.0, 1.0))
 
 
 def field(cut: SurfaceCut, kinematics: Kinematics, extra: Array | None = None) -> Field:
@@ -94,8 +112,7 @@ def field(cut: SurfaceCut, kinematics: Kinematics, extra: Array | None = None) -
         u = np.unique(np.concatenate((u, extra)))
     found = _solve(cut, kinematics, u)
     while True:
-        change, turn = found.steps()
-        wide = np.flatnonzero((change.max(axis=0) > JUMP_RAD) & (turn > SAME_AXIS_RAD))
+        wide = np.flatnonzero(found.unresolved())
         middle = 0.5 * (found.u[wide] + found.u[wide + 1])
         middle = middle[(middle > found.u[wide]) & (middle < found.u[wide + 1])]
         if not len(middle):
@@ -107,7 +124,8 @@ def _solve(cut: SurfaceCut, kinematics: Kinematics, u: Array) -> Field:
     x, y, z = cut.part.turn(cut.surface.axis(u, np))
     axis: Vector = (x + 0.0 * u, y + 0.0 * u, z + 0.0 * u)
     # Kept at nan, the work's rotary shows where it is undetermined: at the pole.
-    pairs: Array = np.moveaxis(np.array(kinematics.branches(axis, np, None, NAN)), 2, 1)
+    seen = cut.seen_along(u, axis, kinematics, np)
+    pairs: Array = np.moveaxis(np.array(kinematics.branches(axis, np, None, NAN, seen)), 2, 1)
     lost = np.isnan(pairs).all(axis=(0, 2))
     if lost.any():
         raise BranchLost(float(u[np.argmax(lost)]), "no position of the rotary axes gives this tool axis")

@@ -14,11 +14,13 @@ from typing import Any
 
 from controller.curves import ArcLength, Bezier
 from controller.geometry import Number, Vector, add, cross, dot, norm, rotate, scale, subtract, unit
+from controller.kinematics import Kinematics
 from controller.machine import Machine, Tool
 from controller.motions import SurfaceCut
 from controller.placement import Placed, Strategy, Turn
 from controller.plan.route.placing import Cutter, place
 from controller.plan.route.stretch import Voice
+from controller.plan.route.touching import touched
 from controller.plan.text.program import CutBlock, CutCone, CutRuled, GougeRefused
 from controller.rulings import smooth_parts
 from controller.surfaces import Cone, Defect, DefectKind, RuledSurface, Surface, concave_radius, defect
@@ -117,6 +119,7 @@ def _cut(block: CutBlock, surface: Surface, part: tuple[float, float], tool: Too
     placed = place(surface, cutter, strategy(block, tool, machine))
     frame = machine.offsets[modal.offset]
     motion = SurfaceCut(placed, _arc(surface.lower), cutter.offset_mm, tool.length_mm, frame)
+    motion = touched(motion, Kinematics(machine))
     return Cut(block, tool, motion, edge(motion, 0.0), edge(motion, 1.0), part)
 
 

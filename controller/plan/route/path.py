@@ -28,6 +28,8 @@ from controller.plan.text.program import (
     Action,
     Block,
     CutBlock,
+    CutCone,
+    CutRuled,
     Dwell,
     JointArc,
     JointLine,
@@ -229,6 +231,8 @@ class Tracer:
         ready: list[cuts.Cut] = []
         for block in blocks:
             self._note_blend(block)
+            if isinstance(block, CutCone | CutRuled) and block.doubt:
+                self._note(block.place, block.doubt)
             ready += cuts.build(block, self._machine, self._voice)
         for members, meetings in train.trains(ready, self._voice):
             self._train(members, meetings)

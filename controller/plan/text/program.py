@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 from controller.geometry import Vector
@@ -77,6 +77,7 @@ class CutCone:
     upper_radius_mm: float
     sweep_rad: float  # positive counter-clockwise seen from +Z
     feed_mm_s: float
+    doubt: str = field(default="", compare=False)  # whether its words mean what they say, for ``check``
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +89,7 @@ class CutRuled:
     upper: tuple[Vector, Vector, Vector, Vector]
     lower: tuple[Vector, Vector, Vector, Vector]
     feed_mm_s: float
+    doubt: str = field(default="", compare=False)  # as of a cone
 
 
 @dataclass(frozen=True, slots=True)

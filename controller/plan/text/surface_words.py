@@ -14,12 +14,14 @@ from collections.abc import Iterator
 
 from controller.geometry import Vector
 from controller.machine import Machine
+from controller.plan.text import surface_doubts
 from controller.plan.text.codes import CONE_WORDS, Ask
 from controller.plan.text.modal import BLU_PER_MM, State, tool_list
 from controller.plan.text.program import CutCone, CutRuled, ProgramError
 from controller.plan.text.words import Line, Word
 
 BLU_PER_DEGREE = 1000.0
+LENGTHS = "XYZIJKHR"  # of a cone
 LEVEL_MM = 1e-9  # start and centre of a cone are on one level, a radius is not 0, beyond this
 
 
@@ -56,7 +58,10 @@ def cone(ask: Ask, state: State, machine: Machine) -> CutCone:
     sweep = given["D"].value if given["D"].point else given["D"].value / BLU_PER_DEGREE
     height, radius = _length_mm(given["H"], state), _length_mm(given["R"], state)
     feed = feed_of(ask, "G51", word, state, machine)
-    return CutCone(ask.place(word), state.modal, start, centre, height, radius, math.radians(sweep), feed)
+    sweep_rad = math.radians(sweep)
+    contact_mm = abs(sweep_rad) * math.hypot(start[0] - centre[0], start[1] - centre[1])
+    doubt = surface_doubts.of_words("G51", (given[letter] for letter in LENGTHS), contact_mm)
+    return CutCone(ask.place(word), state.modal, start, centre, height, radius, sweep_rad, feed, doubt)
 
 
 def _check_cone(ask: Ask, start: Vector, centre: Vector) -> None:
@@ -82,16 +87,25 @@ def ruled(ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> Cu
         raise _not_a_ruled(ask.line, word, lacking)
     if "stop" in ask.codes:
         raise _not_a_ruled(ask.line, ask.codes["stop"][1], f"found {ask.code('stop')}")
-    p = [point_of(given, "XYZ", state)]
+    p, words = [point_of(given, "XYZ", state)], [given[letter] for letter in "XYZ"]
     while len(p) < 8:
         line = next(lines, None)
         if line is None:
             raise _not_a_ruled(ask.line, word, f"the program ends after {len(p)} of the 8 points")
         due = f"point {len(p) + 1} of the G52 on line {ask.line.number}"
-        p.append(point_of(_point_words(line, due), "XYZ", state))
+        point = _point_words(line, due)
+        p.append(point_of(point, "XYZ", state))
+        words += point.values()
     feed = feed_of(ask, "G52", word, state, machine)
     upper, lower = (p[0], p[1], p[2], p[3]), (p[4], p[5], p[6], p[7])
-    return CutRuled(ask.place(word), state.modal, upper, lower, feed)
+    if surface_doubts.is_upside_down(upper, lower, machine.offsets[state.modal.offset]):
+        raise ask.refusal(
+            word,
+            "the first four points of this G52, the upper curve, lie below the last four, so the tool would"
+            " stand upside down; exchange the two curves",
+        )
+    doubt = surface_doubts.of_words("G52", words, surface_doubts.contact_mm(lower))
+    return CutRuled(ask.place(word), state.modal, upper, lower, feed, doubt)
 
 
 def _point_words(line: Line, due: str) -> dict[str, Word]:

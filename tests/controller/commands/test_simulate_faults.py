@@ -107,6 +107,13 @@ def test_faults_may_begin_with_homing(part: Path) -> None:
     assert told["faults"]["from"] == "home" and told["faults"]["raised"][0]["axis"] == "X"
 
 
+def test_a_drive_that_answers_no_more_while_it_is_homed_ends_the_run_with_its_facts(part: Path) -> None:
+    code, told = under("at 66 ms: node_reset Y", "--faults-from", "home", "--machine", "fig4b")
+    assert code == 1 and told["result"] == "fault"
+    assert "drive Y" in told["error"] and "no answer to SDO" in told["error"]
+    assert told["faults"]["from"] == "home"
+
+
 def test_what_cannot_be_understood_ends_with_2_before_anything_runs(part: Path) -> None:
     for script, words, said in (
         ("at 1 s: drop rpdo Y\nat 1 s: explode 3\n", (), "faults.txt: line 2: 'explode' is no fault"),

@@ -269,7 +269,21 @@ def test_two_nodes_are_named_after_a_pair_and_a_miss_too() -> None:
             drive.receive(0x181, memoryview(pdo.FEEDBACK.pack(0x1237, position)), 0.0)
         drive.settle()
 
-    for positions in ((0,), (0, 5), (), (0, 5), (0, 5), (0, 5)):
+    for positions in ((0,), (0, 5), (), (0, 5), (0, 5), (0, 5), (0, 5)):
         assert drive.fault(0.0, 1.0) is DriveFault.NONE
         sync(*positions)
     assert drive.fault(0.0, 1.0) is DriveFault.NODE_TWICE
+
+
+def test_what_a_stalled_bus_brings_later_and_later_is_no_second_node() -> None:
+    """As traced when bus and controller had to wait for each other: five missed, then three at a time."""
+    drive = Drive(nodes("X")[0], lost_after=100)
+    drive.want(Wanted.ENABLED)
+    position = 0
+    for count in (1, 1, 0, 0, 0, 1, 0, 0, 1, 1, 3, 3, 2, 1, 1, 0, 2, 0, 2):
+        drive.expect()
+        for _ in range(count):
+            position += 5
+            drive.receive(0x181, memoryview(pdo.FEEDBACK.pack(0x1237, position)), 0.0)
+        drive.settle()
+        assert drive.fault(0.0, 1.0) is DriveFault.NONE

@@ -288,6 +288,24 @@ def test_a_client_that_is_bus_off_joins_again_when_its_port_asks_for_it(tmp_path
         other.close()
 
 
+def test_a_port_whose_hub_has_ended_joins_the_next_one_at_its_place(tmp_path: Path) -> None:
+    buffer = bytearray(16)
+    with InThread(tmp_path) as here:
+        port = here.port()
+        here.wait(lambda: len(here.hub._clients) == 1)
+    assert not port.receive_into(buffer)
+    with InThread(tmp_path) as here:
+        port.restart()
+        here.wait(lambda: len(here.hub._clients) == 1)
+        other = here.port()
+        here.wait(lambda: len(here.hub._clients) == 2)
+        assert other.send(pdo.frame(0x181))
+        here.wait(lambda: port.receive_into(buffer))
+        assert pdo.unpack(buffer)[0] == 0x181
+        port.close()
+        other.close()
+
+
 def test_a_client_is_told_when_its_frames_did_not_fit_into_the_queue(tmp_path: Path) -> None:
     faults = FaultScript.read("at sync 2: queue_full master for 60 s")
     with InThread(tmp_path, faults=faults) as here:

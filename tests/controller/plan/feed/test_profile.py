@@ -309,6 +309,19 @@ def test_from_any_state_of_a_law_the_course_goes_on_at_another_override(override
         assert_fine(other, profile.plan(other, begin, None, rest), begin, (override, begin))
 
 
+@pytest.mark.parametrize("off", [0.0, 5e-15, 1e-12])
+def test_a_way_may_end_where_the_motion_so_far_is_first_left(off: float) -> None:
+    """A window was cut just there, at a feed that was lowered much: its rest was no interval at all."""
+    course = courses("1000.", shipped())[4]
+    planned = profile.plan(course)
+    assert planned is not None
+    t = planned.time_of(0.5 * course.length)
+    for wait_s in profile.WAITS_S:
+        until = planned.at(t + wait_s).s + off
+        found = profile.plan(at(course, 0.04), planned.at(t), until, tail(planned, t))
+        assert found is None or found.end_s == pytest.approx(until, abs=1e-9)
+
+
 def tail(planned: Profile, t: float) -> Profile:
     """A profile from its time ``t`` on."""
     i = int(np.searchsorted(planned.times, t, side="right")) - 1

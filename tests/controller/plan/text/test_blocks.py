@@ -67,7 +67,7 @@ def listing(program: Program) -> list[str]:
     power_on = Modal(1, 0, Side.RIGHT, 0.0, True, 0.0, 0.0, None, 0.0, 0)
     rows = []
     for block in program.blocks:
-        own = [f for f in fields(block) if f.name not in ("place", "modal")]
+        own = [f for f in fields(block) if f.name not in ("place", "modal", "doubt")]
         own = [f for f in own if f.name != "time_s" or getattr(block, f.name) is not None]
         values = [f"{f.name}={shown(getattr(block, f.name))}" for f in own]
         modal = [(f.name, getattr(block.modal, f.name)) for f in fields(Modal)]
