@@ -16,7 +16,8 @@ from controller.geometry import Frame, Vector
 from drives.profile import Override
 
 MAX_QUICK_STOP_S = 3.0  # where the machine file says nothing
-TOOL_CHANGE_S = 60.0  # by hand
+TOOL_AT_POWER_ON = 1  # number of the one in the spindle where nobody has said otherwise
+TOOL_CHANGE_S = 60.0  # by hand, where the machine file says nothing
 
 Joints = tuple[float, float, float, float, float]
 

@@ -60,7 +60,7 @@ class Job:
     @property
     def is_mdi(self) -> bool:
         """A line typed by hand."""
-        return self.program.name == MDI
+        return self.program.typed
 
     @property
     def active(self) -> bool:
@@ -210,7 +210,7 @@ def homed_position(machine: Machine) -> Joints:
 def mdi(text: str, machine: Machine) -> Job:
     """A line of program typed by hand."""
     data = text.encode()
-    return Job(Program(data, MDI, machine), hashlib.sha256(data).hexdigest())
+    return Job(Program(data, MDI, machine, typed=True), hashlib.sha256(data).hexdigest())
 
 
 def _from_0(args: dict[str, Any], key: str, highest: float) -> float:

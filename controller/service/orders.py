@@ -35,6 +35,7 @@ class Program:
     start: Joints | None = None  # where the whole run started that ``spot`` is of; None = homed position
     dry_run_mm: float = 0.0  # off along the tool axis, spindle off
     in_spindle: int = 0  # number of the tool; 0 = not known
+    typed: bool = False  # a line by hand
 
 
 @dataclass(frozen=True, slots=True)

@@ -365,6 +365,7 @@ def _start(program: Program, now: Snapshot) -> Start:
         program.start,
         program.dry_run_mm,
         program.in_spindle,
+        program.typed,
     )
 
 

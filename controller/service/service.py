@@ -72,7 +72,7 @@ class Service:
         self.commissioned = False
         self.homing: tuple[int, ...] = ()  # axes that were asked to, while they do
         self._asked_tool: int | None = None  # that a program waited for at the last look
-        self.tool = 1  # number of the one in the spindle, as far as it is known; 0 = not known
+        self.tool = fitting.in_spindle(state)  # number of the one in the spindle; 0 = not known
         self.stops = 0  # asked for so far: a start that was under way is given up
         self.lock = threading.RLock()  # of jobs and records; the door's thread never takes it
         self.fitting = threading.Lock()  # of what is fitted and what begins with it; taken before ``lock``
@@ -280,7 +280,7 @@ class Service:
                 return
             job.state, job.sentence = result, sentence
             if job.news.tool is not None and (result == "completed" or job.news.tool != self.tool):
-                self.tool = job.news.tool if result == "completed" else 0  # it may be in the hand
+                self._put_in(job.news.tool if result == "completed" else 0)  # it may be in the hand
             self.running = self.record = None
         if record is not None:
             more = {"sentence": sentence or None, "planned_s": job.duration_s}
@@ -374,8 +374,16 @@ class Service:
         tool = put_in or (way.tool if way is not None and asked is None else None)
         self._asked_tool = asked
         if tool is not None and tool != self.tool:
-            self.tool = tool
+            self._put_in(tool)
             self.journal.in_spindle(tool)
+
+    def _put_in(self, tool: int) -> None:
+        self.tool = tool
+        try:
+            fitting.put_in(self.state, tool)
+        except OSError as error:
+            words = refused("not_written", code="busy", path=self.state, why=error.strerror)
+            self.alarms.add("TOOL", words.sentence, sentence_de=words.sentence_de)
 
     def _see_lost(self, now: Snapshot, job: Job) -> None:
         """A program whose plan is gone does not go on: where it moves the tick stops it by itself."""

@@ -13,31 +13,32 @@ from controller.plan.route.stretch import Chain, Note, Pause
 from controller.plan.text import modal
 from controller.plan.text.program import Act, Modal
 
-AT_POWER_ON = modal.power_on().modal.tool
-
 
 def stopped(
     items: Iterable[Chain | Pause],
     machine: Machine,
     in_spindle: int,
     before: Modal | None = None,
+    typed: bool = False,
     note: Callable[[Note], None] = lambda _: None,
 ) -> Iterator[Chain | Pause]:
     """The path with a stop behind every change to another tool than the one that is there.
 
-    ``before``: the state in which the path begins; None: that of a whole program. ``note`` is told
-    of every stop.
+    ``before``: the state in which the path begins; None: that of a whole program. ``typed`` by hand:
+    until it names a tool it means the one that is there. ``note`` is told of every stop.
     """
     state, is_open = before or modal.power_on().modal, 0
+    asks = not typed
     for item in items:
         if isinstance(item, Pause):
             yield item
             state, is_open = item.modal, item.open_clamps
+            asks = asks or item.act is Act.TOOL
             if item.act is not Act.TOOL or state.tool == in_spindle:
                 continue
             place = item.place
         else:
-            if state.tool == in_spindle:
+            if state.tool == in_spindle or not asks:
                 yield item
                 continue
             place = item.stretches[0].place

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 from cutting import shipped
 from milling import mill
 
-from controller import config
+from controller import config, fitting
 from controller.machine import Machine
 from controller.plan.report.survey import survey
 from controller.plan.route.stretch import Pause
@@ -18,9 +20,11 @@ TRUNNION = shipped()
 CLAMPED = mill()
 
 
-def walked(text: str, in_spindle: int = 1, machine: Machine = TRUNNION) -> list[str]:
+def walked(text: str, in_spindle: int = 1, machine: Machine = TRUNNION, typed: bool = False) -> list[str]:
     """What comes on the path: the words of its pauses with the tool, and moves."""
-    walk = checked.path_of(checked.task(text.encode(), "part.ngc", machine), in_spindle=in_spindle)
+    walk = checked.path_of(
+        checked.task(text.encode(), "part.ngc", machine), in_spindle=in_spindle, typed=typed
+    )
     return [
         f"{item.act.name} {item.modal.tool}" if isinstance(item, Pause) and item.act else "move"
         for item in walk.items
@@ -41,6 +45,17 @@ def test_a_tool_that_is_not_known_is_asked_for_before_anything_moves() -> None:
     assert walked("G21 G90\nT2 M6\n" + text, in_spindle=0) == ["TOOL 2", "STOP 2", "move", "move"]
 
 
+def test_a_line_by_hand_means_the_tool_that_is_there_until_it_names_one() -> None:
+    moves = "G21 G90\nM3 S100\nG53 G0 X10\n"
+    for in_spindle in (0, 1, 3):
+        assert "STOP 1" not in walked(moves, in_spindle, typed=True)
+        assert walked(moves + "T2 M6\nG53 G0 X0\n", in_spindle, typed=True)[-3:] == [
+            "TOOL 2",
+            "STOP 2",
+            "move",
+        ]
+
+
 def test_a_clamp_that_is_open_for_the_next_move_stays_so() -> None:
     walk = checked.path_of(checked.task(b"G21 G90\nG53 G0 C10\n", "p", CLAMPED), in_spindle=2)
     pauses = [item for item in walk.items if isinstance(item, Pause)]
@@ -49,12 +64,10 @@ def test_a_clamp_that_is_open_for_the_next_move_stays_so() -> None:
 
 
 def test_check_names_the_changes_and_counts_on_the_machine_files_time_for_each() -> None:
-    text = config.load("trunnion").text.replace("[tools]", "[tools]\nchange_s = 45.0")
-    if "change_s" not in text:
-        text = "[tools]\nchange_s = 45.0\n" + text
+    text = config.load("trunnion").text.replace("change_s = 60.0", "change_s = 45.0")
     machine = config.read(text, "mine.toml")
     task = checked.task(b"G21 G90\nT2 M6\nG53 G0 X10\nM0\nT1 M6\nG53 G0 X0\n", "part.ngc", machine)
-    walk = checked.path_of(task)
+    walk = checked.path_of(task, in_spindle=1)
     found = survey(walk.items, machine, task.kinematics)
     plain = checked.path_of(checked.task(b"G21 G90\nG53 G0 X10\nM0\nG53 G0 X0\n", "p", machine))
     assert found.waits_s - survey(plain.items, machine, task.kinematics).waits_s == pytest.approx(90.0)
@@ -67,5 +80,13 @@ def test_a_run_stands_at_the_change_until_the_operator_goes_on() -> None:
     bench = SteppedMachine(TRUNNION)
     bench.come_up()
     task = checked.task(b"G21 G90\nG53 G0 X10\nT2 M6\nG53 G0 X20\n", "part.ngc", TRUNNION)
-    run = bench.run(checked.walk_of(task, None, False))
+    run = bench.run(checked.path_of(task, checked.chosen_for(task), in_spindle=1))
     assert (run.result, run.assumed_resumes) == ("completed", 1)
+
+
+def test_the_tool_in_the_spindle_is_known_after_a_loss_of_power(tmp_path: Path) -> None:
+    assert fitting.in_spindle(tmp_path) == 1
+    fitting.put_in(tmp_path, 3)
+    assert fitting.in_spindle(tmp_path) == 3
+    (tmp_path / fitting.IN_SPINDLE).write_text("")
+    assert fitting.in_spindle(tmp_path) == 0, "what cannot be read is not known"
