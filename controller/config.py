@@ -20,6 +20,7 @@ from controller.machine import (
     LONGEST_PROGRAM_H,
     MAX_QUICK_STOP_S,
     MOST_PROGRAM_H,
+    TOOL_CHANGE_S,
     Axis,
     Bus,
     Kind,
@@ -111,6 +112,7 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
         max_quick_stop_s=general.number("max_quick_stop_s", 0.01, 60.0, default=MAX_QUICK_STOP_S),
         max_overcut_mm=general.positive_or_none("max_overcut_mm"),
         longest_program_h=general.number("longest_program_h", 0.01, MOST_PROGRAM_H, LONGEST_PROGRAM_H),
+        tool_change_s=tools.number("change_s", 0.0, 3600.0, default=TOOL_CHANGE_S),
     )
     for table in (general, tools, top):
         table.finish()

@@ -6,7 +6,8 @@ beside it, in one small file of the state folder, and laid over the machine when
     {"offsets": {"G54": {"origin_mm": [8, 96, 120], "turned_deg": [0, 0, 0]}},
      "tools": {"2": {"name": "end mill 3 mm", "radius_mm": 1.5, "length_mm": 0, "flute_mm": 15}, "3": null}}
 
-A tool that is null was taken out of the table.
+A tool that is null was taken out of the table. Which one is in the spindle is kept in a file of its own,
+for a backup that is brought back says nothing of it.
 """
 
 from __future__ import annotations
@@ -19,10 +20,11 @@ from typing import Any
 
 from controller import config, whole
 from controller.geometry import Frame
-from controller.machine import Machine
+from controller.machine import TOOL_AT_POWER_ON, Machine
 from controller.toml_table import ConfigError, Table
 
 FILE = "fitting.json"
+IN_SPINDLE = "in_spindle"
 MACHINE = "machine.json"  # the machine file that the service runs on, complete, for those beside it
 Values = Mapping[str, Any]
 
@@ -47,6 +49,21 @@ def save(state: Path, values: Values) -> None:
     """Keep it, whole or not at all. Raises OSError."""
     state.mkdir(parents=True, exist_ok=True)
     whole.write(state / FILE, json.dumps(values, indent=1))
+
+
+def in_spindle(state: Path) -> int:
+    """Number of the tool that is in the spindle: T1 where nobody has changed it yet; 0 = not known."""
+    try:
+        return int((state / IN_SPINDLE).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return TOOL_AT_POWER_ON
+    except (OSError, ValueError):
+        return 0
+
+
+def put_in(state: Path, number: int) -> None:
+    """Keep which tool is in the spindle, 0 = not known. Raises OSError."""
+    whole.write(state / IN_SPINDLE, f"{number}\n")
 
 
 def note(state: Path, machine: Machine) -> None:
@@ -95,7 +112,7 @@ def with_tool(machine: Machine, number: int, values: object) -> Machine:
     """A tool by its number, new or changed; None takes it out of the table. Raises ConfigError."""
     kept = tuple(tool for tool in machine.tools if tool.number != number)
     if values is None:
-        if number == 1:
+        if number == TOOL_AT_POWER_ON:
             raise ConfigError(
                 "tools: tool 1: it is in the spindle at power-on; change it, it cannot be removed."
             )

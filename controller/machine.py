@@ -18,6 +18,8 @@ from drives.profile import Override
 MAX_QUICK_STOP_S = 3.0  # where the machine file says nothing
 LONGEST_PROGRAM_H = 168.0  # the same: a week ...
 MOST_PROGRAM_H = 10_000.0  # ... and what it may say at most
+TOOL_AT_POWER_ON = 1  # number of the one in the spindle where nobody has said otherwise
+TOOL_CHANGE_S = 60.0  # by hand, where the machine file says nothing
 
 Joints = tuple[float, float, float, float, float]
 
@@ -258,6 +260,7 @@ class Machine:
     placement: str = "single"  # of the cutter on surfaces: "single" (the paper), "double" or "optimal"
     max_quick_stop_s: float = MAX_QUICK_STOP_S  # a drive that takes longer to stop by itself is refused
     unset: tuple[str, ...] = ()  # of G55 .. G59 those that nobody has set: no program may use them
+    tool_change_s: float = TOOL_CHANGE_S  # what a change by hand takes, for those who plan the shop
     max_overcut_mm: float | None = None  # deeper overcut than this is a gouge wherever it comes from
     longest_program_h: float = LONGEST_PROGRAM_H  # a program that takes longer is refused
 

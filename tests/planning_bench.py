@@ -125,9 +125,9 @@ class Bench:
 
     # -- a run
 
-    def armed(self, text: str, **more: Any) -> Answer:
-        """Planned from where the machine stands, and started."""
-        program = Program(text.encode(), "part.ngc", self.machine, **more)
+    def armed(self, text: str, in_spindle: int = 2, **more: Any) -> Answer:
+        """Planned from where the machine stands, and started; the programs here are cut by T2."""
+        program = Program(text.encode(), "part.ngc", self.machine, in_spindle=in_spindle, **more)
         answer = self.order("arm", program=program)
         assert answer.error is None, answer.error
         start = answer.facts["start"]

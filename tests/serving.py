@@ -104,6 +104,16 @@ class Serving:
         self.done("home")
         self.until(lambda now: now["mode"] == "READY", "READY")
 
+    def put_in(self, tool: int) -> None:
+        """The operator puts a tool into the spindle where a program asks for it, and says so."""
+        self.load(f"G21\nT{tool} M6\nM30\n", "tool.ngc")
+        self.done("start")
+        asked = self.until(lambda now: now["tool_change"] or now["mode"] == "READY", "the change")
+        if asked["tool_change"]:
+            assert asked["tool_change"]["number"] == tool and f"T{tool}" in asked["tool_change"]["sentence"]
+            self.ask("resume")
+        assert self.ended()["tool"] == tool
+
     def load(self, text: str, name: str = "part.ngc") -> None:
         path = self.state / name
         path.write_text(text)

@@ -118,6 +118,16 @@ class Shop:
         self.do("POST", "/machine/enable")
         self.until(lambda now: now["mode"] == "READY", "READY")
 
+    def put_in(self, tool: int) -> None:
+        """The operator puts a tool into the spindle where a program asks for it, and says so."""
+        self.upload("tool.ngc", f"G21\nT{tool} M6\nM30\n".encode())
+        self.do("POST", "/job", json={"program": "tool.ngc"})
+        self.do("POST", "/cycle/start")
+        asked = self.until(lambda now: now["tool_change"], "the change")["tool_change"]
+        assert asked["number"] == tool and f"T{tool}" in asked["sentence"]
+        self.do("POST", "/cycle/resume")
+        self.until(lambda now: now["mode"] == "READY" and now["tool"] == tool, "the tool")
+
     def upload(self, name: str, text: bytes) -> Values:
         """Stored, and its check has ended."""
         self.do("POST", "/programs", files={"file": (name, text)})

@@ -299,6 +299,7 @@ REFUSALS = {
     "not_ready": "{program} is not ready. {why}",
     "not_held": "{request} is refused in {mode}: hold the program and wait until it stands.",
     "not_fitted": "The {what} are not changed while the machine is in {mode}; stop first.",
+    "tool_change": "Put T{number}{name} into the spindle, then let the program go on.",
     "offsets": "offsets",
     "tools": "tools",
     "under_way": "{request}: {other} is under way; wait for its end, or stop it.",

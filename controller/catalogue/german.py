@@ -312,6 +312,7 @@ REFUSALS = {
     "not_ready": "{program} ist nicht bereit. {why}",
     "not_held": "{request} ist in {mode} abgelehnt: das Programm anhalten und warten, bis es steht.",
     "not_fitted": "Die {what} werden in {mode} nicht geändert; zuerst stoppen.",
+    "tool_change": "T{number}{name} in die Spindel einsetzen, dann das Programm fortsetzen.",
     "offsets": "Nullpunkte",
     "tools": "Werkzeuge",
     "under_way": "{request}: {other} ist im Gang; das Ende abwarten oder stoppen.",

@@ -88,7 +88,9 @@ def _waits(status: Status) -> Iterator[str]:
     sequence = status.get("sequence") or {}
     if sequence.get("state") == "running":
         yield f"{sequence.get('name')} is under way"
-    if status.get("waiting"):
+    if change := status.get("tool_change"):
+        yield str(change.get("sentence", ""))
+    elif status.get("waiting"):
         yield "waiting for spindle, coolant or clamps"
     if interlock := status.get("interlock"):
         yield f"interlock: {interlock}"

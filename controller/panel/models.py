@@ -223,6 +223,7 @@ class Status(Told):
     drives: list[dict[str, Any]] = []
     tick: dict[str, Any] | None = None
     waiting: Any = None
+    tool_change: Any = Field(None, description="The tool that the program waits for: number, sentence.")
     interlock: Any = None
     jogging: Any = None
     sequence: Any = None

@@ -104,7 +104,9 @@ class Desk:
         shown = job.to_dict(now) if job is not None else None
         way = job.way(now.motion_id) if job is not None and job.active else None
         values = status.machine_values(service.machine, now, way, service.engine.recorder, service.tool)
+        asked = job.asked_tool(now, service.tool) if job is not None else None
         values |= {"aside": service.aside, "tool": service.tool or None}
+        values["tool_change"] = status.tool_change(service.machine, asked) if asked else None
         return {
             "time_s": now.tick * service.machine.period_s,
             **values,

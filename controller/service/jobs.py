@@ -47,6 +47,7 @@ class Job:
     start: Start | None = None  # of its last run
     origin_s: float = 0.0  # plan time at which its first piece begins
     ways: dict[int, Way] = field(default_factory=dict)
+    changes: dict[int, int] = field(default_factory=dict)  # tools that it asks for, by line
     news: News = field(default_factory=News)
     sentence: str = ""  # why it ended
     taken: bool = False  # the tick has begun with it
@@ -59,7 +60,7 @@ class Job:
     @property
     def is_mdi(self) -> bool:
         """A line typed by hand."""
-        return self.program.name == MDI
+        return self.program.typed
 
     @property
     def active(self) -> bool:
@@ -70,6 +71,7 @@ class Job:
         """What was of the run before is over; ``tick`` is the newest one."""
         self.armed_tick = tick
         self.ways.clear()
+        self.changes.clear()
         self.news = News(finished=False)
         self.state, self.sentence = "starting", ""
         self.taken = self.refused = self.lost = False
@@ -113,6 +115,7 @@ class Job:
         if self.lost:
             return  # it is another plan, which knows nothing of this program
         self.ways.update(news.ways)
+        self.changes.update(news.changes)
         self.news = news
 
     def way(self, motion_id: int) -> Way | None:
@@ -121,6 +124,12 @@ class Job:
         for old in [name for name in list(self.ways) if 0 <= name < passed]:
             self.ways.pop(old, None)
         return self.ways.get(motion_id)
+
+    def asked_tool(self, now: Snapshot, in_spindle: int) -> int | None:
+        """Number of the tool that it stands and waits for."""
+        waits = self.active and now.mode is Mode.HOLD and now.at_rest
+        tool = self.changes.get(now.line) if waits else None
+        return tool if tool != in_spindle else None
 
     def to_dict(self, now: Snapshot) -> dict[str, Any]:
         state, left_s = self.state_at(now), self._left_s(now)
@@ -201,7 +210,7 @@ def homed_position(machine: Machine) -> Joints:
 def mdi(text: str, machine: Machine) -> Job:
     """A line of program typed by hand."""
     data = text.encode()
-    return Job(Program(data, MDI, machine), hashlib.sha256(data).hexdigest())
+    return Job(Program(data, MDI, machine, typed=True), hashlib.sha256(data).hexdigest())
 
 
 def _from_0(args: dict[str, Any], key: str, highest: float) -> float:

@@ -35,6 +35,7 @@ class Program:
     start: Joints | None = None  # where the whole run started that ``spot`` is of; None = homed position
     dry_run_mm: float = 0.0  # off along the tool axis, spindle off
     in_spindle: int = 0  # number of the tool; 0 = not known
+    typed: bool = False  # a line by hand
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +98,7 @@ class News:
     returning: bool = False  # it is on its way back, or held there
     checking: float | None = None  # share of the program's lines that are checked
     ways: dict[int, Way] = field(default_factory=dict)  # motions that were sent since, by their id
+    changes: dict[int, int] = field(default_factory=dict)  # tools that were asked for since, by their line
     turns: tuple[Turn, ...] = ()  # since the last news
 
 

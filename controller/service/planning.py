@@ -89,6 +89,7 @@ class Planning:
         self._awaited: Awaited | None = None
         self._tool: int | None = None
         self._tools: dict[int, int | None] = {}  # by identity of a stretch: with which tool it is moved
+        self._changes: dict[int, int] = {}  # to which tool, by line; until it is told
         self._offsets: list[tuple[int, int]] = []  # line from which on, and which
         self._fitted = machine  # of what was armed
         self._carrying_out = False
@@ -246,7 +247,7 @@ class Planning:
             if isinstance(item, Chain):
                 self._tools.update((id(stretch), self._tool) for stretch in item.stretches)
             elif item.act is Act.TOOL:
-                self._tool = item.modal.tool
+                self._tool = self._changes[item.place.line] = item.modal.tool
             yield item
 
     def _retract(self, order: Order) -> None:
@@ -332,12 +333,13 @@ class Planning:
     def _tell(self, news: News) -> None:
         """What is new, and nothing twice."""
         fresh = self._end.planner.fresh
-        if news == self._told and not self._turns and not fresh:
+        if news == self._told and not self._turns and not fresh and not self._changes:
             return
         self._told = news
         ways = {name: self._way(stretch) for name, stretch in fresh.items()}
         self._forget_tools()
-        self._parent.send(replace(news, ways=ways, turns=tuple(self._turns)))
+        self._parent.send(replace(news, ways=ways, turns=tuple(self._turns), changes=self._changes))
+        self._changes = {}
         self._turns.clear()
         fresh.clear()
 
@@ -363,6 +365,7 @@ def _start(program: Program, now: Snapshot) -> Start:
         program.start,
         program.dry_run_mm,
         program.in_spindle,
+        program.typed,
     )
 
 

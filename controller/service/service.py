@@ -71,7 +71,8 @@ class Service:
         self.record: RunRecord | None = None
         self.commissioned = False
         self.homing: tuple[int, ...] = ()  # axes that were asked to, while they do
-        self.tool = 1  # number of the one in the spindle, as far as it is known; 0 = not known
+        self._asked_tool: int | None = None  # that a program waited for at the last look
+        self.tool = fitting.in_spindle(state)  # number of the one in the spindle; 0 = not known
         self.stops = 0  # asked for so far: a start that was under way is given up
         self.lock = threading.RLock()  # of jobs and records; the door's thread never takes it
         self.fitting = threading.Lock()  # of what is fitted and what begins with it; taken before ``lock``
@@ -279,7 +280,7 @@ class Service:
                 return
             job.state, job.sentence = result, sentence
             if job.news.tool is not None and (result == "completed" or job.news.tool != self.tool):
-                self.tool = job.news.tool if result == "completed" else 0  # it may be in the hand
+                self._put_in(job.news.tool if result == "completed" else 0)  # it may be in the hand
             self.running = self.record = None
         if record is not None:
             more = {"sentence": sentence or None, "planned_s": job.duration_s}
@@ -367,11 +368,22 @@ class Service:
             self._end_job("completed" if whole else "refused" if job.refused else "stopped", job.sentence)
 
     def _see_tool(self, now: Snapshot, job: Job) -> None:
-        """The one in the spindle, once the program moves with it."""
-        way = job.ways.get(now.motion_id)
-        if way is not None and way.tool is not None and way.tool != self.tool:
-            self.tool = way.tool
-            self.journal.in_spindle(way.tool)
+        """The one in the spindle: the program goes on from where it asked for it, or moves with it."""
+        way, asked = job.ways.get(now.motion_id), job.asked_tool(now, self.tool)
+        put_in = self._asked_tool if now.mode is Mode.RUNNING else None
+        tool = put_in or (way.tool if way is not None and asked is None else None)
+        self._asked_tool = asked
+        if tool is not None and tool != self.tool:
+            self._put_in(tool)
+            self.journal.in_spindle(tool)
+
+    def _put_in(self, tool: int) -> None:
+        self.tool = tool
+        try:
+            fitting.put_in(self.state, tool)
+        except OSError as error:
+            words = refused("not_written", code="busy", path=self.state, why=error.strerror)
+            self.alarms.add("TOOL", words.sentence, sentence_de=words.sentence_de)
 
     def _see_lost(self, now: Snapshot, job: Job) -> None:
         """A program whose plan is gone does not go on: where it moves the tick stops it by itself."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from controller import config
+from controller import catalogue, config
 from controller.handoff import COLUMN, Recorder, Snapshot
 from controller.kinematics import Kinematics
 from controller.machine import Machine, five
@@ -60,6 +60,14 @@ def _told(fault: Fault) -> dict[str, str]:
     """What stands in the way, or stopped nothing, in both languages."""
     german = sentence(fault, language="de")
     return {"name": fault.name, "sentence": sentence(fault), "sentence_de": german}
+
+
+def tool_change(machine: Machine, number: int) -> dict[str, Any]:
+    """What the operator is asked to do where a program waits for a tool."""
+    tool = machine.tool(number)
+    name = f" ({tool.name})" if tool is not None and tool.name else ""
+    english, german = catalogue.in_both("tool_change", number=number, name=name)
+    return {"number": number, "sentence": english, "sentence_de": german}
 
 
 def _bits(names: tuple[tuple[str, int], ...], word: int) -> dict[str, bool]:

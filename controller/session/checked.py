@@ -14,12 +14,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from controller.kinematics import Kinematics
-from controller.machine import Joints, Machine, five
+from controller.machine import TOOL_AT_POWER_ON, Joints, Machine, five
 from controller.motions import Rotaries
 from controller.plan.report import duration, stored, survey
 from controller.plan.report.stored import Stored
 from controller.plan.report.survey import BlockUse, Survey
-from controller.plan.route import choices, path, placements, restart
+from controller.plan.route import choices, path, placements, restart, tool_changes
 from controller.plan.route.restart import Rest, Source
 from controller.plan.route.spot import Spot
 from controller.plan.route.stretch import Chain, Note, Pause, Stretch
@@ -61,17 +61,28 @@ def task(text: bytes, name: str, machine: Machine) -> Task:
     return Task(text, name, machine, Kinematics(machine), home)
 
 
-def path_of(asked: Task, chosen: Mapping[int, Rotaries] | None = None, dry_run_mm: float = 0.0) -> Walk:
+def path_of(
+    asked: Task,
+    chosen: Mapping[int, Rotaries] | None = None,
+    dry_run_mm: float = 0.0,
+    in_spindle: int | None = None,
+    typed: bool = False,
+) -> Walk:
     """The path block by block, as ``chosen`` over the whole program, or as the blocks come.
 
     What it walks over raises ProgramError where a block is refused. ``dry_run_mm``: so far off the
-    part along the tool axis, spindle and coolant off.
+    part along the tool axis, spindle and coolant off. ``in_spindle``: a tool's number, 0 = not known;
+    it stops where another one is to be put in. None: nobody is waited for.
+    ``typed``: a line by hand, which means the tool that is there until it names one.
     """
     source = _source(asked, chosen, dry_run_mm).dry()
     tracer = path.Tracer(asked.name, source.machine, asked.kinematics, asked.start, chosen or {})
     read = _Read(iter(source.blocks))
     items = duration.bounded(tracer.items(read), source.machine, asked.name, whole=chosen is not None)
-    return Walk(_whole(items, read, asked.name), tracer.notes, chosen or {})
+    items = _whole(items, read, asked.name)
+    if in_spindle is not None:
+        items = tool_changes.stopped(items, asked.machine, in_spindle, None, typed, tracer.notes.append)
+    return Walk(items, tracer.notes, chosen or {})
 
 
 def rest_of(asked: Task, chosen: Mapping[int, Rotaries] | None, spot: Spot, dry_run_mm: float = 0.0) -> Rest:
@@ -201,7 +212,7 @@ def check(
     read. Raises ProgramError.
     """
     with _gouges_placed(asked):
-        walk = path_of(asked, chosen_for(asked))
+        walk = path_of(asked, chosen_for(asked), in_spindle=TOOL_AT_POWER_ON)
         placed = placements.Noted(watch(walk.items))
         watched = Watched(placed)
         found = survey.survey(watched, asked.machine, asked.kinematics, tell, progress)

@@ -30,6 +30,7 @@ class Start:
     whole_from: Joints | None = None  # where the whole run starts that ``spot`` is of; None: homed position
     dry_run_mm: float = 0.0  # off along the tool axis, spindle off
     in_spindle: int = 0  # number of the tool; 0 = not known
+    typed: bool = False  # a line by hand, which means that tool
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON has it, without loss."""
@@ -46,6 +47,7 @@ class Start:
             None if whole is None else _joints(whole),
             float(values["dry_run_mm"]),
             int(values["in_spindle"]),
+            bool(values.get("typed", False)),
         )
 
 
@@ -61,7 +63,7 @@ def path_from(asked: Task, kept: Stored | None, start: Start) -> Walk:
         return Walk(entered, choices=choices)
     if max(abs(a - b) for a, b in zip(start.joints, asked.start, strict=True)) > SAME_PLACE:
         asked = replace(asked, start=start.joints)
-    walk = checked.path_of(asked, choices, start.dry_run_mm)
+    walk = checked.path_of(asked, choices, start.dry_run_mm, start.in_spindle, start.typed)
     walk.notes += kept.notes if kept is not None else ()
     return walk
 

@@ -75,7 +75,9 @@ def whole(found: Survey, program: str, machine: str) -> str:
     part = f"of which {cut}" if found.cuts_mm else "nothing is cut"
     limits = told(found.cut_binds)
     slow = f"\nWhere a feed is programmed, it is limited by {', '.join(limits)}." if limits else ""
-    waits = f"\nSpindle and clamps may take up to {found.waits_s:.1f} s more." if found.waits_s else ""
+    waits = (
+        f"\nSpindle, clamps and tool changes may take {found.waits_s:.1f} s more." if found.waits_s else ""
+    )
     return f"{program} can run on {machine}:\n{found.duration_s:.3f} s in all, {part}.{waits}{slow}"
 
 

@@ -21,7 +21,7 @@ from controller.geometry import Vector, norm, subtract
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.motions import JointMove, Rotaries, SurfaceCut
-from controller.plan.route import clamps, dry_run, entry
+from controller.plan.route import clamps, dry_run, entry, tool_changes
 from controller.plan.route.path import Tracer, joints_along
 from controller.plan.route.spot import ENTRY_ID, Spot, fraction_at, line_of, lines_of, place_in
 from controller.plan.route.stretch import Chain, Pause, Stretch, rotaries_of
@@ -74,8 +74,10 @@ class Rest:
         return self.opened(itertools.chain(named(way, ENTRY_ID), self.items))
 
     def opened(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
-        """With the clamps opened where their axes move."""
-        return clamps.opened(items, self.source.machine, self.source.kinematics)
+        """With the clamps opened where their axes move, and stopped where a tool is changed."""
+        modal = self.target.modal
+        changed = tool_changes.stopped(items, self.source.machine, modal.tool, modal)
+        return clamps.opened(changed, self.source.machine, self.source.kinematics)
 
 
 def find(source: Source, spot: Spot) -> Rest:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from controller.machine import Machine
+from controller.machine import TOOL_AT_POWER_ON, Machine
 from controller.plan.text.codes import GROUPS, SURFACES, Ask
 from controller.plan.text.program import Act, Action, Block, Dwell, Modal, Side, Tip
 from controller.plan.text.words import Word
@@ -65,7 +65,7 @@ class State:
 
 def power_on() -> State:
     """T1 in the spindle, G17 G21 G40 G49 G54 G61 G90 G94, spindle and coolant off (DESIGN 1)."""
-    return State(Modal(1, 0, Side.RIGHT, 0.0, True, 0.0, 0.0, None, 0.0, 0))
+    return State(Modal(TOOL_AT_POWER_ON, 0, Side.RIGHT, 0.0, True, 0.0, 0.0, None, 0.0, 0))
 
 
 def apply(

@@ -19,6 +19,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Serving]:
     folder = tmp_path_factory.mktemp("aside")
     with serving(folder, *calm(folder)) as running:
         running.ready()
+        running.put_in(2)
         yield running
 
 

@@ -89,5 +89,5 @@ def test_the_fraction_of_a_block_is_never_more_than_what_is_done(job: Job) -> No
 
 def test_a_line_typed_by_hand_is_told_for_it_is_in_no_store(job: Job) -> None:
     assert job.to_dict(snapshot())["text"] == "G0 X1"
-    job.program = replace(job.program, name="part.ngc")
+    job.program = replace(job.program, typed=False)
     assert job.to_dict(snapshot())["text"] is None

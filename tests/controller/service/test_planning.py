@@ -59,6 +59,10 @@ def led(bench: Bench, verb: str, **more: Any) -> None:
 
 def test_a_start_tells_tool_offset_and_place_on_the_way(bench: Bench) -> None:
     answer = armed(bench, in_spindle=1)
+    bench.until(Mode.HOLD)
+    assert [news.changes for news in bench.news if news.changes] == [{1: 2}]
+    assert not bench.program_rows().size, "nothing moves before the tool is in"
+    bench.request(Request.RESUME)
     assert answer.facts["start"].joints == pytest.approx(bench.snapshot().joints, abs=1.0)
     bench.until(Mode.READY)
     ways = {name: way for news in bench.news for name, way in news.ways.items()}
@@ -176,7 +180,7 @@ def test_a_start_that_is_void_before_it_is_taken_is_answered_at_once(
     """And the next one is not kept waiting."""
     armed(bench)
     bench.until(Mode.READY)
-    _asked(bench, "arm", program=Program(TEXT.encode(), "part.ngc", bench.machine))
+    _asked(bench, "arm", program=Program(TEXT.encode(), "part.ngc", bench.machine, in_spindle=2))
     bench.stepped.request(request_)
     bench.go(lambda: bench.answers[-1].number == 1000)
     error = bench.answers[-1].error

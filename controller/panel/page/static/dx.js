@@ -390,7 +390,7 @@
   }
 
   // What is wrong and what is under way, as the frame's lines show it.
-  function sentences({ fault, sequence, notices, interlock, warning, waiting, spindle }) {
+  function sentences({ fault, sequence, notices, interlock, warning, waiting, spindle, tool_change }) {
     const trusted = fault && fault.position_trusted !== null && fault.position_trusted !== undefined;
     const told = (name) => dx.sentence(notices?.find((one) => one.name === name && name !== fault?.name));
     const waits = spindle && !spindle.at_speed ? "waits.spindle" : "waits.others";
@@ -398,7 +398,7 @@
     return {
       fault: fault ? dx.sentence(fault) || fault.name : "",
       next: trusted ? dx.word(fault.position_trusted ? "frame.trusted" : "frame.not_trusted") : "",
-      under_way: running ? dx.word("sequence." + sequence.name) : waiting ? dx.word(waits) : "",
+      under_way: running ? dx.word("sequence." + sequence.name) : tool_change ? dx.sentence(tool_change) : waiting ? dx.word(waits) : "",
       interlock: told(interlock),
       warning: told(warning),
       failed: sequence?.state === "failed" ? dx.sentence(sequence) : "",
