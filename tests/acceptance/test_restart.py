@@ -376,6 +376,8 @@ def test_a_dry_run_follows_the_program_off_the_part_with_the_spindle_off(name: s
     while stepped.cycle.modes.mode is not Mode.READY or not rows:
         rows.append(stepped.go(50))
         spindle.add(stepped.cycle.peripherals.rev_min)
+        if stepped.cycle.modes.mode is Mode.HOLD:
+            stepped.request(Request.RESUME)  # the tool is in
         assert len(rows) < 4000 and stepped.cycle.modes.mode is not Mode.FAULT, stepped.fault_text
     assert spindle == {0.0}
     assert_in_limits(np.concatenate(rows)[:, JOINTS], stepped.machine, "dry run")
