@@ -25,7 +25,7 @@ from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
-from controller import whole
+from controller import internal_error, whole
 
 Values = dict[str, Any]
 Answer = Values | Future[Values]
@@ -245,8 +245,9 @@ def stranger(path: Path) -> str:
 
 def own_error(error: BaseException) -> DoorError:
     """A mistake of ours as an answer."""
-    what = f"{type(error).__name__}: {error}"
-    return DoorError("busy", f"The service met an error of its own; report this: {what}")
+    return DoorError(
+        "busy", f"The service met an error of its own; report this: {internal_error.told(error)}"
+    )
 
 
 def packed(said: Values) -> bytes:

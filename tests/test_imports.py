@@ -35,7 +35,8 @@ ARROWS: dict[str, set[str]] = {
     "handoff": LEAVES | {"pieces", "requests", "motions", "curves", "surfaces"},
     "jog_frames": LEAVES | {"kinematics", "pieces", "catalogue"},  # what is jogged, as a line of the joints
     "whole": set(),  # files replaced whole
-    "door": {"whole"},  # the service's local protocol, and its asking side
+    "internal_error": set(),  # a mistake of our own, in words
+    "door": {"whole", "internal_error"},  # the service's local protocol, and its asking side
     "toml_table": {"geometry"},  # reads tables for config, knows no machine
     "drive_objects": {"toml_table"},  # objects of drives in tables, and where data sheets are wrong
     # config's: spindle, inputs and outputs, clamps
@@ -54,7 +55,9 @@ ARROWS: dict[str, set[str]] = {
     "journal": LEAVES | {"handoff", "plan", "catalogue", "whole"},  # where the running program is, on disk
     "verify": LEAVES | SHAPES | {"plan", "handoff"},
     # Puts the parts together, as the command line does; nothing but that imports it.
-    "session": LEAVES | SHAPES | {"config", "handoff", "plan", "tick", "verify", "times", "arranged"},
+    "session": LEAVES
+    | SHAPES
+    | {"config", "handoff", "plan", "tick", "verify", "times", "arranged", "internal_error"},
     "fitting": LEAVES | {"config", "toml_table", "whole"},  # what the operator changed, laid over the machine
     # The process of `serve`: parent of tick and plan, and the far side of the door.
     "service": LEAVES
@@ -70,7 +73,7 @@ ARROWS: dict[str, set[str]] = {
     "commands": LEAVES
     | SHAPES
     | {"config", "nodes", "profiles", "toml_table", "handoff", "plan", "verify", "session", "times"}
-    | {"catalogue", "door", "fitting", "service", "panel", "cad", "post", "arranged"},
+    | {"catalogue", "door", "fitting", "service", "panel", "cad", "post", "arranged", "internal_error"},
 }
 
 # Parts of drives that are values and tables, for all.

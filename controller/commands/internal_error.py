@@ -12,17 +12,16 @@ from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
+from controller import internal_error
+
 EXIT_CODE = 70  # EX_SOFTWARE of sysexits.h
 
 
 def sentence(error: BaseException) -> str:
     """One sentence; the traceback goes into a file that it names."""
-    frame = traceback.extract_tb(error.__traceback__)[-1] if error.__traceback__ else None
-    where = f" in {Path(frame.filename).name}, line {frame.lineno}" if frame else ""
-    told = " ".join(str(error).split())
     kept = _kept("".join(traceback.format_exception(error)))
     return (
-        f"Directrix itself is wrong here ({type(error).__name__}{where}{': ' if told else ''}{told});"
+        f"Directrix itself is wrong here ({internal_error.told(error)});"
         f" send in {kept if kept is not None else 'this line'} with the program and the machine file."
     )
 
@@ -31,11 +30,11 @@ def end(error: BaseException, as_json: bool) -> int:
     """Says it where the command's answer would have been; the exit code."""
     if "JOURNAL_STREAM" in os.environ:  # of a service; its own /tmp goes with it
         traceback.print_exception(error)
-    told = sentence(error)
+    words = sentence(error)
     if as_json:
-        print(json.dumps({"ok": False, "internal": True, "error": told}))
+        print(json.dumps({"ok": False, "internal": True, "error": words}))
     else:
-        print(told, file=sys.stderr)
+        print(words, file=sys.stderr)
     return EXIT_CODE
 
 

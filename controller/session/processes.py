@@ -13,11 +13,10 @@ import signal
 import socket
 import sys
 import time
-import traceback
 from dataclasses import replace
 from pathlib import Path
 
-from controller import config
+from controller import config, internal_error
 from controller.handoff import PieceInbox, Recorder, RequestInbox, Snapshot, SnapshotBoard
 from controller.machine import Machine, five
 from controller.plan.planner import Planner
@@ -63,9 +62,7 @@ def run(role: str, job_file: Path) -> int:
 
 def own_error(role: str, error: Exception) -> str:
     """A mistake of ours in one sentence, with its place."""
-    place = traceback.extract_tb(error.__traceback__)[-1]
-    what = f"{type(error).__name__}: {error} ({Path(place.filename).name}, line {place.lineno})"
-    return f"The {role} process met an error of its own; report this: {what}"
+    return f"The {role} process met an error of its own; report this: {internal_error.told(error)}"
 
 
 # --- tick ------------------------------------------------------------------------
