@@ -28,6 +28,8 @@ def process(proc: Path, pid: int, session: int, waited_ns: int, name: str = "lin
         (Figures(late_s=0.03, late_ticks=1), True),
         (Figures(stolen=0.2), True),
         (Figures(waited=0.9), True),
+        (Figures(answered_s=0.005), False),
+        (Figures(answered_s=0.012), True),
     ],
 )
 def test_each_figure_alone_says_that_the_computer_was_away(seen: Figures, away: bool) -> None:
@@ -36,16 +38,25 @@ def test_each_figure_alone_says_that_the_computer_was_away(seen: Figures, away: 
 
 
 def test_the_figures_are_in_the_words() -> None:
-    words = str(Figures(late_s=0.104, late_ticks=4, stolen=0.07, waited=0.25))
-    for figure in ("4 ticks of 10 ms", "104 ms", "250 ms", "7 %"):
+    words = str(Figures(late_s=0.104, late_ticks=4, stolen=0.07, waited=0.25, answered_s=0.0034))
+    for figure in ("4 ticks of 10 ms", "104 ms", "250 ms", "7 %", "3.4 ms"):
         assert figure in words
 
 
 def test_of_several_seconds_the_worst_counts_and_late_ticks_add_up() -> None:
     seconds = absence.read(
-        "1.0 0.0100 0 0.0100 0.2000\n2.0 0.0300 2 0.0300 0.1000\n3.0 0.0250 1 0.0200 0.0000\n"
+        "1.0 0.0100 0 0.0100 0.2000 0.0040\n2.0 0.0300 2 0.0300 0.1000 0.0060\n3.0 0.0250 1 0.0200 0.0 0.0\n"
     )
-    assert absence.worst(seconds) == Figures(3.0, 0.03, 3, 0.03, 0.2)
+    assert absence.worst(seconds) == Figures(3.0, 0.03, 3, 0.03, 0.2, 0.006)
+
+
+def test_a_late_answer_counts_from_its_sync_and_drives_that_were_off_have_none() -> None:
+    answers, sync, drive = absence.Answers(), 0x080, 0x185
+    assert answers.longest_s([(0.0, sync), (0.01, sync)]) == 0.0
+    assert answers.longest_s([(0.013, drive), (0.02, sync), (0.022, drive)]) == pytest.approx(0.013)
+    assert answers.longest_s([(0.03, sync), (5.0, drive), (5.01, sync), (5.012, drive)]) == pytest.approx(
+        0.002
+    )
 
 
 def test_a_line_that_is_being_written_is_left_for_later() -> None:
