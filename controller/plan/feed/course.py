@@ -11,7 +11,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +31,7 @@ MARGIN = 0.998  # of each limit, for what differences on nodes do not see
 # for the jump of acceleration that comes with it.
 RATE_SHARE = 0.7
 
+REMEMBERED = 256  # stretches: more than a window has
 APART = 1e-3  # unit of s: of marks closer than that only the boundaries of stretches count
 
 # A jump of acceleration, sampled, is spread over three ticks by the quadratic B-spline,
@@ -152,13 +153,17 @@ class Course:
     def jump(self, k: int) -> Jump:
         """What jumps between stretch ``k`` and the next."""
         if k not in self._jumps:
-            before, after = self.stretches[k], self.stretches[k + 1]
-            left = derivatives(before, np.array([before.motion.end]), self.kinematics)
-            right = derivatives(after, np.array([0.0]), self.kinematics)
+            left, right = (_at_ends(one, self.kinematics) for one in self.stretches[k : k + 2])
             self._jumps[k] = Jump(
-                np.abs(right.first[0] - left.first[0]), np.abs(right.second[0] - left.second[0])
+                np.abs(right.first[0] - left.first[1]), np.abs(right.second[0] - left.second[1])
             )
         return self._jumps[k]
+
+
+@lru_cache(REMEMBERED)
+def _at_ends(stretch: Stretch, kinematics: Kinematics) -> Derivatives:
+    """At its beginning and its end: whoever looks at a boundary asks for them again."""
+    return derivatives(stretch, np.array([0.0, stretch.motion.end]), kinematics)
 
 
 def slowest(course: Course, k: int) -> float:

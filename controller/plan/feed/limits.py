@@ -30,7 +30,7 @@ from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import JointMove, SurfaceCut, ToolLine, ToolSpline
 from controller.plan.route import tool_paths
-from controller.plan.route.branch import joints_along
+from controller.plan.route.branch import joints_along, one_branch
 from controller.plan.route.stretch import Stretch
 from controller.touches import seen_at
 
@@ -116,9 +116,12 @@ def _derivatives_of_cut(stretch: Stretch, cut: SurfaceCut, s: Array, kinematics:
     series = _series_in_arc_length(cut, cut.arc.u_along(inside))
     tip, axis = cut.surface.pose(series, cut.offset_mm, jets)
     tip, axis = cut.part.to_parent(tip), cut.part.turn(axis)
-    shown = joints_along(stretch, inside, kinematics)
     seen = cut.seen_along(series, axis, kinematics, jets)
-    first, second = _matching(kinematics.branches(axis, jets, seen=seen), shown, kinematics)
+    pairs = kinematics.branches(axis, jets, seen=seen)
+    if (branch := one_branch(stretch, cut, kinematics)) is not None:
+        first, second = pairs[branch]
+    else:
+        first, second = _matching(pairs, joints_along(stretch, inside, kinematics), kinematics)
     x, y, z = kinematics.linear(tip, (first, second), cut.length_mm, jets)
     values: tuple[Number, ...] = (x, y, z, first, second)
     joint = [values[i] for i in kinematics.order]
