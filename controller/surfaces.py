@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.curves import Arc, Curve
+from controller.hulls import hull
 from controller.geometry import Number, Pose, Vector, add, cross, dot, norm, scale, subtract, unit
 from controller.rulings import difference
 
@@ -257,7 +258,21 @@ def _zoom(value: Callable[[Array], Array], u: float) -> tuple[float, float]:
     return u, best
 
 
+def _least_along(hull: Array | None, way: Array) -> float:
+    """How far (mm) along ``way`` all of a curve lies at least, by what holds it; -inf where that is unknown."""
+    size = float(np.sqrt(way @ way))
+    return float((hull @ way).min()) / size if hull is not None and size > 0.0 else -math.inf
+
+
+def _middle(hull: Array | None) -> Array:
+    return np.zeros(3) if hull is None else np.asarray(hull.mean(axis=0))
+
+
 def _zero_ruling(surface: Surface) -> Defect | None:
+    rulings = hull(surface.ruling_curve)
+    if _least_along(rulings, _middle(rulings)) > ZERO_MM:
+        return None
+
     def length(u: Array) -> Array:
         return np.asarray(norm(_column(surface.ruling(u, np), u), np))
 
@@ -271,6 +286,10 @@ def _zero_ruling(surface: Surface) -> Defect | None:
 
 
 def _standstill(surface: Surface) -> Defect | None:
+    rates = hull(surface.lower, 1)
+    if _least_along(rates, _middle(rates)) > ZERO_MM:
+        return None
+
     def speed(u: Array) -> Array:
         tangent = _column(surface.lower.derivative(u, 1, np), u)
         # At the ends themselves a standstill is legal: the limit from inside serves.
@@ -318,6 +337,10 @@ def _as_fast_as(limit: Vector, tangent: Vector) -> Vector:
 
 def _crossing(surface: Surface) -> Defect | None:
     """A point both directrices have in common, at whatever parameters, inside both."""
+    above, below = hull(surface.upper), hull(surface.lower)
+    up = _middle(above) - _middle(below)
+    if _least_along(above, up) + _least_along(below, -up) > ZERO_MM:
+        return None  # a plane lies between them
     u = np.linspace(0.0, 1.0, max(201, min(801, 8 * len(_breaks(surface)))))
     upper = np.array(_column(surface.upper.at(u, np), u))
     lower = np.array(_column(surface.lower.at(u, np), u))

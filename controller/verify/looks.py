@@ -179,7 +179,7 @@ class Look:
 
     # ---- what is told ------------------------------------------------------------
 
-    def hurts(self, cuts: Mapping[int, Sequence[Look]], most_mm: float | None) -> Iterator[Hurt]:
+    def hurts(self, cuts: Callable[[int], Sequence[Look]], most_mm: float | None) -> Iterator[Hurt]:
         """The deepest of each kind; ``cuts`` are the looks of each line, ``most_mm`` what twist may cost."""
         own = self.whole_cut.by
         hollow = np.where(self._hollows(), self.own, 0.0)
@@ -192,7 +192,7 @@ class Look:
         if (self.far - self.own).max(initial=0.0) > self._harmless_mm:
             yield Hurt("own cut", self.far, own)
         for by in self._others():
-            yield from self._other(by, cuts.get(by.line, ()), most_mm)
+            yield from self._other(by, cuts, most_mm)
         yield from self._holders()
 
     def _hollows(self) -> Flags:
@@ -212,12 +212,15 @@ class Look:
             for (line, name), members in groups.items():
                 yield By(sweep.only(members), cutter(tool, self._least_mm), line, name, tool)
 
-    def _other(self, by: By, cuts: Sequence[Look], most_mm: float | None) -> Iterator[Hurt]:
-        """What another motion takes beyond the own cut: ``cuts`` are those of its line."""
+    def _other(
+        self, by: By, cuts_of: Callable[[int], Sequence[Look]], most_mm: float | None
+    ) -> Iterator[Hurt]:
+        """What another motion takes beyond the own cut; ``cuts_of`` gives those of its line."""
         depth = by.depth(self.points)
         more = depth > self.own + self._harmless_mm
         if not more.any():
             return
+        cuts = cuts_of(by.line)
         near = more & self._beside(by, cuts)
         both = (self, *cuts)
         twist = max(one.twist_mm for one in both)
