@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def hull(curve: Curve, order: int = 0) -> Array | None:
-    """Points (N, 3) in whose convex hull the curve, or its derivative of ``order`` 1, stays; None: not known."""
+    """Points (N, 3) in whose convex hull the curve, or its first derivative, stays; None: not known."""
     points: list[Vector] = []
     if isinstance(curve, Bezier):
         points = list(curve.points if order == 0 else curve.hodograph)

@@ -141,16 +141,16 @@ def sqrt(x: Any) -> Jet:
 
 def _sine_cosine(x: Any) -> tuple[Jet, Jet]:
     """s' = c x', c' = -s x'."""
-    x = jet(x)
-    if x._turned is None:
-        _, a1, a2, a3 = x.c
+    at = jet(x)
+    if at._turned is None:
+        _, a1, a2, a3 = at.c
         a2, a3 = 2.0 * a2, 3.0 * a3
-        s0, c0 = np.sin(x.c[0]), np.cos(x.c[0])
+        s0, c0 = np.sin(at.c[0]), np.cos(at.c[0])
         s1, c1 = a1 * c0, -(a1 * s0)
         s2, c2 = (a1 * c1 + a2 * c0) / 2, -(a1 * s1 + a2 * s0) / 2
         s3, c3 = (a1 * c2 + a2 * c1 + a3 * c0) / 3, -(a1 * s2 + a2 * s1 + a3 * s0) / 3
-        x._turned = Jet(np.array([s0, s1, s2, s3])), Jet(np.array([c0, c1, c2, c3]))
-    return x._turned
+        at._turned = Jet(np.array([s0, s1, s2, s3])), Jet(np.array([c0, c1, c2, c3]))
+    return at._turned
 
 
 def sin(x: Any) -> Jet:

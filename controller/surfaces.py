@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.curves import Arc, Curve
-from controller.hulls import hull
 from controller.geometry import Number, Pose, Vector, add, cross, dot, norm, scale, subtract, unit
+from controller.hulls import hull
 from controller.rulings import difference
 
 Array = NDArray[np.float64]
@@ -258,14 +258,14 @@ def _zoom(value: Callable[[Array], Array], u: float) -> tuple[float, float]:
     return u, best
 
 
-def _least_along(hull: Array | None, way: Array) -> float:
-    """How far (mm) along ``way`` all of a curve lies at least, by what holds it; -inf where that is unknown."""
+def _least_along(held: Array | None, way: Array) -> float:
+    """How far (mm) along ``way`` all lies at least that these points hold; -inf where none are known."""
     size = float(np.sqrt(way @ way))
-    return float((hull @ way).min()) / size if hull is not None and size > 0.0 else -math.inf
+    return float((held @ way).min()) / size if held is not None and size > 0.0 else -math.inf
 
 
-def _middle(hull: Array | None) -> Array:
-    return np.zeros(3) if hull is None else np.asarray(hull.mean(axis=0))
+def _middle(held: Array | None) -> Array:
+    return np.zeros(3) if held is None else np.asarray(held.mean(axis=0))
 
 
 def _zero_ruling(surface: Surface) -> Defect | None:
@@ -293,7 +293,7 @@ def _standstill(surface: Surface) -> Defect | None:
     def speed(u: Array) -> Array:
         tangent = _column(surface.lower.derivative(u, 1, np), u)
         # At the ends themselves a standstill is legal: the limit from inside serves.
-        share = np.asarray(norm(tangent, np)) / (np.minimum(u, 1.0 - u) + 1e-300)
+        share = np.asarray(norm(tangent, np)) / np.maximum(np.minimum(u, 1.0 - u), 1e-7)
         return np.where((u > 1e-6) & (u < 1.0 - 1e-6), share, np.inf)
 
     # Speed over distance from the nearer end: does not dip towards an end that stands still.

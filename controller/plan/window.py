@@ -111,6 +111,14 @@ class Sent:
         return list(self.stretches)[int(self.course.index(np.array([s]))[0])]
 
 
+class NoLaw(RuntimeError):
+    """From rest nothing was found that keeps every limit."""
+
+    def __init__(self, sentence: str, line: int) -> None:
+        super().__init__(sentence)
+        self.line = line
+
+
 class _Reach(NamedTuple):
     """Units of a window, and where on their course it ends (None: at its end)."""
 
@@ -155,7 +163,7 @@ class Windows:
             made = self._window(reach, place, begin, None, start_s, orders)
             if made is not None:
                 return made
-        raise RuntimeError(f"Line {unit.line}: no way was found to move from rest within the limits.")
+        raise NoLaw(f"Line {unit.line}: no way was found to move from rest within the limits.", unit.line)
 
     def from_motion(
         self, track: Track, sent: Sent, plan_s: float, orders: Orders, soon: bool = False

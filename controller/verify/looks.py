@@ -37,6 +37,7 @@ Flags = NDArray[np.bool_]
 LEAST_MM = 1e-3  # depths below are no gouge
 SPACING_MM = 0.5  # of the grid, about; with a thin cutter half of its radius
 ALONG, ACROSS = (9, 129), (5, 33)  # fewest and most points of the grid
+BETWEEN_MM = 1.0  # more than a tool goes from one sample to the next
 ONWARD = 17  # poses of a tool that goes straight on by its diameter
 FEWEST = 4  # samples of a pass: a cubic needs them
 ZOOMS, ZOOM_POINTS = 6, 5
@@ -68,7 +69,13 @@ class Hurt:
 
 
 def _depth(points: Array, sweep: Sweep, body: Body) -> Array:
-    return np.asarray(np.maximum(0.0, -nearest(points, sweep, body).distance))
+    depth = np.zeros(len(points))
+    if len(sweep) and len(points):
+        off = sweep.runs.distance(points) - sweep.runs.slack - body.widest_mm
+        near = (off <= BETWEEN_MM).any(axis=1)  # the others are in the body nowhere on its way
+        if near.any():
+            depth[near] = np.maximum(0.0, -nearest(points[near], sweep, body).distance)
+    return depth
 
 
 class Look:

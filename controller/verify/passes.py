@@ -43,7 +43,7 @@ class Fitted:
     @classmethod
     def of(cls, blocks: Iterable[Block], machine: Machine) -> Fitted:
         """Of a program's blocks; T1 is in the spindle before them. Lines come in their order."""
-        lines, tools = [0], [machine.tools[0] if machine.tool(1) is None else machine.tool(1)]
+        lines, tools = [0], [machine.tool(1) or machine.tools[0].worn]
         for block in blocks:
             tool = machine.tool(block.modal.tool)
             if tool is not None and tool != tools[-1]:
@@ -98,7 +98,8 @@ def planned(
         bodies = cutter(tool, least), *holder(tool)
         height, reach = (max(body.top_mm for body in bodies), max(body.widest_mm for body in bodies))
         poses = _poses(stretch, tool, kinematics)
-        span = _near(poses, stretch.motion.end, height, reach, balls)
+        end = stretch.motion.end
+        span = (0.0, end) if stretch.cutting else _near(poses, end, height, reach, balls)
         if span is None:
             continue
         start, end = span
@@ -174,9 +175,7 @@ class Balls:
             yield self.centres[k], float(self.radii[k])
 
 
-def _near(
-    poses: Poses, end: float, height: float, reach: float, balls: Balls
-) -> tuple[float, float] | None:
+def _near(poses: Poses, end: float, height: float, reach: float, balls: Balls) -> tuple[float, float] | None:
     """From where to where on a motion of length ``end`` the tool is near a surface; None: nowhere."""
     s, tips, axes = sampled(poses, end, ROUGH_MM, height, ROUGH_FIT_MM)
     off, within = np.full(len(s), np.inf), reach + NEAR_MM + ROUGH_MM

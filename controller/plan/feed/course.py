@@ -19,7 +19,14 @@ import numpy.typing as npt
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import ToolSpline
-from controller.plan.feed.limits import JUMP_SHARE, Derivatives, JointLimits, derivatives
+from controller.plan.feed.limits import (
+    JUMP_SHARE,
+    Derivatives,
+    JointLimits,
+    derivatives,
+    kind,
+    together,
+)
 from controller.plan.route.stretch import Stretch
 
 Array = npt.NDArray[np.float64]
@@ -81,12 +88,26 @@ class Course:
         """
         index = self.index(s) if index is None else index
         found = [np.empty((len(s), 5)) for _ in range(3)]
-        for k in np.unique(index):
-            here, stretch = index == k, self.stretches[k]
-            local = np.clip(s[here] - self.starts[k], 0.0, stretch.motion.end)
-            d = derivatives(stretch, local, self.kinematics)
+        for members in self._alike(index):
+            here = np.isin(index, members)
+            of = np.searchsorted(members, index[here])
+            stretches = [self.stretches[k] for k in members]
+            ends = np.array([stretch.motion.end for stretch in stretches])[of]
+            local = np.clip(s[here] - self.starts[index[here]], 0.0, ends)
+            if len(stretches) == 1:
+                d = derivatives(stretches[0], local, self.kinematics)
+            else:
+                d = together(stretches, local, of, self.kinematics)
             found[0][here], found[1][here], found[2][here] = d.first, d.second, d.third
         return Derivatives(*found)
+
+    def _alike(self, index: Index) -> list[list[int]]:
+        """The stretches that are asked for, those together whose derivatives can be taken together."""
+        groups: dict[object, list[int]] = {}
+        for k in np.unique(index).tolist():
+            what = kind(self.stretches[k], self.kinematics)
+            groups.setdefault(k if what is None else (what,), []).append(k)
+        return list(groups.values())
 
     def feed(self, s: Array, index: Index | None = None) -> Array:
         """Programmed feed times override at each place (N,), in the unit of s per second; inf on rapids."""
