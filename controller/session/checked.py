@@ -25,8 +25,13 @@ from controller.plan.route.spot import Spot
 from controller.plan.route.stretch import Chain, Note, Pause, Stretch
 from controller.plan.text import blocks
 from controller.plan.text.program import Block, GougeRefused, ProgramError
+from controller.plan.window import NoLaw
 from controller.verify.audit import Audit, Watched, audit
 
+NO_LAW = (
+    "no motion was found from here on that keeps all axes within their limits: somewhere they would have to "
+    "turn all but at once; smooth the surfaces there, split the block, or tilt the part"
+)
 CHOSEN, PLANNED = 0.2, 0.6  # share of a check that is done when branches are chosen, and when all is planned
 NOTHING = "The program has no block that does anything; nothing to run."
 
@@ -241,9 +246,12 @@ def check(
         walk = path_of(asked, chosen, in_spindle=TOOL_AT_POWER_ON)
         placed = placements.Noted(watch(walk.items))
         watched = Watched(placed)
-        found = survey.survey(
-            watched, asked.machine, asked.kinematics, tell, lambda line: planned(line / lines)
-        )
+        try:
+            found = survey.survey(
+                watched, asked.machine, asked.kinematics, tell, lambda line: planned(line / lines)
+            )
+        except NoLaw as lost:
+            raise ProgramError(asked.name, lost.line, 1, NO_LAW) from lost
         seen = _audited(asked, watched, _between(done, PLANNED, 1.0))
     notes, overcuts = (*walk.notes, *seen.notes), tuple(seen.overcuts)
     kept = Stored(found.ticks, found.duration_s, found.blocks, walk.choices, notes, overcuts, placed.recipes)

@@ -10,6 +10,7 @@ from hostile_programs import MACHINES, outcome, program
 
 from controller import config
 from controller.machine import Machine
+from controller.session.checked import NO_LAW
 
 FEW, MANY = 12, 40
 
@@ -35,6 +36,14 @@ def test_hostile_programs_are_planned_or_refused_with_a_place(
 ) -> None:
     found = checked(range(FEW), machines, tmp_path)
     assert len(set(found)) > FEW / 3, "they are refused for many reasons"
+
+
+@pytest.mark.slow
+def test_a_way_that_no_law_can_take_is_refused_with_its_place(
+    machines: dict[str, Machine], tmp_path: Path
+) -> None:
+    """A rotary would have to turn all but at once, where a ruling of P2 passes by the pole."""
+    assert checked(range(331, 332), machines, tmp_path) == [NO_LAW]
 
 
 @pytest.mark.slow
