@@ -11,7 +11,7 @@ import inspect
 import json
 import sys
 from types import ModuleType
-from typing import Any
+from typing import Any, TextIO
 
 import typer
 from typer.core import TyperGroup
@@ -38,6 +38,7 @@ FILES = {
     "service": ("service",),
     "panel_users": ("users", "tokens"),
 }
+ENDED, ENDED_CODE = "Ended by Ctrl-C before it was done.", 130  # as a shell has it: 128 + SIGINT
 COMMANDS = {command: file for file, commands in FILES.items() for command in commands}
 
 
@@ -46,6 +47,13 @@ class Commands(TyperGroup):
 
     def list_commands(self, ctx: Any) -> list[str]:
         return list(COMMANDS)
+
+    def invoke(self, ctx: Any) -> Any:
+        """A command that is ended by Ctrl-C ends so with every typer that there is."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise typer.Exit(ENDED_CODE) from None
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name not in self.commands and cmd_name in COMMANDS:
@@ -86,17 +94,26 @@ def main() -> None:
     """Entry point of ``directrix``; a script that asks for JSON gets it whatever is wrong."""
     as_json = "--json" in sys.argv[1:]
     try:
-        sys.exit(app(standalone_mode=not as_json))
+        code = app(standalone_mode=not as_json)
+    except SystemExit as ended:
+        code = ended.code
     except USAGE as error:
         sentence = f"{error.format_message().rstrip('.')}; see --help for what is allowed."
         print(json.dumps({"ok": False, "error": sentence}))
         sys.exit(2)
-    except typer.Abort:  # Ctrl-C
-        sys.exit(130)
+    except (typer.Abort, KeyboardInterrupt):
+        code = ENDED_CODE
     except Exception as error:  # nobody reads a traceback
         from controller.commands import internal_error
 
         sys.exit(internal_error.end(error, as_json))
+    if code == ENDED_CODE:
+        print(json.dumps({"ok": False, "error": ENDED}) if as_json else ENDED, file=_spoken(as_json))
+    sys.exit(code)
+
+
+def _spoken(as_json: bool) -> TextIO:
+    return sys.stdout if as_json else sys.stderr
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from controller.machine import (
     LONGEST_PROGRAM_H,
     MAX_QUICK_STOP_S,
     MOST_PROGRAM_H,
+    MOST_WEAR_MM,
     TOOL_CHANGE_S,
     Axis,
     Bus,
@@ -300,9 +301,16 @@ def tool(table: Table, name: str | None = None, before: Tool | None = None) -> T
         holder=_holder(table, shape),
         placement=table.text("placement", ("", *PLACEMENTS), shape.placement),
         below_mm=table.number("below_mm", 0.0, 1000.0, default=shape.below_mm),
+        wear_radius_mm=_wear(table, "wear_radius_mm", min(MOST_WEAR_MM, 0.5 * radius), shape.wear_radius_mm),
+        wear_length_mm=_wear(table, "wear_length_mm", MOST_WEAR_MM, shape.wear_length_mm),
     )
     table.finish()
     return found
+
+
+def _wear(table: Table, key: str, most_mm: float, before_mm: float) -> float:
+    """What is added to a tool's radius or length; one that has lost half of its radius is another tool."""
+    return table.number(key, -most_mm, MOST_WEAR_MM, default=max(before_mm, -most_mm))
 
 
 def _holder(table: Table, before: Tool) -> tuple[tuple[float, float, float], ...]:

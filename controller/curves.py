@@ -93,6 +93,11 @@ class Bezier:
             return ZERO
         return bernstein(self._hodographs[order], u, 1.0 - u)
 
+    @property
+    def hodograph(self) -> Points:
+        """Control points of its derivative."""
+        return self._hodographs[1]
+
     def raised(self, degree: int) -> Bezier:
         """The same curve with the control points of a higher degree."""
         points = self.points

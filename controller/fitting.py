@@ -120,10 +120,11 @@ def with_tool(machine: Machine, number: int, values: object) -> Machine:
     if not isinstance(values, dict):
         raise ConfigError(
             f"tools: tool {number}: is no table; allowed: name, radius_mm, length_mm, flute_mm, corner_mm, "
-            "taper_deg, holder."
+            "taper_deg, holder, wear_radius_mm, wear_length_mm."
         )
     table = Table("tools", f"tool {number}", {"number": number, **values})
-    tool = config.tool(table, f"tool {number}", machine.tool(number))
+    before = next((tool for tool in machine.tools if tool.number == number), None)
+    tool = config.tool(table, f"tool {number}", before)
     return replace(machine, tools=tuple(sorted((*kept, tool), key=lambda one: one.number)))
 
 

@@ -24,11 +24,12 @@ pi = math.pi
 class Jet:
     """f(u0 + h) = c[0] + c[1] h + c[2] h^2 + c[3] h^3 at an array of points u0."""
 
-    __slots__ = ("c",)
+    __slots__ = ("_turned", "c")
     __array_ufunc__ = None  # an array on the left of + - * / hands over to the jet
 
     def __init__(self, c: Array) -> None:
         self.c = c
+        self._turned: tuple[Jet, Jet] | None = None  # sine and cosine, which are wanted both
 
     def derivative(self, order: int) -> Array:
         """d^order f / du^order, order 0 to 3."""
@@ -37,7 +38,12 @@ class Jet:
     def __add__(self, other: Any) -> Jet:
         if isinstance(other, Jet):
             return Jet(self.c + other.c)
-        return Jet(np.stack([self.c[0] + other, *np.broadcast_arrays(*self.c[1:])]))
+        value = self.c[0] + other
+        made = np.empty((ORDER + 1, *np.shape(value)))
+        made[0] = value
+        for k in range(1, ORDER + 1):
+            made[k] = self.c[k]
+        return Jet(made)
 
     def __neg__(self) -> Jet:
         return Jet(-self.c)
@@ -51,8 +57,7 @@ class Jet:
     def __mul__(self, other: Any) -> Jet:
         if not isinstance(other, Jet):
             return Jet(self.c * other)
-        a, b = self.c, other.c
-        return Jet(np.stack([sum(a[i] * b[k - i] for i in range(k + 1)) for k in range(ORDER + 1)]))
+        return Jet(_product(self.c, other.c))
 
     def __truediv__(self, other: Any) -> Jet:
         if not isinstance(other, Jet):
@@ -99,32 +104,53 @@ def _pair(x: Any, y: Any) -> tuple[Jet, Jet]:
     return Jet(np.stack([c + zero for c in x.c])), Jet(np.stack([c + zero for c in y.c]))
 
 
+def _product(a: Array, b: Array) -> Array:
+    """Written out: nearly all of the planner's arithmetic is done here."""
+    a0, a1, a2, a3 = a
+    b0, b1, b2, b3 = b
+    value = a0 * b0
+    made = np.empty((ORDER + 1, *np.shape(value)))
+    made[0] = value
+    made[1] = a0 * b1 + a1 * b0
+    made[2] = a0 * b2 + a1 * b1 + a2 * b0
+    made[3] = a0 * b3 + a1 * b2 + a2 * b1 + a3 * b0
+    return made
+
+
 def _quotient(a: Array, b: Array) -> Jet:
     """q b = a."""
-    q: list[Any] = []
-    for k in range(ORDER + 1):
-        q.append((a[k] - sum(q[i] * b[k - i] for i in range(k))) / b[0])
-    return Jet(np.stack(q))
+    a0, a1, a2, a3 = a
+    b0, b1, b2, b3 = b
+    q0 = a0 / b0
+    q1 = (a1 - q0 * b1) / b0
+    q2 = (a2 - (q0 * b2 + q1 * b1)) / b0
+    q3 = (a3 - (q0 * b3 + q1 * b2 + q2 * b1)) / b0
+    return Jet(np.array([q0, q1, q2, q3]))
 
 
 def sqrt(x: Any) -> Jet:
     """f f = x; x > 0."""
-    a = jet(x).c
-    f: list[Any] = [np.sqrt(a[0])]
-    for k in range(1, ORDER + 1):
-        f.append((a[k] - sum(f[i] * f[k - i] for i in range(1, k))) / (2.0 * f[0]))
-    return Jet(np.stack(f))
+    a0, a1, a2, a3 = jet(x).c
+    f0 = np.sqrt(a0)
+    twice = 2.0 * f0
+    f1 = a1 / twice
+    f2 = (a2 - f1 * f1) / twice
+    f3 = (a3 - (f1 * f2 + f2 * f1)) / twice
+    return Jet(np.array([f0, f1, f2, f3]))
 
 
 def _sine_cosine(x: Any) -> tuple[Jet, Jet]:
     """s' = c x', c' = -s x'."""
-    a = jet(x).c
-    s: list[Any] = [np.sin(a[0])]
-    c: list[Any] = [np.cos(a[0])]
-    for k in range(1, ORDER + 1):
-        s.append(sum(i * a[i] * c[k - i] for i in range(1, k + 1)) / k)
-        c.append(-sum(i * a[i] * s[k - i] for i in range(1, k + 1)) / k)
-    return Jet(np.stack(s)), Jet(np.stack(c))
+    at = jet(x)
+    if at._turned is None:
+        _, a1, a2, a3 = at.c
+        a2, a3 = 2.0 * a2, 3.0 * a3
+        s0, c0 = np.sin(at.c[0]), np.cos(at.c[0])
+        s1, c1 = a1 * c0, -(a1 * s0)
+        s2, c2 = (a1 * c1 + a2 * c0) / 2, -(a1 * s1 + a2 * s0) / 2
+        s3, c3 = (a1 * c2 + a2 * c1 + a3 * c0) / 3, -(a1 * s2 + a2 * s1 + a3 * s0) / 3
+        at._turned = Jet(np.array([s0, s1, s2, s3])), Jet(np.array([c0, c1, c2, c3]))
+    return at._turned
 
 
 def sin(x: Any) -> Jet:

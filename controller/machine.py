@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 from controller.geometry import Frame, Vector
@@ -19,6 +19,7 @@ MAX_QUICK_STOP_S = 3.0  # where the machine file says nothing
 LONGEST_PROGRAM_H = 168.0  # the same: a week ...
 MOST_PROGRAM_H = 10_000.0  # ... and what it may say at most
 TOOL_AT_POWER_ON = 1  # number of the one in the spindle where nobody has said otherwise
+MOST_WEAR_MM = 0.5  # of a cutter, at radius and length: beyond it is another one
 TOOL_CHANGE_S = 60.0  # by hand, where the machine file says nothing
 
 Joints = tuple[float, float, float, float, float]
@@ -175,6 +176,25 @@ class Tool:
     holder: tuple[tuple[float, float, float], ...] = ()  # (from, to, radius): cylinders, mm above the tip
     placement: str = ""  # on surfaces: "single", "double" or "optimal"; "" = as the machine has it
     below_mm: float = 0.0  # so far the flank reaches below C1, beside what a corner takes
+    wear_radius_mm: float = 0.0  # added to the radius: negative where the cutter has become thinner
+    wear_length_mm: float = 0.0  # added to the length: negative where it has become shorter
+
+    @property
+    def worn(self) -> Tool:
+        """The tool as it is, its wear laid into radius, length and holder; a ball stays a ball."""
+        if not (self.wear_radius_mm or self.wear_length_mm):
+            return self
+        radius, shorter = self.radius_mm + self.wear_radius_mm, self.wear_length_mm
+        ball = self.corner_mm == self.radius_mm
+        return replace(
+            self,
+            radius_mm=radius,
+            corner_mm=radius if ball else min(self.corner_mm, radius),
+            length_mm=self.length_mm + shorter,
+            holder=tuple((max(0.0, low + shorter), high + shorter, wide) for low, high, wide in self.holder),
+            wear_radius_mm=0.0,
+            wear_length_mm=0.0,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,7 +300,8 @@ class Machine:
         return first, second
 
     def tool(self, number: int) -> Tool | None:
-        return next((tool for tool in self.tools if tool.number == number), None)
+        """A tool of the table as it is cut with: worn."""
+        return next((tool.worn for tool in self.tools if tool.number == number), None)
 
     def axis_off(self, index: int, off: float = 0.0) -> str:
         """An axis by name, with how far it is from its command (mm, rad) where it is; "" for index -1."""

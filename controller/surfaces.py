@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from controller.curves import Arc, Curve
 from controller.geometry import Number, Pose, Vector, add, cross, dot, norm, scale, subtract, unit
+from controller.hulls import hull
 from controller.rulings import difference
 
 Array = NDArray[np.float64]
@@ -257,7 +258,21 @@ def _zoom(value: Callable[[Array], Array], u: float) -> tuple[float, float]:
     return u, best
 
 
+def _least_along(held: Array | None, way: Array) -> float:
+    """How far (mm) along ``way`` all lies at least that these points hold; -inf where none are known."""
+    size = float(np.sqrt(way @ way))
+    return float((held @ way).min()) / size if held is not None and size > 0.0 else -math.inf
+
+
+def _middle(held: Array | None) -> Array:
+    return np.zeros(3) if held is None else np.asarray(held.mean(axis=0))
+
+
 def _zero_ruling(surface: Surface) -> Defect | None:
+    rulings = hull(surface.ruling_curve)
+    if _least_along(rulings, _middle(rulings)) > ZERO_MM:
+        return None
+
     def length(u: Array) -> Array:
         return np.asarray(norm(_column(surface.ruling(u, np), u), np))
 
@@ -271,10 +286,14 @@ def _zero_ruling(surface: Surface) -> Defect | None:
 
 
 def _standstill(surface: Surface) -> Defect | None:
+    rates = hull(surface.lower, 1)
+    if _least_along(rates, _middle(rates)) > ZERO_MM:
+        return None
+
     def speed(u: Array) -> Array:
         tangent = _column(surface.lower.derivative(u, 1, np), u)
         # At the ends themselves a standstill is legal: the limit from inside serves.
-        share = np.asarray(norm(tangent, np)) / (np.minimum(u, 1.0 - u) + 1e-300)
+        share = np.asarray(norm(tangent, np)) / np.maximum(np.minimum(u, 1.0 - u), 1e-7)
         return np.where((u > 1e-6) & (u < 1.0 - 1e-6), share, np.inf)
 
     # Speed over distance from the nearer end: does not dip towards an end that stands still.
@@ -318,6 +337,10 @@ def _as_fast_as(limit: Vector, tangent: Vector) -> Vector:
 
 def _crossing(surface: Surface) -> Defect | None:
     """A point both directrices have in common, at whatever parameters, inside both."""
+    above, below = hull(surface.upper), hull(surface.lower)
+    up = _middle(above) - _middle(below)
+    if _least_along(above, up) + _least_along(below, -up) > ZERO_MM:
+        return None  # a plane lies between them
     u = np.linspace(0.0, 1.0, max(201, min(801, 8 * len(_breaks(surface)))))
     upper = np.array(_column(surface.upper.at(u, np), u))
     lower = np.array(_column(surface.lower.at(u, np), u))

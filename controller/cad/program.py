@@ -147,7 +147,7 @@ def fitting(strips: Sequence[Strip], machine: Machine) -> Tool:
     longest = max((one.size()[1] for one in strips), default=0.0)
     fits = [
         tool
-        for tool in machine.tools
+        for tool in (one.worn for one in machine.tools)
         if tool.radius_mm <= FITS * tightest and (tool.flute_mm >= longest or tool.flute_mm == 0.0)
     ]
     if not fits:

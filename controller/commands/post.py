@@ -13,7 +13,7 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from controller import config
+from controller import config, whole
 from controller.machine import Tool
 from controller.motions import SurfaceCut
 from controller.plan.report import survey
@@ -91,7 +91,7 @@ def post_(
         with bar("comparing", as_json) as progress:
             rows, texts = _compared(task, files, chord, exact, progress)
         for file, text in texts.items():
-            file.write_text(text)
+            whole.write(file, text)
         if as_json:
             print(json.dumps({"ok": True, "chord_mm": chord, "rows": [row.to_dict() for row in rows]}))
             return

@@ -217,7 +217,12 @@ def simulate(
         task = _task(program, made)
         _writable(trace_file, plot)
         kept = None if unchecked else _kept(task, store, as_json)
-        walk = starts.path_from(task, kept, begin.start) if begin else checked.walk_of(task, kept, unchecked)
+        with bar("planning", as_json) as progress:
+            walk = (
+                starts.path_from(task, kept, begin.start)
+                if begin
+                else checked.walk_of(task, kept, unchecked, progress)
+            )
         if not as_json:
             _show_notes(walk.notes, task)
         bench = SteppedMachine(made, recordings=recording.folder())
@@ -384,7 +389,8 @@ def paper(as_json: Json = False) -> None:
     from controller.verify import paper_table
 
     with _refusals(as_json):
-        comparison = comparisons.compare(config.load("trunnion"))
+        with bar("computing", as_json) as progress:
+            comparison = comparisons.compare(config.load("trunnion"), progress)
         if as_json:
             print(json.dumps({"ok": True, **comparison.to_dict()}))
         else:

@@ -138,14 +138,14 @@ def _recorded(file: Path, task: checked.Task) -> trace.Trace:
 
 
 def _found(task: checked.Task, recorded: trace.Trace | None, commanded: bool, progress: Any) -> Found:
-    walk = checked.path_of(task, checked.chosen_for(task))
+    walk = checked.path_of(task, checked.chosen_for(task, lambda share: progress(0.1 * share)))
     watched = Watched(walk.items)
     for _ in watched:
         pass
     fitted = passes.Fitted.of(_blocks(task), task.machine)
     surfaces = passes.nominals(watched.stretches, fitted)
     ways = _ways(task, recorded, commanded, watched.stretches, surfaces, fitted)
-    judged = judge(surfaces, ways, lambda share: progress(0.8 * share))
+    judged = judge(surfaces, ways, lambda share: progress(0.1 + 0.7 * share))
     errors_mm = 0.0 if recorded is None or commanded else _errors_mm(recorded, task, ways)
     most_mm = task.machine.max_overcut_mm
     seen = gouges(surfaces, ways, most_mm, lambda share: progress(0.8 + 0.2 * share), errors_mm)

@@ -124,6 +124,8 @@ class ToolValues(Sent):
         float | None, Field(ge=0.0, le=500.0, description="Rounding of the end; the radius: a ball end.")
     ] = None
     taper_deg: Annotated[float | None, Field(ge=0.0, le=45.0, description="Half angle of the flank.")] = None
+    wear_radius_mm: Annotated[float | None, Field(ge=-0.5, le=0.5, description="Added to the radius.")] = None
+    wear_length_mm: Annotated[float | None, Field(ge=-0.5, le=0.5, description="Added to the length.")] = None
 
 
 class Rename(Sent):

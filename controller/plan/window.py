@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,7 @@ from controller.handoff import STILL, Law, Piece, StopTable, dwell
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.plan.feed import binding, profile
-from controller.plan.feed.course import Course
+from controller.plan.feed.course import REMEMBERED, Course
 from controller.plan.feed.profile import Profile, State
 from controller.plan.route.path import Pause, Stretch
 from controller.plan.stops import table as stops
@@ -110,6 +111,14 @@ class Sent:
         return list(self.stretches)[int(self.course.index(np.array([s]))[0])]
 
 
+class NoLaw(RuntimeError):
+    """From rest nothing was found that keeps every limit."""
+
+    def __init__(self, sentence: str, line: int) -> None:
+        super().__init__(sentence)
+        self.line = line
+
+
 class _Reach(NamedTuple):
     """Units of a window, and where on their course it ends (None: at its end)."""
 
@@ -125,7 +134,7 @@ class Windows:
     def __init__(self, machine: Machine, kinematics: Kinematics) -> None:
         self._machine, self._kinematics = machine, kinematics
         self._period_s = machine.period_s
-        self._paces: dict[int, float] = {}
+        self._takes = lru_cache(REMEMBERED)(self._takes_s)
 
     # --- what others ask for
 
@@ -154,7 +163,7 @@ class Windows:
             made = self._window(reach, place, begin, None, start_s, orders)
             if made is not None:
                 return made
-        raise RuntimeError(f"Line {unit.line}: no way was found to move from rest within the limits.")
+        raise NoLaw(f"Line {unit.line}: no way was found to move from rest within the limits.", unit.line)
 
     def from_motion(
         self, track: Track, sent: Sent, plan_s: float, orders: Orders, soon: bool = False
@@ -200,7 +209,7 @@ class Windows:
         number, s, start = place.unit, place.s, 0.0
         while (unit := track.at(number)) is not None and isinstance(unit.what, Stretch):
             units.append(unit)
-            takes.append(self._takes_s(unit.what, s, orders))
+            takes.append(self._takes(unit.what, s, orders))
             inner = (
                 [end for end in unit.lines_end if end > s + NEXT_TO_NOTHING] if orders.single_block else []
             )

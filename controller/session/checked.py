@@ -19,15 +19,24 @@ from controller.motions import Rotaries
 from controller.plan.report import duration, stored, survey
 from controller.plan.report.stored import Stored
 from controller.plan.report.survey import BlockUse, Survey
-from controller.plan.route import choices, path, placements, restart, tool_changes
+from controller.plan.route import choices, path, placements, restart, spindle_off, tool_changes
 from controller.plan.route.restart import Rest, Source
 from controller.plan.route.spot import Spot
 from controller.plan.route.stretch import Chain, Note, Pause, Stretch
 from controller.plan.text import blocks
 from controller.plan.text.program import Block, GougeRefused, ProgramError
+from controller.plan.window import NoLaw
 from controller.verify.audit import Audit, Watched, audit
 
+NO_LAW = (
+    "no motion was found from here on that keeps all axes within their limits: somewhere they would have to "
+    "turn all but at once; smooth the surfaces there, split the block, or tilt the part"
+)
+CHOSEN, PLANNED = 0.2, 0.6  # share of a check that is done when branches are chosen, and when all is planned
 NOTHING = "The program has no block that does anything; nothing to run."
+
+
+Progress = Callable[[float], None]  # gets the share that is done
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +89,8 @@ def path_of(
     read = _Read(iter(source.blocks))
     items = duration.bounded(tracer.items(read), source.machine, asked.name, whole=chosen is not None)
     items = _whole(items, read, asked.name)
+    if not typed and not dry_run_mm:
+        items = spindle_off.noted(items, source.machine, tracer.notes.append)
     if in_spindle is not None:
         items = tool_changes.stopped(items, asked.machine, in_spindle, None, typed, tracer.notes.append)
     return Walk(items, tracer.notes, chosen or {})
@@ -131,21 +142,34 @@ def _whole(items: Iterator[Chain | Pause], read: _Read, name: str) -> Iterator[C
         yield Pause(read.last.place, read.last.modal)
 
 
-def chosen_for(asked: Task) -> dict[int, Rotaries]:
+def chosen_for(asked: Task, progress: Progress = lambda _: None) -> dict[int, Rotaries]:
     """Branch and turns over the whole program: a pass of its own over its blocks."""
-    read = _blocks(asked)
+    read = _told(_blocks(asked), asked, progress)
     return choices.choices(read, asked.machine, asked.kinematics, asked.start, asked.name)
 
 
-def walk_of(asked: Task, kept: Stored | None, unchecked: bool) -> Walk:
+def _told(read: Iterator[Block], asked: Task, progress: Progress) -> Iterator[Block]:
+    """Blocks; ``progress`` gets the share of the program that is read."""
+    lines = max(1, asked.text.count(b"\n"))
+    for block in read:
+        progress(min(1.0, block.place.line / lines))
+        yield block
+
+
+def _between(progress: Progress, low: float, high: float) -> Progress:
+    """The progress of a part of what is done, as that of all of it."""
+    return lambda share: progress(low + (high - low) * min(share, 1.0))
+
+
+def walk_of(asked: Task, kept: Stored | None, unchecked: bool, progress: Progress = lambda _: None) -> Walk:
     """The path of a start: by its stored check; else read to its end first, so that nothing
     begins that will be refused; else, ``unchecked``, refused only where the walk comes to it.
     """
     if kept is None and not unchecked:
         with _gouges_placed(asked):
-            whole = path_of(asked, chosen_for(asked))
+            whole = path_of(asked, chosen_for(asked, _between(progress, 0.0, PLANNED)))
             watched = _walked(whole)
-            notes = whole.notes + _audited(asked, watched).notes
+            notes = whole.notes + _audited(asked, watched, _between(progress, PLANNED, 1.0)).notes
         return _noted(path_of(asked, whole.choices), notes)
     if kept is not None:
         placements.learn(kept.placements)
@@ -178,13 +202,13 @@ def _gouges_placed(asked: Task) -> Iterator[None]:
         raise
 
 
-def _audited(asked: Task, watched: Watched) -> Audit:
+def _audited(asked: Task, watched: Watched, progress: Progress = lambda _: None) -> Audit:
     """What is told of the surfaces; raises ProgramError where they are refused."""
 
     def read() -> Iterator[Block]:
         return blocks.stream(asked.text, asked.machine, asked.name)
 
-    return audit(watched, read, asked.name, asked.machine, asked.kinematics)
+    return audit(watched, read, asked.name, asked.machine, asked.kinematics, progress)
 
 
 def _noted(walk: Walk, notes: Sequence[Note]) -> Walk:
@@ -208,15 +232,27 @@ def check(
 ) -> tuple[Survey, Stored, str]:
     """Look at the whole program and keep what was found: survey, check, and a warning or "".
 
-    ``tell`` and ``progress`` are those of ``survey.survey``; ``watch`` hands the path on as it is
-    read. Raises ProgramError.
+    ``tell`` is that of ``survey.survey``; ``progress`` gets what is done of all, as a line of the
+    program; ``watch`` hands the path on as it is read. Raises ProgramError.
     """
+    lines = max(1, asked.text.count(b"\n"))
+
+    def done(share: float) -> None:
+        progress(int(share * lines))
+
+    planned = _between(done, CHOSEN, PLANNED)
     with _gouges_placed(asked):
-        walk = path_of(asked, chosen_for(asked), in_spindle=TOOL_AT_POWER_ON)
+        chosen = chosen_for(asked, _between(done, 0.0, CHOSEN))
+        walk = path_of(asked, chosen, in_spindle=TOOL_AT_POWER_ON)
         placed = placements.Noted(watch(walk.items))
         watched = Watched(placed)
-        found = survey.survey(watched, asked.machine, asked.kinematics, tell, progress)
-        seen = _audited(asked, watched)
+        try:
+            found = survey.survey(
+                watched, asked.machine, asked.kinematics, tell, lambda line: planned(line / lines)
+            )
+        except NoLaw as lost:
+            raise ProgramError(asked.name, lost.line, 1, NO_LAW) from lost
+        seen = _audited(asked, watched, _between(done, PLANNED, 1.0))
     notes, overcuts = (*walk.notes, *seen.notes), tuple(seen.overcuts)
     kept = Stored(found.ticks, found.duration_s, found.blocks, walk.choices, notes, overcuts, placed.recipes)
     try:

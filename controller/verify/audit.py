@@ -62,17 +62,18 @@ def audit(
     name: str,
     machine: Machine,
     kinematics: Kinematics,
+    progress: Callable[[float], None] = lambda _: None,
 ) -> Audit:
     """What is told of the surfaces of a path; raises ProgramError where the machine refuses them.
 
     ``read`` gives the program's blocks once more, for the tools; it is not called where
-    nothing could be gouged.
+    nothing could be gouged. ``progress`` gets the share of the surfaces that is looked at.
     """
     stretches = watched.stretches
     if machine.table is None and not any(isinstance(s.motion, SurfaceCut) for s in stretches.values()):
         return Audit([], [])
     fitted = passes.Fitted.of(read(), machine)
-    findings = _found(stretches, fitted, machine, kinematics)
+    findings = _found(stretches, fitted, machine, kinematics, progress)
     found = findings.gouges
     places = {stretch.place.line: stretch.place for stretch in stretches.values()}
     if found and machine.gouge == "refuse":
@@ -93,12 +94,16 @@ def _refusal(found: list[Gouge], place: Place, name: str) -> ProgramError:
 
 
 def _found(
-    stretches: dict[int, Stretch], fitted: passes.Fitted, machine: Machine, kinematics: Kinematics
+    stretches: dict[int, Stretch],
+    fitted: passes.Fitted,
+    machine: Machine,
+    kinematics: Kinematics,
+    progress: Callable[[float], None],
 ) -> Findings:
     """All that is told, in the order of the blocks that do it."""
     surfaces = passes.nominals(stretches, fitted)
     near = passes.planned(stretches, surfaces, fitted, kinematics, rough=True) if surfaces else {}
-    found = gouges(surfaces, near, machine.max_overcut_mm)
+    found = gouges(surfaces, near, machine.max_overcut_mm, progress)
     if machine.table is None:
         return found
     table = in_table(machine.table, passes.rough(stretches, fitted, kinematics))

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -37,6 +38,7 @@ Array = NDArray[np.float64]
 
 KINDS = ("hollow", "overcut", "own cut", "other motion", "holder", "table")
 END = "end"  # told, and no gouge
+LOOKED_AT = 64  # surfaces that are kept in sight: what cuts into one is next to it
 ROUND_TABLE = 24  # points of a circle held against the table
 
 
@@ -118,17 +120,25 @@ def gouges(
     much deeper than another without being led there.
     """
     sweeps = {tool: Sweep(rows, height_mm(tool, surfaces)) for tool, rows in passes.items() if rows}
-    looks = []
+    least, of_line = longest(surfaces), dict[int, list[int]]()
     for k, one in enumerate(surfaces):
-        looks.append(Look(one, sweeps, longest(surfaces), errors_mm))
-        progress((k + 1) / max(1, len(surfaces)))
-    cuts: dict[int, list[Look]] = {}
-    for look in looks:
-        cuts.setdefault(look.nominal.line, []).append(look)
-    told = [_gouge(look, hurt) for look in looks for hurt in look.hurts(cuts, max_overcut_mm)]
+        of_line.setdefault(one.line, []).append(k)
+
+    @lru_cache(LOOKED_AT)
+    def look(k: int) -> Look:
+        return Look(surfaces[k], sweeps, least, errors_mm)
+
+    def cuts(line: int) -> list[Look]:
+        return [look(k) for k in of_line.get(line, ())]
+
+    told, overcuts = list[Gouge](), list[Overcut]()
+    for k in range(len(surfaces)):
+        told += [_gouge(look(k), hurt) for hurt in look(k).hurts(cuts, max_overcut_mm)]
+        overcuts.append(_overcut(look(k)))
+        progress((k + 1) / len(surfaces))
     told.sort(key=lambda one: (one.by_line, (*KINDS, END).index(one.kind)))
     hurt, ends = ([one for one in told if (one.kind == END) == is_end] for is_end in (False, True))
-    return Findings(hurt, ends, [_overcut(look) for look in looks])
+    return Findings(hurt, ends, overcuts)
 
 
 def _overcut(look: Look) -> Overcut:

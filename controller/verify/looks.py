@@ -37,6 +37,7 @@ Flags = NDArray[np.bool_]
 LEAST_MM = 1e-3  # depths below are no gouge
 SPACING_MM = 0.5  # of the grid, about; with a thin cutter half of its radius
 ALONG, ACROSS = (9, 129), (5, 33)  # fewest and most points of the grid
+BETWEEN_MM = 1.0  # more than a tool goes from one sample to the next
 ONWARD = 17  # poses of a tool that goes straight on by its diameter
 FEWEST = 4  # samples of a pass: a cubic needs them
 ZOOMS, ZOOM_POINTS = 6, 5
@@ -68,7 +69,13 @@ class Hurt:
 
 
 def _depth(points: Array, sweep: Sweep, body: Body) -> Array:
-    return np.asarray(np.maximum(0.0, -nearest(points, sweep, body).distance))
+    depth = np.zeros(len(points))
+    if len(sweep) and len(points):
+        off = sweep.runs.distance(points) - sweep.runs.slack - body.widest_mm
+        near = (off <= BETWEEN_MM).any(axis=1)  # the others are in the body nowhere on its way
+        if near.any():
+            depth[near] = np.maximum(0.0, -nearest(points[near], sweep, body).distance)
+    return depth
 
 
 class Look:
@@ -179,7 +186,7 @@ class Look:
 
     # ---- what is told ------------------------------------------------------------
 
-    def hurts(self, cuts: Mapping[int, Sequence[Look]], most_mm: float | None) -> Iterator[Hurt]:
+    def hurts(self, cuts: Callable[[int], Sequence[Look]], most_mm: float | None) -> Iterator[Hurt]:
         """The deepest of each kind; ``cuts`` are the looks of each line, ``most_mm`` what twist may cost."""
         own = self.whole_cut.by
         hollow = np.where(self._hollows(), self.own, 0.0)
@@ -192,7 +199,7 @@ class Look:
         if (self.far - self.own).max(initial=0.0) > self._harmless_mm:
             yield Hurt("own cut", self.far, own)
         for by in self._others():
-            yield from self._other(by, cuts.get(by.line, ()), most_mm)
+            yield from self._other(by, cuts, most_mm)
         yield from self._holders()
 
     def _hollows(self) -> Flags:
@@ -212,12 +219,15 @@ class Look:
             for (line, name), members in groups.items():
                 yield By(sweep.only(members), cutter(tool, self._least_mm), line, name, tool)
 
-    def _other(self, by: By, cuts: Sequence[Look], most_mm: float | None) -> Iterator[Hurt]:
-        """What another motion takes beyond the own cut: ``cuts`` are those of its line."""
+    def _other(
+        self, by: By, cuts_of: Callable[[int], Sequence[Look]], most_mm: float | None
+    ) -> Iterator[Hurt]:
+        """What another motion takes beyond the own cut; ``cuts_of`` gives those of its line."""
         depth = by.depth(self.points)
         more = depth > self.own + self._harmless_mm
         if not more.any():
             return
+        cuts = cuts_of(by.line)
         near = more & self._beside(by, cuts)
         both = (self, *cuts)
         twist = max(one.twist_mm for one in both)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from controller.surfaces import Surface
 Array = NDArray[np.float64]
 
 ALONG, ACROSS = 257, 9  # of the table of lengths and of the bounds
+FEW = 32  # surfaces whose tables are kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,18 +82,6 @@ class Nominal:
 
     # ---- sizes -----------------------------------------------------------------------
 
-    @cached_property
-    def _table(self) -> Array:
-        """Points (ALONG, ACROSS, 3) on an even grid, table frame."""
-        u, v = grid(ALONG, ACROSS)
-        return self.points(u, v).reshape(ALONG, ACROSS, 3)
-
-    @cached_property
-    def _lengths(self) -> Array:
-        """Length from u = 0 along curves of constant v, (ALONG, ACROSS)."""
-        steps = np.linalg.norm(np.diff(self._table, axis=0), axis=2)
-        return np.concatenate([np.zeros((1, ACROSS)), np.cumsum(steps, axis=0)])
-
     def length_between(self, u: Array, other: Array, v: Array) -> Array:
         """Way (mm) on the surface at height v from u to another u, all (N,)."""
         return np.abs(self._length_at(other, v) - self._length_at(u, v))
@@ -100,7 +89,7 @@ class Nominal:
     def _length_at(self, u: Array, v: Array) -> Array:
         x, y = u * (ALONG - 1), v * (ACROSS - 1)
         i, j = np.clip(x.astype(int), 0, ALONG - 2), np.clip(y.astype(int), 0, ACROSS - 2)
-        x, y, table = x - i, y - j, self._lengths
+        x, y, table = x - i, y - j, _lengths(self)
         low = table[i, j] * (1.0 - x) + table[i + 1, j] * x
         high = table[i, j + 1] * (1.0 - x) + table[i + 1, j + 1] * x
         return np.asarray(low * (1.0 - y) + high * y)
@@ -108,13 +97,14 @@ class Nominal:
     @cached_property
     def size(self) -> tuple[float, float]:
         """(longest curve along u, longest ruling), mm."""
-        rulings = np.linalg.norm(self._table[:, 0] - self._table[:, -1], axis=1)
-        return float(self._lengths[-1].max()), float(rulings.max())
+        table = _table(self)
+        rulings = np.linalg.norm(table[:, 0] - table[:, -1], axis=1)
+        return float(_lengths(self)[-1].max()), float(rulings.max())
 
     @cached_property
     def ball(self) -> tuple[Array, float]:
         """Centre (3,) and radius of a ball about the whole surface, table frame."""
-        flat = self._table.reshape(-1, 3)
+        flat = _table(self).reshape(-1, 3)
         centre = 0.5 * (flat.min(axis=0) + flat.max(axis=0))
         return centre, float(np.linalg.norm(flat - centre, axis=1).max())
 
@@ -122,6 +112,21 @@ class Nominal:
         """A point of it in the part frame, for a sentence."""
         x, y, z = self.surface.point(u, v)
         return float(x), float(y), float(z)
+
+
+# Of the surfaces that are looked at just now: there may be thousands, and these are large.
+@lru_cache(FEW)
+def _table(nominal: Nominal) -> Array:
+    """Points (ALONG, ACROSS, 3) on an even grid, table frame."""
+    u, v = grid(ALONG, ACROSS)
+    return nominal.points(u, v).reshape(ALONG, ACROSS, 3)
+
+
+@lru_cache(FEW)
+def _lengths(nominal: Nominal) -> Array:
+    """Length from u = 0 along curves of constant v, (ALONG, ACROSS)."""
+    steps = np.linalg.norm(np.diff(_table(nominal), axis=0), axis=2)
+    return np.concatenate([np.zeros((1, ACROSS)), np.cumsum(steps, axis=0)])
 
 
 def grid(along: int, across: int, u: tuple[float, float] = (0.0, 1.0)) -> tuple[Array, Array]:

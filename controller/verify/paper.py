@@ -19,6 +19,7 @@ separately for the samples and for what lies between them.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -150,8 +151,11 @@ def example_2() -> tuple[Surface, ...]:
     return (first, second)
 
 
-def compare(machine: Machine) -> PaperComparison:
-    """The paper's comparison on ``machine``: the trunnion of Fig. 4a, its G54 at W + R."""
+def compare(machine: Machine, progress: Callable[[float], None] = lambda _: None) -> PaperComparison:
+    """The paper's comparison on ``machine``: the trunnion of Fig. 4a, its G54 at W + R.
+
+    ``progress`` gets the share that is done.
+    """
     bench = _Bench(machine)
     chords = bench.method("22 chords", "orientation", None, bench.chords(), Printed(0.01, 0.016, 43.0))
     stepped = bench.first_order(PAPER_PERIOD_S)
@@ -161,7 +165,8 @@ def compare(machine: Machine) -> PaperComparison:
         bench.method("Eq. 3 step", "orientation", PAPER_PERIOD_S, bench.oriented(stepped), printed),
         bench.method("Eq. 3 step", "joints", PAPER_PERIOD_S, bench.jointed(stepped, PAPER_PERIOD_S), printed),
     ]
-    for period_s in OUR_PERIODS_S:
+    for k, period_s in enumerate(OUR_PERIODS_S):
+        progress((k + 1) / (len(OUR_PERIODS_S) + 2))
         run = bench.jointed(bench.even(period_s), period_s)
         methods.append(bench.method("arc length", "joints", period_s, run, None))
     return PaperComparison(bench.cut.end, FEED_MM_S, tuple(methods), _parts())

@@ -7,7 +7,7 @@ and whatever the kinematics made of it, is in the poses that come back from them
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,7 +43,7 @@ class Fitted:
     @classmethod
     def of(cls, blocks: Iterable[Block], machine: Machine) -> Fitted:
         """Of a program's blocks; T1 is in the spindle before them. Lines come in their order."""
-        lines, tools = [0], [machine.tools[0] if machine.tool(1) is None else machine.tool(1)]
+        lines, tools = [0], [machine.tool(1) or machine.tools[0].worn]
         for block in blocks:
             tool = machine.tool(block.modal.tool)
             if tool is not None and tool != tools[-1]:
@@ -92,12 +92,14 @@ def planned(
 ) -> dict[Tool, list[Pass]]:
     """The passes of each tool that come near a surface; ``rough``: so close as finding gouges needs it."""
     found: dict[Tool, list[Pass]] = {}
+    least, balls = longest(surfaces), Balls.of(surfaces)
     for number, stretch in stretches.items():
         tool = fitted.at(stretch.place.line)
-        height = height_mm(tool, surfaces)
-        reach = max(body.widest_mm for body in (cutter(tool, longest(surfaces)), *holder(tool)))
+        bodies = cutter(tool, least), *holder(tool)
+        height, reach = (max(body.top_mm for body in bodies), max(body.widest_mm for body in bodies))
         poses = _poses(stretch, tool, kinematics)
-        span = _near(poses, stretch.motion.end, height, reach, surfaces)
+        end = stretch.motion.end
+        span = (0.0, end) if stretch.cutting else _near(poses, end, height, reach, balls)
         if span is None:
             continue
         start, end = span
@@ -150,18 +152,38 @@ def forward(joints: Array, length_mm: float, kinematics: Kinematics) -> tuple[Ar
     return tip, axis
 
 
-def _near(
-    poses: Poses, end: float, height: float, reach: float, surfaces: Sequence[Nominal]
-) -> tuple[float, float] | None:
+@dataclass(frozen=True, slots=True)
+class Balls:
+    """A ball about each of K surfaces: centres (K, 3) and radii (K,), table frame."""
+
+    centres: Array
+    radii: Array
+
+    @classmethod
+    def of(cls, surfaces: Sequence[Nominal]) -> Balls:
+        return cls(
+            np.array([one.ball[0] for one in surfaces]).reshape(-1, 3),
+            np.array([one.ball[1] for one in surfaces]),
+        )
+
+    def about(self, points: Array, within: float) -> Iterator[tuple[Array, float]]:
+        """Centre and radius of those that may come ``within`` of anything between ``points`` (N, 3)."""
+        middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        size = float(np.linalg.norm(points - middle, axis=1).max())
+        off = np.linalg.norm(self.centres - middle, axis=1) - self.radii - size
+        for k in np.flatnonzero(off <= within):
+            yield self.centres[k], float(self.radii[k])
+
+
+def _near(poses: Poses, end: float, height: float, reach: float, balls: Balls) -> tuple[float, float] | None:
     """From where to where on a motion of length ``end`` the tool is near a surface; None: nowhere."""
     s, tips, axes = sampled(poses, end, ROUGH_MM, height, ROUGH_FIT_MM)
-    off = np.full(len(s), np.inf)
-    for one in surfaces:
-        centre, radius = one.ball
+    off, within = np.full(len(s), np.inf), reach + NEAR_MM + ROUGH_MM
+    for centre, radius in balls.about(np.vstack([tips, tips + height * axes]), within):
         h = np.clip(((centre - tips) * axes).sum(axis=1), 0.0, height)
         away = np.linalg.norm(centre - tips - h[:, None] * axes, axis=1) - radius
         off = np.minimum(off, away)
-    rows = np.flatnonzero(off <= reach + NEAR_MM + ROUGH_MM)
+    rows = np.flatnonzero(off <= within)
     if not len(rows):
         return None
     return float(s[max(rows[0] - 1, 0)]), float(s[min(rows[-1] + 1, len(s) - 1)])

@@ -12,6 +12,7 @@ row; beside the command of the same row it is late by the bus and by the servo.
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from enum import Enum
@@ -71,11 +72,16 @@ class Trace:
     machine: str  # JSON of the whole Machine, its file's text included
 
     def save(self, path: str | Path) -> None:
-        """Write the fields as ``.npz``; the same trace gives the same bytes."""
+        """Write the fields as ``.npz``, whole or not at all; the same trace gives the same bytes."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         values |= {"axes": np.array(self.axes), "period_s": np.float64(self.period_s)}
-        with open(path, "wb") as file:  # a name without .npz stays as it is
-            np.savez_compressed(file, **values)
+        new = Path(f"{path}.new")
+        try:
+            with open(new, "wb") as file:  # a name without .npz stays as it is
+                np.savez_compressed(file, **values)
+            os.replace(new, path)
+        finally:
+            new.unlink(missing_ok=True)
 
 
 def load(path: str | Path) -> Trace:

@@ -138,4 +138,4 @@ def _length_mm(facts: dict[str, Any], number: int) -> float:
     tool = rows_by(facts, "tools", "number").get(str(number))
     if tool is None:
         raise Refusal.told(409, "refused", "no_tool", number=number)
-    return float(tool["length_mm"])
+    return float(tool["length_mm"]) + float(tool.get("wear_length_mm", 0.0))

@@ -11,7 +11,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +19,14 @@ import numpy.typing as npt
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import ToolSpline
-from controller.plan.feed.limits import JUMP_SHARE, Derivatives, JointLimits, derivatives
+from controller.plan.feed.limits import (
+    JUMP_SHARE,
+    Derivatives,
+    JointLimits,
+    derivatives,
+    kind,
+    together,
+)
 from controller.plan.route.stretch import Stretch
 
 Array = npt.NDArray[np.float64]
@@ -31,6 +38,7 @@ MARGIN = 0.998  # of each limit, for what differences on nodes do not see
 # for the jump of acceleration that comes with it.
 RATE_SHARE = 0.7
 
+REMEMBERED = 256  # stretches: more than a window has
 APART = 1e-3  # unit of s: of marks closer than that only the boundaries of stretches count
 
 # A jump of acceleration, sampled, is spread over three ticks by the quadratic B-spline,
@@ -80,12 +88,26 @@ class Course:
         """
         index = self.index(s) if index is None else index
         found = [np.empty((len(s), 5)) for _ in range(3)]
-        for k in np.unique(index):
-            here, stretch = index == k, self.stretches[k]
-            local = np.clip(s[here] - self.starts[k], 0.0, stretch.motion.end)
-            d = derivatives(stretch, local, self.kinematics)
+        for members in self._alike(index):
+            here = np.isin(index, members)
+            of = np.searchsorted(members, index[here])
+            stretches = [self.stretches[k] for k in members]
+            ends = np.array([stretch.motion.end for stretch in stretches])[of]
+            local = np.clip(s[here] - self.starts[index[here]], 0.0, ends)
+            if len(stretches) == 1:
+                d = derivatives(stretches[0], local, self.kinematics)
+            else:
+                d = together(stretches, local, of, self.kinematics)
             found[0][here], found[1][here], found[2][here] = d.first, d.second, d.third
         return Derivatives(*found)
+
+    def _alike(self, index: Index) -> list[list[int]]:
+        """The stretches that are asked for, those together whose derivatives can be taken together."""
+        groups: dict[object, list[int]] = {}
+        for k in np.unique(index).tolist():
+            what = kind(self.stretches[k], self.kinematics)
+            groups.setdefault(k if what is None else (what,), []).append(k)
+        return list(groups.values())
 
     def feed(self, s: Array, index: Index | None = None) -> Array:
         """Programmed feed times override at each place (N,), in the unit of s per second; inf on rapids."""
@@ -152,13 +174,17 @@ class Course:
     def jump(self, k: int) -> Jump:
         """What jumps between stretch ``k`` and the next."""
         if k not in self._jumps:
-            before, after = self.stretches[k], self.stretches[k + 1]
-            left = derivatives(before, np.array([before.motion.end]), self.kinematics)
-            right = derivatives(after, np.array([0.0]), self.kinematics)
+            left, right = (_at_ends(one, self.kinematics) for one in self.stretches[k : k + 2])
             self._jumps[k] = Jump(
-                np.abs(right.first[0] - left.first[0]), np.abs(right.second[0] - left.second[0])
+                np.abs(right.first[0] - left.first[1]), np.abs(right.second[0] - left.second[1])
             )
         return self._jumps[k]
+
+
+@lru_cache(REMEMBERED)
+def _at_ends(stretch: Stretch, kinematics: Kinematics) -> Derivatives:
+    """At its beginning and its end: whoever looks at a boundary asks for them again."""
+    return derivatives(stretch, np.array([0.0, stretch.motion.end]), kinematics)
 
 
 def slowest(course: Course, k: int) -> float:

@@ -18,23 +18,27 @@ speed is zero, and plain differences of w are accurate everywhere.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from controller import jets
+from controller.curves import Bezier, Curve
 from controller.geometry import Number, norm
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import JointMove, SurfaceCut, ToolLine, ToolSpline
 from controller.plan.route import tool_paths
-from controller.plan.route.branch import joints_along
+from controller.plan.route.branch import joints_along, one_branch
 from controller.plan.route.stretch import Stretch
+from controller.surfaces import RuledSurface, Surface
 from controller.touches import seen_at
 
 Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+Pair = tuple[Number, Number]  # of the rotaries
 
 # Exact derivatives of the rotaries are 0/0 at a pole and lose 1/distance^3 digits
 # beside it; a micron inside they are those of the limit. A touch tells them at the pole itself.
@@ -88,9 +92,9 @@ def _derivatives_of_move(move: JointMove, s: Array) -> Derivatives:
     return Derivatives(*found)
 
 
-def _series_in_arc_length(cut: SurfaceCut, u: Array) -> jets.Jet:
+def _series_in_arc_length(lower: Curve, u: Array) -> jets.Jet:
     """u as a series in arc length: the reversion of s(u), whose rate is abs(C1')."""
-    rate = cut.surface.lower.derivative(jets.variable(u), 1, jets)
+    rate = lower.derivative(jets.variable(u), 1, jets)
     b = jets.sqrt(rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2]).c
     b1, b2, b3 = (np.broadcast_to(b[k] / (k + 1.0), u.shape) for k in range(3))  # a line's rate is one number
     return jets.Jet(np.stack([u, 1.0 / b1, -b2 / b1**3, (2.0 * b2 * b2 - b1 * b3) / b1**5]))
@@ -113,17 +117,79 @@ def _margins(cut: SurfaceCut) -> tuple[float, float]:
 def _derivatives_of_cut(stretch: Stretch, cut: SurfaceCut, s: Array, kinematics: Kinematics) -> Derivatives:
     first, last = (min(margin, cut.end / 3) for margin in _margins(cut))
     inside = np.clip(s, first, cut.end - last)
-    series = _series_in_arc_length(cut, cut.arc.u_along(inside))
-    tip, axis = cut.surface.pose(series, cut.offset_mm, jets)
+    branch = one_branch(stretch, cut, kinematics)
+
+    def own(pairs: Sequence[Pair]) -> Pair:
+        if branch is not None:
+            return pairs[branch]
+        return _matching(pairs, joints_along(stretch, inside, kinematics), kinematics)
+
+    return _derived(cut, cut.surface, cut.arc.u_along(inside), kinematics, own)
+
+
+def _derived(
+    cut: SurfaceCut,
+    surface: Surface,
+    u: Array,
+    kinematics: Kinematics,
+    own: Callable[[Sequence[Pair]], Pair],
+) -> Derivatives:
+    """At the parameters ``u`` (N,) of a surface, the rest as in ``cut``; ``own`` takes a branch."""
+    series = _series_in_arc_length(surface.lower, u)
+    tip, axis = surface.pose(series, cut.offset_mm, jets)
     tip, axis = cut.part.to_parent(tip), cut.part.turn(axis)
-    shown = joints_along(stretch, inside, kinematics)
     seen = cut.seen_along(series, axis, kinematics, jets)
-    first, second = _matching(kinematics.branches(axis, jets, seen=seen), shown, kinematics)
+    first, second = own(kinematics.branches(axis, jets, seen=seen))
     x, y, z = kinematics.linear(tip, (first, second), cut.length_mm, jets)
     values: tuple[Number, ...] = (x, y, z, first, second)
     joint = [values[i] for i in kinematics.order]
-    orders = [np.stack([_coefficient(q, k, s) for q in joint], axis=1) for k in (1, 2, 3)]
+    orders = [np.stack([_coefficient(q, k, u) for q in joint], axis=1) for k in (1, 2, 3)]
     return Derivatives(orders[0], 2.0 * orders[1], 6.0 * orders[2])
+
+
+# ---- cuts of one kind, together: a row of short surfaces costs little more than one
+
+
+class _Row(Surface):
+    """Ruled surfaces as one whose control points are arrays: the n-th sample lies on surface ``of[n]``."""
+
+    __slots__ = ("lower", "ruling_curve", "upper")
+
+    def __init__(self, surfaces: Sequence[Surface], of: Index) -> None:
+        self.lower = self.upper = _gathered([one.lower for one in surfaces], of)
+        self.ruling_curve = _gathered([one.ruling_curve for one in surfaces], of)
+
+
+def _gathered(curves: Sequence[Curve], of: Index) -> Curve:
+    points = np.array([curve.points for curve in curves if isinstance(curve, Bezier)])[of]
+    return Bezier(tuple((p[:, 0], p[:, 1], p[:, 2]) for p in np.moveaxis(points, 1, 0)))
+
+
+def kind(stretch: Stretch, kinematics: Kinematics) -> object:
+    """What stretches have in common whose derivatives can be taken together; None: they cannot."""
+    cut = stretch.motion
+    if not isinstance(cut, SurfaceCut) or cut.touches or cut.beside_pole:
+        return None
+    lower, ruling = cut.surface.lower, cut.surface.ruling_curve
+    plain = type(cut.surface) is RuledSurface and isinstance(lower, Bezier) and isinstance(ruling, Bezier)
+    branch = one_branch(stretch, cut, kinematics) if plain else None
+    if branch is None or not isinstance(lower, Bezier) or not isinstance(ruling, Bezier):
+        return None
+    return len(lower.points), len(ruling.points), cut.offset_mm, cut.length_mm, cut.part, branch
+
+
+def together(stretches: Sequence[Stretch], s: Array, of: Index, kinematics: Kinematics) -> Derivatives:
+    """As ``derivatives`` for cuts of one kind: ``s`` (N,) in the stretches ``of`` (N,)."""
+    cuts = [one.motion for one in stretches if isinstance(one.motion, SurfaceCut)]
+    ends = np.array([cut.end for cut in cuts])[of]
+    margin = np.minimum(POLE_MARGIN_MM, ends / 3)
+    inside, u = np.clip(s, margin, ends - margin), np.empty(len(s))
+    for k in np.unique(of):
+        here = of == k
+        u[here] = cuts[k].arc.u_along(inside[here])
+    branch = one_branch(stretches[0], cuts[0], kinematics) or 0
+    row = _Row([cut.surface for cut in cuts], of)
+    return _derived(cuts[0], row, u, kinematics, lambda pairs: pairs[branch])
 
 
 def _coefficient(q: Number, k: int, s: Array) -> Array:

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +27,7 @@ from controller.surfaces import Cone
 
 Array = npt.NDArray[np.float64]
 
+REMEMBERED = 64  # cuts that are followed once: they are asked for again and again
 GATHERING = 0.02 * 0.5 ** np.arange(32.0)  # of u: where samples lie about a place beside the pole
 
 
@@ -66,9 +69,7 @@ class Field:
 
     def follow(self, start: Rotaries) -> Array:
         """Rotaries (N, 2) that begin next to ``start`` and never jump; raises BranchLost."""
-        begin = wrapped(self.pairs[:, 0] - np.array(start))
-        first = int(np.argmin(np.nansum(begin * begin, axis=1)))
-        index = (first + np.concatenate(([0], np.cumsum(self._switches())))) % 2
+        index = (self._nearest(start) + np.concatenate(([0], np.cumsum(self._switches())))) % 2
         values = self.pairs[index, np.arange(len(self.u))]
         free = np.isnan(values)
         values = np.where(free, np.array(start), values)
@@ -78,6 +79,14 @@ class Field:
         nearest = np.round((np.array(start) - values[0]) / TURN)
         values[1:] += TURN * turns
         return np.asarray(values + TURN * nearest)
+
+    def _nearest(self, start: Rotaries) -> int:
+        begin = wrapped(self.pairs[:, 0] - np.array(start))
+        return int(np.argmin(np.nansum(begin * begin, axis=1)))
+
+    def begun_on(self, start: Rotaries) -> int | None:
+        """The branch that begins next to ``start`` and keeps its name; None where it does not."""
+        return None if self._switches().any() else self._nearest(start)
 
     def _switches(self) -> Array:
         """Between which samples the branches exchange their names (N-1,)."""
@@ -186,9 +195,43 @@ def joints_along(stretch: Stretch, s: Array, kinematics: Kinematics) -> Array:
     if isinstance(motion, ToolSpline):
         return tool_paths.joints_along_spline(motion, s, kinematics)
     u = motion.arc.u_along(s)
-    found = field(motion, kinematics, u)
-    rotaries = found.follow(rotaries_of(stretch.start, kinematics))
-    return joints_on(motion, u, rotaries[np.searchsorted(found.u, u)], kinematics)
+    return joints_on(motion, u, _rotaries_along(stretch, motion, u, kinematics), kinematics)
+
+
+def one_branch(stretch: Stretch, cut: SurfaceCut, kinematics: Kinematics) -> int | None:
+    """Which of ``kinematics.branches`` a cut is on from end to end; None where they change names.
+
+    Raises BranchLost.
+    """
+    return _kept(cut, rotaries_of(stretch.start, kinematics), kinematics).branch
+
+
+def _rotaries_along(stretch: Stretch, cut: SurfaceCut, u: Array, kinematics: Kinematics) -> Array:
+    """Rotaries (N, 2) at parameters ``u`` (N,), in the turns in which the stretch begins."""
+    start = rotaries_of(stretch.start, kinematics)
+    kept = _kept(cut, start, kinematics)
+    if kept.branch is not None:
+        values = _solve(cut, kinematics, u).pairs[kept.branch]
+        if not np.isnan(values).any():
+            near = np.stack([np.interp(u, kept.u, rotary) for rotary in kept.rotaries.T], axis=1)
+            return np.asarray(values + TURN * np.round((near - values) / TURN))
+    found = field(cut, kinematics, u)
+    return found.follow(start)[np.searchsorted(found.u, u)]
+
+
+class _Kept(NamedTuple):
+    """A cut followed once: its one branch, and rotaries (N, 2) at ``u`` (N,), half a radian apart at most."""
+
+    branch: int | None
+    u: Array
+    rotaries: Array
+
+
+@lru_cache(REMEMBERED)
+def _kept(cut: SurfaceCut, start: Rotaries, kinematics: Kinematics) -> _Kept:
+    found = field(cut, kinematics)
+    even = not (cut.touches or cut.beside_pole or np.isnan(found.pairs).any())
+    return _Kept(found.begun_on(start) if even else None, found.u, found.follow(start))
 
 
 def _along_move(move: JointMove, s: Array) -> Array:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 from controller.curves import ArcLength, Bezier
 from controller.geometry import Number, Vector, add, cross, dot, norm, rotate, scale, subtract, unit
@@ -18,6 +18,7 @@ from controller.kinematics import Kinematics
 from controller.machine import Machine, Tool
 from controller.motions import SurfaceCut
 from controller.placement import Placed, Strategy, Turn
+from controller.plan.route.placements import name_of
 from controller.plan.route.placing import Cutter, place
 from controller.plan.route.stretch import Voice
 from controller.plan.route.touching import touched
@@ -56,8 +57,27 @@ DEFECTS = {
 # A check builds every block twice: to choose the branches of the whole program, and to trace it.
 REMEMBERED = 256
 SAME_RAD = math.radians(1e-6)  # axes nearer than this are one
-_defect = lru_cache(REMEMBERED)(defect)
-_concave_radius = lru_cache(REMEMBERED)(concave_radius)
+MOST_KNOWN = 20_000
+T = TypeVar("T")
+
+
+class _Known(Generic[T]):
+    """What a look at a surface has found, by its hash: of a thousand surfaces not one is kept for that."""
+
+    def __init__(self, look: Callable[..., T]) -> None:
+        self._look, self._found = look, dict[str, T]()
+
+    def __call__(self, surface: Surface, *asked: float) -> T:
+        name = name_of(surface, *asked)
+        if name not in self._found:
+            if len(self._found) >= MOST_KNOWN:
+                self._found.clear()
+            self._found[name] = self._look(surface, *asked)
+        return self._found[name]
+
+
+_defect = _Known(defect)
+_concave_radius = _Known(concave_radius)
 _arc: Callable[[Any], ArcLength] = lru_cache(REMEMBERED)(ArcLength.of)
 
 
@@ -106,6 +126,12 @@ def build(block: CutBlock, machine: Machine, voice: Voice) -> tuple[Cut, ...]:
     found = _defect(surface)
     if found is not None:
         voice.refuse(block.place, f"{code(block)}: {_describe(found)}")
+    if tool.radius_mm + block.modal.allowance_mm <= 0.0:
+        sentence = (
+            f"Q of {block.modal.allowance_mm:.3f} mm leaves nothing of T{tool.number} with its radius of "
+            f"{tool.radius_mm:.3f} mm; give a smaller correction"
+        )
+        voice.refuse(block.place, sentence)
     _audit_radius(block, surface, tool, machine, voice)
     try:
         return tuple(_cut(block, part, at, tool, machine) for part, at in _parts(block, surface))

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from controller.machine import TOOL_AT_POWER_ON, Machine
+from controller.machine import MOST_WEAR_MM, TOOL_AT_POWER_ON, Machine
 from controller.plan.text.codes import GROUPS, SURFACES, Ask
 from controller.plan.text.program import Act, Action, Block, Dwell, Modal, Side, Tip
 from controller.plan.text.words import Word
@@ -238,8 +238,19 @@ class _Settings:
                 f"{words['P'].text} is no placement of the cutter: P of {self.ask.code('side')} is 1 "
                 "(single), 2 (double) or 3 (optimal); write one of these, or nothing for the machine's own",
             )
-        allowance = self.ask.not_negative(words["Q"]) if "Q" in words else 0.0
-        return placement, allowance * self.state.mm_per_unit
+        return placement, self._allowance(words["Q"]) if "Q" in words else 0.0
+
+    def _allowance(self, word: Word) -> float:
+        """Q of G40 to G42 (mm): what stays on the surface, or, negative, a cutter's wear."""
+        allowance = word.value * self.state.mm_per_unit
+        if allowance < -MOST_WEAR_MM:
+            raise self.ask.refusal(
+                word,
+                f"{word.text} takes {-allowance:g} mm more off than the surface: Q of "
+                f"{self.ask.code('side')} is what stays on it, and below 0 the cutter's wear, at most "
+                f"{MOST_WEAR_MM:g} mm; correct it",
+            )
+        return allowance
 
     def _length(self) -> None:
         """G43 adds the length of the tool in the spindle, or of tool H; H0 is none.

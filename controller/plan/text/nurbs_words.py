@@ -22,6 +22,7 @@ from dataclasses import dataclass, field
 
 from controller.geometry import Vector
 from controller.machine import Machine
+from controller.plan.text import surface_doubts
 from controller.plan.text.codes import Ask
 from controller.plan.text.modal import State
 from controller.plan.text.program import CutNurbs, ProgramError
@@ -30,6 +31,7 @@ from controller.plan.text.words import Line, Word
 from controller.splines import ORDERS, BadSpline, BSpline
 
 MOST_POINTS = 5000
+SEEN_AT = 32  # rulings that are looked at to see which curve is above
 NUMBERED = {"P": "upper", "Q": "lower"}
 
 
@@ -58,6 +60,13 @@ def surface(ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> 
         _Reader(ask, name, order, state, lines).curve()
         for name, order in zip(NUMBERED.values(), orders, strict=True)
     )
+    above, below = ([curve.at(k / SEEN_AT) for k in range(SEEN_AT + 1)] for curve in (upper, lower))
+    if surface_doubts.is_upside_down(above, below, machine.offsets[state.modal.offset]):
+        raise ask.refusal(
+            word,
+            "the upper curve of this G6.2, the first one, lies below the lower one, so the tool would stand"
+            " upside down; exchange the two curves",
+        )
     return CutNurbs(ask.place(word), state.modal, upper, lower, feed)
 
 

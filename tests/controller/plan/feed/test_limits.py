@@ -16,6 +16,7 @@ from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import JointMove, SurfaceCut
 from controller.plan.feed import limits
+from controller.plan.feed.course import Course
 from controller.plan.feed.limits import Derivatives, JointLimits
 from controller.plan.route.stretch import Stretch
 from controller.plan.text.program import Place
@@ -190,3 +191,22 @@ def test_a_ramp_takes_the_length_that_two_jerks_take() -> None:
     t = math.sqrt(v / j)
     length = j * t**3 / 6 + (j * t * t / 2 * t + j * t**3 / 2 - j * t**3 / 6)
     assert limits.ramp_length(v, j) == pytest.approx(length)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_cuts_of_one_kind_taken_together_are_what_they_are_alone(kind: str) -> None:
+    built = machine(kind)
+    kinematics = Kinematics(built)
+    found = (cut_of(surface_of(seed), built, kinematics, 1.5, 80.0) for seed in range(8))
+    cuts = [cut for cut in found if cut is not None]
+    course = Course(cuts, built, kinematics)
+    s = np.sort(np.append(np.random.default_rng(1).uniform(0.0, course.length, 300), course.starts))
+    index = course.index(s)
+    assert len(course._alike(index)) < len(cuts)
+    row = course.derivatives(s)
+    for k, cut in enumerate(cuts):
+        here = index == k
+        alone = limits.derivatives(cut, s[here] - course.starts[k], kinematics)
+        for name in ("first", "second", "third"):
+            one, other = getattr(alone, name), getattr(row, name)[here]
+            np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-10 * np.abs(one).max())

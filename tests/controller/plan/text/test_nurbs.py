@@ -296,3 +296,9 @@ def test_defects_of_the_surface_are_found_in_the_blocks_own_parameter() -> None:
             nurbs(*(Written(4, c.knots, np.array(c.points) * (0.1, 1.0, 1.0)) for c in (upper, lower))),
             mill(),
         )
+
+
+def test_exchanged_curves_are_refused_as_such() -> None:
+    text = f"G21 G90\n{nurbs(bezier(LOWER), bezier(UPPER))}".encode()
+    with pytest.raises(ProgramError, match="exchange the two curves"):
+        blocks.read(text, mill(), "part.ngc")

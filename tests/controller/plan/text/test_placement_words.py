@@ -28,7 +28,7 @@ def test_a_p_that_another_code_of_the_line_takes_is_that_codes():
     assert modal_of("G40 G4 P2\n" + SURFACE).placement == 0
 
 
-@pytest.mark.parametrize("words", ("P4", "P0", "P1.5", "Q-0.1"))
+@pytest.mark.parametrize("words", ("P4", "P0", "P1.5", "Q-0.6"))
 def test_what_is_no_placement_is_refused(words):
     with pytest.raises(ProgramError):
         modal_of(f"G41 {words}\n" + SURFACE)

@@ -1,0 +1,53 @@
+"""Programs that mean harm: planned, or refused with a place in the program and a reason; nothing else."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+from hostile_programs import MACHINES, outcome, program
+
+from controller import config
+from controller.machine import Machine
+from controller.session.checked import NO_LAW
+
+FEW, MANY = 12, 40
+
+
+@pytest.fixture(scope="module")
+def machines() -> dict[str, Machine]:
+    return {name: config.load(name) for name in MACHINES}
+
+
+def checked(seeds: range, machines: dict[str, Machine], folder: Path) -> list[str]:
+    found = []
+    for seed in seeds:
+        name, text = program(seed)
+        try:
+            found.append(outcome(machines[name], text, folder))
+        except Exception as error:
+            raise AssertionError(f"seed {seed} on {name}") from error
+    return found
+
+
+def test_hostile_programs_are_planned_or_refused_with_a_place(
+    machines: dict[str, Machine], tmp_path: Path
+) -> None:
+    found = checked(range(FEW), machines, tmp_path)
+    assert len(set(found)) > FEW / 3, "they are refused for many reasons"
+
+
+@pytest.mark.slow
+def test_a_way_that_no_law_can_take_is_refused_with_its_place(
+    machines: dict[str, Machine], tmp_path: Path
+) -> None:
+    """A rotary would have to turn all but at once, where a ruling of P2 passes by the pole."""
+    assert checked(range(331, 332), machines, tmp_path) == [NO_LAW]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("batch", range(12))
+def test_more_hostile_programs(batch: int, machines: dict[str, Machine], tmp_path: Path) -> None:
+    first = 1000 + batch * MANY + 10_000 * int(os.environ.get("HOSTILE_SEED", "0"))
+    checked(range(first, first + MANY), machines, tmp_path)
