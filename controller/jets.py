@@ -37,7 +37,9 @@ class Jet:
     def __add__(self, other: Any) -> Jet:
         if isinstance(other, Jet):
             return Jet(self.c + other.c)
-        return Jet(np.stack([self.c[0] + other, *np.broadcast_arrays(*self.c[1:])]))
+        c = self.c.copy()
+        c[0] += other
+        return Jet(c)
 
     def __neg__(self) -> Jet:
         return Jet(-self.c)
@@ -52,7 +54,12 @@ class Jet:
         if not isinstance(other, Jet):
             return Jet(self.c * other)
         a, b = self.c, other.c
-        return Jet(np.stack([sum(a[i] * b[k - i] for i in range(k + 1)) for k in range(ORDER + 1)]))
+        if a.shape != b.shape:
+            return Jet(np.stack([sum(a[i] * b[k - i] for i in range(k + 1)) for k in range(ORDER + 1)]))
+        product = a[0] * b + 0.0  # as a sum begins: no -0.0
+        for i in range(1, ORDER + 1):
+            product[i:] += a[i] * b[:-i]
+        return Jet(product)
 
     def __truediv__(self, other: Any) -> Jet:
         if not isinstance(other, Jet):
@@ -95,6 +102,8 @@ def jet(value: Any) -> Jet:
 def _pair(x: Any, y: Any) -> tuple[Jet, Jet]:
     """Both as jets of one shape; one of them may be a number."""
     x, y = jet(x), jet(y)
+    if x.c.shape == y.c.shape:
+        return Jet(x.c + 0.0), Jet(y.c + 0.0)
     zero = np.zeros(np.broadcast_shapes(np.shape(x.c[0]), np.shape(y.c[0])))
     return Jet(np.stack([c + zero for c in x.c])), Jet(np.stack([c + zero for c in y.c]))
 
@@ -155,10 +164,12 @@ def acos(x: Any) -> Jet:
 
 def _rate(x: Jet) -> Jet:
     """x' as a series; its last coefficient is unknown, left 0 and not used by ``_integral``."""
-    a = x.c
-    return Jet(np.stack([a[1], 2.0 * a[2], 3.0 * a[3], np.zeros(np.shape(a[0]))]))
+    rate = np.zeros_like(x.c)
+    rate[0], rate[1], rate[2] = x.c[1], 2.0 * x.c[2], 3.0 * x.c[3]
+    return Jet(rate)
 
 
 def _integral(value: Array, rate: Jet) -> Jet:
-    r = rate.c
-    return Jet(np.stack([np.broadcast_to(value, np.shape(r[0])), r[0], r[1] / 2.0, r[2] / 3.0]))
+    r, c = rate.c, np.empty_like(rate.c)
+    c[0], c[1], c[2], c[3] = value, r[0], r[1] / 2.0, r[2] / 3.0
+    return Jet(c)
