@@ -6,6 +6,7 @@ not wait for what plans and simulates.
 
 from __future__ import annotations
 
+import gc
 import importlib
 import inspect
 import json
@@ -63,7 +64,7 @@ class Commands(TyperGroup):
 
 def _loaded(file: str) -> dict[str, Any]:
     """The commands of one file, by name."""
-    module = importlib.import_module(f"controller.commands.{file}")
+    module = _imported(f"controller.commands.{file}")
     holder = typer.Typer()
     if hasattr(module, "register"):
         module.register(holder)
@@ -71,6 +72,19 @@ def _loaded(file: str) -> dict[str, Any]:
         for name in FILES[file]:
             _add(holder, name, module)
     return dict(typer.main.get_group(holder).commands)
+
+
+def _imported(name: str) -> ModuleType:
+    """A module, the collector resting meanwhile: what is imported stays, and is never looked through."""
+    if name in sys.modules or not gc.isenabled():
+        return importlib.import_module(name)
+    gc.disable()
+    try:
+        module = importlib.import_module(name)
+        gc.freeze()
+    finally:
+        gc.enable()
+    return module
 
 
 def _add(holder: typer.Typer, name: str, module: ModuleType) -> None:

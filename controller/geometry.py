@@ -88,8 +88,9 @@ class Frame(NamedTuple):
     z: Vector = Z
 
     def turn(self, v: Vector) -> Vector:
-        """A direction of this frame in the parent frame."""
-        return add(add(scale(self.x, v[0]), scale(self.y, v[1])), scale(self.z, v[2]))
+        """A direction of this frame in the parent frame; written out in components for the tick."""
+        (ax, ay, az), (bx, by, bz), (cx, cy, cz), (x, y, z) = self.x, self.y, self.z, v
+        return ax * x + bx * y + cx * z, ay * x + by * y + cy * z, az * x + bz * y + cz * z
 
     def to_parent(self, p: Vector) -> Vector:
         """A point of this frame in the parent frame."""

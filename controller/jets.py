@@ -100,6 +100,8 @@ def jet(value: Any) -> Jet:
 def _pair(x: Any, y: Any) -> tuple[Jet, Jet]:
     """Both as jets of one shape; one of them may be a number."""
     x, y = jet(x), jet(y)
+    if x.c.shape == y.c.shape:
+        return Jet(x.c + 0.0), Jet(y.c + 0.0)
     zero = np.zeros(np.broadcast_shapes(np.shape(x.c[0]), np.shape(y.c[0])))
     return Jet(np.stack([c + zero for c in x.c])), Jet(np.stack([c + zero for c in y.c]))
 
@@ -181,10 +183,12 @@ def acos(x: Any) -> Jet:
 
 def _rate(x: Jet) -> Jet:
     """x' as a series; its last coefficient is unknown, left 0 and not used by ``_integral``."""
-    a = x.c
-    return Jet(np.stack([a[1], 2.0 * a[2], 3.0 * a[3], np.zeros(np.shape(a[0]))]))
+    rate = np.zeros_like(x.c)
+    rate[0], rate[1], rate[2] = x.c[1], 2.0 * x.c[2], 3.0 * x.c[3]
+    return Jet(rate)
 
 
 def _integral(value: Array, rate: Jet) -> Jet:
-    r = rate.c
-    return Jet(np.stack([np.broadcast_to(value, np.shape(r[0])), r[0], r[1] / 2.0, r[2] / 3.0]))
+    r, c = rate.c, np.empty_like(rate.c)
+    c[0], c[1], c[2], c[3] = value, r[0], r[1] / 2.0, r[2] / 3.0
+    return Jet(c)

@@ -10,7 +10,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -31,6 +31,10 @@ from controller.toml_table import ConfigError
 from controller.verify import tables
 from controller.verify.console import Refused, bar, refusals, show, tell
 from controller.verify.rows import Rows
+
+if TYPE_CHECKING:
+    from controller.session.stepped import Run
+    from controller.verify.trace import Trace
 
 ProgramFile = Annotated[Path, typer.Argument(help="The part program.")]
 MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
@@ -201,10 +205,11 @@ def simulate(
     as_json: Json = False,
 ) -> None:
     """Run a program on the stepped clock, with bus and simulated drives, as fast as it can."""
-    from controller.commands import fault_runs
+    from controller.commands import fault_runs, memory
     from controller.session.stepped import SteppedMachine
     from controller.verify import trace as traces
 
+    memory.keep_freed()
     with _refusals(as_json):
         made = _machine(machine, gouge, period_ms)
         script = fault_runs.read(faults, faults_from, made)
@@ -240,13 +245,7 @@ def simulate(
         refusal = bench.planner.error
         figures = {
             **_figures(task, "refused" if refusal else run.result, run.fault, unchecked),
-            **traces.summary(trace, made, task.kinematics, _length_mm(stretches)).to_dict(),
-            "binds": [bound.to_dict() for bound in tables.bound_in(run.rows, made)],
-            "skips": run.skips,
-            "assumed_resumes": run.assumed_resumes,
-            "events_left": run.events_left,
-            "wall_time_s": took_s,
-            "times_real_time": len(trace.time_s) * made.period_s / took_s,
+            **_run_figures(run, trace, task, _length_mm(stretches), took_s),
             **_notes(walk.notes, made),
             **under.facts(),
         }
@@ -280,6 +279,24 @@ def _figures(task: checked.Task, result: str, fault: Fault, unchecked: bool) -> 
         "result": result,
         "fault": fault.name if fault is not Fault.NONE else None,
         "checked": not unchecked,
+    }
+
+
+def _run_figures(
+    run: Run, trace: Trace, task: checked.Task, length_mm: float, took_s: float
+) -> dict[str, Any]:
+    """What came of a run on the stepped clock; ``length_mm`` of the tool that cut."""
+    from controller.verify import trace as traces
+
+    machine = task.machine
+    return {
+        **traces.summary(trace, machine, task.kinematics, length_mm).to_dict(),
+        "binds": [bound.to_dict() for bound in tables.bound_in(run.rows, machine)],
+        "skips": run.skips,
+        "assumed_resumes": run.assumed_resumes,
+        "events_left": run.events_left,
+        "wall_time_s": took_s,
+        "times_real_time": len(trace.time_s) * machine.period_s / took_s,
     }
 
 

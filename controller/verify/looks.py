@@ -22,7 +22,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from controller.curves import ArcLength
 from controller.machine import Tool
@@ -244,6 +243,8 @@ class Look:
 
     def _beside(self, by: By, cuts: Sequence[Look]) -> Flags:
         """Points (N,) within a radius of where the cuts of a motion's line end, or go if it is a cut."""
+        from scipy.spatial import cKDTree  # takes as long to import as a small program to look at
+
         beside = np.zeros(len(self.points), dtype=bool)
         for one in cuts:
             rulings = np.isin(one.u, (0.0, 1.0)) if by.name != "cut" else np.ones(len(one.u), dtype=bool)

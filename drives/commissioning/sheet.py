@@ -10,6 +10,7 @@ from __future__ import annotations
 import configparser
 import contextlib
 import io
+import pickle
 import re
 from collections.abc import Iterator
 from functools import lru_cache
@@ -17,7 +18,7 @@ from pathlib import Path
 from typing import Protocol
 
 import canopen
-from canopen.objectdictionary import ODVariable
+from canopen.objectdictionary import ObjectDictionary, ODVariable
 
 from drives.commissioning import overrides
 from drives.profile import Override
@@ -183,9 +184,27 @@ def read(text: str, name: str, node: int = 1) -> Sheet:
 
 def _read(mended: str, name: str, node: int) -> Sheet:
     with _refusals(name):
-        source = io.StringIO(mended)
-        source.name = "sheet.eds"  # canopen looks at the suffix
-        return Sheet(name, canopen.import_od(source, node))
+        dictionary: ObjectDictionary = pickle.loads(_imported(mended))
+    for entry in dictionary.indices.values():
+        for variable in [entry] if isinstance(entry, ODVariable) else entry.subindices.values():
+            _count_from(node, variable)
+    return Sheet(name, dictionary)
+
+
+@lru_cache(maxsize=16)
+def _imported(mended: str) -> bytes:
+    """The dictionary for node 0, once for all drives of a sheet; packed, for each may change its own."""
+    source = io.StringIO(mended)
+    source.name = "sheet.eds"  # canopen looks at the suffix
+    return pickle.dumps(canopen.import_od(source, 0))
+
+
+def _count_from(node: int, variable: ODVariable) -> None:
+    """What is relative to the node id ("$NODEID+0x200") in an entry that was read for node 0."""
+    for written, read in (("default_raw", "default"), ("value_raw", "value")):
+        text, number = getattr(variable, written, ""), getattr(variable, read)
+        if isinstance(number, int) and "$NODEID" in text.upper().replace(" ", ""):
+            setattr(variable, read, number + node)
 
 
 @contextlib.contextmanager

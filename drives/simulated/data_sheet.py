@@ -57,12 +57,19 @@ def key(index: int, sub: int = 0) -> int:
     return index << 8 | sub
 
 
-@lru_cache(maxsize=8)
-def load(path: Path = EDS) -> dict[int, Variable]:
-    """Read a data sheet: variables by key. Raises OSError or configparser.Error."""
+@lru_cache(maxsize=1)
+def _parsed(path: Path) -> configparser.ConfigParser:
+    """The sections of the sheet that is being read."""
     parser = configparser.ConfigParser(interpolation=None, strict=False)
     with open(path, encoding="latin-1") as file:
         parser.read_file(file)
+    return parser
+
+
+@lru_cache(maxsize=8)
+def load(path: Path = EDS) -> dict[int, Variable]:
+    """Read a data sheet: variables by key. Raises OSError or configparser.Error."""
+    parser = _parsed(path)
     variables = {}
     for section in parser.sections():
         index, _, sub = section.partition("sub")
@@ -84,9 +91,7 @@ def _identify(variables: dict[int, Variable], where: int, said: str) -> None:
 @lru_cache(maxsize=8)
 def dummies(path: Path = EDS) -> frozenset[int]:
     """Data types that an RPDO may map to skip bits (CiA 306-1, DummyUsage)."""
-    parser = configparser.ConfigParser(interpolation=None, strict=False)
-    with open(path, encoding="latin-1") as file:
-        parser.read_file(file)
+    parser = _parsed(path)
     if "DummyUsage" not in parser:
         return frozenset()
     return frozenset(int(name[-4:], 16) for name, used in parser["DummyUsage"].items() if used.strip() == "1")

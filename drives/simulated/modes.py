@@ -12,6 +12,7 @@ are statusword bits 10, 12 and 13, asked for when something has changed.
 from __future__ import annotations
 
 import math
+from operator import itemgetter
 from typing import TYPE_CHECKING, ClassVar
 
 from drives.settings import INT32_MAX, INT32_MIN
@@ -28,7 +29,8 @@ REACHED, BIT_12, BIT_13 = 1 << 10, 1 << 12, 1 << 13
 ENDLESS = 0xFFFF_FFFF
 UNLIMITED = 0xFFFF  # 6072h
 OFFSETS = (0x60B0, 0x60B1, 0x60B2)
-BETWEEN = tuple(key(index) for index in (0x607F, 0x60C5, 0x60C6, *OFFSETS))  # target and demand of csp
+# What stands between target and demand of csp, of a dictionary's values.
+_between = itemgetter(*(key(index) for index in (0x607F, 0x60C5, 0x60C6, *OFFSETS)))
 
 
 class Mode:
@@ -102,7 +104,7 @@ class CyclicPosition(Mode):
     def begin(self) -> Demand | None:
         self._speed = Speed(self.axis.servo, self.axis.period_s)
         self._before = self.axis.servo.end
-        self._told: list[int] = []
+        self._told: tuple[int, ...] = ()
         return self._limited if self.limits else None
 
     @property
@@ -112,7 +114,7 @@ class CyclicPosition(Mode):
         endless = get(0x607F) == get(0x60C5) == get(0x60C6) == ENDLESS
         return not endless or self.axis.offsets_mapped or any(get(index) for index in OFFSETS)
 
-    def _take(self, told: list[int]) -> None:
+    def _take(self, told: tuple[int, ...]) -> None:
         """What stands between target and demand has been written."""
         units = self.axis.units
         limit = units.most_acceleration_at
@@ -123,16 +125,17 @@ class CyclicPosition(Mode):
 
     def _limited(self) -> float:
         axis = self.axis
-        values = axis.dictionary.values
-        if (told := [values[where] for where in BETWEEN]) != self._told:
+        if (told := _between(axis.dictionary.values)) != self._told:
             self._take(told)
         aim = axis.target + self._offset
         wanted = axis.within(aim) if axis.units.plain else max(axis.low, min(axis.high, aim))
-        speed = (wanted - axis.servo.end) / axis.period_s
-        own, self._before = (wanted - self._before) / axis.period_s, wanted
-        reached = self._speed.after(speed, own, wanted - axis.servo.end, self._profile)
+        period_s = axis.period_s
+        distance = wanted - axis.servo.end
+        speed = distance / period_s
+        own, self._before = (wanted - self._before) / period_s, wanted
+        reached = self._speed.after(speed, own, distance, self._profile)
         axis.say_limit(reached != speed or wanted != aim)
-        return wanted if reached == speed else axis.servo.end + reached * axis.period_s
+        return wanted if reached == speed else axis.servo.end + reached * period_s
 
 
 class CyclicVelocity(Mode):

@@ -66,11 +66,12 @@ class Speed:
         target is closed in on no faster than the profile can brake down to its speed.
         """
         most = profile.speed
+        if -most <= speed <= most:
+            change = self._change(speed, profile)
+            if -change <= speed - self.now <= change and -change <= speed - own <= change:
+                self.now = speed
+                return speed
         allowed = max(-most, min(most, speed))
-        off = max(abs(speed - self.now), abs(speed - own))
-        if allowed == speed and off <= self._change(speed, profile):
-            self.now = speed
-            return speed
         t, d = self._period_s, profile.deceleration
         if d != math.inf:
             closes = d * (math.sqrt(t * t + 2.0 * abs(distance) / d) - t)

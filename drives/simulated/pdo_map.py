@@ -30,6 +30,7 @@ SYNCHRONOUS_REMOTE, REMOTE = 252, 253  # sampled at SYNC, or when asked
 RESERVED_TO_TPDO, RESERVED_TO_RPDO = range(241, 252), range(241, 254)
 SKIPPED = -1  # key of a dummy entry
 INHIBIT_S, EVENT_S = 1e-4, 1e-3  # units of sub-indexes 3 and 5
+_ONES = tuple((1 << 8 * size) - 1 for size in range(LONGEST + 1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,6 +52,11 @@ class Pdo:
         return self.kind <= LAST_SYNCHRONOUS
 
     @property
+    def looks_at_sync(self) -> bool:
+        """Of a TPDO: SYNC has it sent, or its objects sampled."""
+        return self.synchronous or self.kind == SYNCHRONOUS_REMOTE
+
+    @property
     def event_driven(self) -> bool:
         return self.kind >= 254
 
@@ -65,10 +71,10 @@ class Pdo:
 
     def data(self, dictionary: Dictionary) -> bytes:
         """The objects' present values."""
-        data = b""
+        data, readers, values = b"", dictionary.readers, dictionary.values
         for where, size, _ in self.fields:
-            value = dictionary.get(where >> 8, where & 0xFF) & (1 << 8 * size) - 1
-            data += value.to_bytes(size, "little")
+            value = readers[where]() if where in readers else values[where]
+            data += (value & _ONES[size]).to_bytes(size, "little")
         return data
 
     def frame(self, data: bytes) -> bytes:

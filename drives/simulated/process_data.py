@@ -63,7 +63,7 @@ class ProcessData:
         """
         before = {out.pdo: out for out in self.outgoing}
         self.outgoing = [before.get(pdo) or Outgoing(pdo) for pdo in tpdos]
-        self._at_sync = [out for out in self.outgoing if out.pdo != fast]
+        self._at_sync = [out for out in self.outgoing if out.pdo != fast and out.pdo.looks_at_sync]
         self.events = [out for out in self.outgoing if out.pdo.event_driven]
         for gone in (pdo for pdo in self._watched if pdo not in rpdos):
             self._came_s.pop(gone.can_id, None)
@@ -190,7 +190,10 @@ class ProcessData:
 
     def watch(self, pdo: Pdo, now_s: float) -> None:
         """The deadline of an RPDO (its event timer) starts with the first one that comes."""
+        running = pdo.can_id in self._came_s
         self._came_s[pdo.can_id] = now_s
+        if running and not self._emergencies.active:
+            return
         self._emergencies.gone(LATE, now_s)
         name = f"rpdo {pdo.can_id:x}"
         if not self._station.waiting(name):

@@ -58,6 +58,8 @@ class Setpoints(ABC):
 
     def within(self, target: float) -> int:
         """A position inside of the software limits."""
+        if self.low <= target <= self.high:
+            return round(target)
         return round(max(self.low, min(self.high, target)))
 
     def bounded(self, demand: float) -> float:

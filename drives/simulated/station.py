@@ -38,13 +38,13 @@ class Station:
 
     def timer(self, now_s: float) -> None:
         """Run the alarms that are due."""
-        for name, alarm in list(self._alarms.items()):
-            at_s, what = alarm
+        alarms = self._alarms
+        for name, alarm in [item for item in alarms.items() if item[1][0] <= now_s]:
             # An alarm that ran before may have taken this one back or set it anew.
-            if at_s <= now_s and self._alarms.get(name) is alarm:
-                del self._alarms[name]
-                what(now_s)
-        self.due_s = min((at_s for at_s, _ in self._alarms.values()), default=math.inf)
+            if alarms.get(name) is alarm:
+                del alarms[name]
+                alarm[1](now_s)
+        self.due_s = min([at_s for at_s, _ in alarms.values()], default=math.inf)
 
     def alarm(self, name: str, at_s: float, what: Alarm) -> None:
         """Call ``what`` at a time; a name has one alarm, the newest."""

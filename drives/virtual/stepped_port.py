@@ -6,6 +6,7 @@ import math
 from collections import deque
 from collections.abc import Callable
 from heapq import heappop, heappush
+from struct import Struct
 from typing import TYPE_CHECKING
 
 from drives import pdo
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 PORT_LIMIT = 1024  # received frames kept for a port that does not read; the oldest go first
 
 SYNC_FRAME = bytes(pdo.frame(pdo.SYNC))
+_IDENTIFIER = Struct("<I").unpack_from
 
 
 class Port:
@@ -41,10 +43,11 @@ class Port:
 
     def send(self, frame: bytes | bytearray | memoryview) -> bool:
         """Queue 16-byte frames, one or several, at the bus's present time; False when the queue is full."""
-        if len(frame) != FRAME_BYTES:
-            return all([self.send(frame[at : at + FRAME_BYTES]) for at in range(0, len(frame), FRAME_BYTES)])
-        bus = self._bus
-        return bus.submit(self._source, bus.now_s, int.from_bytes(frame[:4], "little"), bytes(frame))
+        bus, source, packet, good = self._bus, self._source, bytes(frame), True
+        for at in range(0, len(packet), FRAME_BYTES):
+            one = packet[at : at + FRAME_BYTES]
+            good = bus.submit(source, bus.now_s, _IDENTIFIER(one)[0], one) and good
+        return good
 
     def receive_into(self, buffer: bytearray | memoryview) -> bool:
         """The oldest received frame into ``buffer[:16]``; False when there is none."""

@@ -44,7 +44,7 @@ Handler = Callable[[bytes, float], None]
 Filters = Sequence[tuple[int, int]]
 Tamper = Callable[[float, int, bytes], Sequence[float]]
 _Ready = tuple[int, int, int, int, bytes]  # rank, sequence, source, id, frame
-_Pending = tuple[float, int, int, int, int, bytes]  # time, rank, ...
+_Pending = tuple[float, _Ready]  # from when on it may take part in the arbitration
 
 
 class Fate(Enum):
@@ -204,7 +204,7 @@ class SteppedBus:
         waiting[source] += 1
         self._sequence += 1
         order = can_id << BASE_AT if can_id < 0x800 else rank(can_id)
-        heappush(self._pending, (at_s, order, self._sequence, source, can_id, frame))
+        heappush(self._pending, (at_s, (order, self._sequence, source, can_id, frame)))
         return True
 
     def _tampered(self, source: int, at_s: float, can_id: int, frame: bytes) -> bool:
@@ -214,7 +214,7 @@ class SteppedBus:
         for delay_s in self.tamper(at_s, can_id, frame):
             self._waiting[source] += 1
             self._sequence += 1
-            heappush(self._pending, (at_s + delay_s, rank(can_id), self._sequence, source, can_id, frame))
+            heappush(self._pending, (at_s + delay_s, (rank(can_id), self._sequence, source, can_id, frame)))
         return True
 
     def submit_again(self, source: int, at_s: float, can_id: int, frame: bytes) -> int:
@@ -222,7 +222,7 @@ class SteppedBus:
         self._sequence += 1
         if self._waiting[source] < MUTED // 2:
             self._waiting[source] += 1
-            heappush(self._pending, (at_s, rank(can_id), self._sequence, source, can_id, frame))
+            heappush(self._pending, (at_s, (rank(can_id), self._sequence, source, can_id, frame)))
         return self._sequence
 
     def is_full(self, source: int) -> bool:
@@ -262,30 +262,34 @@ class SteppedBus:
         submit ---> pending (by time) ---> ready (by arbitration) ---> wire ---> routes
         """
         pending, ready, waiting, bit_s = self._pending, self._ready, self._waiting, self._bit_s
+        bits_of, all_routes = self._bits, self._routes
         while True:
-            limit_s = until_s if until_s < self.due_s else self.due_s
+            start_s = self._free_s
             if self._flying is not None:
-                if self._free_s > limit_s:
+                if start_s > until_s or start_s > self.due_s:
                     return
                 can_id, source, frame = self._flying
                 self._flying = None
-                self.now_s = self._free_s
-                routes = self._routes[source].get(can_id)
+                self.now_s = start_s
+                routes = all_routes[source].get(can_id)
                 if routes is None:
                     routes = self._route(source, can_id)
                 for handler in routes:
-                    handler(frame, self._free_s)
-                continue  # a handler may have brought the next timer nearer
-            start_s = self._free_s
+                    handler(frame, start_s)
             if not ready:
-                if not pending or pending[0][0] > limit_s:
+                if not pending:
                     return
-                start_s = max(start_s, pending[0][0])
+                first_s = pending[0][0]
+                # A handler may have brought the next timer nearer.
+                if first_s > until_s or first_s > self.due_s:
+                    return
+                if first_s > start_s:
+                    start_s = first_s
             while pending and pending[0][0] <= start_s:
-                heappush(ready, heappop(pending)[1:])
+                heappush(ready, heappop(pending)[1])
             _, sequence, source, can_id, frame = heappop(ready)
             waiting[source] -= 1
-            taken_s = self._bits(can_id, frame) * bit_s if bit_s else 0.0
+            taken_s = bits_of(can_id, frame) * bit_s if bit_s else 0.0
             if self.faults is not None or self.errors.troubled:
                 fate = self._judged(start_s, can_id, sequence, source, frame)
                 if fate is Fate.WITHHELD:
@@ -306,7 +310,7 @@ class SteppedBus:
         for node in self._nodes.values():
             if node.due_s <= now_s:
                 node.timer(now_s)
-        self.due_s = max(now_s, min(node.due_s for node in self._nodes.values()))
+        self.due_s = max(now_s, min([node.due_s for node in self._nodes.values()]))
 
     def _source(self, controller: Controller | None = None) -> int:
         controller = controller or Controller()
@@ -331,7 +335,7 @@ class SteppedBus:
     def mute(self, source: int) -> None:
         """Nothing more of this source goes out; what it had waiting is gone."""
         self._waiting[source] = MUTED
-        self._pending[:] = [entry for entry in self._pending if entry[3] != source]
+        self._pending[:] = [entry for entry in self._pending if entry[1][2] != source]
         self._ready[:] = [entry for entry in self._ready if entry[2] != source]
         heapify(self._pending)
         heapify(self._ready)

@@ -65,12 +65,13 @@ class Way:
         that is known to end at ``ends`` (N,) leaves no room for the jump of a junction behind that.
         """
         i = self._cell(s)
-        rows = self._rows[i]
-        found = rows[:, :15] + (s - self.s[i])[:, None] * rows[:, 15:]
-        about = self._about[:, i]
+        found = self._slope.take(i, axis=1)
+        found *= s - self.s[i]
+        found += self._value.take(i, axis=1)
+        about = self._about.take(i, axis=1)
         if ends is not None:
-            about = np.where(ends < self._ahead[i], self._about_before[:, i], about)
-        return np.ascontiguousarray(found.T), about
+            about = np.where(ends < self._ahead[i], self._about_before.take(i, axis=1), about)
+        return found, about
 
     def still(self, s: Array) -> Array:
         """Largest jerk along the path that the joints allow at no speed, (N,)."""
@@ -83,7 +84,8 @@ class Way:
     def _fill(self, places: Array, derived: Array) -> None:
         slope = np.diff(derived, axis=0) / np.diff(places)[:, None]
         slope[np.diff(places) <= 2.0 * LEAST_STEP] = 0.0  # the jump at a junction
-        self.s, self._rows = places, np.concatenate([derived[:-1], slope], axis=1)
+        self.s = places
+        self._value, self._slope = np.ascontiguousarray(derived[:-1].T), np.ascontiguousarray(slope.T)
 
     def _refined(self, course: Course, places: Array, s: Array, v: Array) -> tuple[Array, Array]:
         """More places where a straight line between two is not good enough at the plan's speed."""

@@ -1,0 +1,19 @@
+"""Memory that arrays give back stays with the process: it is asked for again within the same millisecond."""
+
+from __future__ import annotations
+
+import ctypes
+
+# glibc's malloc.h. By default an array of 128 kB and more is a mapping of its own, and what is free at the
+# end of the heap goes back to the system: the pages of the next array must be made and cleared anew.
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3
+LARGEST_BYTES = 32 << 20  # the most that glibc takes as a limit of what comes from the heap
+KEPT_BYTES = 128 << 20
+
+
+def keep_freed() -> None:
+    """For the rest of this process; without glibc nothing is changed."""
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:
+        mallopt(_MMAP_THRESHOLD, LARGEST_BYTES)
+        mallopt(_TRIM_THRESHOLD, KEPT_BYTES)
