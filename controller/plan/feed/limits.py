@@ -30,6 +30,7 @@ from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import JointMove, SurfaceCut, ToolLine, ToolSpline
 from controller.plan.route import tool_paths
+from controller.plan.route.blending import in_arc_length
 from controller.plan.route.branch import joints_along
 from controller.plan.route.stretch import Stretch
 from controller.touches import seen_at
@@ -88,14 +89,6 @@ def _derivatives_of_move(move: JointMove, s: Array) -> Derivatives:
     return Derivatives(*found)
 
 
-def _series_in_arc_length(cut: SurfaceCut, u: Array) -> jets.Jet:
-    """u as a series in arc length: the reversion of s(u), whose rate is abs(C1')."""
-    rate = cut.surface.lower.derivative(jets.variable(u), 1, jets)
-    b = jets.sqrt(rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2]).c
-    b1, b2, b3 = (np.broadcast_to(b[k] / (k + 1.0), u.shape) for k in range(3))  # a line's rate is one number
-    return jets.Jet(np.stack([u, 1.0 / b1, -b2 / b1**3, (2.0 * b2 * b2 - b1 * b3) / b1**5]))
-
-
 def _margins(cut: SurfaceCut) -> tuple[float, float]:
     """How far (mm) inside the start and the end of a cut its derivatives are taken."""
     lower = cut.surface.lower
@@ -113,7 +106,7 @@ def _margins(cut: SurfaceCut) -> tuple[float, float]:
 def _derivatives_of_cut(stretch: Stretch, cut: SurfaceCut, s: Array, kinematics: Kinematics) -> Derivatives:
     first, last = (min(margin, cut.end / 3) for margin in _margins(cut))
     inside = np.clip(s, first, cut.end - last)
-    series = _series_in_arc_length(cut, cut.arc.u_along(inside))
+    series = in_arc_length(cut.surface.lower, cut.arc.u_along(inside))
     tip, axis = cut.surface.pose(series, cut.offset_mm, jets)
     tip, axis = cut.part.to_parent(tip), cut.part.turn(axis)
     shown = joints_along(stretch, inside, kinematics)
