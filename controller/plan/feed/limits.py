@@ -39,7 +39,8 @@ Array = npt.NDArray[np.float64]
 
 # Exact derivatives of the rotaries are 0/0 at a pole and lose 1/distance^3 digits
 # beside it; a micron inside they are those of the limit. A touch tells them at the pole itself.
-POLE_MARGIN_MM = 1e-3
+# Where cuts join away from it a micron would be a jump of the rates that there is not.
+POLE_MARGIN_MM, CLEAR_OF_POLE = 1e-3, 1e-3
 LEAST_RATE = 1e-3  # of C1'' at an end: below that C1 stands still there, and s has no series
 
 # A jump of the joints' rates is spread over one tick. It may use this share of each
@@ -89,22 +90,21 @@ def _derivatives_of_move(move: JointMove, s: Array) -> Derivatives:
     return Derivatives(*found)
 
 
-def _margins(cut: SurfaceCut) -> tuple[float, float]:
+def _margins(cut: SurfaceCut, kinematics: Kinematics) -> tuple[float, float]:
     """How far (mm) inside the start and the end of a cut its derivatives are taken."""
     lower = cut.surface.lower
-    if not cut.touches:
-        return POLE_MARGIN_MM, POLE_MARGIN_MM
 
     def margin(u: float) -> float:
         rate, bend = (float(norm(lower.derivative(u, k))) for k in (1, 2))
-        told = seen_at(cut.touches, u) is not None and rate > LEAST_RATE * bend
-        return 0.0 if told else POLE_MARGIN_MM
+        axis = cut.part.turn(cut.surface.axis(u))
+        told = seen_at(cut.touches, u) is not None or kinematics.off_pole(axis) > CLEAR_OF_POLE
+        return 0.0 if told and rate > LEAST_RATE * bend else POLE_MARGIN_MM
 
     return margin(0.0), margin(1.0)
 
 
 def _derivatives_of_cut(stretch: Stretch, cut: SurfaceCut, s: Array, kinematics: Kinematics) -> Derivatives:
-    first, last = (min(margin, cut.end / 3) for margin in _margins(cut))
+    first, last = (min(margin, cut.end / 3) for margin in _margins(cut, kinematics))
     inside = np.clip(s, first, cut.end - last)
     series = in_arc_length(cut.surface.lower, cut.arc.u_along(inside))
     tip, axis = cut.surface.pose(series, cut.offset_mm, jets)

@@ -102,8 +102,8 @@ def _met(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voic
 def _blended(joint: blending.Joint) -> str:
     degrees, um = math.degrees(joint.angle_rad), 1000.0 * joint.deviates_mm
     return (
-        f"Joins {{}} within the joint tolerance: normals {degrees:.4f} degrees, rulings {joint.gap_mm:.6f} mm "
-        f"apart; a blend over {joint.reach_mm:.2f} mm on either side deviates by {um:.3f} um at most."
+        f"Joins {{}} within the joint tolerance: normals {degrees:.4f} degrees, gap {joint.gap_mm:.6f} mm; "
+        f"the blend over {joint.reach_mm:.2f} mm on either side deviates by {um:.3f} um at most."
     )
 
 
