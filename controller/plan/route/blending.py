@@ -39,6 +39,7 @@ TRIES = 10
 USED = 0.9  # of what the tolerance leaves, for what lies between the points that are looked at
 CLEAR_OF_POLE = 10.0  # times the change of the axis: so far from the pole it hardly turns a rotary
 BESIDE = 1.25  # times the blend's own reach is looked at
+MEANT_MM = 1e-9  # poses nearer than this are meant to be one
 SMOOTH, ALIKE = 1e-6, 3.0  # rad within a millimetre; times the tolerance, within the same
 _ALONG, _ACROSS = np.linspace(0.0, 1.0, 17), np.linspace(0.0, 1.0, 5)
 
@@ -100,13 +101,16 @@ def joined(before: Cut, after: Cut, allowed: Tolerance, kinematics: Kinematics) 
     return Joint(first, second, abs(angle), gap, found.reach_mm, deviates)
 
 
-def rates_differ_by_rounding(before: Cut, after: Cut, allowed: Tolerance) -> bool:
-    """Of two cuts whose poses agree: whether their rates do but for the rounding of the program.
+def differ_by_rounding(before: Cut, after: Cut, allowed: Tolerance) -> bool:
+    """Of two cuts whose poses agree within a nanometre or two: whether that, or their rates, is rounding.
 
-    Where the axis or the normal turns at quite another rate that is how the surfaces are meant.
+    Where the poses agree to the last digit and the axis or the normal turns at quite another rate,
+    that is how the surfaces are meant.
     """
     if allowed is EXACT:
         return False
+    if max(apart(before.end.contact, after.start.contact), apart(before.end.tip, after.start.tip)) > MEANT_MM:
+        return True
     with np.errstate(all="ignore"):
         one, other = _End.of(before.motion, False), _End.of(after.motion, True)
     if not (one.sound and other.sound):

@@ -84,7 +84,7 @@ def _met(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voic
     agree = shared and apart(end.tip, start.tip) <= SAME_MM and apart(end.axis, start.axis) <= SAME_RAD
     allowed = blending.tolerance(before, after, machine)
     joint = None
-    if not agree or blending.rates_differ_by_rounding(before, after, allowed):
+    if not agree or blending.differ_by_rounding(before, after, allowed):
         joint = blending.joined(before, after, allowed, kinematics)
     if joint is not None:
         return Met(Meeting.JOIN, _blended(joint), joint.before, joint.after)

@@ -16,6 +16,7 @@ from random_surfaces import Pair
 from sweeps import _through
 from traced import assert_whole, mill, named, sentences, trace
 
+from controller import config
 from controller.kinematics import Kinematics
 from controller.machine import Machine, Tool
 from controller.plan.feed.course import Course
@@ -83,7 +84,9 @@ def rates(stretch: Stretch, built: Machine, at_end: bool) -> tuple[np.ndarray, n
     return (-1.0 if at_end else 1.0) * fit[1] / h, 2.0 * fit[2] / h**2
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize(
+    "seed", [*range(10), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(10, 60))]
+)
 def test_a_joint_of_rounding_runs_through_twice_smoothly(seed: int) -> None:
     surfaces, built, traced = traced_or_skipped(seed)
     assert not named(traced, "pivot"), sentences(traced)
@@ -94,7 +97,7 @@ def test_a_joint_of_rounding_runs_through_twice_smoothly(seed: int) -> None:
         assert np.abs(np.subtract(before.end, after.start)).max() < 1e-9
         assert np.abs(a - b).max() < 1e-6 * (1.0 + np.abs(a).max()), seed
         assert np.abs(aa - bb).max() < 1e-3 * (1.0 + np.abs(aa).max()), seed
-        assert Course((before, after), built, Kinematics(built)).junction(0) > 1e4
+        assert Course((before, after), built, Kinematics(built)).junction(0) > 1e3, "mm/s"
     assert_whole(traced, built)
 
 
@@ -110,7 +113,7 @@ def test_the_same_joints_are_corners_without_the_blend() -> None:
     assert max(jumps) > 2e-4
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(6))
 def test_series_samples_and_floats_of_a_blended_cut_are_one(seed: int) -> None:
     _, built, traced = traced_or_skipped(seed)
     kinematics = Kinematics(built)
@@ -169,8 +172,9 @@ def points_beside(surface: Pair, side: float, u: np.ndarray) -> tuple[np.ndarray
 def added_mm(pairs: list[Pair], cuts: list[Stretch], side: float, built: Machine, k: int) -> float:
     """Largest change of what the k-th joint leaves, by the poses of the plan and by those of Eq. 5."""
     kinematics, radius = Kinematics(built), built.tools[0].radius_mm
-    planned = [poses(c, np.linspace(0.0, c.motion.end, 6001), kinematics) for c in cuts[k : k + 2]]
-    exact = [by_hand_poses(p, side * radius, np.linspace(0.0, 1.0, 6001)) for p in pairs[k : k + 2]]
+    halves = (np.linspace(0.4, 1.0, 1501), np.linspace(0.0, 0.6, 1501))  # of both blocks, towards the joint
+    planned = [poses(c, h * c.motion.end, kinematics) for c, h in zip(cuts[k : k + 2], halves, strict=True)]
+    exact = [by_hand_poses(p, side * radius, h) for p, h in zip(pairs[k : k + 2], halves, strict=True)]
     worst = 0.0
     for i, u in ((0, np.linspace(0.55, 1.0, 28)), (1, np.linspace(0.0, 0.45, 28))):
         points, normals = points_beside(pairs[k + i], side, u)
@@ -181,7 +185,9 @@ def added_mm(pairs: list[Pair], cuts: list[Stretch], side: float, built: Machine
     return worst
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize(
+    "seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 40))]
+)
 def test_a_blend_adds_less_than_the_tolerance_by_brute_force(seed: int) -> None:
     surfaces, built, traced = traced_or_skipped(seed)
     side = -1.0 if compound(seed)[2] == "G41" else 1.0
@@ -247,6 +253,13 @@ def test_g61_is_exact_and_g64_has_its_own_tolerances() -> None:
     assert float(short) <= 0.1
 
 
+def test_a_kink_of_the_rates_that_is_meant_stays_exact() -> None:
+    """Example 2: the poses agree, the rulings turn at quite another rate (slip 10)."""
+    text = config.shipped_program("example2").read_text()
+    traced = trace(text, mill(gouge="warn"))
+    assert "Joins the block of line 1: the poses agree and the cut runs through." in sentences(traced)
+
+
 def test_a_machine_without_a_tolerance_pivots() -> None:
     built = mill(joint_tolerance_mm=0.0)
     assert len(named(trace(walls(0.1), built), "pivot")) == 1
@@ -274,7 +287,7 @@ def test_a_gap_within_the_tolerance_is_blended_and_counted() -> None:
     assert len(joints_between(traced)) == 1 and 3.0 <= float(um) <= 5.0
 
 
-@pytest.mark.parametrize("placement", ["double", "optimal"])
+@pytest.mark.parametrize("placement", ["double", pytest.param("optimal", marks=pytest.mark.slow)])
 def test_placed_cutters_are_blended_too_or_pivot(placement: str) -> None:
     surfaces, _, side = compound(0)
     built = with_cutter(1.5, placement=placement)
