@@ -40,7 +40,7 @@ USED = 0.9  # of what the tolerance leaves, for what lies between the points tha
 CLEAR_OF_POLE = 10.0  # times the change of the axis: so far from the pole it hardly turns a rotary
 BESIDE = 1.25  # times the blend's own reach is looked at
 MEANT_MM = 1e-9  # poses nearer than this are meant to be one
-SMOOTH, ALIKE = 1e-6, 3.0  # rad within a millimetre; times the tolerance, within the same
+SMOOTH, ALIKE = 1e-9, 3.0  # rad within a millimetre; times the tolerance, within the same
 _ALONG, _ACROSS = np.linspace(0.0, 1.0, 17), np.linspace(0.0, 1.0, 5)
 
 
@@ -115,9 +115,9 @@ def differ_by_rounding(before: Cut, after: Cut, allowed: Tolerance) -> bool:
         one, other = _End.of(before.motion, False), _End.of(after.motion, True)
     if not (one.sound and other.sound):
         return False
-    step = np.abs(other.rows[1] - one.rows[1])
-    turn = max(float(step[3:].max()), float(step[:3].max()) / max(after.tool.radius_mm, 1.0))
-    return SMOOTH < turn * USEFUL_MM[0] <= ALIKE * allowed.rad
+    step = np.abs(other.rows[1:] - one.rows[1:])
+    turns = np.maximum(step[:, 3:].max(axis=1), step[:, :3].max(axis=1) / max(after.tool.radius_mm, 1.0))
+    return bool(turns.max() > SMOOTH and turns[0] * USEFUL_MM[0] <= ALIKE * allowed.rad)
 
 
 # ---- two motions -------------------------------------------------------------------
@@ -142,27 +142,30 @@ def _shortened(
     allowed_rad: float,
     kinematics: Kinematics,
 ) -> _Pair | None:
-    """The longest blend of the two, up to ``reach_mm``, that adds no more than ``allowed_mm``."""
+    """The longest blend of the two, up to ``reach_mm``, that adds no more than ``allowed_mm``.
+
+    Beside a pole, where no blend of the axis is short enough, of the tip alone.
+    """
     with np.errstate(all="ignore"):
         one, other = _End.of(before, False), _End.of(after, True)
     if allowed_mm <= 0.0 or not (one.sound and other.sound):
         return None
     half = 0.5 * (other.rows - one.rows)
-    looked = None
-    for _ in range(TRIES):
-        reaches = [min(reach_mm, SHARE * motion.end) for motion in (before, after)]
-        if max(reaches) < SHORTEST_MM:
-            return None
-        blends = one.blend(half, reaches[0]), other.blend(-half, reaches[1])
-        pair = _kept_clear(before, after, blends, allowed_rad, kinematics)
-        if pair is None:
-            reach_mm = 0.5 * max(reaches)
-            continue
-        looked = _Looked.at(before, after, blends)
-        off = looked.added(*pair)
-        if off <= allowed_mm:
-            return _Pair(*pair, max(reaches), off)
-        reach_mm = max(reaches) * min(0.8, max(0.2, 0.9 * math.sqrt(allowed_mm / off)))
+    for axis_too in (True, False):
+        reach = reach_mm
+        for _ in range(TRIES):
+            reaches = [min(reach, SHARE * motion.end) for motion in (before, after)]
+            if max(reaches) < SHORTEST_MM:
+                break
+            blends = one.blend(half, reaches[0]), other.blend(-half, reaches[1])
+            pair = _kept_clear(before, after, blends, axis_too, allowed_rad, kinematics)
+            if pair is None:
+                reach = 0.5 * max(reaches)
+                continue
+            off = _Looked.at(before, after, blends).added(*pair)
+            if off <= allowed_mm:
+                return _Pair(*pair, max(reaches), off)
+            reach = max(reaches) * min(0.8, max(0.2, 0.9 * math.sqrt(allowed_mm / off)))
     return None
 
 
@@ -228,20 +231,22 @@ def _kept_clear(
     before: SurfaceCut,
     after: SurfaceCut,
     blends: tuple[Blend, Blend],
+    axis_too: bool,
     allowed_rad: float,
     kinematics: Kinematics,
 ) -> tuple[SurfaceCut, SurfaceCut] | None:
-    """Both motions with their blends; beside a pole the axis, where both have the same, is left as it is.
+    """Both motions with their blends; None where the axis must not be changed, or where it must be.
 
-    There a rotary turns by far more than the axis, and whatever shifts the axis by a little might
-    lead it past the pole instead of through it.
+    Beside a pole a rotary turns by far more than the axis, and whatever shifts the axis by a little
+    might lead it past the pole instead of through it. There only the tip is blended, if the axes agree.
     """
     motions = before, after
     seen = [_axes(*one) for one in zip(motions, blends, strict=True)]
     change = max(float(np.abs(changed - plain).max()) for plain, changed in seen)
     clear = min(float(np.min(kinematics.off_pole(tuple(plain), np))) for plain, _ in seen)
-    if clear > CLEAR_OF_POLE * change and change <= allowed_rad:
-        return _with(before, blends[0]), _with(after, blends[1])
+    if axis_too:
+        sound = clear > CLEAR_OF_POLE * change and change <= allowed_rad
+        return (_with(before, blends[0]), _with(after, blends[1])) if sound else None
     if float(np.abs(seen[0][0][:, 0] - seen[1][0][:, 0]).max()) > SAME_RAD:
         return None
     first, second = (

@@ -19,6 +19,7 @@ from traced import assert_whole, mill, named, sentences, trace
 from controller import config
 from controller.kinematics import Kinematics
 from controller.machine import Machine, Tool
+from controller.placement import Blended
 from controller.plan.feed.course import Course
 from controller.plan.route.branch import joints_along
 from controller.plan.route.path import Chain, Path
@@ -72,7 +73,9 @@ def traced_or_skipped(seed: int, head: str = "") -> tuple[list[Pair], Machine, P
 
 def rates(stretch: Stretch, built: Machine, at_end: bool) -> tuple[np.ndarray, np.ndarray]:
     """First and second derivatives of the joints at an end, by differences of what the tick computes."""
-    kinematics, h = Kinematics(built), 0.004
+    kinematics, surface = Kinematics(built), stretch.motion.surface
+    widths = [1.0 / one.per_u for one in surface.blends] if isinstance(surface, Blended) else []
+    h = min(0.004, *(0.01 * width * stretch.motion.end for width in widths), 1.0)
     near = rotaries_of(stretch.end if at_end else stretch.start, kinematics)
     rows = []
     for k in range(7):
