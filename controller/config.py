@@ -17,6 +17,8 @@ from pathlib import Path
 from controller import drive_objects, equipment, profiles
 from controller.geometry import ZERO, Frame, Vector, X, Y, Z, cross, norm, rotate, scale, subtract
 from controller.machine import (
+    JOINT_TOLERANCE_DEG,
+    JOINT_TOLERANCE_MM,
     LONGEST_PROGRAM_H,
     MAX_QUICK_STOP_S,
     MOST_PROGRAM_H,
@@ -114,6 +116,8 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
         max_overcut_mm=general.positive_or_none("max_overcut_mm"),
         longest_program_h=general.number("longest_program_h", 0.01, MOST_PROGRAM_H, LONGEST_PROGRAM_H),
         tool_change_s=tools.number("change_s", 0.0, 3600.0, default=TOOL_CHANGE_S),
+        joint_tolerance_mm=general.number("joint_tolerance_mm", 0.0, 1.0, default=JOINT_TOLERANCE_MM),
+        joint_tolerance_deg=general.number("joint_tolerance_deg", 0.0, 5.0, default=JOINT_TOLERANCE_DEG),
     )
     for table in (general, tools, top):
         table.finish()

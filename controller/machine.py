@@ -16,6 +16,7 @@ from controller.geometry import Frame, Vector
 from drives.profile import Override
 
 MAX_QUICK_STOP_S = 3.0  # where the machine file says nothing
+JOINT_TOLERANCE_MM, JOINT_TOLERANCE_DEG = 0.005, 0.2  # the same; what is written in 0.01 mm keeps both
 LONGEST_PROGRAM_H = 168.0  # the same: a week ...
 MOST_PROGRAM_H = 10_000.0  # ... and what it may say at most
 TOOL_AT_POWER_ON = 1  # number of the one in the spindle where nobody has said otherwise
@@ -283,6 +284,9 @@ class Machine:
     tool_change_s: float = TOOL_CHANGE_S  # what a change by hand takes, for those who plan the shop
     max_overcut_mm: float | None = None  # deeper overcut than this is a gouge wherever it comes from
     longest_program_h: float = LONGEST_PROGRAM_H  # a program that takes longer is refused
+    # Surfaces that meet within both run through, blended, and leave themselves by the first at most.
+    joint_tolerance_mm: float = JOINT_TOLERANCE_MM
+    joint_tolerance_deg: float = JOINT_TOLERANCE_DEG
 
     @property
     def has_peripherals(self) -> bool:

@@ -25,7 +25,7 @@ for the normal of a cone meets its axis so far away; t = 0 gives r everywhere.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import Enum
 from itertools import pairwise
 from types import ModuleType
@@ -175,6 +175,61 @@ class Placed(Surface):
         for i in ends:
             t[:, i], r[:, i] = self._end_rates(float(at[i]), tuple(t[:, i]), tuple(r[:, i]))
         return (t[0], t[1], t[2]), (r[0], r[1], r[2])
+
+
+@dataclass(frozen=True, slots=True)
+class Blend:
+    r"""What leads the poses beside one end of a cut over into those of the next one.
+
+        (1 - x)^4 (a + b x + c x^2)      x: 0 at the end, 1 so far from it as the blend reaches
+
+    is added to the tip (mm) and, where ``axis`` is not None, to the unit vector along the axis. At
+    x = 1 it is gone with three derivatives; a, b and c say what it is at the end, with two of them.
+    """
+
+    at_start: bool  # of the cut, otherwise at its end
+    per_u: float  # 1 / share of u over which it reaches
+    tip: tuple[Vector, Vector, Vector]  # a, b, c
+    axis: tuple[Vector, Vector, Vector] | None
+
+    def onto(self, pose: Pose, u: Number, m: ModuleType) -> Pose:
+        """``pose`` at ``u`` (floats, arrays or series) with the blend added."""
+        x = self.per_u * u if self.at_start else self.per_u * (1.0 - u)
+        within: Number = x < 1.0 if m is math else np.asarray(x.c[0] if hasattr(x, "c") else x) < 1.0
+        if not (within if m is math else within.any()):
+            return pose
+        w = (1.0 - x) * (1.0 - x)
+        w = w * w * within
+        tip, axis = add(pose.tip, _added(self.tip, x, w)), pose.axis
+        if self.axis is not None:
+            axis = unit(add(axis, _added(self.axis, x, w)), m)
+        return Pose(tip, axis)
+
+
+def _added(terms: tuple[Vector, Vector, Vector], x: Number, w: Number) -> Vector:
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = terms
+    return w * (ax + x * (bx + x * cx)), w * (ay + x * (by + x * cy)), w * (az + x * (bz + x * cz))
+
+
+@dataclass(frozen=True, slots=True)
+class Blended(Placed):
+    """A placed surface whose poses are led over into those of its neighbours."""
+
+    blends: tuple[Blend, ...] = ()
+
+    @staticmethod
+    def of(placed: Placed, blend: Blend) -> Blended:
+        """``placed`` with one more blend."""
+        parts = {one.name: getattr(placed, one.name) for one in fields(Placed) if one.init}
+        before = placed.blends if isinstance(placed, Blended) else ()
+        return Blended(**parts, blends=(*before, blend))
+
+    def pose(self, u: Number, offset_mm: float, m: ModuleType = math) -> Pose:
+        """As placed, with the blends."""
+        pose = Placed.pose(self, u, offset_mm, m)
+        for blend in self.blends:
+            pose = blend.onto(pose, u, m)
+        return pose
 
 
 @dataclass(frozen=True, slots=True)

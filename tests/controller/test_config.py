@@ -139,6 +139,14 @@ def test_limits_of_the_tool_itself_are_read_where_there_are_any() -> None:
     assert limited.axis_speed_rad_s == pytest.approx(math.pi / 2)
 
 
+def test_what_surfaces_may_differ_by_at_a_joint_is_read_and_has_a_default() -> None:
+    machine = config.load("trunnion")
+    assert (machine.joint_tolerance_mm, machine.joint_tolerance_deg) == (0.005, 0.2)
+    text = COMPLETE.replace("gouge =", "joint_tolerance_mm = 0\njoint_tolerance_deg = 0.5\ngouge =")
+    told = config.read(text, "m.toml")
+    assert (told.joint_tolerance_mm, told.joint_tolerance_deg) == (0.0, 0.5)
+
+
 def test_another_period_is_taken_in_range_only() -> None:
     machine = config.load("trunnion")
     assert config.with_period(machine, 0.01).period_s == 0.01
@@ -199,6 +207,8 @@ REFUSED = [
     ("period_s = 0.002", "period_s = 2", "[machine]: period_s = 2: is out of range; .* 0.0005 to 0.01"),
     ("period_s = 0.002", 'period_s = "2 ms"', 'period_s = "2 ms": is not a finite number'),
     ("period_s = 0.002", "period_s = nan", "period_s = nan: is not a finite number"),
+    ("gouge =", "joint_tolerance_mm = -1\ngouge =", "joint_tolerance_mm = -1: .* from 0 to 1; change"),
+    ("gouge =", "joint_tolerance_deg = 90\ngouge =", "joint_tolerance_deg = 90: .* from 0 to 5; change"),
     (
         "gouge =",
         "tip_acceleration_mm_s2 = 0\ngouge =",

@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +32,7 @@ from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import JointMove, SurfaceCut, ToolLine, ToolSpline
 from controller.plan.route import tool_paths
+from controller.plan.route.blending import in_arc_length
 from controller.plan.route.branch import joints_along, one_branch
 from controller.plan.route.stretch import Stretch
 from controller.surfaces import RuledSurface, Surface
@@ -42,7 +44,9 @@ Pair = tuple[Number, Number]  # of the rotaries
 
 # Exact derivatives of the rotaries are 0/0 at a pole and lose 1/distance^3 digits
 # beside it; a micron inside they are those of the limit. A touch tells them at the pole itself.
-POLE_MARGIN_MM = 1e-3
+# Where cuts join away from it a micron would be a jump of the rates that there is not.
+POLE_MARGIN_MM, CLEAR_OF_POLE = 1e-3, 1e-3
+REMEMBERED = 256  # cuts: a window asks for its own again and again
 LEAST_RATE = 1e-3  # of C1'' at an end: below that C1 stands still there, and s has no series
 
 # A jump of the joints' rates is spread over one tick. It may use this share of each
@@ -92,31 +96,22 @@ def _derivatives_of_move(move: JointMove, s: Array) -> Derivatives:
     return Derivatives(*found)
 
 
-def _series_in_arc_length(lower: Curve, u: Array) -> jets.Jet:
-    """u as a series in arc length: the reversion of s(u), whose rate is abs(C1')."""
-    rate = lower.derivative(jets.variable(u), 1, jets)
-    b = jets.sqrt(rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2]).c
-    b1, b2, b3 = (np.broadcast_to(b[k] / (k + 1.0), u.shape) for k in range(3))  # a line's rate is one number
-    return jets.Jet(np.stack([u, 1.0 / b1, -b2 / b1**3, (2.0 * b2 * b2 - b1 * b3) / b1**5]))
-
-
-def _margins(cut: SurfaceCut) -> tuple[float, float]:
-    """How far (mm) inside the start and the end of a cut its derivatives are taken."""
+@lru_cache(REMEMBERED)
+def _inside(cut: SurfaceCut, kinematics: Kinematics) -> tuple[float, float]:
+    """From where to where (mm) in a cut its derivatives are taken."""
     lower = cut.surface.lower
-    if not cut.touches:
-        return POLE_MARGIN_MM, POLE_MARGIN_MM
 
     def margin(u: float) -> float:
         rate, bend = (float(norm(lower.derivative(u, k))) for k in (1, 2))
-        told = seen_at(cut.touches, u) is not None and rate > LEAST_RATE * bend
-        return 0.0 if told else POLE_MARGIN_MM
+        axis = cut.part.turn(cut.surface.axis(u))
+        told = seen_at(cut.touches, u) is not None or kinematics.off_pole(axis) > CLEAR_OF_POLE
+        return 0.0 if told and rate > LEAST_RATE * bend else POLE_MARGIN_MM
 
-    return margin(0.0), margin(1.0)
+    return min(margin(0.0), cut.end / 3), cut.end - min(margin(1.0), cut.end / 3)
 
 
 def _derivatives_of_cut(stretch: Stretch, cut: SurfaceCut, s: Array, kinematics: Kinematics) -> Derivatives:
-    first, last = (min(margin, cut.end / 3) for margin in _margins(cut))
-    inside = np.clip(s, first, cut.end - last)
+    inside = np.clip(s, *_inside(cut, kinematics))
     branch = one_branch(stretch, cut, kinematics)
 
     def own(pairs: Sequence[Pair]) -> Pair:
@@ -135,7 +130,7 @@ def _derived(
     own: Callable[[Sequence[Pair]], Pair],
 ) -> Derivatives:
     """At the parameters ``u`` (N,) of a surface, the rest as in ``cut``; ``own`` takes a branch."""
-    series = _series_in_arc_length(surface.lower, u)
+    series = in_arc_length(surface.lower, u)
     tip, axis = surface.pose(series, cut.offset_mm, jets)
     tip, axis = cut.part.to_parent(tip), cut.part.turn(axis)
     seen = cut.seen_along(series, axis, kinematics, jets)
@@ -181,9 +176,8 @@ def kind(stretch: Stretch, kinematics: Kinematics) -> object:
 def together(stretches: Sequence[Stretch], s: Array, of: Index, kinematics: Kinematics) -> Derivatives:
     """As ``derivatives`` for cuts of one kind: ``s`` (N,) in the stretches ``of`` (N,)."""
     cuts = [one.motion for one in stretches if isinstance(one.motion, SurfaceCut)]
-    ends = np.array([cut.end for cut in cuts])[of]
-    margin = np.minimum(POLE_MARGIN_MM, ends / 3)
-    inside, u = np.clip(s, margin, ends - margin), np.empty(len(s))
+    spans = np.array([_inside(cut, kinematics) for cut in cuts])[of]
+    inside, u = np.clip(s, spans[:, 0], spans[:, 1]), np.empty(len(s))
     for k in np.unique(of):
         here = of == k
         u[here] = cuts[k].arc.u_along(inside[here])

@@ -48,7 +48,7 @@ def _rows(
     blocks: Iterable[CutBlock], machine: Machine, kinematics: Kinematics, voice: Voice
 ) -> Iterator[Row]:
     ready = [cut for block in blocks for cut in cuts.build(block, machine, voice)]
-    for members, _ in train.trains(ready, voice):
+    for members, _ in train.trains(ready, machine, kinematics, voice):
         yield Row(members[0].block.place.line, _ways(members, machine, kinematics, voice))
 
 

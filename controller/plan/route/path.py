@@ -54,7 +54,7 @@ __all__ = [
 
 ARC_SAMPLES = 181
 ALONE = "G64 is run as G61 where it has no P: the path is followed exactly and not blended."
-NO_BLEND = "G64 is run as G61 on arcs and surfaces: they are followed exactly; P blends lines (G1)."
+NO_BLEND = "G64 is run as G61 on arcs: they are followed exactly; P blends lines (G1) and joints of surfaces."
 LONGEST_CHAIN = 64  # stretches; a longer row of lines comes in parts
 SWIVEL = "Stops at the pole between two blocks and turns the rotary axis under the standing tool."
 
@@ -230,11 +230,10 @@ class Tracer:
         self._rest()
         ready: list[cuts.Cut] = []
         for block in blocks:
-            self._note_blend(block)
             if isinstance(block, CutCone | CutRuled) and block.doubt:
                 self._note(block.place, block.doubt)
             ready += cuts.build(block, self._machine, self._voice)
-        for members, meetings in train.trains(ready, self._voice):
+        for members, meetings in train.trains(ready, self._machine, self._kinematics, self._voice):
             self._train(members, meetings)
 
     def _train(self, members: Sequence[cuts.Cut], meetings: Sequence[train.Meeting]) -> None:
@@ -279,7 +278,7 @@ class Tracer:
     def _note(self, place: Place, sentence: str) -> None:
         self.notes.append(Note(place, sentence))
 
-    def _note_blend(self, block: JointLine | TipLine | JointArc | CutBlock) -> None:
+    def _note_blend(self, block: JointLine | TipLine | JointArc) -> None:
         if not block.modal.exact and block.feed_mm_s is not None and not self._blends_noted:
             self._blends_noted = True
             self._note(block.place, ALONE if isinstance(block, JointLine | TipLine) else NO_BLEND)

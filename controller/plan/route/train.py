@@ -7,11 +7,11 @@ start, for all of it.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +19,7 @@ import numpy.typing as npt
 from controller.kinematics import Kinematics
 from controller.machine import Kind, Machine
 from controller.motions import Rotaries
-from controller.plan.route import audit, unwind, winding
+from controller.plan.route import audit, blending, unwind, winding
 from controller.plan.route.branch import BranchLost, Field, field, joints_on
 from controller.plan.route.cuts import SAME_RAD, Cut, apart, turn, turned, turned_axis
 from controller.plan.route.stretch import Voice
@@ -29,9 +29,9 @@ from controller.plan.text.program import ProgramError
 
 Array = npt.NDArray[np.float64]
 
-SAME_MM = 1e-6
+SAME_MM = 2e-6  # rounding of six decimals, in three words
 SAME_ROTARY_RAD = 1e-6  # rotaries nearer than this at a joint run through, as the poses do
-FLAT_MM = 1e-6  # a concave corner that costs less overcut than this is rounding of the program
+FLAT_MM = 1e-4  # a concave corner that costs less overcut than this is rounding of the program
 TURNED_BACK_RAD = math.pi - 1e-6
 
 
@@ -43,19 +43,28 @@ class Meeting(Enum):
     APART = "apart"
 
 
-def meet(before: Cut, after: Cut, voice: Voice) -> Meeting:
+class Met(NamedTuple):
+    """How two cuts meet, as a sentence about the first, and both as they are cut: a blend changes them."""
+
+    meeting: Meeting
+    sentence: str
+    before: Cut
+    after: Cut
+
+
+def meet(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voice: Voice) -> Met:
     """Whether two blocks run through, pivot or need a departure; refuses a concave corner."""
-    meeting, sentence = _meeting(before, after, voice)
+    met = _met(before, after, machine, kinematics, voice)
     name = f"the block of line {before.block.place.line}"
     if before.block is after.block:
-        if meeting is Meeting.JOIN:
-            return meeting
+        if met.meeting is Meeting.JOIN and met.after is after:
+            return met
         name = f"its own part before u = {after.part[0]:.4f}"
-    voice.tell(after.block.place, sentence.format(name))
-    return meeting
+    voice.tell(after.block.place, met.sentence.format(name))
+    return met
 
 
-def _meeting(before: Cut, after: Cut, voice: Voice) -> tuple[Meeting, str]:
+def _met(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voice: Voice) -> Met:
     a, b = before.block.modal, after.block.modal
     differ = [
         name
@@ -67,16 +76,42 @@ def _meeting(before: Cut, after: Cut, voice: Voice) -> tuple[Meeting, str]:
         if not same
     ]
     if differ:
-        return Meeting.APART, f"Departs from {{}} and approaches again: another {' and '.join(differ)}."
+        sentence = f"Departs from {{}} and approaches again: another {' and '.join(differ)}."
+        return Met(Meeting.APART, sentence, before, after)
     end, start = before.end, after.start
-    if apart(end.ruling, start.ruling) > SAME_RAD or apart(end.contact, start.contact) > SAME_MM:
-        return Meeting.APART, "Departs from {} and approaches again: it ends elsewhere or on another ruling."
-    if apart(end.tip, start.tip) <= SAME_MM and apart(end.axis, start.axis) <= SAME_RAD:
-        return Meeting.JOIN, "Joins {}: the poses agree and the cut runs through."
-    return _corner(before, after, voice)
+    gap, tilt = apart(end.contact, start.contact), apart(end.ruling, start.ruling)
+    shared = tilt <= SAME_RAD and gap <= SAME_MM
+    agree = shared and apart(end.tip, start.tip) <= SAME_MM and apart(end.axis, start.axis) <= SAME_RAD
+    allowed = blending.tolerance(before, after, machine)
+    joint = None
+    if not agree or blending.differ_by_rounding(before, after, allowed):
+        joint = blending.joined(before, after, allowed, kinematics)
+    if joint is not None:
+        return Met(Meeting.JOIN, _blended(joint), joint.before, joint.after)
+    if agree:
+        return Met(Meeting.JOIN, "Joins {}: the poses agree and the cut runs through.", before, after)
+    if shared:
+        return Met(*_corner(before, after, allowed, voice), before, after)
+    sentence = (
+        "Departs from {} and approaches again: it ends elsewhere or on another ruling "
+        f"({gap:.6f} mm and {math.degrees(tilt):.4f} degrees apart; {_told(allowed)})."
+    )
+    return Met(Meeting.APART, sentence, before, after)
 
 
-def _corner(before: Cut, after: Cut, voice: Voice) -> tuple[Meeting, str]:
+def _blended(joint: blending.Joint) -> str:
+    degrees, um = math.degrees(joint.angle_rad), 1000.0 * joint.deviates_mm
+    return (
+        f"Joins {{}} within the joint tolerance: normals {degrees:.4f} degrees, gap {joint.gap_mm:.6f} mm; "
+        f"the blend over {joint.reach_mm:.2f} mm on either side deviates by {um:.3f} um at most."
+    )
+
+
+def _told(allowed: blending.Tolerance) -> str:
+    return f"the joint tolerance is {allowed.mm:g} mm and {math.degrees(allowed.rad):g} degrees"
+
+
+def _corner(before: Cut, after: Cut, allowed: blending.Tolerance, voice: Voice) -> tuple[Meeting, str]:
     """Ends meet on one ruling, the normals differ.
 
     With the cutter on the right a turn to the left leads it round the outside of the
@@ -90,8 +125,10 @@ def _corner(before: Cut, after: Cut, voice: Voice) -> tuple[Meeting, str]:
         voice.refuse(
             after.block.place,
             f"{_where(before, after)} in a concave corner of "
-            f"{degrees:.4f} degrees; a cutter of radius {radius:.3f} mm would cut into one of the two; "
-            "blend the corner with a surface of a larger radius, or cut on the other side",
+            f"{degrees:.4f} degrees; a cutter of radius {radius:.3f} mm would cut "
+            f"{radius * (1.0 - math.cos(angle)):.6f} mm into one of the two; {_told(allowed)}; "
+            "blend the corner with a surface of a larger radius, cut on the other side, or allow more "
+            "(joint_tolerance_mm and _deg in [machine], or G64 P Q)",
         )
     tilt = math.degrees(apart(turned_axis(before.end, angle), after.start.axis))
     and_tilts = f" and tilts by {tilt:.4f} degrees, as the cutter is placed," if tilt > 1e-6 else ""
@@ -274,11 +311,13 @@ def tilt_of(machine: Machine) -> int:
     return 1 if machine.axes[second].kind is Kind.HEAD else 0
 
 
-def trains(ready: Sequence[Cut], voice: Voice) -> Iterator[tuple[list[Cut], list[Meeting]]]:
+def trains(
+    ready: Sequence[Cut], machine: Machine, kinematics: Kinematics, voice: Voice
+) -> Iterator[tuple[list[Cut], list[Meeting]]]:
     """Rows of cuts that run through, with how each follows the one before."""
     members, meetings = [ready[0]], list[Meeting]()
-    for before, after in itertools.pairwise(ready):
-        meeting = meet(before, after, voice)
+    for following in ready[1:]:
+        meeting, _, members[-1], after = meet(members[-1], following, machine, kinematics, voice)
         if meeting is Meeting.APART:
             yield members, meetings
             members, meetings = [after], []

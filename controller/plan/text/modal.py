@@ -279,7 +279,8 @@ class _Settings:
             modal = replace(modal, offset=self._offset(code))
         if code := ask.code("path"):
             blend = self._blend() if code == "G64" else (0.0, 0.0)
-            modal = replace(modal, exact=code == "G61", blend_mm=blend[0], blend_deg=blend[1])
+            exact = code == "G61"
+            modal = replace(modal, exact=exact, blend_mm=blend[0], blend_deg=blend[1], exact_joints=exact)
         absolute = {"G90": True, "G91": False}.get(ask.code("distance"), state.absolute)
         self.state = replace(state, modal=modal, plane=ask.code("plane") or state.plane, absolute=absolute)
 

@@ -63,6 +63,9 @@ class Modal:
     tip: Tip = Tip.OFF
     placement: int = 0  # P of G40, G41, G42: 1 single, 2 double, 3 optimal; 0 as tool or machine has it
     allowance_mm: float = 0.0  # Q of the same: what stays on G51, G52 and G6.2
+    # G61 was written: surfaces, too, meet exactly. At power-on lines do, while surfaces meet within
+    # the machine's tolerance of joints.
+    exact_joints: bool = False
 
 
 @dataclass(frozen=True, slots=True)

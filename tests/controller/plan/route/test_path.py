@@ -165,8 +165,9 @@ def test_a_concave_corner_is_refused_and_cut_on_the_other_side() -> None:
 
 
 def test_a_corner_of_rounding_is_no_concave_corner() -> None:
-    traced = trace(flat(0, 0, 30, 0) + flat(30, 0, 60, -0.01))
-    assert len(named(traced, "pivot")) == 1
+    corner = flat(0, 0, 30, 0) + flat(30, 0, 60, -0.01)
+    assert "Joins the block of line 1 within the joint tolerance" in sentences(trace(corner))
+    assert len(named(trace("G61\n" + corner), "pivot")) == 1
 
 
 def test_blocks_apart_get_a_departure_and_an_approach_of_their_own() -> None:

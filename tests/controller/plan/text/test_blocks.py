@@ -228,6 +228,12 @@ def test_g64_alone_gives_nothing_away() -> None:
     assert inches.blend_mm == pytest.approx(2.54) and inches.blend_deg == 2.0
 
 
+def test_surfaces_meet_exactly_once_g61_is_written_and_until_g64() -> None:
+    assert not only(read("g0 x1")).modal.exact_joints
+    assert only(read("g61 g0 x1")).modal.exact_joints
+    assert not only(read("g61\ng64 g0 x1")).modal.exact_joints
+
+
 def test_line_ends_of_every_system_count_the_same() -> None:
     for end in ("\n", "\r\n", "\r"):
         assert refusal(f"g0 x1{end}{end}g0 q1{end}").line == 3

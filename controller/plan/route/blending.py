@@ -1,0 +1,324 @@
+"""Joints of surfaces within a tolerance: the poses on both sides are led over into each other.
+
+Programs have three to five decimals, so the rulings that two surfaces share agree but their normals
+differ by hundredths of a degree. There the cutter would have to pivot, or would cut a nanometre into
+one of the two. Instead both cuts are corrected next to the joint (``placement.Blend``) by half of what
+their poses, and the first two derivatives of these over the length of the contact, differ by: they
+come to the same pose at the same rates. What this leaves on the surfaces, or takes off them, is
+computed point by point, and the blend made shorter until it is within the tolerance.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from controller import jets
+from controller.curves import Curve
+from controller.geometry import Vector, add, dot, norm, scale, subtract
+from controller.kinematics import Kinematics
+from controller.machine import Machine
+from controller.motions import SurfaceCut
+from controller.placement import Blend, Blended, Placed
+from controller.plan.route import deviation
+from controller.plan.route.cuts import REMEMBERED, SAME_RAD, Cut, apart, edge, turned
+from controller.plan.text.program import Modal
+
+Array = npt.NDArray[np.float64]
+
+USEFUL_S = 0.1  # a blend takes so long at the feed, on either side; longer ones ask less of no joint
+USEFUL_MM = (1.0, 10.0)
+SHARE = 0.45  # of a cut: both its ends may be blended
+SHORTEST_MM = 0.02
+TRIES = 10
+USED = 0.9  # of what the tolerance leaves, for what lies between the points that are looked at
+CLEAR_OF_POLE = 10.0  # times the change of the axis: so far from the pole it hardly turns a rotary
+BESIDE = 1.25  # times the blend's own reach is looked at
+MEANT_MM = 1e-9  # poses nearer than this are meant to be one
+SMOOTH, ALIKE = 1e-9, 3.0  # rad within a millimetre; times the tolerance, within the same
+_ALONG, _ACROSS = np.linspace(0.0, 1.0, 17), np.linspace(0.0, 1.0, 5)
+
+
+class Tolerance(NamedTuple):
+    """How far two surfaces may be apart and the blend may leave them (mm), and their turn (rad)."""
+
+    mm: float
+    rad: float
+
+
+EXACT = Tolerance(1e-5, math.radians(1e-3))  # G61: the rounding of the program's own numbers
+
+
+class Joint(NamedTuple):
+    """Two cuts, blended: what they differed by, and what the blend costs."""
+
+    before: Cut
+    after: Cut
+    angle_rad: float  # of the normals
+    gap_mm: float
+    reach_mm: float  # of the longer of both blends
+    deviates_mm: float
+
+
+def tolerance(before: Cut, after: Cut, machine: Machine) -> Tolerance:
+    """What holds at the joint of two blocks: the tighter of both."""
+    a, b = (_told(cut.block.modal, machine) for cut in (before, after))
+    return EXACT if EXACT in (a, b) else Tolerance(min(a.mm, b.mm), min(a.rad, b.rad))
+
+
+def _told(modal: Modal, machine: Machine) -> Tolerance:
+    if modal.exact_joints:
+        return EXACT
+    degrees = modal.blend_deg or machine.joint_tolerance_deg
+    return Tolerance(modal.blend_mm or machine.joint_tolerance_mm, math.radians(degrees))
+
+
+def joined(before: Cut, after: Cut, allowed: Tolerance, kinematics: Kinematics) -> Joint | None:
+    """The two cuts run through, if they meet within the tolerance and a blend keeps it."""
+    end, start = before.end, after.start
+    angle, gap = turned(end, start), apart(end.contact, start.contact)
+    longest = max(norm(before.motion.surface.ruling(1.0)), norm(after.motion.surface.ruling(0.0)))
+    tilt = apart(end.ruling, start.ruling)
+    if max(abs(angle), tilt) > allowed.rad or max(gap, tilt * longest) > allowed.mm:
+        return None
+    step = subtract(start.contact, end.contact)
+    upper = add(step, scale(subtract(start.ruling, end.ruling), longest))
+    left = allowed.mm - max(abs(dot(step, end.out)), abs(dot(upper, end.out)))
+    if after.side * angle < 0.0:  # a hollow: each of the two is cut by the other one's flank
+        left -= after.tool.radius_mm * (1.0 - math.cos(angle))
+    reach = min(max(USEFUL_S * after.block.feed_mm_s, USEFUL_MM[0]), USEFUL_MM[1])
+    found = _shortened(before.motion, after.motion, reach, USED * left, allowed.rad, kinematics)
+    if found is None:
+        return None
+    deviates = allowed.mm - left + found.deviates_mm
+    first = replace(before, motion=found.before, end=edge(found.before, 1.0))
+    second = replace(after, motion=found.after, start=edge(found.after, 0.0))
+    return Joint(first, second, abs(angle), gap, found.reach_mm, deviates)
+
+
+def differ_by_rounding(before: Cut, after: Cut, allowed: Tolerance) -> bool:
+    """Of two cuts whose poses agree within a nanometre or two: whether that, or their rates, is rounding.
+
+    Where the poses agree to the last digit and the axis or the normal turns at quite another rate,
+    that is how the surfaces are meant.
+    """
+    if allowed is EXACT:
+        return False
+    if max(apart(before.end.contact, after.start.contact), apart(before.end.tip, after.start.tip)) > MEANT_MM:
+        return True
+    with np.errstate(all="ignore"):
+        one, other = _End.of(before.motion, False), _End.of(after.motion, True)
+    if not (one.sound and other.sound):
+        return False
+    step = np.abs(other.rows[1:] - one.rows[1:])
+    turns = np.maximum(step[:, 3:].max(axis=1), step[:, :3].max(axis=1) / max(after.tool.radius_mm, 1.0))
+    return bool(turns.max() > SMOOTH and turns[0] * USEFUL_MM[0] <= ALIKE * allowed.rad)
+
+
+# ---- two motions -------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Pair:
+    """Both motions with a blend, and what it adds to the deviation from the surfaces."""
+
+    before: SurfaceCut
+    after: SurfaceCut
+    reach_mm: float
+    deviates_mm: float
+
+
+@lru_cache(REMEMBERED)
+def _shortened(
+    before: SurfaceCut,
+    after: SurfaceCut,
+    reach_mm: float,
+    allowed_mm: float,
+    allowed_rad: float,
+    kinematics: Kinematics,
+) -> _Pair | None:
+    """The longest blend of the two, up to ``reach_mm``, that adds no more than ``allowed_mm``.
+
+    Beside a pole, where no blend of the axis is short enough, of the tip alone.
+    """
+    with np.errstate(all="ignore"):
+        one, other = _End.of(before, False), _End.of(after, True)
+    if allowed_mm <= 0.0 or not (one.sound and other.sound):
+        return None
+    half = 0.5 * (other.rows - one.rows)
+    for axis_too in (True, False):
+        reach = reach_mm
+        for _ in range(TRIES):
+            reaches = [min(reach, SHARE * motion.end) for motion in (before, after)]
+            if max(reaches) < SHORTEST_MM:
+                break
+            blends = one.blend(half, reaches[0]), other.blend(-half, reaches[1])
+            pair = _kept_clear(before, after, blends, axis_too, allowed_rad, kinematics)
+            if pair is None:
+                reach = 0.5 * max(reaches)
+                continue
+            off = _Looked.at(before, after, blends).added(*pair)
+            if off <= allowed_mm:
+                return _Pair(*pair, max(reaches), off)
+            reach = max(reaches) * min(0.8, max(0.2, 0.9 * math.sqrt(allowed_mm / off)))
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """Tip and axis at one end of a cut with two derivatives: ``rows`` (3, 6), over s.
+
+    ``rate`` and ``bend`` are the first two derivatives of u over s there.
+    """
+
+    motion: SurfaceCut
+    at_start: bool
+    rows: Array
+    rate: float
+    bend: float
+
+    @staticmethod
+    def of(motion: SurfaceCut, at_start: bool) -> _End:
+        u = in_arc_length(motion.surface.lower, np.array([0.0 if at_start else 1.0]))
+        tip, axis = motion.surface.pose(u, motion.offset_mm, jets)
+        parts = [jets.jet(value) for value in (*tip, *axis)]
+        rows = np.array([[part.derivative(k).item() for part in parts] for k in range(3)])
+        return _End(motion, at_start, rows, u.derivative(1).item(), u.derivative(2).item())
+
+    @property
+    def sound(self) -> bool:
+        """Whether there are derivatives: not where C1 stands still."""
+        return bool(np.isfinite(self.rows).all() and math.isfinite(self.bend) and self.rate > 0.0)
+
+    def blend(self, rows: Array, reach_mm: float) -> Blend:
+        """What adds ``rows`` (over s) at this end and is gone ``reach_mm`` from it."""
+        arc = self.motion.arc
+        width = arc.u_at(reach_mm) if self.at_start else 1.0 - arc.u_at(arc.length_mm - reach_mm)
+        per_u = rows[1] / self.rate
+        first = (width if self.at_start else -width) * per_u
+        second = width * width * (rows[2] - per_u * self.bend) / self.rate**2
+        a = rows[0]
+        b = first + 4.0 * a
+        c = 0.5 * second + 4.0 * b - 6.0 * a
+        tip, axis = ((_vector(a[k]), _vector(b[k]), _vector(c[k])) for k in (slice(0, 3), slice(3, 6)))
+        return Blend(self.at_start, 1.0 / width, tip, axis)
+
+
+def _vector(row: Array) -> Vector:
+    x, y, z = (float(value) for value in row)
+    return x, y, z
+
+
+def in_arc_length(lower: Curve, u: Array) -> jets.Jet:
+    """u as a series in arc length: the reversion of s(u), whose rate is abs(C1')."""
+    rate = lower.derivative(jets.variable(u), 1, jets)
+    b = jets.sqrt(rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2]).c
+    b1, b2, b3 = (np.broadcast_to(b[k] / (k + 1.0), u.shape) for k in range(3))  # a line's rate is one number
+    return jets.Jet(np.stack([u, 1.0 / b1, -b2 / b1**3, (2.0 * b2 * b2 - b1 * b3) / b1**5]))
+
+
+def _placed(motion: SurfaceCut) -> Placed:
+    surface = motion.surface
+    return surface if isinstance(surface, Placed) else Placed(surface, motion.offset_mm)
+
+
+def _kept_clear(
+    before: SurfaceCut,
+    after: SurfaceCut,
+    blends: tuple[Blend, Blend],
+    axis_too: bool,
+    allowed_rad: float,
+    kinematics: Kinematics,
+) -> tuple[SurfaceCut, SurfaceCut] | None:
+    """Both motions with their blends; None where the axis must not be changed, or where it must be.
+
+    Beside a pole a rotary turns by far more than the axis, and whatever shifts the axis by a little
+    might lead it past the pole instead of through it. There only the tip is blended, if the axes agree.
+    """
+    motions = before, after
+    seen = [_axes(*one) for one in zip(motions, blends, strict=True)]
+    change = max(float(np.abs(changed - plain).max()) for plain, changed in seen)
+    clear = min(float(np.min(kinematics.off_pole(tuple(plain), np))) for plain, _ in seen)
+    if axis_too:
+        sound = clear > CLEAR_OF_POLE * change and change <= allowed_rad
+        return (_with(before, blends[0]), _with(after, blends[1])) if sound else None
+    if float(np.abs(seen[0][0][:, 0] - seen[1][0][:, 0]).max()) > SAME_RAD:
+        return None
+    first, second = (
+        _with(*one) for one in zip(motions, (replace(b, axis=None) for b in blends), strict=True)
+    )
+    return first, second
+
+
+def _axes(motion: SurfaceCut, blend: Blend) -> tuple[Array, Array]:
+    """The axis from the joint as far as the blend reaches, without and with it, table frame, (3, N) each."""
+    away = np.linspace(0.0, 1.0, 33) / blend.per_u
+    u = away if blend.at_start else 1.0 - away
+    pose = _placed(motion).pose(u, motion.offset_mm, np)
+    both = (pose.axis, blend.onto(pose, u, np).axis)
+    plain, changed = (np.array([np.broadcast_to(c, u.shape) for c in motion.part.turn(a)]) for a in both)
+    return plain, changed
+
+
+def _with(motion: SurfaceCut, blend: Blend) -> SurfaceCut:
+    touches = motion.touches
+    if blend.axis is not None:  # there it is another axis than the touches tell
+        low, high = (1.0 / blend.per_u, 1.0) if blend.at_start else (0.0, 1.0 - 1.0 / blend.per_u)
+        shorter = (t._replace(low=max(t.low, low), high=min(t.high, high)) for t in touches)
+        touches = tuple(t for t in shorter if t.low < t.high)
+    return replace(motion, surface=Blended.of(_placed(motion), blend), touches=touches)
+
+
+# ---- what it costs -------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Looked:
+    """Points of the surface on each side of a joint, and how far each of both flanks is from them."""
+
+    points: tuple[Array, Array]
+    flanks: tuple[Placed, Placed]
+    seen: tuple[
+        tuple[deviation.Deviation, deviation.Deviation], ...
+    ]  # of each side's points: own flank, other
+
+    @staticmethod
+    def at(before: SurfaceCut, after: SurfaceCut, blends: tuple[Blend, Blend]) -> _Looked:
+        flanks = _placed(before), _placed(after)
+        points = _beside(flanks[0], blends[0]), _beside(flanks[1], blends[1])
+        seen = tuple(
+            (deviation.of(flanks[k], points[k]), deviation.of(flanks[1 - k], points[k])) for k in (0, 1)
+        )
+        return _Looked(points, flanks, seen)
+
+    def added(self, before: SurfaceCut, after: SurfaceCut) -> float:
+        """The most (mm) that is cut deeper, or left, or that the end of the cutter moves along its axis."""
+        flanks, worst = (_placed(before), _placed(after)), 0.0
+        for k in (0, 1):
+            own, other = self.seen[k]
+            now = [
+                deviation.of(flanks[i], self.points[k], s.at_u).left for i, s in ((k, own), (1 - k, other))
+            ]
+            left = np.minimum(*now)
+            deeper = np.minimum(own.left, other.left) - left
+            worst = max(worst, float(deeper.max()), float((left - own.left).max()))
+            worst = max(worst, _along_axis(self.flanks[k], flanks[k], own.at_u))
+        return worst
+
+
+def _beside(flank: Placed, blend: Blend) -> Array:
+    """Points (3, N) of a surface at the joint and as far as its blend reaches."""
+    away = np.minimum(BESIDE * _ALONG / blend.per_u, 1.0)
+    u, v = (one.ravel() for one in np.meshgrid(away if blend.at_start else 1.0 - away, _ACROSS))
+    return deviation.points(flank, u, v)
+
+
+def _along_axis(plain: Placed, blended: Placed, u: Array) -> float:
+    """How far (mm) the end of the cutter is led away along its axis."""
+    a, b = (flank.pose(u, flank.offset_mm, np) for flank in (plain, blended))
+    return float(np.abs(dot(subtract(b.tip, a.tip), a.axis)).max())
