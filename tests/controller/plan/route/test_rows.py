@@ -195,7 +195,7 @@ def test_lines_of_joints_are_blended_in_machine_positions() -> None:
     machine = joints_along(row, np.linspace(0.0, row.motion.end, 3000), KINEMATICS)
     corners = np.array([[0.0, 0, 0], [10, 0, 0], [20, 5, 0], [20, 10, 0]])
     assert cam_lines.distance(machine[:, :3], corners).max() <= 0.05
-    assert "arcs and surfaces" in sentences(traced)
+    assert "G64 is run as G61 on arcs" in sentences(traced)
 
 
 def test_moves_that_lead_nowhere_are_left_out_of_a_row() -> None:
