@@ -38,12 +38,14 @@ Array = npt.NDArray[np.float64]
 
 # Exact derivatives of the rotaries are 0/0 at a pole and lose 1/distance^3 digits
 # beside it; a micron inside they are those of the limit. A touch tells them at the pole itself.
+# Away from it they are taken where they are asked for: two cuts that join smoothly would seem to
+# turn by what the path bends within two microns, and a slow machine would creep over the joint.
 POLE_MARGIN_MM = 1e-3
 LEAST_RATE = 1e-3  # of C1'' at an end: below that C1 stands still there, and s has no series
 
 # A jump of the joints' rates is spread over one tick. It may use this share of each
 # limit, the motion law around it the rest.
-JUMP_SHARE = 0.5
+JUMP_SHARE = 0.8
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,22 +98,20 @@ def _series_in_arc_length(cut: SurfaceCut, u: Array) -> jets.Jet:
     return jets.Jet(np.stack([u, 1.0 / b1, -b2 / b1**3, (2.0 * b2 * b2 - b1 * b3) / b1**5]))
 
 
-def _margins(cut: SurfaceCut) -> tuple[float, float]:
+def _margins(cut: SurfaceCut, kinematics: Kinematics) -> tuple[float, float]:
     """How far (mm) inside the start and the end of a cut its derivatives are taken."""
-    lower = cut.surface.lower
-    if not cut.touches:
-        return POLE_MARGIN_MM, POLE_MARGIN_MM
 
     def margin(u: float) -> float:
-        rate, bend = (float(norm(lower.derivative(u, k))) for k in (1, 2))
-        told = seen_at(cut.touches, u) is not None and rate > LEAST_RATE * bend
-        return 0.0 if told else POLE_MARGIN_MM
+        rate, bend = (float(norm(cut.surface.lower.derivative(u, k))) for k in (1, 2))
+        axis = cut.part.turn(cut.surface.axis(u))
+        told = seen_at(cut.touches, u) is not None or kinematics.is_clear_of_pole(axis)
+        return 0.0 if told and rate > LEAST_RATE * bend else POLE_MARGIN_MM
 
     return margin(0.0), margin(1.0)
 
 
 def _derivatives_of_cut(stretch: Stretch, cut: SurfaceCut, s: Array, kinematics: Kinematics) -> Derivatives:
-    first, last = (min(margin, cut.end / 3) for margin in _margins(cut))
+    first, last = (min(margin, cut.end / 3) for margin in _margins(cut, kinematics))
     inside = np.clip(s, first, cut.end - last)
     series = _series_in_arc_length(cut, cut.arc.u_along(inside))
     tip, axis = cut.surface.pose(series, cut.offset_mm, jets)
@@ -171,6 +171,12 @@ class JointLimits:
         by_acceleration = np.sqrt(self.acceleration / (np.abs(d.second) + tiny))
         by_jerk = np.cbrt(self.jerk / (np.abs(d.third) + tiny))
         return np.asarray(np.minimum(np.minimum(by_velocity, by_acceleration), by_jerk).min(axis=1))
+
+    def braking_s(self, rates: Array) -> Array:
+        """Seconds in which each joint alone comes to rest from its ``rates`` (N, 5)."""
+        by_jerk = 2.0 * np.sqrt(rates / self.jerk)
+        by_acceleration = rates / self.acceleration + self.acceleration / self.jerk
+        return np.where(rates * self.jerk > self.acceleration**2, by_acceleration, by_jerk)
 
     def path_jerk(self, d: Derivatives) -> Array:
         """Jerk along a straight start from rest that every joint's jerk limit allows (N,)."""
