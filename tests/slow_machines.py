@@ -44,7 +44,8 @@ def drawn(seed: int) -> Machine:
     for axis in machine.axes:
         values = rotary if axis.is_rotary else linear
         limits = Limits(*(value * 10.0 ** rng.uniform(-OWN, OWN) for value in values))
-        axes.append(replace(axis, limits=limits, travel_min=-1e4, travel_max=1e4))
+        travel = 150.0 if axis.is_rotary else 2000.0  # rad or mm, within what the drives can count
+        axes.append(replace(axis, limits=limits, travel_min=-travel, travel_max=travel))
     return replace(machine, axes=tuple(axes))
 
 

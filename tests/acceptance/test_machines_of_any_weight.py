@@ -35,7 +35,7 @@ def test_the_published_two_rail_case_runs_to_its_end_at_its_optimum() -> None:
 @pytest.mark.parametrize("batch", range(4))
 def test_random_paths_on_random_machines_run_to_their_ends(batch: int) -> None:
     done = 0
-    for seed in range(1000 * (batch + 1), 1000 * (batch + 1) + 8):
+    for seed in range(1000 * (batch + 1), 1000 * (batch + 1) + 5):
         machine = drawn(seed)
         try:
             made, ratio = run(any_path(seed), machine, seed)
@@ -44,4 +44,4 @@ def test_random_paths_on_random_machines_run_to_their_ends(batch: int) -> None:
         print(f"seed {seed}: {len(made.rows) * machine.period_s:.1f} s, {ratio:.4f} of the optimum")
         assert ratio <= 1.15, seed
         done += 1
-    assert done >= 4
+    assert done >= 3

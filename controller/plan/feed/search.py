@@ -226,7 +226,8 @@ class Search:
         jerk = (bounds.jerk / (np.abs(grid.starts.first) + 1e-30)).min(axis=1)
         step = jerk * (np.diff(grid.s) / np.maximum(v[1:], v[:-1])) ** 2
         step = np.minimum(np.append(step, np.inf), np.append(np.inf, step))
-        return np.minimum(AT_FEED * np.where(np.isfinite(feed), feed, 0.0), STEP_TO_FEED * step)
+        near = AT_FEED * np.where(np.isfinite(feed), feed, 0.0)
+        return np.asarray(np.minimum(near, STEP_TO_FEED * step))
 
     # --- the check between knots
 
