@@ -33,6 +33,7 @@ Travel = tuple[Pair, Pair]
 
 TURN = 2.0 * math.pi
 NEAR_POLE = 1e-9  # sine of the angle between tool axis and w2 below which w2's angle is a limit
+CLEAR_OF_POLE = 1e-3  # the same sine above which third derivatives keep nine digits
 STILL = 1e-12  # an axis that leaves the pole slower than this (1/u) does not leave it
 SPILL = 1e-13  # square of a reach overshot by rounding
 MOST_TURNS = 1000
@@ -118,6 +119,10 @@ class Kinematics:
         """Whether ``axis`` (floats) is so near +-w2 that the work's rotary takes its limit from inside."""
         a, b, _ = self._across_work(axis)
         return bool(a * a + b * b < NEAR_POLE * NEAR_POLE)
+
+    def is_clear_of_pole(self, axis: Vector) -> bool:
+        """Whether the rotaries' derivatives keep their digits where the tool is along ``axis`` (floats)."""
+        return bool(self.off_pole(axis) > CLEAR_OF_POLE)
 
     @property
     def work(self) -> int:

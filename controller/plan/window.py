@@ -2,7 +2,7 @@
 
 Out of rest, or out of the motion of the window before. How far a window reaches depends on the
 path alone: ``WINDOW_S`` of motion at the feed, or at what the velocity limits leave of it, or
-the whole course where that is little more.
+the whole course where that is little more. A heavy machine that needs long to brake has longer windows.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from controller.handoff import STILL, Law, Piece, StopTable, dwell
 from controller.kinematics import Kinematics
 from controller.machine import Machine
-from controller.plan.feed import binding, profile
+from controller.plan.feed import binding, pace, profile
 from controller.plan.feed.course import REMEMBERED, Course
 from controller.plan.feed.profile import Profile, State
 from controller.plan.route.path import Pause, Stretch
@@ -28,11 +28,8 @@ from controller.plan.track import Track, Unit
 FIRST_S = 2.5  # of motion in a window that must be ready soon ...
 WINDOW_S = 8.0  # ... and in others
 WHOLE_SHARE = 1.6  # of a window: a course no longer than this is planned in one
-TAIL_S = 1.5  # at a window's end, where it would brake: replaced by the next window ...
-TAIL_SHARE = 0.6  # ... but never more of it than this
 STOPS_BEYOND_S = 0.5  # the seam: should the next window be late
 STOP_STEP_S = 0.004  # between two stops; two ticks at most
-PACE_PLACES = 17
 NEXT_TO_NOTHING = 1e-9  # of s left: the place is the end
 BLOCKS_TO_STOP_IN = 4  # program blocks within which single block must have stopped a motion
 LONG_STOP_S = 0.3  # where no stop is known
@@ -209,7 +206,9 @@ class Windows:
         number, s, start = place.unit, place.s, 0.0
         while (unit := track.at(number)) is not None and isinstance(unit.what, Stretch):
             units.append(unit)
-            takes.append(self._takes(unit.what, s, orders))
+            takes_s, braking_s = self._takes(unit.what, s, orders)
+            takes.append(takes_s)
+            seconds = pace.window_s(seconds, braking_s)
             inner = (
                 [end for end in unit.lines_end if end > s + NEXT_TO_NOTHING] if orders.single_block else []
             )
@@ -232,18 +231,11 @@ class Windows:
         last = int(np.searchsorted(ends, until))
         return _Reach(units[: last + 1], until, rests=False, marked=False)
 
-    def _takes_s(self, stretch: Stretch, from_s: float, orders: Orders) -> float:
-        """Seconds from ``from_s`` to the end at the feed, or at what the velocity limits leave of it."""
+    def _takes_s(self, stretch: Stretch, from_s: float, orders: Orders) -> tuple[float, float]:
+        """Seconds from ``from_s`` to the end, and the longest that braking takes on the way."""
         if (orders.rapid_override if stretch.feed_mm_s is None else orders.override) <= 0.0:
-            return 0.0  # it is not to move at all
-        course = Course([stretch], self._machine, self._kinematics, *orders.scales)
-        places = np.linspace(from_s, course.length, PACE_PLACES)
-        places = 0.5 * (places[1:] + places[:-1])
-        rates = np.abs(course.derivatives(places).first)
-        with np.errstate(divide="ignore"):
-            most = (course.limit(places, "velocity") / rates).min(axis=1)
-        speed = np.minimum(course.feed(places), most)
-        return float(np.sum((course.length - from_s) / len(places) / speed))
+            return 0.0, 0.0  # it is not to move at all
+        return pace.takes_s(Course([stretch], self._machine, self._kinematics, *orders.scales), from_s)
 
     def _forbidden(self, reach: _Reach, orders: Orders) -> bool:
         feeds = [isinstance(u.what, Stretch) and u.what.feed_mm_s is not None for u in reach.units]
@@ -270,7 +262,7 @@ class Windows:
             place.unit,
             start_s,
             start_s + self._on_grid(found.duration_s),
-            None if reach.rests else start_s + self._seam(found),
+            None if reach.rests else start_s + self._on_grid(pace.seam_s(course, found)),
             self._after(reach, place, course),
             orders,
             (),
@@ -285,11 +277,6 @@ class Windows:
     def _on_grid(self, seconds: float) -> float:
         """Rounded up to whole periods."""
         return math.ceil(seconds / self._period_s - 1e-6) * self._period_s
-
-    def _seam(self, found: Profile) -> float:
-        """Time of a profile at which the next window is to replace it."""
-        keep = max(found.duration_s - TAIL_S, (1.0 - TAIL_SHARE) * found.duration_s)
-        return self._on_grid(keep)
 
     def _after(self, reach: _Reach, place: Place, course: Course) -> Place:
         last = len(reach.units) - 1

@@ -1,16 +1,18 @@
 """How long the planned motion takes, beside a lower bound by toppra in the same run.
 
-    python tests/benchmarks/motion_time.py [--surfaces N] [--json]
+    python tests/benchmarks/motion_time.py [--surfaces N] [--machines N] [--json]
 
 The time of the cutting stretches in the planned program against velocity, acceleration and feed
 limits alone (no jerk), each smooth stretch from rest to rest: Example 2 at three feeds, both parts of
 the paper with the limits that LinuxCNC ships for its xyzac simulation, and random compound
-surfaces at feeds that bind. The planner's processor time stands beside it.
+surfaces at feeds that bind. The planner's processor time stands beside it. Random paths on machines with
+limits drawn over four decades stand beside the jerk-limited optimum of their cuts.
 """
 
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import random
 import statistics
@@ -21,7 +23,10 @@ from typing import NamedTuple
 
 sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 
+import jerk_limited  # noqa: E402
+import laws  # noqa: E402
 import lower_bound  # noqa: E402
+import slow_machines  # noqa: E402
 import traced  # noqa: E402
 from cutting import program, shipped  # noqa: E402
 from random_surfaces import compound, text  # noqa: E402
@@ -97,22 +102,47 @@ def of_random_surfaces(count: int, first_seed: int = 500) -> list[Figure]:
     return found
 
 
+def of_any_weight(count: int) -> list[Figure]:
+    """The cuts alone, from rest to rest."""
+    found: list[Figure] = []
+    cases = itertools.chain(
+        [("two rails as published", slow_machines.two_rails(), slow_machines.published())],
+        ((f"seed {n}", slow_machines.any_path(n), slow_machines.drawn(n)) for n in itertools.count(1000)),
+    )
+    for name, source, machine in cases:
+        if len(found) >= count:
+            break
+        try:
+            cuts = [s for chain in laws.chains(source, machine) for s in chain.stretches if s.cutting]
+        except ProgramError:
+            continue  # a surface that is refused; others will do
+        before = time.process_time()
+        took_s = sum(law.duration_s for law in laws.laws_of(cuts, machine))
+        cpu_s = time.process_time() - before
+        best_s = jerk_limited.optimum(cuts, machine).seconds
+        found.append(Figure(f"{name} on {machine.name}", took_s, best_s, cpu_s, took_s))
+    return found
+
+
 def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     arguments.add_argument("--surfaces", type=int, default=40)
+    arguments.add_argument("--machines", type=int, default=20)
     arguments.add_argument("--json", action="store_true")
     asked = arguments.parse_args()
     figures = of_the_paper() + of_random_surfaces(asked.surfaces)
+    heavy = of_any_weight(asked.machines)
     if asked.json:
-        print(json.dumps([figure._asdict() for figure in figures], indent=1))
+        print(json.dumps([figure._asdict() for figure in figures + heavy], indent=1))
         return
-    for f in figures:
+    for f in figures + heavy:
         print(
             f"{f.name:40} cut {f.cut_s:8.3f} s  bound {f.bound_s:8.3f} s  ratio {f.ratio:.4f}"
             f"   planned {f.motion_s:7.2f} s of motion in {f.cpu_s:.3f} s"
         )
-    if ratios := [f.ratio for f in figures[len(FEEDS) + 2 :]]:
-        print(f"random surfaces: median {statistics.median(ratios):.4f}, worst {max(ratios):.4f}")
+    for name, some in (("random surfaces", figures[len(FEEDS) + 2 :]), ("machines of any weight", heavy)):
+        if ratios := [f.ratio for f in some]:
+            print(f"{name}: median {statistics.median(ratios):.4f}, worst {max(ratios):.4f}")
 
 
 if __name__ == "__main__":

@@ -251,11 +251,13 @@ class Bounds:
 
     def _at_rests(self, shares: Shares) -> tuple[float, float]:
         """z at the first and last knot that a constant jerk from and to rest may reach."""
-        grid = self.grid
-        last = _rest_z(grid.s[-1] - grid.s[-2], grid.starts, grid.ends, -1, self.jerk[-1] * shares.jerk[-1])
-        if not grid.from_rest:
-            return np.inf, last
-        return _rest_z(grid.s[1] - grid.s[0], grid.ends, grid.starts, 0, self.jerk[0] * shares.jerk[0]), last
+        first, last = (
+            _rest_z(
+                self.grid, i, self.acceleration[i] * shares.acceleration[i], self.jerk[i] * shares.jerk[i]
+            )
+            for i in (0, -1)
+        )
+        return first if self.grid.from_rest else np.inf, last
 
     def _caps(self) -> Array:
         """Largest coefficients: nowhere above the feed of any interval that they reach."""
@@ -284,13 +286,16 @@ class Bounds:
         return prices
 
 
-def _rest_z(h: float, inner: Derivatives, rest: Derivatives, i: int, jerk: Array) -> float:
-    """z at the knot at a distance ``h`` from a rest: v = 3 s / t, a = 2/3 v^2 / s, j = v^3 / (4.5 s^2)."""
-    sign = 1.0 if i == 0 else -1.0
+def _rest_z(grid: Grid, i: int, acceleration: Array, jerk: Array) -> float:
+    """z at the knot beside the rest, h away from it: v = 3 h / t, a = 2/3 v^2 / h, j = v^3 / (4.5 h^2)."""
+    inner, rest, sign = (grid.ends, grid.starts, 1.0) if i == 0 else (grid.starts, grid.ends, -1.0)
+    h = float(np.diff(grid.s)[i])
+    drive = np.abs(inner.second[i] + sign * 2.0 / 3.0 * inner.first[i] / h)
     even = inner.first[i] / (4.5 * h * h)
     there = np.abs(inner.third[i] + sign * 2.0 * inner.second[i] / h + even)
     here = np.abs(rest.first[i]) / (4.5 * h * h)
-    return float((jerk / (np.maximum(there, here) + 1e-30)).min() ** (2.0 / 3.0))
+    by_jerk = float((jerk / (np.maximum(there, here) + 1e-30)).min() ** (2.0 / 3.0))
+    return min(by_jerk, float((acceleration / (drive + 1e-30)).min()))
 
 
 def _drive(d: Derivatives, z: Form, slope: Form) -> Form:

@@ -187,8 +187,19 @@ def _at_ends(stretch: Stretch, kinematics: Kinematics) -> Derivatives:
     return derivatives(stretch, np.array([0.0, stretch.motion.end]), kinematics)
 
 
-def slowest(course: Course, k: int) -> float:
-    """The lower of the feeds on both sides of the boundary behind stretch ``k``; inf between rapids."""
-    at = np.full(2, course.starts[k + 1])
-    found = course.feed(at, np.array([k, k + 1]))
-    return float(min(found.min(), math.inf))
+def unhindered(course: Course, k: int) -> float:
+    """About the speed that the boundary behind stretch ``k`` would be passed at if nothing jumped there.
+
+    The lower feed of both sides, what the limits allow at that place, and what a start from rest
+    reaches within each of the two: a slow machine never comes near a high feed.
+    """
+    at, sides = np.full(2, course.starts[k + 1]), np.array([k, k + 1])
+    d, lengths = course.derivatives(at, sides), np.diff(course.starts)[k : k + 2]
+    found = float(course.feed(at, sides).min())
+    for i, side in enumerate(sides):
+        limit, here = course.limits[side], Derivatives(*(q[i : i + 1] for q in (d.first, d.second, d.third)))
+        acceleration = float((limit.acceleration / (np.abs(here.first) + 1e-30)).min())
+        jerk = float(limit.path_jerk(here)[0])
+        reached = min(math.sqrt(2.0 * acceleration * lengths[i]), math.cbrt(4.5 * jerk * lengths[i] ** 2))
+        found = min(found, reached, float(limit.path_speed(here)[0]))
+    return found

@@ -44,14 +44,15 @@ Pair = tuple[Number, Number]  # of the rotaries
 
 # Exact derivatives of the rotaries are 0/0 at a pole and lose 1/distance^3 digits
 # beside it; a micron inside they are those of the limit. A touch tells them at the pole itself.
-# Where cuts join away from it a micron would be a jump of the rates that there is not.
-POLE_MARGIN_MM, CLEAR_OF_POLE = 1e-3, 1e-3
+# Away from it they are taken where they are asked for: two cuts that join smoothly would seem to
+# turn by what the path bends within two microns, and a slow machine would creep over the joint.
+POLE_MARGIN_MM = 1e-3
 REMEMBERED = 256  # cuts: a window asks for its own again and again
 LEAST_RATE = 1e-3  # of C1'' at an end: below that C1 stands still there, and s has no series
 
 # A jump of the joints' rates is spread over one tick. It may use this share of each
 # limit, the motion law around it the rest.
-JUMP_SHARE = 0.5
+JUMP_SHARE = 0.8
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +105,7 @@ def _inside(cut: SurfaceCut, kinematics: Kinematics) -> tuple[float, float]:
     def margin(u: float) -> float:
         rate, bend = (float(norm(lower.derivative(u, k))) for k in (1, 2))
         axis = cut.part.turn(cut.surface.axis(u))
-        told = seen_at(cut.touches, u) is not None or kinematics.off_pole(axis) > CLEAR_OF_POLE
+        told = seen_at(cut.touches, u) is not None or kinematics.is_clear_of_pole(axis)
         return 0.0 if told and rate > LEAST_RATE * bend else POLE_MARGIN_MM
 
     return min(margin(0.0), cut.end / 3), cut.end - min(margin(1.0), cut.end / 3)
@@ -231,6 +232,12 @@ class JointLimits:
         by_acceleration = np.sqrt(self.acceleration / (np.abs(d.second) + tiny))
         by_jerk = np.cbrt(self.jerk / (np.abs(d.third) + tiny))
         return np.asarray(np.minimum(np.minimum(by_velocity, by_acceleration), by_jerk).min(axis=1))
+
+    def braking_s(self, rates: Array) -> Array:
+        """Seconds in which each joint alone comes to rest from its ``rates`` (N, 5)."""
+        by_jerk = 2.0 * np.sqrt(rates / self.jerk)
+        by_acceleration = rates / self.acceleration + self.acceleration / self.jerk
+        return np.where(rates * self.jerk > self.acceleration**2, by_acceleration, by_jerk)
 
     def path_jerk(self, d: Derivatives) -> Array:
         """Jerk along a straight start from rest that every joint's jerk limit allows (N,)."""

@@ -22,7 +22,7 @@ from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import JointMove
 from controller.plan.feed import cruise, search
-from controller.plan.feed.course import Course, slowest
+from controller.plan.feed.course import Course, unhindered
 from controller.plan.feed.law import split, straight
 from controller.plan.feed.tool_limits import has_limits
 from controller.plan.route.stretch import Stretch
@@ -30,8 +30,7 @@ from controller.plan.route.stretch import Stretch
 Array = npt.NDArray[np.float64]
 Run = tuple[Stretch, ...]
 
-STOP_SHARE = 0.03  # a junction that must be passed slower than this share of the feed is a stop
-FAST = 1e6  # in place of the feed that rapids do not have, unit of s per second
+STOP_SHARE = 0.03  # a junction that must be passed slower than this share of what it could be is a stop
 WAITS_S = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
 NOTHING = 1e-9  # of s: no way to go
 SAME = 1e-8  # of s: two places that are one
@@ -203,7 +202,7 @@ def split_at_stops(
     course = Course(stretches, machine, kinematics, override, rapid_override)
     found: list[list[Stretch]] = [[stretches[0]]]
     for k, after in enumerate(stretches[1:]):
-        if course.junction(k) < STOP_SHARE * min(slowest(course, k), FAST):
+        if course.junction(k) < STOP_SHARE * unhindered(course, k):
             found.append([after])
         else:
             found[-1].append(after)

@@ -25,6 +25,8 @@ ROUNDS = 5
 TIGHTEN_POWER = 1.3
 PER_SWING = 12.0  # knots in the time that an axis needs to swing its acceleration up
 LEAST_KNOTS, MOST_KNOTS = 60, 4000
+MORE_KNOTS = 240  # the least where they are no closer than ...
+CLOSE_S = 5e-3  # ... that: the dips of a machine with little jerk are short beside its swings
 COARSE = 4.0  # times fewer knots in the first search
 COARSE_GAP = 2e-2
 SMOOTHING = 1.5  # of the first estimate, in coarse steps
@@ -32,7 +34,8 @@ FINE = (1.0018, 1.0025, 1.0135)  # of velocity, acceleration, jerk as the bounds
 LAST = (1.0022, 1.0028, 1.0160)  # the same after all rounds
 LEEWAY = (1.0015, 1.0015, 1.008)  # the same, just behind a state of motion that may touch a limit ...
 LEEWAY_S = 0.15  # ... for so long
-AT_FEED = 3e-5  # closer to the feed than this share is the feed
+AT_FEED = 3e-5  # closer to the feed than this share is the feed ...
+STEP_TO_FEED = 0.03  # ... and than this share of what the jerk does between two knots
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,9 +154,9 @@ class Search:
     def _step(self, speed: Array) -> float:
         """Time between knots."""
         duration = float(mesh.times(self.samples.s, speed)[-1])
-        limits = [self.course.limits[k] for k in np.unique(self.parts.index)]
-        swing = min(float((limit.acceleration / limit.jerk).min()) for limit in limits)
-        return min(swing / PER_SWING, duration / LEAST_KNOTS)
+        swing = float((self.samples.acceleration / self.samples.jerk).min())
+        least = min(max(duration / MORE_KNOTS, CLOSE_S), duration / LEAST_KNOTS)
+        return min(max(swing / PER_SWING, mesh.FINEST_S), least)
 
     def _bounds(self, speed: Array, step_s: float) -> Bounds:
         s, part = mesh.knots(self.samples, speed, step_s)
@@ -206,12 +209,25 @@ class Search:
         feed[1:] = bounds.feed
         feed[:-1] = np.minimum(feed[:-1], bounds.feed)
         even = np.append(True, np.isclose(bounds.feed[1:], bounds.feed[:-1], rtol=1e-12, atol=0.0))
-        met = (v >= feed * (1.0 - AT_FEED)) & (v <= feed * (1.0 + AT_FEED))
+        near = self._near_feed(bounds, v, feed)
+        met = (v >= feed - near) & (v <= feed + near)
         met[:-1] &= even
         if not self.from_rest:
             met[0] = False
         v[met], a[met] = feed[met], 0.0
         return through(s, v, _without_overshoot(s, v, a, met))
+
+    def _near_feed(self, bounds: Bounds, v: Array, feed: Array) -> Array:
+        """How near to the feed a speed is the feed, (n + 1,).
+
+        Knots may be so close together that the step to it would take more than all of the jerk.
+        """
+        grid = bounds.grid
+        jerk = (bounds.jerk / (np.abs(grid.starts.first) + 1e-30)).min(axis=1)
+        step = jerk * (np.diff(grid.s) / np.maximum(v[1:], v[:-1])) ** 2
+        step = np.minimum(np.append(step, np.inf), np.append(np.inf, step))
+        near = AT_FEED * np.where(np.isfinite(feed), feed, 0.0)
+        return np.asarray(np.minimum(near, STEP_TO_FEED * step))
 
     # --- the check between knots
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from controller.kinematics import Kinematics
 from controller.machine import Machine
-from controller.plan.feed import cruise, mesh
+from controller.plan.feed import cruise, mesh, pace
 from controller.plan.feed.binding import Laws, Marks, Span
 from controller.plan.feed.course import Course
 from controller.plan.feed.profile import Profile
@@ -28,7 +28,7 @@ from controller.plan.route.stretch import Stretch
 from controller.plan.track import Track
 from controller.plan.window import WHOLE_SHARE, WINDOW_S, Orders, Place, Sent, Windows
 
-SIGHT_S = 2.0 * WHOLE_SHARE * WINDOW_S  # of motion at the feed: no window looks as far ahead
+SIGHT = 2.0 * WHOLE_SHARE  # times a window of motion at the feed: none looks as far ahead
 FEWEST = 2  # windows that are rolled on at once
 
 
@@ -101,6 +101,7 @@ class _Rolling:
         self._machine, self._kinematics = machine, kinematics
         self._stretch: Stretch | None = None
         self._tight = np.empty(0)  # places of it where anything but its feed holds the speed
+        self._sight_s = 0.0  # from anywhere on it
 
     def on(self, sent: Sent) -> Sent | None:
         """As many windows like ``sent`` as may follow it, as one; None where they must be planned."""
@@ -115,7 +116,7 @@ class _Rolling:
             return None
         base = float(sent.course.starts[k])
         ahead_s = (self._until(stretch, s - base, speed) - (s - base)) / speed
-        count = math.floor((ahead_s - SIGHT_S) / step_s)
+        count = math.floor((ahead_s - self._sight_s) / step_s)
         if count < FEWEST:
             return None
         long_s = count * step_s
@@ -130,6 +131,7 @@ class _Rolling:
             found = mesh.survey(mesh.Parts.of(course, s, course.length))
             tight = (found.allowed < cruise.SURELY * found.feed) | (found.feed != speed)
             self._stretch, self._tight = stretch, np.append(found.s[tight], course.length)
+            self._sight_s = SIGHT * pace.window_s(WINDOW_S, pace.takes_s(course, s)[1])
         return float(self._tight[np.searchsorted(self._tight, s)])
 
 

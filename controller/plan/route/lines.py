@@ -336,7 +336,7 @@ def _vector(row: Array) -> Vector:
 
 SLIGHT = 1e-4  # share of a line over which its rates at an end are measured
 STOP_SHARE = 0.03  # of the feed: a junction that must be slower is a stop
-JUMP_SHARE = 0.5  # of each limit that the jump of the rates may use in one tick, as ``limits`` has it
+JUMP_SHARE = 0.8  # of each limit that the jump of the rates may use in one tick, as ``limits`` has it
 
 
 def runs_through(before: Stretch, after: Stretch, machine: Machine, kinematics: Kinematics) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -14,7 +16,7 @@ from controller.plan.route.tool_axes import GreatCircles, follow
 Array = npt.NDArray[np.float64]
 
 # Exact derivatives of the rotaries are 0/0 at a pole and lose digits beside it; this
-# share of a line inside they are those of the limit.
+# share of a line inside they are those of the limit. Away from it they are taken at the ends themselves.
 POLE_MARGIN = 1e-4
 
 
@@ -49,11 +51,22 @@ def derivatives_of_line(line: ToolLine, s: Array, kinematics: Kinematics) -> tup
     """q', q'', q''' (N, 5) of the joints over s."""
     share = s / line.end
     if not line.even:
-        share = np.clip(share, POLE_MARGIN, 1.0 - POLE_MARGIN)
+        first, last = _margins(line, kinematics)
+        share = np.clip(share, first, 1.0 - last)
     x = jets.Jet(np.stack([share, np.full_like(s, 1.0 / line.end), 0.0 * s, 0.0 * s]))
     tip = tuple(t + x * w for t, w in zip(line.tip, line.way, strict=True))
     first, second = _rotary_jets(line, share, x, kinematics)
     return _orders((tip[0], tip[1], tip[2], first, second), True, line.length_mm, kinematics, s)
+
+
+def _margins(line: ToolLine, kinematics: Kinematics) -> tuple[float, float]:
+    """How far inside its start and its end, as shares of a line, its derivatives are taken."""
+    c, w = math.cos(line.angle_rad), math.sin(line.angle_rad)
+    x, y, z = (c * a + w * b for a, b in zip(line.axis, line.across, strict=True))
+    first, last = (
+        0.0 if kinematics.is_clear_of_pole(axis) else POLE_MARGIN for axis in (line.axis, (x, y, z))
+    )
+    return first, last
 
 
 def _rotary_jets(line: ToolLine, share: Array, x: jets.Jet, kinematics: Kinematics) -> tuple[Number, Number]:

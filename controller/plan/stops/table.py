@@ -89,10 +89,7 @@ def _jerk_step(course: Course, start: Motion) -> float:
     s, v, _ = start
     some = np.unique(np.linspace(0, len(s) - 1, 20).astype(int))
     rate = np.abs(course.derivatives(s[some]).first) * v[some, None]
-    by_jerk = 2.0 * np.sqrt(rate / limits.jerk)
-    by_acceleration = rate / limits.acceleration + limits.acceleration / limits.jerk
-    high = rate * limits.jerk > limits.acceleration**2
-    longest = float(np.where(high, by_acceleration, by_jerk).max(initial=0.0))
+    longest = float(limits.braking_s(rate).max(initial=0.0))
     return period * max(1, int(longest / (LONG_STEPS * period)))
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 import random
 import sys
@@ -10,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import traced
 from cutting import largest, program, shipped
+from laws import chains, laws_of, sampled
 from random_surfaces import compound, text
 
 from controller.handoff import Law
@@ -23,7 +22,6 @@ from controller.plan.feed.law import at_share, straight, through
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile, State
 from controller.plan.route.path import Chain
-from controller.plan.route.stretch import rotaries_of
 from controller.plan.text.program import ProgramError
 
 OVERSHOOT = 1e-9  # of the feed: rounding
@@ -116,44 +114,6 @@ def test_an_even_piece_has_no_jerk_at_all() -> None:
 # --- whole programs, sampled as the tick samples them
 
 
-def chains(source: str, machine: Machine) -> list[Chain]:
-    home = tuple(axis.homing.position for axis in machine.axes)
-    return [item for item in traced.trace(source, machine, home).items if isinstance(item, Chain)]  # type: ignore[arg-type]
-
-
-def laws_of(chain: Chain, machine: Machine, override: float = 1.0) -> list[Law]:
-    """A law for each stretch of a chain, as the planner runs it from rest to rest."""
-    kinematics = Kinematics(machine)
-    laws = []
-    for run in profile.split_at_stops(chain.stretches, machine, kinematics, override):
-        course = Course(run, machine, kinematics, override)
-        planned = profile.plan(course)
-        assert planned is not None
-        laws += [law for _, law in planned.laws(course)]
-    return laws
-
-
-def sampled(chain: Chain, laws: list[Law], machine: Machine) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Joints at every tick, standing before and after; and s of each stretch at its ticks."""
-    kinematics, T = Kinematics(machine), machine.period_s
-    ends = np.cumsum([law.duration_s for law in laws])
-    near = rotaries_of(chain.stretches[0].start, kinematics)
-    joints = [chain.stretches[0].start] * 4
-    places: list[list[float]] = [[] for _ in laws]
-    for n in itertools.count(1):
-        k = int(np.searchsorted(ends, n * T, side="right"))
-        if k == len(laws):
-            break
-        s = laws[k].at(n * T - (ends[k] - laws[k].duration_s))[0]
-        q = chain.stretches[k].motion.joints(s, near, kinematics)
-        assert q is not None
-        near = rotaries_of(q, kinematics)
-        joints.append(q)
-        places[k].append(s)
-    joints += [chain.stretches[-1].end] * 4
-    return np.asarray(joints), [np.asarray(p) for p in places]
-
-
 def assert_exact_feed(chain: Chain, laws: list[Law], places: list[np.ndarray], machine: Machine) -> float:
     """Where the feed is reached every tick covers feed x period; the share of ticks that do."""
     even, all_of = 0, 0
@@ -171,8 +131,8 @@ def assert_exact_feed(chain: Chain, laws: list[Law], places: list[np.ndarray], m
 
 def assert_limits(chain: Chain, machine: Machine, label: object) -> tuple[float, float]:
     """(duration, share of ticks at exactly the feed)."""
-    laws = laws_of(chain, machine)
-    joints, places = sampled(chain, laws, machine)
+    laws = laws_of(chain.stretches, machine)
+    joints, places = sampled(chain.stretches, laws, machine)
     first, second, third = largest(joints, machine)
     assert first <= 1.0005 and second <= 1.002 and third <= 1.02, (label, first, second, third)
     for stretch, law in zip(chain.stretches, laws, strict=True):
@@ -241,17 +201,17 @@ def test_the_limits_hold_at_other_periods(period_s: float) -> None:
 def test_an_override_scales_the_feed_and_not_the_limits() -> None:
     machine = shipped()
     chain = max(chains(program("example1_ready.ngc", "500."), machine), key=lambda c: len(c.stretches))
-    one, two = (laws_of(chain, machine, share) for share in (1.0, 2.0))
+    one, two = (laws_of(chain.stretches, machine, share) for share in (1.0, 2.0))
     k = next(i for i, stretch in enumerate(chain.stretches) if stretch.cutting)
     middle = [law.at(law.duration_s / 2)[1] for law in (one[k], two[k])]
     assert middle[1] == pytest.approx(2.0 * middle[0], rel=1e-9)
-    assert largest(sampled(chain, two, machine)[0], machine)[1] <= 1.002
+    assert largest(sampled(chain.stretches, two, machine)[0], machine)[1] <= 1.002
 
 
 def test_a_straight_chain_of_one_move_takes_the_closed_form() -> None:
     machine = shipped()
     chain = chains("G0 X100. Y50.\nM30\n", machine)[0]
-    assert len(laws_of(chain, machine)[0].coefficients) <= 7
+    assert len(laws_of(chain.stretches, machine)[0].coefficients) <= 7
 
 
 # --- from states of motion

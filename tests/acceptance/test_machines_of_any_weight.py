@@ -1,0 +1,47 @@
+"""Programs on machines with limits over four decades run to their end, inside of all limits and in time."""
+
+from __future__ import annotations
+
+import jerk_limited
+import numpy as np
+import pytest
+from cutting import Cut, cut, off_the_plan
+from limits_in_traces import assert_in_limits
+from slow_machines import any_path, drawn, published, two_rails
+
+from controller.machine import Machine
+from controller.plan.text.program import ProgramError
+
+TIP_MM = 1e-6
+
+
+def run(source: str, machine: Machine, label: object) -> tuple[Cut, float]:
+    """The finished run, and its seconds of cutting over the optimum of the same cuts from rest to rest."""
+    done = cut(source, machine)
+    assert done.run.result == "completed", (label, done.run.result, done.run.fault_text)
+    assert_in_limits(done, label, ())
+    assert off_the_plan(done, np.flatnonzero(done.column("mode") != 1.0)) < TIP_MM, label
+    cuts = [stretch for stretch in done.stretches.values() if stretch.cutting]
+    best = jerk_limited.optimum(cuts, machine).seconds
+    return done, float(done.trace.cutting.sum()) * machine.period_s / best
+
+
+def test_the_published_two_rail_case_runs_to_its_end_at_its_optimum() -> None:
+    _, ratio = run(two_rails(), published(), "two rails")
+    assert ratio <= 1.05
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("batch", range(4))
+def test_random_paths_on_random_machines_run_to_their_ends(batch: int) -> None:
+    done = 0
+    for seed in range(1000 * (batch + 1), 1000 * (batch + 1) + 5):
+        machine = drawn(seed)
+        try:
+            made, ratio = run(any_path(seed), machine, seed)
+        except ProgramError:
+            continue  # a surface that is refused; others will do
+        print(f"seed {seed}: {len(made.rows) * machine.period_s:.1f} s, {ratio:.4f} of the optimum")
+        assert ratio <= 1.15, seed
+        done += 1
+    assert done >= 3
