@@ -27,6 +27,8 @@ from numpy.typing import NDArray
 from controller.geometry import Vector
 from controller.machine import Tool, WorkTable
 from controller.plan.report.stored import Overcut
+from controller.plan.report.verdict import Verdict
+from controller.verify import forms
 from controller.verify.bodies import Body, cutter, holder
 from controller.verify.looks import LEAST_MM, Hurt, Look
 from controller.verify.nominal import Nominal
@@ -103,6 +105,7 @@ class Findings:
     gouges: list[Gouge]
     ends: list[Gouge]
     overcuts: list[Overcut]  # of each surface by its own cut
+    verdicts: list[Verdict]  # of those that have a form tolerance
 
 
 def gouges(
@@ -128,7 +131,8 @@ def gouges(
     told = [_gouge(look, hurt) for look in looks for hurt in look.hurts(cuts, max_overcut_mm)]
     told.sort(key=lambda one: (one.by_line, (*KINDS, END).index(one.kind)))
     hurt, ends = ([one for one in told if (one.kind == END) == is_end] for is_end in (False, True))
-    return Findings(hurt, ends, [_overcut(look) for look in looks])
+    verdicts = [one for one in map(forms.verdict, looks) if one is not None]
+    return Findings(hurt, ends, [_overcut(look) for look in looks], verdicts)
 
 
 def _overcut(look: Look) -> Overcut:
