@@ -24,6 +24,7 @@ Index = NDArray[np.int64]
 SURELY = 0.5  # of the tolerance: what is off by less on the grid is not zoomed into
 ZOOMED = 3  # places of each sign
 STEPS, POINTS = 6, 5  # of a zoom
+FEWEST, SETTLED_MM = 2, 1e-6  # it ends where a step after these gains less
 BESIDE_UP = ("lead in", "lead out", "run on", "plunge", "lift")
 LEAST_RADIUS_MM = 0.05  # a smaller cutter is no advice
 
@@ -63,18 +64,24 @@ def _worst(look: Look, sign: float, tolerance_mm: float) -> tuple[float, float, 
     best = _measured(look, look.u[starts], look.v[starts], size[starts], sign)
     half = 1.0 / (np.array(look.shape) - 1.0)
     u, v = look.u[starts], look.v[starts]
-    for _ in range(STEPS):
-        step = np.linspace(-1.0, 1.0, POINTS)
-        x, y = (m.ravel() for m in np.meshgrid(step, step, indexing="ij"))
-        a = np.clip(u[:, None] + half[0] * x, 0.0, 1.0)
-        b = np.clip(v[:, None] + half[1] * y, 0.0, 1.0)
-        t = np.nan_to_num(look.deviation(a.ravel(), b.ravel()), nan=-np.inf * sign)
-        amount = _net(look, t, sign).reshape(a.shape)
-        k, rows = np.argmax(amount, axis=1), np.arange(len(a))
-        u, v = a[rows, k], b[rows, k]
-        best = max(best, *zip(amount[rows, k].tolist(), u.tolist(), v.tolist(), strict=True))
+    for k in range(STEPS):
+        amount, u, v = _zoomed(look, u, v, half, sign)
+        before, best = best, max(best, *zip(amount.tolist(), u.tolist(), v.tolist(), strict=True))
         half = half / (0.5 * (POINTS - 1))
+        if k >= FEWEST and best[0] - before[0] < SETTLED_MM:
+            break
     return best
+
+
+def _zoomed(look: Look, u: Array, v: Array, half: Array, sign: float) -> tuple[Array, Array, Array]:
+    """The largest amounts on small grids about places (K,), and where they are."""
+    x, y = (m.ravel() for m in np.meshgrid(*2 * [np.linspace(-1.0, 1.0, POINTS)], indexing="ij"))
+    a = np.clip(u[:, None] + half[0] * x, 0.0, 1.0)
+    b = np.clip(v[:, None] + half[1] * y, 0.0, 1.0)
+    t = np.nan_to_num(look.deviation(a.ravel(), b.ravel()), nan=-np.inf * sign)
+    amount = _net(look, t, sign).reshape(a.shape)
+    most, rows = np.argmax(amount, axis=1), np.arange(len(a))
+    return amount[rows, most], a[rows, most], b[rows, most]
 
 
 def _net(look: Look, t: Array, sign: float) -> Array:
