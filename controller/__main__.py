@@ -22,6 +22,7 @@ from typer.core import TyperGroup
 FILES = {
     "programs": ("check", "simulate", "demo", "paper"),
     "verify": ("verify",),
+    "fit": ("fit",),
     "cad": ("import",),
     "post": ("post",),
     "bus": ("bus",),

@@ -47,7 +47,7 @@ SHIPPED = Path(__file__).resolve().parent.parent / "config"  # beside the packag
 TOOL_TABLE = "tools.toml"
 OFFSETS = ("G54", "G55", "G56", "G57", "G58", "G59")
 LINEAR = {"X": X, "Y": Y, "Z": Z}
-PLACEMENTS = ("single", "double", "optimal")  # of the cutter on surfaces
+PLACEMENTS = ("single", "double", "optimal", "auto")  # of the cutter on surfaces
 PERIODS_S = (0.0005, 0.01)
 BIT_RATES = (10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)  # CiA 301, table 1
 QUANTISATION_SHARE = 0.1  # of the jerk limit that rounding to counts may look like
@@ -114,6 +114,7 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
         placement=general.text("placement", PLACEMENTS, "single"),
         max_quick_stop_s=general.number("max_quick_stop_s", 0.01, 60.0, default=MAX_QUICK_STOP_S),
         max_overcut_mm=general.positive_or_none("max_overcut_mm"),
+        tolerance_mm=general.positive_or_none("tolerance_mm"),
         longest_program_h=general.number("longest_program_h", 0.01, MOST_PROGRAM_H, LONGEST_PROGRAM_H),
         tool_change_s=tools.number("change_s", 0.0, 3600.0, default=TOOL_CHANGE_S),
         joint_tolerance_mm=general.number("joint_tolerance_mm", 0.0, 1.0, default=JOINT_TOLERANCE_MM),
@@ -307,6 +308,7 @@ def tool(table: Table, name: str | None = None, before: Tool | None = None) -> T
         below_mm=table.number("below_mm", 0.0, 1000.0, default=shape.below_mm),
         wear_radius_mm=_wear(table, "wear_radius_mm", min(MOST_WEAR_MM, 0.5 * radius), shape.wear_radius_mm),
         wear_length_mm=_wear(table, "wear_length_mm", MOST_WEAR_MM, shape.wear_length_mm),
+        tolerance_mm=table.positive_or_none("tolerance_mm") or shape.tolerance_mm,
     )
     table.finish()
     return found

@@ -175,8 +175,9 @@ class Tool:
     corner_mm: float = 0.0  # rounding between end and flank: 0 flat end, ``radius_mm`` ball end
     taper_rad: float = 0.0  # half angle of the flank, thicker upwards
     holder: tuple[tuple[float, float, float], ...] = ()  # (from, to, radius): cylinders, mm above the tip
-    placement: str = ""  # on surfaces: "single", "double" or "optimal"; "" = as the machine has it
+    placement: str = ""  # on surfaces: "single", "double", "optimal", "auto"; "" = as the machine has it
     below_mm: float = 0.0  # so far the flank reaches below C1, beside what a corner takes
+    tolerance_mm: float | None = None  # of the form of surfaces cut with it; None = as the machine has it
     wear_radius_mm: float = 0.0  # added to the radius: negative where the cutter has become thinner
     wear_length_mm: float = 0.0  # added to the length: negative where it has become shorter
 
@@ -278,10 +279,11 @@ class Machine:
     axis_speed_rad_s: float | None = None  # largest angular speed of the tool's axis there
     io: Io | None = None
     table: WorkTable | None = None  # for the check of collisions; None: nobody has told its size
-    placement: str = "single"  # of the cutter on surfaces: "single" (the paper), "double" or "optimal"
+    placement: str = "single"  # of the cutter on surfaces: "single" (the paper), "double", "optimal", "auto"
     max_quick_stop_s: float = MAX_QUICK_STOP_S  # a drive that takes longer to stop by itself is refused
     unset: tuple[str, ...] = ()  # of G55 .. G59 those that nobody has set: no program may use them
     tool_change_s: float = TOOL_CHANGE_S  # what a change by hand takes, for those who plan the shop
+    tolerance_mm: float | None = None  # of the form of surfaces, ends included; None: none is held
     max_overcut_mm: float | None = None  # deeper overcut than this is a gouge wherever it comes from
     longest_program_h: float = LONGEST_PROGRAM_H  # a program that takes longer is refused
     # Surfaces that meet within both run through, blended, and leave themselves by the first at most.

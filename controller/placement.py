@@ -60,6 +60,7 @@ class Strategy(Enum):
     SINGLE = 1
     DOUBLE = 2
     OPTIMAL = 3
+    AUTO = 4  # the first of these that keeps the form tolerance
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,8 +28,12 @@ def shipped(name: str = "trunnion", **changes: object) -> Machine:
 
 
 def program(name: str, feed: str | None = None) -> str:
-    """Text of a shipped program; ``feed`` takes the place of its F word's value."""
+    """Text of a shipped program; ``feed`` takes the place of its F word's value.
+
+    Example 2 as the paper places the cutter, with one of 3 mm: what twist costs is let pass by R.
+    """
     text = config.shipped_program(name).read_text()
+    text = text.replace("T4 M6 (end mill 1 mm)", "T2 M6 (end mill 3 mm)").replace("G41 P4 R0.02", "G41 R1.")
     if feed is None:
         return text
     for old in ("f100000", "f10000", "F100."):

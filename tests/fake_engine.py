@@ -24,7 +24,7 @@ from controller.session.starts import Start
 from controller.state import ALL_AXES, TRANSITIONS, Mode, Request
 
 Plan = Callable[..., dict[str, Any]]
-CHECKED = {"duration_s": 1.0, "blocks": 2, "notes": [], "restart": [], "restart_de": []}
+CHECKED = {"duration_s": 1.0, "blocks": 2, "notes": [], "restart": [], "restart_de": [], "verdict": None}
 
 
 class FakeEngine:

@@ -23,6 +23,8 @@ from controller.panel.http import make_app
 from controller.panel.page.shell import add_page
 from controller.panel.programs import Program, ProgramCheck
 from controller.panel.store import Store
+from controller.plan.report.verdict import Verdict
+from controller.verify import wording
 
 DEAD_MAN_S = 0.2
 SPEED_S = 50.0  # mm or degrees a second at full jog
@@ -187,6 +189,8 @@ class ToldChecker(Checker):
             return ProgramCheck(program.sha256, "", "running", self._share, {}, 0.0)
         before, found, _ = text.partition("WRONG")
         state, result = ("refused", _wrong(before)) if found else ("passed", PASSED)
+        if "TOO DEEP" in text:
+            result = {**PASSED, "verdict": EXCEEDING}
         return ProgramCheck(program.sha256, "", state, 1.0, result, 0.0)
 
 
@@ -230,6 +234,11 @@ PASSED = {
     },
     "notes": [{"line": 19, "note": "Joins the block of line 10: the poses agree and the cut runs through."}],
 }
+
+
+EXCEEDING = wording.told(
+    [Verdict(19, 2, 0.05, 0.4831, 0.0, 1.0, 0.0, 10.0, (38.0, 22.0, 10.0), "lead out", 19, ("double",), 0.0)]
+)
 
 
 def main(folder: Path, port: int) -> None:

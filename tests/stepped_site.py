@@ -36,7 +36,7 @@ from drives import pdo
 PER_STATUS = 10  # ticks
 NAME = "example2_ready.ngc"
 KEY = "picture-of-the-test"
-TOOL = 2  # of the program
+TOOL = 4  # of the program
 FIRST_TICKS = 1500  # of the recording
 SHOWN = "picture"
 STATUSWORD = 0x1237

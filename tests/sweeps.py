@@ -61,6 +61,16 @@ def by_brute_force(one: Nominal, points: np.ndarray, normals: np.ndarray, poses:
     return found
 
 
+def deepest(one: Nominal, points: np.ndarray, poses: int = 4001) -> float:
+    """How deep (mm) the deepest of ``points`` (N, 3) gets into an endless cylinder over many poses."""
+    radius = one.tool.radius_mm
+    u = np.linspace(0.0, 1.0, poses)
+    tip, axis = one.surface.pose(u, one.side * radius, np)
+    tips, axes = rows(tip, poses), rows(axis, poses)
+    off = [np.linalg.norm(np.cross(p - tips, axes), axis=1).min() for p in points]
+    return float(max(0.0, radius - min(off)))
+
+
 def body_by_brute_force(
     one: Nominal, points: np.ndarray, normals: np.ndarray, poses: int = 6001
 ) -> np.ndarray:

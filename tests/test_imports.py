@@ -56,7 +56,7 @@ ARROWS: dict[str, set[str]] = {
     "times": LEAVES | {"handoff"},  # what a machine's faults take
     "tick": LEAVES | (SHAPES - {"jets"}) | {"handoff", "times"},
     "journal": LEAVES | {"handoff", "plan", "catalogue", "whole"},  # where the running program is, on disk
-    "verify": LEAVES | SHAPES | {"plan", "handoff"},
+    "verify": LEAVES | SHAPES | {"plan", "handoff", "catalogue"},
     # Puts the parts together, as the command line does; nothing but that imports it.
     "session": LEAVES
     | SHAPES

@@ -11,7 +11,14 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from controller.catalogue import english, german, panel_english, panel_german
+from controller.catalogue import (
+    english,
+    form_english,
+    form_german,
+    german,
+    panel_english,
+    panel_german,
+)
 from controller.faults import Fault, Reaction, Recovery, Words
 
 
@@ -32,9 +39,12 @@ LANGUAGES: dict[str, Catalogue] = {
         module.CLASSES,
         module.RECOVERIES,
         module.FRAMES,
-        {**module.REFUSALS, **panel.REFUSALS},
+        {**module.REFUSALS, **panel.REFUSALS, **form.REFUSALS},
     )
-    for module, panel in ((english, panel_english), (german, panel_german))
+    for module, panel, form in (
+        (english, panel_english, form_english),
+        (german, panel_german, form_german),
+    )
 }
 
 

@@ -74,7 +74,7 @@ def check(
         )
     except ProgramError as error:
         place = {"line": error.line, "column": error.column}
-        return "refused", {"sentence": error.sentence, **place}
+        return "refused", {"sentence": error.sentence, **place, **error.facts}
     except (ConfigError, OSError) as error:
         return "failed", {"sentence": f"{name}: could not be checked: {error}"}
     except Exception as error:  # the operator gets a sentence, and we the rest
@@ -86,6 +86,7 @@ def check(
     figures = found.to_dict()
     figures["cuts_mm"] = figures["cuts_mm"][:MOST_CUTS]
     notes = [{"line": note.place.line, "note": note.sentence} for note in kept.notes[:MOST_CUTS]]
+    figures["verdict"] = checked.verdict_of(kept)
     return "passed", {**figures, "notes": notes, "warning": warning, "stored": task.key}
 
 

@@ -28,7 +28,7 @@ from controller.session.bus_load import overload
 from controller.session.startup import SessionError
 from controller.state import Fault
 from controller.toml_table import ConfigError
-from controller.verify import tables
+from controller.verify import tables, wording
 from controller.verify.console import Refused, bar, refusals, show, tell
 from controller.verify.rows import Rows
 
@@ -156,7 +156,11 @@ def check(
             facts = {"ok": True, "program": str(program), "sheets": sheets, **found.to_dict()}
             key = None if warning else task.key
             overcuts = {"overcuts": [asdict(one) for one in kept.overcuts]}
-            rows.write({**facts, **overcuts, **_notes(kept.notes, task.machine), "stored": key}, sys.stdout)
+            verdict = {"verdict": checked.verdict_of(kept)}
+            rows.write(
+                {**facts, **overcuts, **verdict, **_notes(kept.notes, task.machine), "stored": key},
+                sys.stdout,
+            )
             return
         _show_notes(kept.notes, task)
         if rows.longest:
@@ -167,7 +171,7 @@ def check(
             tell.print(warning, markup=False)
         show.print(tables.whole(found, program.name, task.machine.name), markup=False)
         if kept.overcuts:
-            show.print(tables.overcut(kept.overcuts), markup=False)
+            show.print(wording.summed(kept.verdicts) or tables.overcut(kept.overcuts), markup=False)
 
 
 def _checked(

@@ -15,12 +15,13 @@ from rich.table import Table
 
 from controller import config
 from controller.machine import Machine, Tool
+from controller.plan.report.verdict import Verdict
 from controller.plan.route.stretch import Stretch
 from controller.plan.text import blocks
 from controller.plan.text.program import Block
 from controller.session import checked
 from controller.toml_table import ConfigError
-from controller.verify import passes, trace
+from controller.verify import forms, passes, trace, wording
 from controller.verify.audit import Watched
 from controller.verify.console import Refused, bar, refusals, show, tell
 from controller.verify.gouges import Gouge, gouges, in_table
@@ -50,7 +51,23 @@ class Found:
     judged: list[Judged]
     gouges: list[Gouge]
     ends: list[Gouge]  # what twist costs beside the ends of cuts
+    verdicts: list[Verdict]  # on the surfaces that have a form tolerance
     notes: list[tuple[int, str]]
+
+    @property
+    def exceeding(self) -> int:
+        """How many surfaces exceed their tolerance."""
+        return sum(not one.within for one in self.verdicts)
+
+    @property
+    def wrong(self) -> str:
+        """The first gouge, or else the surface that exceeds its tolerance most."""
+        if not self.gouges:
+            more = self.exceeding - 1
+            return wording.summed(self.verdicts) + (f" ({more} more)" if more else "")
+        first, more = self.gouges[0], len(self.gouges) - 1
+        others = f" ({more} more)" if more else ""
+        return f"line {first.by_line}: {first.sentence}; {first.advice}{others}."
 
     def to_dict(self, machine: Machine) -> dict[str, Any]:
         return {
@@ -61,6 +78,7 @@ class Found:
             "surfaces": [one.to_dict() for one in self.judged],
             "gouges": [{**one.to_dict(), "sentence": one.sentence} for one in self.gouges],
             "ends": [{**one.to_dict(), "sentence": one.sentence} for one in self.ends],
+            "verdict": wording.told(self.verdicts),
             "notes": [{"line": line, "note": sentence} for line, sentence in self.notes],
         }
 
@@ -90,18 +108,14 @@ def verify(
 
             cut_pictures.picture(found.judged, plot, f"{part.name}, {found.of}, on {made.name}")
         figures = {"program": str(part), **found.to_dict(made)}
-        bad = bool(found.gouges) and refuses
+        bad = refuses and bool(found.gouges or found.exceeding)
         if as_json and not bad:
             print(json.dumps({"ok": True, **figures}))
             return
         if not as_json:
             _show(found)
         if bad:
-            first, more = found.gouges[0], len(found.gouges) - 1
-            others = f" ({more} more)" if more else ""
-            raise Refused(
-                f"{part}: line {first.by_line}: {first.sentence}; {first.advice}{others}.", **figures
-            )
+            raise Refused(f"{part}: {found.wrong}", **figures)
 
 
 def _refuses(gouge: str, machine: Machine) -> bool:
@@ -157,7 +171,9 @@ def _found(task: checked.Task, recorded: trace.Trace | None, commanded: bool, pr
         )
     of = "plan" if recorded is None else "commanded" if commanded else "actual"
     hurt = sorted([*seen.gouges, *table], key=lambda one: one.by_line)
-    return Found(of, judged, hurt, seen.ends, notes)
+    held = [one for one in judged if one.nominal.tolerance_mm is not None]
+    verdicts = [forms.widened(a, b) for a, b in zip(seen.verdicts, held, strict=True)]
+    return Found(of, judged, hurt, seen.ends, verdicts, notes)
 
 
 def _blocks(task: checked.Task) -> Iterator[Block]:
@@ -219,6 +235,8 @@ def _show(found: Found) -> None:
         show.print(f"Gouge, line {one.by_line}: {one.sentence}; {one.advice}.", markup=False)
     for one in found.ends:
         show.print(f"Overcut, line {one.by_line}: {one.sentence}; {one.advice}.", markup=False)
+    if sentence := wording.summed(found.verdicts):
+        show.print(sentence, markup=False)
 
 
 def _table(found: Found) -> Table:

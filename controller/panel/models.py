@@ -165,6 +165,7 @@ class JobFacts(Told):
     left_s: Number = Field(None, description="Exact at the present override.")
     duration_s: Number = None
     state: str | None = None
+    verdict: VerdictFacts | None = Field(None, description="On its surfaces; None: none has a tolerance.")
 
 
 class RestartFacts(Told):
@@ -231,12 +232,48 @@ class Status(Told):
     sequence: Any = None
 
 
+class SurfaceFacts(Told):
+    """One surface as cut by the whole program, its ends included, against its form tolerance."""
+
+    line: int
+    tool: int
+    within: bool
+    tolerance_mm: float
+    exceeds_mm: float
+    overcut_mm: float
+    undercut_mm: float
+    u: float = Field(description="Where it is off most; v counts from the upper edge.")
+    v: float
+    height_mm: float = Field(description="Of that place above the lower edge, along its ruling.")
+    place: list[float] = Field(description="X, Y, Z in the part frame, mm.")
+    by: str = Field(description="The motion that cuts there: cut, lead in, pivot ...")
+    by_line: int
+    remedies: list[str] = Field(
+        description="What helps: double, optimal, radius, smaller, side, lead, joint, apart."
+    )
+    radius_mm: float = Field(description="Of a cutter that would do, about; 0 = none is known.")
+
+
+class VerdictFacts(Told):
+    """Whether all surfaces keep their form tolerance; the figures are of the one that is worst."""
+
+    within: bool
+    tolerance_mm: float
+    largest_mm: float
+    exceeds_mm: float
+    sentence: str
+    sentence_de: str
+    surfaces: list[SurfaceFacts]
+    left_out: int = Field(description="More surfaces than are told.")
+
+
 class CheckFacts(Told):
     """What the check said: figures where it passed, else sentence, line and column."""
 
     state: str = Field(description="none, waiting, running, passed, refused or failed.")
     progress: float = 0.0
     result: dict[str, Any] = {}
+    verdict: VerdictFacts | None = None  # none has a form tolerance
 
 
 class ProgramFacts(Told):

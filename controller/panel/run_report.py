@@ -35,6 +35,8 @@ WORDS: Words = {
     "check.blocks": ("Blocks", "Sätze"),
     "check.overcut_mm": ("Overcut, mm", "Überschnitt, mm"),
     "check.undercut_mm": ("Left standing, mm", "Stehengelassen, mm"),
+    "check.form": ("Form of the surfaces", "Form der Flächen"),
+    "form.sentence": ("sentence", "sentence_de"),  # under which it stands in a verdict
     "joint": ("Axis", "Achse"),
     "velocity_share": ("velocity", "Geschwindigkeit"),
     "acceleration_share": ("acceleration", "Beschleunigung"),
@@ -102,6 +104,9 @@ def _parts(told: Facts, word: Mapping[str, str]) -> Iterator[str]:
 def _check(check: Mapping[str, Any], word: Mapping[str, str]) -> Iterator[str]:
     verified = check.get("verified") or {}
     rows = [(word[f"check.{key}"], _figure(check[key])) for key in OF_CHECK if check.get(key) is not None]
+    verdict = check.get("verdict") or {}
+    if verdict:
+        rows.append((word["check.form"], str(verdict[word["form.sentence"]])))
     for key in ("overcut_mm", "undercut_mm"):
         if verified.get(key) is not None:
             rows.append((word[f"check.{key}"], _figure(verified[key])))

@@ -41,6 +41,7 @@ class Job:
     duration_s: float | None = None
     blocks: int | None = None
     notes: list[dict[str, Any]] = field(default_factory=list)
+    verdict: dict[str, Any] | None = None  # on the form of its surfaces
     restart: list[str] = field(default_factory=list)  # the state at the place where it begins
     restart_de: list[str] = field(default_factory=list)  # the same in German
     entry: journal.Entry | None = None  # of the journal, where it goes on with that
@@ -151,6 +152,7 @@ class Job:
             "left_s": left_s,
             "checking": self.news.checking,
             "notes": self.notes,
+            "verdict": self.verdict,
             "sentence": self.sentence or None,
         }
 

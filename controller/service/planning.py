@@ -170,6 +170,7 @@ class Planning:
             "restart": entered.told(rest) if rest else [],
             "restart_de": entered.told(rest, "de") if rest else [],
             "notes": [{"line": note.place.line, "note": note.sentence} for note in kept.notes[:MOST_NOTES]],
+            "verdict": checked.verdict_of(kept, most=0),  # the job is told many times a second
         }
 
     def _task(self, program: Program) -> Task:

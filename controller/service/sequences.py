@@ -107,6 +107,7 @@ def load(service: Service, job: Job) -> Values:
     facts = service.engine.line.order("check", program=job.program)
     with service.lock:
         job.duration_s, job.blocks, job.notes = facts["duration_s"], facts["blocks"], facts["notes"]
+        job.verdict = facts["verdict"]
         job.state, job.restart, job.restart_de = "loaded", facts["restart"], facts["restart_de"]
     return {"sha256": job.sha256, "name": job.program.name, **facts}
 

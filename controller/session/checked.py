@@ -12,6 +12,7 @@ import contextlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from controller.kinematics import Kinematics
 from controller.machine import TOOL_AT_POWER_ON, Joints, Machine, five
@@ -26,7 +27,8 @@ from controller.plan.route.stretch import Chain, Note, Pause, Stretch
 from controller.plan.text import blocks
 from controller.plan.text.program import Block, GougeRefused, ProgramError
 from controller.plan.window import NoLaw
-from controller.verify.audit import Audit, Watched, audit
+from controller.verify import wording
+from controller.verify.audit import Audit, FormRefused, Watched, audit
 
 NO_LAW = (
     "no motion was found from here on that keeps all axes within their limits: somewhere they would have to "
@@ -197,6 +199,8 @@ def _gouges_placed(asked: Task) -> Iterator[None]:
         lenient = replace(asked, machine=replace(asked.machine, gouge="warn"))
         try:
             _audited(asked, _walked(path_of(lenient, chosen_for(lenient))))
+        except FormRefused:
+            raise refusal from None
         except ProgramError as found:
             raise found from refusal
         raise
@@ -254,7 +258,8 @@ def check(
             raise ProgramError(asked.name, lost.line, 1, NO_LAW) from lost
         seen = _audited(asked, watched, _between(done, PLANNED, 1.0))
     notes, overcuts = (*walk.notes, *seen.notes), tuple(seen.overcuts)
-    kept = Stored(found.ticks, found.duration_s, found.blocks, walk.choices, notes, overcuts, placed.recipes)
+    figures = found.ticks, found.duration_s, found.blocks
+    kept = Stored(*figures, walk.choices, notes, overcuts, placed.recipes, tuple(seen.verdicts))
     try:
         stored.save(kept, asked.key, where)
     except OSError as error:
@@ -264,6 +269,11 @@ def check(
             f"{where}: the check could not be stored ({error.strerror}); a start checks again.",
         )
     return found, kept, ""
+
+
+def verdict_of(kept: Stored, most: int = wording.MOST) -> dict[str, Any] | None:
+    """What a check says of the form of all surfaces, as ``wording.told`` does."""
+    return wording.told(kept.verdicts, most)
 
 
 def find(asked: Task, where: Path) -> tuple[Stored | None, str]:

@@ -6,7 +6,7 @@ may be done by a block to the surface of a later one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import count
 from typing import NamedTuple
@@ -15,9 +15,10 @@ from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import SurfaceCut
 from controller.plan.report.stored import Overcut
+from controller.plan.report.verdict import Verdict
 from controller.plan.route.stretch import Chain, Note, Pause, Stretch
 from controller.plan.text.program import Block, Place, ProgramError
-from controller.verify import passes
+from controller.verify import passes, wording
 from controller.verify.gouges import Findings, Gouge, gouges, in_table
 
 MOST_WAYS = 20_000  # motions beside cuts that are kept: it bounds the memory
@@ -54,6 +55,11 @@ class Audit(NamedTuple):
 
     notes: list[Note]
     overcuts: list[Overcut]  # in the order of the path
+    verdicts: list[Verdict]
+
+
+class FormRefused(ProgramError):
+    """Refused because a surface exceeds its form tolerance; gouge = "warn" allows it."""
 
 
 def audit(
@@ -71,19 +77,23 @@ def audit(
     """
     stretches = watched.stretches
     if machine.table is None and not any(isinstance(s.motion, SurfaceCut) for s in stretches.values()):
-        return Audit([], [])
+        return Audit([], [], [])
     fitted = passes.Fitted.of(read(), machine)
     findings = _found(stretches, fitted, machine, kinematics, progress)
     found = findings.gouges
     places = {stretch.place.line: stretch.place for stretch in stretches.values()}
     if found and machine.gouge == "refuse":
         raise _refusal(found, places[found[0].by_line], name)
+    exceeding = [one for one in findings.verdicts if not one.within]
+    if exceeding and machine.gouge == "refuse":
+        raise _form_refusal(findings.verdicts, places, name)
     told = [*(("Gouge", one) for one in found), *(("Overcut", one) for one in findings.ends)]
     notes = [Note(places[one.by_line], f"{what}: {one.sentence}; {one.advice}.") for what, one in told]
+    notes += [Note(places[one.line], f"Form: {wording.exceeds(one)}.") for one in exceeding]
     if watched.left_out:
         sentence = f"{watched.left_out} motions beside surfaces were not held against them."
         notes.append(Note(Place(1, 1), sentence))
-    return Audit(notes, findings.overcuts)
+    return Audit(notes, findings.overcuts, findings.verdicts)
 
 
 def _refusal(found: list[Gouge], place: Place, name: str) -> ProgramError:
@@ -91,6 +101,17 @@ def _refusal(found: list[Gouge], place: Place, name: str) -> ProgramError:
     others = f" ({more} more with --gouge warn)" if more else ""
     sentence = f'{first.sentence}; {first.advice}, or set gouge = "warn" to cut it anyway{others}'
     return ProgramError(name, place.line, place.column, sentence)
+
+
+def _form_refusal(verdicts: list[Verdict], places: Mapping[int, Place], name: str) -> FormRefused:
+    one, more = wording.worst(verdicts), sum(not other.within for other in verdicts) - 1
+    assert one is not None
+    others = f" ({more} more with --gouge warn)" if more else ""
+    sentence = f'{wording.exceeds(one)}; or set gouge = "warn" to cut it anyway{others}'
+    place = places[one.line]
+    refused = FormRefused(name, place.line, place.column, sentence)
+    refused.facts = {"verdict": wording.told(verdicts)}
+    return refused
 
 
 def _found(

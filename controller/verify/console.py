@@ -66,7 +66,7 @@ def refusals(as_json: bool, expected: Callable[[], tuple[type[Exception], ...]])
         _refuse(as_json, f"{name}{error.strerror}; check path, permission and space.", {})
     except _of_programs() as error:
         place = {"file": error.file, "line": error.line, "column": error.column}
-        _refuse(as_json, str(error), {**place, "sentence": error.sentence})
+        _refuse(as_json, str(error), {**place, "sentence": error.sentence, **error.facts})
     except expected() as error:
         _refuse(as_json, str(error), {})
 

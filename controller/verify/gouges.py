@@ -28,6 +28,8 @@ from numpy.typing import NDArray
 from controller.geometry import Vector
 from controller.machine import Tool, WorkTable
 from controller.plan.report.stored import Overcut
+from controller.plan.report.verdict import Verdict
+from controller.verify import forms
 from controller.verify.bodies import Body, cutter, holder
 from controller.verify.looks import LEAST_MM, Hurt, Look
 from controller.verify.nominal import Nominal
@@ -105,6 +107,7 @@ class Findings:
     gouges: list[Gouge]
     ends: list[Gouge]
     overcuts: list[Overcut]  # of each surface by its own cut
+    verdicts: list[Verdict]  # of those that have a form tolerance
 
 
 def gouges(
@@ -131,14 +134,16 @@ def gouges(
     def cuts(line: int) -> list[Look]:
         return [look(k) for k in of_line.get(line, ())]
 
-    told, overcuts = list[Gouge](), list[Overcut]()
+    told, overcuts, verdicts = list[Gouge](), list[Overcut](), list[Verdict]()
     for k in range(len(surfaces)):
         told += [_gouge(look(k), hurt) for hurt in look(k).hurts(cuts, max_overcut_mm)]
         overcuts.append(_overcut(look(k)))
+        if (verdict := forms.verdict(look(k))) is not None:
+            verdicts.append(verdict)
         progress((k + 1) / len(surfaces))
     told.sort(key=lambda one: (one.by_line, (*KINDS, END).index(one.kind)))
     hurt, ends = ([one for one in told if (one.kind == END) == is_end] for is_end in (False, True))
-    return Findings(hurt, ends, overcuts)
+    return Findings(hurt, ends, overcuts, verdicts)
 
 
 def _overcut(look: Look) -> Overcut:

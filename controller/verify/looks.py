@@ -52,9 +52,13 @@ class By:
     name: str
     tool: Tool
 
+    def distance(self, points: Array) -> Array:
+        """Signed distance of points (N, 3) to the body, negative inside."""
+        return nearest(points, self.sweep, self.body).distance
+
     def depth(self, points: Array) -> Array:
-        """How deep points (N, 3) get into the body."""
-        return _depth(points, self.sweep, self.body)
+        """How deep they get into it."""
+        return np.asarray(np.maximum(0.0, -self.distance(points)))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -108,9 +112,13 @@ class Look:
     # ---- its own cut -------------------------------------------------------------
 
     def _look_at_own(self) -> None:
-        """Depths (N,) under its own cut: ``own`` in place, ``far`` with the cutter elsewhere on its way."""
+        """Depths (N,) under its own cut: ``own`` in place, ``far`` with the cutter elsewhere on its way.
+
+        ``left`` (N,) is the signed distance to all that cuts, once ``hurts`` has gone through the others.
+        """
         sweep = self._passes(self._is_own)
         found = nearest(self.points, sweep, self._cutter)
+        self.left = found.distance
         depth = np.maximum(0.0, np.nan_to_num(-found.distance, neginf=0.0))
         self.own, self.far = depth, np.zeros(len(depth))
         if not len(sweep):
@@ -222,7 +230,9 @@ class Look:
         self, by: By, cuts_of: Callable[[int], Sequence[Look]], most_mm: float | None
     ) -> Iterator[Hurt]:
         """What another motion takes beyond the own cut; ``cuts_of`` gives those of its line."""
-        depth = by.depth(self.points)
+        distance = by.distance(self.points)
+        self.left = np.minimum(self.left, distance)
+        depth = np.maximum(0.0, -distance)
         more = depth > self.own + self._harmless_mm
         if not more.any():
             return
@@ -267,6 +277,25 @@ class Look:
         """The twist itself: what the own cut takes where it is in place."""
         by = By(self._passes(self._is_own), self._cutter, self.nominal.line, "cut", self.nominal.tool)
         return Hurt("overcut", self.own, by)
+
+    def deviation(self, u: Array, v: Array) -> Array:
+        """Signed deviation (N,) mm along the normal by all that cuts; nan where nothing does."""
+        points, normals = self.nominal.points(u, v), self.nominal.normals(u, v)
+        t = np.full(len(u), np.nan)
+        for tool, sweep in self._sweeps.items():
+            body = cutter(tool, self._least_mm)
+            t = np.fmin(t, deviation(points, normals, sweep, body, self.nominal.tool.radius_mm).t)
+        return t
+
+    def cut_by(self, u: float, v: float) -> tuple[float, Pass | None]:
+        """Signed distance (mm) of one place to what comes nearest to it, and that; inf, None: nothing."""
+        best, by = np.inf, None
+        for tool, sweep in self._sweeps.items():
+            at = self.nominal.points(np.array([u]), np.array([v]))
+            found = nearest(at, sweep, cutter(tool, self._least_mm))
+            if found.distance[0] < best:
+                best, by = float(found.distance[0]), sweep.passes[int(sweep.owner[found.sample[0]])]
+        return best, by
 
     def overcut(self, u: float, v: float) -> float:
         """Overcut (mm) of its own cut along the normal at one place."""

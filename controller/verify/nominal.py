@@ -28,6 +28,8 @@ class Nominal:
     tool: Tool
     line: int  # of the program
     motion: int = -1  # which stretch of the path cuts it
+    allowance_mm: float = 0.0  # what is to stay on it
+    tolerance_mm: float | None = None  # of its form; None: none is asked for
 
     def points(self, u: Array, v: Array) -> Array:
         """S(u, v) in the table frame, (N, 3) mm, for u and v (N,)."""

@@ -17,6 +17,7 @@ from controller.kinematics import Kinematics
 from controller.machine import Machine, Tool
 from controller.motions import SurfaceCut
 from controller.plan.route.branch import joints_along
+from controller.plan.route.cuts import tolerance_mm
 from controller.plan.route.stretch import Stretch
 from controller.plan.text.program import Block
 from controller.verify.bodies import cutter, holder
@@ -30,29 +31,42 @@ ROUGH_MM = 0.5  # step of the first look at a pass
 NEAR_MM = 1.0  # a pass that stays this far from every surface is not looked at closely
 SCALLOP_MM = 5e-5  # that the samples of a cut may leave between them, before their places are made exact
 STEPS_MM = (0.01, 0.05)
-ROUGH_STEP_MM, ROUGH_FIT_MM = 0.2, 1e-4
+ROUGH_STEP_MM, ROUGH_SCALLOP_MM, ROUGH_FIT_MM = (0.02, 0.2), 1e-3, 1e-4
 
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """Which tool is in the spindle, by program line."""
+    """Which tool is in the spindle, and how exact it is to cut, by program line."""
 
     lines: tuple[int, ...]  # rising; the tool holds from there on
     tools: tuple[Tool, ...]
+    forms: tuple[tuple[float, float | None], ...]  # with it: allowance and form tolerance, mm
 
     @classmethod
     def of(cls, blocks: Iterable[Block], machine: Machine) -> Fitted:
         """Of a program's blocks; T1 is in the spindle before them. Lines come in their order."""
-        lines, tools = [0], [machine.tool(1) or machine.tools[0].worn]
+        first = machine.tool(1) or machine.tools[0].worn
+        lines, tools, forms = [0], [first], [(0.0, machine.tolerance_mm)]
         for block in blocks:
             tool = machine.tool(block.modal.tool)
-            if tool is not None and tool != tools[-1]:
+            if tool is None:
+                continue
+            form = block.modal.allowance_mm, tolerance_mm(block.modal, tool, machine)
+            if (tool, form) != (tools[-1], forms[-1]):
                 lines.append(block.place.line)
                 tools.append(tool)
-        return cls(tuple(lines), tuple(tool for tool in tools if tool is not None))
+                forms.append(form)
+        return cls(tuple(lines), tuple(tools), tuple(forms))
 
     def at(self, line: int) -> Tool:
-        return self.tools[max(0, int(np.searchsorted(self.lines, line, side="right")) - 1)]
+        return self.tools[self._index(line)]
+
+    def form(self, line: int) -> tuple[float, float | None]:
+        """Allowance and form tolerance (mm; None: none) of a surface there."""
+        return self.forms[self._index(line)]
+
+    def _index(self, line: int) -> int:
+        return max(0, int(np.searchsorted(self.lines, line, side="right")) - 1)
 
 
 def nominals(stretches: Mapping[int, Stretch], fitted: Fitted) -> list[Nominal]:
@@ -62,15 +76,17 @@ def nominals(stretches: Mapping[int, Stretch], fitted: Fitted) -> list[Nominal]:
         motion = stretch.motion
         if isinstance(motion, SurfaceCut) and stretch.cutting:  # no pivot of placed axes
             side = -1.0 if motion.offset_mm < 0.0 else 1.0
-            tool = fitted.at(stretch.place.line)
-            found.append(Nominal(motion.surface, motion.part, side, tool, stretch.place.line, number))
+            line = stretch.place.line
+            found.append(
+                Nominal(motion.surface, motion.part, side, fitted.at(line), line, number, *fitted.form(line))
+            )
     return found
 
 
-def step_mm(tool: Tool) -> float:
+def step_mm(tool: Tool, rough: bool = False) -> float:
     """How close samples of a cut stand: a row of cylinders leaves scallops of step^2 / (8 r)."""
-    low, high = STEPS_MM
-    return float(np.clip(np.sqrt(8.0 * tool.radius_mm * SCALLOP_MM), low, high))
+    (low, high), scallop = (ROUGH_STEP_MM, ROUGH_SCALLOP_MM) if rough else (STEPS_MM, SCALLOP_MM)
+    return float(np.clip(np.sqrt(8.0 * tool.radius_mm * scallop), low, high))
 
 
 def height_mm(tool: Tool, surfaces: Sequence[Nominal]) -> float:
@@ -103,7 +119,7 @@ def planned(
         if span is None:
             continue
         start, end = span
-        step, fit = (ROUGH_STEP_MM, ROUGH_FIT_MM) if rough else (step_mm(tool), FIT_MM)
+        step, fit = step_mm(tool, rough), ROUGH_FIT_MM if rough else FIT_MM
         s, tips, axes = sampled(_from(poses, start), end - start, step, height, fit)
         row = Pass(s + start, tips, axes, stretch.place.line, stretch.name, number, _feeding(stretch))
         found.setdefault(tool, []).append(row)

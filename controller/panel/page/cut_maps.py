@@ -26,6 +26,17 @@ LEAST_UM = 1.0  # full colour at no less
 OVER, UNDER, NONE = (211, 34, 42), (29, 111, 165), (190, 198, 205)  # red, blue, between
 
 
+def form(page: Page, verdict: dict[str, Any] | None) -> None:
+    """Whether the surfaces keep their tolerance: one sentence, in colour where they do not."""
+    if not verdict:
+        return
+    sentence = str(verdict["sentence_de" if page.language == "de" else "sentence"])
+    if verdict["within"]:
+        text(sentence, "p", "note")
+    else:
+        tagged(text(sentence, "p", "wrong"), role="alert")
+
+
 def cut_maps(page: Page, verified: dict[str, Any]) -> None:
     """The surfaces that are off most, in the program's order; nothing where nothing was verified."""
     surfaces = list(verified.get("surfaces") or ())

@@ -70,6 +70,7 @@ WORDS: Words = {
     "check.waiting": ("waiting", "wartet"),
     "check.running": ("checking", "wird geprüft"),
     "check.passed": ("passed", "in Ordnung"),
+    "check.exceeds": ("exceeds tolerance", "über Toleranz"),
     "check.refused": ("refused", "abgelehnt"),
     "check.failed": ("failed", "gescheitert"),
     "result.completed": ("completed", "fertig"),
@@ -81,7 +82,14 @@ WORDS: Words = {
     "result.running": ("running", "läuft"),
     **cut_maps.WORDS,
 }
-TONES = {"passed": "go", "refused": "stop", "failed": "stop", "running": "info", "waiting": "info"}
+TONES = {
+    "passed": "go",
+    "exceeds": "stop",
+    "refused": "stop",
+    "failed": "stop",
+    "running": "info",
+    "waiting": "info",
+}
 RESULT_TONES = {"completed": "go", "fault": "stop", "refused": "stop", "lost": "stop", "stopped": "hold"}
 LOOK_S = 1.0  # between two looks at checks under way
 AT_REST = "OFF READY FAULT"  # a job that runs is kept
@@ -224,6 +232,9 @@ class _Programs:
 
     def _state(self, one: dict[str, Any]) -> None:
         page, state = self._page, str(one["state"])
+        verdict = one["check"].get("verdict")
+        if verdict and not verdict["within"]:  # no green word beside a wall that is off
+            state = "refused" if state == "refused" else "exceeds"
         chip(page.word(f"check.{state}"), TONES.get(state, "dim"))
         if state == "running":
             self._shares[str(one["name"])] = text(percent(one["progress"]), "span", "figures dim")
@@ -275,7 +286,10 @@ class _Programs:
     async def _wrong(self, one: dict[str, Any]) -> None:
         """The sentence, and the text around the place with a caret below it."""
         check = one["check"]
-        tagged(text(str(check["sentence"]), "p", "wrong"), role="alert")
+        if check.get("verdict"):  # it says the same in the page's language
+            cut_maps.form(self._page, check["verdict"])
+        else:
+            tagged(text(str(check["sentence"]), "p", "wrong"), role="alert")
         if not check.get("line"):
             return
         path = self._page.panel.store.programs.path(str(one["sha256"]))
@@ -297,6 +311,7 @@ class _Programs:
                 if shown:
                     text(page.word(f"programs.{word}"), "dt")
                     text(shown, "dd", "figures")
+        cut_maps.form(page, check.get("verdict"))
         cut_maps.cut_maps(page, check.get("verified") or {})
         if check.get("warning"):
             text(str(check["warning"]), "p", "wrong")

@@ -175,4 +175,6 @@ def _check(panel: Panel, program: Program) -> models.CheckFacts:
     known = panel.checker.of(program) if panel.checker is not None else None
     if known is None:
         return models.CheckFacts(state="none")
-    return models.CheckFacts(state=known.state, progress=known.progress, result=dict(known.result))
+    result = dict(known.result)
+    verdict = result.get("verdict")
+    return models.CheckFacts(state=known.state, progress=known.progress, result=result, verdict=verdict)

@@ -21,11 +21,12 @@ from typing import Any
 
 from controller.machine import Joints, Machine
 from controller.motions import Rotaries
+from controller.plan.report.verdict import Verdict
 from controller.plan.route.placements import Recipe
 from controller.plan.route.stretch import Note
 from controller.plan.text.program import Place
 
-FORMAT = 2  # of the files
+FORMAT = 3  # of the files
 KEPT = 500  # files; the oldest go
 
 
@@ -50,6 +51,7 @@ class Stored:
     notes: tuple[Note, ...] = ()
     overcuts: tuple[Overcut, ...] = ()  # of the surfaces, in the program's order
     placements: Mapping[str, Recipe] = field(default_factory=dict)  # of the cutter, by name
+    verdicts: tuple[Verdict, ...] = ()  # on the surfaces that have a form tolerance
 
 
 def folder() -> Path:
@@ -96,6 +98,7 @@ def save(stored: Stored, name: str, where: Path) -> Path:
         "notes": [[note.place.line, note.place.column, note.sentence] for note in stored.notes],
         "overcuts": [[one.line, one.mm, one.u, one.v] for one in stored.overcuts],
         "placements": {found: recipe.to_dict() for found, recipe in stored.placements.items()},
+        "verdicts": [one.to_dict() for one in stored.verdicts],
     }
     file = where / f"{name}.json"
     with tempfile.NamedTemporaryFile("w", dir=where, suffix=".new", delete=False) as new:
@@ -145,4 +148,5 @@ def _stored(values: Any, name: str) -> Stored:
         tuple(Note(Place(int(line), int(column)), str(words)) for line, column, words in values["notes"]),
         tuple(Overcut(int(n), float(mm), float(u), float(v)) for n, mm, u, v in values["overcuts"]),
         {str(found): Recipe.from_dict(recipe) for found, recipe in values["placements"].items()},
+        tuple(map(Verdict.from_dict, values["verdicts"])),
     )

@@ -25,6 +25,7 @@ from controller.geometry import Vector, cross, dot, norm, scale, subtract
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.motions import Rotaries, SurfaceCut
+from controller.placement import AT_LOWER, Placed
 from controller.plan.route import audit
 from controller.plan.route.branch import field, joints_on
 from controller.plan.route.cuts import Edge, beside, gouge, hollow, turn
@@ -96,7 +97,7 @@ class Lead:
 
 def lead_in(leg: Leg, machine: Machine, kinematics: Kinematics) -> Lead:
     """The quarter arc that ends on C1 in its direction; nothing where ``lead_mm`` is 0."""
-    edge, lead = leg.cut.start, machine.lead_mm
+    edge, lead = leg.cut.start, _lead_mm(leg, machine)
     if lead <= 0.0:
         return Lead((), edge.tip, (edge.tip,))
     centre = beside(edge.tip, (edge.out, lead))
@@ -107,7 +108,7 @@ def lead_in(leg: Leg, machine: Machine, kinematics: Kinematics) -> Lead:
 
 def lead_out(leg: Leg, machine: Machine, kinematics: Kinematics) -> Lead:
     """A straight run on, where it does not run into a hollow, and the quarter arc away."""
-    edge, lead = leg.cut.end, machine.lead_mm
+    edge, lead = leg.cut.end, _lead_mm(leg, machine)
     if lead <= 0.0:
         return Lead((), edge.tip, (edge.tip,))
     stand = _Stand.at(leg, True, kinematics)
@@ -122,6 +123,13 @@ def lead_out(leg: Leg, machine: Machine, kinematics: Kinematics) -> Lead:
     stretches.append(stand.arc("lead out", centre, tip, end, QUARTER))
     line = tuple(beside(edge.tip, (subtract(tip, edge.tip), k / 8.0)) for k in range(8))
     return Lead(tuple(stretches), end, line + _arc_tips(centre, tip, end))
+
+
+def _lead_mm(leg: Leg, machine: Machine) -> float:
+    """No more than the radius of a cutter that leans against the twist: a longer one reaches over the end."""
+    surface = leg.cut.motion.surface
+    leans = isinstance(surface, Placed) and surface.normals_v != AT_LOWER
+    return min(machine.lead_mm, leg.cut.tool.radius_mm) if leans else machine.lead_mm
 
 
 def _arc_tips(centre: Vector, start: Vector, end: Vector) -> tuple[Vector, ...]:

@@ -22,7 +22,7 @@ from controller.plan.route.placements import name_of
 from controller.plan.route.placing import Cutter, place
 from controller.plan.route.stretch import Voice
 from controller.plan.route.touching import touched
-from controller.plan.text.program import CutBlock, CutCone, CutRuled, GougeRefused
+from controller.plan.text.program import CutBlock, CutCone, CutRuled, GougeRefused, Modal
 from controller.rulings import smooth_parts
 from controller.surfaces import Cone, Defect, DefectKind, RuledSurface, Surface, concave_radius, defect
 
@@ -53,6 +53,11 @@ DEFECTS = {
     ),
 }
 
+
+NO_TOLERANCE = (
+    "the cutter is to be placed automatically (auto, P4), and there is no form tolerance to be kept; "
+    "write R beside P, or tolerance_mm for the tool or in [machine]"
+)
 
 # A check builds every block twice: to choose the branches of the whole program, and to trace it.
 REMEMBERED = 256
@@ -132,6 +137,8 @@ def build(block: CutBlock, machine: Machine, voice: Voice) -> tuple[Cut, ...]:
             f"{tool.radius_mm:.3f} mm; give a smaller correction"
         )
         voice.refuse(block.place, sentence)
+    if strategy(block, tool, machine) is Strategy.AUTO and tolerance_mm(block.modal, tool, machine) is None:
+        voice.refuse(block.place, NO_TOLERANCE)
     _audit_radius(block, surface, tool, machine, voice)
     try:
         return tuple(_cut(block, part, at, tool, machine) for part, at in _parts(block, surface))
@@ -142,7 +149,7 @@ def build(block: CutBlock, machine: Machine, voice: Voice) -> tuple[Cut, ...]:
 def _cut(block: CutBlock, surface: Surface, part: tuple[float, float], tool: Tool, machine: Machine) -> Cut:
     modal = block.modal
     cutter = Cutter.of(tool, modal.side.value, modal.allowance_mm, tool.below_mm)
-    placed = place(surface, cutter, strategy(block, tool, machine))
+    placed = place(surface, cutter, strategy(block, tool, machine), tolerance_mm(modal, tool, machine) or 0.0)
     frame = machine.offsets[modal.offset]
     motion = SurfaceCut(placed, _arc(surface.lower), cutter.offset_mm, tool.length_mm, frame)
     motion = touched(motion, Kinematics(machine))
@@ -154,6 +161,13 @@ def strategy(block: CutBlock, tool: Tool, machine: Machine) -> Strategy:
     if block.modal.placement:
         return Strategy(block.modal.placement)
     return Strategy[(tool.placement or machine.placement).upper()]
+
+
+def tolerance_mm(modal: Modal, tool: Tool, machine: Machine) -> float | None:
+    """The form tolerance of a surface: as the program says, else the tool, else the machine; None: none."""
+    if modal.tolerance_mm is not None:
+        return modal.tolerance_mm
+    return machine.tolerance_mm if tool.tolerance_mm is None else tool.tolerance_mm
 
 
 def code(block: CutBlock) -> str:

@@ -49,6 +49,7 @@ LEAST_GAIN = 2e-3
 SLAB = 200_000  # multiplications of one product of matrices, at most
 EDGE_POINTS = 161  # of the lower edge, to see what cuts it
 CLEAR_MM = 1e-3  # so much flank is left below it
+OF_TOLERANCE = 0.95  # what the points that are looked at may take of it: there is more between them
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,13 +74,35 @@ class Cutter:
         return Cutter(math.copysign(flank + allowance_mm * math.cos(taper), side), taper, low, begins)
 
 
-def place(surface: Surface, cutter: Cutter, strategy: Strategy) -> Surface:
-    """``surface`` with the cutter placed; itself where that is what Eq. 5 and 8 say."""
+def place(surface: Surface, cutter: Cutter, strategy: Strategy, tolerance_mm: float = 0.0) -> Surface:
+    """``surface`` with the cutter placed; itself where that is what Eq. 5 and 8 say.
+
+    ``tolerance_mm`` is what ``auto`` has to keep.
+    """
+    if strategy is Strategy.AUTO:
+        return _first_that_keeps(surface, cutter, tolerance_mm)
     if strategy is not Strategy.SINGLE:
         better = _better(surface, cutter, strategy)
         if better is not None:
             return better
     return surface if cutter.taper_rad == 0.0 and cutter.shift_mm == 0.0 else _single(surface, cutter)
+
+
+@lru_cache(256)
+def _first_that_keeps(surface: Surface, cutter: Cutter, tolerance_mm: float) -> Surface:
+    """The first of ``single``, ``double``, ``optimal`` that keeps the tolerance, or the one least off."""
+    judge = _Judge(_single(surface, cutter))
+    found = [(judge.share_of(judge.placed, tolerance_mm), place(surface, cutter, Strategy.SINGLE))]
+    name = placements.name_of(surface, cutter, Strategy.AUTO, tolerance_mm)
+    if found[0][0] > 1.0 and (kept := placements.known(name)) is not None:
+        return kept.on(surface, name)
+    for strategy in (Strategy.DOUBLE, Strategy.OPTIMAL):
+        if found[-1][0] <= 1.0:
+            break
+        better = _better(surface, cutter, strategy)
+        if better is not None:
+            found.append((judge.share_of(better, tolerance_mm), replace(better, name=name)))
+    return min(found, key=lambda one: one[0])[1]
 
 
 def _single(surface: Surface, cutter: Cutter) -> Placed:
@@ -143,6 +166,15 @@ class _Judge:
     def whole(self, placed: Placed) -> float:
         """Largest deviation with the ends, mm."""
         return float(np.abs(deviation.of(placed, self.at).left).max())
+
+    def share_of(self, placed: Placed, tolerance_mm: float) -> float:
+        """Largest deviation as a share of what a tolerance leaves to it.
+
+        At the ends overcut may measure twice its depth along the normal, which leaves the part there.
+        """
+        left = deviation.of(placed, self.at).left
+        most = np.where(self._inside | (left > 0.0), OF_TOLERANCE, 0.5 * OF_TOLERANCE)
+        return float((np.abs(left) / most).max()) / max(tolerance_mm, 1e-12)
 
     def weights(self, least: float) -> Array:
         """1, falling to ``least`` at the ends."""

@@ -119,9 +119,9 @@ class _Turn:
         return [(code, self._side_letters(takers) if code in SIDES else taken) for code, taken in takers]
 
     def _side_letters(self, takers: list[tuple[str, str]]) -> str:
-        """P and Q of G40 to G42: those that no other code of the line takes."""
+        """P, Q and R of G40 to G42: those that no other code of the line takes."""
         others = "".join(letters for _, letters in takers)
-        return "".join(letter for letter in "PQ" if letter not in others)
+        return "".join(letter for letter in "PQR" if letter not in others)
 
     def _vectors(self) -> bool:
         """Whether G0 and G1 of this line take tool vectors: G43.5, but for machine positions."""
@@ -169,8 +169,8 @@ class _Turn:
         return self.ask.refusal(
             word,
             f"no code on this line takes {word.text}: P belongs to G4, G64, G2, G3, G6.2, Q to G64, G6.2, "
-            "both to G40 to G42, H to G43 and G51, I J K R to G2, G3 and G51, D to G51; add the code or "
-            "remove the word",
+            "both to G40 to G42, H to G43 and G51, I J K R to G2, G3 and G51, R to G40 to G42, too, "
+            "D to G51; add the code or remove the word",
         )
 
     def _check_frame(self) -> None:

@@ -224,24 +224,35 @@ class _Settings:
     def _side(self) -> None:
         if code := self.ask.code("side"):
             side = Side.LEFT if code == "G41" else Side.RIGHT
-            placement, allowance = self._placement()
-            modal = replace(self.state.modal, side=side, placement=placement, allowance_mm=allowance)
+            words = self._side_words()
+            modal = replace(
+                self.state.modal,
+                side=side,
+                placement=self._placement(words),
+                allowance_mm=self._allowance_mm(words),
+                tolerance_mm=self._tolerance_mm(words),
+            )
             self.state = replace(self.state, side=code, modal=modal)
 
-    def _placement(self) -> tuple[int, float]:
-        """P and Q of G40 to G42, where no other code of the line takes them."""
-        words = {letter: self.ask.words[letter] for letter in self.side_letters if letter in self.ask.words}
+    def _side_words(self) -> dict[str, Word]:
+        """P, Q and R of G40 to G42, where no other code of the line takes them."""
+        return {letter: self.ask.words[letter] for letter in self.side_letters if letter in self.ask.words}
+
+    def _placement(self, words: dict[str, Word]) -> int:
         placement = self.ask.whole(words["P"]) if "P" in words else 0
-        if "P" in words and placement not in (1, 2, 3):
+        if "P" in words and placement not in (1, 2, 3, 4):
             raise self.ask.refusal(
                 words["P"],
                 f"{words['P'].text} is no placement of the cutter: P of {self.ask.code('side')} is 1 "
-                "(single), 2 (double) or 3 (optimal); write one of these, or nothing for the machine's own",
+                "(single), 2 (double), 3 (optimal) or 4 (auto); write one of these, or nothing for the "
+                "machine's own",
             )
-        return placement, self._allowance(words["Q"]) if "Q" in words else 0.0
+        return placement
 
-    def _allowance(self, word: Word) -> float:
-        """Q of G40 to G42 (mm): what stays on the surface, or, negative, a cutter's wear."""
+    def _allowance_mm(self, words: dict[str, Word]) -> float:
+        """Q of G40 to G42: what stays on the surface, or, negative, a cutter's wear."""
+        if (word := words.get("Q")) is None:
+            return 0.0
         allowance = word.value * self.state.mm_per_unit
         if allowance < -MOST_WEAR_MM:
             raise self.ask.refusal(
@@ -251,6 +262,18 @@ class _Settings:
                 f"{MOST_WEAR_MM:g} mm; correct it",
             )
         return allowance
+
+    def _tolerance_mm(self, words: dict[str, Word]) -> float | None:
+        word = words.get("R")
+        if word is None:
+            return None
+        if word.value <= 0.0:
+            raise self.ask.refusal(
+                word,
+                f"{word.text} is no tolerance: R of {self.ask.code('side')} is how far a surface may be off "
+                "its form, greater than 0; correct it, or leave it out for the tool's or the machine's own",
+            )
+        return word.value * self.state.mm_per_unit
 
     def _length(self) -> None:
         """G43 adds the length of the tool in the spindle, or of tool H; H0 is none.

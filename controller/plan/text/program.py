@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
+from types import MappingProxyType
+from typing import Any
 
 from controller.geometry import Vector
 from controller.splines import BSpline
@@ -11,6 +14,8 @@ from controller.splines import BSpline
 
 class ProgramError(Exception):
     """One sentence on why a program is refused, and where: file, 1-based line and column."""
+
+    facts: Mapping[str, Any] = MappingProxyType({})  # beside the sentence, for JSON
 
     def __init__(self, file: str, line: int, column: int, sentence: str) -> None:
         super().__init__(f"{file}:{line}:{column}: {sentence}")
@@ -61,11 +66,12 @@ class Modal:
     spindle_rev_min: float  # signed; 0 = off
     coolant: int  # 0 off, 1 mist, 2 flood, 3 both
     tip: Tip = Tip.OFF
-    placement: int = 0  # P of G40, G41, G42: 1 single, 2 double, 3 optimal; 0 as tool or machine has it
+    placement: int = 0  # P of G40, G41, G42: 1 single .. 4 auto (``Strategy``); 0 as tool or machine has it
     allowance_mm: float = 0.0  # Q of the same: what stays on G51, G52 and G6.2
     # G61 was written: surfaces, too, meet exactly. At power-on lines do, while surfaces meet within
     # the machine's tolerance of joints.
     exact_joints: bool = False
+    tolerance_mm: float | None = None  # R of the same: of their form; None as tool or machine has it
 
 
 @dataclass(frozen=True, slots=True)

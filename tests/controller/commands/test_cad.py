@@ -82,7 +82,7 @@ REFUSED = [
     (["--faces", "1", "--feed", "0"], "--feed 0: it must be greater than 0", "no feed"),
     (["--faces", "1", "--turn", "Q9"], "write axis and degrees", "no axis"),
     (["--faces", "1", "--move", "1,2"], "three numbers", "too few"),
-    (["--faces", "1", "--tool", "9"], "the tool table has T1, T2, T3", "unknown tool"),
+    (["--faces", "1", "--tool", "9"], "the tool table has T1, T2, T3, T4", "unknown tool"),
     (["--faces", "1", "--out", "nowhere/at/all.ngc"], "there is no folder", "no such folder"),
 ]
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cutting import program
 from typer.testing import CliRunner
 
 from controller import config
@@ -19,13 +20,21 @@ READY = str(config.shipped_program("example2_ready"))
 VERBATIM = str(config.shipped_program("example2"))
 
 
+@pytest.fixture(scope="module")
+def ready(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """Example 2 as the paper places the cutter, one of 3 mm."""
+    file = tmp_path_factory.mktemp("ready") / "part.ngc"
+    file.write_text(program("example2_ready"))
+    return str(file)
+
+
 def run(*words: object) -> tuple[int, dict]:
     result = CliRunner().invoke(app, ["verify", *map(str, words), "--json"])
     return result.exit_code, json.loads(result.stdout)
 
 
-def test_the_plan_of_the_ready_example_is_verified(tmp_path: Path) -> None:
-    code, found = run(READY, "--plot", tmp_path / "cut.png")
+def test_the_plan_of_the_ready_example_is_verified(tmp_path: Path, ready: str) -> None:
+    code, found = run(ready, "--plot", tmp_path / "cut.png")
     assert code == 0 and found["ok"] and found["of"] == "plan" and found["gouges"] == []
     first, second = found["surfaces"]
     assert first["inside"]["overcut"]["mm"] == pytest.approx(-0.01797, abs=2e-5)
@@ -43,26 +52,26 @@ def test_what_gouges_is_shown_and_ends_with_1_unless_told_to_warn() -> None:
 
 
 @pytest.fixture(scope="module")
-def trace_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def trace_file(tmp_path_factory: pytest.TempPathFactory, ready: str) -> Path:
     file = tmp_path_factory.mktemp("trace") / "run.npz"
     store = str(file.parent)
-    words = ["simulate", READY, "--trace", str(file), "--period-ms", "5", "--json", "--store", store]
+    words = ["simulate", ready, "--trace", str(file), "--period-ms", "5", "--json", "--store", store]
     assert CliRunner().invoke(app, words).exit_code == 0
     return file
 
 
 @pytest.mark.slow
-def test_a_trace_of_what_was_commanded_comes_out_as_the_plan(trace_file: Path) -> None:
-    _, plan = run(READY)
-    code, told = run(trace_file, "--program", READY, "--commanded")
+def test_a_trace_of_what_was_commanded_comes_out_as_the_plan(trace_file: Path, ready: str) -> None:
+    _, plan = run(ready)
+    code, told = run(trace_file, "--program", ready, "--commanded")
     assert code == 0 and told["of"] == "commanded"
     for ours, theirs in zip(told["surfaces"], plan["surfaces"], strict=True):
         assert ours["inside"]["largest_mm"] == pytest.approx(theirs["inside"]["largest_mm"], abs=1e-3)
 
 
 @pytest.mark.slow
-def test_a_trace_of_what_the_drives_did_is_off_by_their_errors(trace_file: Path) -> None:
-    code, told = run(trace_file, "--program", READY, "--gouge", "warn")
+def test_a_trace_of_what_the_drives_did_is_off_by_their_errors(trace_file: Path, ready: str) -> None:
+    code, told = run(trace_file, "--program", ready, "--gouge", "warn")
     assert code == 0 and told["of"] == "actual"
     inside = [one["inside"] for one in told["surfaces"]]
     assert all(one["uncut"] == 0.0 and one["largest_mm"] < 0.25 for one in inside)
@@ -70,25 +79,25 @@ def test_a_trace_of_what_the_drives_did_is_off_by_their_errors(trace_file: Path)
 
 
 @pytest.mark.slow
-def test_the_folder_of_a_recording_is_taken_as_a_trace(tmp_path: Path) -> None:
+def test_the_folder_of_a_recording_is_taken_as_a_trace(tmp_path: Path, ready: str) -> None:
     """Example 2 at an even feed, its setpoints as the recorder keeps them."""
     (tmp_path / "rec").mkdir()
-    rows = even_rows()
+    rows = even_rows(ready)
     made = config.load("trunnion")
     np.savez_compressed(
         tmp_path / "rec" / "trace.npz",
         columns=np.array(ROW), rows=rows, period_s=made.period_s, machine=made.text,
     )  # fmt: skip
-    code, told = run(tmp_path / "rec", "--program", READY, "--commanded", "--gouge", "warn")
+    code, told = run(tmp_path / "rec", "--program", ready, "--commanded", "--gouge", "warn")
     assert code == 0 and told["of"] == "commanded"
     first = told["surfaces"][0]["inside"]
     assert first["overcut"]["mm"] == pytest.approx(-0.018, abs=1e-3) and first["uncut"] == 0.0
 
 
-def even_rows() -> np.ndarray:
+def even_rows(ready: str) -> np.ndarray:
     """Rows of both cuts: places at an even feed, their joints as the path has them."""
     made = config.load("trunnion")
-    task = checked.task(Path(READY).read_bytes(), READY, made)
+    task = checked.task(Path(ready).read_bytes(), ready, made)
     stretches = checked.stretches(checked.path_of(task, checked.chosen_for(task)))
     parts = []
     for number, stretch in stretches.items():

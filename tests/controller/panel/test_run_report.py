@@ -23,6 +23,12 @@ def test_it_tells_what_the_store_has_of_the_run_its_check_and_its_alarms() -> No
         assert words in told, words
 
 
+def test_it_tells_whether_the_surfaces_kept_their_tolerance_in_its_language() -> None:
+    check = {**CHECK, "verdict": {"within": False, "sentence": "Too deep.", "sentence_de": "Zu tief."}}
+    for language, sentence in (("en", "Too deep."), ("de", "Zu tief.")):
+        assert sentence in page(Facts(RUN, check, [], []), language)  # type: ignore[arg-type]
+
+
 def test_a_name_is_text_and_never_markup() -> None:
     told = page(Facts(RUN, {}, [], []), "en")
     assert "a&lt;b&gt;.ngc" in told

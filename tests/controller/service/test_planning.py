@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cutting import program
 from planning_bench import Bench
 from restarting import with_tool
 
@@ -154,6 +155,20 @@ def test_how_far_the_drives_stopped_beside_the_path_is_told(bench: Bench) -> Non
     led(bench, "retract", distance_mm=3.0)
     off = bench.order("beside", program=program).facts["sentence"]
     assert 2.0 < float(off.split("rest ")[1].split(" mm")[0]) <= 3.0005
+
+
+def test_a_load_tells_whether_the_surfaces_keep_their_form_tolerance(bench: Bench) -> None:
+    for tolerance_mm, gouge, within in ((0.02, "refuse", True), (0.001, "warn", False), (None, "warn", None)):
+        machine = replace(bench.machine, tolerance_mm=tolerance_mm, gouge=gouge)
+        text = program("example2_ready").replace("R1.", "P3")
+        text = (
+            text if within is not True else "S500 M3\nG42\nG51 X9. Y0. Z0. I0. J0. K0. H10. R9. D90. F900.\n"
+        )
+        facts = bench.order("check", program=Program(text.encode(), "part.ngc", machine)).facts
+        assert (facts["verdict"] and facts["verdict"]["within"]) == within
+    machine = replace(bench.machine, tolerance_mm=0.001, gouge="refuse")
+    error = bench.order("check", program=Program(text.encode(), "part.ngc", machine)).error
+    assert error is not None and "exceeds its form tolerance" in str(error)
 
 
 def test_an_order_that_fails_is_answered_with_its_sentence(bench: Bench) -> None:

@@ -107,7 +107,7 @@ def starts(page: Any) -> None:
     page.click("[data-to=run]")
     page.click("[data-call='POST cycle/start']:not([disabled])")
     browsing.yes(page)
-    page.wait_for_selector(".mode-more:has-text('T2 (end mill 3 mm)')")
+    page.wait_for_selector(".mode-more:has-text('T4 (end mill 1 mm)')")
     page.click("[data-call='POST cycle/resume']:not([disabled])")
     live_page.wait(page, "dx.status.in_block?.u > 0.05")
 

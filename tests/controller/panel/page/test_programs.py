@@ -190,6 +190,22 @@ def test_the_cut_surfaces_of_a_checked_program_are_shown_as_maps_with_their_figu
 
 
 @pytest.mark.slow
+def test_a_surface_beyond_its_tolerance_is_no_green_word_but_said_with_its_place(
+    page: Any, site: Site
+) -> None:
+    drop(page, "deep.ngc", "(TOO DEEP)\nM2\n")
+    choose(page, "deep.ngc")
+    page.wait_for_selector(".programs-detail [role=alert] >> text=exceeds its form tolerance of 0.05 mm")
+    told = page.inner_text(".programs-detail [role=alert]")
+    for words in ("line 19", "by 0.4331 mm", "u = 1.0000", "10.000 mm above", "lead out", "P2"):
+        assert words in told, words
+    assert page.inner_text("tr[data-program='deep.ngc'] .p-check .chip") == "exceeds tolerance"
+    assert page.get_attribute("tr[data-program='deep.ngc'] .p-check .chip", "data-tone") == "stop"
+    assert page.query_selector_all("tr[data-program='deep.ngc'] .p-check [data-tone=go]") == []
+    assert site.ask("programs/deep.ngc/check")["verdict"]["exceeds_mm"] == pytest.approx(0.4331)
+
+
+@pytest.mark.slow
 def test_a_program_with_a_mistake_shows_the_line_with_a_caret_below_it(page: Any, site: Site) -> None:
     drop(page, "wrong.ngc", "G21\nG1 WRONG\n")
     choose(page, "wrong.ngc")

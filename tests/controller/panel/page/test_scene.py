@@ -109,9 +109,9 @@ def test_without_a_program_nothing_of_one_is_drawn(looker: Any, stepped: Site) -
 
 
 def test_the_tool_in_the_spindle_is_drawn_where_the_status_tells(looker: Any) -> None:
-    """T2 of the shipped table has a radius of 1.5 mm."""
-    looker.wait_for_function("() => JSON.parse(dxScene.tool_key).number === 2")
-    assert looker.evaluate("JSON.parse(dxScene.tool_key).radius_mm") == 1.5
+    """T4 of the shipped table has a radius of 0.5 mm."""
+    looker.wait_for_function("() => JSON.parse(dxScene.tool_key).number === 4")
+    assert looker.evaluate("JSON.parse(dxScene.tool_key).radius_mm") == 0.5
     apart = looker.evaluate(
         "() => { dxScene.status(dx.status); const at = dxScene.tool.position.toArray();"
         " return Math.hypot(...dx.status.on_table.tip.map((v, i) => v - at[i])) }"

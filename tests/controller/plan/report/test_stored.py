@@ -12,12 +12,21 @@ from controller.geometry import Frame
 from controller.machine import Tool
 from controller.plan.report import stored
 from controller.plan.report.stored import Overcut, Stored
+from controller.plan.report.verdict import Verdict
 from controller.plan.route.stretch import Note
 from controller.plan.text.program import Place
 
 HOME = (0.0, 0.0, 200.0, 0.0, 0.0)
 CHECK = Stored(
-    1234, 2.468, 3, {8: (0.1, -7.25)}, (Note(Place(3, 5), "Joins."),), (Overcut(8, 0.1, 0.5, 0.0),)
+    1234,
+    2.468,
+    3,
+    {8: (0.1, -7.25)},
+    (Note(Place(3, 5), "Joins."),),
+    (Overcut(8, 0.1, 0.5, 0.0),),
+    verdicts=(
+        Verdict(8, 1, 0.05, 0.1, 0.0, 0.5, 0.0, 10.0, (1.0, 2.0, 3.0), "cut", 8, ("double", "radius"), 1.5),
+    ),
 )
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import random
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
+from cutting import program
 from machines import random_machine
 from traced import assert_whole, mill, named, names, sentences, stretches, trace
 
@@ -16,12 +16,7 @@ from controller.machine import Machine
 from controller.plan.route.path import Chain, Pause
 from controller.plan.text.program import Act, ProgramError
 
-PROGRAMS = Path(__file__).resolve().parents[4] / "config" / "programs"
 CONE = "G51 X0. Y15. Z0. I0. J0. K0. H10. R10. D{} F100.\n"
-
-
-def program(name: str) -> str:
-    return (PROGRAMS / f"{name}.ngc").read_text()
 
 
 def ruled(upper: str, lower: str, feed: str = "F100.") -> str:

@@ -1,0 +1,30 @@
+"""English: what is said of surfaces and their form tolerance. No refusals alone: ``form.within`` is none."""
+
+from __future__ import annotations
+
+REFUSALS = {
+    "form.within": "Every surface keeps its tolerance: {off} µm off at most, {tolerance} µm allowed "
+    "(line {line}).",
+    "form.exceeds": "the surface of line {line} exceeds its form tolerance of {tolerance} mm by "
+    "{exceeds} mm: it is {off} mm {way} at u = {u}, {height} mm above its lower edge, by the {motion} "
+    "of line {by_line}",
+    "form.overcut": "too deep",
+    "form.undercut": "short of being cut",
+    "form.would_do": "{sentence}; what helps: {remedies}",
+    "form.do.double": "placement double (P2)",
+    "form.do.optimal": "placement optimal (P3)",
+    "form.do.radius": "a cutter of about {radius} mm radius",
+    "form.do.smaller": "a smaller cutter",
+    "form.do.side": "the other side (G41/G42)",
+    "form.do.lead": "a smaller lead_mm",
+    "form.do.joint": "surfaces that join smoothly",
+    "form.do.apart": "moving the block of line {by_line} away",
+    "form.motion.cut": "cut",
+    "form.motion.lead in": "lead in",
+    "form.motion.lead out": "lead out",
+    "form.motion.run on": "run on",
+    "form.motion.pivot": "pivot",
+    "form.motion.plunge": "plunge",
+    "form.motion.lift": "lift",
+    "form.motion.other": "motion",
+}

@@ -1,0 +1,30 @@
+"""German: what is said of surfaces and their form tolerance, as ``form_english``."""
+
+from __future__ import annotations
+
+REFUSALS = {
+    "form.within": "Jede Fläche hält ihre Toleranz: höchstens {off} µm Abweichung, {tolerance} µm erlaubt "
+    "(Zeile {line}).",
+    "form.exceeds": "die Fläche in Zeile {line} überschreitet ihre Formtoleranz von {tolerance} mm um "
+    "{exceeds} mm: sie ist {off} mm {way} bei u = {u}, {height} mm über der Unterkante, in "
+    "Bewegung „{motion}“ von Zeile {by_line}",
+    "form.overcut": "zu tief geschnitten",
+    "form.undercut": "stehen geblieben",
+    "form.would_do": "{sentence}; es hilft: {remedies}",
+    "form.do.double": "Anstellung double (P2)",
+    "form.do.optimal": "Anstellung optimal (P3)",
+    "form.do.radius": "ein Fräser von etwa {radius} mm Radius",
+    "form.do.smaller": "ein kleinerer Fräser",
+    "form.do.side": "die andere Seite (G41/G42)",
+    "form.do.lead": "ein kleineres lead_mm",
+    "form.do.joint": "Flächen, die glatt aneinander anschließen",
+    "form.do.apart": "den Satz in Zeile {by_line} wegrücken",
+    "form.motion.cut": "Schnitt",
+    "form.motion.lead in": "Einlauf",
+    "form.motion.lead out": "Auslauf",
+    "form.motion.run on": "Nachlauf",
+    "form.motion.pivot": "Schwenk",
+    "form.motion.plunge": "Eintauchen",
+    "form.motion.lift": "Abheben",
+    "form.motion.other": "Bewegung",
+}

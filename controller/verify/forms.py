@@ -1,0 +1,162 @@
+"""Whether a surface that has been looked at keeps its form tolerance.
+
+The grid of the look has the signed distance of every point to all that cuts. Its worst points are
+zoomed into and measured along the normal, as ``judge`` does; where that is far within the
+tolerance, the worst of them alone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.placement import AT_LOWER, Placed
+from controller.plan.report.verdict import Verdict
+from controller.verify.judge import Judged
+from controller.verify.looks import Look
+from controller.verify.nominal import Nominal
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+SURELY = 0.5  # of the tolerance: what is off by less on the grid is not zoomed into
+ZOOMED = 3  # places of each sign
+STEPS, POINTS = 6, 5  # of a zoom
+FEWEST, SETTLED_MM = 2, 1e-6  # it ends where a step after these gains less
+BESIDE_UP = ("lead in", "lead out", "run on", "plunge", "lift")
+LEAST_RADIUS_MM = 0.05  # a smaller cutter is no advice
+
+
+def verdict(look: Look) -> Verdict | None:
+    """Of one surface, once its ``hurts`` have been asked for; None where it has no tolerance."""
+    nominal = look.nominal
+    if nominal.tolerance_mm is None:
+        return None
+    over, under = (_worst(look, sign, nominal.tolerance_mm) for sign in (-1.0, 1.0))
+    _, u, v = max(over, under)
+    _, by = look.cut_by(u, v)
+    made = Verdict(
+        line=nominal.line,
+        tool=nominal.tool.number,
+        tolerance_mm=nominal.tolerance_mm,
+        overcut_mm=max(0.0, over[0]),
+        undercut_mm=max(0.0, under[0]),
+        u=u,
+        v=v,
+        height_mm=_height_mm(nominal, u, v),
+        place=nominal.place(u, v),
+        by=by.name if by else "cut",
+        by_line=by.line if by else nominal.line,
+    )
+    return made if made.within else _advised(made, look)
+
+
+def _worst(look: Look, sign: float, tolerance_mm: float) -> tuple[float, float, float]:
+    """The largest amount (mm, without the allowance) of one sign, and its u and v."""
+    left = np.where(np.isfinite(look.left), look.left, look.nominal.tool.radius_mm)
+    size = _net(look, left, sign)
+    if float(size.max()) < SURELY * tolerance_mm:
+        starts = np.array([int(np.argmax(size))])
+        return _measured(look, look.u[starts], look.v[starts], size[starts], sign)
+    starts = _apart(size, look.shape)
+    best = _measured(look, look.u[starts], look.v[starts], size[starts], sign)
+    half = 1.0 / (np.array(look.shape) - 1.0)
+    u, v = look.u[starts], look.v[starts]
+    for k in range(STEPS):
+        amount, u, v = _zoomed(look, u, v, half, sign)
+        before, best = best, max(best, *zip(amount.tolist(), u.tolist(), v.tolist(), strict=True))
+        half = half / (0.5 * (POINTS - 1))
+        if k >= FEWEST and best[0] - before[0] < SETTLED_MM:
+            break
+    return best
+
+
+def _zoomed(look: Look, u: Array, v: Array, half: Array, sign: float) -> tuple[Array, Array, Array]:
+    """The largest amounts on small grids about places (K,), and where they are."""
+    x, y = (m.ravel() for m in np.meshgrid(*2 * [np.linspace(-1.0, 1.0, POINTS)], indexing="ij"))
+    a = np.clip(u[:, None] + half[0] * x, 0.0, 1.0)
+    b = np.clip(v[:, None] + half[1] * y, 0.0, 1.0)
+    t = np.nan_to_num(look.deviation(a.ravel(), b.ravel()), nan=-np.inf * sign)
+    amount = _net(look, t, sign).reshape(a.shape)
+    most, rows = np.argmax(amount, axis=1), np.arange(len(a))
+    return amount[rows, most], a[rows, most], b[rows, most]
+
+
+def _net(look: Look, t: Array, sign: float) -> Array:
+    """Amounts of one sign: overcut counts from the surface, what is left from its allowance."""
+    return -t if sign < 0.0 else t - look.nominal.allowance_mm
+
+
+def _measured(look: Look, u: Array, v: Array, near: Array, sign: float) -> tuple[float, float, float]:
+    """The largest of some places along their normals; where no normal meets a cut, by its distance."""
+    t = look.deviation(u, v)
+    amount = np.where(np.isnan(t), near, _net(look, t, sign))
+    k = int(np.argmax(amount))
+    return float(amount[k]), float(u[k]), float(v[k])
+
+
+def _apart(size: Array, shape: tuple[int, int]) -> Index:
+    """Indices of the largest values that are no neighbours on the grid."""
+    found: list[int] = []
+    for i in np.argsort(-size, kind="stable")[: 64 * ZOOMED]:
+        row, column = divmod(int(i), shape[1])
+        if all(max(abs(row - k // shape[1]), abs(column - k % shape[1])) > 1 for k in found):
+            found.append(int(i))
+        if len(found) == ZOOMED:
+            break
+    return np.array(found, dtype=np.int64)
+
+
+def widened(made: Verdict, judged: Judged) -> Verdict:
+    """With what a closer look along the normals has found beyond it."""
+    nominal, zone = judged.nominal, judged.whole
+    over, under = -zone.overcut.mm if zone.overcut else 0.0, zone.undercut.mm if zone.undercut else 0.0
+    under -= nominal.allowance_mm
+    found = zone.overcut if over >= under else zone.undercut
+    amounts = replace(made, overcut_mm=max(made.overcut_mm, over), undercut_mm=max(made.undercut_mm, under))
+    if found is None or amounts.largest_mm <= made.largest_mm:
+        return amounts
+    height = _height_mm(nominal, found.u, found.v)
+    return replace(amounts, u=found.u, v=found.v, height_mm=height, place=found.place)
+
+
+def _height_mm(nominal: Nominal, u: float, v: float) -> float:
+    """Of a place above the lower edge, along its ruling."""
+    points = nominal.points(np.array([u, u]), np.array([v, 1.0]))
+    return float(np.linalg.norm(points[0] - points[1]))
+
+
+# ---- what helps --------------------------------------------------------------------
+
+
+def _advised(made: Verdict, look: Look) -> Verdict:
+    """With what helps: by the motion that is too deep there, or stays off."""
+    keys, radius = list[str](), 0.0
+    bend = float(look.nominal.hollow(np.array([made.u]), np.array([made.v]))[0])
+    own = made.by == "cut" and made.by_line == made.line
+    shallow = made.largest_mm < 0.5 * look.nominal.tool.radius_mm  # a neighbour that reaches over the joint
+    if bend * look.nominal.tool.radius_mm > 1.0:
+        keys, radius = ["side"], 1.0 / bend
+    elif own or made.by in BESIDE_UP or (made.by == "cut" and shallow):
+        keys = _better_placements(look)
+        # What twist costs is in proportion to the radius.
+        radius = look.nominal.tool.radius_mm * made.tolerance_mm / made.largest_mm
+        keys += ["lead"] if made.by in BESIDE_UP else []
+    elif made.by == "pivot":
+        keys = ["joint"]
+    else:
+        keys = ["apart"]
+    size = "radius" if radius > LEAST_RADIUS_MM else "smaller"
+    return replace(made, remedies=(*keys, size), radius_mm=radius if size == "radius" else 0.0)
+
+
+def _better_placements(look: Look) -> list[str]:
+    """Those that deviate less than the one in use, where a surface is twisted at all."""
+    surface = look.nominal.surface
+    if isinstance(surface, Placed) and surface.corrections is not None:
+        return []
+    if isinstance(surface, Placed) and surface.normals_v != AT_LOWER:
+        return ["optimal"]
+    return ["double", "optimal"]
