@@ -30,6 +30,7 @@ from controller.plan.route.cuts import REMEMBERED, SAME_RAD, Cut, apart, edge, t
 from controller.plan.text.program import Modal
 
 Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
 
 USEFUL_S = 0.1  # a blend takes so long at the feed, on either side; longer ones ask less of no joint
 USEFUL_MM = (1.0, 10.0)
@@ -279,35 +280,34 @@ def _with(motion: SurfaceCut, blend: Blend) -> SurfaceCut:
 
 @dataclass(frozen=True, slots=True)
 class _Looked:
-    """Points of the surface on each side of a joint, and how far each of both flanks is from them."""
+    """Points (3, N) of both surfaces beside a joint, and how far each of both flanks is from them."""
 
-    points: tuple[Array, Array]
+    points: Array
+    own: tuple[Mask, Mask]  # of each flank: which of the points are on its own surface, (N,)
     flanks: tuple[Placed, Placed]
-    seen: tuple[
-        tuple[deviation.Deviation, deviation.Deviation], ...
-    ]  # of each side's points: own flank, other
+    seen: tuple[deviation.Deviation, deviation.Deviation]
 
     @staticmethod
     def at(before: SurfaceCut, after: SurfaceCut, blends: tuple[Blend, Blend]) -> _Looked:
         flanks = _placed(before), _placed(after)
-        points = _beside(flanks[0], blends[0]), _beside(flanks[1], blends[1])
-        seen = tuple(
-            (deviation.of(flanks[k], points[k]), deviation.of(flanks[1 - k], points[k])) for k in (0, 1)
-        )
-        return _Looked(points, flanks, seen)
+        sides = [_beside(*one) for one in zip(flanks, blends, strict=True)]
+        points = np.concatenate(sides, axis=1)
+        first = np.arange(points.shape[1]) < sides[0].shape[1]
+        seen = deviation.of(flanks[0], points), deviation.of(flanks[1], points)
+        return _Looked(points, (first, ~first), flanks, seen)
 
     def added(self, before: SurfaceCut, after: SurfaceCut) -> float:
         """The most (mm) that is cut deeper, or left, or that the end of the cutter moves along its axis."""
-        flanks, worst = (_placed(before), _placed(after)), 0.0
-        for k in (0, 1):
-            own, other = self.seen[k]
-            now = [
-                deviation.of(flanks[i], self.points[k], s.at_u).left for i, s in ((k, own), (1 - k, other))
-            ]
-            left = np.minimum(*now)
-            deeper = np.minimum(own.left, other.left) - left
-            worst = max(worst, float(deeper.max()), float((left - own.left).max()))
-            worst = max(worst, _along_axis(self.flanks[k], flanks[k], own.at_u))
+        flanks = _placed(before), _placed(after)
+        now = [
+            deviation.of(flank, self.points, s.at_u).left for flank, s in zip(flanks, self.seen, strict=True)
+        ]
+        left = np.minimum(*now)
+        own = np.where(self.own[0], self.seen[0].left, self.seen[1].left)
+        deeper = np.minimum(self.seen[0].left, self.seen[1].left) - left
+        worst = max(float(deeper.max()), float((left - own).max()))
+        for plain, blended, seen, mine in zip(self.flanks, flanks, self.seen, self.own, strict=True):
+            worst = max(worst, _along_axis(plain, blended, seen.at_u[mine]))
         return worst
 
 

@@ -175,9 +175,10 @@ def points_beside(surface: Pair, side: float, u: np.ndarray) -> tuple[np.ndarray
 def added_mm(pairs: list[Pair], cuts: list[Stretch], side: float, built: Machine, k: int) -> float:
     """Largest change of what the k-th joint leaves, by the poses of the plan and by those of Eq. 5."""
     kinematics, radius = Kinematics(built), built.tools[0].radius_mm
-    halves = (np.linspace(0.4, 1.0, 1501), np.linspace(0.0, 0.6, 1501))  # of both blocks, towards the joint
-    planned = [poses(c, h * c.motion.end, kinematics) for c, h in zip(cuts[k : k + 2], halves, strict=True)]
-    exact = [by_hand_poses(p, side * radius, h) for p, h in zip(pairs[k : k + 2], halves, strict=True)]
+    # All of both cuts: on a twisted surface what comes nearest may stand far along.
+    whole = np.linspace(0.0, 1.0, 2501)
+    planned = [poses(c, whole * c.motion.end, kinematics) for c in cuts[k : k + 2]]
+    exact = [by_hand_poses(p, side * radius, whole) for p in pairs[k : k + 2]]
     worst = 0.0
     for i, u in ((0, np.linspace(0.55, 1.0, 28)), (1, np.linspace(0.0, 0.45, 28))):
         points, normals = points_beside(pairs[k + i], side, u)
