@@ -30,18 +30,20 @@ from controller.plan.route.cuts import REMEMBERED, SAME_RAD, Cut, apart, edge, t
 from controller.plan.text.program import Modal
 
 Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
 
 USEFUL_S = 0.1  # a blend takes so long at the feed, on either side; longer ones ask less of no joint
 USEFUL_MM = (1.0, 10.0)
 SHARE = 0.45  # of a cut: both its ends may be blended
 SHORTEST_MM = 0.02
 TRIES = 10
-USED = 0.9  # of what the tolerance leaves, for what lies between the points that are looked at
+USED = 0.6  # of what the tolerance leaves, for what lies between the points that are looked at
 CLEAR_OF_POLE = 10.0  # times the change of the axis: so far from the pole it hardly turns a rotary
 BESIDE = 1.25  # times the blend's own reach is looked at
 MEANT_MM = 1e-9  # poses nearer than this are meant to be one
 SMOOTH, ALIKE = 1e-9, 3.0  # rad within a millimetre; times the tolerance, within the same
 _ALONG, _ACROSS = np.linspace(0.0, 1.0, 17), np.linspace(0.0, 1.0, 5)
+_FURTHER = np.linspace(0.0, 1.0, 13)[1:] ** 2
 
 
 class Tolerance(NamedTuple):
@@ -162,7 +164,7 @@ def _shortened(
             if pair is None:
                 reach = 0.5 * max(reaches)
                 continue
-            off = _Looked.at(before, after, blends).added(*pair)
+            off = _Looked.at(before, after, blends, reaches).added(*pair)
             if off <= allowed_mm:
                 return _Pair(*pair, max(reaches), off)
             reach = max(reaches) * min(0.8, max(0.2, 0.9 * math.sqrt(allowed_mm / off)))
@@ -279,41 +281,53 @@ def _with(motion: SurfaceCut, blend: Blend) -> SurfaceCut:
 
 @dataclass(frozen=True, slots=True)
 class _Looked:
-    """Points of the surface on each side of a joint, and how far each of both flanks is from them."""
+    """Points (3, N) of both surfaces beside a joint, and how far each of both flanks is from them."""
 
-    points: tuple[Array, Array]
+    points: Array
+    own: tuple[Mask, Mask]  # of each flank: which of the points are on its own surface, (N,)
     flanks: tuple[Placed, Placed]
-    seen: tuple[
-        tuple[deviation.Deviation, deviation.Deviation], ...
-    ]  # of each side's points: own flank, other
+    seen: tuple[deviation.Deviation, deviation.Deviation]
 
     @staticmethod
-    def at(before: SurfaceCut, after: SurfaceCut, blends: tuple[Blend, Blend]) -> _Looked:
+    def at(
+        before: SurfaceCut, after: SurfaceCut, blends: tuple[Blend, Blend], reaches_mm: list[float]
+    ) -> _Looked:
         flanks = _placed(before), _placed(after)
-        points = _beside(flanks[0], blends[0]), _beside(flanks[1], blends[1])
-        seen = tuple(
-            (deviation.of(flanks[k], points[k]), deviation.of(flanks[1 - k], points[k])) for k in (0, 1)
-        )
-        return _Looked(points, flanks, seen)
+        sides = [_beside(*one) for one in zip(flanks, blends, reaches_mm, strict=True)]
+        points = np.concatenate(sides, axis=1)
+        first = np.arange(points.shape[1]) < sides[0].shape[1]
+        seen = deviation.of(flanks[0], points), deviation.of(flanks[1], points)
+        return _Looked(points, (first, ~first), flanks, seen)
 
     def added(self, before: SurfaceCut, after: SurfaceCut) -> float:
         """The most (mm) that is cut deeper, or left, or that the end of the cutter moves along its axis."""
-        flanks, worst = (_placed(before), _placed(after)), 0.0
-        for k in (0, 1):
-            own, other = self.seen[k]
-            now = [
-                deviation.of(flanks[i], self.points[k], s.at_u).left for i, s in ((k, own), (1 - k, other))
-            ]
-            left = np.minimum(*now)
-            deeper = np.minimum(own.left, other.left) - left
-            worst = max(worst, float(deeper.max()), float((left - own.left).max()))
-            worst = max(worst, _along_axis(self.flanks[k], flanks[k], own.at_u))
+        flanks = _placed(before), _placed(after)
+        now = [_left(*one, self.points) for one in zip(flanks, self.seen, strict=True)]
+        left = np.minimum(*now)
+        own = np.where(self.own[0], self.seen[0].left, self.seen[1].left)
+        deeper = np.minimum(self.seen[0].left, self.seen[1].left) - left
+        worst = max(float(deeper.max()), float((left - own).max()))
+        for plain, blended, seen, mine in zip(self.flanks, flanks, self.seen, self.own, strict=True):
+            worst = max(worst, _along_axis(plain, blended, seen.at_u[mine]))
         return worst
 
 
-def _beside(flank: Placed, blend: Blend) -> Array:
-    """Points (3, N) of a surface at the joint and as far as its blend reaches."""
-    away = np.minimum(BESIDE * _ALONG / blend.per_u, 1.0)
+def _left(flank: Placed, seen: deviation.Deviation, points: Array) -> Array:
+    """What a blended flank leaves: sought where it was nearest without the blend, and in the blend itself."""
+    assert isinstance(flank, Blended)
+    blend = flank.blends[-1]
+    within = np.full(points.shape[1], 0.3 / blend.per_u if blend.at_start else 1.0 - 0.3 / blend.per_u)
+    starts = (seen.at_u, within)
+    return np.minimum(*(deviation.of(flank, points, near).left for near in starts))
+
+
+def _beside(flank: Placed, blend: Blend, reach_mm: float) -> Array:
+    """Points (3, N) of a surface at the joint, as far as its blend reaches, and a radius further.
+
+    A twisted surface is touched as far as that beside the ruling at which the cutter stands.
+    """
+    further = BESIDE + _FURTHER * abs(flank.offset_mm) / reach_mm
+    away = np.minimum(np.concatenate((BESIDE * _ALONG, further)) / blend.per_u, 1.0)
     u, v = (one.ravel() for one in np.meshgrid(away if blend.at_start else 1.0 - away, _ACROSS))
     return deviation.points(flank, u, v)
 

@@ -51,13 +51,13 @@ def of(placed: Placed, at: Array, near: Array | None = None) -> Deviation:
     """
     u = _nearest(placed, at) if near is None else near
     for _ in range(PARABOLAS):
-        u = np.clip(u, STEP, 1.0 - STEP)
-        before, here, behind = (_gap(placed, at, u + by) for by in (-STEP, 0.0, STEP))
+        inner = np.clip(u, STEP, 1.0 - STEP)
+        before, here, behind = (_gap(placed, at, inner + by) for by in (-STEP, 0.0, STEP))
         slope, bend = 0.5 * (behind - before) / STEP, (before - 2.0 * here + behind) / STEP**2
         step = np.where(bend > 0.0, slope / np.where(bend > 0.0, bend, 1.0), np.sign(slope) * FARTHEST)
         step = np.clip(step, -FARTHEST, FARTHEST)
-        u = np.clip(u - step, 0.0, 1.0)
-        if float(np.abs(step).max()) < SETTLED:
+        last, u = u, np.clip(inner - step, 0.0, 1.0)
+        if float(np.abs(u - last).max()) < SETTLED:
             break
     return _seen(placed, at, u)
 
