@@ -112,9 +112,9 @@ def test_random_paths_and_machines_come_near_the_optimum() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("batch", range(4))
+@pytest.mark.parametrize("batch", range(10))
 def test_a_hundred_random_paths_and_machines_come_near_the_optimum(batch: int) -> None:
-    found = random_ratios(itertools.count(1000 * (batch + 1)), 25)
+    found = random_ratios(itertools.count(1000 * (batch + 1)), 10)
     print(f"median {statistics.median(found):.4f}, worst {max(found):.4f}")
     assert statistics.median(found) <= MEDIAN and max(found) <= MOST
 
@@ -126,7 +126,7 @@ def test_a_hundred_random_paths_and_machines_come_near_the_optimum(batch: int) -
 def test_random_compounds_take_little_more_than_an_optimum_that_begins_and_ends_at_speed() -> None:
     """Each run from rest to rest with its leads, so that the cuts begin as fast as the path lets them."""
     found = []
-    for seed in range(500, 520):
+    for seed in range(500, 506):
         rng = random.Random(seed)
         machine, feed = shipped(), rng.uniform(2000.0, 5000.0)
         kinematics = Kinematics(machine)
@@ -145,5 +145,5 @@ def test_random_compounds_take_little_more_than_an_optimum_that_begins_and_ends_
                 found.append(planned.duration_s / best.seconds)
                 print(f"seed {seed}: {planned.duration_s:.3f} s, {found[-1]:.4f} of the optimum")
     print(f"median {statistics.median(found):.4f}, worst {max(found):.4f}")
-    assert len(found) >= 10
+    assert len(found) >= 6
     assert statistics.median(found) <= 1.02 and max(found) <= 1.06
