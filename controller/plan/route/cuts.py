@@ -131,7 +131,7 @@ def build(block: CutBlock, machine: Machine, voice: Voice) -> tuple[Cut, ...]:
     found = _defect(surface)
     if found is not None:
         voice.refuse(block.place, f"{code(block)}: {_describe(found)}")
-    if tool.radius_mm + block.modal.allowance_mm <= 0.0:
+    if block.modal.allowance_mm < 0.0 and tool.radius_mm + block.modal.allowance_mm <= 0.0:
         sentence = (
             f"Q of {block.modal.allowance_mm:.3f} mm leaves nothing of T{tool.number} with its radius of "
             f"{tool.radius_mm:.3f} mm; give a smaller correction"

@@ -57,7 +57,7 @@ def meet(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voic
     met = _met(before, after, machine, kinematics, voice)
     name = f"the block of line {before.block.place.line}"
     if before.block is after.block:
-        if met.meeting is Meeting.JOIN and met.after is after:
+        if met.meeting is Meeting.JOIN:
             return met
         name = f"its own part before u = {after.part[0]:.4f}"
     voice.tell(after.block.place, met.sentence.format(name))
@@ -84,7 +84,8 @@ def _met(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voic
     agree = shared and apart(end.tip, start.tip) <= SAME_MM and apart(end.axis, start.axis) <= SAME_RAD
     allowed = blending.tolerance(before, after, machine)
     joint = None
-    if not agree or blending.differ_by_rounding(before, after, allowed):
+    written_as_one = before.block is after.block  # its parts are meant as they are, to the last derivative
+    if not agree or (not written_as_one and blending.differ_by_rounding(before, after, allowed)):
         joint = blending.joined(before, after, allowed, kinematics)
     if joint is not None:
         return Met(Meeting.JOIN, _blended(joint), joint.before, joint.after)
