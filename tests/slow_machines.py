@@ -46,7 +46,7 @@ def drawn(seed: int) -> Machine:
         limits = Limits(*(value * 10.0 ** rng.uniform(-OWN, OWN) for value in values))
         travel = 150.0 if axis.is_rotary else 2000.0  # rad or mm, within what the drives can count
         axes.append(replace(axis, limits=limits, travel_min=-travel, travel_max=travel))
-    return replace(machine, axes=tuple(axes))
+    return replace(machine, axes=tuple(axes), max_quick_stop_s=60.0)  # slow ones brake as slowly
 
 
 def rails(

@@ -19,6 +19,7 @@ from controller.surfaces import RuledSurface
 from controller.verify.judge import judge
 
 DENSE = 4001
+SEARCHED = (Strategy.SINGLE, Strategy.DOUBLE, Strategy.OPTIMAL)  # auto is one of them
 
 
 def deviations(surface, cutter, u, v):
@@ -129,7 +130,7 @@ def test_tapered_cutters_are_placed_as_well():
     surface = example_2()[0]
     for side in (1.0, -1.0):
         cutter = Cutter(side * 2.0, 0.06, 1.0)
-        found = [largest(place(surface, cutter, strategy), cutter) for strategy in Strategy]
+        found = [largest(place(surface, cutter, strategy), cutter) for strategy in SEARCHED]
         assert found[2] <= found[1] < 0.3 * found[0] and found[2] < 3.0, found
 
 
@@ -156,7 +157,7 @@ def assert_better_placements_are_never_worse(first_seed, count):
     seeds = range(first_seed, first_seed + count)
     for at, surface in itertools.islice(surfaces(seeds), count):
         cutter = plain(rng.choice((3.0, -3.0, 1.5)))
-        paper, double, optimal = (largest(place(surface, cutter, s), cutter, 49) for s in Strategy)
+        paper, double, optimal = (largest(place(surface, cutter, s), cutter, 49) for s in SEARCHED)
         print(f"seed {at}, r {cutter.offset_mm}: {paper:.2f} {double:.2f} {optimal:.3f} um")
         assert optimal <= double + 0.05 and double <= paper + 0.05, (at, cutter, paper, double, optimal)
 
