@@ -195,6 +195,7 @@ def test_a_power_loss_costs_at_most_a_second_of_cut_and_starts_nothing(
     """The service's own process, and with it all others and the simulated drives."""
     with serving(tmp_path, *calm(tmp_path)) as service:
         service.ready()
+        service.put_in(2)
         until_in(service, instant)
         pids = [service.pid("tick"), service.pid("plan")]
         service.process.send_signal(signal.SIGKILL)
