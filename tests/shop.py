@@ -38,6 +38,7 @@ class Shop:
         self.folder, self.state, self.runtime = folder, folder / "state", folder / "run"
         self.machine_file = folder / "machine.toml"
         self.machine_file.write_text(_machine(period_s))
+        self.tools_put_in = 0
         self.port = _free_port()
         self.processes = {name: self._begin(name) for name in ("serve", "panel")}
         self.url = f"http://127.0.0.1:{self.port}"
@@ -127,6 +128,8 @@ class Shop:
         assert asked["number"] == tool and f"T{tool}" in asked["sentence"]
         self.do("POST", "/cycle/resume")
         self.until(lambda now: now["mode"] == "READY" and now["tool"] == tool, "the tool")
+        self.run_record()
+        self.tools_put_in += 1
 
     def upload(self, name: str, text: bytes) -> Values:
         """Stored, and its check has ended."""
@@ -140,9 +143,9 @@ class Shop:
         return found
 
     def run_record(self, number: int = 0) -> Values:
-        """The facts of a run once its record is written; 0 = the newest."""
+        """The facts of a run once its record is written; 0 = the newest. Putting a tool in was one, too."""
         give_up_s = time.monotonic() + HANGS_S
-        while len(runs := self.do("GET", "/runs")["runs"]) <= number:
+        while len(runs := self.do("GET", "/runs")["runs"]) <= number + self.tools_put_in:
             assert time.monotonic() < give_up_s, self.logs()
             time.sleep(0.1)
         found: Values = self.do("GET", f"/runs/{runs[number]['id']}")

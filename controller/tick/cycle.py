@@ -91,6 +91,7 @@ class Cycle:
         self._echoes_missed = 0
         self._synced_tick = 0  # the last tick that sent SYNC
         self._stood = False  # in this tick the path was stood still after a gap
+        self._stood_before = False  # so it was before this tick, in a run that is made again
         self._deaf_s = times.deaf_s(machine)
         self._blamed = 0  # ticks in which what the drives have to say is of our silence
         self._unsent = 0  # SYNCs in a row that the bus did not take
@@ -127,7 +128,9 @@ class Cycle:
         if sent or self._stood:
             self.group.command(self._encoder.setpoints, now_s)
         self.publish()
-        self._telling.record(self.tick, lateness_s, sent, self._accepted_now, self._stood)
+        stood = self._stood or self._stood_before
+        self._telling.record(self.tick, lateness_s, sent, self._accepted_now, stood)
+        self._stood_before = False
         return sent
 
     # -- its steps
@@ -153,7 +156,7 @@ class Cycle:
 
     def stand(self) -> None:
         """For a run that is made again: before its next SYNC there was a long gap."""
-        self._stand(not self._kernel_sync)
+        self._stood_before = self._stand(not self._kernel_sync)
         self.group.command(self._encoder.setpoints, self._now())
 
     def _stand(self, back: bool) -> bool:
