@@ -173,8 +173,10 @@ class Placed(Surface):
         if not len(ends) or at.ndim == 0:
             return tangent, turn
         t, r = (np.array([np.broadcast_to(c, at.shape) for c in v]) for v in (tangent, turn))
-        for i in ends:
-            t[:, i], r[:, i] = self._end_rates(float(at[i]), tuple(t[:, i]), tuple(r[:, i]))
+        for end in np.unique(at[ends]):
+            same = at == end
+            rates = self._end_rates(float(end), *(tuple(one[:, same][:, 0]) for one in (t, r)))
+            t[:, same], r[:, same] = (np.array(one)[:, None] for one in rates)
         return (t[0], t[1], t[2]), (r[0], r[1], r[2])
 
 
@@ -189,7 +191,7 @@ class Blend:
     """
 
     at_start: bool  # of the cut, otherwise at its end
-    per_u: float  # 1 / share of u over which it reaches
+    per_u: Number  # 1 / share of u over which it reaches; an array where blends stand in a row
     tip: tuple[Vector, Vector, Vector]  # a, b, c
     axis: tuple[Vector, Vector, Vector] | None
 

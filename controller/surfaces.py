@@ -128,8 +128,9 @@ def _end_tangents(curve: Curve, u: Any, tangent: Vector) -> Vector:
     if not len(ends) or at.ndim == 0:
         return tangent
     table = np.array([np.broadcast_to(t, at.shape) for t in tangent])
-    for i in ends:
-        table[:, i] = end_tangent(curve, float(at[i]), tuple(table[:, i]))
+    for end in np.unique(at[ends]):  # both of them mostly, however many samples there are
+        same = at == end
+        table[:, same] = np.array(end_tangent(curve, float(end), tuple(table[:, same][:, 0])))[:, None]
     return table[0], table[1], table[2]
 
 
