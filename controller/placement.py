@@ -219,6 +219,13 @@ class Blended(Placed):
     """A placed surface whose poses are led over into those of its neighbours."""
 
     blends: tuple[Blend, ...] = ()
+    _bare: bool = field(init=False, repr=False, compare=False)  # placed as the surface itself has it
+
+    def __post_init__(self) -> None:
+        Placed.__post_init__(self)
+        single = self.normals_v == AT_LOWER and self.points_v == ENDS
+        bare = single and self.corrections is None and self.taper_rad == self.shift_mm == 0.0
+        object.__setattr__(self, "_bare", bare)
 
     @staticmethod
     def of(placed: Placed, blend: Blend) -> Blended:
@@ -229,7 +236,7 @@ class Blended(Placed):
 
     def pose(self, u: Number, offset_mm: float, m: ModuleType = math) -> Pose:
         """As placed, with the blends."""
-        pose = Placed.pose(self, u, offset_mm, m)
+        pose = self.base.pose(u, self.offset_mm, m) if self._bare else Placed.pose(self, u, offset_mm, m)
         for blend in self.blends:
             pose = blend.onto(pose, u, m)
         return pose

@@ -184,6 +184,7 @@ class Cone(Surface):
 
 ZERO_MM = 1e-6  # lengths below are no lengths: ten thousandths of a BLU
 SAMPLES = 2001
+SETTLED = 1e-9  # of a lowest value
 SAMPLES_PER_SPAN = 33  # of a B-spline, whose knots may stand close
 
 
@@ -249,12 +250,14 @@ def _lowest(value: Callable[[Array], Array], u: Array) -> tuple[float, float]:
 
 def _zoom(value: Callable[[Array], Array], u: float) -> tuple[float, float]:
     half, best = 1.0 / (SAMPLES - 1), math.inf
-    for _ in range(8):
-        grid = np.clip(u + np.linspace(-half, half, 41), 0.0, 1.0)
+    for k in range(8):
+        grid, before = np.clip(u + np.linspace(-half, half, 41), 0.0, 1.0), best
         f = np.nan_to_num(value(grid), nan=np.inf)
         i = int(np.argmin(f))
         if f[i] < best:
             u, best = float(grid[i]), float(f[i])
+        if k >= 3 and before - best <= SETTLED * abs(best):  # within 1e-7 of u nothing is gained any more
+            break
         half *= 0.1
     return u, best
 

@@ -47,7 +47,7 @@ def test_a_way_that_no_law_can_take_is_refused_with_its_place(
 
 
 def test_rulings_that_lie_down_under_a_nutating_head(machines: dict[str, Machine], tmp_path: Path) -> None:
-    """The upper curve lies a micron beside the lower one: the axis is at the limit of what the head reaches."""
+    """The upper curve lies a micron beside the lower one, so the axis is at the limit of reach."""
     (found,) = checked(range(50420, 50421), machines, tmp_path)
     assert "the limit of what the rotary axes reach" in found
 
