@@ -23,7 +23,8 @@ Array = NDArray[np.float64]
 Points = tuple[Vector, ...]
 
 DEGREE = 8  # of the polynomials u(s): one more costs the tick 50 ns, one less doubles the panels
-MOST_PANELS = 4096
+MOST_PANELS = 4096  # of a curve
+MOST_OF_SPAN = 256  # of a part between knots: a curve with a cusp there takes some hundred
 # The length of a panel by Gauss-Legendre: exact up to degree 31 of the speed.
 _NODES, _WEIGHTS = (0.5 * a for a in np.polynomial.legendre.leggauss(16))
 _NODES = _NODES + 0.5
@@ -276,7 +277,8 @@ def _panels(curve: Curve, tolerance: float) -> Iterator[tuple[float, float, tupl
     """
     # The polynomials do not reach over a knot, where the curve's own polynomials change.
     knots = getattr(curve, "breaks", (0.0, 1.0))
-    open_ends, start, count = [*reversed(knots[1:])], 0.0, 0
+    open_ends, start, count, of_span = [*reversed(knots[1:])], 0.0, 0, 0
+    new_span = set(knots)
     while open_ends:
         end = open_ends[-1]
         length = float(_length(curve, start, end))
@@ -285,12 +287,13 @@ def _panels(curve: Curve, tolerance: float) -> Iterator[tuple[float, float, tupl
         if fit is None and start < middle < end:
             open_ends.append(middle)
             continue
-        count += 1
-        if count > MOST_PANELS:
+        count, of_span = count + 1, of_span + 1
+        if count > MOST_PANELS or of_span > MOST_OF_SPAN:
             raise ValueError("The curve bends without end: its length has no fit.")
         if length > 0.0:
             yield start, length, fit or (start, end - start, *(0.0,) * (DEGREE - 1))
         start = open_ends.pop()
+        of_span = 0 if start in new_span else of_span
 
 
 def _fit(curve: Curve, start: float, end: float, length: float, tolerance: float) -> tuple[float, ...] | None:

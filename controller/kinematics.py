@@ -134,6 +134,23 @@ class Kinematics:
         a, b, _ = self._across_work(axis)
         return m.sqrt(a * a + b * b)
 
+    @property
+    def is_bounded(self) -> bool:
+        """Whether some tool axes are out of reach, as beyond what an oblique rotary tilts the tool."""
+        return any(self._left) or abs(self._cosine) > STILL
+
+    def off_limit(self, axis: Vector) -> Number:
+        """Sine of the angle from where both branches are one, of axes whose components are (N,).
+
+        0 at the limit of reach and beyond; 1 on machines that reach every axis.
+        """
+        a, b, h = self._across_work(axis)
+        square = a * a + b * b
+        left, side = self._left_at(h, np)
+        c = (left + (square / (1.0 + side * h)) * (self._cosine * side)) / self._across
+        off = 1.0 - c * c / np.maximum(square, NEAR_POLE * NEAR_POLE)
+        return np.sqrt(np.maximum(off, 0.0))
+
     def _solve(
         self, axis: Vector, m: ModuleType, inside: Vector | None, seen: Seen | None
     ) -> tuple[tuple[Number, Number], tuple[Number, Number], Number]:

@@ -173,8 +173,10 @@ class Placed(Surface):
         if not len(ends) or at.ndim == 0:
             return tangent, turn
         t, r = (np.array([np.broadcast_to(c, at.shape) for c in v]) for v in (tangent, turn))
-        for i in ends:
-            t[:, i], r[:, i] = self._end_rates(float(at[i]), tuple(t[:, i]), tuple(r[:, i]))
+        for end in np.unique(at[ends]):
+            same = at == end
+            rates = self._end_rates(float(end), *(tuple(one[:, same][:, 0]) for one in (t, r)))
+            t[:, same], r[:, same] = (np.array(one)[:, None] for one in rates)
         return (t[0], t[1], t[2]), (r[0], r[1], r[2])
 
 
@@ -189,7 +191,7 @@ class Blend:
     """
 
     at_start: bool  # of the cut, otherwise at its end
-    per_u: float  # 1 / share of u over which it reaches
+    per_u: Number  # 1 / share of u over which it reaches; an array where blends stand in a row
     tip: tuple[Vector, Vector, Vector]  # a, b, c
     axis: tuple[Vector, Vector, Vector] | None
 
@@ -217,6 +219,13 @@ class Blended(Placed):
     """A placed surface whose poses are led over into those of its neighbours."""
 
     blends: tuple[Blend, ...] = ()
+    _bare: bool = field(init=False, repr=False, compare=False)  # placed as the surface itself has it
+
+    def __post_init__(self) -> None:
+        Placed.__post_init__(self)
+        single = self.normals_v == AT_LOWER and self.points_v == ENDS
+        bare = single and self.corrections is None and self.taper_rad == self.shift_mm == 0.0
+        object.__setattr__(self, "_bare", bare)
 
     @staticmethod
     def of(placed: Placed, blend: Blend) -> Blended:
@@ -227,7 +236,7 @@ class Blended(Placed):
 
     def pose(self, u: Number, offset_mm: float, m: ModuleType = math) -> Pose:
         """As placed, with the blends."""
-        pose = Placed.pose(self, u, offset_mm, m)
+        pose = self.base.pose(u, self.offset_mm, m) if self._bare else Placed.pose(self, u, offset_mm, m)
         for blend in self.blends:
             pose = blend.onto(pose, u, m)
         return pose

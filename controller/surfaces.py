@@ -128,8 +128,9 @@ def _end_tangents(curve: Curve, u: Any, tangent: Vector) -> Vector:
     if not len(ends) or at.ndim == 0:
         return tangent
     table = np.array([np.broadcast_to(t, at.shape) for t in tangent])
-    for i in ends:
-        table[:, i] = end_tangent(curve, float(at[i]), tuple(table[:, i]))
+    for end in np.unique(at[ends]):  # both of them mostly, however many samples there are
+        same = at == end
+        table[:, same] = np.array(end_tangent(curve, float(end), tuple(table[:, same][:, 0])))[:, None]
     return table[0], table[1], table[2]
 
 
@@ -183,6 +184,7 @@ class Cone(Surface):
 
 ZERO_MM = 1e-6  # lengths below are no lengths: ten thousandths of a BLU
 SAMPLES = 2001
+SETTLED = 1e-9  # of a lowest value
 SAMPLES_PER_SPAN = 33  # of a B-spline, whose knots may stand close
 
 
@@ -248,12 +250,14 @@ def _lowest(value: Callable[[Array], Array], u: Array) -> tuple[float, float]:
 
 def _zoom(value: Callable[[Array], Array], u: float) -> tuple[float, float]:
     half, best = 1.0 / (SAMPLES - 1), math.inf
-    for _ in range(8):
-        grid = np.clip(u + np.linspace(-half, half, 41), 0.0, 1.0)
+    for k in range(8):
+        grid, before = np.clip(u + np.linspace(-half, half, 41), 0.0, 1.0), best
         f = np.nan_to_num(value(grid), nan=np.inf)
         i = int(np.argmin(f))
         if f[i] < best:
             u, best = float(grid[i]), float(f[i])
+        if k >= 3 and before - best <= SETTLED * abs(best):  # within 1e-7 of u nothing is gained any more
+            break
         half *= 0.1
     return u, best
 

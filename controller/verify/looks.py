@@ -40,6 +40,7 @@ BETWEEN_MM = 1.0  # more than a tool goes from one sample to the next
 ONWARD = 17  # poses of a tool that goes straight on by its diameter
 FEWEST = 4  # samples of a pass: a cubic needs them
 ZOOMS, ZOOM_POINTS = 6, 5
+FEWEST_ZOOMS, SETTLED_MM = 2, 1e-6  # a zoom ends where a step after these gains less
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -310,13 +311,16 @@ class Look:
         u, v, most = float(self.u[k]), float(self.v[k]), float(hurt.depth[k])
         half = 1.0 / (np.array(self.shape) - 1)
         step = np.linspace(-1.0, 1.0, ZOOM_POINTS)
-        for _ in range(ZOOMS):
+        for zoom in range(ZOOMS):
+            before = most
             a, b = (m.ravel() for m in np.meshgrid(u + half[0] * step, v + half[1] * step, indexing="ij"))
             a, b = np.clip(a, 0.0, 1.0), np.clip(b, 0.0, 1.0)
             found = hurt.by.depth(self.nominal.points(a, b))
             k = int(np.argmax(found))
             if found[k] > most:
                 u, v, most = float(a[k]), float(b[k]), float(found[k])
+            if zoom >= FEWEST_ZOOMS and most - before < SETTLED_MM:
+                break
             half = 0.5 * half
         return u, v, most
 

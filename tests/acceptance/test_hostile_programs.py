@@ -46,6 +46,12 @@ def test_a_way_that_no_law_can_take_is_refused_with_its_place(
     assert checked(range(331, 332), machines, tmp_path) == [NO_LAW]
 
 
+def test_rulings_that_lie_down_under_a_nutating_head(machines: dict[str, Machine], tmp_path: Path) -> None:
+    """The upper curve lies a micron beside the lower one, so the axis is at the limit of reach."""
+    (found,) = checked(range(50420, 50421), machines, tmp_path)
+    assert "the limit of what the rotary axes reach" in found
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("batch", range(12))
 def test_more_hostile_programs(batch: int, machines: dict[str, Machine], tmp_path: Path) -> None:

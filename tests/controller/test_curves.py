@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from surfaces_of_the_paper import equation_7, example_1, example_2
 
-from controller import jets
+from controller import curves, jets
 from controller.curves import Arc, ArcLength, Bezier, Line, Polynomial
 from controller.geometry import norm, subtract
 from controller.rulings import Difference, difference
+from controller.splines import BSpline
 
 CUBIC = Bezier(((0.0, 0.0, 0.0), (1.0, 5.0, 2.0), (7.0, -3.0, 1.0), (9.0, 4.0, 6.0)))
 QUINTIC = Bezier(tuple((float(i), float(i * i % 7), float((3 * i) % 5)) for i in range(6)))
@@ -149,6 +150,19 @@ def test_a_point_is_no_curve():
             ArcLength.of(curve)
     with pytest.raises(ValueError, match="two control points"):
         Bezier(((1.0, 2.0, 3.0),))
+
+
+def test_a_curve_whose_length_is_noise_is_given_up_soon(monkeypatch):
+    """A weight of a million at an end: no panel fits, however narrow."""
+    points = ((0.0, 0.0), (4.5, -0.3), (9.0, 0.5), (13.5, 0.2), (18.0, 0.3), (22.5, 0.0))
+    weights = (1.0, 1.18, 0.94, 1.0, 1.03, 1e6)
+    spans = (tuple((x * w, y * w, 0.0) for (x, y), w in zip(points, weights, strict=True)),)
+    curve, tries = BSpline((0.0, 1.0), spans, (weights,)), []
+    fit = curves._fit
+    monkeypatch.setattr(curves, "_fit", lambda *asked: tries.append(1) or fit(*asked))
+    with pytest.raises(ValueError, match="bends without end"):
+        ArcLength.of(curve)
+    assert len(tries) < 1000
 
 
 def test_an_arc_length_survives_pickling_and_shapes():

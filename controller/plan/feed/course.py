@@ -194,10 +194,11 @@ def unhindered(course: Course, k: int) -> float:
     reaches within each of the two: a slow machine never comes near a high feed.
     """
     at, sides = np.full(2, course.starts[k + 1]), np.array([k, k + 1])
-    d, lengths = course.derivatives(at, sides), np.diff(course.starts)[k : k + 2]
+    lengths = np.diff(course.starts)[k : k + 2]
     found = float(course.feed(at, sides).min())
     for i, side in enumerate(sides):
-        limit, here = course.limits[side], Derivatives(*(q[i : i + 1] for q in (d.first, d.second, d.third)))
+        limit, d, end = course.limits[side], _at_ends(course.stretches[side], course.kinematics), 1 - i
+        here = Derivatives(*(q[end : end + 1] for q in (d.first, d.second, d.third)))
         acceleration = float((limit.acceleration / (np.abs(here.first) + 1e-30)).min())
         jerk = float(limit.path_jerk(here)[0])
         reached = min(math.sqrt(2.0 * acceleration * lengths[i]), math.cbrt(4.5 * jerk * lengths[i] ** 2))

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -27,10 +27,11 @@ import numpy.typing as npt
 
 from controller import jets
 from controller.curves import Bezier, Curve
-from controller.geometry import Number, norm
+from controller.geometry import Number, Vector, norm
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import JointMove, SurfaceCut, ToolLine, ToolSpline
+from controller.placement import Blend, Blended, Placed
 from controller.plan.route import tool_paths
 from controller.plan.route.blending import in_arc_length
 from controller.plan.route.branch import joints_along, one_branch
@@ -41,6 +42,7 @@ from controller.touches import seen_at
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 Pair = tuple[Number, Number]  # of the rotaries
+Terms = tuple[Vector, Vector, Vector]
 
 # Exact derivatives of the rotaries are 0/0 at a pole and lose 1/distance^3 digits
 # beside it; a micron inside they are those of the limit. A touch tells them at the pole itself.
@@ -156,6 +158,30 @@ class _Row(Surface):
         self.ruling_curve = _gathered([one.ruling_curve for one in surfaces], of)
 
 
+def _row(surfaces: Sequence[Surface], of: Index) -> Surface:
+    """Surfaces of one kind in a row, with what is placed and blended on them."""
+    row, first = _Row(surfaces, of), surfaces[0]
+    if not isinstance(first, Placed):
+        return row
+    placed = replace(first, base=row)
+    if not isinstance(placed, Blended):
+        return placed
+    blends = [one.blends for one in surfaces if isinstance(one, Blended)]
+    return replace(placed, blends=tuple(_blends(each, of) for each in zip(*blends, strict=True)))
+
+
+def _blends(blends: Sequence[Blend], of: Index) -> Blend:
+    per_u = np.array([one.per_u for one in blends])[of]
+    tip = _terms([one.tip for one in blends], of)
+    axes = [one.axis for one in blends if one.axis is not None]
+    return Blend(blends[0].at_start, per_u, tip, _terms(axes, of) if axes else None)
+
+
+def _terms(terms: Sequence[Terms], of: Index) -> Terms:
+    (a, b, c) = ((p[:, 0], p[:, 1], p[:, 2]) for p in np.moveaxis(np.array(terms)[of], 1, 0))
+    return a, b, c
+
+
 def _gathered(curves: Sequence[Curve], of: Index) -> Curve:
     points = np.array([curve.points for curve in curves if isinstance(curve, Bezier)])[of]
     return Bezier(tuple((p[:, 0], p[:, 1], p[:, 2]) for p in np.moveaxis(points, 1, 0)))
@@ -166,12 +192,25 @@ def kind(stretch: Stretch, kinematics: Kinematics) -> object:
     cut = stretch.motion
     if not isinstance(cut, SurfaceCut) or cut.touches or cut.beside_pole:
         return None
-    lower, ruling = cut.surface.lower, cut.surface.ruling_curve
-    plain = type(cut.surface) is RuledSurface and isinstance(lower, Bezier) and isinstance(ruling, Bezier)
-    branch = one_branch(stretch, cut, kinematics) if plain else None
-    if branch is None or not isinstance(lower, Bezier) or not isinstance(ruling, Bezier):
+    surface = cut.surface
+    lower, ruling = surface.lower, surface.ruling_curve
+    base = surface.base if isinstance(surface, Placed) else surface
+    if type(base) is not RuledSurface or not isinstance(lower, Bezier) or not isinstance(ruling, Bezier):
         return None
-    return len(lower.points), len(ruling.points), cut.offset_mm, cut.length_mm, cut.part, branch
+    branch = one_branch(stretch, cut, kinematics)
+    if branch is None or (isinstance(surface, Placed) and surface.corrections is not None):
+        return None
+    form = (len(lower.points), len(ruling.points), _placement(surface))
+    return *form, cut.offset_mm, cut.length_mm, cut.part, branch
+
+
+def _placement(surface: Surface) -> object:
+    """All of a placed cutter but for the surface, and where it is blended."""
+    if not isinstance(surface, Placed):
+        return None
+    blends = surface.blends if isinstance(surface, Blended) else ()
+    ends = tuple((one.at_start, one.axis is None) for one in blends)
+    return surface.offset_mm, surface.points_v, surface.normals_v, surface.taper_rad, surface.shift_mm, ends
 
 
 def together(stretches: Sequence[Stretch], s: Array, of: Index, kinematics: Kinematics) -> Derivatives:
@@ -183,7 +222,7 @@ def together(stretches: Sequence[Stretch], s: Array, of: Index, kinematics: Kine
         here = of == k
         u[here] = cuts[k].arc.u_along(inside[here])
     branch = one_branch(stretches[0], cuts[0], kinematics) or 0
-    row = _Row([cut.surface for cut in cuts], of)
+    row = _row([cut.surface for cut in cuts], of)
     return _derived(cuts[0], row, u, kinematics, lambda pairs: pairs[branch])
 
 

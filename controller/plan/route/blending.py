@@ -26,7 +26,8 @@ from controller.machine import Machine
 from controller.motions import SurfaceCut
 from controller.placement import Blend, Blended, Placed
 from controller.plan.route import deviation
-from controller.plan.route.cuts import REMEMBERED, SAME_RAD, Cut, apart, edge, turned
+from controller.plan.route.cuts import MOST_KNOWN, REMEMBERED, SAME_RAD, Cut, apart, edge, turned
+from controller.plan.route.placements import name_of
 from controller.plan.text.program import Modal
 
 Array = npt.NDArray[np.float64]
@@ -94,7 +95,8 @@ def joined(before: Cut, after: Cut, allowed: Tolerance, kinematics: Kinematics) 
     if after.side * angle < 0.0:  # a hollow: each of the two is cut by the other one's flank
         left -= after.tool.radius_mm * (1.0 - math.cos(angle))
     reach = min(max(USEFUL_S * after.block.feed_mm_s, USEFUL_MM[0]), USEFUL_MM[1])
-    found = _shortened(before.motion, after.motion, reach, USED * left, allowed.rad, kinematics)
+    within = Tolerance(USED * left, allowed.rad)
+    found = _shortened(before.motion, after.motion, reach, within, kinematics)
     if found is None:
         return None
     deviates = allowed.mm - left + found.deviates_mm
@@ -135,40 +137,80 @@ class _Pair:
     deviates_mm: float
 
 
+class _Choice(NamedTuple):
+    """How long a blend is on either side, whether of the axis, too, and what it costs."""
+
+    reaches_mm: tuple[float, float]
+    axis_too: bool
+    deviates_mm: float
+
+
+_chosen: dict[str, _Choice | None] = {}  # a check comes to every joint twice: of a thousand not one is kept
+
+
 @lru_cache(REMEMBERED)
 def _shortened(
     before: SurfaceCut,
     after: SurfaceCut,
     reach_mm: float,
-    allowed_mm: float,
-    allowed_rad: float,
+    allowed: Tolerance,
     kinematics: Kinematics,
 ) -> _Pair | None:
-    """The longest blend of the two, up to ``reach_mm``, that adds no more than ``allowed_mm``.
+    """The longest blend of the two, up to ``reach_mm``, that adds no more than is ``allowed``.
 
     Beside a pole, where no blend of the axis is short enough, of the tip alone.
     """
     with np.errstate(all="ignore"):
-        one, other = _End.of(before, False), _End.of(after, True)
-    if allowed_mm <= 0.0 or not (one.sound and other.sound):
+        ends = _End.of(before, False), _End.of(after, True)
+    if allowed.mm <= 0.0 or not all(end.sound for end in ends):
         return None
-    half = 0.5 * (other.rows - one.rows)
+    rest = (before.offset_mm, before.part, after.part, reach_mm, allowed, kinematics.work_frame())
+    name = name_of(before.surface, after.surface, after.offset_mm, *rest)
+    if name not in _chosen:
+        if len(_chosen) >= MOST_KNOWN:
+            _chosen.clear()
+        _chosen[name] = _sought(*ends, reach_mm, allowed, kinematics)
+    choice = _chosen[name]
+    if choice is None:
+        return None
+    pair = _led_over(*ends, choice.reaches_mm, choice.axis_too)
+    return _Pair(*pair, max(choice.reaches_mm), choice.deviates_mm)
+
+
+def _sought(
+    one: _End, other: _End, reach_mm: float, allowed: Tolerance, kinematics: Kinematics
+) -> _Choice | None:
     for axis_too in (True, False):
         reach = reach_mm
         for _ in range(TRIES):
-            reaches = [min(reach, SHARE * motion.end) for motion in (before, after)]
-            if max(reaches) < SHORTEST_MM:
+            a, b = (min(reach, SHARE * end.motion.end) for end in (one, other))
+            if max(a, b) < SHORTEST_MM:
                 break
-            blends = one.blend(half, reaches[0]), other.blend(-half, reaches[1])
-            pair = _kept_clear(before, after, blends, axis_too, allowed_rad, kinematics)
-            if pair is None:
-                reach = 0.5 * max(reaches)
+            blends = _blends(one, other, (a, b))
+            if not _is_clear(one.motion, other.motion, blends, axis_too, allowed.rad, kinematics):
+                reach = 0.5 * max(a, b)
                 continue
-            off = _Looked.at(before, after, blends, reaches).added(*pair)
-            if off <= allowed_mm:
-                return _Pair(*pair, max(reaches), off)
-            reach = max(reaches) * min(0.8, max(0.2, 0.9 * math.sqrt(allowed_mm / off)))
+            looked = _Looked.at(one.motion, other.motion, blends, [a, b])
+            off = looked.added(*_led_over(one, other, (a, b), axis_too))
+            if off <= allowed.mm:
+                return _Choice((a, b), axis_too, off)
+            reach = max(a, b) * min(0.8, max(0.2, 0.9 * math.sqrt(allowed.mm / off)))
     return None
+
+
+def _blends(one: _End, other: _End, reaches_mm: tuple[float, float]) -> tuple[Blend, Blend]:
+    """Each of both ends is led over by half of what they differ by."""
+    half = 0.5 * (other.rows - one.rows)
+    return one.blend(half, reaches_mm[0]), other.blend(-half, reaches_mm[1])
+
+
+def _led_over(
+    one: _End, other: _End, reaches_mm: tuple[float, float], axis_too: bool
+) -> tuple[SurfaceCut, SurfaceCut]:
+    first, second = (
+        blend if axis_too else replace(blend, axis=None) for blend in _blends(one, other, reaches_mm)
+    )
+    return _with(one.motion, first), _with(other.motion, second)
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,32 +271,25 @@ def _placed(motion: SurfaceCut) -> Placed:
     return surface if isinstance(surface, Placed) else Placed(surface, motion.offset_mm)
 
 
-def _kept_clear(
+def _is_clear(
     before: SurfaceCut,
     after: SurfaceCut,
     blends: tuple[Blend, Blend],
     axis_too: bool,
     allowed_rad: float,
     kinematics: Kinematics,
-) -> tuple[SurfaceCut, SurfaceCut] | None:
-    """Both motions with their blends; None where the axis must not be changed, or where it must be.
+) -> bool:
+    """Whether the axis may be changed or, without ``axis_too``, need not be.
 
     Beside a pole a rotary turns by far more than the axis, and whatever shifts the axis by a little
     might lead it past the pole instead of through it. There only the tip is blended, if the axes agree.
     """
-    motions = before, after
-    seen = [_axes(*one) for one in zip(motions, blends, strict=True)]
+    seen = [_axes(*one) for one in zip((before, after), blends, strict=True)]
+    if not axis_too:
+        return float(np.abs(seen[0][0][:, 0] - seen[1][0][:, 0]).max()) <= SAME_RAD
     change = max(float(np.abs(changed - plain).max()) for plain, changed in seen)
     clear = min(float(np.min(kinematics.off_pole(tuple(plain), np))) for plain, _ in seen)
-    if axis_too:
-        sound = clear > CLEAR_OF_POLE * change and change <= allowed_rad
-        return (_with(before, blends[0]), _with(after, blends[1])) if sound else None
-    if float(np.abs(seen[0][0][:, 0] - seen[1][0][:, 0]).max()) > SAME_RAD:
-        return None
-    first, second = (
-        _with(*one) for one in zip(motions, (replace(b, axis=None) for b in blends), strict=True)
-    )
-    return first, second
+    return clear > CLEAR_OF_POLE * change and change <= allowed_rad
 
 
 def _axes(motion: SurfaceCut, blend: Blend) -> tuple[Array, Array]:
@@ -317,8 +352,8 @@ def _left(flank: Placed, seen: deviation.Deviation, points: Array) -> Array:
     assert isinstance(flank, Blended)
     blend = flank.blends[-1]
     within = np.full(points.shape[1], 0.3 / blend.per_u if blend.at_start else 1.0 - 0.3 / blend.per_u)
-    starts = (seen.at_u, within)
-    return np.minimum(*(deviation.of(flank, points, near).left for near in starts))
+    starts = np.concatenate((seen.at_u, within))
+    return np.asarray(deviation.of(flank, np.tile(points, 2), starts).left.reshape(2, -1).min(axis=0))
 
 
 def _beside(flank: Placed, blend: Blend, reach_mm: float) -> Array:

@@ -20,7 +20,7 @@ from controller.geometry import Vector, scale
 from controller.kinematics import Kinematics
 from controller.motions import JointMove, Rotaries, SurfaceCut, ToolLine, ToolSpline
 from controller.placement import Placed
-from controller.plan.route import tool_paths
+from controller.plan.route import reach, tool_paths
 from controller.plan.route.stretch import Stretch, rotaries_of
 from controller.plan.route.turns import JUMP_RAD, NAN, SAME_AXIS_RAD, TURN, wrapped
 from controller.surfaces import Cone
@@ -29,6 +29,10 @@ Array = npt.NDArray[np.float64]
 
 REMEMBERED = 64  # cuts that are followed once: they are asked for again and again
 GATHERING = 0.02 * 0.5 ** np.arange(32.0)  # of u: where samples lie about a place beside the pole
+
+AT_LIMIT = (
+    "the tool axis comes to the limit of what the rotary axes reach, where they would have to turn at once"
+)
 
 
 class BranchLost(Exception):
@@ -120,6 +124,8 @@ def field(cut: SurfaceCut, kinematics: Kinematics, extra: Array | None = None) -
     if extra is not None:
         u = np.unique(np.concatenate((u, extra)))
     found = _solve(cut, kinematics, u)
+    if (limit := reach.at_limit(cut, u, kinematics)) is not None:
+        raise BranchLost(limit, AT_LIMIT)
     while True:
         wide = np.flatnonzero(found.unresolved())
         middle = 0.5 * (found.u[wide] + found.u[wide + 1])

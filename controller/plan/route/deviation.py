@@ -52,7 +52,7 @@ def of(placed: Placed, at: Array, near: Array | None = None) -> Deviation:
     u = _nearest(placed, at) if near is None else near
     for _ in range(PARABOLAS):
         inner = np.clip(u, STEP, 1.0 - STEP)
-        before, here, behind = (_gap(placed, at, inner + by) for by in (-STEP, 0.0, STEP))
+        before, here, behind = _gaps(placed, at, inner)
         slope, bend = 0.5 * (behind - before) / STEP, (before - 2.0 * here + behind) / STEP**2
         step = np.where(bend > 0.0, slope / np.where(bend > 0.0, bend, 1.0), np.sign(slope) * FARTHEST)
         step = np.clip(step, -FARTHEST, FARTHEST)
@@ -62,13 +62,19 @@ def of(placed: Placed, at: Array, near: Array | None = None) -> Deviation:
     return _seen(placed, at, u)
 
 
-def _gap(placed: Placed, at: Array, u: Array) -> Array:
-    """The distance of each point to the flank at its own ``u``, but for what is the same everywhere."""
+def _gaps(placed: Placed, at: Array, u: Array) -> Array:
+    """Of each point (3, N) to the flank a step before its own ``u``, there, and behind it, (3, N).
+
+    What is the same everywhere is left out. All at once: it is the number of calls that takes the time.
+    """
+    u = (u + np.array([[-STEP], [0.0], [STEP]])).ravel()
     tip, axis = placed.pose(u, placed.offset_mm, np)
-    away: Vector = subtract((at[0], at[1], at[2]), tip)
+    x, y, z = np.tile(at, 3)
+    away: Vector = subtract((x, y, z), tip)
     height = dot(away, axis)
     foot = subtract(away, scale(axis, height))
-    return np.asarray(np.sqrt(dot(foot, foot)) - height * math.tan(placed.taper_rad))
+    gap = np.sqrt(dot(foot, foot)) - height * math.tan(placed.taper_rad)
+    return np.asarray(gap).reshape(3, -1)
 
 
 def _seen(placed: Placed, at: Array, u: Array) -> Deviation:

@@ -7,6 +7,7 @@ import math
 import random
 from collections.abc import Sequence
 
+import blu_compounds
 import numpy as np
 import pytest
 from cutting import shipped
@@ -14,6 +15,7 @@ from laws import chains
 from machines import machine, random_machine
 from random_surfaces import compound
 from slow_machines import published, two_rails
+from traced import mill, named, trace
 
 from controller.curves import Arc, ArcLength, Bezier, Line
 from controller.geometry import Frame
@@ -239,6 +241,27 @@ def test_cuts_of_one_kind_taken_together_are_what_they_are_alone(kind: str) -> N
     assert len(course._alike(index)) < len(cuts)
     row = course.derivatives(s)
     for k, cut in enumerate(cuts):
+        here = index == k
+        alone = limits.derivatives(cut, s[here] - course.starts[k], kinematics)
+        for name in ("first", "second", "third"):
+            one, other = getattr(alone, name), getattr(row, name)[here]
+            np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-10 * np.abs(one).max())
+
+
+@pytest.mark.parametrize("seed", [3, 8])
+def test_blended_cuts_taken_together_are_what_they_are_alone(seed: int) -> None:
+    """Joints of rounding: all cuts but the first and the last are blended at both ends."""
+    surfaces = blu_compounds.parts(compound(seed, 1)[0], 6, 4)
+    built = mill(gouge="warn")
+    cuts = named(trace(blu_compounds.text(surfaces, 1000.0, "G41", "T1 M6"), built), "cut")
+    kinematics = Kinematics(built)
+    inner = [cut for cut in cuts if len(getattr(cut.motion.surface, "blends", ())) == 2]
+    course = Course(inner, built, kinematics)
+    s = np.linspace(0.0, course.length, 400)
+    index = course.index(s)
+    assert len(inner) >= 3 and len(course._alike(index)) == 1
+    row = course.derivatives(s)
+    for k, cut in enumerate(inner):
         here = index == k
         alone = limits.derivatives(cut, s[here] - course.starts[k], kinematics)
         for name in ("first", "second", "third"):
