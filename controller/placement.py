@@ -80,6 +80,7 @@ class Placed(Surface):
     shift_mm: float = 0.0  # so far the tip lies below the foot of the contact, along the axis
     # Over u, mm: more offset of the upper point, of the lower point, slide of the upper along the travel.
     corrections: Curve | None = None
+    run: Curve | None = None  # the first of three, mm over u: slide of the lower point along the travel
     name: str = field(default="", repr=False, compare=False)  # under which a check keeps it
     lower: Curve = field(init=False, repr=False, compare=False)
     upper: Curve = field(init=False, repr=False, compare=False)
@@ -124,8 +125,17 @@ class Placed(Surface):
         if self.corrections is not None:
             more, less, slide = self.corrections.at(u, m)
             high, low, slide = high + more, low + less, slide * size / length
-        f = low / m.sqrt(bx * bx + by * by + bz * bz)
-        bx, by, bz = bx * f, by * f, bz * f
+        per = m.sqrt(bx * bx + by * by + bz * bz)
+        f = low / per
+        if self.run is None:
+            bx, by, bz = bx * f, by * f, bz * f
+        else:
+            g = self.run.at(u, m)[0] / (per * length)
+            bx, by, bz = (
+                f * bx + g * (dy * bz - dz * by),
+                f * by + g * (dz * bx - dx * bz),
+                f * bz + g * (dx * by - dy * bx),
+            )
         # The axis: from the lower point to the upper one.
         f = high * size
         wx = span * dx + ax * f - bx + slide * (dy * az - dz * ay)

@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import partial
 from types import ModuleType
 from typing import Any
 
@@ -185,6 +186,7 @@ class Cone(Surface):
 ZERO_MM = 1e-6  # lengths below are no lengths: ten thousandths of a BLU
 SAMPLES = 2001
 SETTLED = 1e-9  # of a lowest value
+FOLD_COSINE = math.cos(math.radians(179.0))  # normals so nearly opposite have none between them
 SAMPLES_PER_SPAN = 33  # of a B-spline, whose knots may stand close
 
 
@@ -196,16 +198,21 @@ class DefectKind(Enum):
     ZERO_RULING_END = "the ruling at an end has no length"
     CROSSING = "the directrices cross"
     STANDSTILL = "the lower directrix stands still inside"
+    TWIST = "the normal turns by 90 degrees or more along a ruling"
     FOLD = "the surface folds between the directrices"
 
 
 @dataclass(frozen=True, slots=True)
 class Defect:
-    """A defect and its place; ``v`` is nan where the whole ruling is meant."""
+    """A defect and its place; ``v`` is nan where the whole ruling is meant.
+
+    ``turn_deg``: by how much the normal turns along the ruling at ``u``, of a twist.
+    """
 
     kind: DefectKind
     u: float
     v: float = math.nan
+    turn_deg: float = math.nan
 
 
 def defect(surface: Surface) -> Defect | None:
@@ -305,31 +312,46 @@ def _standstill(surface: Surface) -> Defect | None:
     return Defect(DefectKind.STANDSTILL, u) if least <= ZERO_MM else None
 
 
+def turned(surface: Surface) -> tuple[float, float]:
+    """(largest turn of the normal along a ruling in rad, its u); pi where it has none at C1."""
+    u, least = _lowest(partial(_turn_cosine, surface), _grid(surface))
+    return math.acos(min(1.0, max(-1.0, least))), u
+
+
 def _fold(surface: Surface) -> Defect | None:
-    """N(u, v) = (C1 - C0) x ((1 - v) C0' + v C1') is linear in v: v = 0 turns it most."""
-
-    def normals(u: Array) -> tuple[Vector, Vector, Array]:
-        down = scale(_column(surface.ruling(u, np), u), -1.0)
-        lower = _column(surface._tangent(u, np), u)
-        upper = _column(surface.upper.derivative(u, 1, np), u)
-        lower = _as_fast_as(lower, _column(surface.lower.derivative(u, 1, np), u))
-        return cross(down, upper), cross(down, lower), np.asarray(norm(down, np) * norm(lower, np))
-
-    def cosine(u: Array) -> Array:
-        top, bottom, size = normals(u)
-        height, width = norm(top, np), norm(bottom, np)
-        # A tip (C0' = 0) has no normal of its own and is legal; C1' along the ruling is not.
-        with np.errstate(invalid="ignore", divide="ignore"):
-            turned = np.where(height <= 1e-9 * size, 1.0, dot(top, bottom) / (height * width))
-        return np.where(width <= 1e-9 * size, -2.0, turned)
-
-    u, least = _lowest(cosine, _grid(surface))
+    """The normal turns by 90 degrees or more along a ruling; and where it is no normal any more."""
+    u, least = _lowest(partial(_turn_cosine, surface), _grid(surface))
     if least > 1e-9:
         return None
-    top, bottom, _ = normals(np.array([u]))
+    top, bottom, _ = _end_normals(surface, np.array([u]))
     along = float(dot(top, bottom)[0])
     square = float(dot(bottom, bottom)[0])
-    return Defect(DefectKind.FOLD, u, 1.0 if least < -1.5 else max(0.0, -along / (square - along)))
+    v = 1.0 if least < -1.5 else max(0.0, -along / (square - along))
+    if least <= FOLD_COSINE:
+        return Defect(DefectKind.FOLD, u, v)
+    return Defect(DefectKind.TWIST, u, v, math.degrees(math.acos(least)))
+
+
+def _end_normals(surface: Surface, u: Array) -> tuple[Vector, Vector, Array]:
+    """N(u, v) = (C1 - C0) x ((1 - v) C0' + v C1') at v = 0 and 1: linear in v, v = 0 turns it most.
+
+    And the product of the lengths of C1 - C0 and C1'.
+    """
+    down = scale(_column(surface.ruling(u, np), u), -1.0)
+    lower = _column(surface._tangent(u, np), u)
+    upper = _column(surface.upper.derivative(u, 1, np), u)
+    lower = _as_fast_as(lower, _column(surface.lower.derivative(u, 1, np), u))
+    return cross(down, upper), cross(down, lower), np.asarray(norm(down, np) * norm(lower, np))
+
+
+def _turn_cosine(surface: Surface, u: Array) -> Array:
+    """Of the angle between the normals at both ends of a ruling; -2 where C1' is along it."""
+    top, bottom, size = _end_normals(surface, u)
+    height, width = norm(top, np), norm(bottom, np)
+    # A tip (C0' = 0) has no normal of its own and is legal; C1' along the ruling is not.
+    with np.errstate(invalid="ignore", divide="ignore"):
+        turned = np.where(height <= 1e-9 * size, 1.0, dot(top, bottom) / (height * width))
+    return np.where(width <= 1e-9 * size, -2.0, turned)
 
 
 def _as_fast_as(limit: Vector, tangent: Vector) -> Vector:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from controller.cad.curve import NoFit, Nurbs, fit
 from controller.cad.outline import NOT_RULINGS, Outline, Side, Trimmed, TurnedPlane
 from controller.geometry import Vector
-from controller.plan.route.cuts import DEFECTS
+from controller.plan.route.cuts import describe
 from controller.surfaces import RuledSurface, concave_radius, defect
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def _sound(made: Strip) -> Strip:
     """As it is; raises Trimmed where the reader would refuse its surface."""
     found = defect(made.surface)
     if found is not None:
-        raise Trimmed(DEFECTS[found.kind].format(u=found.u, v=found.v).split(";")[0])
+        raise Trimmed(describe(found).split(";")[0])
     return made
 
 

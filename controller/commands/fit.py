@@ -12,10 +12,10 @@ from rich.table import Table
 
 from controller import config
 from controller.machine import Machine
-from controller.plan.route.cuts import DEFECTS, code, surface_of
+from controller.plan.route.cuts import code, describe, surface_of
 from controller.plan.text import blocks
 from controller.plan.text.program import CutCone, CutNurbs, CutRuled, ProgramError
-from controller.surfaces import defect
+from controller.surfaces import DefectKind, defect
 from controller.toml_table import ConfigError
 from controller.verify import fits
 from controller.verify.console import Refused, bar, refusals, show
@@ -78,9 +78,9 @@ def _asked(program: Path, machine: Machine) -> Iterator[fits.Asked]:
     for block in blocks.stream(program.read_bytes(), machine, name):
         if isinstance(block, CutCone | CutRuled | CutNurbs):
             surface, place = surface_of(block), block.place
-            if wrong := defect(surface):
-                words = DEFECTS[wrong.kind].format(u=wrong.u, v=wrong.v)
-                raise ProgramError(name, place.line, place.column, f"{code(block)}: {words}")
+            wrong = defect(surface)
+            if wrong is not None and wrong.kind is not DefectKind.TWIST:
+                raise ProgramError(name, place.line, place.column, f"{code(block)}: {describe(wrong)}")
             yield fits.Asked(place.line, surface, block.modal.side.value)
 
 

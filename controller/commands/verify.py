@@ -23,6 +23,7 @@ from controller.session import checked
 from controller.toml_table import ConfigError
 from controller.verify import forms, passes, trace, wording
 from controller.verify.audit import Watched
+from controller.verify.bound import Bound, bound
 from controller.verify.console import Refused, bar, refusals, show, tell
 from controller.verify.gouges import Gouge, gouges, in_table
 from controller.verify.judge import SETTLED_MM, Judged, Worst, Zone, judge
@@ -36,6 +37,10 @@ Commanded = Annotated[
     bool, typer.Option("--commanded", help="Of a trace: what the drives were told, not what they did.")
 ]
 GougeWord = Annotated[str, typer.Option("--gouge", help="'refuse' or 'warn'; default: the machine file's.")]
+BoundWord = Annotated[
+    bool,
+    typer.Option("--bound", help="Beside each placed surface the best that a search of its own comes to."),
+]
 Plot = Annotated[Path | None, typer.Option("--plot", help="Draw heat maps and the part (.png).")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
@@ -53,6 +58,9 @@ class Found:
     ends: list[Gouge]  # what twist costs beside the ends of cuts
     verdicts: list[Verdict]  # on the surfaces that have a form tolerance
     notes: list[tuple[int, str]]
+    bounds: list[Bound] | None = (
+        None  # of the surfaces that are placed off their rulings; None: not asked for
+    )
 
     @property
     def exceeding(self) -> int:
@@ -79,6 +87,7 @@ class Found:
             "gouges": [{**one.to_dict(), "sentence": one.sentence} for one in self.gouges],
             "ends": [{**one.to_dict(), "sentence": one.sentence} for one in self.ends],
             "verdict": wording.told(self.verdicts),
+            **({"bounds": [one.to_dict() for one in self.bounds]} if self.bounds is not None else {}),
             "notes": [{"line": line, "note": sentence} for line, sentence in self.notes],
         }
 
@@ -90,6 +99,7 @@ def verify(
     commanded: Commanded = False,
     gouge: GougeWord = "",
     plot: Plot = None,
+    with_bound: BoundWord = False,
     as_json: Json = False,
 ) -> None:
     """Compute the surface as cut: overcut and undercut along the normal, gouges, collisions."""
@@ -103,6 +113,9 @@ def verify(
         recorded = None if part is file else _recorded(file, task)
         with bar("verifying", as_json) as progress:
             found = _found(task, recorded, commanded, progress)
+        if with_bound:
+            with bar("searching", as_json) as progress:
+                found = replace(found, bounds=_bounds(found.judged, progress))
         if plot:
             from controller.verify import cut_pictures
 
@@ -176,6 +189,18 @@ def _found(task: checked.Task, recorded: trace.Trace | None, commanded: bool, pr
     return Found(of, judged, hurt, seen.ends, verdicts, notes)
 
 
+def _bounds(judged: Sequence[Judged], progress: Any) -> list[Bound]:
+    """What each surface could be cut to, by a search that shares nothing with the planner's."""
+    found = []
+    for k, one in enumerate(judged):
+
+        def share(of_one: float, k: int = k) -> None:
+            progress((k + of_one) / len(judged))
+
+        found.append(bound(one.nominal, share))
+    return [one for one in found if one is not None]
+
+
 def _blocks(task: checked.Task) -> Iterator[Block]:
     return blocks.stream(task.text, task.machine, task.name)
 
@@ -235,6 +260,10 @@ def _show(found: Found) -> None:
         show.print(f"Gouge, line {one.by_line}: {one.sentence}; {one.advice}.", markup=False)
     for one in found.ends:
         show.print(f"Overcut, line {one.by_line}: {one.sentence}; {one.advice}.", markup=False)
+    for bounded in found.bounds or ():
+        show.print(f"Bound, line {bounded.line}: {bounded.sentence}", markup=False)
+    if found.bounds == []:
+        show.print("No bound: no surface has its cutter placed off its rulings (P2, P3).", markup=False)
     if sentence := wording.summed(found.verdicts):
         show.print(sentence, markup=False)
 

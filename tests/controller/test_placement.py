@@ -32,6 +32,7 @@ PLACED = {
     "tapered": Placed(example_2()[0], 2.0, taper_rad=0.07),
     "double, tapered, left": Placed(example_2()[1], -2.0, PAIR, PAIR, taper_rad=0.07, shift_mm=0.4),
     "corrected": Placed(example_2()[1], 3.0, PAIR, PAIR, corrections=bent()),
+    "run over": Placed(example_2()[1], -3.0, PAIR, PAIR, corrections=bent(), run=bent(2.0)),
 }
 each_placed = pytest.mark.parametrize("placed", PLACED.values(), ids=PLACED.keys())
 
@@ -65,6 +66,21 @@ def test_the_axis_of_double_goes_through_both_offset_points(offset):
             point = add(surface.point(u, v), scale(normal_at(surface, u, v), offset))
             assert distance_to_axis(point, pose) == pytest.approx(0.0, abs=1e-12)
         assert dot(pose.axis, surface.axis(u)) > 0.99
+
+
+@pytest.mark.parametrize("name", ["corrected", "run over"])
+def test_corrections_move_both_points_of_the_axis_along_normals_and_travel(name):
+    placed = PLACED[name]
+    surface, offset = placed.base, placed.offset_mm
+    for u in (0.0, 0.31, 0.9, 1.0):
+        pose = placed.pose(u, offset)
+        *more, slide = placed.corrections.at(u)
+        run = placed.run.at(u)[0] if placed.run else 0.0
+        for v, by, along in zip(PAIR, more, (slide, run), strict=True):
+            normal = normal_at(surface, u, v)
+            point = add(surface.point(u, v), scale(normal, offset + by))
+            point = add(point, scale(cross(unit(surface.ruling(u)), normal), along))
+            assert distance_to_axis(point, pose) == pytest.approx(0.0, abs=1e-12)
 
 
 @each_placed

@@ -11,7 +11,16 @@ from surfaces_of_the_paper import equation_7, example_1, example_2
 from controller import jets
 from controller.curves import Bezier, Line, Polynomial
 from controller.geometry import add, angle_between, cross, dot, norm, scale, subtract, unit
-from controller.surfaces import Cone, Defect, DefectKind, RuledSurface, Surface, concave_radius, defect
+from controller.surfaces import (
+    Cone,
+    Defect,
+    DefectKind,
+    RuledSurface,
+    Surface,
+    concave_radius,
+    defect,
+    turned,
+)
 
 SURFACES: dict[str, Surface] = {
     "Eq. 7": equation_7(),
@@ -194,6 +203,23 @@ def test_a_surface_that_cannot_be_cut_is_named_with_its_place(name, upper, lower
         assert 0.0 <= found.v <= 1.0
 
 
+@pytest.mark.parametrize("turn_deg", [60.0, 89.0, 91.0, 120.0, 170.0])
+def test_a_normal_that_turns_by_more_than_90_degrees_is_told_with_its_angle(turn_deg):
+    """A saddle: along the middle ruling the normal turns by the angle between both straight directrices."""
+    c, s = (20.0 * f(math.radians(0.5 * turn_deg)) for f in (math.cos, math.sin))
+    upper, lower = (
+        Bezier(tuple((x * c, y * x * s, z) for x in (-1.0, -1 / 3, 1 / 3, 1.0))) for y, z in EDGES
+    )
+    found = defect(RuledSurface(upper, lower))
+    angle, u = turned(RuledSurface(upper, lower))
+    assert (math.degrees(angle), u) == (pytest.approx(turn_deg), pytest.approx(0.5, abs=1e-5))
+    if turn_deg < 90.0:
+        assert found is None
+    else:
+        assert found.kind is DefectKind.TWIST and found.turn_deg == pytest.approx(turn_deg, abs=1e-6)
+
+
+EDGES = ((1.0, 25.0), (-1.0, 0.0))  # sign of Y, and Z
 LEGAL_CONES = [
     ("a tip", Cone((5.0, 0.0, 0.0), (0.0, 0.0, 0.0), 8.0, 0.0, 3.0)),
     ("a cylinder", Cone((5.0, 0.0, 0.0), (0.0, 0.0, 0.0), 8.0, 5.0, -3.0)),

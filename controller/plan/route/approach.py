@@ -100,6 +100,8 @@ def lead_in(leg: Leg, machine: Machine, kinematics: Kinematics) -> Lead:
     edge, lead = leg.cut.start, _lead_mm(leg, machine)
     if lead <= 0.0:
         return Lead((), edge.tip, (edge.tip,))
+    if edge.away != edge.out:
+        return _aside(leg, False, lead, kinematics)
     centre = beside(edge.tip, (edge.out, lead))
     start = beside(centre, (edge.tangent, -lead))
     stretch = _Stand.at(leg, False, kinematics).arc("lead in", centre, start, edge.tip, QUARTER)
@@ -111,6 +113,8 @@ def lead_out(leg: Leg, machine: Machine, kinematics: Kinematics) -> Lead:
     edge, lead = leg.cut.end, _lead_mm(leg, machine)
     if lead <= 0.0:
         return Lead((), edge.tip, (edge.tip,))
+    if edge.away != edge.out:
+        return _aside(leg, True, lead, kinematics)
     stand = _Stand.at(leg, True, kinematics)
     stretches: list[Stretch] = []
     tip = edge.tip
@@ -123,6 +127,17 @@ def lead_out(leg: Leg, machine: Machine, kinematics: Kinematics) -> Lead:
     stretches.append(stand.arc("lead out", centre, tip, end, QUARTER))
     line = tuple(beside(edge.tip, (subtract(tip, edge.tip), k / 8.0)) for k in range(8))
     return Lead(tuple(stretches), end, line + _arc_tips(centre, tip, end))
+
+
+def _aside(leg: Leg, end: bool, lead_mm: float, kinematics: Kinematics) -> Lead:
+    """Straight off the ruling: a way that is tangent at C1 is not above, where the normal turns so far."""
+    edge = leg.cut.end if end else leg.cut.start
+    off = beside(edge.tip, (edge.away, lead_mm))
+    stand = _Stand.at(leg, end, kinematics)
+    name, way = ("lead out", (edge.tip, off)) if end else ("lead in", (off, edge.tip))
+    stretch = stand.line(name, *way, stand.feed_mm_s)
+    tips = tuple(beside(edge.tip, (edge.away, lead_mm * k / 8.0)) for k in range(9))
+    return Lead((stretch,) if stretch else (), off, tips)
 
 
 def _lead_mm(leg: Leg, machine: Machine) -> float:

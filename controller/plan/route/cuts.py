@@ -19,10 +19,10 @@ from controller.machine import Machine, Tool
 from controller.motions import SurfaceCut
 from controller.placement import Placed, Strategy, Turn
 from controller.plan.route.placements import name_of
-from controller.plan.route.placing import Cutter, place
+from controller.plan.route.placing import Cutter, off_mm, place
 from controller.plan.route.stretch import Voice
 from controller.plan.route.touching import touched
-from controller.plan.text.program import CutBlock, CutCone, CutRuled, GougeRefused, Modal
+from controller.plan.text.program import CutBlock, CutCone, CutNurbs, CutRuled, GougeRefused, Modal
 from controller.rulings import smooth_parts
 from controller.surfaces import Cone, Defect, DefectKind, RuledSurface, Surface, concave_radius, defect
 
@@ -47,11 +47,16 @@ DEFECTS = {
         "the lower directrix stands still at u = {u:.4f} (C1' = 0), where the cutter has no direction of "
         "travel; split the block there or move its control points apart"
     ),
+    DefectKind.TWIST: (
+        "the normal of the surface turns by {turn_deg:.1f} degrees along the ruling at u = {u:.4f}, which "
+        "only an axis that leaves the ruling can follow; write P3 (optimal) or P4 (auto)"
+    ),
     DefectKind.FOLD: (
-        "the surface folds at u = {u:.4f}, v = {v:.3f}: its normal turns by 90 degrees or more along one "
-        "ruling, which no cylinder can cut; make the directrices run the same way"
+        "the surface folds at u = {u:.4f}, v = {v:.3f}: it has no normal there, so no cutter can stand "
+        "beside it; make the directrices run the same way"
     ),
 }
+FREE = (Strategy.OPTIMAL, Strategy.AUTO)  # leave the ruling: they take any twist
 
 
 NO_TOLERANCE = (
@@ -96,6 +101,7 @@ class Edge:
     ruling: Vector  # unit vector along the ruling, upward: the axis itself where the paper places it
     tangent: Vector  # unit vector along C1, in the direction of travel
     out: Vector  # unit normal towards the cutter's side
+    away: Vector  # off all of the ruling: half way between its normals where they differ much, else ``out``
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,8 +135,10 @@ def build(block: CutBlock, machine: Machine, voice: Voice) -> tuple[Cut, ...]:
         )
     surface = surface_of(block)
     found = _defect(surface)
-    if found is not None:
-        voice.refuse(block.place, f"{code(block)}: {_describe(found)}")
+    twisted = found is not None and found.kind is DefectKind.TWIST
+    if found is not None and not (twisted and strategy(block, tool, machine) in FREE):
+        figures = _figures(block, surface, tool, machine) if twisted else ""
+        voice.refuse(block.place, f"{code(block)}: {describe(found)}{figures}")
     if block.modal.allowance_mm < 0.0 and tool.radius_mm + block.modal.allowance_mm <= 0.0:
         sentence = (
             f"Q of {block.modal.allowance_mm:.3f} mm leaves nothing of T{tool.number} with its radius of "
@@ -139,7 +147,9 @@ def build(block: CutBlock, machine: Machine, voice: Voice) -> tuple[Cut, ...]:
         voice.refuse(block.place, sentence)
     if strategy(block, tool, machine) is Strategy.AUTO and tolerance_mm(block.modal, tool, machine) is None:
         voice.refuse(block.place, NO_TOLERANCE)
-    _audit_radius(block, surface, tool, machine, voice)
+    if not twisted:  # an axis off the ruling meets other curvatures: what it cuts is judged
+        _audit_hollow(block, surface, tool, machine, voice)
+    _tell_flute(block, surface, tool, voice)
     try:
         return tuple(_cut(block, part, at, tool, machine) for part, at in _parts(block, surface))
     except ValueError as error:
@@ -148,12 +158,16 @@ def build(block: CutBlock, machine: Machine, voice: Voice) -> tuple[Cut, ...]:
 
 def _cut(block: CutBlock, surface: Surface, part: tuple[float, float], tool: Tool, machine: Machine) -> Cut:
     modal = block.modal
-    cutter = Cutter.of(tool, modal.side.value, modal.allowance_mm, tool.below_mm)
+    cutter = _cutter(modal, tool)
     placed = place(surface, cutter, strategy(block, tool, machine), tolerance_mm(modal, tool, machine) or 0.0)
     frame = machine.offsets[modal.offset]
     motion = SurfaceCut(placed, _arc(surface.lower), cutter.offset_mm, tool.length_mm, frame)
     motion = touched(motion, Kinematics(machine))
     return Cut(block, tool, motion, edge(motion, 0.0), edge(motion, 1.0), part)
+
+
+def _cutter(modal: Modal, tool: Tool) -> Cutter:
+    return Cutter.of(tool, modal.side.value, modal.allowance_mm, tool.below_mm)
 
 
 def strategy(block: CutBlock, tool: Tool, machine: Machine) -> Strategy:
@@ -196,11 +210,21 @@ def _parts(block: CutBlock, surface: Surface) -> Iterator[tuple[Surface, tuple[f
         yield RuledSurface(upper.between(start, end), lower.between(start, end)), (start, end)
 
 
-def _describe(found: Defect) -> str:
-    return DEFECTS[found.kind].format(u=found.u, v=found.v)
+def describe(found: Defect) -> str:
+    """What is wrong with a surface and what to do; without a full stop."""
+    return DEFECTS[found.kind].format(u=found.u, v=found.v, turn_deg=found.turn_deg)
 
 
-def _audit_radius(block: CutBlock, surface: Surface, tool: Tool, machine: Machine, voice: Voice) -> None:
+def _figures(block: CutBlock, surface: Surface, tool: Tool, machine: Machine) -> str:
+    """How far a twisted surface would be off as placed, and at best; "" where it is in several parts."""
+    if isinstance(block, CutNurbs) and len(list(_parts(block, surface))) > 1:
+        return ""
+    cutter, kind = _cutter(block.modal, tool), strategy(block, tool, machine)
+    own, best = (off_mm(surface, cutter, one) for one in (kind, Strategy.OPTIMAL))
+    return f" ({kind.name.lower()} would be {own:.3f} mm off, optimal {best:.3f} mm)"
+
+
+def _audit_hollow(block: CutBlock, surface: Surface, tool: Tool, machine: Machine, voice: Voice) -> None:
     """A cutter that does not fit into the hollow of its side cuts away what it must leave (gouge)."""
     side = block.modal.side
     radius, u = _concave_radius(surface, side.value)
@@ -213,6 +237,10 @@ def _audit_radius(block: CutBlock, surface: Surface, tool: Tool, machine: Machin
             machine,
             voice,
         )
+
+
+def _tell_flute(block: CutBlock, surface: Surface, tool: Tool, voice: Voice) -> None:
+    """A note where the longest ruling is longer than the flute."""
     if tool.flute_mm > 0.0:
         longest = max(float(norm(surface.ruling(i / 64.0))) for i in range(65))
         if longest > tool.flute_mm:
@@ -244,7 +272,22 @@ def edge(cut: SurfaceCut, u: float) -> Edge:
         ruling=part.turn(ruling),
         tangent=part.turn(_tangent(surface, u)),
         out=part.turn(out),
+        away=part.turn(_away(surface, u, out)),
     )
+
+
+def _away(surface: Surface, u: float, out: Vector) -> Vector:
+    """Half way between ``out`` at C1 and the normal at C0, where an axis leaves the ruling; else ``out``.
+
+    Along ``out`` itself the upper part of the flank would go into a surface whose normal turns by more
+    than 90 degrees.
+    """
+    if not (isinstance(surface, Placed) and surface.run is not None):
+        return out
+    ruling = surface.ruling(u)
+    upper = cross(add(*surface.rates(u, math)), ruling)
+    upper = scale(unit(upper), math.copysign(1.0, dot(out, cross(surface.rates(u, math)[0], ruling))))
+    return unit(add(out, upper))
 
 
 def _tangent(surface: Surface, u: float) -> Vector:

@@ -105,12 +105,13 @@ def _products(a: Array, b: Array) -> Array:
     return np.asarray(x * p + y * q + z * r)
 
 
-def upper_direction(placed: Placed, u: Array) -> tuple[Array, Array, Array]:
-    """Unit normals at the upper and the lower point, and the direction of the upper one's slide, (3, N)."""
+def directions(placed: Placed, u: Array) -> tuple[Array, Array, Array, Array]:
+    """Unit vectors (3, N): normals at the upper and the lower point, and along the slides of both."""
     ruling = _stacked(placed.ruling(u, np), u)
     tangent, turn = (_stacked(v, u) for v in placed.rates(u, np))
     upper, lower = (_unit(np.cross(tangent + (1.0 - v) * turn, ruling, axis=0)) for v in placed.normals_v)
-    return upper, lower, np.cross(_unit(ruling), upper, axis=0)
+    along = _unit(ruling)
+    return upper, lower, np.cross(along, upper, axis=0), np.cross(along, lower, axis=0)
 
 
 def share_of_upper(placed: Placed, seen: Deviation) -> Array:

@@ -19,7 +19,7 @@ from controller.plan.route.stretch import Chain, Pause
 from controller.splines import BSpline
 from controller.surfaces import Surface
 
-FORMAT = 1  # another one where the same numbers would mean another pose
+FORMAT = 2  # another one where the same numbers would mean another pose
 MOST = 20_000  # that are known at once
 NAME = 32  # letters
 Pair = tuple[float, float]
@@ -37,20 +37,25 @@ class Recipe:
     breaks: tuple[float, ...] = ()
     spans: tuple[tuple[Vector, ...], ...] = ()
     smooth: tuple[int, ...] = ()
+    run: tuple[tuple[Vector, ...], ...] = ()  # spans of the lower point's slide; empty: it has none
 
     @staticmethod
     def of(placed: Placed) -> Recipe:
         curve = placed.corrections
-        assert curve is None or isinstance(curve, BSpline)  # as placing makes them
-        parts = (curve.breaks, curve.spans, curve.smooth) if curve else ((), (), ())
+        run = placed.run
+        # As placing makes them: both on the same knots.
+        assert curve is None or isinstance(curve, BSpline)
+        assert run is None or (isinstance(run, BSpline) and curve is not None and run.breaks == curve.breaks)
+        parts = (curve.breaks, curve.spans, curve.smooth, run.spans if run else ()) if curve else ()
         offset, taper, shift = placed.offset_mm, placed.taper_rad, placed.shift_mm
         return Recipe(offset, placed.points_v, placed.normals_v, taper, shift, *parts)
 
     def on(self, base: Surface, name: str) -> Placed:
         """The cutter on that surface again, to the last bit."""
         curve = BSpline(self.breaks, self.spans, (), self.smooth) if self.breaks else None
+        run = BSpline(self.breaks, self.run, (), self.smooth) if self.run else None
         points, normals = self.points_v, self.normals_v
-        return Placed(base, self.offset_mm, points, normals, self.taper_rad, self.shift_mm, curve, name)
+        return Placed(base, self.offset_mm, points, normals, self.taper_rad, self.shift_mm, curve, run, name)
 
     def to_dict(self) -> dict[str, Any]:
         return asdict(self)
@@ -61,12 +66,18 @@ class Recipe:
         (va, vb), (na, nb) = values["points_v"], values["normals_v"]
         offset, taper, shift = (float(values[key]) for key in ("offset_mm", "taper_rad", "shift_mm"))
         breaks = tuple(map(float, values["breaks"]))
-        spans = tuple(tuple(_vector(point) for point in span) for span in values["spans"])
+        spans, run = _spans(values["spans"]), _spans(values["run"])
         if len(spans) != max(0, len(breaks) - 1) or len({len(span) for span in spans}) > 1:
             raise ValueError("spans and breaks do not fit")
+        if run and [len(span) for span in run] != [len(span) for span in spans]:
+            raise ValueError("the spans of both curves do not fit")
         smooth = tuple(map(int, values["smooth"]))
         pairs = (float(va), float(vb)), (float(na), float(nb))
-        return Recipe(offset, *pairs, taper, shift, breaks, spans, smooth)
+        return Recipe(offset, *pairs, taper, shift, breaks, spans, smooth, run)
+
+
+def _spans(values: Any) -> tuple[tuple[Vector, ...], ...]:
+    return tuple(tuple(_vector(point) for point in span) for span in values)
 
 
 def _vector(values: Any) -> Vector:

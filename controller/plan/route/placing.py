@@ -13,6 +13,11 @@ Each step solves min over x of max |y + J x| by Lawson's weighted least squares 
 where the deviation stays large) with a small price on bends of x, so that joints stay smooth; a
 step counts only if the true deviation falls, so ``optimal`` is never worse than ``double``.
 
+Where the normal turns by ``FREE_RAD`` and more along a ruling, the best axis leans against it by so
+much that no small step from ``double`` leads there: a row of steps by least squares goes first, over
+all of the surface. There the flank comes to the upper corner at an end of the block far off the
+lower one; so a fourth function slides the lower point, too, and the cutter runs over both ends.
+
 The outermost 2 % at either end count less: there the flank reaches over the end of the
 block, and what it leaves or cuts there hangs on the neighbour or the lead.
 """
@@ -20,7 +25,7 @@ block, and what it leaves or cuts there hangs on the neighbour or the lead.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -32,7 +37,7 @@ from controller.machine import Tool
 from controller.placement import ENDS, Placed, Strategy
 from controller.plan.route import deviation, placements
 from controller.splines import BSpline
-from controller.surfaces import Surface
+from controller.surfaces import Surface, turned
 
 Array = npt.NDArray[np.float64]
 
@@ -49,6 +54,10 @@ LEAST_GAIN = 2e-3
 SLAB = 200_000  # multiplications of one product of matrices, at most
 EDGE_POINTS = 161  # of the lower edge, to see what cuts it
 CLEAR_MM = 1e-3  # so much flank is left below it
+FREE_RAD = math.radians(60.0)
+FREE_ACROSS, FREE_STEPS, FREE_GAIN = 17, 40, 2e-4
+SQUARES = 30  # steps by least squares
+RUN_PRICE = 1e-7  # against squared deviations per mm^2: the lower point stays where that costs nothing
 OF_TOLERANCE = 0.95  # what the points that are looked at may take of it: there is more between them
 
 
@@ -105,6 +114,13 @@ def _first_that_keeps(surface: Surface, cutter: Cutter, tolerance_mm: float) -> 
     return min(found, key=lambda one: one[0])[1]
 
 
+def off_mm(surface: Surface, cutter: Cutter, strategy: Strategy) -> float:
+    """How far a placement (not ``AUTO``) leaves the surface off at most but for its ends, mm."""
+    single = _single(surface, cutter)
+    placed = place(surface, cutter, strategy)
+    return _Judge(single).inner(placed if isinstance(placed, Placed) else single)
+
+
 def _single(surface: Surface, cutter: Cutter) -> Placed:
     return Placed(surface, cutter.offset_mm, taper_rad=cutter.taper_rad, shift_mm=cutter.shift_mm)
 
@@ -124,7 +140,9 @@ def _found(surface: Surface, cutter: Cutter, strategy: Strategy, name: str) -> P
     found = min(_doubles(single), key=single.inner)
     found = found if single.inner(found) < single.inner(single.placed) else single.placed
     if strategy is Strategy.OPTIMAL:
-        found = _optimal(replace(found, normals_v=found.points_v), single)
+        free = turned(surface)[0] >= FREE_RAD
+        judge = _Judge(single.placed, ALONG, FREE_ACROSS) if free else single
+        found = _optimal(replace(found, normals_v=found.points_v), judge, free)
     if found == single.placed:
         return None
     return _lowered(replace(found, name=name), cutter)
@@ -205,7 +223,7 @@ def _doubles(judge: _Judge) -> Iterator[Placed]:
 
 @dataclass(frozen=True, slots=True)
 class _Basis:
-    """Splines over 0 <= u <= 1; control points are columns of one vector x: upper, lower, slide."""
+    """Splines over 0 <= u <= 1; control points are rows of one vector x: upper, lower, slide, run."""
 
     knots: Array
 
@@ -244,9 +262,15 @@ class _Basis:
         rows[i, i + 1] = -rows[i, i] - rows[i, i + 2]
         return np.asarray(rows * float(np.diff(places).max()) ** 2)
 
-    def curve(self, x: Array) -> BSpline:
-        rows: list[Vector] = [(float(a), float(b), float(c)) for a, b, c in x.reshape(3, -1).T]
-        return BSpline.of(ORDER, self.knots.tolist(), rows)
+    def on(self, placed: Placed, x: Array) -> Placed:
+        """``placed`` with the control points (3 or 4 rows of ``size``, one after the other)."""
+        rows = x.reshape(-1, self.size)
+        run = self._curve(np.stack([rows[3], 0.0 * rows[3], 0.0 * rows[3]])) if len(rows) > 3 else None
+        return replace(placed, corrections=self._curve(rows[:3]), run=run)
+
+    def _curve(self, rows: Array) -> BSpline:
+        points: list[Vector] = [(float(a), float(b), float(c)) for a, b, c in rows.T]
+        return BSpline.of(ORDER, self.knots.tolist(), points)
 
 
 def _merged(knots: Array, breaks: Array) -> Array:
@@ -255,54 +279,85 @@ def _merged(knots: Array, breaks: Array) -> Array:
     return np.unique(np.concatenate((knots[gap > 0.01], breaks)))
 
 
-def _optimal(start: Placed, judge: _Judge) -> Placed:
+def _optimal(start: Placed, judge: _Judge, free: bool) -> Placed:
     """``start`` corrected; with ends that count more where they would come out worse than at the start."""
     inner, whole = judge.inner(start), judge.whole(start)
-    for least in END_WEIGHTS:
-        found = _corrected(start, judge, judge.weights(least))
+    for least in END_WEIGHTS[-1:] if free else END_WEIGHTS:
+        found = _Search(start, judge, judge.weights(least), free).found()
         if judge.inner(found) <= inner and judge.whole(found) <= whole:
             return found
     return start
 
 
-def _corrected(start: Placed, judge: _Judge, weights: Array) -> Placed:
-    """``start`` with the corrections that make its largest weighted deviation least."""
-    basis = _Basis.over(start)
-    x = np.zeros(3 * basis.size)
-    bends = np.kron(np.eye(3), basis.bends())
-    price = BEND_PRICE * (bends.T @ bends)
-    best, now = start, deviation.of(start, judge.at)
-    most, damping = float(np.abs(weights * now.left).max()), 1e-7
-    for _ in range(STEPS):
-        rows = _slopes(best, now, basis) * weights[:, None]
-        before = most
-        while damping < 10.0:
-            step = _least_largest(rows, weights * now.left, x, price, damping)
-            trial = replace(best, corrections=basis.curve(x + step))
-            seen = deviation.of(trial, judge.at, now.at_u)
-            reached = float(np.abs(weights * seen.left).max())
-            if reached < most:
-                best, now, x, most = trial, seen, x + step, reached
-                damping *= 0.2
+class _Search:
+    """For the corrections that make the largest weighted deviation least."""
+
+    def __init__(self, start: Placed, judge: _Judge, weights: Array, free: bool) -> None:
+        self._judge, self._weights, self._free = judge, weights, free
+        self._basis, rows = _Basis.over(start), 4 if free else 3
+        bends = np.kron(np.eye(rows), self._basis.bends())
+        self._price = BEND_PRICE * (bends.T @ bends)
+        if free:
+            run = slice(3 * self._basis.size, None)
+            self._price[run, run] += RUN_PRICE * np.eye(self._basis.size)
+        self._x = np.zeros(rows * self._basis.size)
+        self._best, self._now = start, deviation.of(start, judge.at)
+
+    def found(self) -> Placed:
+        if self._free:
+            self._steps(_least_squares, _mean_square, SQUARES)
+        self._steps(_least_largest, _largest, FREE_STEPS if self._free else STEPS)
+        return self._best
+
+    def _steps(self, solve: Callable[..., Array], size: Callable[[Array], float], most: int) -> None:
+        """Steps that ``solve`` the linear problem, as long as the ``size`` of the deviation falls."""
+        weights, damping = self._weights, 1e-7
+        least = size(weights * self._now.left)
+        for _ in range(most):
+            rows = _slopes(self._best, self._now, self._basis, self._free) * weights[:, None]
+            before = least
+            while damping < 10.0:
+                x = self._x + solve(rows, weights * self._now.left, self._x, self._price, damping)
+                trial = self._basis.on(self._best, x)
+                seen = deviation.of(trial, self._judge.at, self._now.at_u)
+                reached = size(weights * seen.left)
+                if reached < least:
+                    self._best, self._now, self._x, least = trial, seen, x, reached
+                    damping *= 0.2
+                    break
+                damping *= 10.0
+            if before - least < (FREE_GAIN if self._free else LEAST_GAIN) * before:
                 break
-            damping *= 10.0
-        if before - most < LEAST_GAIN * before:
-            break
-    return best
 
 
-def _slopes(placed: Placed, now: deviation.Deviation, basis: _Basis) -> Array:
-    """How the deviation of each point changes with the control points, (N, 3 size).
+def _largest(left: Array) -> float:
+    return float(np.abs(left).max())
+
+
+def _mean_square(left: Array) -> float:
+    return float((left * left).mean())
+
+
+def _slopes(placed: Placed, now: deviation.Deviation, basis: _Basis, free: bool) -> Array:
+    """How the deviation of each point changes with the control points, (N, 3 or 4 size).
 
     The axis moves at the foot of the point by the share that its upper and its lower point
     have there; what of that leads away from the point is left on it.
     """
-    upper, lower, slide = deviation.upper_direction(placed, now.at_u)
-    share = deviation.share_of_upper(placed, now)
-    toward = [-(now.away * d).sum(axis=0) for d in (upper, lower, slide)]
+    upper, lower, slide, run = deviation.directions(placed, now.at_u)
+    high = deviation.share_of_upper(placed, now)
+    shares = [(upper, high), (lower, 1.0 - high), (slide, high), (run, 1.0 - high)]
     values = basis.values(now.at_u)
-    parts = (toward[0] * share, toward[1] * (1.0 - share), toward[2] * share)
+    parts = [-(now.away * d).sum(axis=0) * share for d, share in shares[: 4 if free else 3]]
     return np.asarray(-math.cos(placed.taper_rad) * np.hstack([values * part[:, None] for part in parts]))
+
+
+def _least_squares(rows: Array, y: Array, x: Array, price: Array, damping: float) -> Array:
+    """The step that makes the mean of (y + rows step)^2 least."""
+    slabs, y = _slabs(rows, len(x)), _slabs(y, len(x))
+    square = np.matmul(slabs.transpose(0, 2, 1), slabs).sum(axis=0) / len(rows)
+    right = -(slabs * y[..., None]).sum(axis=(0, 1)) / len(rows) - price @ x
+    return np.asarray(np.linalg.solve(square + price + damping * np.eye(len(x)), right))
 
 
 def _least_largest(rows: Array, y: Array, x: Array, price: Array, damping: float) -> Array:

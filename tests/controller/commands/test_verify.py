@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cutting import program
+from placed_by_hand import LINE, small
 from typer.testing import CliRunner
 
 from controller import config
@@ -15,6 +16,7 @@ from controller.__main__ import app
 from controller.handoff import COLUMN, ROW
 from controller.plan.route.branch import joints_along
 from controller.session import checked
+from controller.verify import bound
 
 READY = str(config.shipped_program("example2_ready"))
 VERBATIM = str(config.shipped_program("example2"))
@@ -140,3 +142,20 @@ def test_a_program_without_surfaces_has_nothing_to_verify(tmp_path: Path) -> Non
     file.write_text("G21 G90\nG0 X1. Y1.\nM30\n")
     code, told = run(file)
     assert code == 0 and told["surfaces"] == [] and "cuts no surface" in told["notes"][-1]["note"]
+
+
+def test_with_bound_each_placed_surface_has_the_best_of_another_search_beside_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bound, "CENTRES", 2)
+    monkeypatch.setattr(bound, "HALVES", (0.1,))
+    part = tmp_path / "part.ngc"
+    part.write_text(small(2))
+    code, found = run(part, "--bound", "--gouge", "warn")
+    assert code == 0
+    (one,) = found["bounds"]
+    assert one["line"] == LINE and one["placed"] == "double"
+    assert one["off_mm"] == pytest.approx(found["surfaces"][0]["inside"]["largest_mm"], abs=2e-5)
+    assert 0.0 <= one["best_mm"] < one["off_mm"] and one["sentence"]
+    _, without = run(part, "--gouge", "warn")
+    assert "bounds" not in without

@@ -36,7 +36,15 @@ def nothing_known(monkeypatch):
     placing._better.cache_clear()
 
 
-@pytest.mark.parametrize("placed", [corrected(), replace(corrected(), corrections=None)])
+def over_the_ends() -> Placed:
+    """With the lower point sliding, too."""
+    curve = corrected().corrections
+    run = BSpline.of(4, (0.0,) * 4 + (0.3, 0.7) + (1.0,) * 4, [(0.1 * k * k, 0.0, 0.0) for k in range(6)])
+    assert curve.breaks == run.breaks
+    return replace(corrected(), run=run)
+
+
+@pytest.mark.parametrize("placed", [corrected(), replace(corrected(), corrections=None), over_the_ends()])
 def test_a_recipe_gives_the_same_poses_to_the_last_bit_after_a_way_through_a_file(placed):
     kept = Recipe.from_dict(json.loads(json.dumps(Recipe.of(placed).to_dict())))
     again = kept.on(placed.base, "name")
@@ -53,6 +61,8 @@ def test_a_recipe_gives_the_same_poses_to_the_last_bit_after_a_way_through_a_fil
         {"spans": []},
         {"breaks": None},
         {"spans": [[[0.0, 0.0]]] * 3},
+        {"run": [[[0.0, 0.0, 0.0]]] * 3},
+        {"run": None},
     ],
 )
 def test_a_damaged_recipe_is_never_believed(damage):
