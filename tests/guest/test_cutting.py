@@ -30,7 +30,8 @@ def cut(machine: Machine, feed: str) -> int:
 def attempt(machine: Machine, feed: str) -> tuple[int, Fault, bool]:
     """(cutting ticks that sent SYNC, what ended it, whether the computer was away then).
 
-    On the path and within the limits until then.
+    On the path until then, and within the limits: but for a tick that was held back while the kernel's SYNC
+    went on, for then the drives have to stand where nothing new has come.
     """
     text = program("example2_ready", feed)
     with on_can.drives(), on_can.ready(text, machine) as (running, start):
@@ -42,7 +43,8 @@ def attempt(machine: Machine, feed: str) -> tuple[int, Fault, bool]:
     print(f"{len(cutting)} ticks of cutting, {len(cutting) - sent} without SYNC, {last.skips} skips in all")
     moved = rows[rows[:, COLUMN["fault"]] != Fault.FEEDBACK_LOST]  # that drive is told where it says it is
     assert off_path(moved, traced(text, machine, start.joints), machine).max() <= ON_PATH_MM
-    assert_within_limits(moved, machine)
+    if machine.sync == "tick" or not away:
+        assert_within_limits(moved, machine)
     assert running.recorder.lost == 0
     return sent, last.fault, away
 
