@@ -23,6 +23,7 @@ def cut(machine: Machine, feed: str) -> int:
         sent, fault, away = attempt(machine, feed)
         if not away:
             break
+    on_can.skip_if_away(away)
     assert fault is Fault.NONE
     return sent
 
