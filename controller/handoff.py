@@ -96,7 +96,7 @@ __all__ = [
 AXES = 5
 COMMIT_LEAD_S = 0.020  # the commit point is at least this far ahead of the path clock ...
 COMMIT_LEAD_TICKS = 3  # ... and at least this many ticks
-PLANNER_SILENCE_S = 0.100  # longer silence while moving: hold on the path
+PLANNER_SILENCE_S = 2.0  # a plan that hangs; the queue ends at rest by itself, so a pause is no danger
 
 
 def commit_lead_s(period_s: float) -> float:

@@ -57,7 +57,7 @@ def late(seconds: float) -> Callable[[Scene], None]:
 
 
 def planner_killed(scene: Scene) -> None:
-    scene.planner_dead = True
+    scene.kill_planner()
 
 
 def receive_queue_full(scene: Scene) -> None:

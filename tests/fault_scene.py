@@ -97,6 +97,10 @@ class Scene(SteppedMachine):
     def _goes_on(self, waiting: Sequence[Event], asked: bool) -> bool:
         return self.will_resume
 
+    def kill_planner(self) -> None:
+        """It plans nothing more, and its end of the socket is gone."""
+        self.planner_dead = self.cycle._pieces.closed = True
+
     def drive(self, axis: int) -> SimulatedDrive:
         return self.rig.drives[self.machine.axes[axis].name]
 
@@ -154,7 +158,7 @@ class Scene(SteppedMachine):
     def heal(self) -> None:
         """Whatever was done to bus, drives and planner is over."""
         self.after_tick = lambda: None
-        self.planner_dead = self.will_resume = False
+        self.planner_dead = self.will_resume = self.cycle._pieces.closed = False
         for injector in self.injected._injectors.values():
             for twin in injector._nodes._twins.values():
                 twin.power_off(self.rig.now_s)

@@ -51,7 +51,7 @@ FAULTS: dict[Fault, Words] = {
     Fault.NONE: Words("Keine Störung.", "Keine.", "Nichts zu tun."),
     # --- plan
     Fault.PLANNER_GONE: Words(
-        "Die Planung schwieg länger als 100 ms; das Werkzeug hielt auf der Bahn.",
+        "Die Planung schwieg länger als 2 s; das Werkzeug hielt auf der Bahn.",
         "Der Prozess der Planung endete oder bekam keine Rechenzeit: kein Speicher mehr, zu viel Last.",
         "Zurücksetzen, längs der Werkzeugachse freifahren, das Programm neu laden.",
     ),

@@ -82,9 +82,8 @@ class PlanEnd:
     def load(self, items: Iterable[Chain | Pause], now: Snapshot) -> None:
         """A program for the planner, to begin where ``now``'s queue ends; the machine stands.
 
-        What is there by now stays, so the collector need not look at it again. Its looks at everything,
-        once in a while, would hold up the keepalive by some 80 ms, and longer the more there is; the tick
-        takes ``PLANNER_SILENCE_S`` without one for a dead plan.
+        What is there by now stays, so the collector need not look at it again: its looks at everything,
+        once in a while, would hold up the plan by some 80 ms, and longer the more there is.
         """
         gc.unfreeze()  # of the program before
         gc.collect()

@@ -262,7 +262,7 @@ class Cycle:
             self._silent = 0
         else:
             self._silent += 1
-            if self._planner_gone() and self.modes.running and self.follow.pending:
+            if self._planner_gone() and self.modes.running:
                 self.modes.fail(Fault.PLANNER_GONE, -1)
         if message is None:
             return

@@ -13,7 +13,7 @@ import pytest
 from machines import machine
 from ticking import Bench, FakeDrive, commands, excess, s_curve, stops, straight
 
-from controller.handoff import COLUMN, STOOD, Arrangement, Law, dwell, send_arrangement
+from controller.handoff import COLUMN, PLANNER_SILENCE_S, STOOD, Arrangement, Law, dwell, send_arrangement
 from controller.machine import Joints
 from controller.state import Fault, Mode, Request
 from controller.tick.cycle import LONG_GAP
@@ -21,14 +21,22 @@ from controller.tick.loop import Loop, WallClock
 from drives.cia402 import Wanted
 from drives.cyclic.drive import DriveFault
 
+SILENT = round(PLANNER_SILENCE_S / machine().period_s)  # ticks
 HERE: Joints = (0.0, 0.0, 0.0, 0.0, 0.0)
 THERE: Joints = (100.0, 60.0, -80.0, 1.0, 2.0)
+QUICK = (170.0, 1900.0, 48000.0)  # mm/s ... mm/s^3: there in 0.9 s
+SLOW = (25.0, 500.0, 48000.0)  # in 5.7 s
 
 
-def moving(lateness: Callable[[int], float] | None = None, ticks: int = 100, **changes: object) -> Bench:
+def moving(
+    lateness: Callable[[int], float] | None = None,
+    ticks: int = 100,
+    law: tuple[float, float, float] = QUICK,
+    **changes: object,
+) -> Bench:
     bench = Bench(machine(**changes), lateness=lateness)
     bench.enable()
-    piece, move = straight(HERE, THERE, lambda n: s_curve(n, 170.0, 1900.0, 48000.0))
+    piece, move = straight(HERE, THERE, lambda n: s_curve(n, *law))
     bench.send([piece, dwell(0.0, end=True)], {0: move}, stops=stops(1900.0, 48000.0))
     bench.tick()
     bench.ask(Request.START)
@@ -94,10 +102,12 @@ def test_a_homing_error_names_its_axis() -> None:
 
 def test_a_silent_planner_is_a_fault_and_the_tool_stops_on_the_path() -> None:
     seed = random.randrange(2**32)
-    for at in random.Random(seed).sample(range(5, 420), 10):
-        bench = moving(ticks=at)
+    for at in random.Random(seed).sample(range(5, 1500), 10):
+        bench = moving(ticks=at, law=SLOW)
         bench.planner_alive = False
-        bench.until(Mode.FAULT)
+        bench.tick(SILENT - 20)
+        assert bench.snapshot.mode is Mode.RUNNING, f"seed {seed} at {at}"
+        bench.until(Mode.FAULT, 30)
         bench.until_rest()
         rows = commands(bench.rows())
         assert bench.snapshot.fault is Fault.PLANNER_GONE, f"seed {seed} at {at}"
@@ -108,7 +118,7 @@ def test_a_silent_planner_is_a_fault_and_the_tool_stops_on_the_path() -> None:
 
 
 def test_a_planner_that_wakes_up_after_the_fault_is_not_listened_to() -> None:
-    bench = moving()
+    bench = moving(law=SLOW)
     bench.planner_alive = False
     bench.until(Mode.FAULT)
     bench.send([dwell(1.0)], {})
@@ -136,12 +146,33 @@ def test_a_computer_that_kept_everybody_waiting_is_no_silence_of_the_planner() -
     bench.close()
 
 
-def test_planner_silence_at_rest_is_no_fault() -> None:
+def test_a_queue_outlasts_a_planner_that_is_silent_for_a_second() -> None:
+    """What is planned ends at rest by itself: a computer with other work to do loses no cut."""
+    bench = moving()
+    bench.planner_alive = False
+    bench.until(Mode.READY)
+    assert bench.snapshot.fault is Fault.NONE and on_the_line(commands(bench.rows())[5:])
+    assert bench.cycle.follow.joints == pytest.approx(THERE)
+    bench.close()
+
+
+def test_a_queue_that_ran_dry_waits_for_a_planner_that_lives_only() -> None:
+    bench = Bench()
+    bench.enable()
+    bench.ask(Request.START)
+    bench.tick(2 * SILENT)
+    assert bench.snapshot.mode is Mode.RUNNING
+    bench.planner_alive = False
+    bench.until(Mode.FAULT, SILENT + 10)
+    assert bench.snapshot.fault is Fault.PLANNER_GONE
+    bench.close()
+
+
+def test_planner_silence_outside_of_a_run_is_no_fault() -> None:
     bench = Bench()
     bench.enable()
     bench.planner_alive = False
-    bench.ask(Request.START)
-    bench.tick(200)
+    bench.tick(2 * SILENT)
     assert bench.snapshot.fault is Fault.NONE
     bench.close()
 

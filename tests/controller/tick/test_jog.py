@@ -12,7 +12,7 @@ import pytest
 from machines import machine
 from ticking import Bench, commands, excess, rapid_law, s_curve, stops, straight
 
-from controller.handoff import DEAD_MAN_S, Jog, dwell, send_jog
+from controller.handoff import DEAD_MAN_S, PLANNER_SILENCE_S, Jog, dwell, send_jog
 from controller.machine import Joints, Machine
 from controller.state import ALL_AXES, Fault, Mode, Request
 from controller.tick.jog import UNHOMED_SHARE
@@ -226,7 +226,7 @@ def test_a_second_step_waits_until_the_first_one_is_done() -> None:
 def test_a_step_needs_a_plan_that_lives_and_a_key_that_is_down_does_not() -> None:
     bench = ready()
     bench.planner_alive = False
-    bench.tick(100)
+    bench.tick(round(PLANNER_SILENCE_S / bench.machine.period_s))
     jog(bench, speed=50.0, length=100.0)
     bench.tick()
     settle(bench)
