@@ -49,6 +49,7 @@ OFFSETS = ("G54", "G55", "G56", "G57", "G58", "G59")
 LINEAR = {"X": X, "Y": Y, "Z": Z}
 PLACEMENTS = ("single", "double", "optimal", "auto")  # of the cutter on surfaces
 PERIODS_S = (0.0005, 0.01)
+LATE = ("stop", "count")  # what too many late ticks do
 BIT_RATES = (10_000, 20_000, 50_000, 125_000, 250_000, 500_000, 800_000, 1_000_000)  # CiA 301, table 1
 QUANTISATION_SHARE = 0.1  # of the jerk limit that rounding to counts may look like
 PARALLEL = 1e-6
@@ -99,6 +100,7 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
         gouge=general.text("gouge", ("refuse", "warn"), "refuse"),
         tool_lines=general.text("tool_lines", ("great_circle", "joints"), "great_circle"),
         max_bus_share=general.number("max_bus_share", 0.01, 1.0, default=0.8),
+        late=general.text("late", LATE, "stop"),
         skip_limit_per_s=general.number("skip_limit_per_s", 0.0, default=25.0),
         axes=axes,
         buses=buses,

@@ -286,6 +286,7 @@ class Machine:
     tolerance_mm: float | None = None  # of the form of surfaces, ends included; None: none is held
     max_overcut_mm: float | None = None  # deeper overcut than this is a gouge wherever it comes from
     longest_program_h: float = LONGEST_PROGRAM_H  # a program that takes longer is refused
+    late: str = "stop"  # what more late ticks than ``skip_limit_per_s`` do; "count": they are told only
     # Surfaces that meet within both run through, blended, and leave themselves by the first at most.
     joint_tolerance_mm: float = JOINT_TOLERANCE_MM
     joint_tolerance_deg: float = JOINT_TOLERANCE_DEG

@@ -354,8 +354,8 @@ def demo(
             raise Refused(f"--part {part} is not known; allowed are {' and '.join(PARTS)}.")
         out.mkdir(parents=True, exist_ok=True)
         made = _machine("trunnion", period_ms=period_ms)
-        # Simulated drives take no harm from late ticks, which are counted and told; a machine stops for them.
-        _demo(part, out, replace(made, skip_limit_per_s=1.0 / made.period_s), store, unchecked, as_json)
+        # Simulated drives take no harm from late ticks; a machine stops for them.
+        _demo(part, out, replace(made, late="count"), store, unchecked, as_json)
 
 
 def _demo(part: str, out: Path, made: Machine, store: Path | None, unchecked: bool, as_json: bool) -> None:

@@ -6,6 +6,7 @@ import contextlib
 import os
 import socket
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -32,6 +33,12 @@ def serve(
     runtime: Annotated[
         Path | None, typer.Option("--runtime", help="Folder of the socket; default: systemd's or the user's.")
     ] = None,
+    late: Annotated[
+        str,
+        typer.Option(
+            "--late", help="'stop' or 'count' late ticks; default: the machine file's, simulated 'count'."
+        ),
+    ] = "",
     group: Annotated[str, typer.Option("--group", help="Whose members may use the socket, too.")] = "",
 ) -> None:
     """Drive a machine: drives, planner and tick, with a local socket for panel and scripts."""
@@ -40,7 +47,11 @@ def serve(
     with refusals(False, lambda: (ConfigError, SessionError, BusError)):
         from controller.service import serving
 
+        if late not in ("", *config.LATE):
+            raise Refused(f"--late {late} is not known; allowed are {' and '.join(config.LATE)}.")
         made = config.load(machine)
+        # Simulated drives take no harm from a computer that is busy with other work.
+        made = replace(made, late=late or ("count" if simulate else made.late))
         for sentence in config.warnings(made):
             tell.print(sentence, markup=False)
         where = (state or door.state_folder(), runtime or door.runtime_folder())

@@ -7,6 +7,7 @@ raises on what may happen on a machine.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from controller import times
@@ -87,7 +88,7 @@ class Cycle:
         self._silent = 0  # ticks that were run since the plan was last heard
         self._synced_s = float("-inf")  # when the last SYNC had left
         self._skip_level = 0.0  # a bucket that skips fill and ticks drain
-        self._skip_limit = max(machine.skip_limit_per_s, 1.0)
+        self._skip_limit = max(machine.skip_limit_per_s, 1.0) if machine.late == "stop" else math.inf
         self._echoes_missed = 0
         self._synced_tick = 0  # the last tick that sent SYNC
         self._stood = False  # in this tick the path was stood still after a gap

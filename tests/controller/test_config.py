@@ -219,6 +219,7 @@ REFUSED = [
         'axis_speed_deg_s = "fast"\ngouge =',
         'axis_speed_deg_s = "fast": is not a finite number',
     ),
+    ('sync = "tick"', 'sync = "tick"\nlate = "ignore"', 'late = "ignore": .* allowed: "stop" or "count"'),
     ('sync = "tick"', 'sync = "tik"', 'sync = "tik": .* allowed: "tick" or "kernel"; write \'tick\''),
     ('kind = "linear"', 'kind = "liner"', "[[axis]] X: kind = \"liner\": .*'linear'"),
     ("direction = [1, 0, 0]", "direction = [-1, 0, 0]", "X: direction = [-1.0, .*: X Y Z are the machine"),

@@ -6,8 +6,11 @@ import socket
 from pathlib import Path
 
 import pytest
+import typer
 
 from controller.commands import serve
+from controller.machine import Machine
+from controller.service import serving
 
 
 def test_without_systemd_nobody_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -28,6 +31,25 @@ def test_systemd_hears_every_word_on_the_socket_that_it_named(
         for words in ("READY=1", "STATUS=OFF", "WATCHDOG=1"):
             tell(words)
             assert systemd.recv(100).decode() == words
+
+
+@pytest.mark.parametrize(
+    ("simulate", "late", "wanted"),
+    [(True, "", "count"), (True, "stop", "stop"), (False, "", "stop"), (False, "count", "count")],
+)
+def test_late_ticks_stop_a_machine_and_are_counted_on_a_desk(
+    simulate: bool, late: str, wanted: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served: list[Machine] = []
+    monkeypatch.setattr(serving, "run", lambda machine, *_: served.append(machine))
+    serve.serve("trunnion", simulate, tmp_path, tmp_path, late)
+    assert served[0].late == wanted
+
+
+def test_another_word_for_late_ticks_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(typer.Exit):
+        serve.serve(late="ignore")
+    assert "--late ignore is not known; allowed are stop and count." in capsys.readouterr().err
 
 
 def test_a_systemd_that_is_gone_ends_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -345,6 +345,14 @@ def test_too_many_skips_stop_the_tool_on_the_path() -> None:
     bench.close()
 
 
+def test_late_ticks_that_are_only_counted_stop_nothing() -> None:
+    bench = moving(lambda n: 0.001 if n > 60 and n % 5 == 0 else 0.0, ticks=200, late="count")
+    bench.until(Mode.READY)
+    assert bench.snapshot.fault is Fault.NONE and bench.snapshot.skips > 25
+    assert bench.cycle.follow.joints == pytest.approx(THERE)
+    bench.close()
+
+
 def test_the_same_events_give_the_same_setpoints_bit_for_bit() -> None:
     def once() -> bytes:
         bench = moving(lambda n: 0.0012 if n == 77 else 0.0, ticks=120)
