@@ -54,6 +54,13 @@ SMALL = """() => {
 }"""
 
 
+AGED = """() => {
+  window.aged = false;
+  const watcher = new MutationObserver(() => { window.aged ||= dx.stale; });
+  watcher.observe(document.body, { attributes: true, attributeFilter: ["data-stale"] });
+}"""
+MOST_LOOKS = 20
+
 PARTS = {"setup": ("homing", "offsets", "tools", "file", "drives")}
 RUNNING = [("wide", "light", "en"), ("touch", "dark", "de"), ("phone", "light", "de")]
 
@@ -89,9 +96,19 @@ def findings(page: Any, name: str, tmp_path: Path) -> list[str]:
             for what, script in (("clipped", CLIPPED), ("overlapping", OVERLAPS), ("small", SMALL)):
                 found += [f"{where}: {what}: {one}" for one in page.evaluate(script)]
             if name in AXE:
-                page.wait_for_function("() => !dx.stale")  # old figures are pale on purpose
-                found += [f"{where}: {one}" for one in serious(axe.Axe().run(page).response)]
+                found += [f"{where}: {one}" for one in read_by(axe, page)]
     return found
+
+
+def read_by(axe: Any, page: Any) -> list[str]:
+    """What axe finds while the figures are young: old ones are pale on purpose, and a look takes a second."""
+    for _ in range(MOST_LOOKS):
+        page.wait_for_function("() => !dx.stale")
+        page.evaluate(AGED)
+        found = serious(axe.Axe().run(page).response)
+        if not page.evaluate("() => window.aged"):
+            return found
+    pytest.fail(f"the page's figures grew old in each of {MOST_LOOKS} looks")
 
 
 @pytest.mark.parametrize("language", ("en", "de"))
