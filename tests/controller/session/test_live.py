@@ -102,7 +102,7 @@ def test_leaving_a_session_in_the_middle_of_a_cut_stops_on_the_path_and_switches
     assert State.OPERATION_ENABLED not in end.drive_states
     moving = rows[rows[:, COLUMN["rate"]] > 0.0]
     assert off_path(moving, traced(text, machine, start.joints), machine).max() <= ON_PATH_MM
-    assert_within_limits(moving, machine)
+    assert_within_limits(rows, machine)  # all of them: a late computer has the path stand in its middle
     assert gone([running.tick.pid, running.plan.pid, *(hub.pid for hub in running.hubs.values())])
 
 
