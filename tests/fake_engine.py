@@ -8,6 +8,7 @@ Desk(service)("hold", {})
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,8 @@ from typing import Any
 import numpy as np
 from cutting import shipped
 
-from controller.handoff import COLUMN, ROW, Snapshot, SnapshotBoard
-from controller.machine import Machine
+from controller.handoff import COLUMN, ROW, Jog, Snapshot, SnapshotBoard
+from controller.machine import Machine, five
 from controller.service.jobs import homed_position
 from controller.service.orders import News
 from controller.service.service import Service
@@ -41,6 +42,8 @@ class FakeEngine:
         self.given_up = 0
         self.short = self.ran = False  # what is started is over before anybody looks; it has run
         self.aside = False  # a resume leads along a way beside the path, which ends at once
+        self.jogged: list[Jog] = []
+        self.jog_ends_mm = math.inf  # after which something ends it
         self.before_request: Callable[[Request], None] = lambda _: None
         board = SnapshotBoard()
         board.write(*[0] * 54)
@@ -74,6 +77,13 @@ class FakeEngine:
                 self.now = self.now._replace(mode=Mode.HOLD)
             if request is Request.STOP:
                 self.now = self.now._replace(queue_end_s=self.now.plan_time_s)
+
+    def jog(self, line: Jog) -> None:
+        """A line with a length: it stands at its end at the next look."""
+        self.jogged.append(line)
+        length = min(line.length, self.jog_ends_mm)
+        joints = five([q + length * d for q, d in zip(self.now.joints, line.direction, strict=True)])
+        self.now = self.now._replace(joints=joints, actual=joints)
 
     def last_words(self) -> str:
         return ""

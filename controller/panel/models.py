@@ -210,6 +210,10 @@ class Status(Told):
     warning: Any = None
     job: JobFacts | None = None
     joints: dict[str, JointFacts] = {}
+    aside: bool | None = Field(None, description="The tool stands off the path of a held program.")
+    retract_room_mm: Number = Field(
+        None, description="So far the tool can go off along its axis from here; null: not now."
+    )
     tip: Any = None
     axis: Any = None
     feed_mm_min: Feed | None = None

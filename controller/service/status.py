@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,8 +11,9 @@ from controller import catalogue, config
 from controller.handoff import COLUMN, Recorder, Snapshot
 from controller.kinematics import Kinematics
 from controller.machine import Machine, five
+from controller.plan.route.entry import room_along_axis
 from controller.service.orders import Way
-from controller.state import Binding, Fault, Mode, binding_text, sentence
+from controller.state import ALL_AXES, Binding, Fault, Mode, binding_text, sentence
 
 PER_MIN = 60.0
 AT_LIMIT = 1e-3  # mm or rad from the end of the travel
@@ -124,6 +126,20 @@ def tip(machine: Machine, now: Snapshot, way: Way | None, in_spindle: int = 1) -
             "length_mm": length_mm,
         },
     }
+
+
+def retract_room_mm(machine: Machine, now: Snapshot) -> float | None:
+    """How far (mm) the tool can go off along its own axis from where it stands, within the travel.
+
+    Rounded down to a micrometre, so that what is told may be asked for; None where the axis is not
+    known or the machine takes no retract: it moves, is off, or stands off the path already.
+    """
+    known = now.homed == ALL_AXES and not now.untrusted
+    stands = now.mode in (Mode.HOLD, Mode.READY) and now.at_rest and not now.stopping
+    if not known or not stands or now.away:
+        return None
+    room_mm = room_along_axis(five(now.joints), machine, Kinematics(machine))
+    return math.floor(room_mm * 1e3) / 1e3
 
 
 def in_block(now: Snapshot, way: Way | None) -> dict[str, Any] | None:

@@ -357,10 +357,10 @@
     const other = document.getElementById("dx-holder");
     if (other) other.textContent = dx.holds() ? dx.word("frame.mine") : (dx.holder ?? dx.word("frame.free"));
     for (const one of document.querySelectorAll("[data-needs], [data-modes]")) {
-      const { needs, modes } = one.dataset;
+      const { needs, modes, if: field } = one.dataset;
       const may = dx.role !== "view" && !silent && (needs !== "control" || dx.holds());
       const now = !modes || modes.split(" ").includes(mode);
-      const off = !(may && now);
+      const off = !(may && now && (!field || dx.at(dx.status, field)));
       if (one.disabled !== off) one.disabled = off;
     }
   }
