@@ -22,7 +22,7 @@ from controller.service.jobs import homed_position
 from controller.service.orders import News
 from controller.service.service import Service
 from controller.session.starts import Start
-from controller.state import ALL_AXES, TRANSITIONS, Mode, Request
+from controller.state import ALL_AXES, TRANSITIONS, Fault, Mode, Request
 
 Plan = Callable[..., dict[str, Any]]
 CHECKED = {"duration_s": 1.0, "blocks": 2, "notes": [], "restart": [], "restart_de": [], "verdict": None}
@@ -66,6 +66,8 @@ class FakeEngine:
     def request(self, request: Request, value: float = 0.0) -> None:
         self.before_request(request)
         self.requests.append(request)
+        if request is Request.PLAN_LOST and self.now.mode in (Mode.RUNNING, Mode.HOLD):
+            self.now = self.now._replace(mode=Mode.FAULT, fault=Fault.PLANNER_GONE, fault_axis=-1)
         after = TRANSITIONS.get((self.now.mode, request))
         if after is not None:
             self.taken.append(request)
@@ -84,6 +86,10 @@ class FakeEngine:
         length = min(line.length, self.jog_ends_mm)
         joints = five([q + length * d for q, d in zip(self.now.joints, line.direction, strict=True)])
         self.now = self.now._replace(joints=joints, actual=joints)
+
+    def mend(self) -> None:
+        """Another plan is there at once."""
+        self.plan_alive = True
 
     def last_words(self) -> str:
         return ""

@@ -334,6 +334,8 @@ REFUSALS = {
     "end_of_fault": "auf das Ende der Störung",
     "start_taken": "darauf, dass der Start angenommen wird",
     "end_of_way": "auf das Ende des Weges von der Bahn oder zurück",
+    "tick_stands": "Der Prozess des Takts steht seit {seconds:.1f} s still: so alt ist, was gezeigt wird, "
+    "und Antriebe, die ihn nicht hören, halten von selbst; nachsehen, was ihn aufhält.",
     "no_tick": "Der Prozess des Takts läuft nicht; Zurücksetzen anfordern.",
     "no_plan": "Die Planung ist weg und wird neu gestartet; noch einmal anfordern.",
     "not_taken": "Der Takt nimmt das Programm nicht an; die Antriebe freigeben und erneut anfragen.",

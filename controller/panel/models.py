@@ -203,7 +203,9 @@ class Status(Told):
     """What the machine is doing, at most 50 ms ago."""
 
     time_s: Number = None
-    mode: str
+    mode: str = Field(description="FAULT where the tick is gone; OFF before its first one.")
+    tick_alive: bool | None = Field(None, description="Whether the tick's process is there.")
+    plan_alive: bool | None = None
     not_homed: Any = None
     control: str | None = Field(None, description="Who holds the control token; null: nobody.")
     fault: FaultFacts | None = None
@@ -228,7 +230,9 @@ class Status(Told):
     inputs: Any = None
     outputs: Any = None
     drives: list[dict[str, Any]] = []
-    tick: dict[str, Any] | None = None
+    tick: dict[str, Any] | None = Field(
+        None, description="Its number, how late it was, and age_s: how old this status is."
+    )
     waiting: Any = None
     tool_change: Any = Field(None, description="The tool that the program waits for: number, sentence.")
     interlock: Any = None

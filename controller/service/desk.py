@@ -90,33 +90,39 @@ class Desk:
 
     def _status(self, _: Values) -> Values:
         service = self._service
-        now = service.engine.snapshot()
+        alive, found = service.engine.tick_alive, service.engine.snapshot()
         sequence = service.sequencer.now
         kept = {
-            "fault": service.fault_at(now),
+            "fault": service.fault_at(found, alive),
             "sequence": sequence.to_dict() if sequence is not None else None,
-            "tick_alive": service.engine.tick_alive,
+            "tick_alive": alive,
             "plan_alive": service.engine.plan_alive,
             "commissioned": service.commissioned,
         }
-        if now is None:
-            return {"mode": "OFF", "control": None, "job": None, **kept}
+        if found is None or found.tick < 0:
+            return {**status.not_begun(self._told(status.blank())), **kept}
+        if not alive:
+            return {**status.unseen(self._told(status.ended(found))), **kept}
+        return {**self._told(found), **kept}
+
+    def _told(self, now: Snapshot) -> Values:
+        """What a snapshot tells, with the job and the motion under way."""
+        service = self._service
         job = service.running or service.job
-        shown = job.to_dict(now) if job is not None else None
         way = job.way(now.motion_id) if job is not None and job.active else None
-        values = status.machine_values(service.machine, now, way, service.engine.recorder, service.tool)
         asked = job.asked_tool(now, service.tool) if job is not None else None
-        values |= {"aside": service.aside, "tool": service.tool or None}
-        values["retract_room_mm"] = self._retract_room_mm(now)
-        values["tool_change"] = status.tool_change(service.machine, asked) if asked else None
+        age_s, recorder = service.pulse.age_s(now.tick), service.engine.recorder
         return {
             "time_s": now.tick * service.machine.period_s,
-            **values,
+            **status.machine_values(service.machine, now, way, recorder, service.tool, age_s),
+            "aside": service.aside,
+            "retract_room_mm": self._retract_room_mm(now),
+            "tool": service.tool or None,
+            "tool_change": status.tool_change(service.machine, asked) if asked else None,
             "control": None,
-            "job": shown,
+            "job": job.to_dict(now) if job is not None else None,
             "drives": hearing.drives(service.machine, now, service.logs, service.homing),
             "jogging": now.mode is Mode.JOG,
-            **kept,
         }
 
     def _facts(self, _: Values) -> Values:

@@ -112,18 +112,24 @@ def test_after_a_fault_in_a_cut_the_remedy_can_be_followed(service: Serving) -> 
     assert service.ended()["job"]["state"] == "completed"
 
 
-def test_a_plan_killed_while_the_tool_stands_aside_ends_the_program_and_nothing_moves(
+def test_a_plan_killed_while_the_tool_stands_aside_is_a_fault_with_one_alarm_and_nothing_moves(
     service: Serving,
 ) -> None:
     held_in(service, 0.4)
     service.done("retract", mm=5.0)
     off, old = joints(service), service.pid("plan")
+    before = len(service.ask("alarms")["alarms"])
     service.kill("plan")
-    now = service.until(lambda now: now["mode"] == "READY" and service.pid("plan") != old)
+    now = service.until(lambda now: now["mode"] == "FAULT" and service.pid("plan") != old)
     assert {name: axis["machine"] for name, axis in now["joints"].items()} == off
+    assert now["fault"]["name"] == "PLANNER_GONE" and now["fault"]["position_trusted"]
     now = service.ended()
-    assert now["job"]["state"] == "stopped" and "planner" in now["job"]["sentence"]
+    assert now["job"]["state"] == "fault" and "planner" in now["job"]["sentence"]
+    assert len(service.ask("alarms")["alarms"]) == before + 1
     service.until(lambda now: now["plan_alive"])
+    service.done("reset")
+    service.done("enable")
+    service.done("retract", mm=5.0)
     service.load(TEXT)
     service.done("start")
     assert service.ended()["job"]["state"] == "completed"

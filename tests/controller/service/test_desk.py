@@ -21,6 +21,7 @@ from controller.machine import five
 from controller.plan.route.spot import Spot
 from controller.service import jobs
 from controller.service.desk import Desk
+from controller.service.pulse import Pulse
 from controller.service.service import JOURNAL, Service
 from controller.state import Fault, Mode, Request
 
@@ -205,6 +206,121 @@ def test_a_stop_at_the_last_moment_ends_a_retract_from_ready(
     monkeypatch.setattr(engine, "jog", at_the_last_moment)
     done(desk, "retract", mm=8.0)
     assert engine.requests[-1] is Request.JOG_STOP
+
+
+def leaves(value: Any) -> list[Any]:
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else None
+    return [value] if inner is None else [leaf for one in inner for leaf in leaves(one)]
+
+
+def test_of_a_tick_that_was_killed_in_a_cut_the_very_next_status_tells(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    """Nobody has looked since: no alarm is there yet, and nothing of the cut is told to go on."""
+    loaded(desk, service)
+    done(desk, "start")
+    actual = tuple(q + 0.25 for q in engine.now.joints)
+    engine.now = engine.now._replace(actual=actual, at_rest=False, rate=1.0)
+    before = done(desk, "status")
+    engine.tick_alive = False
+    now = done(desk, "status")
+    assert (before["mode"], before["job"]["state"], before["fault"]) == ("RUNNING", "running", None)
+    assert (now["mode"], now["job"]["state"], now["tick_alive"]) == ("FAULT", "fault", False)
+    assert now["fault"]["name"] == "CONTROLLER_GONE" and not now["fault"]["position_trusted"]
+    assert now["fault"]["sentence"] and now["fault"]["sentence_de"]
+    assert now["at_rest"] is None and now["feed_mm_min"]["actual"] is None and now["retract_room_mm"] is None
+    assert now["not_homed"] == ["X", "Y", "Z", "A", "C"]
+    assert now.keys() == before.keys()
+    for axis, joint in now["joints"].items():
+        assert joint["actual"] == before["joints"][axis]["actual"], "where it was heard last"
+        assert (joint["homed"], joint["to_go"], joint["error"]) == (False, None, None)
+    assert {drive["state"] for drive in now["drives"]} == {None}
+    service.look()
+    shown = done(desk, "status")["fault"]
+    assert shown["number"] == service.alarms.list()[0]["id"], "and then with its alarm"
+
+
+@pytest.mark.parametrize("alive", [True, False])
+@pytest.mark.parametrize("never", [True, False])
+def test_before_the_first_tick_every_field_is_there_and_nothing_is_known(
+    desk: Desk,
+    service: Service,
+    engine: FakeEngine,
+    monkeypatch: pytest.MonkeyPatch,
+    alive: bool,
+    never: bool,
+) -> None:
+    full = done(desk, "status")
+    none = None if never else engine.now._replace(tick=-1)
+    monkeypatch.setattr(engine, "snapshot", lambda: none)
+    engine.tick_alive = alive
+    now = done(desk, "status")
+    assert now.keys() == full.keys() and now["joints"].keys() == full["joints"].keys()
+    assert (now["mode"], now["tick_alive"], now["not_homed"]) == ("OFF", alive, ["X", "Y", "Z", "A", "C"])
+    for key in ("joints", "feed_mm_min", "spindle", "tick", "tip", "override", "at_rest", "limited_by"):
+        assert set(leaves(now[key])) == {None} and leaves(now[key]), key
+    assert [drive["axis"] for drive in now["drives"]] == ["X", "Y", "Z", "A", "C"]
+
+
+def test_a_tick_that_stands_is_told_in_every_status_and_once_as_an_alarm(
+    desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seconds = [0.0]
+    service.pulse = Pulse(lambda: seconds[0])
+    service.look()
+    frozen = engine.now
+    monkeypatch.setattr(engine, "snapshot", lambda: frozen)
+    for now_s in (0.1, 0.4):
+        seconds[0] = now_s
+        service.look()
+        assert done(desk, "status")["tick"]["age_s"] == pytest.approx(now_s)
+        assert not done(desk, "status")["notices"] and not service.alarms.list()
+    seconds[0] = 1.0
+    service.look()
+    service.look()
+    told = done(desk, "status")
+    (notice,) = told["notices"]
+    assert notice["name"] == "TICK_STANDS"
+    assert "1.0 s" in notice["sentence"] and "1.0 s" in notice["sentence_de"]
+    assert [alarm["name"] for alarm in service.alarms.list()] == ["TICK_STANDS"]
+    frozen = frozen._replace(tick=frozen.tick + 1)
+    service.look()
+    assert not done(desk, "status")["notices"] and done(desk, "status")["tick"]["age_s"] == 0.0
+    seconds[0] = 2.0
+    service.look()
+    assert len(service.alarms.list()) == 2, "it stands once more"
+
+
+def test_a_plan_that_is_killed_in_a_hold_is_a_fault_with_one_alarm(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    held(desk, service, engine)
+    service.look()
+    engine.plan_alive = False
+    service.look()
+    assert Request.STOP not in engine.requests and engine.now.mode is Mode.FAULT
+    service.look()
+    now = done(desk, "status")
+    assert (now["mode"], now["fault"]["name"]) == ("FAULT", "PLANNER_GONE")
+    (alarm,) = service.alarms.list()
+    assert (alarm["name"], now["fault"]["number"]) == ("PLANNER_GONE", alarm["id"])
+    assert service.running is None and service.job is not None
+    assert (service.job.state, service.job.sentence) == ("fault", now["fault"]["sentence"])
+
+
+def test_a_later_death_of_the_plan_is_another_alarm(desk: Desk, service: Service, engine: FakeEngine) -> None:
+    for so_many in (1, 2):
+        held(desk, service, engine)
+        service.look()
+        engine.plan_alive = False
+        service.look()
+        service.look()
+        assert len(service.alarms.list()) == so_many
+        mended = threading.Event()
+        service.sequencer.later(mended.set)
+        assert mended.wait(HANGS_S), "the other plan"
+        engine.now = engine.now._replace(mode=Mode.READY, fault=Fault.NONE)
+        service.look()
 
 
 def test_a_hold_right_behind_a_resume_is_sent_although_no_snapshot_shows_that_it_runs(
