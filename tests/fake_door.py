@@ -36,7 +36,7 @@ TABLE: dict[str, tuple[set[str], str | None]] = {
     "jog_step": ({"READY"}, None),
     "jog_stop": (set(), None),
     "mdi": ({"READY"}, None),
-    "retract": ({"HOLD"}, None),
+    "retract": ({"HOLD", "READY"}, None),
     "return": ({"HOLD"}, None),
     "set_offset": ({"OFF", "READY"}, None),
     "set_tool": ({"OFF", "READY", "HOLD"}, None),

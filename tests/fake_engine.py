@@ -8,6 +8,7 @@ Desk(service)("hold", {})
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,13 +16,13 @@ from typing import Any
 import numpy as np
 from cutting import shipped
 
-from controller.handoff import COLUMN, ROW, Snapshot, SnapshotBoard
-from controller.machine import Machine
+from controller.handoff import COLUMN, ROW, Jog, Snapshot, SnapshotBoard
+from controller.machine import Machine, five
 from controller.service.jobs import homed_position
 from controller.service.orders import News
 from controller.service.service import Service
 from controller.session.starts import Start
-from controller.state import ALL_AXES, TRANSITIONS, Mode, Request
+from controller.state import ALL_AXES, TRANSITIONS, Fault, Mode, Request
 
 Plan = Callable[..., dict[str, Any]]
 CHECKED = {"duration_s": 1.0, "blocks": 2, "notes": [], "restart": [], "restart_de": [], "verdict": None}
@@ -41,6 +42,8 @@ class FakeEngine:
         self.given_up = 0
         self.short = self.ran = False  # what is started is over before anybody looks; it has run
         self.aside = False  # a resume leads along a way beside the path, which ends at once
+        self.jogged: list[Jog] = []
+        self.jog_ends_mm = math.inf  # after which something ends it
         self.before_request: Callable[[Request], None] = lambda _: None
         board = SnapshotBoard()
         board.write(*[0] * 54)
@@ -63,6 +66,8 @@ class FakeEngine:
     def request(self, request: Request, value: float = 0.0) -> None:
         self.before_request(request)
         self.requests.append(request)
+        if request is Request.PLAN_LOST and self.now.mode in (Mode.RUNNING, Mode.HOLD):
+            self.now = self.now._replace(mode=Mode.FAULT, fault=Fault.PLANNER_GONE, fault_axis=-1)
         after = TRANSITIONS.get((self.now.mode, request))
         if after is not None:
             self.taken.append(request)
@@ -74,6 +79,17 @@ class FakeEngine:
                 self.now = self.now._replace(mode=Mode.HOLD)
             if request is Request.STOP:
                 self.now = self.now._replace(queue_end_s=self.now.plan_time_s)
+
+    def jog(self, line: Jog) -> None:
+        """A line with a length: it stands at its end at the next look."""
+        self.jogged.append(line)
+        length = min(line.length, self.jog_ends_mm)
+        joints = five([q + length * d for q, d in zip(self.now.joints, line.direction, strict=True)])
+        self.now = self.now._replace(joints=joints, actual=joints)
+
+    def mend(self) -> None:
+        """Another plan is there at once."""
+        self.plan_alive = True
 
     def last_words(self) -> str:
         return ""

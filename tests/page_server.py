@@ -2,7 +2,8 @@
 
     python page_server.py FOLDER PORT      # what was asked of the machine: FOLDER/asked.jsonl
 
-Its axes move while they are jogged, so that a jog that goes on shows. What FOLDER/told.json has of the
+It has the numbers of the shipped trunnion, and a spindle. Its axes move while they are jogged, so that
+a jog that goes on shows. What FOLDER/told.json has of the
 status is told in place of its own (``browsing.Site.tell``).
 """
 
@@ -17,6 +18,8 @@ from typing import Any
 import uvicorn
 from fake_door import AXES, FakeDoor
 
+from controller import config
+from controller.handoff import SnapshotBoard
 from controller.panel.checker import Checker
 from controller.panel.core import Panel
 from controller.panel.http import make_app
@@ -24,12 +27,15 @@ from controller.panel.page.shell import add_page
 from controller.panel.programs import Program, ProgramCheck
 from controller.panel.store import Store
 from controller.plan.report.verdict import Verdict
+from controller.service import status
+from controller.service.refused import refused
+from controller.state import ALL_AXES, Mode
 from controller.verify import wording
 
 DEAD_MAN_S = 0.2
 SPEED_S = 50.0  # mm or degrees a second at full jog
-PERIOD_S = 0.002
-RETRACT_MM = 40.0
+MACHINE = config.load("trunnion")
+PERIOD_S = MACHINE.period_s
 TOLD = "told.json"
 
 
@@ -45,6 +51,7 @@ class MovingDoor(FakeDoor):
         self._jog: tuple[str, float, float, float] | None = None  # axis, speed, last look, until
         self._overrides = {"override": 1.0, "rapid_override": 1.0}
         self._switches = {"single_block": False, "optional_stop": False}
+        self._aside = False
 
     def answer(self, verb: str, args: dict[str, Any]) -> dict[str, Any]:
         if verb != "status":
@@ -56,7 +63,11 @@ class MovingDoor(FakeDoor):
         if verb in ("jog_stop", "stop", "hold", "estop"):
             self._jogged()
             self._jog = None
+        if verb == "retract" and not args["mm"] <= (room := self._room_mm() or 0.0):
+            raise refused("retract_room", self.mode, "RETRACT", mm=args["mm"], room=room)
         answer = super().answer(verb, args)
+        if verb in ("retract", "return", "stop"):
+            self._aside = verb == "retract" and self.mode == "HOLD"
         if verb == "jog":
             self._jogged()
             now = time.monotonic()
@@ -77,6 +88,18 @@ class MovingDoor(FakeDoor):
         self._where[axis] += speed * max(0.0, min(now, until) - last)
         self._jog = (axis, speed, now, until) if now < until else None
 
+    def _room_mm(self) -> float | None:
+        """As a machine tells that has found all its axes and stands."""
+        shown = [_joint(where, i)["machine"] for i, where in enumerate(self._where.values())]
+        joints = [q / axis.shown_per_unit for q, axis in zip(shown, MACHINE.axes, strict=True)]
+        board = SnapshotBoard()
+        board.write(*[0] * 54)
+        blank = board.read()
+        if blank is None or self.mode not in Mode.__members__ or self._aside:
+            return None
+        known = {"mode": Mode[self.mode], "homed": ALL_AXES, "at_rest": True}
+        return status.retract_room_mm(MACHINE, blank._replace(joints=joints, **known))
+
     def status(self) -> dict[str, Any]:
         self._jogged()
         told = super().status()
@@ -96,6 +119,8 @@ class MovingDoor(FakeDoor):
             in_block={"what": "cut", "fraction": 0.4, "u": 0.3721} if told.get("job") else None,
             fault=fault,
             sequence=None,
+            aside=self._aside,
+            retract_room_mm=self._room_mm(),
             tick={**told["tick"], "number": int(time.monotonic() / PERIOD_S)},
             **self._overrides,
             **self._switches,
@@ -110,9 +135,13 @@ class MovingDoor(FakeDoor):
         return told
 
     def facts(self) -> dict[str, Any]:
-        fitted = {"spindle": {"max_rev_min": 24000.0}, "outputs": ["coolant"], "retract_mm": RETRACT_MM}
-        axes = [_axis(name) for name in AXES]
-        return {**super().facts(), "name": "fake", "axes": axes, "period_s": PERIOD_S, **fitted}
+        """The shipped machine's, with what it has not: a spindle, coolant, drives that are not all alike."""
+        more = {"spindle": {"max_rev_min": 24000.0}, "outputs": ["coolant"]}
+        told = status.facts(MACHINE, more)
+        for axis in told["axes"]:
+            axis["absolute"] = axis["name"] == "Z"
+            axis["supervision"] = "guarding" if axis["unit"] == "deg" else "heartbeat"
+        return {**super().facts(), **told}
 
 
 STATE_THERE = ["tool 1", "work offset G54", "spindle 12000 rev/min"]
@@ -149,21 +178,6 @@ def _joint(where: float, i: int) -> dict[str, Any]:
         "error": 0.0123 * (i + 1),
         "homed": i != 1,
         "limit": (None, None, "+", "-", None)[i],
-    }
-
-
-def _axis(name: str) -> dict[str, Any]:
-    rotary = name in "ABC"
-    return {
-        "name": name,
-        "kind": "table" if rotary else "linear",
-        "unit": "deg" if rotary else "mm",
-        "travel": [-300.0, 300.0],
-        "profile": "simulated",
-        "homing_method": 37,
-        "absolute": name == "Z",
-        "supervision": "guarding" if rotary else "heartbeat",
-        "following_error": 4.0,
     }
 
 

@@ -53,7 +53,7 @@ FAULTS: dict[Fault, Words] = {
     Fault.PLANNER_GONE: Words(
         "The planner has been silent for more than 2 s; the tool stopped on the path (planner gone).",
         "The planner's process ended, or the computer gave it no time: no memory left, or too much load.",
-        "Reset, retract along the tool axis, load the program again.",
+        "Reset, enable, retract along the tool axis, load the program again.",
     ),
     Fault.TRAVEL: Words(
         "The next setpoint lies outside the travel of an axis; it was not sent.",
@@ -298,6 +298,11 @@ REFUSALS = {
     "not_loaded": "No program is loaded; load one first.",
     "not_ready": "{program} is not ready. {why}",
     "not_held": "{request} is refused in {mode}: hold the program and wait until it stands.",
+    "not_retracted": "{request} is refused in {mode}: hold the program, or reset and enable, and wait until "
+    "the axes stand.",
+    "retract_room": "The tool cannot retract by {mm:g} mm: from here up to {room:.3f} mm along its axis are "
+    "inside the travel; ask for more than 0 and no more than that.",
+    "ended_short": "{request} ended after {gone:.3f} of {mm:.3f} mm; look why, then ask for the rest.",
     "not_fitted": "The {what} are not changed while the machine is in {mode}; stop first.",
     "tool_change": "Put T{number}{name} into the spindle, then let the program go on.",
     "offsets": "offsets",
@@ -315,6 +320,8 @@ REFUSALS = {
     "end_of_fault": "the end of the fault",
     "start_taken": "the start to be taken",
     "end_of_way": "the end of the way off the path or back",
+    "tick_stands": "The tick's process has stood still for {seconds:.1f} s: what is shown is as old as that, "
+    "and drives that do not hear it stop by themselves; look what holds it up.",
     "no_tick": "The tick process is not running; ask for a reset.",
     "no_plan": "The planner is gone; it is started anew. Ask again.",
     "not_taken": "The tick does not take the program; enable the drives and ask again.",

@@ -53,7 +53,7 @@ FAULTS: dict[Fault, Words] = {
     Fault.PLANNER_GONE: Words(
         "Die Planung schwieg länger als 2 s; das Werkzeug hielt auf der Bahn.",
         "Der Prozess der Planung endete oder bekam keine Rechenzeit: kein Speicher mehr, zu viel Last.",
-        "Zurücksetzen, längs der Werkzeugachse freifahren, das Programm neu laden.",
+        "Zurücksetzen, einschalten, längs der Werkzeugachse freifahren, das Programm neu laden.",
     ),
     Fault.TRAVEL: Words(
         "Der nächste Sollwert liegt außerhalb des Verfahrwegs einer Achse; er wurde nicht gesendet.",
@@ -311,6 +311,12 @@ REFUSALS = {
     "not_loaded": "Kein Programm ist geladen; zuerst eines laden.",
     "not_ready": "{program} ist nicht bereit. {why}",
     "not_held": "{request} ist in {mode} abgelehnt: das Programm anhalten und warten, bis es steht.",
+    "not_retracted": "{request} ist in {mode} abgelehnt: das Programm anhalten, oder zurücksetzen und "
+    "einschalten, und warten, bis die Achsen stehen.",
+    "retract_room": "Um {mm:g} mm kann das Werkzeug nicht abheben: von hier liegen längs seiner Achse "
+    "{room:.3f} mm im Verfahrweg; mehr als 0 und höchstens so viel verlangen.",
+    "ended_short": "{request} endete nach {gone:.3f} von {mm:.3f} mm; die Ursache suchen, dann den Rest "
+    "verlangen.",
     "not_fitted": "Die {what} werden in {mode} nicht geändert; zuerst stoppen.",
     "tool_change": "T{number}{name} in die Spindel einsetzen, dann das Programm fortsetzen.",
     "offsets": "Nullpunkte",
@@ -328,6 +334,8 @@ REFUSALS = {
     "end_of_fault": "auf das Ende der Störung",
     "start_taken": "darauf, dass der Start angenommen wird",
     "end_of_way": "auf das Ende des Weges von der Bahn oder zurück",
+    "tick_stands": "Der Prozess des Takts steht seit {seconds:.1f} s still: so alt ist, was gezeigt wird, "
+    "und Antriebe, die ihn nicht hören, halten von selbst; nachsehen, was ihn aufhält.",
     "no_tick": "Der Prozess des Takts läuft nicht; Zurücksetzen anfordern.",
     "no_plan": "Die Planung ist weg und wird neu gestartet; noch einmal anfordern.",
     "not_taken": "Der Takt nimmt das Programm nicht an; die Antriebe freigeben und erneut anfragen.",

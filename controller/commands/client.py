@@ -171,7 +171,7 @@ def retract(
     url: Url = remote.URL,
     as_json: Json = False,
 ) -> None:
-    """In a hold: move the tool off the part along its axis, to look or to change it."""
+    """In a hold, or ready as after a fault: move the tool off the part along its axis."""
     with asked(url, as_json) as machine, machine.control(take_over):
         done = carried_out(machine, "cycle/retract", {"mm": mm})
         tell_done(f"Retracted by {mm:g} mm.", done, as_json)

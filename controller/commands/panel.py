@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import typer
 
@@ -50,6 +50,7 @@ def panel(
             import uvicorn
 
             from controller.panel.access import is_loopback
+            from controller.panel.connections import Connections, Limits, WebSocket, raise_file_limit
         except ImportError as error:
             raise Refused(f"{EXTRA} ({error})") from error
         store = panel_users.store_in(state or door.state_folder())
@@ -60,6 +61,7 @@ def panel(
                 raise Refused(f"{file}: there is no such file; give a certificate and its key as PEM files.")
         socket = door.control_path(runtime or door.runtime_folder())
         cores.leave()
+        connections = Connections(Limits.within(raise_file_limit()))
         tell.print(f"Panel on {host}:{port}, machine behind {socket}, store in {store.folder}", markup=False)
         uvicorn.run(
             _app(store, socket, page),
@@ -73,6 +75,9 @@ def panel(
             ssl_certfile=tls_certificate,
             ssl_keyfile=tls_key,
             timeout_graceful_shutdown=CLOSE_S,
+            http=cast(Any, connections.protocol),
+            ws=WebSocket,
+            backlog=connections.limits.at_once,
             ws_max_size=1 << 20,  # the page's own socket; nothing is read from that of the events
         )
 

@@ -101,7 +101,8 @@ def _asked(state: Path) -> dict[str, float] | None:
     """What the running tick says of itself; None where it cannot be asked."""
     client = door.Client(door.control_path(door.runtime_of(state)), longest_s=ANSWER_S)
     try:
-        return dict(client.ask("status")["tick"])
+        tick = dict(client.ask("status")["tick"])
+        return tick if tick["number"] is not None else None  # none yet
     except (door.DoorError, KeyError):
         return None
     finally:

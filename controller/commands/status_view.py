@@ -71,6 +71,8 @@ def clock(seconds: Any) -> str:
 def _headline(status: Status) -> Text:
     mode = str(status.get("mode", "?"))
     told = Text.assemble((f" {mode} ", f"reverse {COLOURS.get(mode, '')}".strip()))
+    if status.get("tick_alive") is False:
+        told.append("  no tick", "bold red")
     if status.get("not_homed"):
         told.append("  not homed", "yellow")
     for name, said in (("single_block", "single block"), ("optional_stop", "optional stop")):
@@ -166,6 +168,9 @@ def _troubles(status: Status) -> Iterator[Text]:
     sequence = status.get("sequence") or {}
     if sequence.get("state") == "failed":
         yield Text(f"{sequence.get('name')}: {sequence.get('sentence')}", "yellow")
+    for notice in status.get("notices") or ():
+        if notice.get("name") == "TICK_STANDS":
+            yield Text(str(notice.get("sentence")), "bold red")
     warning = status.get("warning")
     if isinstance(warning, Mapping):
         warning = warning.get("sentence") or warning.get("name")

@@ -109,7 +109,7 @@ async def _check_seen(connection: HTTPConnection, seen: str, most_s: float) -> N
     if not (seen.isascii() and seen.isdigit() and len(seen) <= MOST_DIGITS):
         return
     tick = (await panel_of(connection).watch.status()).get("tick")
-    if tick is None:
+    if tick is None or tick["number"] is None:  # there was none yet
         return
     age_s = (tick["number"] - int(seen)) * tick["period_ms"] * 1e-3
     if not 0.0 <= age_s <= most_s:

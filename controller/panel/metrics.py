@@ -28,6 +28,12 @@ PLAIN = (
     ("ticks_total", "Ticks since the service began.", ("tick", "number")),
     ("tick_skips_total", "Ticks that were too late and sent nothing.", ("tick", "skips")),
     ("tick_late_max_ms", "The latest tick.", ("tick", "late_max_ms")),
+    (
+        "tick_age_seconds",
+        "Since the newest tick; of many periods: it stands still.",
+        ("tick", "age_s"),
+    ),
+    ("tick_alive", "Whether the tick's process is there.", ("tick_alive",)),
     ("tick_period_ms", "Period of the tick.", ("tick", "period_ms")),
 )
 BY_JOINT = (

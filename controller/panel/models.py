@@ -203,13 +203,19 @@ class Status(Told):
     """What the machine is doing, at most 50 ms ago."""
 
     time_s: Number = None
-    mode: str
+    mode: str = Field(description="FAULT where the tick is gone; OFF before its first one.")
+    tick_alive: bool | None = Field(None, description="Whether the tick's process is there.")
+    plan_alive: bool | None = None
     not_homed: Any = None
     control: str | None = Field(None, description="Who holds the control token; null: nobody.")
     fault: FaultFacts | None = None
     warning: Any = None
     job: JobFacts | None = None
     joints: dict[str, JointFacts] = {}
+    aside: bool | None = Field(None, description="The tool stands off the path of a held program.")
+    retract_room_mm: Number = Field(
+        None, description="So far the tool can go off along its axis from here; null: not now."
+    )
     tip: Any = None
     axis: Any = None
     feed_mm_min: Feed | None = None
@@ -224,7 +230,9 @@ class Status(Told):
     inputs: Any = None
     outputs: Any = None
     drives: list[dict[str, Any]] = []
-    tick: dict[str, Any] | None = None
+    tick: dict[str, Any] | None = Field(
+        None, description="Its number, how late it was, and age_s: how old this status is."
+    )
     waiting: Any = None
     tool_change: Any = Field(None, description="The tool that the program waits for: number, sentence.")
     interlock: Any = None

@@ -16,6 +16,7 @@ from controller import catalogue, fitting
 from controller.door import Answer, DoorError, Values
 from controller.geometry import Frame
 from controller.handoff import Snapshot
+from controller.plan.aside import RETRACT_MM_S
 from controller.service import hearing, jobs, looks, offer, runs, sequences, status
 from controller.service.arguments import number, whole
 from controller.service.jobs import Job
@@ -89,32 +90,39 @@ class Desk:
 
     def _status(self, _: Values) -> Values:
         service = self._service
-        now = service.engine.snapshot()
+        alive, found = service.engine.tick_alive, service.engine.snapshot()
         sequence = service.sequencer.now
         kept = {
-            "fault": service.fault_at(now),
+            "fault": service.fault_at(found, alive),
             "sequence": sequence.to_dict() if sequence is not None else None,
-            "tick_alive": service.engine.tick_alive,
+            "tick_alive": alive,
             "plan_alive": service.engine.plan_alive,
             "commissioned": service.commissioned,
         }
-        if now is None:
-            return {"mode": "OFF", "control": None, "job": None, **kept}
+        if found is None or found.tick < 0:
+            return {**status.not_begun(self._told(status.blank())), **kept}
+        if not alive:
+            return {**status.unseen(self._told(status.ended(found))), **kept}
+        return {**self._told(found), **kept}
+
+    def _told(self, now: Snapshot) -> Values:
+        """What a snapshot tells, with the job and the motion under way."""
+        service = self._service
         job = service.running or service.job
-        shown = job.to_dict(now) if job is not None else None
         way = job.way(now.motion_id) if job is not None and job.active else None
-        values = status.machine_values(service.machine, now, way, service.engine.recorder, service.tool)
         asked = job.asked_tool(now, service.tool) if job is not None else None
-        values |= {"aside": service.aside, "tool": service.tool or None}
-        values["tool_change"] = status.tool_change(service.machine, asked) if asked else None
+        age_s, recorder = service.pulse.age_s(now.tick), service.engine.recorder
         return {
             "time_s": now.tick * service.machine.period_s,
-            **values,
+            **status.machine_values(service.machine, now, way, recorder, service.tool, age_s),
+            "aside": service.aside,
+            "retract_room_mm": self._retract_room_mm(now),
+            "tool": service.tool or None,
+            "tool_change": status.tool_change(service.machine, asked) if asked else None,
             "control": None,
-            "job": shown,
+            "job": job.to_dict(now) if job is not None else None,
             "drives": hearing.drives(service.machine, now, service.logs, service.homing),
             "jogging": now.mode is Mode.JOG,
-            **kept,
         }
 
     def _facts(self, _: Values) -> Values:
@@ -335,7 +343,27 @@ class Desk:
         return self._begin("mdi", jobs.mdi(text, self._service.machine))
 
     def _retract(self, args: Values) -> Answer:
-        return self._aside("retract", number(args, "mm", 0.0, MOST_DISTANCE))
+        """Off along the tool axis: out of a held program, or from READY, as after a fault."""
+        service, now, mm = self._service, self._service.now(), number(args, "mm", 0.0, MOST_DISTANCE)
+        if now.mode not in (Mode.HOLD, Mode.READY) or not now.at_rest:
+            raise refused("not_retracted", now.mode.name, "RETRACT")
+        room_mm = self._retract_room_mm(now)
+        if room_mm is not None and not 0.0 < mm <= room_mm:
+            raise refused("retract_room", now.mode.name, "RETRACT", mm=mm, room=room_mm)
+        if now.mode is Mode.HOLD:
+            return self._aside("retract", mm)
+        self._not_running("RETRACT")
+        self._permitted(Request.JOG)
+        line = self._jogging.step(service.machine, now, self._part(), "tool", "Z", mm)
+        line, stops = line._replace(speed=min(line.speed, RETRACT_MM_S)), service.stops
+        return self._sequence("retract", lambda: sequences.retract(service, line, stops))
+
+    def _retract_room_mm(self, now: Snapshot) -> float | None:
+        """As ``status.retract_room_mm``; None while the tool is aside, or a run is just ending."""
+        service = self._service
+        if service.aside or service.returning or (now.mode is Mode.READY and service.running is not None):
+            return None
+        return status.retract_room_mm(service.machine, now)
 
     def _aside(self, verb: str, distance_mm: float = 0.0) -> Answer:
         service, now = self._service, self._service.now()

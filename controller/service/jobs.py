@@ -21,6 +21,7 @@ from controller.state import Mode
 MDI = "MDI"
 MOST_BYTES = 1 << 30  # of a program
 MOST_TYPED = 1000  # bytes of a line typed by hand that are told
+UNDER_WAY = ("starting", "running", "held", "stopping")
 _STATES = {
     Mode.READY: "stopping",  # at its end already, and about to be filed
     Mode.RUNNING: "running",
@@ -66,7 +67,7 @@ class Job:
     @property
     def active(self) -> bool:
         """Between the start and the end."""
-        return self.state in ("starting", "running", "held", "stopping")
+        return self.state in UNDER_WAY
 
     def arm(self, tick: int) -> None:
         """What was of the run before is over; ``tick`` is the newest one."""

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from controller import state, times
 from controller.door import DoorError, Values
-from controller.handoff import Snapshot
+from controller.handoff import Jog, Snapshot
 from controller.machine import Machine
 from controller.service import offer
 from controller.service.jobs import Job, whole_from
@@ -25,6 +25,8 @@ STAND_S = 15.0  # for a stop after a fault
 ASIDE_S = 120.0  # for a way off the path
 TAKEN_S = 5.0  # for a datagram to show its effect
 DROP_TICKS = 3  # after which it has been taken
+SHOWN_TICKS = 5  # after which the mode is that of what was asked for
+SHORT_MM = 1e-3  # less is no shorter way
 
 
 def enable(service: Service) -> Values:
@@ -188,7 +190,7 @@ def aside(service: Service, verb: str, distance_mm: float, stops: int) -> Values
         service.engine.request(Request.HOLD)
 
     def over(now: Snapshot) -> bool:
-        if now.tick <= before + 5 or now.mode is Mode.RUNNING:
+        if now.tick <= before + SHOWN_TICKS or now.mode is Mode.RUNNING:
             return False
         if now.mode is not Mode.HOLD:
             return True
@@ -199,6 +201,30 @@ def aside(service: Service, verb: str, distance_mm: float, stops: int) -> Values
     if now.mode is not Mode.HOLD:
         raise refused("ended_in", now.mode.name, verb.upper())
     return {"mode": now.mode.name}
+
+
+def retract(service: Service, line: Jog, stops: int) -> Values:
+    """From READY by the length of a line along the tool axis. ``stops`` as for a start."""
+    before = service.now()
+    if service.stops != stops:
+        raise refused("stopped", before.mode.name, "RETRACT")
+    service.engine.jog(line)
+    if service.stops != stops:  # counted before it was sent, and so perhaps sent before the jog
+        service.engine.request(Request.JOG_STOP)
+    over = before.tick + SHOWN_TICKS
+    now = service.wait_for(lambda now: now.tick > over and now.mode is not Mode.JOG, ASIDE_S, "end_of_way")
+    if now.mode is not Mode.READY:
+        raise refused("ended_in", now.mode.name, "RETRACT")
+    gone_mm = _along(line, before, now)
+    if service.stops == stops and gone_mm < line.length - SHORT_MM:
+        raise refused("ended_short", now.mode.name, "RETRACT", gone=gone_mm, mm=line.length)
+    return {"mode": now.mode.name, "mm": gone_mm}
+
+
+def _along(line: Jog, before: Snapshot, now: Snapshot) -> float:
+    """How far (mm) the joints have gone along a line whose direction has the length 1."""
+    rows = zip(line.direction, before.joints, now.joints, strict=True)
+    return sum(d * (there - here) for d, here, there in rows)
 
 
 def _refitted(job: Job, machine: Machine) -> Program:

@@ -30,6 +30,7 @@ from controller.service.engine import Engine
 from controller.service.hearing import LastFrames
 from controller.service.jobs import Job
 from controller.service.orders import News
+from controller.service.pulse import STANDS_S, Pulse
 from controller.service.refused import refused
 from controller.service.runs import RunRecord
 from controller.service.sequencer import Sequencer
@@ -39,7 +40,7 @@ from controller.session.listener import Listener
 from controller.session.recording import Keeper
 from controller.session.starts import Start
 from controller.session.startup import SessionError
-from controller.state import Fault, Mode, Request, sentence
+from controller.state import Mode, Request
 from drives.bus import BusError
 
 CHECKS = "checks"  # folders of the state folder
@@ -82,6 +83,7 @@ class Service:
         self.engine = Engine(machine, Path(self._folder.name), state / CHECKS, self._hear)
         self._listener: Listener | None = None
         self.troubles = Troubles(self.machine, self.alarms, self._records)
+        self.pulse = Pulse()
         self._tick_died = self._plan_died = False
 
     # -- beginning and end
@@ -114,6 +116,7 @@ class Service:
             self.engine.start()
             self._tick_died = self._plan_died = False
             self.troubles.begin()
+            self.pulse.begin()
         self.wait_for(lambda now: now.tick >= 0, FIRST_TICK_S, "first_tick")
         try:
             self._listener = Listener(config.bus_settings(self.engine.machine), LastFrames)
@@ -141,9 +144,9 @@ class Service:
 
     # -- what verbs and sequences need
 
-    def fault_at(self, now: Snapshot | None) -> dict[str, Any] | None:
-        """The fault as it is shown."""
-        return self.troubles.shown if now is None else self.troubles.at(now, self.engine.tick_alive)
+    def fault_at(self, now: Snapshot | None, alive: bool = True) -> dict[str, Any] | None:
+        """The fault as it is shown; ``alive``: the tick is."""
+        return self.troubles.shown if now is None or now.tick < 0 else self.troubles.at(now, alive)
 
     @property
     def aside(self) -> bool:
@@ -282,6 +285,7 @@ class Service:
             if job.news.tool is not None and (result == "completed" or job.news.tool != self.tool):
                 self._put_in(job.news.tool if result == "completed" else 0)  # it may be in the hand
             self.running = self.record = None
+            self.troubles.run_over()
         if record is not None:
             more = {"sentence": sentence or None, "planned_s": job.duration_s}
             self._records.submit(record.end, result, **more)
@@ -301,10 +305,17 @@ class Service:
         finally:
             self.lock.release()
         if self.engine.tick_alive:
+            self._feel_pulse(now)
             self.troubles.look(now)
         self._write_journal(now)
         self._look_at_job(now)
         return now
+
+    def _feel_pulse(self, now: Snapshot) -> None:
+        """A tick that stands is told once, as soon as it is seen."""
+        if self.pulse.stands_now(now.tick):
+            english, german = catalogue.in_both("tick_stands", seconds=STANDS_S)
+            self.alarms.add("TICK_STANDS", english, sentence_de=german, **alarm_values.where(now))
 
     def _write_journal(self, now: Snapshot) -> None:
         """Once a second and at every standstill; a line typed by hand is no part of a program."""
@@ -319,7 +330,8 @@ class Service:
                 self._tick_gone(now)
         elif not self.engine.plan_alive and not self._plan_died:
             self._plan_died = True
-            self.troubles.planner_gone(now, self.engine.last_words())
+            runs = self.running is not None and now.mode in (Mode.RUNNING, Mode.HOLD, Mode.JOG)
+            self.troubles.planner_gone(now, self.engine.last_words(), runs)
             if self.running is not None:
                 self.running.lost = True  # nobody knows the rest of its path any more
             self.sequencer.later(self._mend)
@@ -386,11 +398,13 @@ class Service:
             self.alarms.add("TOOL", words.sentence, sentence_de=words.sentence_de)
 
     def _see_lost(self, now: Snapshot, job: Job) -> None:
-        """A program whose plan is gone does not go on: where it moves the tick stops it by itself."""
+        """A program whose plan is gone does not go on: where it moves the tick stops it by itself.
+
+        Where it stands, held or off the path, that is the same fault.
+        """
         if job.lost and now.at_rest and now.mode in (Mode.RUNNING, Mode.HOLD):
-            job.sentence = sentence(Fault.PLANNER_GONE)
             with contextlib.suppress(DoorError):
-                self.engine.request(Request.STOP)
+                self.engine.request(Request.PLAN_LOST)
 
     def _see_refused(self, now: Snapshot, job: Job) -> None:
         """A block was refused on the way: the tool stands before it, and the program ends there."""

@@ -2,25 +2,37 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from controller import catalogue, config
-from controller.handoff import COLUMN, Recorder, Snapshot
+from controller.handoff import AXES, COLUMN, Recorder, Snapshot, SnapshotBoard
 from controller.kinematics import Kinematics
 from controller.machine import Machine, five
+from controller.plan.route.entry import room_along_axis
+from controller.service.jobs import UNDER_WAY
 from controller.service.orders import Way
-from controller.state import Binding, Fault, Mode, binding_text, sentence
+from controller.service.pulse import STANDS_S
+from controller.state import ALL_AXES, Binding, Fault, Mode, binding_text, sentence
 
 PER_MIN = 60.0
 AT_LIMIT = 1e-3  # mm or rad from the end of the travel
 
 
 def machine_values(
-    machine: Machine, now: Snapshot, way: Way | None, recorder: Recorder | None, in_spindle: int = 1
+    machine: Machine,
+    now: Snapshot,
+    way: Way | None,
+    recorder: Recorder | None,
+    in_spindle: int = 1,
+    age_s: float = 0.0,
 ) -> dict[str, Any]:
-    """All of ``status`` that a snapshot tells, with the motion under way; ``in_spindle``: a tool's number."""
+    """All of ``status`` that a snapshot tells, with the motion under way.
+
+    ``in_spindle``: a tool's number; ``age_s``: since the snapshot was new.
+    """
     return {
         "mode": now.mode.name,
         "not_homed": [axis.name for i, axis in enumerate(machine.axes) if not now.homed >> i & 1],
@@ -48,18 +60,75 @@ def machine_values(
             "skips": now.skips,
             "late_max_ms": now.late_max_s * 1e3,
             "period_ms": machine.period_s * 1e3,
+            "age_s": age_s,
         },
         "waiting": now.waiting,
         "interlock": now.interlock.name if now.interlock is not Fault.NONE else None,
-        "notices": [_told(fault) for fault in (now.interlock, now.warning) if fault is not Fault.NONE],
+        "notices": [*_notices(now), *([_stands(age_s)] if age_s >= STANDS_S else [])],
         "at_rest": now.at_rest,
     }
+
+
+# What nobody tells any more once the tick's process is gone: the drives stop by themselves, unseen.
+_UNSEEN = ("at_rest", "feed_mm_min", "limited_by", "in_block", "spindle", "coolant", "inputs", "outputs")
+_NAMES = ("axis", "node", "bus")  # of a drive: known whatever it does
+
+
+def blank() -> Snapshot:
+    """In place of the first snapshot: nothing is on, and no axis has found its zero."""
+    board = SnapshotBoard()
+    board.write(*bytes(len(Snapshot._fields) + 3 * (AXES - 1)))
+    now = board.read()
+    assert now is not None
+    return now
+
+
+def ended(now: Snapshot) -> Snapshot:
+    """The last snapshot of a tick that is gone, as a fault: no axis may be trusted to be where it says."""
+    as_fault = now._replace(mode=Mode.FAULT, fault=Fault.CONTROLLER_GONE, fault_axis=-1)
+    return as_fault._replace(homed=0, untrusted=ALL_AXES, rate=0.0, limited_by=0, waiting=False)
+
+
+def unseen(told: Mapping[str, Any]) -> dict[str, Any]:
+    """A status by ``ended``: positions, and what drives said, are the last; the rest is not known."""
+    joints = {
+        name: {**row, "to_go": None, "error": None, "limit": None} for name, row in told["joints"].items()
+    }
+    drives = [{**row, "state": None} for row in told["drives"]]
+    job = told["job"]
+    if job is not None and job["state"] in UNDER_WAY:
+        job = {**job, "state": "fault"}
+    gone = {key: unknown(told[key]) for key in _UNSEEN}
+    return {**told, **gone, "joints": joints, "drives": drives, "job": job}
+
+
+def not_begun(told: Mapping[str, Any]) -> dict[str, Any]:
+    """A status by ``blank``, before the first tick: every field is there, and none is known."""
+    drives = [{**unknown(row), **{key: row[key] for key in _NAMES}} for row in told["drives"]]
+    kept = {key: told[key] for key in ("mode", "not_homed", "job", "tool")}
+    return {**unknown(told), **kept, "on_table": None, "drives": drives}
+
+
+def unknown(value: Any) -> Any:
+    """The same keys, and nothing known under any of them."""
+    if isinstance(value, Mapping):
+        return {key: unknown(one) for key, one in value.items()}
+    return [] if isinstance(value, list) else None
 
 
 def _told(fault: Fault) -> dict[str, str]:
     """What stands in the way, or stopped nothing, in both languages."""
     german = sentence(fault, language="de")
     return {"name": fault.name, "sentence": sentence(fault), "sentence_de": german}
+
+
+def _notices(now: Snapshot) -> list[dict[str, str]]:
+    return [_told(fault) for fault in (now.interlock, now.warning) if fault is not Fault.NONE]
+
+
+def _stands(age_s: float) -> dict[str, str]:
+    english, german = catalogue.in_both("tick_stands", seconds=age_s)
+    return {"name": "TICK_STANDS", "sentence": english, "sentence_de": german}
 
 
 def tool_change(machine: Machine, number: int) -> dict[str, Any]:
@@ -124,6 +193,20 @@ def tip(machine: Machine, now: Snapshot, way: Way | None, in_spindle: int = 1) -
             "length_mm": length_mm,
         },
     }
+
+
+def retract_room_mm(machine: Machine, now: Snapshot) -> float | None:
+    """How far (mm) the tool can go off along its own axis from where it stands, within the travel.
+
+    Rounded down to a micrometre, so that what is told may be asked for; None where the axis is not
+    known or the machine takes no retract: it moves, is off, or stands off the path already.
+    """
+    known = now.homed == ALL_AXES and not now.untrusted
+    stands = now.mode in (Mode.HOLD, Mode.READY) and now.at_rest and not now.stopping
+    if not known or not stands or now.away:
+        return None
+    room_mm = room_along_axis(five(now.joints), machine, Kinematics(machine))
+    return math.floor(room_mm * 1e3) / 1e3
 
 
 def in_block(now: Snapshot, way: Way | None) -> dict[str, Any] | None:

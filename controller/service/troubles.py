@@ -28,6 +28,7 @@ class Troubles:
         self.keeper: Keeper | None = None  # of recordings; there is one while there is a tick
         self._machine, self._alarms, self._writer = machine, alarms, writer
         self._fault = self._warning = Fault.NONE
+        self._told_before: dict[str, Any] | None = None  # the alarm of a fault that the tick is yet to tell
         self._owed: list[int] = []  # alarms whose recording is still to come
         self._first: Snapshot | None = None  # when the first of them came, with its fault
         self._written: list[int] = []  # alarms of the recording that is being written
@@ -36,13 +37,16 @@ class Troubles:
     def begin(self) -> None:
         """There is a new tick, which has told nothing yet."""
         self.shown, self._fault = None, Fault.NONE
+        self._told_before = None
         self._owed.clear()
 
     def at(self, now: Snapshot, tick_alive: bool) -> dict[str, Any] | None:
         """The fault of this very snapshot, though nobody has drawn conclusions yet."""
         known = self.shown
         if not tick_alive:
-            return known
+            if known is not None and known["name"] == Fault.CONTROLLER_GONE.name:
+                return known
+            return {**alarm_values.of(self._machine, Fault.CONTROLLER_GONE, -1), "recording": None}
         if now.fault is Fault.NONE:
             return None
         if known is not None and known["name"] == now.fault.name:
@@ -61,9 +65,14 @@ class Troubles:
         self._warning = now.warning
         self._look_at_recording(now)
 
-    def planner_gone(self, now: Snapshot, words: str) -> None:
-        """The plan's process died; the tick tells a fault of its own if that stops it."""
-        self._tell_of(Fault.PLANNER_GONE, now, words)
+    def planner_gone(self, now: Snapshot, words: str, runs: bool = False) -> None:
+        """The plan's process died. ``runs``: a program was under way, which becomes a fault of the tick."""
+        alarm = self._tell_of(Fault.PLANNER_GONE, now, words)
+        self._told_before = alarm if runs and now.fault is not Fault.PLANNER_GONE else None
+
+    def run_over(self) -> None:
+        """What becomes of a program has been told."""
+        self._told_before = None
 
     def tick_gone(self, now: Snapshot, words: str) -> str:
         """The drives stop by themselves; what the last ticks were is kept. The sentence."""
@@ -112,13 +121,15 @@ class Troubles:
         owed.clear()
 
     def _show(self, fault: Fault, shown: dict[str, Any], now: Snapshot, words: str = "") -> None:
-        """The present fault, with number and time of its alarm."""
-        alarm = self._tell(fault, shown, now, words)
+        """The present fault, with number and time of its alarm; one alarm for what was told before."""
+        before, self._told_before = self._told_before, None
+        alarm = before if before and before["name"] == fault.name else self._tell(fault, shown, now, words)
         self.shown = {**shown, "number": alarm["id"], "time_s": alarm["time_s"]}
 
-    def _tell_of(self, fault: Fault, now: Snapshot, words: str = "") -> None:
+    def _tell_of(self, fault: Fault, now: Snapshot, words: str = "") -> dict[str, Any]:
         """Of what is not, or not yet, the fault of a snapshot."""
-        self._tell(fault, alarm_values.of(self._machine, fault, -1), now._replace(fault_axis=-1), words)
+        shown = alarm_values.of(self._machine, fault, -1)
+        return self._tell(fault, shown, now._replace(fault_axis=-1), words)
 
     def _tell(self, fault: Fault, shown: dict[str, Any], now: Snapshot, words: str = "") -> dict[str, Any]:
         """An alarm out of a fault, with the last words of a process."""

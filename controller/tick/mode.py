@@ -123,6 +123,9 @@ class Modes:
             self.fail(Fault.EMERGENCY_STOP, -1)
         elif request in (Request.OVERRIDE, Request.RAPID_OVERRIDE):
             self._set_override(request, value)
+        elif request is Request.PLAN_LOST:
+            if self.mode in (Mode.RUNNING, Mode.HOLD):
+                self.fail(Fault.PLANNER_GONE, -1)
         elif request is Request.JOG_STOP:
             self.jog_ends = True
         elif value not in (0.0, 1.0):

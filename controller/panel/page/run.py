@@ -43,6 +43,7 @@ WORDS: Words = {
     "run.resume": ("Resume", "Weiter"),
     "run.stop": ("Stop", "Stopp"),
     "run.retract": ("Retract", "Abheben"),
+    "run.retract_mm": ("Retract by, mm", "Abheben um, mm"),
     "run.return": ("Return", "Zurück"),
     "run.single": ("Single block", "Einzelsatz"),
     "run.optional": ("Optional stop", "Wahlhalt"),
@@ -248,10 +249,15 @@ def _cycle(page: Page) -> None:
 
 
 def _aside(page: Page) -> None:
-    """Off the path of a held program, by as much as the machine file says, and back."""
-    if mm := page.facts.get("retract_mm"):
-        act(page, "run.retract", "POST cycle/retract", {"mm": mm}, modes="HOLD", icon="north_west")
-        act(page, "run.return", "POST cycle/return", modes="HOLD", icon="south_east")
+    """Off along the tool axis by what is given, preset to what is possible here; and back to the path."""
+    with ui.element("div").classes("aside"):
+        field = tagged(ui.element("input"), type="number", id="run-retract-mm", min="0.001", step="any")
+        tagged(field, aria_label=page.word("run.retract_mm"), title=page.word("run.retract_mm"))
+        tagged(field, data_needs="control", data_if="retract_room_mm")
+        off = act(page, "run.retract", "POST cycle/retract", modes="HOLD READY", icon="north_west")
+        tagged(off, id="run-retract", data_if="retract_room_mm")
+        back = act(page, "run.return", "POST cycle/return", modes="HOLD", icon="south_east")
+        tagged(back, data_if="aside")
 
 
 def _program(page: Page) -> None:

@@ -93,7 +93,10 @@ async def optional_stop(request: Request, body: models.Switch) -> models.Done:
 
 @router.post("/cycle/retract", dependencies=[moves()], responses=MOVES)
 async def retract(request: Request, body: models.Retract) -> models.Done:
-    """In a hold: move back along the tool axis, to look or to change the insert."""
+    """In a hold, or ready: move back along the tool axis, to look, to change the insert, or after a fault.
+
+    At most by the status' `retract_room_mm`; a refusal says how far.
+    """
     return await ask(request, "retract", mm=body.mm)
 
 

@@ -77,6 +77,15 @@ def test_what_is_under_way_and_what_failed_is_told() -> None:
     assert "enable" not in shown({"mode": "OFF", "sequence": {**failed, "state": "done"}})
 
 
+def test_a_tick_that_is_gone_or_stands_is_told() -> None:
+    gone = {"name": "CONTROLLER_GONE", "sentence": "The tick's process is gone."}
+    told = shown({**RUNNING, "mode": "FAULT", "tick_alive": False, "fault": gone})
+    assert " FAULT " in told and "no tick" in told and "The tick's process is gone." in told
+    stands = [{"name": "TICK_STANDS", "sentence": "It has stood still for 1.2 s."}]
+    assert "stood still for 1.2 s" in shown({**RUNNING, "tick_alive": True, "notices": stands})
+    assert "no tick" not in shown({**RUNNING, "tick_alive": True})
+
+
 def test_inputs_outputs_and_what_drives_reported_are_shown() -> None:
     drives = [{"axis": "C", "error": "8611h: following error"}, {"axis": "X", "error": None}]
     told = shown({**RUNNING, "inputs": {"estop": True, "door": False}, "outputs": {}, "drives": drives})

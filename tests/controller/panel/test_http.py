@@ -309,6 +309,24 @@ def test_metrics_are_what_prometheus_reads_and_tell_when_the_service_is_gone(tmp
     assert asyncio.run(story(False))["directrix_up"] == 0.0
 
 
+def test_metrics_tell_of_a_tick_that_is_gone(tmp_path: Path) -> None:
+    class Gone(FakeDoor):
+        def status(self) -> dict[str, Any]:
+            told = super().status()
+            tick = {**told["tick"], "age_s": 4.5}
+            return {**told, "tick": tick, "tick_alive": False, "feed_mm_min": {"actual": None}}
+
+    async def story() -> str:
+        scene = Scene(tmp_path, door=Gone())
+        scene.door.mode = "FAULT"
+        async with scene.client() as client:
+            return (await client.get("/metrics")).text
+
+    text = asyncio.run(story())
+    assert "directrix_tick_alive 0.0" in text and "directrix_tick_age_seconds 4.5" in text
+    assert 'directrix_mode{mode="FAULT"} 1.0' in text and "directrix_feed_mm_min " not in text
+
+
 def test_the_real_socket_carries_questions_answers_and_refusals(tmp_path: Path) -> None:
     machine = FakeDoor()
     server = Server(tmp_path / "control.sock", machine.answer)

@@ -58,10 +58,10 @@ def test_off_along_the_tool_axis_jogged_and_back_the_same_way(service: Serving) 
     go_on(service)
 
 
-def test_a_retract_is_for_a_held_program_and_has_the_room_that_the_travel_leaves(service: Serving) -> None:
-    assert service.refused("retract", mm=5.0).mode == "READY"
+def test_a_retract_has_the_room_that_the_travel_leaves(service: Serving) -> None:
     held_in(service, 0.3)
-    assert "are inside the travel" in service.refused("retract", mm=5000.0).sentence
+    room = service.status()["retract_room_mm"]
+    assert f"up to {room:.3f} mm" in service.refused("retract", mm=5000.0).sentence
     assert service.refused("retract", mm=-1.0).code == "bad"
     assert "has not left the path" in service.refused("return").sentence
     go_on(service)
@@ -92,18 +92,44 @@ def test_a_stop_off_the_path_ends_the_program_and_the_rest_is_offered(service: S
     assert any("Entry along the tool axis" in line for line in service.status()["job"]["restart"])
 
 
-def test_a_plan_killed_while_the_tool_stands_aside_ends_the_program_and_nothing_moves(
+def test_after_a_fault_in_a_cut_the_remedy_can_be_followed(service: Serving) -> None:
+    """Reset, enable, retract along the tool axis; tables carry the rotaries, so that is Z."""
+    held_in(service, 0.4)
+    service.ask("resume")
+    service.ask("estop")
+    service.until(lambda now: now["mode"] == "FAULT" and now["at_rest"])
+    assert service.refused("retract", mm=5.0).mode == "FAULT"
+    service.done("reset")
+    service.done("enable")
+    stood = {name: axis["machine"] for name, axis in service.status()["joints"].items()}
+    service.done("retract", mm=15.0)
+    now = {name: axis["machine"] for name, axis in service.status()["joints"].items()}
+    assert now == pytest.approx(stood | {"Z": stood["Z"] + 15.0}, abs=SAME)
+    assert not service.status()["aside"], "no program is held"
+    assert service.refused("return").mode == "READY"
+    service.load(TEXT)
+    service.done("start")
+    assert service.ended()["job"]["state"] == "completed"
+
+
+def test_a_plan_killed_while_the_tool_stands_aside_is_a_fault_with_one_alarm_and_nothing_moves(
     service: Serving,
 ) -> None:
     held_in(service, 0.4)
     service.done("retract", mm=5.0)
     off, old = joints(service), service.pid("plan")
+    before = len(service.ask("alarms")["alarms"])
     service.kill("plan")
-    now = service.until(lambda now: now["mode"] == "READY" and service.pid("plan") != old)
+    now = service.until(lambda now: now["mode"] == "FAULT" and service.pid("plan") != old)
     assert {name: axis["machine"] for name, axis in now["joints"].items()} == off
+    assert now["fault"]["name"] == "PLANNER_GONE" and now["fault"]["position_trusted"]
     now = service.ended()
-    assert now["job"]["state"] == "stopped" and "planner" in now["job"]["sentence"]
+    assert now["job"]["state"] == "fault" and "planner" in now["job"]["sentence"]
+    assert len(service.ask("alarms")["alarms"]) == before + 1
     service.until(lambda now: now["plan_alive"])
+    service.done("reset")
+    service.done("enable")
+    service.done("retract", mm=5.0)
     service.load(TEXT)
     service.done("start")
     assert service.ended()["job"]["state"] == "completed"

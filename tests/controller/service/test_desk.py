@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import threading
 from concurrent.futures import Future
 from pathlib import Path
@@ -14,11 +15,15 @@ from fake_engine import FakeEngine, engine_of, heard, served
 
 from controller import fitting, journal
 from controller.door import DoorError
+from controller.handoff import Jog, Snapshot
+from controller.kinematics import Kinematics
+from controller.machine import five
 from controller.plan.route.spot import Spot
 from controller.service import jobs
 from controller.service.desk import Desk
+from controller.service.pulse import Pulse
 from controller.service.service import JOURNAL, Service
-from controller.state import Mode, Request
+from controller.state import Fault, Mode, Request
 
 TEXT = "G21 G90 G54\nG1 X10. F3000\nG1 X20.\nM30\n"
 HANGS_S = 60.0  # no test is meant to come near
@@ -109,6 +114,213 @@ def test_a_hold_that_overtakes_what_it_is_to_stop_is_sent_again_behind_it(
     with contextlib.suppress(DoorError):
         done(desk, verb, **({"mm": 5.0} if verb == "retract" else {}))
     assert engine.now.mode is after and (service.running is None) is (verb == "start")
+
+
+def at(engine: FakeEngine, **degrees: float) -> None:
+    """The axes stand 60 mm lower, with the rotaries turned."""
+    machine = engine.machine
+    joints = [
+        q + (-60.0 if axis.name == "Z" else math.radians(degrees.get(axis.name, 0.0)))
+        for axis, q in zip(machine.axes, engine.now.joints, strict=True)
+    ]
+    engine.now = engine.now._replace(joints=five(joints), actual=five(joints))
+
+
+def gone(engine: FakeEngine, before: Snapshot) -> tuple[float, float]:
+    """How far (mm) the tool's gauge line went along its own axis, and across it."""
+    kinematics = Kinematics(engine.machine)
+    (there, axis), (here, _) = (kinematics.forward(five(q.joints), 0.0) for q in (engine.now, before))
+    way = [float(p - q) for p, q in zip(there, here, strict=True)]
+    along = sum(w * float(a) for w, a in zip(way, axis, strict=True))
+    return along, math.hypot(*(w - along * float(a) for w, a in zip(way, axis, strict=True)))
+
+
+def test_from_ready_as_after_a_fault_the_tool_goes_off_along_its_axis_slowly(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    at(engine, A=35.0, C=-20.0)
+    before, room = engine.now, done(desk, "status")["retract_room_mm"]
+    assert done(desk, "retract", mm=12.5)["mm"] == pytest.approx(12.5)
+    assert gone(engine, before) == pytest.approx((12.5, 0.0), abs=1e-9)
+    (line,) = engine.jogged
+    assert line.length == 12.5 and 0.0 < line.speed <= 10.0, "no faster than out of a held program"
+    after = done(desk, "status")["retract_room_mm"]
+    assert after == pytest.approx(room - 12.5, abs=2e-3)
+    done(desk, "retract", mm=after)  # what is told may be asked for
+    with pytest.raises(DoorError, match=r"up to 0\.000 mm") as error:
+        done(desk, "retract", mm=0.1)
+    assert error.value.mode == "READY" and "0.000 mm im Verfahrweg" in error.value.sentence_de
+
+
+@pytest.mark.parametrize("mm", [0.0, 1000.0])
+def test_a_retract_that_cannot_be_is_refused_with_how_far_it_could_go(
+    desk: Desk, service: Service, engine: FakeEngine, mm: float
+) -> None:
+    at(engine)
+    room = done(desk, "status")["retract_room_mm"]
+    with pytest.raises(DoorError, match=f"up to {room:.3f} mm"):
+        done(desk, "retract", mm=mm)
+    held(desk, service, engine)
+    with pytest.raises(DoorError, match=f"up to {room:.3f} mm"):
+        done(desk, "retract", mm=mm)
+    assert not engine.jogged and "retract" not in engine.orders
+
+
+def test_no_retract_where_the_tool_axis_is_not_known_or_a_door_is_open(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    at(engine)
+    good = engine.now
+    engine.now = good._replace(homed=0b10111, untrusted=0b01000)
+    assert done(desk, "status")["retract_room_mm"] is None
+    with pytest.raises(DoorError, match="A is homed"):
+        done(desk, "retract", mm=5.0)
+    engine.now = good._replace(interlock=Fault.DOOR_OPEN)
+    with pytest.raises(DoorError, match="The door is open"):
+        done(desk, "retract", mm=5.0)
+    engine.now = good._replace(mode=Mode.FAULT)
+    with pytest.raises(DoorError, match="reset and enable"):
+        done(desk, "retract", mm=5.0)
+    assert not engine.jogged
+
+
+def test_a_retract_that_something_ends_too_early_is_no_success(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    at(engine)
+    engine.jog_ends_mm = 3.0
+    with pytest.raises(DoorError, match=r"after 3\.000 of 8\.000 mm"):
+        done(desk, "retract", mm=8.0)
+
+
+def test_a_stop_at_the_last_moment_ends_a_retract_from_ready(
+    desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    at(engine)
+    jog = engine.jog
+
+    def at_the_last_moment(line: Jog) -> None:
+        done(desk, "hold")
+        jog(line)
+
+    monkeypatch.setattr(engine, "jog", at_the_last_moment)
+    done(desk, "retract", mm=8.0)
+    assert engine.requests[-1] is Request.JOG_STOP
+
+
+def leaves(value: Any) -> list[Any]:
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else None
+    return [value] if inner is None else [leaf for one in inner for leaf in leaves(one)]
+
+
+def test_of_a_tick_that_was_killed_in_a_cut_the_very_next_status_tells(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    """Nobody has looked since: no alarm is there yet, and nothing of the cut is told to go on."""
+    loaded(desk, service)
+    done(desk, "start")
+    actual = tuple(q + 0.25 for q in engine.now.joints)
+    engine.now = engine.now._replace(actual=actual, at_rest=False, rate=1.0)
+    before = done(desk, "status")
+    engine.tick_alive = False
+    now = done(desk, "status")
+    assert (before["mode"], before["job"]["state"], before["fault"]) == ("RUNNING", "running", None)
+    assert (now["mode"], now["job"]["state"], now["tick_alive"]) == ("FAULT", "fault", False)
+    assert now["fault"]["name"] == "CONTROLLER_GONE" and not now["fault"]["position_trusted"]
+    assert now["fault"]["sentence"] and now["fault"]["sentence_de"]
+    assert now["at_rest"] is None and now["feed_mm_min"]["actual"] is None and now["retract_room_mm"] is None
+    assert now["not_homed"] == ["X", "Y", "Z", "A", "C"]
+    assert now.keys() == before.keys()
+    for axis, joint in now["joints"].items():
+        assert joint["actual"] == before["joints"][axis]["actual"], "where it was heard last"
+        assert (joint["homed"], joint["to_go"], joint["error"]) == (False, None, None)
+    assert {drive["state"] for drive in now["drives"]} == {None}
+    service.look()
+    shown = done(desk, "status")["fault"]
+    assert shown["number"] == service.alarms.list()[0]["id"], "and then with its alarm"
+
+
+@pytest.mark.parametrize("alive", [True, False])
+@pytest.mark.parametrize("never", [True, False])
+def test_before_the_first_tick_every_field_is_there_and_nothing_is_known(
+    desk: Desk,
+    service: Service,
+    engine: FakeEngine,
+    monkeypatch: pytest.MonkeyPatch,
+    alive: bool,
+    never: bool,
+) -> None:
+    full = done(desk, "status")
+    none = None if never else engine.now._replace(tick=-1)
+    monkeypatch.setattr(engine, "snapshot", lambda: none)
+    engine.tick_alive = alive
+    now = done(desk, "status")
+    assert now.keys() == full.keys() and now["joints"].keys() == full["joints"].keys()
+    assert (now["mode"], now["tick_alive"], now["not_homed"]) == ("OFF", alive, ["X", "Y", "Z", "A", "C"])
+    for key in ("joints", "feed_mm_min", "spindle", "tick", "tip", "override", "at_rest", "limited_by"):
+        assert set(leaves(now[key])) == {None} and leaves(now[key]), key
+    assert [drive["axis"] for drive in now["drives"]] == ["X", "Y", "Z", "A", "C"]
+
+
+def test_a_tick_that_stands_is_told_in_every_status_and_once_as_an_alarm(
+    desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seconds = [0.0]
+    service.pulse = Pulse(lambda: seconds[0])
+    service.look()
+    frozen = engine.now
+    monkeypatch.setattr(engine, "snapshot", lambda: frozen)
+    for now_s in (0.1, 0.4):
+        seconds[0] = now_s
+        service.look()
+        assert done(desk, "status")["tick"]["age_s"] == pytest.approx(now_s)
+        assert not done(desk, "status")["notices"] and not service.alarms.list()
+    seconds[0] = 1.0
+    service.look()
+    service.look()
+    told = done(desk, "status")
+    (notice,) = told["notices"]
+    assert notice["name"] == "TICK_STANDS"
+    assert "1.0 s" in notice["sentence"] and "1.0 s" in notice["sentence_de"]
+    assert [alarm["name"] for alarm in service.alarms.list()] == ["TICK_STANDS"]
+    frozen = frozen._replace(tick=frozen.tick + 1)
+    service.look()
+    assert not done(desk, "status")["notices"] and done(desk, "status")["tick"]["age_s"] == 0.0
+    seconds[0] = 2.0
+    service.look()
+    assert len(service.alarms.list()) == 2, "it stands once more"
+
+
+def test_a_plan_that_is_killed_in_a_hold_is_a_fault_with_one_alarm(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    held(desk, service, engine)
+    service.look()
+    engine.plan_alive = False
+    service.look()
+    assert Request.STOP not in engine.requests and engine.now.mode is Mode.FAULT
+    service.look()
+    now = done(desk, "status")
+    assert (now["mode"], now["fault"]["name"]) == ("FAULT", "PLANNER_GONE")
+    (alarm,) = service.alarms.list()
+    assert (alarm["name"], now["fault"]["number"]) == ("PLANNER_GONE", alarm["id"])
+    assert service.running is None and service.job is not None
+    assert (service.job.state, service.job.sentence) == ("fault", now["fault"]["sentence"])
+
+
+def test_a_later_death_of_the_plan_is_another_alarm(desk: Desk, service: Service, engine: FakeEngine) -> None:
+    for so_many in (1, 2):
+        held(desk, service, engine)
+        service.look()
+        engine.plan_alive = False
+        service.look()
+        service.look()
+        assert len(service.alarms.list()) == so_many
+        mended = threading.Event()
+        service.sequencer.later(mended.set)
+        assert mended.wait(HANGS_S), "the other plan"
+        engine.now = engine.now._replace(mode=Mode.READY, fault=Fault.NONE)
+        service.look()
 
 
 def test_a_hold_right_behind_a_resume_is_sent_although_no_snapshot_shows_that_it_runs(

@@ -5,14 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from cutting import shipped
+from cutting import SHIPPED, shipped
 
+from controller import jog_frames
 from controller.geometry import Frame
 from controller.handoff import Snapshot, SnapshotBoard
-from controller.machine import Machine
+from controller.kinematics import Kinematics
+from controller.machine import Machine, five
 from controller.service import status
 from controller.service.orders import Way
-from controller.state import Fault, Mode, sentence
+from controller.state import ALL_AXES, Fault, Mode, sentence
 
 
 def snapshot(**values: object) -> Snapshot:
@@ -33,6 +35,48 @@ def machine() -> Machine:
 
 def way(offset: int) -> Way:
     return Way((0.0, 0.0, 0.0, 0.0, 0.0), 10.0, 0.0, None, "line", offset=offset)
+
+
+ROTARIES = ((0.0, 0.0), (0.6, -2.0), (-0.9, 0.4))
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("angles", ROTARIES)
+def test_the_room_for_a_retract_is_what_the_travel_has_along_the_tool_axis(
+    name: str, angles: tuple[float, float]
+) -> None:
+    """Beside it the line that a jog takes along the same axis, up to the first end of a travel."""
+    machine = shipped(name)
+    slides = iter((20.0, -30.0, 110.0))
+    turns = dict(zip(machine.rotary(), angles, strict=True))
+    joints = five([turns[i] if i in turns else next(slides) for i in range(5)])
+    room = status.retract_room_mm(machine, snapshot(joints=joints, homed=ALL_AXES, at_rest=True))
+    line = jog_frames.direction(machine, Kinematics(machine), joints, "tool", "Z", Frame(), ALL_AXES)
+    ends = [
+        ((axis.travel_max if d > 0.0 else axis.travel_min) - q) / d
+        for axis, q, d in zip(machine.axes, joints, line, strict=True)
+        if d
+    ]
+    assert room is not None and min(ends) - 1.001e-3 <= room <= min(ends)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"mode": Mode.RUNNING},
+        {"mode": Mode.OFF},
+        {"mode": Mode.FAULT},
+        {"mode": Mode.JOG},
+        {"at_rest": False},
+        {"homed": ALL_AXES & ~4},
+        {"untrusted": 4},
+        {"mode": Mode.HOLD, "away": True},
+    ],
+)
+def test_no_room_is_told_where_no_retract_is_possible(machine: Machine, values: dict[str, object]) -> None:
+    good = {"homed": ALL_AXES, "at_rest": True}
+    assert status.retract_room_mm(machine, snapshot(**good)) is not None
+    assert status.retract_room_mm(machine, snapshot(**{**good, **values})) is None
 
 
 @pytest.mark.parametrize(

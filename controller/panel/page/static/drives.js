@@ -53,7 +53,7 @@
       const joint = status.joints?.[drive.axis] ?? {};
       const texts = { node: `${drive.bus} · ${drive.node}`, target: dx.forms.mm(joint.machine), actual: dx.forms.mm(joint.actual), error: dx.forms.um(joint.error), age: age(drive.heartbeat_age_s), warmth: warmth(drive.temperature_c) };
       for (const [what, text] of Object.entries(texts)) dx.write(at(drive.axis, what), text);
-      put(drive.axis, "state", drive.state, () => dx.chip(dx.words[`drives.state.${drive.state}`] ?? drive.state, TONES[drive.state] ?? "info"));
+      put(drive.axis, "state", drive.state, () => dx.chip(dx.words[`drives.state.${drive.state}`] ?? drive.state ?? "–", TONES[drive.state] ?? "info"));
       put(drive.axis, "mode", [drive.homing, drive.cyclic_mode], () => mode(drive));
       put(drive.axis, "said", drive.error, () =>
         drive.error ? dx.el("span", { class: "wrong" }, drive.error) : dx.el("span", { class: "dim" }, word("nothing")),

@@ -44,9 +44,11 @@
 
   // ---- asking
 
+  const ticked = (status) => typeof status?.tick?.number === "number";
+
   // With the tick that was seen: a panel that hung must not do later what was pressed before.
   dx.headers = () => ({
-    ...(dx.status?.tick ? { "X-Seen-Tick": String(dx.status.tick.number) } : {}),
+    ...(ticked(dx.status) ? { "X-Seen-Tick": String(dx.status.tick.number) } : {}),
     ...(boot.csrf ? { "X-CSRF-Token": boot.csrf } : {}),
     ...(dx.token ? { "X-Control-Token": dx.token } : {}),
   });
@@ -357,10 +359,10 @@
     const other = document.getElementById("dx-holder");
     if (other) other.textContent = dx.holds() ? dx.word("frame.mine") : (dx.holder ?? dx.word("frame.free"));
     for (const one of document.querySelectorAll("[data-needs], [data-modes]")) {
-      const { needs, modes } = one.dataset;
+      const { needs, modes, if: field } = one.dataset;
       const may = dx.role !== "view" && !silent && (needs !== "control" || dx.holds());
       const now = !modes || modes.split(" ").includes(mode);
-      const off = !(may && now);
+      const off = !(may && now && (!field || dx.at(dx.status, field)));
       if (one.disabled !== off) one.disabled = off;
     }
   }
@@ -372,7 +374,7 @@
     lastWord = performance.now();
     if (event === "status") {
       // Without a tick there is no figure that could be old; one that hangs leaves its last ones.
-      if (!data.tick || data.tick.number !== dx.status?.tick?.number) lastTick = lastWord;
+      if (!ticked(data) || data.tick.number !== dx.status?.tick?.number) lastTick = lastWord;
       dx.status = { ...data, control: dx.holder, shown: sentences(data) };
       lastStatus = lastWord;
       if (dx.stale) age();

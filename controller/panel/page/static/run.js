@@ -129,11 +129,34 @@
     }
   }
 
+  // ---- off along the tool axis: preset to what is possible here, until somebody gives another distance
+
+  let given = false;
+
+  function retract(status) {
+    const field = document.getElementById("run-retract-mm");
+    const room = status.retract_room_mm;
+    if (!field) return;
+    if (typeof room !== "number") given = false; // it moves, or stands off already: the next place has its own
+    field.max = room ?? "";
+    if (!given) field.value = typeof room === "number" ? room : "";
+    const body = JSON.stringify({ mm: field.valueAsNumber });
+    const button = document.getElementById("run-retract");
+    if (button.dataset.body !== body) button.dataset.body = body;
+  }
+
+  document.addEventListener("input", (event) => {
+    if (event.target.id !== "run-retract-mm") return;
+    given = true;
+    retract(dx.status ?? {});
+  });
+
   dx.on("status", (status) => fetched(status.job));
   dx.on("painted", (status) => {
     if (!dx.shown("run")) return;
     listing();
     marks(status);
     overrides(status);
+    retract(status);
   });
 })();

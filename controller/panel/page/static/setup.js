@@ -289,7 +289,7 @@
             dx.el("th", { scope: "row" }, dx.el("span", { class: "axis-name" }, name)),
             dx.el("td", { class: "figures" }, `${bus} · ${node}`),
             dx.el("td", {}, dx.chip(word(heard ? "heard" : "silent"), heard ? "go" : "stop")),
-            dx.el("td", {}, dx.words[`drives.state.${state}`] ?? state),
+            dx.el("td", {}, dx.words[`drives.state.${state}`] ?? state ?? "–"),
             ...fitted(dx.axis(name)).map((words) => dx.el("td", { class: "hide-narrow" }, words)),
           ),
         ),

@@ -49,7 +49,7 @@ def test_axes_are_marked_where_they_have_no_zero_or_stand_at_their_end(page: Any
 
 
 def test_the_bar_of_a_following_error_is_full_where_the_run_ends(page: Any, site: Site) -> None:
-    """4 mm in the fake machine's file; to the left where it is negative, in colours from the half on."""
+    """4 mm and degrees in the machine's file, 8 of C; left where it is negative, colours from half on."""
     site.tell(joints=JOINTS)
     page.wait_for_selector("[data-error=Z][data-tone=hold]")
     bars = {axis: page.locator(f"[data-error={axis}]") for axis in AXES}
@@ -119,16 +119,52 @@ def test_what_stands_in_the_way_is_shown(
     assert page.is_visible(place)
 
 
-def test_a_held_program_has_buttons_for_off_the_path_and_back(page: Any, site: Site) -> None:
-    off, back = ("[data-call='POST cycle/retract']", "[data-call='POST cycle/return']")
-    assert page.is_disabled(off) and page.is_disabled(back)
-    page.evaluate("dx.call('POST', 'cycle/start').then(() => dx.call('POST', 'cycle/hold'))")
-    page.click(f"{off}:not([disabled])")
-    assert until(lambda: site.asked("retract"), "the way off")[-1][2] == {"mm": 40.0}
-    page.click(back)
+OFF, BACK, BY = "#run-retract", "[data-call='POST cycle/return']", "#run-retract-mm"
+ROOM_MM = 280.0  # up to 300 of the trunnion's Z, which stands at 20 here and is the tool's axis
+
+
+def last_retract(site: Site, so_many: int) -> dict[str, Any]:
+    return until(lambda: site.asked("retract")[so_many - 1 :], "the way off")[0][2]  # type: ignore[no-any-return]
+
+
+def test_a_held_tool_goes_off_the_path_by_what_is_given_and_back_only_once_it_is_away(
+    page: Any, site: Site
+) -> None:
+    before = len(site.asked("retract"))
+    page.evaluate("dx.call('POST', 'cycle/start')")
+    page.wait_for_selector("body[data-mode=RUNNING]")
+    page.wait_for_selector(f"{OFF}[disabled]")
+    assert page.is_disabled(BY) and page.input_value(BY) == "" and page.is_disabled(BACK)
+    page.evaluate("dx.call('POST', 'cycle/hold')")
+    page.wait_for_selector(f"{OFF}:not([disabled])")
+    assert page.is_disabled(BACK), "it is on the path"
+    room_mm = float(page.input_value(BY))
+    assert room_mm == pytest.approx(ROOM_MM, abs=2e-3) and room_mm <= ROOM_MM
+    page.click(OFF)
+    assert last_retract(site, before + 1) == {"mm": room_mm}
+    page.wait_for_selector(f"{OFF}[disabled]")
+    page.click(f"{BACK}:not([disabled])")
     until(lambda: site.asked("return"), "the way back")
+    page.fill(f"{BY}:not([disabled])", "12.5")
+    page.click(OFF)
+    assert last_retract(site, before + 2) == {"mm": 12.5}
     page.evaluate("dx.stop()")
     page.wait_for_selector("body[data-mode=READY]")
+
+
+def test_from_ready_the_tool_goes_off_and_a_distance_that_is_too_long_is_refused_with_what_is_possible(
+    page: Any, site: Site
+) -> None:
+    before = len(site.asked("retract"))
+    page.fill(f"{BY}:not([disabled])", "280.5")
+    page.click(OFF)
+    room_mm = site.ask("status")["retract_room_mm"]
+    said = f"() => document.getElementById('dx-said').textContent.includes('{room_mm:.3f} mm')"
+    page.wait_for_function(said)
+    page.fill(BY, str(room_mm))
+    page.click(OFF)
+    assert until(lambda: site.asked("retract")[before + 1 :], "the way off")[0][2] == {"mm": room_mm}
+    assert page.is_disabled(BACK), "no program is held"
 
 
 def test_two_steps_of_the_override_count_twice_however_fast_they_come(page: Any, site: Site) -> None:
