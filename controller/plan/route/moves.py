@@ -22,7 +22,7 @@ TANGENT_RAD = 1e-6
 def line(block: JointLine, machine: Machine, kinematics: Kinematics, now: Joints) -> Stretch | None:
     """The stretch of a G0 or G1; None where nothing moves."""
     end = target(block, machine, now)
-    found = straight("line", block.place, now, end, block.feed_mm_s, kinematics)
+    found = straight("line", block.place, now, end, block.feed_mm_s, kinematics, block.feed_deg_s)
     return found if found is None or block.time_s is None else timed(found, block.time_s)
 
 

@@ -236,20 +236,19 @@ class _Turn:
 
     def _line(self) -> Block:
         word, state = self._word_of_motion(), self.state
-        feed = time = None
+        mm = degrees = time = None
         if self._motion == "G1":
             self._check_side(word)
             time = state.time(self.ask, "G1", word)
-            turning = not self.ask.has("XYZ")
-            feed = 0.0 if time else state.feed(self.ask, "G1", word, turning_only=turning)
+            mm = 0.0 if time else state.feed(self.ask, "G1", word)
+            degrees = 0.0 if time else state.feed_deg_s
         machine_frame = self.ask.code("one-line") == "G53"
         relative = not state.absolute and not machine_frame
         place = self.ask.place(word)
         if state.modal.tip is Tip.OFF or machine_frame:
-            return JointLine(place, state.modal, self._targets(), relative, machine_frame, feed, time)
+            targets = self._targets()
+            return JointLine(place, state.modal, targets, relative, machine_frame, mm, degrees, time)
         x, y, z, first, second = self._tip_targets()
-        degrees = feed if feed is None else state.feed_deg_s or 0.0
-        mm = feed if feed is None else state.modal.feed_mm_s or 0.0
         return TipLine(
             place, state.modal, (x, y, z), (first, second), self._axis(), relative, mm, degrees, time
         )

@@ -18,6 +18,7 @@ from controller.plan.text.program import ProgramError
 
 START: Joints = (0.0, 0.0, 0.0, 0.0, 0.0)
 MILL = mill()
+TURNING = mill(axes=tuple(replace(axis, travel_min=-9e3, travel_max=9e3) for axis in MILL.axes))
 KINEMATICS = Kinematics(MILL)
 
 
@@ -67,6 +68,29 @@ def test_feed_and_length_are_degrees_where_only_rotaries_move() -> None:
     stretch = only("G1 C90. F360.")
     assert stretch.motion.end == pytest.approx(90.0)
     assert stretch.feed_mm_s == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize("before", ["", "G91 ", "G43 H1 ", "G43.4 H0 "])
+@pytest.mark.parametrize("words", ["A90", "X1 A90", "X1 Y2 Z3 A90 C0", "Z3 A54 C72"])
+@pytest.mark.parametrize("unit", ["G20", "G21"])
+def test_f_is_degrees_a_minute_wherever_no_more_than_rotaries_move(
+    unit: str, words: str, before: str
+) -> None:
+    """RS274/NGC 2.1.2.5 B and C, by what moves and not by the words; two rotaries by their root."""
+    if before == "G91 ":
+        words = " ".join(f"{word[0]}0" if word[0] in "XYZ" else word for word in words.split())
+    text = f"{unit} G94 G55 {before.replace('G91', 'G90')}G0 X1 Y2 Z3\n{before}G1 {words} F10"
+    turn = stretches(trace(text, TURNING, START))[-1]
+    seconds = turn.motion.end / float(turn.feed_at(np.array([0.5 * turn.motion.end]))[0])
+    assert seconds == pytest.approx(540.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(("unit", "mm"), [("G20", 25.4), ("G21", 1.0)])
+def test_f_is_of_lengths_wherever_a_length_moves_beside_rotaries(unit: str, mm: float) -> None:
+    text = f"{unit} G94 G55 G0 X1 Y2 Z3\nG1 X1.5 A90 F10"
+    both = stretches(trace(text, TURNING, START))[-1]
+    assert both.motion.end == pytest.approx(0.5 * mm)
+    assert both.feed_mm_s == pytest.approx(10.0 * mm / 60.0)
 
 
 def test_moves_to_where_the_axes_are_are_left_out() -> None:
