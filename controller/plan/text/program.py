@@ -201,8 +201,17 @@ class Action:
     act: Act
 
 
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """Words that need no action here: nothing moves or stops; ``check`` tells why."""
+
+    place: Place
+    modal: Modal
+    sentence: str
+
+
 CutBlock = CutCone | CutRuled | CutNurbs
-Block = CutBlock | JointLine | TipLine | JointArc | Dwell | Action
+Block = CutBlock | JointLine | TipLine | JointArc | Dwell | Action | Remark
 
 
 @dataclass(frozen=True, slots=True)
