@@ -16,6 +16,7 @@ from controller.geometry import Frame, Vector
 from drives.profile import Override
 
 MAX_QUICK_STOP_S = 3.0  # where the machine file says nothing
+ARC_TOLERANCE_MM = 0.05  # between the radii at both ends of an arc, where the machine file says nothing
 JOINT_TOLERANCE_MM, JOINT_TOLERANCE_DEG = 0.005, 0.2  # the same; what is written in 0.01 mm keeps both
 LONGEST_PROGRAM_H = 168.0  # the same: a week ...
 MOST_PROGRAM_H = 10_000.0  # ... and what it may say at most
@@ -290,6 +291,7 @@ class Machine:
     # Surfaces that meet within both run through, blended, and leave themselves by the first at most.
     joint_tolerance_mm: float = JOINT_TOLERANCE_MM
     joint_tolerance_deg: float = JOINT_TOLERANCE_DEG
+    arc_tolerance_mm: float = ARC_TOLERANCE_MM  # most by which an arc's ends may differ in their radius
 
     @property
     def has_peripherals(self) -> bool:

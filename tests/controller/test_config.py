@@ -147,6 +147,12 @@ def test_what_surfaces_may_differ_by_at_a_joint_is_read_and_has_a_default() -> N
     assert (told.joint_tolerance_mm, told.joint_tolerance_deg) == (0.0, 0.5)
 
 
+def test_what_the_ends_of_an_arc_may_differ_by_is_read_and_has_a_default() -> None:
+    assert config.load("trunnion").arc_tolerance_mm == 0.05
+    text = COMPLETE.replace("gouge =", "arc_tolerance_mm = 2.8\ngouge =")
+    assert config.read(text, "m.toml").arc_tolerance_mm == 2.8
+
+
 def test_another_period_is_taken_in_range_only() -> None:
     machine = config.load("trunnion")
     assert config.with_period(machine, 0.01).period_s == 0.01
@@ -207,6 +213,7 @@ REFUSED = [
     ("period_s = 0.002", "period_s = 2", "[machine]: period_s = 2: is out of range; .* 0.0005 to 0.01"),
     ("period_s = 0.002", 'period_s = "2 ms"', 'period_s = "2 ms": is not a finite number'),
     ("period_s = 0.002", "period_s = nan", "period_s = nan: is not a finite number"),
+    ("gouge =", "arc_tolerance_mm = 0\ngouge =", "arc_tolerance_mm = 0: .* from 0.001 to 3; change"),
     ("gouge =", "joint_tolerance_mm = -1\ngouge =", "joint_tolerance_mm = -1: .* from 0 to 1; change"),
     ("gouge =", "joint_tolerance_deg = 90\ngouge =", "joint_tolerance_deg = 90: .* from 0 to 5; change"),
     (

@@ -19,14 +19,21 @@ from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.motions import DEG_PER_MM, Rotaries, ToolLine
 from controller.plan.route import audit
-from controller.plan.route.stretch import STILL_MM, Stretch, Voice, joints_of, rotaries_of, straight
+from controller.plan.route.stretch import (
+    STANDS_MM,
+    STILL_MM,
+    Stretch,
+    Voice,
+    joints_of,
+    rotaries_of,
+    straight,
+)
 from controller.plan.route.tool_axes import AxisLost, Followed, GreatCircles, follow
 from controller.plan.text.ahead import AHEAD_LINES
 from controller.plan.text.program import Place, TipLine
 
 Array = npt.NDArray[np.float64]
 
-STANDS_MM = 1e-6  # a tip that moves less stands: s is then the turn in degrees
 SAME_ROTARY_RAD = 1e-6  # rotaries nearer than this are what the great circle leads to
 SAME_AXIS = 1e-15  # 1 - cosine of the angle between two axes
 GREAT = "great_circle"

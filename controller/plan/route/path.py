@@ -36,6 +36,7 @@ from controller.plan.text.program import (
     Place,
     Program,
     ProgramError,
+    Remark,
     TipLine,
 )
 
@@ -146,6 +147,9 @@ class Tracer:
 
     def _block(self, block: Block) -> None:
         """Anything but a cut."""
+        if isinstance(block, Remark):
+            self._note(block.place, block.sentence)
+            return
         if isinstance(block, JointLine | TipLine) and rows.blends(block):
             self._blended(block)
             return

@@ -9,6 +9,7 @@ the axis turns by more than ``STANDING_DEG``, and where a rotary must turn at th
 
 from __future__ import annotations
 
+import itertools
 import math
 from array import array
 from collections.abc import Iterator
@@ -24,7 +25,16 @@ from controller.plan.route import audit, lines, moves, tool_paths
 from controller.plan.route.corners import CIRCLE_SHARE, CornerMaker, Corners, Feed
 from controller.plan.route.fit import Polyline, Row, Spans, Tolerance
 from controller.plan.route.lines import Stand
-from controller.plan.route.stretch import Chain, Stretch, Voice, joints_of, rotaries_of, straight
+from controller.plan.route.stretch import (
+    LEAST_TIP_RATE,
+    STANDS_MM,
+    Chain,
+    Stretch,
+    Voice,
+    joints_of,
+    rotaries_of,
+    straight,
+)
 from controller.plan.route.tool_axes import GreatCircles
 from controller.plan.text.program import JointLine, Modal, Place, Tip, TipLine
 
@@ -73,7 +83,7 @@ class LineRow:
         self._s = 0.0
         self._lines_s: list[float] = []  # where each line begins, with its block
         self._lines: list[Feed] = []
-        self._feeds: list[float] = []
+        self._feeds: list[tuple[float, bool]] = []  # of each line; whether of s, as the tip stands
 
     @property
     def only(self) -> Feed | None:
@@ -144,7 +154,7 @@ class LineRow:
     def _stops(self, found: Corners, count: int) -> list[tuple[int, int]]:
         """(last corner before, first corner after) each turn of the standing tool."""
         way = np.diff(found.values, axis=0)
-        moved = np.sqrt((way[:, :3] ** 2).sum(axis=1)) >= lines.STANDS_MM
+        moved = np.sqrt((way[:, :3] ** 2).sum(axis=1)) >= STANDS_MM
         turned = np.degrees(np.abs(way[:, 3:]).max(axis=1, initial=0.0))
         of = found.line[:-1]
         within = found.share[:-1] < 1.0  # otherwise between the end of a line and the start of the next
@@ -186,18 +196,17 @@ class LineRow:
         of = found.line[first:last]
         starts = np.concatenate(([0], np.flatnonzero(np.diff(of)) + 1))
         ends = np.concatenate((starts[1:], [last - first]))
-        way = np.diff(found.values[first : last + 1, :3], axis=0)
-        tip = np.add.reduceat(np.sqrt((way * way).sum(axis=1)), starts)
-        for line, at, size, length in zip(
-            of[starts].tolist(), s[starts].tolist(), (s[ends] - s[starts]).tolist(), tip.tolist(), strict=True
+        way = np.diff(found.values[first : last + 1], axis=0)
+        tip, turned = (
+            np.add.reduceat(np.sqrt((part * part).sum(axis=1)), starts) for part in (way[:, :3], way[:, 3:])
+        )
+        sizes = s[ends] - s[starts]
+        for line, at, size, length, turn in zip(
+            *(row.tolist() for row in (of[starts], s[starts], sizes, tip, turned)), strict=True
         ):
-            block = blocks[line]
-            feed = block.feed_mm_s or 0.0
-            if block.time_s is not None:
-                feed = max(length, 1e-3 * size) / block.time_s
             self._lines_s.append(at)
-            self._lines.append(block)
-            self._feeds.append(feed)
+            self._lines.append(blocks[line])
+            self._feeds.append(_feed(blocks[line], size, length, math.degrees(turn)))
 
     def _taken(self, final: bool) -> Iterator[Chain]:
         """What ``fit`` can give away by now."""
@@ -218,7 +227,8 @@ class LineRow:
         kinematics = self._kinematics
         if not isinstance(block, TipLine):
             start, end = (joints_of(_three(v), (float(v[3]), float(v[4])), kinematics) for v in (a, b))
-            stretch = straight("line", block.place, start, end, block.feed_mm_s, kinematics)
+            feeds = (block.feed_mm_s, kinematics, block.feed_deg_s)
+            stretch = straight("line", block.place, start, end, *feeds)
             if stretch is not None:
                 if block.time_s is not None:
                     stretch = moves.timed(stretch, block.time_s)
@@ -268,7 +278,8 @@ class LineRow:
             array("l", [block.place.line for block in here]),
             array("d", starts),
         )
-        steps = _feed_steps(starts, self._feeds[first:last])
+        steps = _feed_steps(starts, [feed for feed, _ in self._feeds[first:last]])
+        stands = [stands for _, stands in self._feeds[first:last]]
         places = np.concatenate(
             [np.linspace(a, b, TRAVEL_SAMPLES, endpoint=False) for a, b in _pairs(motion)]
         )
@@ -285,6 +296,7 @@ class LineRow:
             False,
             "line",
             steps if len(steps) > 1 else (),
+            _turning(starts, stands),
         )
         self._audit(found, places, joints)
         del self._lines[: last - 1], self._lines_s[: last - 1], self._feeds[: last - 1]
@@ -324,6 +336,23 @@ def audit_line(stretch: Stretch, machine: Machine, kinematics: Kinematics, voice
 
 def _pairs(motion: ToolSpline) -> Iterator[tuple[float, float]]:
     return zip(motion.knots[:-1], motion.knots[1:], strict=True)
+
+
+def _feed(block: Feed, size: float, tip_mm: float, turned_deg: float) -> tuple[float, bool]:
+    """The feed of a line of ``size`` in s, and whether it is that of s (the tip stands) or of the tip."""
+    stands = tip_mm < STANDS_MM and turned_deg > 0.0
+    if block.time_s is not None:
+        return (size if stands else max(tip_mm, LEAST_TIP_RATE * size)) / block.time_s, stands
+    if stands:
+        return (block.feed_deg_s or 0.0) * size / turned_deg, True
+    return block.feed_mm_s or 0.0, False
+
+
+def _turning(starts: list[float], stands: list[bool]) -> tuple[tuple[float, float], ...]:
+    """From s to s where the tip stands."""
+    changes = [0, *(k for k in range(1, len(stands)) if stands[k] != stands[k - 1]), len(stands)]
+    bounds = [-math.inf, *starts[1:], math.inf]
+    return tuple((bounds[i], bounds[k]) for i, k in itertools.pairwise(changes) if stands[i])
 
 
 def _feed_steps(starts: list[float], feeds: list[float]) -> tuple[tuple[float, float], ...]:

@@ -25,7 +25,7 @@ from controller.plan.text.program import Act, Modal, Place, ProgramError
 Array = npt.NDArray[np.float64]
 
 STILL_MM = 1e-9  # moves below (also in degrees) are no moves
-
+STANDS_MM = 1e-6  # X Y Z, or a tip, that moves less stands: s is then the turn in degrees
 
 LEAST_TIP_RATE = 1e-3  # where the tip all but stands the rotaries alone set the speed
 
@@ -59,12 +59,14 @@ class Stretch:
     # (s from which it holds, feed mm/s) in rising order, where the feed changes inside the
     # motion; ``feed_mm_s`` is then the first of them. Empty: one feed.
     feed_steps: tuple[tuple[float, float], ...] = ()
+    # From s to s inside a spline where only rotaries are programmed to move: the feed is that of s there.
+    turning: tuple[tuple[float, float], ...] = ()
 
     def feed_at(self, s: Array) -> Array:
         """Programmed speed in the unit of s per second at the places ``s`` (N,); inf on rapids.
 
         F is the feed of the tip: where the tip moves by other than 1 mm per unit of s
-        (corners that a spline cuts), s runs that much faster or slower.
+        (corners that a spline cuts), s runs that much faster or slower; not where it is to stand.
         """
         if self.feed_mm_s is None:
             return np.full(np.shape(s), math.inf)
@@ -73,7 +75,10 @@ class Stretch:
             feed = feeds[np.clip(np.searchsorted(starts, s, side="right") - 1, 0, None)]
         else:
             feed = np.full(np.shape(s), self.feed_mm_s)
-        return np.asarray(feed / tip_rate(self.motion, s))
+        rate = tip_rate(self.motion, s)
+        for begin, end in self.turning:
+            rate[(s >= begin) & (s < end)] = 1.0
+        return np.asarray(feed / rate)
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,23 +157,30 @@ def joints_of(xyz: Vector, rotaries: Rotaries, kinematics: Kinematics) -> Joints
 
 
 def straight(
-    name: str, place: Place, start: Joints, end: Joints, feed_mm_s: float | None, kinematics: Kinematics
+    name: str,
+    place: Place,
+    start: Joints,
+    end: Joints,
+    feed_mm_s: float | None,
+    kinematics: Kinematics,
+    feed_deg_s: float | None = None,
 ) -> Stretch | None:
     """A line of joint space; None where nothing moves.
 
-    s is in millimetres of X Y Z; where only rotaries move, in degrees (RS-274: F is
-    then degrees per minute).
+    s is in millimetres of X Y Z; where only rotaries move, in degrees, at ``feed_deg_s``
+    (if left out, the number of ``feed_mm_s``).
     """
     a, b = xyz_of(start, kinematics), xyz_of(end, kinematics)
     first, last = rotaries_of(start, kinematics), rotaries_of(end, kinematics)
-    length = norm(subtract(b, a))
-    if length < 1e-6:
+    length, feed = norm(subtract(b, a)), feed_mm_s
+    if length < STANDS_MM:
         turned = math.degrees(math.hypot(last[0] - first[0], last[1] - first[1]))
         length = max(length, turned)
+        feed = feed_mm_s if feed_deg_s is None else feed_deg_s
     if length < STILL_MM:
         return None
     move = JointMove(Line(a, b), length, first, last, kinematics.order)
-    return Stretch(move, place, feed_mm_s, False, start, end, True, name)
+    return Stretch(move, place, feed, False, start, end, True, name)
 
 
 def round_arc(

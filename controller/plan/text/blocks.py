@@ -21,8 +21,9 @@ from types import MappingProxyType
 
 from controller.geometry import Vector
 from controller.machine import Machine
-from controller.plan.text import codes, modal, nurbs_words, surface_words, words
+from controller.plan.text import codes, decoding, modal, nurbs_words, surface_words, words
 from controller.plan.text.codes import CONE_WORDS, GROUP_OF, SIDES, SURFACES, Ask
+from controller.plan.text.line import Upcoming
 from controller.plan.text.modal import TIPS, State
 from controller.plan.text.plain import PlainLines
 from controller.plan.text.program import (
@@ -31,8 +32,10 @@ from controller.plan.text.program import (
     Block,
     JointArc,
     JointLine,
+    Place,
     Program,
     ProgramError,
+    Remark,
     Targets,
     Tip,
     TipLine,
@@ -58,18 +61,23 @@ def read(data: bytes, machine: Machine, name: str, block_delete: bool = False) -
 
 def stream(data: bytes, machine: Machine, name: str, block_delete: bool = False) -> Iterator[Block]:
     """As ``read``, block by block: what comes before a line that is refused has been given by then."""
-    lines = words.read(data, name, block_delete)
-    return _blocks(lines, machine)
+    text, remark = decoding.text_of(data, name)
+    return _blocks(words.read(text, name, block_delete), machine, remark)
 
 
-def _blocks(lines: Iterator[Line], machine: Machine) -> Iterator[Block]:
-    state, plain = modal.power_on(), PlainLines(machine)
+def _blocks(
+    read: Iterator[Line], machine: Machine, remark: tuple[Place, str] | None = None
+) -> Iterator[Block]:
+    state, plain, ahead = modal.power_on(), PlainLines(machine), Upcoming()
+    if remark is not None:
+        yield Remark(remark[0], state.modal, remark[1])
+    lines = ahead.given(read)
     for line in lines:
         if (quick := plain.read(line, state)) is not None:
             block, state = quick
             yield block
             continue
-        turn = _Turn(codes.sort(line, machine), state, machine, lines)
+        turn = _Turn(codes.sort(line, machine), state, machine, lines, ahead)
         turn.run()
         state = turn.state
         yield from turn.made
@@ -80,7 +88,9 @@ def _blocks(lines: Iterator[Line], machine: Machine) -> Iterator[Block]:
 class _Turn:
     """One line being carried out; its state counts only when ``run`` returns."""
 
-    def __init__(self, ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> None:
+    def __init__(
+        self, ask: Ask, state: State, machine: Machine, lines: Iterator[Line], ahead: Upcoming
+    ) -> None:
         self.ask = ask
         self.state = state
         self.made: list[Block] = []
@@ -88,6 +98,7 @@ class _Turn:
         self._machine = machine
         self._lines = lines  # what follows: G52 takes its points from here
         self._axes = "".join(axis.name for axis in machine.axes)
+        self._cancels = ask.code("motion") == "G52" and surface_words.cancels_shift(ask, state, lines, ahead)
         self._motion = self._find_motion()
 
     def run(self) -> None:
@@ -95,6 +106,8 @@ class _Turn:
         sides = [letters for code, letters in self._takers() if code in SIDES]
         self.state, self.made = modal.apply(self.ask, self._motion, self.state, self._machine, "".join(sides))
         self._check_frame()
+        if self._cancels:
+            self.made.append(surface_words.no_shift(self.ask, self.state))
         if self._motion:
             self.made.append(self._move())
         self._keep_motion()
@@ -102,6 +115,8 @@ class _Turn:
 
     def _find_motion(self) -> str:
         """The motion this line makes: named, or modal where words for one stand."""
+        if self._cancels:
+            return ""
         named = self.ask.code("motion")
         moving = self.ask.has(self._axes + "IJK") or (named in ("G2", "G3") and self.ask.has("RP"))
         if named in SURFACES:
@@ -116,6 +131,8 @@ class _Turn:
         letters |= dict.fromkeys(("G2", "G3"), self._axes + "IJKRP")
         running = [code for code, _ in self.ask.codes.values() if GROUP_OF[code] != "motion"]
         takers = [(code, letters.get(code, "")) for code in [*running, self._motion]]
+        if self._cancels:
+            takers.append(("G52", self._axes))
         return [(code, self._side_letters(takers) if code in SIDES else taken) for code, taken in takers]
 
     def _side_letters(self, takers: list[tuple[str, str]]) -> str:
@@ -192,6 +209,8 @@ class _Turn:
 
     def _keep_motion(self) -> None:
         """G0 to G3 stay; G51, G52, G6.2 and G80 leave no motion mode."""
+        if self._cancels:
+            return
         named, number = self.ask.code("motion"), self.ask.line.number
         why = {
             "G51": f"it is surplus after the whole cone of G51 on line {number}, which clears the "
@@ -203,7 +222,8 @@ class _Turn:
             "G80": f"G80 on line {number} cleared the motion mode",
         }
         if named in why:
-            self.state = replace(self.state, motion="", cleared=why[named])
+            cuts = self.state.cuts or named in SURFACES
+            self.state = replace(self.state, motion="", cleared=why[named], cuts=cuts)
         elif named and named != self.state.motion:
             self.state = replace(self.state, motion=named)
 
@@ -236,20 +256,19 @@ class _Turn:
 
     def _line(self) -> Block:
         word, state = self._word_of_motion(), self.state
-        feed = time = None
+        mm = degrees = time = None
         if self._motion == "G1":
             self._check_side(word)
             time = state.time(self.ask, "G1", word)
-            turning = not self.ask.has("XYZ")
-            feed = 0.0 if time else state.feed(self.ask, "G1", word, turning_only=turning)
+            mm = 0.0 if time else state.feed(self.ask, "G1", word)
+            degrees = 0.0 if time else state.feed_deg_s
         machine_frame = self.ask.code("one-line") == "G53"
         relative = not state.absolute and not machine_frame
         place = self.ask.place(word)
         if state.modal.tip is Tip.OFF or machine_frame:
-            return JointLine(place, state.modal, self._targets(), relative, machine_frame, feed, time)
+            targets = self._targets()
+            return JointLine(place, state.modal, targets, relative, machine_frame, mm, degrees, time)
         x, y, z, first, second = self._tip_targets()
-        degrees = feed if feed is None else state.feed_deg_s or 0.0
-        mm = feed if feed is None else state.modal.feed_mm_s or 0.0
         return TipLine(
             place, state.modal, (x, y, z), (first, second), self._axis(), relative, mm, degrees, time
         )

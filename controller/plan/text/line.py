@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from controller.plan.text.program import ProgramError
@@ -73,3 +73,24 @@ class Line:
 
     def refusal(self, word: Word, sentence: str) -> ProgramError:
         return ProgramError(self.name, self.number, word.column, sentence)
+
+
+class Upcoming:
+    """Lets the line that comes next be looked at before it is its turn."""
+
+    def __init__(self) -> None:
+        self._seen: list[Line] = []
+
+    def given(self, lines: Iterator[Line]) -> Iterator[Line]:
+        """The same lines; those that have been looked at come after all."""
+        for line in lines:
+            yield line
+            while self._seen:
+                yield self._seen.pop()
+
+    def look(self, given: Iterator[Line]) -> Line | None:
+        """The next of the lines that ``given`` gives, while one of them is being read; None at their end."""
+        line = next(given, None)
+        if line is not None:
+            self._seen.append(line)
+        return line

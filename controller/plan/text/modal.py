@@ -33,7 +33,8 @@ class State:
     selected: int | None = None  # T
     speed_rev_min: float = 0.0  # S
     turning: int = 0  # M3: 1, M4: -1, M5: 0
-    feed_deg_s: float | None = None  # the modal F as moves of rotaries alone read it
+    feed_deg_s: float | None = None  # the modal F as moves of rotaries alone read it; None as that of lengths
+    cuts: bool = False  # a surface came before: the program is one for this control
     inverse: bool = False  # G93: F is one over the minutes that its line takes
 
     def time(self, ask: Ask, code: str, word: Word) -> float | None:
@@ -48,14 +49,14 @@ class State:
             )
         return 60.0 / ask.words["F"].value
 
-    def feed(self, ask: Ask, code: str, word: Word, turning_only: bool = False) -> float:
-        """The modal F for a motion, mm/s or (rotaries only) deg/s; ProgramError where there is none."""
+    def feed(self, ask: Ask, code: str, word: Word) -> float:
+        """The modal F for a motion, mm/s; ProgramError where there is none."""
         if self.inverse and code in SURFACES:
             raise ask.refusal(
                 word,
                 f"{code} takes its feed per minute: inverse time (G93) is for G1 to G3; write G94 before it",
             )
-        feed = self.feed_deg_s if turning_only else self.modal.feed_mm_s
+        feed = self.modal.feed_mm_s
         if feed is None:
             raise ask.refusal(
                 word, f"{code} has no feed: no F stands here or before it; write F with the feed per minute"

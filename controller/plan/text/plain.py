@@ -77,9 +77,8 @@ class PlainLines:
                 for name, per in self._factors
             ]
         )
-        moves = "X" in words or "Y" in words or "Z" in words
-        feed = 0.0 if time else state.modal.feed_mm_s if moves else state.feed_deg_s
-        return JointLine(place, state.modal, targets, not state.absolute, False, feed, time)
+        mm, degrees = (0.0, 0.0) if time else (state.modal.feed_mm_s, state.feed_deg_s)
+        return JointLine(place, state.modal, targets, not state.absolute, False, mm, degrees, time)
 
     def _tip_line(
         self, place: Place, words: dict[str, float], state: State, time: float | None

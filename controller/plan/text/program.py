@@ -120,9 +120,9 @@ Targets = tuple[float | None, ...]
 
 @dataclass(frozen=True, slots=True)
 class JointLine:
-    """G0 or G1 to joint targets; ``feed_mm_s`` None means rapid.
+    """G0 or G1 to joint targets; both feeds None: rapid.
 
-    Where no X Y Z stands in the block, the feed is in degrees per second.
+    ``feed_deg_s`` counts where only rotaries move, whatever words are written (RS274/NGC 2.1.2.5).
     """
 
     place: Place
@@ -131,7 +131,8 @@ class JointLine:
     relative: bool
     machine_frame: bool
     feed_mm_s: float | None
-    time_s: float | None = None  # G93: what the whole block takes; feed_mm_s is 0 then
+    feed_deg_s: float | None
+    time_s: float | None = None  # G93: what the whole block takes; both feeds are 0 then
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,8 +201,17 @@ class Action:
     act: Act
 
 
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """Words that need no action here: nothing moves or stops; ``check`` tells why."""
+
+    place: Place
+    modal: Modal
+    sentence: str
+
+
 CutBlock = CutCone | CutRuled | CutNurbs
-Block = CutBlock | JointLine | TipLine | JointArc | Dwell | Action
+Block = CutBlock | JointLine | TipLine | JointArc | Dwell | Action | Remark
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,10 @@
 """G51 and G52: the paper's cone and ruled surface, word for word.
 
 Both names mean something else on other controls (scaling, local shift), so a set of
-words that is not exactly the paper's is refused with a sentence that says so.
+words that is not exactly the paper's is refused with a sentence that says so. Seven lines of
+X Y Z after a G52 could be moves under a modal G1 as well. So F beside it makes it a surface, or
+that no G0 to G3 is active, when such lines can be nothing but points, or that a surface came
+before, which programs for other controls have none of; any other G52 is a shift.
 
 Their words follow the paper: without a decimal point they count in BLU (0.01 mm,
 0.001 degree), with one in the active unit.
@@ -16,13 +19,15 @@ from controller.geometry import Vector
 from controller.machine import Machine
 from controller.plan.text import surface_doubts
 from controller.plan.text.codes import CONE_WORDS, Ask
+from controller.plan.text.line import Upcoming
 from controller.plan.text.modal import BLU_PER_MM, State, tool_list
-from controller.plan.text.program import CutCone, CutRuled, ProgramError
+from controller.plan.text.program import CutCone, CutRuled, ProgramError, Remark
 from controller.plan.text.words import Line, Word
 
 BLU_PER_DEGREE = 1000.0
 MOST_SWEEP_DEG = 36_000.0  # a hundred turns; no rotary that is told in degrees goes much further
 LENGTHS = "XYZIJKHR"  # of a cone
+AXES = "XYZABC"  # of a shift
 LEVEL_MM = 1e-9  # start and centre of a cone are on one level, a radius is not 0, beyond this
 
 
@@ -45,8 +50,46 @@ def _not_a_ruled(line: Line, word: Word, found: str) -> ProgramError:
         word,
         f"{found}: G52 needs 8 points of X Y Z, four of the upper and four of the lower curve, the first "
         "beside G52 (with F) and one on each of the seven lines after it; a lone G52 X0 Y0 is a local shift "
-        "on other controls and is not done here; write all 8 points and nothing between",
+        "on other controls and is not done here; write all 8 points and nothing between, and a shift as a "
+        "work offset, G54 to G59",
     )
+
+
+def cancels_shift(ask: Ask, state: State, lines: Iterator[Line], ahead: Upcoming) -> bool:
+    """Whether the G52 of a line cancels a shift, of which there is none here; False: it is a surface.
+
+    Raises ProgramError for one that sets a shift, and where bare coordinates leave open what it is.
+    """
+    axes = [given for letter, given in ask.words.items() if letter in AXES]
+    if "F" in ask.words or not axes:
+        return False
+    zero = all(given.value == 0.0 for given in axes)
+    after = None if ask.code("stop") in ("M2", "M30") else ahead.look(lines)
+    if after is not None and any(given.letter not in "XYZ" for given in after.words):
+        after = None  # neither a point nor a modal move
+    if after is None and zero:
+        return True
+    if after is not None and (state.cuts or not state.motion):
+        return False
+    found = " ".join(["G52", *(given.text for given in axes)])
+    is_what = "is a local shift on other controls, which is not done here"
+    if after is not None:
+        is_what = f"may be a local shift, with moves of {state.motion} from line {after.number} on"
+    instead = "leave it out" if zero else "give the shift as a work offset, G54 to G59"
+    raise ask.refusal(
+        ask.codes["motion"][1],
+        f"{found} without F {is_what}: where a G0 to G3 is active, the first G52 of a ruled surface has F "
+        "beside it, and the other seven points of each are the next lines, of X Y Z alone; write it so, or "
+        f"{instead}",
+    )
+
+
+def no_shift(ask: Ask, state: State) -> Remark:
+    """What ``check`` tells of a G52 that cancels."""
+    sentence = (
+        "G52 with zeros cancels a local shift on other controls; none is in force here: it does nothing."
+    )
+    return Remark(ask.place(ask.codes["motion"][1]), state.modal, sentence)
 
 
 def cone(ask: Ask, state: State, machine: Machine) -> CutCone:

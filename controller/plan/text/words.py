@@ -13,6 +13,7 @@ import operator
 import re
 from collections.abc import Callable, Iterator
 
+from controller.plan.text.decoding import lines_of
 from controller.plan.text.line import PLAIN, Line, Word
 from controller.plan.text.program import ProgramError
 
@@ -26,55 +27,21 @@ PARAMETERS = range(1, 6000)
 MACHINE_PARAMETERS = range(5061, 5603)  # positions, offsets and tools on other controls
 
 _GAPS = " \t\0"  # \0 marks where a comment stood: it ends a number, a space does not
-_NEWLINE = re.compile(r"\r\n|\r|\n")
-_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 _COMMENT = re.compile(r"[();]")
 _NUMBER = re.compile(r"[+-]?[ \t]*(?:[0-9][0-9 \t]*(?:\.[0-9 \t]*)?|\.[ \t]*[0-9][0-9 \t]*)")
 _PROGRAM_NUMBER = re.compile(rf"[{_GAPS}]*[oO:][ \t]*[0-9]{{1,8}}[{_GAPS}]*")
 _OPERATOR = re.compile(r"\*\*|[*/+-]|mod|and|or|xor")
 
 
-def read(data: bytes, name: str, block_delete: bool = False) -> Iterator[Line]:
-    """The lines of ``data`` that have words, in order, up to the closing ``%`` or the end.
+def read(whole: str, name: str, block_delete: bool = False) -> Iterator[Line]:
+    """The lines of a text that have words, in order, up to the closing ``%`` or the end.
 
     ``block_delete`` skips lines that begin with ``/``; off (the power-on state) they are read.
-    Raises ProgramError at once for bytes that are no text, and while iterating for
-    text that is no word, or when the end comes before any word.
+    Raises ProgramError while iterating for text that is no word, or when the end comes before any word.
     """
-    return _lines(_decode(data, name), name, block_delete)
-
-
-def _texts(text: str) -> Iterator[str]:
-    """The lines of ``text``, one at a time: a long program is not held twice."""
-    start = 0
-    for end in _NEWLINE.finditer(text):
-        yield text[start : end.start()]
-        start = end.end()
-    yield text[start:]
-
-
-def _decode(data: bytes, name: str) -> str:
-    try:
-        text = data.decode("utf-8")
-    except UnicodeDecodeError as error:
-        found = f"byte 0x{data[error.start]:02X} is not readable text"
-        raise _unreadable(data[: error.start].decode("utf-8"), name, found) from None
-    if control := _CONTROL.search(text):
-        found = f"control character 0x{ord(control.group()):02X} is not program text"
-        raise _unreadable(text[: control.start()], name, found)
-    return text.removeprefix("\ufeff")
-
-
-def _unreadable(before: str, name: str, found: str) -> ProgramError:
-    lines = _NEWLINE.split(before.removeprefix("\ufeff"))
-    sentence = f"{found}: a program is plain ASCII or UTF-8 text; save or send the file again as plain text"
-    return ProgramError(name, len(lines), len(lines[-1]) + 1, sentence)
-
-
-def _lines(whole: str, name: str, block_delete: bool) -> Iterator[Line]:
     parameters: dict[int, float] = {}
     opened = found = numbered = False
-    for number, raw in enumerate(_texts(whole), start=1):
+    for number, raw in enumerate(lines_of(whole), start=1):
         if plain := PLAIN.fullmatch(raw):
             opened = found = True
             yield Line(name, number, (), plain, _plain_words)
@@ -109,13 +76,15 @@ def _plain_words(text: str, name: str, number: int) -> tuple[Word, ...]:
 
 def _without_comments(raw: str, name: str, number: int) -> str:
     """The line with every comment blanked out by marks, so that columns stay."""
-    text, start = raw, 0
-    while mark := _COMMENT.search(text, start):
+    parts: list[str] = []
+    start = 0
+    while mark := _COMMENT.search(raw, start):
         at = mark.start()
+        parts.append(raw[start:at])
         if mark.group() == ";":
-            return text[:at] + "\0" * (len(text) - at)
-        close = text.find(")", at)
-        if mark.group() == ")" or close < 0 or "(" in text[at + 1 : close]:
+            return "".join([*parts, "\0" * (len(raw) - at)])
+        close = raw.find(")", at)
+        if mark.group() == ")" or close < 0 or raw.find("(", at + 1, close) >= 0:
             raise ProgramError(
                 name,
                 number,
@@ -123,9 +92,9 @@ def _without_comments(raw: str, name: str, number: int) -> str:
                 "this parenthesis has no partner: a comment runs from ( to the next ) on one line, without "
                 "another ( inside; close it, or write the comment after a ;",
             )
-        text = text[:at] + "\0" * (close + 1 - at) + text[close + 1 :]
         start = close + 1
-    return text
+        parts.append("\0" * (start - at))
+    return "".join([*parts, raw[start:]]) if parts else raw
 
 
 class _Unsound(Exception):

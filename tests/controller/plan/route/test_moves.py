@@ -18,6 +18,7 @@ from controller.plan.text.program import ProgramError
 
 START: Joints = (0.0, 0.0, 0.0, 0.0, 0.0)
 MILL = mill()
+TURNING = mill(axes=tuple(replace(axis, travel_min=-9e3, travel_max=9e3) for axis in MILL.axes))
 KINEMATICS = Kinematics(MILL)
 
 
@@ -67,6 +68,29 @@ def test_feed_and_length_are_degrees_where_only_rotaries_move() -> None:
     stretch = only("G1 C90. F360.")
     assert stretch.motion.end == pytest.approx(90.0)
     assert stretch.feed_mm_s == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize("before", ["", "G91 ", "G43 H1 ", "G43.4 H0 "])
+@pytest.mark.parametrize("words", ["A90", "X1 A90", "X1 Y2 Z3 A90 C0", "Z3 A54 C72"])
+@pytest.mark.parametrize("unit", ["G20", "G21"])
+def test_f_is_degrees_a_minute_wherever_no_more_than_rotaries_move(
+    unit: str, words: str, before: str
+) -> None:
+    """RS274/NGC 2.1.2.5 B and C, by what moves and not by the words; two rotaries by their root."""
+    if before == "G91 ":
+        words = " ".join(f"{word[0]}0" if word[0] in "XYZ" else word for word in words.split())
+    text = f"{unit} G94 G55 {before.replace('G91', 'G90')}G0 X1 Y2 Z3\n{before}G1 {words} F10"
+    turn = stretches(trace(text, TURNING, START))[-1]
+    seconds = turn.motion.end / float(turn.feed_at(np.array([0.5 * turn.motion.end]))[0])
+    assert seconds == pytest.approx(540.0, rel=1e-6)
+
+
+@pytest.mark.parametrize(("unit", "mm"), [("G20", 25.4), ("G21", 1.0)])
+def test_f_is_of_lengths_wherever_a_length_moves_beside_rotaries(unit: str, mm: float) -> None:
+    text = f"{unit} G94 G55 G0 X1 Y2 Z3\nG1 X1.5 A90 F10"
+    both = stretches(trace(text, TURNING, START))[-1]
+    assert both.motion.end == pytest.approx(0.5 * mm)
+    assert both.feed_mm_s == pytest.approx(10.0 * mm / 60.0)
 
 
 def test_moves_to_where_the_axes_are_are_left_out() -> None:
@@ -122,6 +146,51 @@ def test_r_form_takes_the_short_way_and_with_a_minus_the_long_way() -> None:
 def test_rounded_centre_words_still_end_exactly_on_the_end_point() -> None:
     stretch = only("G3 X7.071 Y2.929 J10. F100.")
     assert at(stretch, 1.0) == pytest.approx((7.071, 2.929, 0.0), abs=1e-9)
+
+
+@pytest.mark.parametrize(("radius", "most"), [(0.1, 0.0282), (20.0, 0.0282), (40.0, 0.0399), (80.0, 0.0499)])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("degrees", [20.0, 90.0, 180.0, 270.0, 340.0, 359.9, 360.0])
+def test_an_arc_whose_ends_differ_a_little_stays_near_its_circle_and_ends_on_its_end(
+    degrees: float, sign: float, radius: float, most: float
+) -> None:
+    """0.0283 mm, or 0.1 % of the radius up to 0.05 mm: LinuxCNC's allowance, and the default of the key."""
+
+    def ended(off: float) -> tuple[float, float, Stretch]:
+        angle, last = math.radians(degrees), radius + sign * off
+        x, y = last * math.cos(angle) - radius, last * math.sin(angle)
+        (arc,) = stretches(trace(f"G55 G3 X{x:.9f} Y{y:.9f} I{-radius} F100.", TURNING, START))
+        return x, y, arc
+
+    x, y, arc = ended(most)
+    joints = joints_along(arc, np.linspace(0.0, arc.motion.end, 201), KINEMATICS)
+    off = np.hypot(joints[:, 0] + radius, joints[:, 1]) - radius
+    assert np.abs(off).max() <= 1.2 * most
+    assert joints[-1, :2] == pytest.approx((x, y), abs=1e-8)
+    assert joints[0, :2] == pytest.approx((0.0, 0.0), abs=1e-9)
+    turned = np.unwrap(np.arctan2(joints[:, 1], joints[:, 0] + radius))
+    assert math.degrees(turned[-1] - turned[0]) == pytest.approx(degrees, abs=1e-5)
+    with pytest.raises(ProgramError, match="from its centre and ends"):
+        ended(most + 0.0006)
+
+
+def test_the_machine_file_says_how_far_the_ends_of_an_arc_may_differ() -> None:
+    text = "G55 G3 X-20.05 Y0. I-10. F100.\n"
+    strict, wide = replace(TURNING, arc_tolerance_mm=0.02), replace(TURNING, arc_tolerance_mm=2.8)
+    with pytest.raises(ProgramError, match=r"they may differ by 0.0283 mm"):
+        trace(text, TURNING, START)
+    with pytest.raises(ProgramError, match=r"they may differ by 0.0200 mm"):
+        trace(text, strict, START)
+    assert stretches(trace("G55 G3 X-400. Y0. I-199.91 F100.\n", wide, START))
+
+
+def test_turns_that_nearly_close_stay_about_their_centre() -> None:
+    """A centre moved between ends 0.02 mm apart would be half a radius off."""
+    traced = trace("G55 G3 X-0.02 Y0.0001 I-50. P3 F100.\n", TURNING, START)
+    (arc,) = stretches(traced)
+    joints = joints_along(arc, np.linspace(0.0, arc.motion.end, 401), KINEMATICS)
+    assert np.abs(np.hypot(joints[:, 0] + 50.0, joints[:, 1]) - 50.0).max() < 0.021
+    assert arc.motion.end == pytest.approx(2.0 * 2.0 * math.pi * 50.0, rel=1e-3)
 
 
 @pytest.mark.parametrize(

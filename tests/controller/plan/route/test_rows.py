@@ -140,6 +140,25 @@ def test_a_feed_that_changes_changes_where_its_line_begins() -> None:
     assert row.feed_at(np.array([5.0, 15.0, 35.0])) == pytest.approx([10.0, 5.0, 10.0], rel=1e-3)
 
 
+@pytest.mark.parametrize("mode", ["", "G43.4"], ids=["joints", "tip"])
+@pytest.mark.parametrize(("unit", "words"), [("G21", ""), ("G20", ""), ("G20", "X1 Y0 ")])
+def test_a_row_of_small_turns_of_a_standing_tip_is_fed_in_degrees(mode: str, unit: str, words: str) -> None:
+    turns = "".join(f"{words}A{10 + 0.5 * k:g} C{0.25 * k:g}\n" for k in range(1, 41))
+    text = f"G55 {unit} G64 P0.001 {mode} G0 X1 Y0 Z0 A10 C0\nG1 F60\n{turns}"
+    total = 0.0
+    for row in splines(trace(text, MILL)):
+        s = np.linspace(0.0, row.motion.end, 5001)
+        total += float((np.diff(s) / row.feed_at(0.5 * (s[1:] + s[:-1]))).sum())
+    assert total == pytest.approx(math.hypot(20.0, 10.0), rel=1e-3)
+
+
+def test_a_small_turn_between_two_lines_takes_its_own_time_and_the_lines_theirs() -> None:
+    (row,) = splines(trace(START + "X10\nA10.5 F60\nX20 F600\nG93 A11 F60\nX30 F60\n", MILL))
+    s = np.linspace(0.0, row.motion.end, 200_001)
+    seconds = np.diff(s) / row.feed_at(0.5 * (s[1:] + s[:-1]))
+    assert seconds.sum() == pytest.approx(1.0 + 0.5 + 1.0 + 1.0 + 1.0, rel=0.01)
+
+
 def test_inverse_times_hold_line_by_line() -> None:
     (row,) = splines(trace(START + "G93 X10 F60\nX20 F30\nX30 A20 F6\n", MILL))
     assert np.allclose(row.feed_steps, ((0.0, 10.0), (10.0, 5.0), (20.0, 1.0)))

@@ -138,11 +138,12 @@ def test_inches_hold_for_words_with_a_point_and_blu_for_those_without() -> None:
     assert cone.sweep_rad == pytest.approx(math.pi / 2.0)
 
 
-def test_the_feed_of_a_move_of_rotaries_alone_is_in_degrees_also_under_inches() -> None:
-    line = only(read("g20 g1 c180 f360"))
+@pytest.mark.parametrize("words", ["c180", "x1 c180"])
+def test_a_line_carries_its_feed_in_millimetres_and_in_degrees(words: str) -> None:
+    line = only(read(f"g20 g1 {words} f360"))
     assert isinstance(line, JointLine)
-    assert line.feed_mm_s == 6.0
-    assert line.targets == (None, None, None, None, pytest.approx(math.pi))
+    assert (line.feed_mm_s, line.feed_deg_s) == (pytest.approx(6.0 * 25.4), 6.0)
+    assert line.targets[1:] == (None, None, None, pytest.approx(math.pi))
 
 
 def test_iso_sense_turns_the_sign_of_table_rotaries() -> None:

@@ -9,7 +9,7 @@ from controller.plan.text.program import ProgramError
 
 
 def lines(text: str) -> list[int]:
-    return [line.number for line in words.read(text.encode(), "p.ngc")]
+    return [line.number for line in words.read(text, "p.ngc")]
 
 
 @pytest.mark.parametrize("number", ["O1234", "o 12", ":0777", "O1234 (PART)", "(PART) :5 ; red"])

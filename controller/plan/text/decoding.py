@@ -1,0 +1,67 @@
+"""From the bytes of a file to the text of a program, and its lines.
+
+Bytes that a punched tape or a serial line left before and behind a program are no part of it:
+NUL, DEL, DC1 to DC4 and, behind it, the ^Z with which DOS ended texts.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import suppress
+
+from controller.plan.text.program import Place, ProgramError
+
+_AROUND = bytes([0x00, 0x11, 0x12, 0x13, 0x14, 0x7F])
+_LEADER = re.compile(rb"[\x00\x11-\x14\x7f \t\r\n]*")
+_NEWLINE = re.compile(r"\r\n|\r|\n")
+_CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+
+
+def text_of(data: bytes, name: str) -> tuple[str, tuple[Place, str] | None]:
+    """The text, and what to tell of it where it is not UTF-8; ProgramError for what is no text."""
+    text, remark = _decoded(_without_tape(data), name)
+    if control := _CONTROL.search(text):
+        found = f"control character 0x{ord(control.group()):02X}"
+        raise _unreadable(_place(text[: control.start()]), name, f"{found} is not program text")
+    return text.removeprefix("\ufeff"), remark
+
+
+def _decoded(data: bytes, name: str) -> tuple[str, tuple[Place, str] | None]:
+    try:
+        return data.decode("utf-8"), None
+    except UnicodeDecodeError as error:
+        at = error.start
+    place, found = _place(data[:at].decode("utf-8")), f"byte 0x{data[at]:02X} is"
+    if not data.startswith(_UTF_16):
+        with suppress(UnicodeDecodeError):
+            told = f"{found} not UTF-8, so the file is read as Windows-1252; it matters in comments only."
+            return data.decode("cp1252"), (place, told)
+    raise _unreadable(place, name, f"{found} not readable text")
+
+
+def _without_tape(data: bytes) -> bytes:
+    body = data.rstrip(_AROUND + b"\x1a \t\r\n")
+    leader = _LEADER.match(body)
+    return (leader.group().translate(None, _AROUND) + body[leader.end() :]) if leader else body
+
+
+def _unreadable(place: Place, name: str, found: str) -> ProgramError:
+    sentence = f"{found}: a program is plain ASCII or UTF-8 text; save or send the file again as plain text"
+    return ProgramError(name, place.line, place.column, sentence)
+
+
+def _place(before: str) -> Place:
+    """Where the text after ``before`` stands."""
+    lines = _NEWLINE.split(before.removeprefix("\ufeff"))
+    return Place(len(lines), len(lines[-1]) + 1)
+
+
+def lines_of(text: str) -> Iterator[str]:
+    """The lines of ``text``, one at a time: a long program is not held twice."""
+    start = 0
+    for end in _NEWLINE.finditer(text):
+        yield text[start : end.start()]
+        start = end.end()
+    yield text[start:]

@@ -1,0 +1,88 @@
+"""Text as it comes: tapes, serial lines, DOS, Windows; and nothing that takes the square of its length."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+
+import pytest
+from traced import mill
+
+from controller.plan.text import blocks
+from controller.plan.text.program import Block, ProgramError, Remark
+
+MILL = mill()
+BODY = b"%\nG0 X1.\nX2. (a)\nM30\n%\n"
+
+
+def read(data: bytes) -> tuple[Block, ...]:
+    return blocks.read(data, MILL, "part.ngc").blocks
+
+
+@pytest.mark.parametrize("before", [b"", bytes(50), b"\x11", b"\x12\r\n\0\0", b"\x7f\0\x11\r\n\r\n"])
+@pytest.mark.parametrize("after", [b"", bytes(50), b"\x13", b"\x14\r\n\0", b"\x1a", b"\x1a\x1a\r\n\0\0"])
+def test_what_a_tape_or_a_serial_line_leaves_around_a_program_is_no_part_of_it(
+    before: bytes, after: bytes
+) -> None:
+    lines = before.count(b"\n")
+    found, plain = read(before + BODY + after), read(BODY)
+    assert [type(a) for a in found] == [type(a) for a in plain]
+    assert [a.place.line - lines for a in found] == [a.place.line for a in plain]
+    assert read(before + BODY.replace(b"%\n", b"") + after)
+
+
+@pytest.mark.parametrize("byte", [b"\0", b"\x11", b"\x13", b"\x1a", b"\x7f"])
+def test_inside_of_a_program_they_are_refused(byte: bytes) -> None:
+    with pytest.raises(ProgramError, match=f"control character 0x{byte[0]:02X}") as refused:
+        read(b"G0 X1.\nX1" + byte + b"2.\nM30\n")
+    assert (refused.value.line, refused.value.column) == (2, 3)
+
+
+@pytest.mark.parametrize("end", [b"\n", b"\r\n", b"\r"])
+def test_every_line_end_and_a_byte_order_mark_read_the_same(end: bytes) -> None:
+    assert read(b"\xef\xbb\xbf" + BODY.replace(b"\n", end)) == read(BODY)
+
+
+def test_windows_1252_is_read_and_told_and_refused_outside_of_comments() -> None:
+    told, *rest = read(b"G0 X1.\n(\xd8 6 Fr\xe4ser \x80)\nX2.\n")
+    assert isinstance(told, Remark) and (told.place.line, told.place.column) == (2, 2)
+    assert "0xD8 is not UTF-8, so the file is read as Windows-1252" in told.sentence
+    assert [block.place.line for block in rest] == [1, 3]
+    assert read("G0 X1. (Fräser)\n".encode()) == read(b"G0 X1. (Fraeser)\n")
+    with pytest.raises(ProgramError, match="'\xd8' cannot stand here"):
+        read(b"G0 X1.\n\xd86\n")
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "()",
+        "(a)X1",
+        "X1 ",
+        " ",
+        "#1=1 ",
+        "X[1+1]",
+        "X1X1",
+        "X[[1]",
+        "/",
+        "G1",
+        "N1",
+        "1",
+        "%",
+        ";",
+        "(",
+        "X--",
+        "X1O",
+    ],
+)
+def test_a_long_line_takes_time_in_proportion(line: str) -> None:
+    """Processor time: eight times the length takes far less than 64 times the time."""
+
+    def seconds(count: int) -> float:
+        begun = time.process_time()
+        with contextlib.suppress(ProgramError):
+            read((line * count + "\nM30\n").encode())
+        return time.process_time() - begun
+
+    short, long = seconds(20_000), seconds(160_000)
+    assert long < 0.25 + 20.0 * short
