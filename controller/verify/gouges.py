@@ -40,6 +40,7 @@ Array = NDArray[np.float64]
 
 KINDS = ("hollow", "overcut", "own cut", "other motion", "holder", "table")
 END = "end"  # told, and no gouge
+LEADS = ("lead in", "lead out")
 LOOKED_AT = 64  # surfaces that are kept in sight: what cuts into one is next to it
 ROUND_TABLE = 24  # points of a circle held against the table
 
@@ -71,6 +72,7 @@ class Gouge:
             at = f"at u = {self.u:.4f}, v = {self.v:.3f} (part {at[3:]})"
         depth = f"{self.depth_mm:.3f} mm"
         motion = f"the {self.by} of line {self.by_line}"
+        whose = "" if self.line == self.by_line else f" of line {self.line}"
         if self.kind == "hollow":
             return f"the cutter T{self.tool} does not fit into {self.detail} and cuts {depth} too deep {at}"
         if self.kind == "overcut":
@@ -81,14 +83,17 @@ class Gouge:
         if self.kind == "own cut":
             return f"the cut comes back to its own surface and cuts {depth} too deep {at}"
         if self.kind == "holder":
-            return f"in {motion} the holder of T{self.tool} is {depth} deep in the surface {at}"
+            return f"in {motion} the holder of T{self.tool} is {depth} deep in the surface{whose} {at}"
         if self.kind == "table":
             what = f"the {self.detail} of T{self.tool}"
             return f"in {motion} {what} is {depth} deep in the machine's table, table frame {at}"
-        return f"{motion} cuts {depth} too deep into the surface {at}"
+        return f"{motion} cuts {depth} too deep into the surface{whose} {at}"
 
     @property
     def advice(self) -> str:
+        if self.kind == "other motion" and self.line == self.by_line:
+            shorter = ", or set a smaller lead_mm" if self.by in LEADS else ""
+            return f"take a smaller cutter or the other side (G41/G42){shorter}"
         return {
             "hollow": "take a smaller cutter or the other side (G41/G42)",
             "overcut": "take a smaller cutter or another placement of it",

@@ -65,7 +65,7 @@ def test_a_wall_that_touches_the_vertical_is_cut(wall: Wall, name: str) -> None:
     judged(wall, name)
 
 
-SPIKE = 41  # one tick of it has 29 times C's jerk, as it had before touches were known
+HAIR = 41  # it misses the vertical by 1e-10 rad in passing: 29 times C's jerk in one tick, taken as written
 
 
 def judged_or_refused(wall: Wall, name: str) -> bool:
@@ -78,15 +78,14 @@ def judged_or_refused(wall: Wall, name: str) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="the feed law does not see so narrow a turn beside the pole")
-def test_a_wall_that_passes_close_by_the_vertical_keeps_the_jerk_in_every_tick() -> None:
-    judged(random_ruled(SPIKE), MACHINES[SPIKE % len(MACHINES)])
+def test_a_wall_that_passes_the_vertical_within_a_hair_keeps_the_jerk_in_every_tick() -> None:
+    judged(random_ruled(HAIR), MACHINES[HAIR % len(MACHINES)])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("batch", range(12))
 def test_random_walls_with_vertical_rulings_are_cut_or_refused(batch: int) -> None:
-    seeds = [seed for seed in range(5 * batch, 5 * batch + 5) if seed != SPIKE]
+    seeds = range(5 * batch, 5 * batch + 5)
     done = [judged_or_refused(random_ruled(seed), MACHINES[seed % len(MACHINES)]) for seed in seeds]
     assert sum(done) >= 2
 

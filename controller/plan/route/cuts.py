@@ -49,7 +49,7 @@ DEFECTS = {
     ),
     DefectKind.TWIST: (
         "the normal of the surface turns by {turn_deg:.1f} degrees along the ruling at u = {u:.4f}, which "
-        "only an axis that leaves the ruling can follow; write P3 (optimal) or P4 (auto)"
+        "only an axis that leaves the ruling can follow"
     ),
     DefectKind.FOLD: (
         "the surface folds at u = {u:.4f}, v = {v:.3f}: it has no normal there, so no cutter can stand "
@@ -137,8 +137,8 @@ def build(block: CutBlock, machine: Machine, voice: Voice) -> tuple[Cut, ...]:
     found = _defect(surface)
     twisted = found is not None and found.kind is DefectKind.TWIST
     if found is not None and not (twisted and strategy(block, tool, machine) in FREE):
-        figures = _figures(block, surface, tool, machine) if twisted else ""
-        voice.refuse(block.place, f"{code(block)}: {describe(found)}{figures}")
+        advice = _untwisted(block, surface, tool, machine) if twisted else ""
+        voice.refuse(block.place, f"{code(block)}: {describe(found)}{advice}")
     if block.modal.allowance_mm < 0.0 and tool.radius_mm + block.modal.allowance_mm <= 0.0:
         sentence = (
             f"Q of {block.modal.allowance_mm:.3f} mm leaves nothing of T{tool.number} with its radius of "
@@ -215,13 +215,24 @@ def describe(found: Defect) -> str:
     return DEFECTS[found.kind].format(u=found.u, v=found.v, turn_deg=found.turn_deg)
 
 
-def _figures(block: CutBlock, surface: Surface, tool: Tool, machine: Machine) -> str:
-    """How far a twisted surface would be off as placed, and at best; "" where it is in several parts."""
+def _untwisted(block: CutBlock, surface: Surface, tool: Tool, machine: Machine) -> str:
+    """What helps a twisted surface: a placement that leaves the ruling, where one is good enough.
+
+    A surface in several parts is not searched for a refusal: that would take seconds for each of them.
+    """
     if isinstance(block, CutNurbs) and len(list(_parts(block, surface))) > 1:
-        return ""
+        return "; try P3 (optimal) or P4 (auto)"
     cutter, kind = _cutter(block.modal, tool), strategy(block, tool, machine)
     own, best = (off_mm(surface, cutter, one) for one in (kind, Strategy.OPTIMAL))
-    return f" ({kind.name.lower()} would be {own:.3f} mm off, optimal {best:.3f} mm)"
+    most = tolerance_mm(block.modal, tool, machine)
+    if best < own and (most is None or best <= most):
+        words = "P3 (optimal)" if most is None else "P3 (optimal) or P4 (auto)"
+        return f"; write {words} ({kind.name.lower()} would be {own:.3f} mm off, optimal {best:.3f} mm)"
+    allowed = "" if most is None else f" (the form tolerance is {most:g} mm)"
+    return (
+        f", and with T{tool.number} none was found that is less than {min(own, best):.3f} mm off{allowed}; "
+        "take a thinner cutter or let both curves run more alike"
+    )
 
 
 def _audit_hollow(block: CutBlock, surface: Surface, tool: Tool, machine: Machine, voice: Voice) -> None:

@@ -8,7 +8,9 @@ which rounding does not move; there the lower coefficients are dropped if they t
 less than ``SAME_AXIS_RAD``, and what is left is divided by (u - root)^m. Any other axis (placed,
 of a cone) is first made a polynomial about the place where it comes nearest to the pole.
 
-A contact of the first order needs nothing of this: there the axis' own rate tells the direction.
+A contact of the first order needs nothing of this: there the axis' own rate tells the direction. One
+that decimals let miss the pole by a hair does: passing by it, the rotary would turn by half a turn
+within the hair, and by what a tick sees far beside it.
 """
 
 from __future__ import annotations
@@ -34,6 +36,7 @@ from controller.touches import Touch, seen_at
 Array = npt.NDArray[np.float64]
 
 SAME_AXIS_RAD = 4e-9  # a touch is one if the axis need not turn by more to be exactly there
+HIT_RAD = 1e-13  # a contact of the first order that misses by less turns the rotary by nothing
 SAME_WAY_RAD = 1e-10  # where polynomials end inside a cut, by so much the rotary may jump
 CLEAR = 1e3  # times what is dropped: the least that counts as the contact's own coefficient
 LEAST = 1e-7  # of the axis: a contact flatter than that stands on the pole
@@ -200,13 +203,13 @@ def _interpolated(axis: Axis, low: float, high: float) -> _Part | None:
 
 
 def _touch(part: _Part, kinematics: Kinematics) -> Touch | None:
-    """The touches of one polynomial, all zeros taken out; None where none is of the second order or above."""
+    """The touches of one polynomial, all zeros taken out; None where its own rates tell the direction."""
     values = part.at(np.linspace(part.low, part.high, SAMPLES))
     size = float(np.sqrt((values**2).sum(axis=1)).min())
     if not size > 0.0 or not _reached(values[:, 2], kinematics):
         return None
     left, roots, highest = part, list[float](), len(part.rows) - 1
-    while (zero := _zero(left, size, highest, 1 if roots else 2)) is not None:
+    while (zero := _zero(left, size, highest, 0.0 if roots else HIT_RAD)) is not None:
         root, order = zero
         left = replace(left, about=root, rows=left.moved(root)[order:])
         roots += [root] * order
@@ -224,14 +227,19 @@ def _reached(along: Array, kinematics: Kinematics) -> bool:
     return all(kinematics.reaches_pole(side) for side in sides)
 
 
-def _zero(part: _Part, size: float, highest: int, lowest: int) -> tuple[float, int] | None:
-    """(u, order) of a common zero of both parts across w2, of the highest order that there is."""
+def _zero(part: _Part, size: float, highest: int, hit_rad: float) -> tuple[float, int] | None:
+    """(u, order) of a common zero of both parts across w2, of the highest order that there is.
+
+    One of the first order counts where it misses by ``hit_rad`` and more.
+    """
     width = part.high - part.low
-    for order in range(min(highest, len(part.rows) - 1), lowest - 1, -1):
+    for order in range(min(highest, len(part.rows) - 1), 0, -1):
         for u in _candidates(part, order):
             c = np.sqrt((part.moved(u)[:, :2] ** 2).sum(axis=1))
             dropped = float((c[:order] * max(u - part.low, part.high - u) ** np.arange(order)).sum())
             own = float(c[order]) * width**order
+            if order == 1 and dropped < hit_rad * size:
+                continue
             if dropped <= SAME_AXIS_RAD * size and own >= max(LEAST * size, CLEAR * dropped):
                 return u, order
     return None

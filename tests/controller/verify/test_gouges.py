@@ -78,6 +78,8 @@ def test_the_corner_of_the_verbatim_example_is_found_with_place_and_depth() -> N
     of_the_cuts = [s for s in sentences if "the cut of line" in s]
     assert len(of_the_cuts) == 2, "each surface's cut destroys the other one at (38, 22)"
     assert all("2.99" in s and "part X 3" in s for s in of_the_cuts)
+    assert "the cut of line 1 cuts" in of_the_cuts[0] and "into the surface of line 9 at" in of_the_cuts[0]
+    assert "the cut of line 9 cuts" in of_the_cuts[1] and "into the surface of line 1 at" in of_the_cuts[1]
     refused(text, trunnion())
 
 

@@ -72,6 +72,15 @@ def test_a_placement_that_stays_with_the_ruling_is_refused_with_its_figure_and_t
     assert stated == pytest.approx(best[2:-2].max(), abs=2e-3)
 
 
+def test_a_placement_that_would_be_refused_as_well_is_not_advised() -> None:
+    surface, radius = blade(4)
+    text = program(surface, 50, radius, 1).replace("P1", "P1 R0.002")
+    with pytest.raises(ProgramError, match=r"none was found that is less than 0\.0\d\d mm off") as refused:
+        trace(text, machine(radius))
+    told = str(refused.value)
+    assert "the form tolerance is 0.002 mm" in told and "a thinner cutter" in told and "P3" not in told
+
+
 @pytest.mark.parametrize("placement", [3, 4])
 def test_a_blade_is_planned_with_a_lead_that_stays_off_its_surface(placement: int) -> None:
     surface, radius = blade(4)

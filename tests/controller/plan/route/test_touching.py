@@ -86,6 +86,24 @@ def test_a_contact_missed_by_more_than_rounding_is_a_wall_that_passes_by() -> No
     assert len(cut(wall(0.3, (2, 2), off_mm=1e-9)).touches) == 1
 
 
+@pytest.mark.parametrize("off_mm", [1e-11, 5e-9, 2e-8])
+@pytest.mark.parametrize("orders", [(1, 3), (1, 2)])
+def test_what_passes_by_the_pole_within_a_hair_turns_no_quicker_than_what_passes_through(
+    orders: tuple[int, int], off_mm: float
+) -> None:
+    kinematics = Kinematics(machine())
+    through, by = (stretch(cut(wall(0.5, orders, off_mm=off)), kinematics) for off in (0.0, off_mm))
+    assert len(by.motion.touches) == 1 and by.motion.touches[0].roots == pytest.approx([0.5], abs=1e-6)
+    middle = by.motion.arc.s_at(0.5)
+    s = middle + np.concatenate([sign * np.logspace(-8, 0.5, 60) for sign in (-1.0, 1.0)])
+    rows, wanted = (joints_along(along, np.sort(s), kinematics) for along in (by, through))
+    apart = np.remainder(rows - wanted + math.pi, 2.0 * math.pi)[:, 3:] - math.pi
+    assert np.abs(apart - np.round(apart / math.pi) * math.pi).max() < 1e-7
+    _, axes = kinematics.forward(rows.T, 0.0, np)
+    ruling = np.array(PART.turn(by.motion.surface.axis(by.motion.arc.u_along(np.sort(s)), np)))
+    assert np.abs(np.array(axes) - ruling).max() < 4e-9  # nothing that a machine could show
+
+
 @pytest.mark.parametrize(
     ("kind", "orders", "place", "part"),
     [
