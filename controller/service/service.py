@@ -330,7 +330,7 @@ class Service:
                 self._tick_gone(now)
         elif not self.engine.plan_alive and not self._plan_died:
             self._plan_died = True
-            with contextlib.suppress(DoorError):  # its socket stays open for the next plan, which is heard soon
+            with contextlib.suppress(DoorError):  # its socket stays open, and the next plan is heard soon
                 self.engine.request(Request.PLAN_LOST)
             runs = self.running is not None and now.mode in (Mode.RUNNING, Mode.HOLD, Mode.JOG)
             self.troubles.planner_gone(now, self.engine.last_words(), runs)
