@@ -72,7 +72,7 @@ class Connections:
     def came(self, one: _Bounded) -> None:
         """A connection was made."""
         if len(one.connections) > self.limits.ceiling:
-            one.transport.abort()
+            self._shed(one.connections)  # at once, and not this one: it may be the stop
         elif not self._shedding:
             self._shedding = True
             one.loop.call_later(self.limits.grace_s, self._shed, one.connections)
