@@ -281,11 +281,12 @@ class Service:
             job, record = self.running, self.record
             if job is None:
                 return
-            job.state, job.sentence = result, sentence
             if job.news.tool is not None and (result == "completed" or job.news.tool != self.tool):
                 self._put_in(job.news.tool if result == "completed" else 0)  # it may be in the hand
             self.running = self.record = None
             self.troubles.run_over()
+            # Last of all: who is told that it has ended may do at once what a run forbids.
+            job.state, job.sentence = result, sentence
         if record is not None:
             more = {"sentence": sentence or None, "planned_s": job.duration_s}
             self._records.submit(record.end, result, **more)

@@ -372,6 +372,18 @@ def test_a_start_on_a_full_disk_costs_the_record_and_the_program_ends_as_ever(
     done(desk, "start")
 
 
+def test_a_run_is_told_to_be_over_when_what_it_forbids_is_allowed_again_and_not_before(
+    desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loaded(desk, service)
+    done(desk, "start")
+    job, told = service.running, list[str]()
+    assert job is not None
+    monkeypatch.setattr(service.troubles, "run_over", lambda: told.append(job.state))
+    ended(service, engine)
+    assert told and told[-1] != "completed" and job.state == "completed", "another may look at any time"
+
+
 def test_a_start_that_meets_an_error_of_ours_does_not_bar_the_next(
     desk: Desk, service: Service, engine: FakeEngine
 ) -> None:
