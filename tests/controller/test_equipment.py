@@ -13,7 +13,7 @@ from controller.config import ConfigError
 from controller.machine import Clamp
 from drives.settings import IoSettings
 
-README = Path(__file__).parents[2] / "README.md"
+README = Path(__file__).parents[2] / "config" / "README.md"
 
 
 def refusal(machine_text: str) -> str:
@@ -121,7 +121,7 @@ def test_a_homing_speed_of_nothing_is_refused() -> None:
     assert "fast_mm_s = 0" in refusal(text(SPINDLE, IO, "AC", (Z, "{ method = 24, fast_mm_s = 0 }")))
 
 
-def test_the_tables_of_the_readme_are_a_machine() -> None:
+def test_the_tables_of_the_page_are_a_machine() -> None:
     block = next(part for part in README.read_text().split("```") if part.startswith("toml\n[spindle]"))
     tables, axis = block.removeprefix("toml\n").split("[[axis]]")
     clamp, homing, group = (line for line in axis.splitlines() if " = " in line)

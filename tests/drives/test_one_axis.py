@@ -1,4 +1,4 @@
-"""One axis for a script, on the stepped bus; and the README's example as it stands there."""
+"""One axis for a script, on the stepped bus; and the example of drives/README.md as it stands there."""
 
 from __future__ import annotations
 
@@ -137,8 +137,8 @@ def test_a_drive_that_is_not_there_is_a_sentence() -> None:
 
 
 def block(name: str) -> str:
-    """The code block of the README behind a mark."""
-    text = (ROOT / "README.md").read_text()
+    """The code block of drives/README.md behind a mark."""
+    text = (ROOT / "drives" / "README.md").read_text()
     found = re.search(rf"<!-- {name} -->\n```\w+\n(.*?)```", text, re.S)
     assert found, name
     return found[1]
@@ -146,7 +146,7 @@ def block(name: str) -> str:
 
 @pytest.mark.slow
 @pytest.mark.live
-def test_the_readmes_five_lines_move_one_axis(tmp_path: Path) -> None:
+def test_the_pages_five_lines_move_one_axis(tmp_path: Path) -> None:
     path = str(tmp_path / "can")
     serve, script = (
         block(f"drives alone: {what}").replace("/tmp/directrix-can", path) for what in ("bus", "move")

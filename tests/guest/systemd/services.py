@@ -1,6 +1,6 @@
 """The services of a machine under the guest's systemd, for tests: installed, started, looked at.
 
-The installation lies in /opt/directrix, as README proposes: this checkout, the packages of this
+The installation lies in /opt/directrix, as systemd/README.md proposes: this checkout, the packages of this
 Python and the Python itself are put there by bind mounts, because a service sees neither /root nor
 /home nor /tmp, where they may come from.
 

@@ -1,0 +1,125 @@
+"""The pages beside the code name what exists: files, commands with their options, faults, inputs, outputs."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from controller.__main__ import app
+from controller.equipment import INPUTS, OUTPUTS
+from controller.state import Fault
+
+ROOT = Path(__file__).resolve().parent.parent
+ROOMS = (".", "config", "config/programs", "controller", "drives", "systemd", "tests")
+PAGES = {room: (ROOT / room / "README.md").read_text(encoding="utf-8") for room in ROOMS}
+LONGEST = 150  # lines of the first page: what a person reads before deciding
+
+
+BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+
+
+def blocks(page: str, language: str) -> list[str]:
+    return [text for named, text in BLOCK.findall(page) if named == language]
+
+
+def in_backticks(page: str) -> list[str]:
+    return [" ".join(found.split()) for found in re.findall(r"`([^`]+)`", BLOCK.sub("", page))]
+
+
+def command_lines(page: str) -> list[str]:
+    """What begins with ``directrix``, in shell blocks and in backticks."""
+    lines = [part.strip() for block in blocks(page, "sh") for part in re.split(r"\n|&&", block)]
+    found = [line.removeprefix("sudo ").removeprefix(".venv/bin/") for line in lines + in_backticks(page)]
+    return [line for line in found if line.startswith("directrix ")]
+
+
+COMMANDS = sorted({(room, line) for room, page in PAGES.items() for line in command_lines(page)})
+
+
+def test_the_first_page_is_short() -> None:
+    assert len(PAGES["."].splitlines()) <= LONGEST
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_every_link_leads_somewhere(room: str) -> None:
+    links = re.findall(r"\]\(([^)#]+)\)", PAGES[room])
+    assert not [link for link in links if "://" not in link and not (ROOT / room / link).exists()]
+
+
+@pytest.mark.parametrize(("room", "line"), COMMANDS)
+def test_every_command_exists_with_the_options_that_are_named(room: str, line: str) -> None:
+    command: Any = typer.main.get_command(app)
+    words = shlex.split(line, comments=True)[1:]
+    while words and hasattr(command, "get_command"):
+        name = words.pop(0)
+        within, command = command, command.get_command(None, name)
+        assert command is not None, f"{within.name} has no {name}"
+    known = {name for given in command.params for name in (*given.opts, *given.secondary_opts)}
+    assert {word for word in words if word.startswith("--")} <= known
+
+
+def test_every_path_in_the_tree_of_the_controller_exists() -> None:
+    table = [row.split("|")[2] for row in PAGES["controller"].splitlines() if row.count("|") == 5]
+    named = {name for cell in table for name in re.findall(r"`([a-z_/]+)(?:\.[a-z_]+)?`", cell)}
+    assert len(named) > 10
+    homes = (ROOT / "controller", ROOT)
+    assert not [
+        name
+        for name in named
+        if not any((home / name).exists() or (home / f"{name}.py").exists() for home in homes)
+    ]
+
+
+def test_every_fault_of_the_wiring_is_one() -> None:
+    named = set(re.findall(r"\b[A-Z]+_[A-Z_]+\b", PAGES["config"])) - {"CAN_H", "CAN_L"}
+    assert {"ESTOP_INPUT", "TORQUE_OFF", "LIMIT_SWITCH"} <= named
+    assert {name for name in named if name in Fault.__members__ or f"`{name}`" not in PAGES["config"]} <= set(
+        Fault.__members__
+    )
+
+
+@pytest.mark.parametrize("name", [*INPUTS, *OUTPUTS])
+def test_every_input_and_output_is_described(name: str) -> None:
+    assert f"`{name}`" in PAGES["config"]
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_drawings_are_not_cut_by_a_page_of_120_columns(room: str) -> None:
+    assert all(len(line) <= 120 for drawing in blocks(PAGES[room], "") for line in drawing.splitlines())
+
+
+# What of the first page runs on a desk, with files for its capitals. The rest needs a machine or CAD.
+FOR = {
+    "PROGRAM": "config/programs/example1_ready.ngc",
+    "MACHINE": "config/trunnion.toml",
+    "--eds FILE": "--eds config/eds/simulated_drive.eds",
+    "NAME": "simulated",
+    " --faults FILE": "",
+}
+ON_A_DESK = ("check", "simulate", "fit", "verify", "post", "bus", "drives check", "faults", "paper")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("verb", ON_A_DESK)
+def test_a_command_of_the_first_page_does_what_it_says(
+    verb: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    line = next(line for line in command_lines(PAGES["."]) if re.match(rf"directrix {verb}( |$)", line))
+    for capital, file in FOR.items():
+        line = line.replace(capital, file)
+    words = shlex.split(line)[1:]
+    shutil.copytree(ROOT / "config", tmp_path / "config")
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, words)
+    assert result.exit_code == 0, result.output
+    assert result.output.strip()
+    for option, file in pairwise(words):
+        assert option not in ("--plot", "--trace") or (tmp_path / file).stat().st_size > 1000
