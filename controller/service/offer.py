@@ -94,4 +94,5 @@ def tell_beside(service: Service) -> None:
     program = replace(job.program, spot=entry.spot, start=entry.job.start)
     with contextlib.suppress(DoorError):  # the program may be refused by now, and this is only told
         said = str(service.engine.line.order("beside", program=program)["sentence"])
-        service.alarms.add("BESIDE_THE_PATH", said, line=entry.spot.line)
+        if said:  # on the path there is nothing to tell
+            service.alarms.add("BESIDE_THE_PATH", said, line=entry.spot.line)
