@@ -83,6 +83,7 @@ class Way:
     offset: int = 0  # work offset that is active, 0 = G54
     end_s: float = 0.0  # of the motion, in the unit of the snapshot's s
     arc: ArcLength | None = None  # of a surface: which u an s is
+    feed_steps: tuple[tuple[float, float], ...] = ()  # (s, feed) where lines of a row have others
 
 
 @dataclass(frozen=True, slots=True)

@@ -349,7 +349,8 @@ class Planning:
         length_mm, part = getattr(motion, "length_mm", 0.0), getattr(motion, "part", None)
         tool, offset = self._tools.get(id(stretch)), self._offsets[i - 1][1] if i else 0
         told = (stretch.end, stretch.feed_mm_s, length_mm, part, stretch.name, tool, offset)
-        return Way(*told, motion.end, motion.arc if isinstance(motion, SurfaceCut) else None)
+        arc = motion.arc if isinstance(motion, SurfaceCut) else None
+        return Way(*told, motion.end, arc, stretch.feed_steps)
 
     def _forget_tools(self) -> None:
         """Those of stretches that were told long ago."""

@@ -40,7 +40,7 @@ def machine_values(
         "joints": joints(machine, now, way),
         "work_offset": config.OFFSETS[way.offset if way is not None else 0],
         **tip(machine, now, way, in_spindle),
-        "feed_mm_min": {"programmed": _programmed(way), "actual": _feed(now, recorder)},
+        "feed_mm_min": {"programmed": _programmed(now, way), "actual": _feed(now, recorder)},
         "limited_by": _limited_by(machine, now),
         "in_block": in_block(now, way),
         "override": now.override,
@@ -217,8 +217,11 @@ def in_block(now: Snapshot, way: Way | None) -> dict[str, Any] | None:
     return {"what": way.name, "fraction": done, "u": way.arc.u_at(now.s) if way.arc is not None else None}
 
 
-def _programmed(way: Way | None) -> float | None:
-    return None if way is None or way.feed_mm_s is None else way.feed_mm_s * PER_MIN
+def _programmed(now: Snapshot, way: Way | None) -> float | None:
+    if way is None or way.feed_mm_s is None:
+        return None
+    begun = [feed for s, feed in way.feed_steps if s <= now.s]
+    return (begun[-1] if begun else way.feed_mm_s) * PER_MIN
 
 
 def _feed(now: Snapshot, recorder: Recorder | None) -> float:

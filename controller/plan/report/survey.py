@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from controller.kinematics import Kinematics
 from controller.machine import Machine
-from controller.motions import SurfaceCut, ToolLine, ToolSpline
+from controller.motions import SurfaceCut, ToolSpline
 from controller.placement import Placed
 from controller.plan.feed import binding
 from controller.plan.feed.binding import Span
@@ -279,12 +279,14 @@ class _Look:
             here = slice(first, first + n * motion.per_window)
             stretch = course.stretches[span.stretch]
             if n:
-                tally, rate = self._of(stretch), _tip_rate(stretch)
+                tally, s = self._of(stretch), motion.s[here] - course.starts[span.stretch]
+                rate = stretch.tip_rate(np.clip(s, 0.0, stretch.motion.end))
                 speeds = rate * motion.v[here], rate * feed[here]
                 tally.moments(motion.dt[here], speeds, found[here], ratio[here])
                 dt, ds = _windows(span, n)
-                tally.windows(dt, rate * ds, shown[window : window + n])
-                self._joints(stretch, motion.s[here] - course.starts[span.stretch])
+                tip = rate.reshape(n, motion.per_window).mean(axis=1)
+                tally.windows(dt, tip * ds, shown[window : window + n])
+                self._joints(stretch, s)
             self._cut_time_s += (span.to_s - span.from_s) * stretch.cutting
             window, first = window + n, here.stop
 
@@ -328,8 +330,3 @@ def lines_of(stretch: Stretch) -> tuple[int, int, int]:
         lines = stretch.motion.lines
         return lines[0], lines[-1], len(lines)
     return stretch.place.line, stretch.place.line, 1
-
-
-def _tip_rate(stretch: Stretch) -> float:
-    """Millimetres of the tip (of the contact) per unit of s."""
-    return stretch.motion.tip_rate if isinstance(stretch.motion, ToolLine) else 1.0

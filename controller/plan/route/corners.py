@@ -5,25 +5,31 @@ Between two corners all five run evenly; a line whose great circle is not so get
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry import Vector
+from controller.curves import Arc
+from controller.geometry import Vector, norm
 from controller.kinematics import Kinematics
-from controller.machine import Machine
+from controller.machine import Joints, Machine
+from controller.motions import JointMove
 from controller.plan.route import lines, moves
 from controller.plan.route.lines import Stand
 from controller.plan.route.stretch import Voice, joints_of, rotaries_of, xyz_of
 from controller.plan.route.tool_axes import AxisLost, GreatCircles, follow
-from controller.plan.text.program import JointLine, Modal, Tip, TipLine
+from controller.plan.text.program import JointArc, JointLine, Modal, Tip, TipLine
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
-Feed = TipLine | JointLine
+Row = tuple[float, ...]  # X Y Z and both rotaries
+Feed = TipLine | JointLine | JointArc
 
 CIRCLE_SHARE = 0.1  # of the axis' tolerance for corners between great circles, the rest for the fit
+CHORD_SHARE = 0.02  # of the tip's tolerance for the chords of arcs, likewise
+LEAST_CHORDS = 4  # of an arc, however small
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +54,7 @@ class CornerMaker:
     def of(self, blocks: list[Feed], stand: Stand) -> tuple[Corners, Stand]:
         """Corners of lines that begin at ``stand``, and where they end."""
         if self._modal.tip is Tip.OFF:
-            return self._joint_corners([b for b in blocks if isinstance(b, JointLine)], stand)
+            return self._joint_corners([b for b in blocks if not isinstance(b, TipLine)], stand)
         return self._tip_corners([b for b in blocks if isinstance(b, TipLine)], stand)
 
     def _tip_corners(self, blocks: list[TipLine], stand: Stand) -> tuple[Corners, Stand]:
@@ -149,21 +155,44 @@ class CornerMaker:
         values = np.hstack([tips, way.rotaries[inner]])
         return [Corners(way.line[inner] + i, share, values, way.sine[inner])]
 
-    def _joint_corners(self, blocks: list[JointLine], stand: Stand) -> tuple[Corners, Stand]:
-        """Lines of joint space (no G43.4): X Y Z are machine positions."""
-        now, rows = stand.joints, []
-        rows.append((*xyz_of(now, self._kinematics), *rotaries_of(now, self._kinematics)))
-        for block in blocks:
-            now = moves.target(block, self._machine, now)
-            rows.append((*xyz_of(now, self._kinematics), *rotaries_of(now, self._kinematics)))
-        line = np.arange(len(blocks))
+    def _joint_corners(self, blocks: list[JointLine | JointArc], stand: Stand) -> tuple[Corners, Stand]:
+        """Lines and arcs of joint space (no G43.4): X Y Z are machine positions."""
+        now = stand.joints
+        rows: list[Row] = []
+        line: list[int] = []
+        share: list[float] = []
+        for number, block in enumerate(blocks):
+            end, inner = self._joint_way(block, now)
+            rows += [self._row(now), *inner]
+            line += [number] * (1 + len(inner))
+            share += [k / (1 + len(inner)) for k in range(1 + len(inner))]
+            now = end
+        values = np.array([*rows, self._row(now)])
         found = Corners(
-            np.concatenate((line, line[-1:])),
-            np.concatenate((0.0 * line, [1.0])),
-            np.array(rows),
-            np.ones(len(rows)),
+            np.array([*line, len(blocks) - 1]), np.array([*share, 1.0]), values, np.ones(len(values))
         )
         return found, Stand.at(now, self._modal.length_mm, self._kinematics)
+
+    def _joint_way(self, block: JointLine | JointArc, now: Joints) -> tuple[Joints, list[Row]]:
+        """Where a block ends, and its corners on the way there: an arc is cut into chords."""
+        if isinstance(block, JointLine):
+            return moves.target(block, self._machine, now), []
+        bow = moves.arc(block, self._machine, self._kinematics, now, self._voice)
+        if bow is None or not isinstance(bow.motion, JointMove) or not isinstance(bow.motion.curve, Arc):
+            return moves.target(block, self._machine, now), []
+        arc, first, last = (
+            bow.motion.curve,
+            *(np.array(r) for r in (bow.motion.start_rotaries, bow.motion.end_rotaries)),
+        )
+        # A chord over the angle t leaves a circle of radius r by r (1 - cos(t / 2)), at most r t^2 / 8.
+        off_mm = CHORD_SHARE * self._modal.blend_mm
+        chords = max(LEAST_CHORDS, math.ceil(arc.sweep_rad * math.sqrt(norm(arc.first) / (8.0 * off_mm))))
+        u = np.arange(1, chords) / chords
+        xyz = np.stack(np.broadcast_arrays(*arc.at(u, np)), axis=1)
+        return bow.end, [tuple(row) for row in np.hstack([xyz, first + u[:, None] * (last - first)]).tolist()]
+
+    def _row(self, joints: Joints) -> Row:
+        return (*xyz_of(joints, self._kinematics), *rotaries_of(joints, self._kinematics))
 
 
 def _between(tips: Array, line: Index, share: Array) -> Array:

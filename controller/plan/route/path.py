@@ -20,6 +20,7 @@ from controller.machine import Joints, Machine
 from controller.motions import JointMove, Rotaries, SurfaceCut, ToolLine
 from controller.plan.route import approach, audit, choices, clamps, cuts, lines, moves, rows, train, unwind
 from controller.plan.route.branch import BranchLost, joints_along
+from controller.plan.route.corners import Feed
 from controller.plan.route.lines import Stand
 from controller.plan.route.rows import LineRow
 from controller.plan.route.stretch import Chain, Note, Path, Pause, Stretch, Voice, rotaries_of
@@ -55,7 +56,6 @@ __all__ = [
 
 ARC_SAMPLES = 181
 ALONE = "G64 is run as G61 where it has no P: the path is followed exactly and not blended."
-NO_BLEND = "G64 is run as G61 on arcs: they are followed exactly; P blends lines (G1) and joints of surfaces."
 LONGEST_CHAIN = 64  # stretches; a longer row of lines comes in parts
 SWIVEL = "Stops at the pole between two blocks and turns the rotary axis under the standing tool."
 
@@ -108,7 +108,7 @@ class Tracer:
         self._items: list[Chain | Pause] = []  # not given away yet
         self._ahead = Ahead(iter(()))
         self.notes: list[Note] = []
-        self._row: LineRow | None = None  # of lines under G64 P
+        self._row: LineRow | None = None  # of lines and arcs under G64 P
         self._stand: Stand | None = None  # of the tool after the last block of G43.4 or G43.5
         self._run: list[Stretch] = []  # feed moves that still run through
         self._blends_noted = False
@@ -150,7 +150,7 @@ class Tracer:
         if isinstance(block, Remark):
             self._note(block.place, block.sentence)
             return
-        if isinstance(block, JointLine | TipLine) and rows.blends(block):
+        if isinstance(block, JointLine | TipLine | JointArc) and rows.blends(block):
             self._blended(block)
             return
         self._end_row()
@@ -161,14 +161,17 @@ class Tracer:
         elif isinstance(block, TipLine):
             self._note_blend(block)
             self._tool(block)
-        elif isinstance(block, JointLine):
+        elif isinstance(block, JointLine | JointArc):
             self._note_blend(block)
-            self._move(moves.line(block, self._machine, self._kinematics, self.now), block.relative)
-        elif isinstance(block, JointArc):
-            self._note_blend(block)
-            self._move(
-                moves.arc(block, self._machine, self._kinematics, self.now, self._voice), block.relative
-            )
+            self._exact(block)
+
+    def _exact(self, block: JointLine | JointArc) -> None:
+        """G0 to G3 without a tool-centre mode, as it stands there."""
+        if isinstance(block, JointLine):
+            made = moves.line(block, self._machine, self._kinematics, self.now)
+        else:
+            made = moves.arc(block, self._machine, self._kinematics, self.now, self._voice)
+        self._move(made, block.relative)
 
     # ---- lines of the tool and rows of lines -----------------------------------------
 
@@ -199,8 +202,8 @@ class Tracer:
                 self._rest()
         self._stand = replace(stand, joints=self.now)
 
-    def _blended(self, block: JointLine | TipLine) -> None:
-        """A line that joins the row of lines under G64 P, or begins one."""
+    def _blended(self, block: Feed) -> None:
+        """A line or an arc that joins the row under G64 P, or begins one."""
         if self._row is not None and not self._row.takes(block):
             self._end_row()
         if self._row is None:
@@ -219,7 +222,7 @@ class Tracer:
         if isinstance(only, TipLine):
             self._tool(only)
         elif only is not None:
-            self._move(moves.line(only, self._machine, self._kinematics, self.now), only.relative)
+            self._exact(only)
         else:
             self._rest()
             self._items += row.chains(True)
@@ -282,10 +285,10 @@ class Tracer:
     def _note(self, place: Place, sentence: str) -> None:
         self.notes.append(Note(place, sentence))
 
-    def _note_blend(self, block: JointLine | TipLine | JointArc) -> None:
+    def _note_blend(self, block: Feed) -> None:
         if not block.modal.exact and block.feed_mm_s is not None and not self._blends_noted:
             self._blends_noted = True
-            self._note(block.place, ALONE if isinstance(block, JointLine | TipLine) else NO_BLEND)
+            self._note(block.place, ALONE)
 
     def _pause(self, pause: Pause) -> None:
         self._rest()

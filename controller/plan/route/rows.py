@@ -1,4 +1,4 @@
-"""Rows of G1 lines under G64 P as smooth splines: from blocks to chains, some thousand lines at a time.
+"""Rows of lines and arcs under G64 P as smooth splines: from blocks to chains, some thousand lines at a time.
 
     lines -> corners: tip (table frame) and rotaries, more where the great circle asks for it
           -> ``fit`` -> spans -> motions of ``SPANS`` spans each
@@ -22,7 +22,7 @@ from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.motions import DEG_PER_MM, ToolLine, ToolSpline
 from controller.plan.route import audit, lines, moves, tool_paths
-from controller.plan.route.corners import CIRCLE_SHARE, CornerMaker, Corners, Feed
+from controller.plan.route.corners import CHORD_SHARE, CIRCLE_SHARE, CornerMaker, Corners, Feed
 from controller.plan.route.fit import Polyline, Row, Spans, Tolerance
 from controller.plan.route.lines import Stand
 from controller.plan.route.stretch import (
@@ -36,7 +36,7 @@ from controller.plan.route.stretch import (
     straight,
 )
 from controller.plan.route.tool_axes import GreatCircles
-from controller.plan.text.program import JointLine, Modal, Place, Tip, TipLine
+from controller.plan.text.program import JointArc, JointLine, Modal, Place, Tip, TipLine
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
@@ -51,7 +51,7 @@ LEAST = 1e-9  # corners nearer than this in s are one
 
 
 def blends(block: Feed) -> bool:
-    """Whether a block is a line that G64 P lets be left."""
+    """Whether a block is a line or an arc that G64 P lets be left."""
     feeds = block.feed_mm_s is not None
     framed = isinstance(block, JointLine) and block.machine_frame
     return feeds and not framed and not block.modal.exact and block.modal.blend_mm > 0.0
@@ -186,7 +186,8 @@ class LineRow:
         if self._row is None:
             spin = self._kinematics.work if self._tips else None
             share = 1.0 - CIRCLE_SHARE if self._tips else 1.0
-            tolerance = Tolerance(self._modal.blend_mm, share * self._axis_rad, spin)
+            chords = 0.0 if self._tips else CHORD_SHARE
+            tolerance = Tolerance((1.0 - chords) * self._modal.blend_mm, share * self._axis_rad, spin)
             self._row = Row(tolerance, line.between(0, 0))
         self._row.extend(line)
         self._s = float(line.s[-1])
@@ -227,7 +228,7 @@ class LineRow:
         kinematics = self._kinematics
         if not isinstance(block, TipLine):
             start, end = (joints_of(_three(v), (float(v[3]), float(v[4])), kinematics) for v in (a, b))
-            feeds = (block.feed_mm_s, kinematics, block.feed_deg_s)
+            feeds = (block.feed_mm_s, kinematics, _turning_feed(block))
             stretch = straight("line", block.place, start, end, *feeds)
             if stretch is not None:
                 if block.time_s is not None:
@@ -344,8 +345,13 @@ def _feed(block: Feed, size: float, tip_mm: float, turned_deg: float) -> tuple[f
     if block.time_s is not None:
         return (size if stands else max(tip_mm, LEAST_TIP_RATE * size)) / block.time_s, stands
     if stands:
-        return (block.feed_deg_s or 0.0) * size / turned_deg, True
+        return (_turning_feed(block) or 0.0) * size / turned_deg, True
     return block.feed_mm_s or 0.0, False
+
+
+def _turning_feed(block: Feed) -> float | None:
+    """Degrees per second where only the axis turns: of an arc whose radius is none, its F."""
+    return block.feed_mm_s if isinstance(block, JointArc) else block.feed_deg_s
 
 
 def _turning(starts: list[float], stands: list[bool]) -> tuple[tuple[float, float], ...]:

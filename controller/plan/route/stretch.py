@@ -75,10 +75,14 @@ class Stretch:
             feed = feeds[np.clip(np.searchsorted(starts, s, side="right") - 1, 0, None)]
         else:
             feed = np.full(np.shape(s), self.feed_mm_s)
+        return np.asarray(feed / self.tip_rate(s))
+
+    def tip_rate(self, s: Array) -> Array:
+        """Millimetres of the tip that count as one of s at the places ``s`` (N,); 1 where it is to stand."""
         rate = tip_rate(self.motion, s)
         for begin, end in self.turning:
             rate[(s >= begin) & (s < end)] = 1.0
-        return np.asarray(feed / rate)
+        return rate
 
 
 @dataclass(frozen=True, slots=True)

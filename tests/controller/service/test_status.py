@@ -99,3 +99,11 @@ def test_what_stands_in_the_way_and_what_stopped_nothing_is_told_in_both_languag
         for fault in (Fault.DOOR_OPEN, Fault.DRIVE_WARNING)
     ]
     assert status.machine_values(machine, snapshot(), None, None)["notices"] == []
+
+
+def test_the_programmed_feed_of_a_row_is_that_of_the_line_the_tool_is_on(machine: Machine) -> None:
+    row = replace(way(0), feed_mm_s=10.0, feed_steps=((0.0, 10.0), (30.0, 25.0), (42.0, 5.0)))
+    at = {0.0: 600.0, 29.9: 600.0, 30.0: 1500.0, 50.0: 300.0}
+    for s, feed in at.items():
+        told = status.machine_values(machine, snapshot(s=s), row, None)
+        assert told["feed_mm_min"]["programmed"] == feed

@@ -76,6 +76,14 @@ def test_an_even_cruise_is_bound_by_the_feed_for_most_of_its_time() -> None:
     assert sum(bound.share for bound in blocks[0].own.binds) <= 1.0 + 1e-9
 
 
+def test_the_feed_of_a_row_of_lines_is_the_programmed_one() -> None:
+    """At a corner that the spline cuts its length runs faster than the tip: what is told is the tip's."""
+    text = "G21 G90 G54 G64 P0.05\nG0 X0 Y0 Z60 A0 C0\nG1 X30 F1500\nY30\nX60 Y5 A5\nG2 X80 Y5 I10\n"
+    rows = [block for block in looked_at(text)[1] if block.what == "line"]
+    assert [row.own.feed for row in rows] == [pytest.approx(1500.0, rel=1e-9)] * len(rows)
+    assert rows and max(row.own.feed_max for row in rows) <= 1500.0 * 1.001
+
+
 def test_a_slow_axis_is_named_with_kind_share_and_place() -> None:
     built = machine(spindle=None)
     slow = Limits(5.0, 100.0, 2000.0)

@@ -206,15 +206,69 @@ def test_one_line_alone_stays_exact_under_p() -> None:
     assert [type(s.motion) for s in stretches(traced)] == [JointMove, ToolLine, JointMove, ToolLine]
 
 
-def test_lines_of_joints_are_blended_in_machine_positions() -> None:
-    traced = trace("G55 G64 P0.05\nG0 X0 Y0 Z0\nG1 X10 F600\nX20 Y5\nY10 A5\nG2 X30 Y10 I5\n", MILL)
+def off_segment(points: Array, a: Array, b: Array) -> Array:
+    way = b - a
+    share = np.clip((points - a) @ way / (way @ way), 0.0, 1.0)
+    return np.linalg.norm(points - a - share[:, None] * way, axis=1)
+
+
+def off_bow(points: Array, centre: Array, radius: float, ends: tuple[float, float]) -> Array:
+    """Distance of points in a plane from an arc between two angles, counter-clockwise."""
+    out = points - centre
+    angle = (np.arctan2(out[:, 1], out[:, 0]) - ends[0]) % (2 * math.pi)
+    tips = [centre + radius * np.array([math.cos(at), math.sin(at)]) for at in ends]
+    beyond = np.min([np.linalg.norm(points - tip, axis=1) for tip in tips], axis=0)
+    return np.where(angle <= ends[1] - ends[0], np.abs(np.linalg.norm(out, axis=1) - radius), beyond)
+
+
+def test_lines_and_arcs_of_joints_are_blended_in_machine_positions() -> None:
+    traced = trace("G55 G64 P0.05\nG0 X0 Y0 Z0\nG1 X10 F600\nX20 Y5\nY10 A5\nG2 X30 Y10 I5\nG1 X40\n", MILL)
     assert_whole(traced, MILL)
     (row,) = splines(traced)
     assert not row.motion.tips  # type: ignore[union-attr]
-    machine = joints_along(row, np.linspace(0.0, row.motion.end, 3000), KINEMATICS)
-    corners = np.array([[0.0, 0, 0], [10, 0, 0], [20, 5, 0], [20, 10, 0]])
-    assert cam_lines.distance(machine[:, :3], corners).max() <= 0.05
-    assert "G64 is run as G61 on arcs" in sentences(traced)
+    machine = joints_along(row, np.linspace(0.0, row.motion.end, 6000), KINEMATICS)[:, :2]
+    corners = np.array([[0.0, 0], [10, 0], [20, 5], [20, 10], [30, 10], [40, 10]])
+    sides = [off_segment(machine, corners[k], corners[k + 1]) for k in (0, 1, 2, 4)]
+    sides.append(off_bow(machine, np.array([25.0, 10.0]), 5.0, (0.0, math.pi)))
+    assert np.min(sides, axis=0).max() <= 0.05
+    assert np.linalg.norm(machine - np.array([25.0, 15.0]), axis=1).min() <= 0.05, "the whole arc is gone"
+    assert "G64 is run as G61" not in sentences(traced)
+    assert [row.motion.line_at(s) for s in (1.0, 12.0, 24.0, 35.0, row.motion.end)] == [3, 4, 5, 6, 7]  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize("blend_mm", [0.1, 0.01, 0.001])
+@pytest.mark.parametrize("radius", [0.2, 3.0, 80.0])
+def test_a_rounded_contour_is_one_row_within_p_and_as_smooth_as_its_arcs(
+    radius: float, blend_mm: float
+) -> None:
+    """A square with rounded corners, a whole circle at its end: tangent everywhere."""
+    r, side = radius, 3.0 * radius
+    text = f"G55 G64 P{blend_mm}\nG0 X0 Y0 Z0\nG1 X{side} F600\nG3 X{side + r} Y{r} J{r}\nG1 Y{side + r}\n"
+    text += f"G3 X{side} Y{side + 2 * r} I{-r}\nG1 X0\nG3 X0 Y{side + 2 * r} J{-r}\n"
+    traced = trace(text, MILL)
+    assert_whole(traced, MILL)
+    row = splines(traced)
+    assert sum(s.motion.end for s in row) == pytest.approx(
+        3 * side + 3 * math.pi * r, rel=1e-3, abs=2 * blend_mm
+    )
+    machine = np.concatenate(
+        [joints_along(s, np.linspace(0.0, s.motion.end, 4001), KINEMATICS) for s in row]
+    )[:, :2]
+    top = side + 2 * r
+    corners = [(0, 0), (side, 0), (side + r, r), (side + r, side + r), (side, top), (0, top)]
+    ends = [np.array(corner, float) for corner in corners]
+    found = [off_segment(machine, ends[k], ends[k + 1]) for k in (0, 2, 4)]
+    found.append(off_bow(machine, np.array([side, r]), r, (-math.pi / 2, 0.0)))
+    found.append(off_bow(machine, np.array([side, side + r]), r, (0.0, math.pi / 2)))
+    found.append(np.abs(np.linalg.norm(machine - np.array([0.0, side + r]), axis=1) - r))
+    assert np.min(found, axis=0).max() <= blend_mm
+    bends = [
+        np.linalg.norm(derivatives(s, np.linspace(0.0, s.motion.end, 4001), KINEMATICS).second[:, :2], axis=1)
+        for s in row
+    ]
+    assert np.concatenate(bends).max() <= 2.0 / (r - blend_mm), (
+        "the spline bends much more than the arcs that it follows"
+    )
 
 
 def test_moves_that_lead_nowhere_are_left_out_of_a_row() -> None:
