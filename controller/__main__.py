@@ -12,7 +12,7 @@ import inspect
 import json
 import sys
 from types import ModuleType
-from typing import Any, TextIO
+from typing import Annotated, Any, TextIO
 
 import typer
 from typer.core import TyperGroup
@@ -96,12 +96,24 @@ def _add(holder: typer.Typer, name: str, module: ModuleType) -> None:
         holder.add_typer(found if isinstance(found, typer.Typer) else module.app, name=name)
 
 
-app = typer.Typer(cls=Commands, add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False)
+app = typer.Typer(cls=Commands, no_args_is_help=True, pretty_exceptions_enable=False)
 USAGE: Any = typer.BadParameter.__mro__[1]  # click's UsageError, wherever this typer keeps it
 
 
+def _version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        print(f"directrix {version('directrix')}")
+        raise typer.Exit
+
+
 @app.callback()
-def directrix() -> None:
+def directrix(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
     """A five-axis controller that cuts ruled surfaces themselves."""
 
 

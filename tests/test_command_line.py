@@ -151,7 +151,6 @@ FILES = [
     (("check", "ok.ngc", "--machine", "nope"), "no such machine file; allowed: a path or fig4b"),
     (("check", "ok.ngc", "--machine", "."), "no such machine file"),
     (("check", "ok.ngc", "--machine", "bad.toml"), "bad.toml: is not TOML"),
-    (("check", "ok.ngc", "--gouge", "x"), "--gouge x is not known"),
     (("simulate", "ok.ngc", "--period-ms", "0"), "allowed: a number from 0.0005 to 0.01"),
     (("simulate", "ok.ngc", "--period-ms", "-1"), "allowed: a number from 0.0005 to 0.01"),
     (("simulate", "ok.ngc", "--period-ms", "nan"), "allowed: a number from 0.0005 to 0.01"),
@@ -159,7 +158,6 @@ FILES = [
     (("simulate", "ok.ngc", "--period-ms", "0.5"), "what would fit: a period of 2 ms"),
     (("simulate", "ok.ngc", "--events", "none"), "none: No such file"),
     (("simulate", "ok.ngc", "--events", "."), "Is a directory"),
-    (("demo", "--part", "x"), "--part x is not known; allowed are cone and ruled"),
     (("demo", "--out", "ok.ngc"), "ok.ngc: File exists"),
 ]  # fmt: skip
 

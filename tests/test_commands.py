@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from importlib import metadata
 
 import pytest
 import typer
+from typer.testing import CliRunner
 
 from controller.__main__ import COMMANDS, app
 
@@ -27,6 +29,35 @@ def test_every_command_of_the_table_is_there_and_says_what_it_does(name: str) ->
     group = typer.main.get_command(app)
     command = group.get_command(None, name)  # type: ignore[attr-defined]
     assert command.name == name and command.help
+
+
+CHOICES = [
+    ("check p.ngc --gouge", "refuse warn"),
+    ("simulate p.ngc --gouge", "refuse warn"),
+    ("simulate p.ngc --faults-from", "program home"),
+    ("verify p.ngc --gouge", "refuse warn"),
+    ("demo --part", "cone ruled"),
+    ("import p.step --direction", "climb conventional"),
+    ("import p.step --placement", "single double optimal machine"),
+    ("serve --late", "stop count"),
+    ("dnc receive --port x --format", "7E2 7E1 8N1"),
+    ("dnc receive --port x --flow", "xon rts none"),
+    ("dnc send O1 --port x --line-end", "own lf crlf cr lfcrcr"),
+    ("users add anna --role", "view operate set_up"),
+    ("tokens add cam --role", "view operate set_up"),
+]
+
+
+@pytest.mark.parametrize(("words", "allowed"), CHOICES, ids=[words for words, _ in CHOICES])
+def test_a_word_that_is_none_of_an_options_is_refused_with_those_that_are(words: str, allowed: str) -> None:
+    done = CliRunner(env={"COLUMNS": "200"}).invoke(app, [*words.split(), "elsewhere"])
+    assert done.exit_code == 2
+    said = " ".join(done.output.split())
+    assert words.split()[-1] in said and all(f"'{word}'" in said for word in allowed.split()), said
+
+
+def test_the_version_is_that_of_the_package() -> None:
+    assert CliRunner().invoke(app, ["--version"]).output == f"directrix {metadata.version('directrix')}\n"
 
 
 @pytest.mark.parametrize("words", ["hold", "start", "jog X 1", "status", "alarms"])

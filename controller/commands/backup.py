@@ -26,7 +26,7 @@ app = typer.Typer(
 Archive = Annotated[Path, typer.Argument(help="The archive (.zip).")]
 MachineFile = Annotated[str, typer.Option("--machine", help="Machine file; default: the service's.")]
 Target = Annotated[
-    Path | None, typer.Option("--machine-file", help="Where the service reads its machine file from.")
+    Path | None, typer.Option("--machine", help="Where the service reads its machine file from.")
 ]
 State = Annotated[
     Path | None, typer.Option("--state", help="State folder; default: the service's or the user's.")
@@ -73,7 +73,7 @@ def restore(
 @app.command()
 def update(
     new: Annotated[Path, typer.Argument(help="The new machine file.")],
-    machine_file: Annotated[Path, typer.Option("--machine-file", help="The one that it replaces.")],
+    machine_file: Annotated[Path, typer.Option("--machine", help="The one that it replaces.")],
     state: State = None,
     runtime: Runtime = None,
     as_json: Json = False,

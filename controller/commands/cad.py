@@ -8,7 +8,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -36,10 +36,10 @@ ToolNumber = Annotated[int, typer.Option("--tool", help="Default: the thickest o
 Feed = Annotated[float, typer.Option("--feed", help="mm/min.")]
 Spindle = Annotated[float, typer.Option("--spindle", help="rev/min.")]
 Direction = Annotated[
-    str, typer.Option("--direction", help="'climb' (G41) or 'conventional' (G42), spindle clockwise.")
+    Literal["climb", "conventional"], typer.Option("--direction", help="G41 or G42, spindle clockwise.")
 ]
 Placement = Annotated[
-    str, typer.Option("--placement", help="On twisted faces: 'single', 'double', 'optimal' or 'machine'.")
+    Literal["single", "double", "optimal", "machine"], typer.Option("--placement", help="On twisted faces.")
 ]
 OtherSide = Annotated[
     str, typer.Option("--other-side", help="Faces whose material is on the other side (without a solid).")
@@ -87,8 +87,6 @@ def import_(
     with refusals(as_json, lambda: (ConfigError,)):
         if only_list == bool(faces):
             raise Refused("Say either --list, to see the faces, or --faces with their numbers, to cut them.")
-        _one_of("--direction", direction, ("climb", "conventional"))
-        _one_of("--placement", placement, ("single", "double", "optimal", "machine"))
         for name, value in (("--feed", feed), ("--spindle", spindle), ("--tolerance", tolerance)):
             if not 0.0 < value < math.inf:
                 raise Refused(f"{name} {value:g}: it must be greater than 0; correct it.")
@@ -119,11 +117,6 @@ def import_(
 
 
 # ---- what is asked for ---------------------------------------------------------------
-
-
-def _one_of(name: str, word: str, allowed: Sequence[str]) -> None:
-    if word not in allowed:
-        raise Refused(f"{name} {word} is not known; allowed are {', '.join(allowed)}.")
 
 
 def _numbers(name: str, text: str, part: Part) -> list[int]:

@@ -23,13 +23,16 @@ ENDS_S = 30.0  # for both to be gone
 Process = subprocess.Popen[bytes]
 
 
-def run(folder: Path, port: int, as_json: bool) -> None:
+def run(folder: Path, port: int, period_ms: float, as_json: bool) -> None:
     """Serve until it is interrupted. ``folder`` keeps programs and runs. Raises Refused."""
     _free(port)
     _stock(folder)
     with tempfile.TemporaryDirectory(prefix="directrix-") as runtime:  # its socket needs a short path
         where = ("--state", str(folder), "--runtime", runtime)
-        commands = (("serve", "--simulate", *where), ("panel", "--port", str(port), *where))
+        commands = (
+            ("serve", "--simulate", "--period-ms", f"{period_ms:g}", *where),
+            ("panel", "--port", str(port), *where),
+        )
         with _started(commands) as processes:
             url = f"http://127.0.0.1:{port}/"
             _await_page(url, processes)

@@ -7,7 +7,7 @@ import math
 import time
 from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -26,8 +26,8 @@ app = typer.Typer(
 
 Port = Annotated[str, typer.Option("--port", help="The serial port, such as /dev/ttyUSB0.")]
 Baud = Annotated[int, typer.Option("--baud", help="1200 to 115200, as the other end is set.")]
-Format = Annotated[str, typer.Option("--format", help="7E2, 7E1 or 8N1.")]
-Flow = Annotated[str, typer.Option("--flow", help="'xon' (XON/XOFF), 'rts' (RTS/CTS) or 'none'.")]
+Format = Annotated[Literal["7E2", "7E1", "8N1"], typer.Option("--format", help="As the other end is set.")]
+Flow = Annotated[Literal["xon", "rts", "none"], typer.Option("--flow", help="XON/XOFF, RTS/CTS or none.")]
 Silence = Annotated[float, typer.Option("--silence-s", help="A pause this long is a cut line.")]
 Wait = Annotated[float, typer.Option("--wait-s", help="How long the other end may take to begin.")]
 State = Annotated[
@@ -123,7 +123,9 @@ def send(
     data_format: Format = "7E2",
     flow: Flow = "xon",
     file: Annotated[bool, typer.Option("--file", help="Send a file, not a program of the store.")] = False,
-    line_end: Annotated[str, typer.Option("--line-end", help="own, lf, crlf, cr or lfcrcr.")] = "own",
+    line_end: Annotated[
+        Literal["own", "lf", "crlf", "cr", "lfcrcr"], typer.Option("--line-end", help="Of every line.")
+    ] = "own",
     checksum: Annotated[bool, typer.Option(help="Put a checksum into the leader, which others skip.")] = True,
     await_start: Annotated[
         bool, typer.Option("--await-start", help="Begin when the reader asks (DC1).")
@@ -135,8 +137,6 @@ def send(
 ) -> None:
     """Punch a program out; read back by receive it is identical."""
     with refusals(as_json, lambda: (TapeError, StoreError)):
-        if line_end not in LINE_ENDS:
-            raise Refused(f"--line-end {line_end} is not known; allowed are {', '.join(LINE_ENDS)}.")
         settings = LineSettings(port, baud, data_format, flow, silence_s, wait_s)
         settings.check()
         text = Path(program).read_bytes() if file else _of_store(program, state)

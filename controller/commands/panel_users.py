@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.table import Table
@@ -24,7 +24,9 @@ users = typer.Typer(no_args_is_help=True, help="Users of the panel: add, list, r
 tokens = typer.Typer(no_args_is_help=True, help="Tokens of scripts: add, list, remove.")
 
 Name = Annotated[str, typer.Argument(help="Up to 40 letters, digits and . _ @ -")]
-Role = Annotated[str, typer.Option("--role", help="view, operate or set_up.")]
+Role = Annotated[
+    Literal["view", "operate", "set_up"], typer.Option("--role", help="Each may do what those before it may.")
+]
 State = Annotated[Path | None, typer.Option("--state", help="Folder of what is kept.")]
 
 NAME = re.compile(r"[A-Za-z0-9_.@-]{1,40}")

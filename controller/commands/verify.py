@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 from zipfile import BadZipFile
 
 import numpy as np
@@ -36,7 +36,9 @@ MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or th
 Commanded = Annotated[
     bool, typer.Option("--commanded", help="Of a trace: what the drives were told, not what they did.")
 ]
-GougeWord = Annotated[str, typer.Option("--gouge", help="'refuse' or 'warn'; default: the machine file's.")]
+GougeWord = Annotated[
+    Literal["refuse", "warn"] | None, typer.Option("--gouge", help="Default: the machine file's.")
+]
 BoundWord = Annotated[
     bool,
     typer.Option("--bound", help="Beside each placed surface the best that a search of its own comes to."),
@@ -97,7 +99,7 @@ def verify(
     program: Program = None,
     machine: MachineFile = "trunnion",
     commanded: Commanded = False,
-    gouge: GougeWord = "",
+    gouge: GougeWord = None,
     plot: Plot = None,
     with_bound: BoundWord = False,
     as_json: Json = False,
@@ -105,7 +107,7 @@ def verify(
     """Compute the surface as cut: overcut and undercut along the normal, gouges, collisions."""
     with refusals(as_json, lambda: (ConfigError,)):
         made = config.load(machine)
-        refuses = _refuses(gouge, made)
+        refuses = (gouge or made.gouge) == "refuse"
         file = file / TRACE if (file / TRACE).is_file() else file
         part = _part(file, program, commanded)
         # What gouges is to be seen here, not to be refused before it is.
@@ -129,12 +131,6 @@ def verify(
             _show(found)
         if bad:
             raise Refused(f"{part}: {found.wrong}", **figures)
-
-
-def _refuses(gouge: str, machine: Machine) -> bool:
-    if gouge not in ("", "refuse", "warn"):
-        raise Refused(f"--gouge {gouge} is not known; allowed are refuse and warn.")
-    return (gouge or machine.gouge) == "refuse"
 
 
 def _part(file: Path, program: Path | None, commanded: bool) -> Path:

@@ -29,7 +29,7 @@ def changes(folder: Path) -> list[list[str]]:
     machine_file = str(folder / "machine.toml")
     return [
         ["restore", str(folder / "saved.zip")],
-        ["update", machine_file, "--machine-file", machine_file],
+        ["update", machine_file, "--machine", machine_file],
         ["rollback"],
     ]
 

@@ -78,7 +78,6 @@ REFUSED = [
     ([], "either --list", "neither"),
     (["--faces", "2"], "'2' is no face of the file, which has 1 to 1", "a number that is not there"),
     (["--faces", "one"], "'one' is no face", "no number"),
-    (["--faces", "1", "--direction", "up"], "allowed are climb, conventional", "unknown word"),
     (["--faces", "1", "--feed", "0"], "--feed 0: it must be greater than 0", "no feed"),
     (["--faces", "1", "--turn", "Q9"], "write axis and degrees", "no axis"),
     (["--faces", "1", "--move", "1,2"], "three numbers", "too few"),

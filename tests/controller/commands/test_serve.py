@@ -42,14 +42,20 @@ def test_late_ticks_stop_a_machine_and_are_counted_on_a_desk(
 ) -> None:
     served: list[Machine] = []
     monkeypatch.setattr(serving, "run", lambda machine, *_: served.append(machine))
-    serve.serve("trunnion", simulate, tmp_path, tmp_path, late)
+    serve.serve("trunnion", simulate, tmp_path, tmp_path, late=late)
     assert served[0].late == wanted
 
 
-def test_another_word_for_late_ticks_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_another_period_is_the_machines_and_one_out_of_range_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    served: list[Machine] = []
+    monkeypatch.setattr(serving, "run", lambda machine, *_: served.append(machine))
+    serve.serve("trunnion", True, tmp_path, tmp_path, period_ms=5.0)
+    assert served[0].period_s == 0.005
     with pytest.raises(typer.Exit):
-        serve.serve(late="ignore")
-    assert "--late ignore is not known; allowed are stop and count." in capsys.readouterr().err
+        serve.serve("trunnion", True, tmp_path, tmp_path, period_ms=50.0)
+    assert "period_s = 0.05: is out of range" in capsys.readouterr().err
 
 
 def test_a_systemd_that_is_gone_ends_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -119,7 +119,6 @@ def test_what_cannot_be_understood_ends_with_2_before_anything_runs(part: Path) 
         ("at 1 s: drop rpdo Y\nat 1 s: explode 3\n", (), "faults.txt: line 2: 'explode' is no fault"),
         ("at 1 s: silence 9\n", (), "faults.txt: line 1: node 9 is not on this machine"),
         ("at 1 s: drop sync\n", ("--machine", "trunnion_two_buses"), "several buses"),
-        ("at 1 s: drop sync\n", ("--faults-from", "noon"), "--faults-from noon is not known"),
     ):
         code, told = under(script, *words)
         assert code == 2 and not told["ok"] and said in told["error"]

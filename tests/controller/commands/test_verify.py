@@ -122,7 +122,6 @@ def even_rows(ready: str) -> np.ndarray:
         (["nothing.ngc"], "there is no such file"),
         (["trace.npz"], "give its program with --program"),
         ([READY, "--commanded"], "belong to a trace"),
-        ([READY, "--gouge", "ask"], "allowed are refuse and warn"),
     ],
 )
 def test_what_cannot_be_verified_is_said_in_a_sentence(words: list[str], sentence: str) -> None:

@@ -225,7 +225,7 @@ def test_an_update_is_undone_with_its_machine_file_and_redone_without_naming_it(
     file.write_text(text.replace("period_s = 0.002", "period_s = 0.004"))
     new.write_text(text)
     before = state(store)
-    run("update", str(new), "--machine-file", str(file))
+    run("update", str(new), "--machine", str(file))
     put(store, "later.ngc", b"M2\n")
     assert period_s() == 0.002
     run("rollback")
