@@ -49,7 +49,7 @@ class Job:
     start: Start | None = None  # of its last run
     origin_s: float = 0.0  # plan time at which its first piece begins
     ways: dict[int, Way] = field(default_factory=dict)
-    changes: dict[int, int] = field(default_factory=dict)  # tools that it asks for, by line
+    changes: dict[int, tuple[int, ...]] = field(default_factory=dict)  # tools that it asks for, by line
     news: News = field(default_factory=News)
     sentence: str = ""  # why it ended
     taken: bool = False  # the tick has begun with it
@@ -117,7 +117,8 @@ class Job:
         if self.lost:
             return  # it is another plan, which knows nothing of this program
         self.ways.update(news.ways)
-        self.changes.update(news.changes)
+        for line, tools in news.changes.items():
+            self.changes[line] = (*self.changes.get(line, ()), *tools)
         self.news = news
 
     def way(self, motion_id: int) -> Way | None:
@@ -130,8 +131,14 @@ class Job:
     def asked_tool(self, now: Snapshot, in_spindle: int) -> int | None:
         """Number of the tool that it stands and waits for."""
         waits = self.active and now.mode is Mode.HOLD and now.at_rest
-        tool = self.changes.get(now.line) if waits else None
-        return tool if tool != in_spindle else None
+        tools = self.changes.get(now.line, ()) if waits else ()
+        return next((tool for tool in tools if tool != in_spindle), None)
+
+    def put_in(self, tool: int, line: int) -> None:
+        """What a line asked for is done; the next time that it runs it may ask for another tool."""
+        tools = self.changes.get(line, ())
+        if tool in tools:
+            self.changes[line] = tools[tools.index(tool) + 1 :] or tools[-1:]
 
     def to_dict(self, now: Snapshot) -> dict[str, Any]:
         state, left_s = self.state_at(now), self._left_s(now)

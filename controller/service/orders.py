@@ -98,7 +98,7 @@ class News:
     returning: bool = False  # it is on its way back, or held there
     checking: float | None = None  # share of the program's lines that are checked
     ways: dict[int, Way] = field(default_factory=dict)  # motions that were sent since, by their id
-    changes: dict[int, int] = field(default_factory=dict)  # tools that were asked for since, by their line
+    changes: dict[int, tuple[int, ...]] = field(default_factory=dict)  # tools asked for since, by their line
     turns: tuple[Turn, ...] = ()  # since the last news
 
 

@@ -26,7 +26,7 @@ from controller.plan.aside import NotPossible
 from controller.plan.report.stored import Stored
 from controller.plan.route.beside import beside
 from controller.plan.route.restart import Rest
-from controller.plan.route.spot import Spot
+from controller.plan.route.spot import FORMER, Spot
 from controller.plan.route.stretch import Chain, Pause, Stretch
 from controller.plan.text.program import Act, Block, ProgramError
 from controller.service import entered
@@ -89,8 +89,8 @@ class Planning:
         self._awaited: Awaited | None = None
         self._tool: int | None = None
         self._tools: dict[int, int | None] = {}  # by identity of a stretch: with which tool it is moved
-        self._changes: dict[int, int] = {}  # to which tool, by line; until it is told
-        self._offsets: list[tuple[int, int]] = []  # line from which on, and which
+        self._changes: dict[int, tuple[int, ...]] = {}  # to which tools, by line; until it is told
+        self._offsets: list[tuple[int, int]] = []  # order of the block from which on, and which
         self._fitted = machine  # of what was armed
         self._carrying_out = False
         self._facts: dict[str, Any] = {}  # of what is being armed
@@ -181,7 +181,7 @@ class Planning:
         """Work offsets are noted where they change."""
         self._look()
         if not self._offsets or self._offsets[-1][1] != block.modal.offset:
-            self._offsets.append((block.place.line, block.modal.offset))
+            self._offsets.append((block.place.order, block.modal.offset))
 
     def _kept(self, program: Program) -> Stored:
         """Raises ProgramError, GivenUp."""
@@ -248,7 +248,8 @@ class Planning:
             if isinstance(item, Chain):
                 self._tools.update((id(stretch), self._tool) for stretch in item.stretches)
             elif item.act is Act.TOOL:
-                self._tool = self._changes[item.place.line] = item.modal.tool
+                self._tool, line = item.modal.tool, item.place.line
+                self._changes[line] = (*self._changes.get(line, ()), self._tool)
             yield item
 
     def _retract(self, order: Order) -> None:
@@ -271,7 +272,7 @@ class Planning:
 
     def _with_other_tool(self, program: Program, spot: Spot) -> tuple[Rest, tuple[float, float]]:
         """The rest as the new tool cuts it, and the lengths (mm) of the old and the new one."""
-        program = replace(program, spot=Spot(spot.line, spot.fraction))
+        program = replace(program, spot=Spot(spot.line, spot.fraction, FORMER))
         kept = self._kept(program)
         self._offsets.clear()
         rest = self._rest(program, kept)
@@ -345,7 +346,7 @@ class Planning:
         fresh.clear()
 
     def _way(self, stretch: Stretch) -> Way:
-        motion, i = stretch.motion, bisect_right(self._offsets, (stretch.place.line, MOST_OFFSETS))
+        motion, i = stretch.motion, bisect_right(self._offsets, (stretch.place.order, MOST_OFFSETS))
         length_mm, part = getattr(motion, "length_mm", 0.0), getattr(motion, "part", None)
         tool, offset = self._tools.get(id(stretch)), self._offsets[i - 1][1] if i else 0
         told = (stretch.end, stretch.feed_mm_s, length_mm, part, stretch.name, tool, offset)

@@ -21,7 +21,7 @@ from controller.plan.text.program import Block, CutBlock, JointArc, JointLine, P
 def choices(
     blocks: Iterable[Block], machine: Machine, kinematics: Kinematics, start: Joints, name: str
 ) -> dict[int, Rotaries]:
-    """Rotaries (rad) at the start of each train of cuts, by the program line of its first block.
+    """Rotaries (rad) at the start of each train of cuts, by the order of its first block (``Place.order``).
 
     Least rotary travel over the whole program from the joints ``start``, all joints
     inside travel. A program that is refused somewhere gives the choices up to there.
@@ -49,7 +49,7 @@ def _rows(
 ) -> Iterator[Row]:
     ready = [cut for block in blocks for cut in cuts.build(block, machine, voice)]
     for members, _ in train.trains(ready, machine, kinematics, voice):
-        yield Row(members[0].block.place.line, _ways(members, machine, kinematics, voice))
+        yield Row(members[0].block.place.order, _ways(members, machine, kinematics, voice))
 
 
 def _ways(

@@ -86,7 +86,7 @@ def stream(
     """As ``trace``, item by item and without the notes; no more of the program is held than a window.
 
     ``chosen``: rotaries (rad) at the start of a train of cuts or at a G0 with a tool vector, by
-    program line; without it each is chosen as it comes. ProgramError comes when its block does.
+    ``Place.order``; without it each is chosen as it comes. ProgramError comes when its block does.
     """
     return Tracer(name, machine, kinematics, start, chosen or {}).items(blocks)
 
@@ -103,7 +103,7 @@ class Tracer:
         chosen: Mapping[int, Rotaries],
     ) -> None:
         self._machine, self._kinematics = machine, kinematics
-        self._chosen = chosen  # rotaries at the start of a train, by the line of its first block
+        self._chosen = chosen  # rotaries at the start of a train, by the order of its first block
         self._voice = Voice(name, self._note)
         self._items: list[Chain | Pause] = []  # not given away yet
         self._ahead = Ahead(iter(()))
@@ -186,7 +186,7 @@ class Tracer:
         made: list[Stretch] = []
         if block.feed_mm_s is None:
             following = self._ahead.lines_like(block) if block.axis is not None else []
-            wanted = self._chosen.get(block.place.line)
+            wanted = self._chosen.get(block.place.order)
             one, stand = lines.rapid(block, stand, following, wanted, machine, kinematics, self._voice)
             made += [one] if one is not None else []
         else:
@@ -243,7 +243,7 @@ class Tracer:
     def _train(self, members: Sequence[cuts.Cut], meetings: Sequence[train.Meeting]) -> None:
         machine, kinematics = self._machine, self._kinematics
         near = rotaries_of(self.now, kinematics)
-        wanted = self._chosen.get(members[0].block.place.line)
+        wanted = self._chosen.get(members[0].block.place.order)
         legs = train.choose(members, machine, kinematics, near, self._voice, wanted)
         onto = approach.lead_in(legs[0], machine, kinematics)
         off = approach.lead_out(legs[-1], machine, kinematics)

@@ -61,7 +61,7 @@ def led(bench: Bench, verb: str, **more: Any) -> None:
 def test_a_start_tells_tool_offset_and_place_on_the_way(bench: Bench) -> None:
     answer = armed(bench, in_spindle=1)
     bench.until(Mode.HOLD)
-    assert [news.changes for news in bench.news if news.changes] == [{1: 2}]
+    assert [news.changes for news in bench.news if news.changes] == [{1: (2,)}]
     assert not bench.program_rows().size, "nothing moves before the tool is in"
     bench.request(Request.RESUME)
     assert answer.facts["start"].joints == pytest.approx(bench.snapshot().joints, abs=1.0)
