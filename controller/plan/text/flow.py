@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
+from controller.machine import CALL_LEVELS, PROGRAM_PASSES
 from controller.plan.text import marks
 from controller.plan.text.decoding import NEWLINE
 from controller.plan.text.expressions import GAPS, Values
@@ -29,8 +30,8 @@ SPLIT = 10_000  # P of M98 in eight digits: how often, and which of four digits
 class Limits:
     """What a program may do; the keys of [machine] in the machine file."""
 
-    call_levels: int = 10  # subs, one in the other (LinuxCNC's own limit)
-    passes: int = 1_000_000  # rounds of loops and calls of one run, together
+    call_levels: int = CALL_LEVELS  # subs, one in the other
+    passes: int = PROGRAM_PASSES  # rounds of loops and calls of one run, together
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +61,7 @@ class _Frame:
     calls: str = ""  # the same for a sentence
     line: int = 0  # of the program that called a file in; 0: this is of the program itself
     by_number: bool = False  # with M98
+    serial: int = 0  # counted over all calls
     rounds: int = 1  # L of M98
     restores: bool = False  # M73 was given
     left: dict[int, int] = field(default_factory=dict)  # rounds of each repeat, by its offset
@@ -138,7 +140,7 @@ class Run:
         """A line with its place in the order; calls by M98 are carried out behind its other words."""
         self._begun = True
         self._count_step(frame, line.number)
-        line.where = Where(frame.line or line.number, self._step, self._parameters.level, frame.calls)
+        line.where = Where(frame.line or line.number, self._step, frame.serial, frame.calls)
         if line.is_plain:
             yield line
             return
@@ -310,6 +312,7 @@ class Run:
         line = 0 if source is self._main else caller.line or mark.number
         callers = (f"{mark.written} on line {mark.number} of {caller.source.name}", *caller.callers)
         frame = _Frame(source, sub.after, sub.number + 1, sub, callers, _chain(callers), line)
+        frame.serial = self._passes
         self._frames.append(frame)
 
     def _leave_sub(self, mark: Mark) -> None:
@@ -324,7 +327,7 @@ class Run:
         if frame.restores:
             words = (Word("M", 72.0, False, 1, "M72"),)
             self._due = Line(frame.source.name, number, words)
-            self._due.where = Where(frame.line or number, self._step, self._parameters.level, frame.calls)
+            self._due.where = Where(frame.line or number, self._step, frame.serial, frame.calls)
 
     # ---- subs by number
 

@@ -41,7 +41,7 @@ class Where:
 
     line: int  # of the program: its own, or the one that calls the file it stands in
     step: int  # rises from line to line; the line's number while nothing goes back
-    level: int  # how many subs are running
+    sub: int  # number of the call that it belongs to; 0: of the program itself
     calls: str  # who called, for a sentence
 
 
@@ -88,9 +88,9 @@ class Line:
         return self._match is not None
 
     @property
-    def level(self) -> int:
-        """How many subs are running."""
-        return self.where.level if self.where is not None else 0
+    def sub(self) -> int:
+        """Number of the call that it belongs to, counted over the run; 0: of the program itself."""
+        return self.where.sub if self.where is not None else 0
 
     def with_words(self, words: tuple[Word, ...]) -> Line:
         """The same line with other words."""
