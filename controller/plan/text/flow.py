@@ -226,12 +226,12 @@ class Run:
         self._go(mark.parts[0], behind=False)
 
     def _repeat(self, mark: Mark) -> None:
-        rounds = self._value(mark)
-        if rounds <= 0.0:
+        rounds = round(self._value(mark))  # to the nearest whole number, a half to the even one (as LinuxCNC)
+        if rounds <= 0:
             self._go(mark.last)
             return
         self._count(mark)
-        self._frames[-1].left[mark.at] = math.ceil(rounds) - 1
+        self._frames[-1].left[mark.at] = rounds - 1
 
     def _repeat_again(self, mark: Mark) -> None:
         first, left = mark.parts[0], self._frames[-1].left

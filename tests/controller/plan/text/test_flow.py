@@ -31,6 +31,7 @@ def refusal(text: str) -> ProgramError:
     ("text", "expected"),
     [
         ("#1=0\no1 repeat [2.7]\n#1=[#1+1]\no1 endrepeat\nG0 X#1", "X3"),
+        ("#1=0\no1 repeat [2.5]\n#1=[#1+1]\no1 endrepeat\nG0 X#1", "X2"),
         ("o1 repeat [-1]\nG0X1\no1 endrepeat\nG0Y1", "Y1"),
         ("#1=3\no1 if [#1 eq 3]\nG0X1\no1 elseif [#1 gt 0]\nG0X2\no1 else\nG0X3\no1 endif", "X1"),
         ("#1=2\no1 if [#1 eq 3]\nG0X1\no1 elseif [#1 gt 0]\nG0X2\no1 else\nG0X3\no1 endif", "X2"),
