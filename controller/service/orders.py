@@ -86,6 +86,15 @@ class Way:
 
 
 @dataclass(frozen=True, slots=True)
+class Said:
+    """What a program says, due when a motion begins, or when the pause of ``line`` before it holds."""
+
+    text: str
+    motion_id: int
+    line: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class News:
     """Told by the plan as it comes about."""
 
@@ -100,6 +109,7 @@ class News:
     ways: dict[int, Way] = field(default_factory=dict)  # motions that were sent since, by their id
     changes: dict[int, tuple[int, ...]] = field(default_factory=dict)  # tools asked for since, by their line
     turns: tuple[Turn, ...] = ()  # since the last news
+    messages: tuple[Said, ...] = ()  # of the program, read since
 
 
 class Line:

@@ -374,10 +374,12 @@ class Service:
         elif now.mode in (Mode.RUNNING, Mode.HOLD, Mode.STOPPING, Mode.JOG):
             job.state = job.state_at(now) if job.taken else job.state
             job.pass_time(now)
+            job.say(now)
             self._see_tool(now, job)
             self._see_refused(now, job)
             self._see_lost(now, job)
         elif record.began and now.tick > record.last_tick - 1:
+            job.say(now, ended=not record.stopped and not job.refused)
             whole = job.news.whole and not record.stopped and not job.refused
             if whole and not job.is_mdi:
                 self.journal.completed(now)

@@ -15,7 +15,7 @@ from controller.motions import Rotaries
 from controller.plan.route import cuts, train, winding
 from controller.plan.route.stretch import Voice, rotaries_of
 from controller.plan.route.winding import Row, Turned, Way
-from controller.plan.text.program import Block, CutBlock, JointArc, JointLine, ProgramError, TipLine
+from controller.plan.text.program import Block, CutBlock, JointArc, JointLine, Message, ProgramError, TipLine
 
 
 def choices(
@@ -34,7 +34,7 @@ def _steps(
 ) -> Iterator[Row | Turned]:
     voice = Voice(name, lambda place, sentence: None)  # the path says it all again
     try:
-        for is_cut, group in groupby(blocks, lambda block: isinstance(block, CutBlock)):
+        for is_cut, group in groupby(_moving(blocks), lambda block: isinstance(block, CutBlock)):
             if is_cut:
                 row = (block for block in group if isinstance(block, CutBlock))
                 yield from _rows(row, machine, kinematics, voice)
@@ -42,6 +42,11 @@ def _steps(
                 yield from _moves(group, machine)
     except ProgramError:  # the path comes to it and refuses it with all that it knows
         return
+
+
+def _moving(blocks: Iterable[Block]) -> Iterator[Block]:
+    """Messages part no surfaces."""
+    return (block for block in blocks if not isinstance(block, Message))
 
 
 def _rows(

@@ -33,6 +33,7 @@ from controller.plan.text.program import (
     Dwell,
     JointArc,
     JointLine,
+    Message,
     Place,
     Program,
     ProgramError,
@@ -54,6 +55,8 @@ __all__ = [
 ]
 
 ARC_SAMPLES = 181
+MOST_SAID = 100  # messages that are noted
+SAYS = "Says here: {}"
 ALONE = "G64 is run as G61 where it has no P: the path is followed exactly and not blended."
 NO_BLEND = "G64 is run as G61 on arcs: they are followed exactly; P blends lines (G1) and joints of surfaces."
 LONGEST_CHAIN = 64  # stretches; a longer row of lines comes in parts
@@ -112,6 +115,7 @@ class Tracer:
         self._stand: Stand | None = None  # of the tool after the last block of G43.4 or G43.5
         self._run: list[Stretch] = []  # feed moves that still run through
         self._blends_noted = False
+        self._said: set[tuple[int, str]] = set()  # line and message that were noted
         self.now = start
 
     def items(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
@@ -127,7 +131,7 @@ class Tracer:
             raise
 
     def _items_of(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
-        self._ahead = Ahead(iter(blocks))
+        self._ahead = Ahead(self._heard(blocks))
         for is_cut, group in itertools.groupby(self._ahead, lambda b: isinstance(b, CutBlock)):
             if is_cut:
                 self._surfaces(block for block in group if isinstance(block, CutBlock))
@@ -140,6 +144,15 @@ class Tracer:
         self._end_row()
         self._rest()
         yield from self._made()
+
+    def _heard(self, blocks: Iterable[Block]) -> Iterator[Block]:
+        """All but what is said to the operator, which is noted; it neither moves nor stops anything."""
+        for block in blocks:
+            if not isinstance(block, Message):
+                yield block
+            elif (said := (block.place.line, block.text)) not in self._said and len(self._said) < MOST_SAID:
+                self._said.add(said)
+                self._note(block.place, SAYS.format(block.text))
 
     def _made(self) -> list[Chain | Pause]:
         made, self._items = self._items, []

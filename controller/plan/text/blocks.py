@@ -35,6 +35,7 @@ from controller.plan.text.program import (
     Block,
     JointArc,
     JointLine,
+    Message,
     Program,
     ProgramError,
     Remark,
@@ -81,8 +82,11 @@ def stream(data: bytes, machine: Machine, name: str, block_delete: bool = False)
 def _blocks(read: Iterator[Line], machine: Machine, given: Given) -> Iterator[Block]:
     """Blocks of lines; ``given.state`` is the state between two of them."""
     state, plain, ahead, saved = given.state, PlainLines(machine), Upcoming(), Saved()
-    lines = ahead.given(read)
+    told: list[Line] = []
+    lines = ahead.given(_heard(read, told))
     for line in lines:
+        if told:
+            yield from _said(told, state)
         if (quick := plain.read(line, state)) is not None:
             block, given.state = quick
             state = given.state
@@ -96,6 +100,22 @@ def _blocks(read: Iterator[Line], machine: Machine, given: Given) -> Iterator[Bl
         yield from turn.made
         if turn.ended:
             break
+    yield from _said(told, state)
+
+
+def _heard(read: Iterator[Line], told: list[Line]) -> Iterator[Line]:
+    """The lines with words; those that say something are noted."""
+    for line in read:
+        if line.message:
+            told.append(line)
+        if line.is_plain or line.words:
+            yield line
+
+
+def _said(told: list[Line], state: State) -> list[Block]:
+    said: list[Block] = [Message(line.place(1), state.modal, line.message) for line in told]
+    told.clear()
+    return said
 
 
 class _Turn:

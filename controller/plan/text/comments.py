@@ -7,10 +7,14 @@ in DEBUG, PRINT and LOG parameters such as ``#1`` and ``#<name>`` stand for thei
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 
 from controller.plan.text.program import ProgramError
 
 _COMMENT = re.compile(r"[();]")
+_SAYS = re.compile(r"\([ \t]*(msg|debug|print|log)[ \t]*,([^()]*)\)", re.IGNORECASE)
+_VALUE = re.compile(r"(%d|%\.[0-9]f|%f|%lf)?(##*(?:<[^<>]*>|[0-9]+))")
+LONGEST = 200  # characters of what is shown
 
 
 def without_comments(raw: str, name: str, number: int) -> str:
@@ -34,3 +38,23 @@ def without_comments(raw: str, name: str, number: int) -> str:
         start = close + 1
         parts.append("\0" * (start - at))
     return "".join([*parts, raw[start:]]) if parts else raw
+
+
+def message(raw: str, values: Callable[[str], float]) -> str:
+    """What the comments of a line say to the operator, or ""; ``values``: that of a ``#1`` or ``#<name>``.
+
+    DEBUG, PRINT and LOG show them with six decimals, behind %d or %.2f so many (as LinuxCNC).
+    """
+    said = []
+    for found in _SAYS.finditer(raw):
+        if ";" in raw[: found.start()].split(")")[-1]:
+            break
+        kind, text = found[1].lower(), found[2]
+        said.append(text if kind == "msg" else _VALUE.sub(lambda at: _shown(at[1], values(at[2])), text))
+    return " ".join(" ".join(said).split())[:LONGEST]
+
+
+def _shown(form: str | None, value: float) -> str:
+    if form is None or form in ("%f", "%lf"):
+        return f"{value:.6f}"
+    return f"{round(value)}" if form == "%d" else f"{value:.{form[2]}f}"

@@ -138,7 +138,7 @@ class Run:
 
     def _said(self, line: Line, frame: _Frame) -> Iterator[Line]:
         """A line with its place in the order; calls by M98 are carried out behind its other words."""
-        self._begun = True
+        self._begun |= line.is_plain or bool(line.words)
         self._count_step(frame, line.number)
         line.where = Where(frame.line or line.number, self._step, frame.serial, frame.calls)
         if line.is_plain:

@@ -14,7 +14,17 @@ from controller.geometry import Frame, Vector, add, subtract
 from controller.machine import Machine
 from controller.plan.text.modal import State
 from controller.plan.text.parameters import Key, NoValue
-from controller.plan.text.program import Action, Block, Dwell, JointArc, JointLine, Remark, Tip, TipLine
+from controller.plan.text.program import (
+    Action,
+    Block,
+    Dwell,
+    JointArc,
+    JointLine,
+    Message,
+    Remark,
+    Tip,
+    TipLine,
+)
 
 LETTERS = "xyzabcuvw"  # of positions, in the order of their numbers
 FIRST_OFFSET, OFFSET_STEP = 5221, 20  # G54's X, and from one work offset to the next
@@ -42,7 +52,7 @@ class Given:
             self._move(block)
         elif isinstance(block, TipLine):
             self._move_tip(block)
-        elif not isinstance(block, Action | Dwell | Remark):
+        elif not isinstance(block, Action | Dwell | Remark | Message):
             self._where, self._tip = {}, [None, None, None]
 
     def _move(self, block: JointLine | JointArc) -> None:

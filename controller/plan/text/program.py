@@ -226,8 +226,17 @@ class Remark:
     sentence: str
 
 
+@dataclass(frozen=True, slots=True)
+class Message:
+    """What the program says to the operator at its place in the run; nothing moves or stops."""
+
+    place: Place
+    modal: Modal
+    text: str
+
+
 CutBlock = CutCone | CutRuled | CutNurbs
-Block = CutBlock | JointLine | TipLine | JointArc | Dwell | Action | Remark
+Block = CutBlock | JointLine | TipLine | JointArc | Dwell | Action | Remark | Message
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
-from controller.plan.text.comments import without_comments
+from controller.plan.text.comments import message, without_comments
 from controller.plan.text.decoding import lines_of
 from controller.plan.text.expressions import GAPS, Values
 from controller.plan.text.flow import Limits, Run, Source
@@ -92,16 +92,29 @@ class _Scan:
     def _general(self, raw: str, name: str, number: int) -> Line | None:
         text = without_comments(raw, name, number)
         bare = text.strip(GAPS)
-        if bare and not (self._block_delete and bare[0] == "/"):
+        if self._block_delete and bare.startswith("/"):
+            return None
+        words: tuple[Word, ...] = ()
+        if bare:
             if not self.found and not self._named and _TITLE.fullmatch(text):
                 self._named = self._opened = True
                 return None
             self._opened = True
             words = _Words(text, name, number, self.parameters).words()
-            if words:
-                self.found = True
-                return Line(name, number, words)
-        return None
+            self.found |= bool(words)
+        line = self._saying(Line(name, number, words), raw) if words or "," in raw else None
+        return line if line is not None and (words or line.message) else None
+
+    def _saying(self, line: Line, raw: str) -> Line:
+        """The line with what its comments say."""
+        if "," in raw and "(" in raw:
+
+            def value(written: str) -> float:
+                values = Values(written.lower(), line.name, line.number, self.parameters)
+                return values.value(0, written)[0]
+
+            line.message = message(raw, value)
+        return line
 
 
 def _plain_words(text: str, name: str, number: int) -> tuple[Word, ...]:
