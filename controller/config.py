@@ -18,12 +18,16 @@ from controller import drive_objects, equipment, profiles
 from controller.geometry import ZERO, Frame, Vector, X, Y, Z, cross, norm, rotate, scale, subtract
 from controller.machine import (
     ARC_TOLERANCE_MM,
+    CALL_LEVELS,
     JOINT_TOLERANCE_DEG,
     JOINT_TOLERANCE_MM,
     LONGEST_PROGRAM_H,
     MAX_QUICK_STOP_S,
+    MOST_CALL_LEVELS,
     MOST_PROGRAM_H,
+    MOST_PROGRAM_PASSES,
     MOST_WEAR_MM,
+    PROGRAM_PASSES,
     TOOL_CHANGE_S,
     Axis,
     Bus,
@@ -123,6 +127,8 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
         joint_tolerance_mm=general.number("joint_tolerance_mm", 0.0, 1.0, default=JOINT_TOLERANCE_MM),
         joint_tolerance_deg=general.number("joint_tolerance_deg", 0.0, 5.0, default=JOINT_TOLERANCE_DEG),
         arc_tolerance_mm=general.number("arc_tolerance_mm", 0.001, 3.0, default=ARC_TOLERANCE_MM),
+        call_levels=general.integer("call_levels", 1, MOST_CALL_LEVELS, CALL_LEVELS),
+        program_passes=general.integer("program_passes", 1, MOST_PROGRAM_PASSES, PROGRAM_PASSES),
     )
     for table in (general, tools, top):
         table.finish()

@@ -30,7 +30,7 @@ import numpy.typing as npt
 from controller import catalogue, whole
 from controller.handoff import COLUMN, Snapshot
 from controller.machine import Joints, Machine, five
-from controller.plan.route.spot import ENTRY_ID, Spot
+from controller.plan.route.spot import ENTRY_ID, FORMER, Spot
 from controller.state import FAULTS, Mode, Reaction
 
 EVERY_S = 0.5  # between two entries of a run; with writing, never more than a second of cut is lost
@@ -150,7 +150,7 @@ def refusal(
 def spot_of(entry: Entry, now: Job) -> Spot:
     """Where to go on: exactly there, or, with other tools, at the same fraction of the block."""
     spot = entry.spot
-    return spot if entry.job.tools_sha256 == now.tools_sha256 else Spot(spot.line, spot.fraction)
+    return spot if entry.job.tools_sha256 == now.tools_sha256 else Spot(spot.line, spot.fraction, FORMER)
 
 
 # --- what to write, and when
@@ -183,7 +183,7 @@ class Journal:
         """Other tools were fitted in a hold: what is left is of another path, so line and fraction count."""
         self._job = job
         if self._seen is not None:
-            self._seen = Spot(self._seen.line, self._seen.fraction)
+            self._seen = Spot(self._seen.line, self._seen.fraction, FORMER)
         self._recent.clear()
 
     def in_spindle(self, tool: int) -> None:

@@ -18,6 +18,9 @@ from drives.profile import Override
 MAX_QUICK_STOP_S = 3.0  # where the machine file says nothing
 ARC_TOLERANCE_MM = 0.05  # between the radii at both ends of an arc, where the machine file says nothing
 JOINT_TOLERANCE_MM, JOINT_TOLERANCE_DEG = 0.005, 0.2  # the same; what is written in 0.01 mm keeps both
+CALL_LEVELS = 10  # subs that call each other, where a machine file says nothing: LinuxCNC's own limit
+PROGRAM_PASSES = 1_000_000  # the same: rounds of loops and calls of one run of a program
+MOST_CALL_LEVELS, MOST_PROGRAM_PASSES = 1000, 1_000_000_000  # that it may allow
 LONGEST_PROGRAM_H = 168.0  # the same: a week ...
 MOST_PROGRAM_H = 10_000.0  # ... and what it may say at most
 TOOL_AT_POWER_ON = 1  # number of the one in the spindle where nobody has said otherwise
@@ -292,6 +295,8 @@ class Machine:
     joint_tolerance_mm: float = JOINT_TOLERANCE_MM
     joint_tolerance_deg: float = JOINT_TOLERANCE_DEG
     arc_tolerance_mm: float = ARC_TOLERANCE_MM  # most by which an arc's ends may differ in their radius
+    call_levels: int = CALL_LEVELS  # subs of a program, one in the other
+    program_passes: int = PROGRAM_PASSES  # rounds of loops and calls of subs, together, in one run
 
     @property
     def has_peripherals(self) -> bool:

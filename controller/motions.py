@@ -165,7 +165,11 @@ class ToolSpline:
 
     def line_at(self, s: float) -> int:
         """The program line (1-based) whose motion is at ``s``."""
-        return self.lines[max(0, bisect_right(self.lines_s, s) - 1)]
+        return self.lines[self.index_at(s)]
+
+    def index_at(self, s: float) -> int:
+        """The place in ``lines`` of the motion at ``s``."""
+        return max(0, bisect_right(self.lines_s, s) - 1)
 
     def joints(self, s: float, near: Rotaries, kinematics: Kinematics) -> Joints | None:
         """Joints at ``s``; the turns of the rotaries are its own, ``near`` is not needed."""

@@ -138,7 +138,7 @@ def _compared(
     texts = {}
     for k, (form, file) in enumerate(files.items()):
         asked = Asked(task.machine, task.kinematics, form, chord, _offset(task), not exact)
-        text = post(ours.items, zip(fitted.lines, fitted.tools, strict=True), asked)
+        text = post(ours.items, zip(fitted.orders, fitted.tools, strict=True), asked)
         again = checked.task(text.encode(), str(file), task.machine)
         texts[file] = text
         rows.append(_row(form.value, again, _planned(again), surfaces, ends))
@@ -151,7 +151,7 @@ def _ends(whole: _Whole, fitted: passes.Fitted, task: checked.Task) -> Ends:
     found = {}
     for number, one in whole.watched.stretches.items():
         if isinstance(one.motion, SurfaceCut):
-            length = fitted.at(one.place.line).length_mm
+            length = fitted.at(one.place.order).length_mm
             tips = poses(np.array([one.start, one.end]), length, task.kinematics)[0]
             found[number] = (tips[0], tips[1])
     return found

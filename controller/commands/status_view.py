@@ -90,6 +90,8 @@ def _waits(status: Status) -> Iterator[str]:
     sequence = status.get("sequence") or {}
     if sequence.get("state") == "running":
         yield f"{sequence.get('name')} is under way"
+    if message := (status.get("job") or {}).get("message"):
+        yield str(message)
     if change := status.get("tool_change"):
         yield str(change.get("sentence", ""))
     elif status.get("waiting"):

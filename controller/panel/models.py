@@ -165,6 +165,8 @@ class JobFacts(Told):
     left_s: Number = Field(None, description="Exact at the present override.")
     duration_s: Number = None
     state: str | None = None
+    message: str | None = Field(None, description="What the program said last, by MSG and the like.")
+    messages: list[str] | None = Field(None, description="The last of them, newest last.")
     verdict: VerdictFacts | None = Field(None, description="On its surfaces; None: none has a tolerance.")
 
 

@@ -15,7 +15,7 @@ from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import ToolSpline
 from controller.plan.feed import profile
-from controller.plan.route.spot import ENTRY_ID, Spot, fraction_at, line_of
+from controller.plan.route.spot import ENTRY_ID, FORMER, Spot, fraction_at, line_of, order_of
 from controller.plan.route.stretch import Chain, Pause, Stretch
 from controller.plan.text.program import ProgramError
 
@@ -40,10 +40,13 @@ class Unit:
         return self.what.place.line
 
     @property
-    def last_line(self) -> int:
-        """The line of the program with which it ends; a spline is many lines."""
-        motion = self.what.motion if isinstance(self.what, Stretch) else None
-        return motion.line_at(motion.end) if isinstance(motion, ToolSpline) else self.line
+    def order(self) -> int:
+        return self.what.place.order
+
+    @property
+    def last_order(self) -> int:
+        """That of the block with which it ends; a spline is many lines."""
+        return order_of(self.what, self.length) if isinstance(self.what, Stretch) else self.order
 
     @property
     def lines_end(self) -> Sequence[float]:
@@ -103,7 +106,7 @@ class Track:
         if unit is None:
             return None
         if unit.chain is None or not isinstance(unit.what, Stretch):
-            return Spot(unit.line, 0.0)
+            return Spot(unit.line, 0.0, FORMER)
         share = 1.0 if unit.what.name == "lift" else fraction_at(unit.chain, unit.index, s)
         return Spot(line_of(unit.what, s), share, unit.motion_id, s)
 
@@ -158,4 +161,4 @@ class Track:
         if isinstance(unit.what, Stretch) and isinstance(after.what, Stretch) and joined:
             pair = (unit.what, after.what)
             rests = len(profile.split_at_stops(pair, self._machine, self._kinematics, 1.0)) > 1
-        return replace(unit, rests=rests, block_end=unit.last_line != after.line, last=False)
+        return replace(unit, rests=rests, block_end=unit.last_order != after.order, last=False)

@@ -43,7 +43,8 @@ class Asked:
 
 
 def post(items: Sequence[Chain | Pause], tools: Iterable[tuple[int, Tool]], asked: Asked) -> str:
-    """The program of a path. ``tools``: from which line of its own program which tool is in the spindle."""
+    """The program of a path. ``tools``: from which order of its own blocks on which tool is in the "
+    "spindle."""
     writer = _Writer(asked, list(tools))
     writer.lines.append(f"G21 G90 G17 G{54 + asked.offset} {_mode(items, asked)} G94")
     for item in items:
@@ -83,7 +84,7 @@ class _Writer:
             self.lines.append(f"G4 P{item.seconds:g}")
 
     def stretch(self, one: Stretch) -> None:
-        tool = self._tool(one.place.line)
+        tool = self._tool(one.place.order)
         if tool.number != self._length_said:
             self.lines.append(PLACES[self._asked.form])
             self._length_said = tool.number
@@ -124,8 +125,8 @@ class _Writer:
             words = [f"{letter}{_number(value)}" for letter, value in zip("XYZ", here, strict=True)]
             yield " ".join([*words, *(f"{names[i]}{_number(shown[i])}" for i in rotary)])
 
-    def _tool(self, line: int) -> Tool:
-        return [tool for first, tool in self._tools if first <= line][-1]
+    def _tool(self, order: int) -> Tool:
+        return [tool for first, tool in self._tools if first <= order][-1]
 
 
 def height_mm(one: Stretch, tool: Tool) -> float:

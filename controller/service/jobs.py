@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections import deque
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from controller.machine import Joints, Machine, five
 from controller.plan.detour import FIRST_ID
 from controller.plan.route.spot import ENTRY_ID, Spot
 from controller.service.arguments import number, whole
-from controller.service.orders import News, Program, Way
+from controller.service.orders import News, Program, Said, Way
 from controller.service.refused import refused
 from controller.session.starts import Start
 from controller.state import Mode
@@ -30,6 +31,9 @@ _STATES = {
     Mode.STOPPING: "stopping",
     Mode.FAULT: "stopping",
 }
+
+
+MOST_MESSAGES = 20  # that are shown
 
 
 @dataclass(slots=True)
@@ -49,7 +53,7 @@ class Job:
     start: Start | None = None  # of its last run
     origin_s: float = 0.0  # plan time at which its first piece begins
     ways: dict[int, Way] = field(default_factory=dict)
-    changes: dict[int, int] = field(default_factory=dict)  # tools that it asks for, by line
+    changes: dict[int, tuple[int, ...]] = field(default_factory=dict)  # tools that it asks for, by line
     news: News = field(default_factory=News)
     sentence: str = ""  # why it ended
     taken: bool = False  # the tick has begun with it
@@ -57,6 +61,9 @@ class Job:
     lost: bool = False  # the plan that knew the rest of it is gone
     armed_tick: int = -1  # what was seen of the machine before it tells nothing of this run
     nominal_s: float = 0.0  # of its duration at 100 % that has passed
+    messages: list[str] = field(default_factory=list)  # what the program said last
+    _due: deque[Said] = field(default_factory=deque)  # what it will say
+    _reached: int = -1  # the last motion that was under way
     _seen_s: float | None = None  # plan time of the last look
 
     @property
@@ -74,6 +81,8 @@ class Job:
         self.armed_tick = tick
         self.ways.clear()
         self.changes.clear()
+        self._due.clear()
+        self._reached, self.messages = -1, []
         self.news = News(finished=False)
         self.state, self.sentence = "starting", ""
         self.taken = self.refused = self.lost = False
@@ -117,8 +126,21 @@ class Job:
         if self.lost:
             return  # it is another plan, which knows nothing of this program
         self.ways.update(news.ways)
-        self.changes.update(news.changes)
+        for line, tools in news.changes.items():
+            self.changes[line] = (*self.changes.get(line, ()), *tools)
+        self._due.extend(news.messages)
         self.news = news
+
+    def say(self, now: Snapshot, ended: bool = False) -> None:
+        """What the program says up to here, and has not said before; ``ended``: all that is left."""
+        if now.motion_id < ENTRY_ID:
+            self._reached = max(self._reached, now.motion_id)
+        while self._due and (ended or self._is_due(self._due[0], now)):
+            self.messages = [*self.messages, self._due.popleft().text][-MOST_MESSAGES:]
+
+    def _is_due(self, said: Said, now: Snapshot) -> bool:
+        at_pause = said.line == now.line and now.at_rest and self._reached >= said.motion_id - 1
+        return self._reached >= said.motion_id or at_pause
 
     def way(self, motion_id: int) -> Way | None:
         """Of the motion under way; those of the program that lie behind it are forgotten."""
@@ -130,8 +152,14 @@ class Job:
     def asked_tool(self, now: Snapshot, in_spindle: int) -> int | None:
         """Number of the tool that it stands and waits for."""
         waits = self.active and now.mode is Mode.HOLD and now.at_rest
-        tool = self.changes.get(now.line) if waits else None
-        return tool if tool != in_spindle else None
+        tools = self.changes.get(now.line, ()) if waits else ()
+        return next((tool for tool in tools if tool != in_spindle), None)
+
+    def put_in(self, tool: int, line: int) -> None:
+        """What a line asked for is done; the next time that it runs it may ask for another tool."""
+        tools = self.changes.get(line, ())
+        if tool in tools:
+            self.changes[line] = tools[tools.index(tool) + 1 :] or tools[-1:]
 
     def to_dict(self, now: Snapshot) -> dict[str, Any]:
         state, left_s = self.state_at(now), self._left_s(now)
@@ -152,6 +180,8 @@ class Job:
             "elapsed_s": max(0.0, now.plan_time_s - self.origin_s) if self.active else None,
             "left_s": left_s,
             "checking": self.news.checking,
+            "message": self.messages[-1] if self.messages else None,
+            "messages": self.messages,
             "notes": self.notes,
             "verdict": self.verdict,
             "sentence": self.sentence or None,

@@ -87,6 +87,15 @@ class Way:
 
 
 @dataclass(frozen=True, slots=True)
+class Said:
+    """What a program says, due when a motion begins, or when the pause of ``line`` before it holds."""
+
+    text: str
+    motion_id: int
+    line: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class News:
     """Told by the plan as it comes about."""
 
@@ -99,8 +108,9 @@ class News:
     returning: bool = False  # it is on its way back, or held there
     checking: float | None = None  # share of the program's lines that are checked
     ways: dict[int, Way] = field(default_factory=dict)  # motions that were sent since, by their id
-    changes: dict[int, int] = field(default_factory=dict)  # tools that were asked for since, by their line
+    changes: dict[int, tuple[int, ...]] = field(default_factory=dict)  # tools asked for since, by their line
     turns: tuple[Turn, ...] = ()  # since the last news
+    messages: tuple[Said, ...] = ()  # of the program, read since
 
 
 class Line:

@@ -11,6 +11,7 @@ import pickle
 import sys
 import time
 from bisect import bisect_right
+from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -26,12 +27,12 @@ from controller.plan.aside import NotPossible
 from controller.plan.report.stored import Stored
 from controller.plan.route.beside import beside
 from controller.plan.route.restart import Rest
-from controller.plan.route.spot import Spot
+from controller.plan.route.spot import ENTRY_ID, FORMER, Spot, order_of
 from controller.plan.route.stretch import Chain, Pause, Stretch
-from controller.plan.text.program import Act, Block, ProgramError
+from controller.plan.text.program import Act, Block, Message, ProgramError
 from controller.service import entered
 from controller.service.awaited import Awaited
-from controller.service.orders import Answer, News, Order, Program, Turn, Way
+from controller.service.orders import Answer, News, Order, Program, Said, Turn, Way
 from controller.session import checked, children, cores, starts
 from controller.session.checked import Task
 from controller.session.plan_end import PLAN_TURN_S, PlanEnd
@@ -89,8 +90,10 @@ class Planning:
         self._awaited: Awaited | None = None
         self._tool: int | None = None
         self._tools: dict[int, int | None] = {}  # by identity of a stretch: with which tool it is moved
-        self._changes: dict[int, int] = {}  # to which tool, by line; until it is told
-        self._offsets: list[tuple[int, int]] = []  # line from which on, and which
+        self._changes: dict[int, tuple[int, ...]] = {}  # to which tools, by line; until it is told
+        self._heard: deque[tuple[int, str]] = deque()  # order and text of messages that no motion has come to
+        self._said: list[Said] = []  # until it is told
+        self._offsets: list[tuple[int, int]] = []  # order of the block from which on, and which
         self._fitted = machine  # of what was armed
         self._carrying_out = False
         self._facts: dict[str, Any] = {}  # of what is being armed
@@ -180,8 +183,10 @@ class Planning:
     def _read(self, block: Block) -> None:
         """Work offsets are noted where they change."""
         self._look()
+        if isinstance(block, Message):
+            self._heard.append((block.place.order, block.text))
         if not self._offsets or self._offsets[-1][1] != block.modal.offset:
-            self._offsets.append((block.place.line, block.modal.offset))
+            self._offsets.append((block.place.order, block.modal.offset))
 
     def _kept(self, program: Program) -> Stored:
         """Raises ProgramError, GivenUp."""
@@ -220,11 +225,12 @@ class Planning:
         now = self._end.snapshot()
         start = _start(program, now)
         self._offsets.clear()
+        self._heard.clear()
         items = starts.path_from(task, kept, start).items
         self._end.new_planner(program.machine)
         self._tool, self._fitted = None, program.machine
         self._tools.clear()
-        self._end.load(self._watched(items), now)
+        self._end.load(self._watched(items, program.spot is not None), now)
         self._turns.clear()
         facts = {"duration_s": kept.duration_s, "blocks": kept.blocks, "plan_time_s": now.queue_end_s}
         self._facts = {**facts, "start": start}
@@ -242,14 +248,34 @@ class Planning:
         )
         return {"sentence": found.sentence if found is not None else ""}
 
-    def _watched(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
-        """The same path; what it changes the tool to is noted as it is read."""
+    def _watched(self, items: Iterable[Chain | Pause], inside: bool) -> Iterator[Chain | Pause]:
+        """The same path; what it changes the tool to and says is noted as it is read.
+
+        ``inside``: it begins inside of the program; what was said before that is not said again.
+        """
+        number = 0  # of the motion that comes next, as the planner counts
         for item in items:
+            if inside:
+                self._heard.clear()
+                inside = isinstance(item, Pause) or (item.first_id or 0) >= ENTRY_ID
             if isinstance(item, Chain):
+                number = number if item.first_id is None else item.first_id
+                for stretch in item.stretches:
+                    self._say(order_of(stretch, stretch.motion.end), number, None)
+                    number += 1
                 self._tools.update((id(stretch), self._tool) for stretch in item.stretches)
-            elif item.act is Act.TOOL:
-                self._tool = self._changes[item.place.line] = item.modal.tool
+            else:
+                self._say(item.place.order, number, item.place.line)
+            if isinstance(item, Pause) and item.act is Act.TOOL:
+                self._tool, line = item.modal.tool, item.place.line
+                self._changes[line] = (*self._changes.get(line, ()), self._tool)
             yield item
+        self._say(sys.maxsize, number, None)
+
+    def _say(self, order: int, motion_id: int, line: int | None) -> None:
+        """What the program says up to that order is due at that motion, or at the pause before it."""
+        while self._heard and self._heard[0][0] <= order:
+            self._said.append(Said(self._heard.popleft()[1], motion_id, line))
 
     def _retract(self, order: Order) -> None:
         now = self._end.snapshot()
@@ -271,7 +297,7 @@ class Planning:
 
     def _with_other_tool(self, program: Program, spot: Spot) -> tuple[Rest, tuple[float, float]]:
         """The rest as the new tool cuts it, and the lengths (mm) of the old and the new one."""
-        program = replace(program, spot=Spot(spot.line, spot.fraction))
+        program = replace(program, spot=Spot(spot.line, spot.fraction, FORMER))
         kept = self._kept(program)
         self._offsets.clear()
         rest = self._rest(program, kept)
@@ -334,18 +360,23 @@ class Planning:
     def _tell(self, news: News) -> None:
         """What is new, and nothing twice."""
         fresh = self._end.planner.fresh
-        if news == self._told and not self._turns and not fresh and not self._changes:
+        if news == self._told and not self._turns and not fresh and not self._changes and not self._said:
             return
         self._told = news
         ways = {name: self._way(stretch) for name, stretch in fresh.items()}
         self._forget_tools()
-        self._parent.send(replace(news, ways=ways, turns=tuple(self._turns), changes=self._changes))
+        self._parent.send(
+            replace(
+                news, ways=ways, turns=tuple(self._turns), changes=self._changes, messages=tuple(self._said)
+            )
+        )
         self._changes = {}
+        self._said.clear()
         self._turns.clear()
         fresh.clear()
 
     def _way(self, stretch: Stretch) -> Way:
-        motion, i = stretch.motion, bisect_right(self._offsets, (stretch.place.line, MOST_OFFSETS))
+        motion, i = stretch.motion, bisect_right(self._offsets, (stretch.place.order, MOST_OFFSETS))
         length_mm, part = getattr(motion, "length_mm", 0.0), getattr(motion, "part", None)
         tool, offset = self._tools.get(id(stretch)), self._offsets[i - 1][1] if i else 0
         told = (stretch.end, stretch.feed_mm_s, length_mm, part, stretch.name, tool, offset)

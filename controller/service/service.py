@@ -72,7 +72,8 @@ class Service:
         self.record: RunRecord | None = None
         self.commissioned = False
         self.homing: tuple[int, ...] = ()  # axes that were asked to, while they do
-        self._asked_tool: int | None = None  # that a program waited for at the last look
+        self._asked_tool: int | None = None  # that a program waited for at the last look ...
+        self._asked_line = 0  # ... and on which line
         self.tool = fitting.in_spindle(state)  # number of the one in the spindle; 0 = not known
         self.stops = 0  # asked for so far: a start that was under way is given up
         self.lock = threading.RLock()  # of jobs and records; the door's thread never takes it
@@ -373,10 +374,12 @@ class Service:
         elif now.mode in (Mode.RUNNING, Mode.HOLD, Mode.STOPPING, Mode.JOG):
             job.state = job.state_at(now) if job.taken else job.state
             job.pass_time(now)
+            job.say(now)
             self._see_tool(now, job)
             self._see_refused(now, job)
             self._see_lost(now, job)
         elif record.began and now.tick > record.last_tick - 1:
+            job.say(now, ended=not record.stopped and not job.refused)
             whole = job.news.whole and not record.stopped and not job.refused
             if whole and not job.is_mdi:
                 self.journal.completed(now)
@@ -386,8 +389,10 @@ class Service:
         """The one in the spindle: the program goes on from where it asked for it, or moves with it."""
         way, asked = job.ways.get(now.motion_id), job.asked_tool(now, self.tool)
         put_in = self._asked_tool if now.mode is Mode.RUNNING else None
+        if put_in is not None:
+            job.put_in(put_in, self._asked_line)
         tool = put_in or (way.tool if way is not None and asked is None else None)
-        self._asked_tool = asked
+        self._asked_tool, self._asked_line = asked, now.line
         if tool is not None and tool != self.tool:
             self._put_in(tool)
             self.journal.in_spindle(tool)

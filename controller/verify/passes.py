@@ -36,9 +36,9 @@ ROUGH_STEP_MM, ROUGH_SCALLOP_MM, ROUGH_FIT_MM = (0.02, 0.2), 1e-3, 1e-4
 
 @dataclass(frozen=True, slots=True)
 class Fitted:
-    """Which tool is in the spindle, and how exact it is to cut, by program line."""
+    """Which tool is in the spindle, and how exact it is to cut, by ``Place.order``."""
 
-    lines: tuple[int, ...]  # rising; the tool holds from there on
+    orders: tuple[int, ...]  # rising; the tool holds from there on
     tools: tuple[Tool, ...]
     forms: tuple[tuple[float, float | None], ...]  # with it: allowance and form tolerance, mm
 
@@ -46,27 +46,27 @@ class Fitted:
     def of(cls, blocks: Iterable[Block], machine: Machine) -> Fitted:
         """Of a program's blocks; T1 is in the spindle before them. Lines come in their order."""
         first = machine.tool(1) or machine.tools[0].worn
-        lines, tools, forms = [0], [first], [(0.0, machine.tolerance_mm)]
+        orders, tools, forms = [0], [first], [(0.0, machine.tolerance_mm)]
         for block in blocks:
             tool = machine.tool(block.modal.tool)
             if tool is None:
                 continue
             form = block.modal.allowance_mm, tolerance_mm(block.modal, tool, machine)
             if (tool, form) != (tools[-1], forms[-1]):
-                lines.append(block.place.line)
+                orders.append(block.place.order)
                 tools.append(tool)
                 forms.append(form)
-        return cls(tuple(lines), tuple(tools), tuple(forms))
+        return cls(tuple(orders), tuple(tools), tuple(forms))
 
-    def at(self, line: int) -> Tool:
-        return self.tools[self._index(line)]
+    def at(self, order: int) -> Tool:
+        return self.tools[self._index(order)]
 
-    def form(self, line: int) -> tuple[float, float | None]:
+    def form(self, order: int) -> tuple[float, float | None]:
         """Allowance and form tolerance (mm; None: none) of a surface there."""
-        return self.forms[self._index(line)]
+        return self.forms[self._index(order)]
 
-    def _index(self, line: int) -> int:
-        return max(0, int(np.searchsorted(self.lines, line, side="right")) - 1)
+    def _index(self, order: int) -> int:
+        return max(0, int(np.searchsorted(self.orders, order, side="right")) - 1)
 
 
 def nominals(stretches: Mapping[int, Stretch], fitted: Fitted) -> list[Nominal]:
@@ -76,9 +76,11 @@ def nominals(stretches: Mapping[int, Stretch], fitted: Fitted) -> list[Nominal]:
         motion = stretch.motion
         if isinstance(motion, SurfaceCut) and stretch.cutting:  # no pivot of placed axes
             side = -1.0 if motion.offset_mm < 0.0 else 1.0
-            line = stretch.place.line
+            line, order = stretch.place.line, stretch.place.order
             found.append(
-                Nominal(motion.surface, motion.part, side, fitted.at(line), line, number, *fitted.form(line))
+                Nominal(
+                    motion.surface, motion.part, side, fitted.at(order), line, number, *fitted.form(order)
+                )
             )
     return found
 
@@ -110,7 +112,7 @@ def planned(
     found: dict[Tool, list[Pass]] = {}
     least, balls = longest(surfaces), Balls.of(surfaces)
     for number, stretch in stretches.items():
-        tool = fitted.at(stretch.place.line)
+        tool = fitted.at(stretch.place.order)
         bodies = cutter(tool, least), *holder(tool)
         height, reach = (max(body.top_mm for body in bodies), max(body.widest_mm for body in bodies))
         poses = _poses(stretch, tool, kinematics)

@@ -14,7 +14,7 @@ from cutting import shipped
 from controller import journal, whole
 from controller.handoff import SnapshotBoard
 from controller.journal import Entry, Job
-from controller.plan.route.spot import Spot
+from controller.plan.route.spot import FORMER, Spot
 from controller.state import Fault, Mode
 
 HOME = (0.0, 0.0, 260.0, 0.0, 0.0)
@@ -96,7 +96,7 @@ def test_a_restart_is_offered_only_where_the_machine_and_the_program_are_the_sam
 
 def test_with_another_tool_the_place_is_the_fraction_of_the_block() -> None:
     assert journal.spot_of(entry(), job()) == entry().spot
-    assert journal.spot_of(entry(), replace(job(), tools_sha256="another")) == Spot(19, 0.25)
+    assert journal.spot_of(entry(), replace(job(), tools_sha256="another")) == Spot(19, 0.25, FORMER)
 
 
 def test_offsets_and_tools_count_by_their_values_and_the_machine_by_its_file() -> None:
@@ -163,7 +163,7 @@ def test_with_other_tools_fitted_in_a_hold_line_and_fraction_count(tmp_path: Pat
     looked.journal.lost(looked.snapshot)
     looked.look(mode=Mode.RUNNING, at_rest=False, motion_id=-1)
     entry = looked.look(mode=Mode.HOLD, at_rest=True)
-    assert entry is not None and entry.job.tools_sha256 == "another" and entry.spot == Spot(19, 0.25)
+    assert entry is not None and entry.job.tools_sha256 == "another" and entry.spot == Spot(19, 0.25, FORMER)
 
 
 def test_a_program_that_came_to_its_end_is_not_offered_again(tmp_path: Path) -> None:

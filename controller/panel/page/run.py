@@ -273,6 +273,7 @@ def _program(page: Page) -> None:
             with ui.element("span").classes("u"):
                 text("u ", "span", "dim")
                 live("in_block.u", "u", "strong")
+        tagged(live("job.message", "text", "strong"), data_if="job.message")
         tagged(bar("in_block.fraction", "block-bar"), title=page.word("run.block"))
         programs.restart(page)
         tagged(ui.element("pre").classes("listing"), id="run-listing", tabindex="0")

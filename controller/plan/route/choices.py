@@ -15,13 +15,13 @@ from controller.motions import Rotaries
 from controller.plan.route import cuts, train, winding
 from controller.plan.route.stretch import Voice, rotaries_of
 from controller.plan.route.winding import Row, Turned, Way
-from controller.plan.text.program import Block, CutBlock, JointArc, JointLine, ProgramError, TipLine
+from controller.plan.text.program import Block, CutBlock, JointArc, JointLine, Message, ProgramError, TipLine
 
 
 def choices(
     blocks: Iterable[Block], machine: Machine, kinematics: Kinematics, start: Joints, name: str
 ) -> dict[int, Rotaries]:
-    """Rotaries (rad) at the start of each train of cuts, by the program line of its first block.
+    """Rotaries (rad) at the start of each train of cuts, by the order of its first block (``Place.order``).
 
     Least rotary travel over the whole program from the joints ``start``, all joints
     inside travel. A program that is refused somewhere gives the choices up to there.
@@ -34,7 +34,7 @@ def _steps(
 ) -> Iterator[Row | Turned]:
     voice = Voice(name, lambda place, sentence: None)  # the path says it all again
     try:
-        for is_cut, group in groupby(blocks, lambda block: isinstance(block, CutBlock)):
+        for is_cut, group in groupby(_moving(blocks), lambda block: isinstance(block, CutBlock)):
             if is_cut:
                 row = (block for block in group if isinstance(block, CutBlock))
                 yield from _rows(row, machine, kinematics, voice)
@@ -44,12 +44,17 @@ def _steps(
         return
 
 
+def _moving(blocks: Iterable[Block]) -> Iterator[Block]:
+    """Messages part no surfaces."""
+    return (block for block in blocks if not isinstance(block, Message))
+
+
 def _rows(
     blocks: Iterable[CutBlock], machine: Machine, kinematics: Kinematics, voice: Voice
 ) -> Iterator[Row]:
     ready = [cut for block in blocks for cut in cuts.build(block, machine, voice)]
     for members, _ in train.trains(ready, machine, kinematics, voice):
-        yield Row(members[0].block.place.line, _ways(members, machine, kinematics, voice))
+        yield Row(members[0].block.place.order, _ways(members, machine, kinematics, voice))
 
 
 def _ways(

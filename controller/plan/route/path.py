@@ -34,6 +34,7 @@ from controller.plan.text.program import (
     Dwell,
     JointArc,
     JointLine,
+    Message,
     Place,
     Program,
     ProgramError,
@@ -55,6 +56,8 @@ __all__ = [
 ]
 
 ARC_SAMPLES = 181
+MOST_SAID = 100  # messages that are noted
+SAYS = "Says here: {}"
 ALONE = "G64 is run as G61 where it has no P: the path is followed exactly and not blended."
 LONGEST_CHAIN = 64  # stretches; a longer row of lines comes in parts
 SWIVEL = "Stops at the pole between two blocks and turns the rotary axis under the standing tool."
@@ -86,7 +89,7 @@ def stream(
     """As ``trace``, item by item and without the notes; no more of the program is held than a window.
 
     ``chosen``: rotaries (rad) at the start of a train of cuts or at a G0 with a tool vector, by
-    program line; without it each is chosen as it comes. ProgramError comes when its block does.
+    ``Place.order``; without it each is chosen as it comes. ProgramError comes when its block does.
     """
     return Tracer(name, machine, kinematics, start, chosen or {}).items(blocks)
 
@@ -103,7 +106,7 @@ class Tracer:
         chosen: Mapping[int, Rotaries],
     ) -> None:
         self._machine, self._kinematics = machine, kinematics
-        self._chosen = chosen  # rotaries at the start of a train, by the line of its first block
+        self._chosen = chosen  # rotaries at the start of a train, by the order of its first block
         self._voice = Voice(name, self._note)
         self._items: list[Chain | Pause] = []  # not given away yet
         self._ahead = Ahead(iter(()))
@@ -112,6 +115,7 @@ class Tracer:
         self._stand: Stand | None = None  # of the tool after the last block of G43.4 or G43.5
         self._run: list[Stretch] = []  # feed moves that still run through
         self._blends_noted = False
+        self._said: set[tuple[int, str]] = set()  # line and message that were noted
         self.now = start
 
     def items(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
@@ -127,7 +131,7 @@ class Tracer:
             raise
 
     def _items_of(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
-        self._ahead = Ahead(iter(blocks))
+        self._ahead = Ahead(self._heard(blocks))
         for is_cut, group in itertools.groupby(self._ahead, lambda b: isinstance(b, CutBlock)):
             if is_cut:
                 self._surfaces(block for block in group if isinstance(block, CutBlock))
@@ -140,6 +144,15 @@ class Tracer:
         self._end_row()
         self._rest()
         yield from self._made()
+
+    def _heard(self, blocks: Iterable[Block]) -> Iterator[Block]:
+        """All but what is said to the operator, which is noted; it neither moves nor stops anything."""
+        for block in blocks:
+            if not isinstance(block, Message):
+                yield block
+            elif (said := (block.place.line, block.text)) not in self._said and len(self._said) < MOST_SAID:
+                self._said.add(said)
+                self._note(block.place, SAYS.format(block.text))
 
     def _made(self) -> list[Chain | Pause]:
         made, self._items = self._items, []
@@ -189,7 +202,7 @@ class Tracer:
         made: list[Stretch] = []
         if block.feed_mm_s is None:
             following = self._ahead.lines_like(block) if block.axis is not None else []
-            wanted = self._chosen.get(block.place.line)
+            wanted = self._chosen.get(block.place.order)
             one, stand = lines.rapid(block, stand, following, wanted, machine, kinematics, self._voice)
             made += [one] if one is not None else []
         else:
@@ -246,7 +259,7 @@ class Tracer:
     def _train(self, members: Sequence[cuts.Cut], meetings: Sequence[train.Meeting]) -> None:
         machine, kinematics = self._machine, self._kinematics
         near = rotaries_of(self.now, kinematics)
-        wanted = self._chosen.get(members[0].block.place.line)
+        wanted = self._chosen.get(members[0].block.place.order)
         legs = train.choose(members, machine, kinematics, near, self._voice, wanted)
         onto = approach.lead_in(legs[0], machine, kinematics)
         off = approach.lead_out(legs[-1], machine, kinematics)

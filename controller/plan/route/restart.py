@@ -20,16 +20,34 @@ import numpy.typing as npt
 from controller.geometry import Vector, norm, subtract
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
-from controller.motions import JointMove, Rotaries, SurfaceCut
+from controller.motions import JointMove, Rotaries, SurfaceCut, ToolSpline
 from controller.plan.route import clamps, dry_run, entry, tool_changes
 from controller.plan.route.path import Tracer, joints_along
-from controller.plan.route.spot import ENTRY_ID, Spot, fraction_at, line_of, lines_of, place_in
+from controller.plan.route.spot import (
+    ENTRY_ID,
+    FORMER,
+    Spot,
+    fraction_at,
+    line_of,
+    lines_of,
+    order_of,
+    place_in,
+)
 from controller.plan.route.stretch import Chain, Pause, Stretch, rotaries_of
 from controller.plan.text import modal
-from controller.plan.text.program import Act, Action, Block, Dwell, Modal, ProgramError
+from controller.plan.text.program import Act, Action, Block, Dwell, Message, Modal, ProgramError
 
 Array = npt.NDArray[np.float64]
 
+NO_MOTION = "the program has no motion at or behind this line; choose an earlier one"
+NO_MOTION_OF_IT = (
+    "this line moves nothing in this program, which has subs or loops: it begins where a line runs for the "
+    "first time; choose a line with a motion"
+)
+WHICH_TIME = (
+    "the program has subs or loops, and with another tool it is not known which time this line was running; "
+    "start at a line, which begins the first time that it runs"
+)
 SIDE = 33  # samples along a motion, for its highest point
 FOLLOW_MM = 0.25  # between samples when the rotaries are followed to a place
 
@@ -114,19 +132,19 @@ class _Lines:
 
     def __init__(self, blocks: Iterable[Block]) -> None:
         self._blocks = blocks
-        self._seen: dict[int, _Line] = {}  # by line, in the program's order
+        self._seen: dict[int, _Line] = {}  # by ``Place.order``
         self._now = modal.power_on().modal
 
     def __iter__(self) -> Iterator[Block]:
         for block in self._blocks:
-            line = self._seen.setdefault(block.place.line, _Line(self._now, None))
-            if not isinstance(block, Action | Dwell):
-                self._seen[block.place.line] = line._replace(moving=block.modal)
+            line = self._seen.setdefault(block.place.order, _Line(self._now, None))
+            if not isinstance(block, Action | Dwell | Message):
+                self._seen[block.place.order] = line._replace(moving=block.modal)
             self._now = block.modal
             yield block
 
-    def at(self, line: int) -> _Line:
-        return self._seen[line]
+    def at(self, order: int) -> _Line:
+        return self._seen[order]
 
     def forget(self, before: int) -> None:
         while (first := next(iter(self._seen))) < before:
@@ -142,6 +160,7 @@ class _Search:
         tracer = Tracer(source.name, source.machine, source.kinematics, source.start, source.chosen or {})
         self._items = _unclamped(tracer.items(self._lines))
         self._stands = source.start
+        self._goes_back = False  # lines run in another order than they stand
         self._count = 0  # motions before the item that is looked at
         self._tops: list[Vector] = []
 
@@ -155,21 +174,29 @@ class _Search:
             if found is not None:
                 return self._from(item, *found)
             self._pass(item)
-        raise self._none("the program has no motion at or behind this line; choose an earlier one")
+        raise self._none(NO_MOTION_OF_IT if self._goes_back else NO_MOTION)
 
     def _none(self, sentence: str) -> ProgramError:
         return ProgramError(self._source.name, self._spot.line, 1, sentence)
+
+    def _check_known(self) -> None:
+        """A line alone says where to begin only if it runs once, or the operator has named it."""
+        if self._spot.motion_id == FORMER and self._goes_back:
+            raise self._none(WHICH_TIME)
 
     def _pass(self, chain: Chain) -> None:
         self._note_tops(chain)
         self._count += len(chain.stretches)
         self._stands = chain.stretches[-1].end
-        self._lines.forget(chain.stretches[0].place.line)
+        self._lines.forget(chain.stretches[0].place.order)
 
     # --- where
 
     def _is_pause(self, pause: Pause) -> bool:
-        return pause.place.line >= self._spot.line and self._spot.fraction == 0.0
+        self._goes_back |= pause.place.step != 0
+        line = pause.place.line
+        here = line == self._spot.line if self._goes_back else line >= self._spot.line
+        return here and self._spot.fraction == 0.0
 
     def _in(self, chain: Chain) -> tuple[int, float] | None:
         """(index, s) of the place if it is in this chain."""
@@ -177,9 +204,10 @@ class _Search:
         if motion_id >= 0:
             k = motion_id - self._count
             return (k, s) if 0 <= k < len(chain.stretches) else None
+        self._goes_back |= chain.stretches[0].place.step != 0
         if fraction > 0.0:
             found = place_in(chain, line, fraction)
-            if found is None and lines_of(chain.stretches[0])[0] > line:
+            if not self._goes_back and found is None and lines_of(chain.stretches[0])[0] > line:
                 raise self._none(
                     "this line moves nothing, so there is no fraction of it; "
                     "start at its beginning (fraction 0) or at a line with a motion"
@@ -188,7 +216,10 @@ class _Search:
         return self._first(chain, line)
 
     def _first(self, chain: Chain, line: int) -> tuple[int, float] | None:
-        """Where the first motion of this line, or of one behind it, begins."""
+        """Where the first motion of this line, or of one behind it, begins; of this line alone where lines
+        are carried out in another order than they stand."""
+        if self._goes_back:
+            return self._first_of(chain, line)
         for k, stretch in enumerate(chain.stretches):
             low, high = lines_of(stretch)
             if low >= line:
@@ -196,6 +227,15 @@ class _Search:
             if high >= line:
                 found = place_in(chain, line, 0.0)
                 return found if found is not None else (k, stretch.motion.end)
+        return None
+
+    @staticmethod
+    def _first_of(chain: Chain, line: int) -> tuple[int, float] | None:
+        for k, stretch in enumerate(chain.stretches):
+            if stretch.place.line == line:
+                return k, 0.0
+            if isinstance(stretch.motion, ToolSpline) and line in stretch.motion.lines:
+                return place_in(chain, line, 0.0)
         return None
 
     # --- what is left from there
@@ -219,8 +259,9 @@ class _Search:
 
     def _on(self, chain: Chain, k: int, s: float) -> Rest:
         stretch = chain.stretches[k]
+        self._check_known()
         line = line_of(stretch, s)
-        known = self._lines.at(line)
+        known = self._lines.at(order_of(stretch, s))
         state = known.moving or known.before
         joints = joints_at(stretch, s, self._source.kinematics)
         rest = Chain(chain.stretches[k:], chain.runs_on, s, self._count + k)
@@ -229,8 +270,9 @@ class _Search:
         return Rest(spot, target, stretch.name, _then(rest, self._items), self._source)
 
     def _at_pause(self, pause: Pause) -> Rest:
+        self._check_known()
         line = pause.place.line
-        state = self._lines.at(line).before
+        state = self._lines.at(pause.place.order).before
         feed = state.feed_mm_s or entry.TURNING_MM_S
         clear = self._clear(self._stands, state)
         target = entry.Target(self._stands, state, pause.place, feed, clear)
@@ -239,8 +281,8 @@ class _Search:
 
     # --- how high
 
-    def _length(self, line: int) -> float:
-        known = self._lines.at(line)
+    def _length(self, order: int) -> float:
+        known = self._lines.at(order)
         tool = self._source.machine.tool((known.moving or known.before).tool)
         return tool.length_mm if tool is not None else 0.0
 
@@ -250,7 +292,7 @@ class _Search:
         for stretch in chain.stretches:
             if stretch.feed_mm_s is None:
                 continue
-            self._tops += _tops(stretch, self._length(stretch.place.line), kinematics)
+            self._tops += _tops(stretch, self._length(stretch.place.order), kinematics)
         if len(self._tops) > 20_000:
             self._tops = _extremes(self._tops)
 

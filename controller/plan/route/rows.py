@@ -298,6 +298,7 @@ class LineRow:
             "line",
             steps if len(steps) > 1 else (),
             _turning(starts, stands),
+            tuple(block.place.order for block in here) if here[0].place.step else (),
         )
         self._audit(found, places, joints)
         del self._lines[: last - 1], self._lines_s[: last - 1], self._feeds[: last - 1]

@@ -7,7 +7,7 @@ turns between two blocks are no part of it. A row of lines is one motion with ma
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 from controller.motions import ToolSpline
@@ -17,6 +17,7 @@ from controller.plan.route.stretch import Chain, Stretch
 BESIDE = frozenset(
     ("retract", "position", "down", "plunge", "lead in", "pivot", "swivel", "run on", "lead out", "lift")
 )
+FORMER = -2  # the id of a motion under way that is not known any more: which time a line ran is not told
 ENTRY_ID = 1 << 24  # motion ids of an entry, and of other ways that are no part of the program
 
 
@@ -24,12 +25,13 @@ class Spot(NamedTuple):
     """A place of a program's path.
 
     ``motion_id`` and ``s`` are exact and hold for the same program, machine and start;
-    ``line`` (1-based) and ``fraction`` (0 to 1) are what an operator reads and writes.
+    ``line`` (1-based) and ``fraction`` (0 to 1) are what an operator reads and writes: of a line that
+    is carried out more than once, the first time.
     """
 
     line: int
     fraction: float
-    motion_id: int = -1  # -1: only line and fraction are known
+    motion_id: int = -1  # -1: only line and fraction are known; FORMER
     s: float = 0.0
 
 
@@ -39,6 +41,18 @@ def line_of(stretch: Stretch, s: float) -> int:
     return motion.line_at(s) if isinstance(motion, ToolSpline) else stretch.place.line
 
 
+def order_of(stretch: Stretch, s: float) -> int:
+    """``Place.order`` of the line at a place of a stretch."""
+    motion = stretch.motion
+    if isinstance(motion, ToolSpline):
+        return _orders(stretch, motion)[motion.index_at(s)]
+    return stretch.place.order
+
+
+def _orders(stretch: Stretch, motion: ToolSpline) -> Sequence[int]:
+    return stretch.orders or motion.lines
+
+
 def lines_of(stretch: Stretch) -> tuple[int, int]:
     """The first and the last line of a stretch."""
     return line_of(stretch, 0.0), line_of(stretch, stretch.motion.end)
@@ -46,17 +60,18 @@ def lines_of(stretch: Stretch) -> tuple[int, int]:
 
 def fraction_at(chain: Chain, index: int, s: float) -> float:
     """The fraction of its line that is done at ``s`` of the chain's stretch ``index``."""
-    line = line_of(chain.stretches[index], s)
+    order = order_of(chain.stretches[index], s)
     done = whole = 0.0
-    for k, low, high in _spans(chain, line):
+    for k, low, high in _spans(chain, order):
         whole += high - low
         done += high - low if k < index else max(0.0, min(s, high) - low) if k == index else 0.0
     return done / whole if whole > 0.0 else 0.0
 
 
 def place_in(chain: Chain, line: int, fraction: float) -> tuple[int, float] | None:
-    """(index, s) of a fraction of a line; None where the chain has nothing of the line itself."""
-    spans = list(_spans(chain, line))
+    """(index, s) of a fraction of a line, the first time that it runs; None where the chain has nothing of
+    the line itself."""
+    spans = list(_spans(chain, _first_order(chain, line)))
     left = fraction * sum(high - low for _, low, high in spans)
     for k, low, high in spans:
         if left <= high - low or (k, low, high) == spans[-1]:
@@ -65,15 +80,30 @@ def place_in(chain: Chain, line: int, fraction: float) -> tuple[int, float] | No
     return None
 
 
-def _spans(chain: Chain, line: int) -> Iterator[tuple[int, float, float]]:
+def _first_order(chain: Chain, line: int) -> int:
+    """``Place.order`` of a line, the first time that it runs in a chain."""
+    if not chain.stretches[0].place.step:
+        return line
+    for stretch in chain.stretches:
+        motion = stretch.motion
+        if isinstance(motion, ToolSpline):
+            if line in motion.lines:
+                return _orders(stretch, motion)[motion.lines.index(line)]
+        elif stretch.place.line == line:
+            return stretch.place.order
+    return -1
+
+
+def _spans(chain: Chain, order: int) -> Iterator[tuple[int, float, float]]:
     """(index, from s, to s) of all that a line itself asks for."""
     for k, stretch in enumerate(chain.stretches):
         motion = stretch.motion
         if not isinstance(motion, ToolSpline):
-            if stretch.place.line == line and stretch.name not in BESIDE:
+            if stretch.place.order == order and stretch.name not in BESIDE:
                 yield k, 0.0, motion.end
             continue
-        low, high = bisect_left(motion.lines, line), bisect_right(motion.lines, line)
+        orders = _orders(stretch, motion)
+        low, high = bisect_left(orders, order), bisect_right(orders, order)
         if low < high:
             end = motion.lines_s[high] if high < len(motion.lines_s) else motion.end
             yield k, max(motion.lines_s[low], 0.0), end

@@ -61,6 +61,8 @@ class Stretch:
     feed_steps: tuple[tuple[float, float], ...] = ()
     # From s to s inside a spline where only rotaries are programmed to move: the feed is that of s there.
     turning: tuple[tuple[float, float], ...] = ()
+    # ``Place.order`` of the lines of a spline, in a program with subs or loops; empty: the lines themselves.
+    orders: tuple[int, ...] = ()
 
     def feed_at(self, s: Array) -> Array:
         """Programmed speed in the unit of s per second at the places ``s`` (N,); inf on rapids.

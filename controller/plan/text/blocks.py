@@ -23,8 +23,11 @@ from controller.geometry import Vector
 from controller.machine import Machine
 from controller.plan.text import codes, decoding, modal, nurbs_words, surface_words, words
 from controller.plan.text.codes import CONE_WORDS, GROUP_OF, SIDES, SURFACES, Ask
+from controller.plan.text.flow import Limits
+from controller.plan.text.given import Given
 from controller.plan.text.line import Upcoming
 from controller.plan.text.modal import TIPS, State
+from controller.plan.text.parameters import Parameters
 from controller.plan.text.plain import PlainLines
 from controller.plan.text.program import (
     Act,
@@ -32,7 +35,7 @@ from controller.plan.text.program import (
     Block,
     JointArc,
     JointLine,
-    Place,
+    Message,
     Program,
     ProgramError,
     Remark,
@@ -40,6 +43,7 @@ from controller.plan.text.program import (
     Tip,
     TipLine,
 )
+from controller.plan.text.saved import Saved
 from controller.plan.text.words import Line, Word
 
 SHORTEST_VECTOR = 1e-6  # of I J K; shorter ones have no sure direction
@@ -62,27 +66,56 @@ def read(data: bytes, machine: Machine, name: str, block_delete: bool = False) -
 def stream(data: bytes, machine: Machine, name: str, block_delete: bool = False) -> Iterator[Block]:
     """As ``read``, block by block: what comes before a line that is refused has been given by then."""
     text, remark = decoding.text_of(data, name)
-    return _blocks(words.read(text, name, block_delete), machine, remark)
-
-
-def _blocks(
-    read: Iterator[Line], machine: Machine, remark: tuple[Place, str] | None = None
-) -> Iterator[Block]:
-    state, plain, ahead = modal.power_on(), PlainLines(machine), Upcoming()
+    given = Given(machine, modal.power_on())
+    limits = Limits(machine.call_levels, machine.program_passes)
+    lines = words.read(text, name, block_delete, Parameters(given), limits)
     if remark is not None:
-        yield Remark(remark[0], state.modal, remark[1])
-    lines = ahead.given(read)
+        yield Remark(remark[0], given.state.modal, remark[1])
+    if "#" not in text:  # nobody asks where the program is
+        yield from _blocks(lines, machine, given)
+        return
+    for block in _blocks(lines, machine, given):
+        given.moved(block)
+        yield block
+
+
+def _blocks(read: Iterator[Line], machine: Machine, given: Given) -> Iterator[Block]:
+    """Blocks of lines; ``given.state`` is the state between two of them."""
+    state, plain, ahead, saved = given.state, PlainLines(machine), Upcoming(), Saved()
+    told: list[Line] = []
+    lines = ahead.given(_heard(read, told))
     for line in lines:
+        if told:
+            yield from _said(told, state)
         if (quick := plain.read(line, state)) is not None:
-            block, state = quick
+            block, given.state = quick
+            state = given.state
             yield block
             continue
+        state, restored, line = saved.carry_out(line, state)
         turn = _Turn(codes.sort(line, machine), state, machine, lines, ahead)
         turn.run()
-        state = turn.state
+        state = given.state = turn.state
+        yield from restored
         yield from turn.made
         if turn.ended:
             break
+    yield from _said(told, state)
+
+
+def _heard(read: Iterator[Line], told: list[Line]) -> Iterator[Line]:
+    """The lines with words; those that say something are noted."""
+    for line in read:
+        if line.message:
+            told.append(line)
+        if line.is_plain or line.words:
+            yield line
+
+
+def _said(told: list[Line], state: State) -> list[Block]:
+    said: list[Block] = [Message(line.place(1), state.modal, line.message) for line in told]
+    told.clear()
+    return said
 
 
 class _Turn:

@@ -65,7 +65,7 @@ class Ask:
         return self.line.refusal(word, sentence)
 
     def place(self, word: Word) -> Place:
-        return Place(self.line.number, word.column)
+        return self.line.place(word.column)
 
     def whole(self, word: Word) -> int:
         if word.value != math.floor(word.value) or word.value < 0.0:

@@ -14,7 +14,7 @@ from controller.plan.text.program import Place, ProgramError
 
 _AROUND = bytes([0x00, 0x11, 0x12, 0x13, 0x14, 0x7F])
 _LEADER = re.compile(rb"[\x00\x11-\x14\x7f \t\r\n]*")
-_NEWLINE = re.compile(r"\r\n|\r|\n")
+NEWLINE = re.compile(r"\r\n|\r|\n")
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
@@ -54,14 +54,14 @@ def _unreadable(place: Place, name: str, found: str) -> ProgramError:
 
 def _place(before: str) -> Place:
     """Where the text after ``before`` stands."""
-    lines = _NEWLINE.split(before.removeprefix("\ufeff"))
+    lines = NEWLINE.split(before.removeprefix("\ufeff"))
     return Place(len(lines), len(lines[-1]) + 1)
 
 
 def lines_of(text: str) -> Iterator[str]:
     """The lines of ``text``, one at a time: a long program is not held twice."""
     start = 0
-    for end in _NEWLINE.finditer(text):
+    for end in NEWLINE.finditer(text):
         yield text[start : end.start()]
         start = end.end()
     yield text[start:]

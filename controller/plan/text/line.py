@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from controller.plan.text.program import ProgramError
+from controller.plan.text.program import Place, ProgramError
 
 # A line of plain words as programs from CAM systems have them in millions: an N, a G1, then
 # words of axes and F with plain numbers. Nothing in it can be refused as text.
@@ -35,6 +35,16 @@ class Plain:
     column: int  # of G1, or of the first word
 
 
+@dataclass(frozen=True, slots=True)
+class Where:
+    """Where a line stands in the order in which lines are carried out."""
+
+    line: int  # of the program: its own, or the one that calls the file it stands in
+    step: int  # rises from line to line; the line's number while nothing goes back
+    sub: int  # number of the call that it belongs to; 0: of the program itself
+    calls: str  # who called, for a sentence
+
+
 class Line:
     """The words of one text line, N and parameter settings taken off.
 
@@ -42,7 +52,7 @@ class Line:
     for, by ``scan`` from text, name and number: ``plain`` is all that a G1 line needs.
     """
 
-    __slots__ = ("_match", "_scan", "_words", "name", "number")
+    __slots__ = ("_match", "_scan", "_words", "message", "name", "number", "where")
 
     def __init__(
         self,
@@ -53,6 +63,8 @@ class Line:
         scan: Callable[[str, str, int], tuple[Word, ...]] | None = None,
     ) -> None:
         self.name, self.number = name, number
+        self.where: Where | None = None  # None: lines are carried out as they stand
+        self.message = ""  # to the operator, before the words
         self._words, self._match, self._scan = words, match, scan
 
     @property
@@ -71,8 +83,29 @@ class Line:
         pairs = [(letter.upper(), float(number)) for letter, number in _PAIRS.findall(words)]
         return Plain(pairs, first is not None, match.start(2 if first is None else 1) + 1)
 
+    @property
+    def is_plain(self) -> bool:
+        return self._match is not None
+
+    @property
+    def sub(self) -> int:
+        """Number of the call that it belongs to, counted over the run; 0: of the program itself."""
+        return self.where.sub if self.where is not None else 0
+
+    def with_words(self, words: tuple[Word, ...]) -> Line:
+        """The same line with other words."""
+        made = Line(self.name, self.number, words)
+        made.where, made.message = self.where, self.message
+        return made
+
+    def place(self, column: int) -> Place:
+        if self.where is None:
+            return Place(self.number, column)
+        return Place(self.where.line, column, self.where.step, self.where.calls)
+
     def refusal(self, word: Word, sentence: str) -> ProgramError:
-        return ProgramError(self.name, self.number, word.column, sentence)
+        error = ProgramError(self.name, self.number, word.column, sentence)
+        return error.within(self.where.calls) if self.where is not None else error
 
 
 class Upcoming:

@@ -51,7 +51,7 @@ class PlainLines:
         if found is None:
             return None
         state, time = found
-        place = Place(line.number, plain.column)
+        place = line.place(plain.column)
         if tip is Tip.OFF:
             return self._joint_line(place, words, state, time), state
         block = self._tip_line(place, words, state, time)

@@ -21,6 +21,12 @@ class ProgramError(Exception):
         super().__init__(f"{file}:{line}:{column}: {sentence}")
         self.file, self.line, self.column, self.sentence = file, line, column, sentence
 
+    def within(self, calls: str) -> ProgramError:
+        """The same error inside of a sub; ``calls``: who called it, or ""."""
+        return (
+            ProgramError(self.file, self.line, self.column, f"{self.sentence} ({calls})") if calls else self
+        )
+
 
 class GougeRefused(ProgramError):
     """Refused because the part would be cut into; gouge = "warn" allows it."""
@@ -28,10 +34,20 @@ class GougeRefused(ProgramError):
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a block's motion word stands: 1-based line and column."""
+    """Where a block's motion word stands: 1-based line and column.
+
+    A line of a sub or loop is carried out more than once: ``order`` tells its turns apart. It rises
+    from block to block, and is the line itself in a program without subs and loops.
+    """
 
     line: int
     column: int
+    step: int = 0
+    calls: str = ""  # the subs that it runs in, for a sentence
+
+    @property
+    def order(self) -> int:
+        return self.step or self.line
 
 
 class Side(Enum):
@@ -210,8 +226,17 @@ class Remark:
     sentence: str
 
 
+@dataclass(frozen=True, slots=True)
+class Message:
+    """What the program says to the operator at its place in the run; nothing moves or stops."""
+
+    place: Place
+    modal: Modal
+    text: str
+
+
 CutBlock = CutCone | CutRuled | CutNurbs
-Block = CutBlock | JointLine | TipLine | JointArc | Dwell | Action | Remark
+Block = CutBlock | JointLine | TipLine | JointArc | Dwell | Action | Remark | Message
 
 
 @dataclass(frozen=True, slots=True)

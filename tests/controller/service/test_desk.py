@@ -18,7 +18,7 @@ from controller.door import DoorError
 from controller.handoff import Jog, Snapshot
 from controller.kinematics import Kinematics
 from controller.machine import five
-from controller.plan.route.spot import Spot
+from controller.plan.route.spot import FORMER, Spot
 from controller.service import jobs
 from controller.service.desk import Desk
 from controller.service.pulse import Pulse
@@ -513,7 +513,7 @@ def test_a_restart_that_is_loaded_starts_with_another_tool_at_the_fraction_of_it
     assert service.job is not None and service.job.program.spot == Spot(3, 0.5, 7, 12.0)
     done(desk, "set_tool", **TOOL)
     done(desk, "start")
-    assert service.job.program.spot == Spot(3, 0.5)
+    assert service.job.program.spot == Spot(3, 0.5, FORMER)
 
 
 def test_tools_do_not_change_while_the_way_back_is_planned_with_them(

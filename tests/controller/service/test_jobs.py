@@ -12,7 +12,7 @@ from controller.plan.detour import FIRST_ID
 from controller.plan.route.spot import ENTRY_ID, Spot
 from controller.service import jobs
 from controller.service.jobs import Job
-from controller.service.orders import News, Way
+from controller.service.orders import News, Said, Way
 from controller.state import Mode
 
 
@@ -91,3 +91,21 @@ def test_a_line_typed_by_hand_is_told_for_it_is_in_no_store(job: Job) -> None:
     assert job.to_dict(snapshot())["text"] == "G0 X1"
     job.program = replace(job.program, typed=False)
     assert job.to_dict(snapshot())["text"] is None
+
+
+def test_what_the_program_says_is_told_at_its_place(job: Job) -> None:
+    """Before a motion when it begins; before a stop when it holds there, though the plan read on."""
+    job.hear(News(messages=(Said("start", 0), Said("turn it", 3, 7), Said("go on", 3), Said("end", 9))))
+    seen = []
+    for motion_id, line, at_rest in [
+        (-1, 0, True),
+        (0, 2, False),
+        (2, 7, False),
+        (-1, 7, True),
+        (3, 8, False),
+    ]:
+        job.say(snapshot(motion_id=motion_id, line=line, at_rest=at_rest))
+        seen.append(job.to_dict(snapshot())["message"])
+    assert seen == [None, "start", "start", "turn it", "go on"]
+    job.say(snapshot(motion_id=-1, line=9), ended=True)
+    assert job.messages == ["start", "turn it", "go on", "end"]

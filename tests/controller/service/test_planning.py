@@ -61,7 +61,7 @@ def led(bench: Bench, verb: str, **more: Any) -> None:
 def test_a_start_tells_tool_offset_and_place_on_the_way(bench: Bench) -> None:
     answer = armed(bench, in_spindle=1)
     bench.until(Mode.HOLD)
-    assert [news.changes for news in bench.news if news.changes] == [{1: 2}]
+    assert [news.changes for news in bench.news if news.changes] == [{1: (2,)}]
     assert not bench.program_rows().size, "nothing moves before the tool is in"
     bench.request(Request.RESUME)
     assert answer.facts["start"].joints == pytest.approx(bench.snapshot().joints, abs=1.0)
@@ -213,3 +213,36 @@ def test_a_way_off_that_is_void_before_it_is_taken_is_answered_at_once(bench: Be
     bench.until(Mode.READY)
     armed(bench)
     bench.until(Mode.READY)
+
+
+SAYS = """G21 G90 G61 G54
+(MSG, begin)
+G0 X0 Y0 Z100
+#1=2 (DEBUG, one is %d#1)
+o100 repeat [2]
+(PRINT, turn the part)
+M0
+G1 F2000 X[5 * #1]
+#1=[#1 - 1]
+o100 endrepeat
+(LOG, done)
+M30
+"""
+
+
+def test_what_a_program_says_is_told_with_the_motion_or_the_stop_that_it_stands_before(bench: Bench) -> None:
+    bench.armed(SAYS, in_spindle=1)
+    for _ in range(2):
+        bench.until(Mode.HOLD)
+        bench.request(Request.RESUME)
+    bench.until(Mode.READY)
+    said = [(one.text, one.motion_id, one.line) for news in bench.news for one in news.messages]
+    first = said[0][1]
+    assert said == [
+        ("begin", first, None),
+        ("one is 2", first + 1, 7),
+        ("turn the part", first + 1, 7),
+        ("turn the part", first + 2, 7),
+        ("done", first + 3, 12),
+    ]
+    assert first == 0

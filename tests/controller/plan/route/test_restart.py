@@ -12,7 +12,7 @@ from restarting import EXAMPLE_2, LINES, TIPS, rest_of, source, stretches
 from controller.kinematics import Kinematics
 from controller.plan.route import entry, restart
 from controller.plan.route.path import Chain, Pause
-from controller.plan.route.spot import ENTRY_ID, Spot
+from controller.plan.route.spot import ENTRY_ID, FORMER, Spot
 from controller.plan.text.program import Act, ProgramError
 
 FIRST, SECOND = 10, 19  # lines of the two surfaces of Example 2
@@ -149,3 +149,51 @@ def test_a_dry_run_is_the_same_program_off_the_part_along_the_tool_axis(name: st
     assert np.abs(way - 12.0 * np.array(there.axis)).max() < 1e-9
     for item in rest.items:
         assert not isinstance(item, Pause) or item.modal.spindle_rev_min == 0.0
+
+
+LOOPS = """G21 G90 G61 T2 M6
+S8000 M3
+G0 X0. Y0. Z60.
+G1 Z20. F1500.
+o100 sub
+G1 X#1
+Y#2
+o100 endsub
+#10=0
+o101 repeat [3]
+#10=[#10 + 1]
+o100 call [#10] [10 * #10]
+o101 endrepeat
+G0 Z60.
+M30
+"""
+
+
+def test_a_line_that_runs_more_than_once_is_begun_at_its_first_time() -> None:
+    rest = rest_of(LOOPS, Spot(7, 0.0), shipped())
+    assert (rest.spot.line, rest.spot.motion_id) == (7, 3)
+    again = rest_of(LOOPS, Spot(7, 0.0, rest.spot.motion_id + 2, 0.0), shipped())
+    assert again.target.joints[:2] == (8.0 + 2.0, 96.0 + 10.0)  # the work offset, and the second time
+    assert rest_of(LOOPS, Spot(6, 0.5), shipped()).target.joints[:2] == (8.0 + 0.5, 96.0)
+    assert rest_of(LOOPS, Spot(1, 0.0), shipped()).what == "pause"
+
+
+@pytest.mark.parametrize(
+    ("spot", "phrase"),
+    [
+        (Spot(11, 0.0), "this line moves nothing"),
+        (Spot(12, 0.5), "this line moves nothing"),
+        (Spot(7, 0.5, FORMER), "not known which time"),
+    ],
+)
+def test_which_time_a_line_was_running_is_never_guessed(spot: Spot, phrase: str) -> None:
+    with pytest.raises(ProgramError, match=phrase):
+        rest_of(LOOPS, spot, shipped())
+
+
+def test_in_a_smooth_row_a_line_is_begun_at_its_first_time() -> None:
+    smooth = LOOPS.replace("G61", "G64 P0.01")
+    rest = rest_of(smooth, Spot(7, 0.5), shipped())
+    x, y = rest.target.joints[:2]
+    assert abs(x - 9.0) < 0.01 and 96.0 < y < 106.0
+    assert rest_of(smooth, rest.spot, shipped()).target == rest.target

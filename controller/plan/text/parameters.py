@@ -1,0 +1,115 @@
+"""The parameters of a program: numbered, named, and those that the control itself gives.
+
+#1 to #30 and names belong to the sub that runs (its arguments, then whatever it sets), all else to
+the whole program; names that begin with _ are global. A number that nobody has set is 0, a name
+that nobody has set has no value (both as LinuxCNC).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+Key = int | str
+ARGUMENTS = range(1, 31)  # a sub's own
+OF_THE_MACHINE = range(5061, 5603)  # positions, offsets and tools: the control gives them
+RETURNED = ("_value", "_value_returned")  # what the last sub gave back, and whether it did
+
+
+class NoValue(Exception):
+    """A parameter that cannot be read, or set, here; the sentence why."""
+
+
+class Given(Protocol):
+    """What the control says of itself by parameters of its own."""
+
+    def value(self, key: Key) -> float | None:
+        """The value of one of its parameters; None where it has none of that name. Raises NoValue."""
+
+
+class Nothing:
+    """Nothing is given."""
+
+    def value(self, key: Key) -> float | None:
+        return None
+
+
+class Parameters:
+    """The values of one run of a program."""
+
+    def __init__(self, given: Given | None = None) -> None:
+        self._given = given or Nothing()
+        self._global: dict[Key, float] = dict.fromkeys(RETURNED, 0.0)
+        self._locals: list[dict[Key, float]] = [{}]  # of the program, and of each sub that runs in it
+
+    @property
+    def level(self) -> int:
+        """How many subs are running, one in the other."""
+        return len(self._locals) - 1
+
+    def value(self, key: Key) -> float:
+        """Raises NoValue."""
+        if (found := self._room(key).get(key)) is not None:
+            return found
+        if (given := self._of_the_control(key)) is not None:
+            return given
+        if isinstance(key, int):
+            return 0.0
+        raise NoValue(f"#<{key}> has no value yet: set it on an earlier line with #<{key}>=value")
+
+    def exists(self, key: Key) -> bool:
+        """As EXISTS asks: every number does."""
+        try:
+            self.value(key)
+        except NoValue:
+            return False
+        return True
+
+    def check_settable(self, key: Key) -> None:
+        """Raises NoValue for what a program cannot set."""
+        if isinstance(key, int) and key in OF_THE_MACHINE:
+            raise NoValue(
+                f"#{key} cannot be set: parameters {OF_THE_MACHINE.start} to {OF_THE_MACHINE.stop - 1} are "
+                "positions, offsets and tools of the machine and can only be read; use another number, and "
+                "set offsets and tools in the machine file"
+            )
+        if key in RETURNED or (isinstance(key, str) and self._is_given(key)):
+            raise NoValue(f"#<{key}> is given by the control and can only be read; use another name")
+
+    def set(self, settings: Mapping[Key, float]) -> None:
+        """The settings of a line, which take effect together."""
+        for key, value in settings.items():
+            self._room(key)[key] = value
+
+    def enter(self, arguments: Sequence[float]) -> None:
+        """A sub begins: its #1 to #30 are its arguments, those that are missing 0."""
+        self._locals.append(dict(enumerate(arguments, start=ARGUMENTS.start)))
+
+    def leave(self, value: float | None) -> None:
+        """A sub ends; ``value``: what it gives back."""
+        self._locals.pop()
+        self._global |= dict(zip(RETURNED, (value or 0.0, float(value is not None)), strict=True))
+
+    def enter_sharing(self) -> None:
+        """A sub of M98 begins: #1 to #30 are the caller's, names its own (as LinuxCNC)."""
+        self._locals.append({key: value for key, value in self._locals[-1].items() if isinstance(key, int)})
+
+    def leave_sharing(self) -> None:
+        own = self._locals.pop()
+        self._locals[-1].update((key, value) for key, value in own.items() if isinstance(key, int))
+
+    def _room(self, key: Key) -> dict[Key, float]:
+        """Where a parameter is kept."""
+        local = key in ARGUMENTS if isinstance(key, int) else not key.startswith("_")
+        return self._locals[-1] if local else self._global
+
+    def _of_the_control(self, key: Key) -> float | None:
+        if key == "_call_level":
+            return float(self.level)
+        return self._given.value(key)
+
+    def _is_given(self, name: str) -> bool:
+        try:
+            return self._of_the_control(name) is not None
+        except NoValue:
+            return True
