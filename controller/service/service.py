@@ -214,8 +214,8 @@ class Service:
 
     # -- jobs
 
-    def begin(self, job: Job, facts: dict[str, Any]) -> None:
-        """The start goes out with this."""
+    def begin(self, job: Job, facts: dict[str, Any]) -> int:
+        """The start goes out with this; the request's number."""
         with self.lock:
             start: Start = facts["start"]
             job.duration_s, job.blocks = facts["duration_s"], facts["blocks"]
@@ -226,7 +226,7 @@ class Service:
             if self.record is not None:
                 self.record.begins(start, job.program, self.fitted)
             self.running = job
-            self.engine.request(Request.START)
+            return self.engine.request(Request.START)
 
     def led_aside(self) -> None:
         """The tool leaves the path, or comes back to it."""

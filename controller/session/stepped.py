@@ -7,6 +7,7 @@ give the same setpoints, as fast as the computer can.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,7 @@ import numpy.typing as npt
 from controller import config, times
 from controller.handoff import (
     COLUMN,
+    Outcome,
     PieceInbox,
     PieceOutbox,
     Recorder,
@@ -124,6 +126,7 @@ class SteppedMachine:
             for bus in buses
         }
         self._operator, request_end = request_pair()
+        self._numbers = itertools.count(1)
         self.times = times.of(machine)  # once commissioned: as its drives were found
         self._start_up = StartUp(
             machine, networks, self._ask, lambda: self.cycle.modes.homed, self._take_arranged
@@ -182,8 +185,15 @@ class SteppedMachine:
         finally:
             self._ticks_in_sdo = False
 
-    def request(self, request: Request, value: float = 0.0) -> None:
-        send_request(self._operator, request, value)
+    def request(self, request: Request, value: float = 0.0) -> int:
+        """Ask the tick for something; the number by which ``cycle.answers`` has what came of it."""
+        number = next(self._numbers)
+        send_request(self._operator, request, value, number)
+        return number
+
+    def _came_of(self, number: int) -> tuple[Outcome, Fault]:
+        now = self.board.read()
+        return (Outcome.NONE, Fault.NONE) if now is None else now.came_of(number)
 
     def _keeping(self, recordings: Path) -> Keeper:
         logs = {name: FrameLog() for name in self.rig.buses}
@@ -220,14 +230,15 @@ class SteppedMachine:
     def _ask(self, request: Request, value: float, wanted: Mode) -> tuple[Mode, Fault]:
         # SDO has let time pass on the bus alone.
         self._offset_s = self.rig.now_s - self.clock.now_s()
-        self.request(request, value)
+        number = self.request(request, value)
         self.tick()
         modes, mask = self.cycle.modes, homing_mask(request, value)
         for _ in range(LONGEST_WAIT):
             if modes.mode is Mode.FAULT or (modes.mode is wanted and modes.homed & mask == mask):
                 break
-            if modes.refused == request and modes.interlock is not Fault.NONE:
-                return modes.mode, modes.interlock
+            came, why = self._came_of(number)
+            if came is Outcome.REFUSED and why is not Fault.NONE:
+                return modes.mode, why
             self.tick()
         return modes.mode, modes.fault
 
@@ -265,7 +276,7 @@ class SteppedMachine:
             self.recorder.drain()
         else:
             self._plan()
-        self.request(Request.START)
+        started = self.request(Request.START)
         first, self._skips_before = self.cycle.tick + 1, self.cycle.skips
         self._idle = asked_for = resumes = n = 0  # ``asked_for``: events that have been sent
         plan_every = max(1, round(PLAN_EVERY_S / self.machine.period_s))
@@ -281,7 +292,7 @@ class SteppedMachine:
                 self._plan()
             self.tick()
             if n == 0:
-                self._see_started()
+                self._see_started(started)
             n += 1
             if n % DRAIN_EVERY == 0:
                 self._rows.append(self.recorder.drain())
@@ -320,11 +331,11 @@ class SteppedMachine:
                 break
         return np.concatenate([*rows, self.recorder.drain()])
 
-    def _see_started(self) -> None:
+    def _see_started(self, number: int) -> None:
         """Raises SessionError where the machine forbids the start."""
         modes = self.cycle.modes
         why = no_start(self.machine, modes.interlock, modes.untrusted)
-        if why and modes.mode is Mode.READY and modes.refused == Request.START:
+        if why and modes.mode is Mode.READY and self._came_of(number)[0] is Outcome.REFUSED:
             raise SessionError(why)
 
     def _stands(self, waiting: Sequence[Event]) -> bool:

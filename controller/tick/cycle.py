@@ -13,7 +13,9 @@ from collections.abc import Callable
 from controller import times
 from controller.handoff import (
     PLANNER_SILENCE_S,
+    Answers,
     Arrangement,
+    Outcome,
     PieceInbox,
     Recorder,
     RequestInbox,
@@ -21,7 +23,7 @@ from controller.handoff import (
 )
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
-from controller.state import ALWAYS, Fault, Mode, Request
+from controller.state import ALWAYS, Fault, Mode, Request, bars
 from controller.tick.check import Check
 from controller.tick.drives import Drives
 from controller.tick.follow import Follow, Step
@@ -65,6 +67,8 @@ class Cycle:
         self.modes.absolute = sum(1 << i for i, axis in enumerate(machine.axes) if axis.homing.absolute)
         self.modes.homed = self.modes.absolute
         self._homing_asked = 0.0  # axes whose clamps must open before they home
+        self._homing_number = 0  # of that request
+        self.answers = Answers()
         self._pieces = pieces
         self._requests = requests
         self._now = now
@@ -103,6 +107,7 @@ class Cycle:
         self.accepted = 0  # sequence of the last message taken
         self.rejected = 0
         self._accepted_now = 0  # sequence taken in this tick; negative: refused
+        self._taken = 0  # number of the last request taken in this tick
 
     # -- the tick
 
@@ -130,7 +135,7 @@ class Cycle:
             self.group.command(self._encoder.setpoints, now_s)
         self.publish()
         stood = self._stood or self._stood_before
-        self._telling.record(self.tick, lateness_s, sent, self._accepted_now, stood)
+        self._telling.record(self.tick, lateness_s, sent, self._accepted_now, stood, self._taken)
         self._stood_before = False
         return sent
 
@@ -202,29 +207,43 @@ class Cycle:
                 self.modes.fail(Fault.TOO_MANY_SKIPS, -1)
 
     def _take_requests(self) -> None:
+        self._taken = 0
         for _ in range(MOST_REQUESTS):
             request = self._requests.take()
             if request is None:
                 break
+            self._taken = self._requests.number or self._taken
             self._request(request[0], request[1])
         if self._homing_asked:
             self._home()
 
     def _request(self, request: Request, value: float) -> None:
-        if request is Request.HOME and self.modes.mode is Mode.OFF:
-            self._homing_asked = value
-            self.modes.homed &= ~int(value)
-            return
-        if request is Request.JOG:
-            self.jogging.ask(self._requests.jog)
-            return
-        if request is Request.ARRANGED:
-            self._arrange(self._requests.arranged)
-            return
-        if self._homing_asked and request not in ALWAYS:
+        """What a request asks for, and the answer to it: a refusal is that of this one alone."""
+        modes, number = self.modes, self._requests.number
+        modes.refused = 0
+        if self._homing_asked and request not in ALWAYS and request is not Request.JOG:
             self._homing_asked = 0.0
             self.peripherals.opens_for(0)
-        self.modes.request(request, value, self.follow.at_rest)
+            self.answers.give(self._homing_number, Outcome.SUPERSEDED)
+        if request is Request.HOME and modes.mode is Mode.OFF:
+            self._homing_asked, self._homing_number = value, number
+            modes.homed &= ~int(value)
+            return  # answered when it begins
+        if request is Request.JOG:
+            self.jogging.ask(self._requests.jog)
+        elif request is Request.ARRANGED:
+            self._arrange(self._requests.arranged)
+        else:
+            modes.request(request, value, self.follow.at_rest)
+        self._answer(request, number)
+
+    def _answer(self, request: Request, number: int) -> None:
+        modes = self.modes
+        if modes.refused:
+            why = modes.interlock if bars(modes.interlock, request) else Fault.NONE
+            self.answers.give(number, Outcome.REFUSED, why)
+        else:
+            self.answers.give(number, Outcome.DONE)
 
     def _arrange(self, found: Arrangement | None) -> None:
         """The drives have been commissioned: how long their own stops take, and in what they take speeds."""
@@ -247,9 +266,11 @@ class Cycle:
         if axis >= 0:
             self.modes.fail(Fault.CLAMP, axis)
         else:
+            self.modes.refused = 0
             self.modes.request(Request.HOME, axes, self.follow.at_rest)
             if self.modes.mode is not Mode.HOMING:
                 self.peripherals.opens_for(0)
+        self._answer(Request.HOME, self._homing_number)
 
     def _take_pieces(self) -> None:
         """At most one message, whole or not at all; and how long the plan has been silent.
@@ -374,5 +395,11 @@ class Cycle:
     def publish(self) -> None:
         """What others see of it."""
         self._telling.publish(
-            self.tick, self.skips, self.late_max_s, self.accepted, self.rejected, self.peripherals
+            self.tick,
+            self.skips,
+            self.late_max_s,
+            self.accepted,
+            self.rejected,
+            self.peripherals,
+            self.answers.ring,
         )

@@ -70,7 +70,7 @@ class Modes:
         self.ending = False  # hold at the end of this block
         self.jog_ends = False  # the jog comes to rest; its owner then leaves the mode
         self.away = False  # jogged off the place of the hold; its owner tells
-        self.refused = 0  # the last request that the table refused
+        self.refused = 0  # the last request, where the table refused it; 0 = it did not
         self.dropped = False  # the queue is void: its owner clears it and this flag
 
     def quick_stop_takes(self, seconds: float) -> None:

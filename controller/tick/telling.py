@@ -44,6 +44,7 @@ class Telling:
         accepted: int,
         rejected: int,
         peripherals: Peripherals,
+        answers: Sequence[int],
     ) -> None:
         """The snapshot of this tick."""
         follow, modes, states = self._follow, self._modes, self._states
@@ -93,6 +94,7 @@ class Telling:
             self._jogging.active,
             modes.away,
             self._fault_off(),
+            *answers,
         )
 
     def _fault_off(self) -> float:
@@ -102,7 +104,9 @@ class Telling:
             return 0.0
         return float(self._encoder.to_units(i, self._group.drives[i].following_error.actual))
 
-    def record(self, tick: int, lateness_s: float, sent: bool, accepted: int, stood: bool) -> None:
+    def record(
+        self, tick: int, lateness_s: float, sent: bool, accepted: int, stood: bool, request: int
+    ) -> None:
         """The row of this tick; ``stood``: after a gap the path was stood still in it."""
         follow, modes, encoder = self._follow, self._modes, self._encoder
         piece = follow.piece
@@ -127,6 +131,7 @@ class Telling:
             modes.override,
             modes.rapid_override,
             SINGLE_BLOCK * modes.single_block + OPTIONAL_STOP * modes.optional_stop + STOOD * stood,
+            request,
             self._bus_share(),
         )
 
