@@ -68,6 +68,7 @@ __all__ = [
     "COLUMN",
     "COMMIT_LEAD_S",
     "DEAD_MAN_S",
+    "OFF_PATH",
     "OPTIONAL_STOP",
     "PLANNER_SILENCE_S",
     "ROW",
@@ -76,6 +77,7 @@ __all__ = [
     "STANDSTILL",
     "STILL",
     "STOOD",
+    "WAITED",
     "Answers",
     "Arrangement",
     "Jog",
@@ -355,11 +357,14 @@ ROW: tuple[str, ...] = (
     "limited_by",
     "override",
     "rapid_override",
-    "switches",  # single block, optional stop; stood still in this tick, after a long gap
+    "switches",  # bits, as below
     "request",  # number of the last one that was taken in this tick, 0 = none
     "bus_share",  # of the period that the frames heard and sent in this tick take at most, fullest bus
 )
-SINGLE_BLOCK, OPTIONAL_STOP, STOOD = 1, 2, 4  # bits of "switches"
+SINGLE_BLOCK, OPTIONAL_STOP = 1, 2  # bits of "switches", and what else a run is made again by:
+STOOD = 4  # stood still in this tick, after a long gap
+WAITED = 8  # motion waited for spindle, coolant or clamps
+OFF_PATH = 16  # the setpoints are where the drives were
 COLUMN = {name: i for i, name in enumerate(ROW)}
 _ROW = struct.Struct(f"<{len(ROW)}d")
 RECORDER_ROWS = 1 << 15  # 65 s at 2 ms; of three quarters of it 12 s are left at 0.5 ms

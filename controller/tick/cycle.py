@@ -9,10 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 from controller import times
 from controller.handoff import (
+    OFF_PATH,
     PLANNER_SILENCE_S,
+    STOOD,
+    WAITED,
     Answers,
     Arrangement,
     Outcome,
@@ -43,6 +47,13 @@ LOST_ECHOES = 3  # of the kernel's SYNC, in a row
 # to go on at full feed would be a step for them. Fewer are a dip that a servo smooths.
 LONG_GAP = 4
 BLAMED_TICKS = 3  # the silence may have begun after the buses were drained
+
+
+class Again(NamedTuple):
+    """What came from the drives and devices in a tick of a run that is made again."""
+
+    waits: bool = False  # motion waited for spindle, coolant or clamps
+    fault: Fault = Fault.NONE  # that came up
 
 
 class Cycle:
@@ -96,6 +107,8 @@ class Cycle:
         self._echoes_missed = 0
         self._synced_tick = 0  # the last tick that sent SYNC
         self._stood = False  # in this tick the path was stood still after a gap
+        self.again: Again | None = None  # of a run that is made again
+        self._waits = False  # motion waits for spindle, coolant or clamps in this tick
         self._stood_before = False  # so it was before this tick, in a run that is made again
         self._deaf_s = times.deaf_s(machine)
         self._blamed = 0  # ticks in which what the drives have to say is of our silence
@@ -134,10 +147,13 @@ class Cycle:
         if sent or self._stood:
             self.group.command(self._encoder.setpoints, now_s)
         self.publish()
-        stood = self._stood or self._stood_before
-        self._telling.record(self.tick, lateness_s, sent, self._accepted_now, stood, self._taken)
+        self._telling.record(self.tick, lateness_s, sent, self._accepted_now, self._flags(), self._taken)
         self._stood_before = False
         return sent
+
+    def _flags(self) -> int:
+        stood = self._stood or self._stood_before
+        return STOOD * stood + WAITED * self._waits + OFF_PATH * (not self.modes.on_path)
 
     # -- its steps
 
@@ -164,6 +180,11 @@ class Cycle:
         """For a run that is made again: before its next SYNC there was a long gap."""
         self._stood_before = self._stand(not self._kernel_sync)
         self.group.command(self._encoder.setpoints, self._now())
+
+    def pass_by(self) -> None:
+        """For a run that is made again: a tick that came too late for its SYNC."""
+        self.run(self._now(), self._period_s)
+        self._synced_tick += 1  # where the path was stood still for it, the record says so
 
     def _stand(self, back: bool) -> bool:
         """The drives have stood: so does what they are told, and motion begins again from rest.
@@ -303,6 +324,8 @@ class Cycle:
     def _supervise(self, now_s: float, ticks: int) -> None:
         standing = self.follow.at_rest
         self.modes.watch(now_s)
+        if self.again is not None and self.again.fault is not Fault.NONE:
+            self.modes.fail(self.again.fault, -1)
         if self.peripherals.present:
             self.peripherals.watch(now_s, self.modes, self._encoder.actual, standing, ticks)
         if self._unsent > self._most_unsent and self.modes.on_path:
@@ -329,8 +352,10 @@ class Cycle:
         modes, follow = self.modes, self.follow
         follow.optional_stop = modes.optional_stop
         follow.single_block = modes.single_block or modes.ending
-        running = modes.running and not self.peripherals.waiting
-        step = follow.step(follow.goes(running, modes.override, modes.rapid_override))
+        self._waits = modes.running and self._must_wait()
+        step = follow.step(
+            follow.goes(modes.running and not self._waits, modes.override, modes.rapid_override)
+        )
         fault, axis = self._judge(step, self._check)
         if fault is not Fault.NONE:
             self._refuse(fault, axis, step)
@@ -340,6 +365,9 @@ class Cycle:
             modes.mode = Mode.READY
         elif step is Step.SET and follow.told is not None:
             self.peripherals.tell(follow.told)
+
+    def _must_wait(self) -> bool:
+        return self.peripherals.waiting if self.again is None else self.again.waits
 
     def _jog(self) -> None:
         """A step by hand; it cannot fail but by an error of ours, and then no path is left."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from controller.handoff import OPTIONAL_STOP, SINGLE_BLOCK, STANDSTILL, STOOD, Recorder, SnapshotBoard
+from controller.handoff import OPTIONAL_STOP, SINGLE_BLOCK, STANDSTILL, Recorder, SnapshotBoard
 from controller.machine import Machine
 from controller.state import Fault
 from controller.tick.drives import Drives
@@ -105,9 +105,9 @@ class Telling:
         return float(self._encoder.to_units(i, self._group.drives[i].following_error.actual))
 
     def record(
-        self, tick: int, lateness_s: float, sent: bool, accepted: int, stood: bool, request: int
+        self, tick: int, lateness_s: float, sent: bool, accepted: int, flags: int, request: int
     ) -> None:
-        """The row of this tick; ``stood``: after a gap the path was stood still in it."""
+        """The row of this tick; ``flags``: those of "switches" that are not the operator's."""
         follow, modes, encoder = self._follow, self._modes, self._encoder
         piece = follow.piece
         self._recorder.write(
@@ -130,7 +130,7 @@ class Telling:
             follow.limited_by,
             modes.override,
             modes.rapid_override,
-            SINGLE_BLOCK * modes.single_block + OPTIONAL_STOP * modes.optional_stop + STOOD * stood,
+            SINGLE_BLOCK * modes.single_block + OPTIONAL_STOP * modes.optional_stop + flags,
             request,
             self._bus_share(),
         )
