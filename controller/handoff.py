@@ -71,6 +71,7 @@ __all__ = [
     "OFF_PATH",
     "OPTIONAL_STOP",
     "PLANNER_SILENCE_S",
+    "PLAN_IDS",
     "ROW",
     "SINGLE_BLOCK",
     "SNAPSHOT_VALUES",

@@ -194,18 +194,10 @@ class Desk:
         """Also of what is only being prepared, or on its way to the tick: it takes the hold behind that."""
         service = self._service
         service.stops += 1
-        record = service.record
-        if record is not None:
-            record.holds_asked += 1
         if service.sequencer.busy in PREPARES or self._resumes(service.now()):
             service.engine.request(Request.HOLD)
             return {"mode": service.now().mode.name}
-        try:
-            return self._ask(Request.HOLD)
-        except DoorError:
-            if record is not None:
-                record.holds_asked -= 1
-            raise
+        return self._ask(Request.HOLD)
 
     def _stop(self, _: Values) -> Values:
         """Also of what is only being prepared: a check, a start."""

@@ -180,7 +180,6 @@ def aside(service: Service, verb: str, distance_mm: float, stops: int) -> Values
     service.engine.line.order(verb, program=program, distance_mm=distance_mm)
     if program is not None and job is not None:
         service.refit(job)
-    service.led_aside()
     asked = 0
     if service.stops == stops:
         asked = service.engine.request(Request.RESUME)

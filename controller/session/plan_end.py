@@ -9,7 +9,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from controller import arranged, config
@@ -55,6 +55,7 @@ class PlanEnd:
         """
         self._kept = kept or arranged.folder()
         self.alone = False  # the tick is gone
+        self.before_message: Callable[[], None] = lambda: None  # called before pieces go out
         self._machine = machine
         self._board = SnapshotBoard(snapshot_path, create=False)
         self._outbox = PieceOutbox(children.joined(pieces, socket.SOCK_SEQPACKET))
@@ -95,6 +96,8 @@ class PlanEnd:
 
     def send(self, message: PieceMessage) -> bool:
         """False while packets wait, and when nobody is there to take them."""
+        if not message.is_keepalive:
+            self.before_message()
         with self._lock:
             self._sent = max(self._sent, message.sequence)
             try:

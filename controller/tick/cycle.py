@@ -323,8 +323,9 @@ class Cycle:
 
     def _supervise(self, now_s: float, ticks: int) -> None:
         standing = self.follow.at_rest
-        self.modes.watch(now_s)
-        if self.again is not None and self.again.fault is not Fault.NONE:
+        if self.again is None:
+            self.modes.watch(now_s)
+        elif self.again.fault is not Fault.NONE:
             self.modes.fail(self.again.fault, -1)
         if self.peripherals.present:
             self.peripherals.watch(now_s, self.modes, self._encoder.actual, standing, ticks)
@@ -341,6 +342,7 @@ class Cycle:
 
     def _move(self) -> None:
         """The joints of the next SYNC: along the plan, or where the drives are."""
+        self._waits = False
         if not self.modes.on_path:
             self.jogging.active = False
             self.follow.set_joints(self._where_the_drives_are())
@@ -353,9 +355,8 @@ class Cycle:
         follow.optional_stop = modes.optional_stop
         follow.single_block = modes.single_block or modes.ending
         self._waits = modes.running and self._must_wait()
-        step = follow.step(
-            follow.goes(modes.running and not self._waits, modes.override, modes.rapid_override)
-        )
+        running = modes.running and not self._waits
+        step = follow.step(follow.goes(running, modes.override, modes.rapid_override))
         fault, axis = self._judge(step, self._check)
         if fault is not Fault.NONE:
             self._refuse(fault, axis, step)
