@@ -44,8 +44,14 @@ from controller.pieces import (
     dwell,
 )
 from controller.requests import (
+    ANSWERS,
+    PLAN_IDS,
+    Answers,
     Arrangement,
+    Outcome,
     RequestInbox,
+    outcome,
+    plan_ids,
     request_pair,
     send_arrangement,
     send_jog,
@@ -62,16 +68,22 @@ __all__ = [
     "COLUMN",
     "COMMIT_LEAD_S",
     "DEAD_MAN_S",
+    "OFF_PATH",
     "OPTIONAL_STOP",
     "PLANNER_SILENCE_S",
+    "PLAN_IDS",
     "ROW",
     "SINGLE_BLOCK",
+    "SNAPSHOT_VALUES",
     "STANDSTILL",
     "STILL",
     "STOOD",
+    "WAITED",
+    "Answers",
     "Arrangement",
     "Jog",
     "Law",
+    "Outcome",
     "Piece",
     "PieceInbox",
     "PieceMessage",
@@ -87,6 +99,7 @@ __all__ = [
     "dwell",
     "encode",
     "piece_pair",
+    "plan_ids",
     "request_pair",
     "send_arrangement",
     "send_jog",
@@ -246,7 +259,7 @@ class Snapshot(NamedTuple):
     rejected: int  # sequence of the last message refused
     spindle_rev_min: float  # as told now, signed
     coolant: int  # 1 mist, 2 flood, 3 both
-    refused_request: int  # the last request that the table refused, 0 = none
+    refused_request: int  # the last request taken, where the table refused it; 0 = it did not
     at_rest: bool
     epoch: int  # queues given up so far
     stopping: bool  # leaving the plan by a stop; at its end ``epoch`` counts up
@@ -264,10 +277,26 @@ class Snapshot(NamedTuple):
     jogging: bool = False  # a jog moves, or is coming to rest
     away: bool = False  # jogged off the place of the hold; RESUME must wait for the way back
     fault_off: float = 0.0  # of a following error: commanded less actual of its axis, mm or rad
+    answers: tuple[int, ...] = (0,) * ANSWERS  # to the last requests, in a ring; see ``came_of``
+
+    def came_of(self, number: int) -> tuple[Outcome, Fault]:
+        """What came of the request of that number, and the interlock that forbade it; see ``Outcome``."""
+        for one in self.answers:
+            asked, came, why = outcome(one)
+            if asked == number:
+                return came, Fault(why)
+        return Outcome.NONE, Fault.NONE
+
+    def has_taken(self, number: int) -> bool:
+        """Whether the request of that number has come to the tick; numbers of one sender rise."""
+        of_plan = number >= PLAN_IDS
+        taken = (one >> 16 for one in self.answers)
+        return any(asked >= number and (asked >= PLAN_IDS) is of_plan for asked in taken)
 
 
-_SNAPSHOT = struct.Struct("<q3i7d4i5d5d5iid2Idii?I?i??id??QQii??d")
-_INTERLOCK, _WARNING = 43, 49  # their places in the flat values
+_SNAPSHOT = struct.Struct(f"<q3i7d4i5d5d5iid2Idii?I?i??id??QQii??d{ANSWERS}Q")
+SNAPSHOT_VALUES = 54 + ANSWERS  # that ``SnapshotBoard.write`` takes
+_INTERLOCK, _WARNING, _ANSWERS = 43, 49, 54  # their places in the flat values
 _COUNTER = struct.Struct("<Q")
 _SLOT = (_SNAPSHOT.size + 7) // 8 * 8
 
@@ -304,7 +333,8 @@ class SnapshotBoard:
 def _snapshot(v: tuple[Any, ...]) -> Snapshot:
     named = (v[0], Mode(v[1]), Fault(v[2]), *v[3:13], bool(v[13]), v[14])
     after = (*v[30:_INTERLOCK], Fault(v[_INTERLOCK]), *v[_INTERLOCK + 1 : _WARNING], Fault(v[_WARNING]))
-    return Snapshot._make((*named, v[15:20], v[20:25], v[25:30], *after, *v[_WARNING + 1 :]))
+    last = (*v[_WARNING + 1 : _ANSWERS], v[_ANSWERS:])
+    return Snapshot._make((*named, v[15:20], v[20:25], v[25:30], *after, *last))
 
 
 # ---- flight recorder: one row of float64 per tick
@@ -328,10 +358,14 @@ ROW: tuple[str, ...] = (
     "limited_by",
     "override",
     "rapid_override",
-    "switches",  # single block, optional stop; stood still in this tick, after a long gap
+    "switches",  # bits, as below
+    "request",  # number of the last one that was taken in this tick, 0 = none
     "bus_share",  # of the period that the frames heard and sent in this tick take at most, fullest bus
 )
-SINGLE_BLOCK, OPTIONAL_STOP, STOOD = 1, 2, 4  # bits of "switches"
+SINGLE_BLOCK, OPTIONAL_STOP = 1, 2  # bits of "switches", and what else a run is made again by:
+STOOD = 4  # stood still in this tick, after a long gap
+WAITED = 8  # motion waited for spindle, coolant or clamps
+OFF_PATH = 16  # the setpoints are where the drives were
 COLUMN = {name: i for i, name in enumerate(ROW)}
 _ROW = struct.Struct(f"<{len(ROW)}d")
 RECORDER_ROWS = 1 << 15  # 65 s at 2 ms; of three quarters of it 12 s are left at 0.5 ms

@@ -9,6 +9,7 @@ Desk(service)("hold", {})
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,13 +17,14 @@ from typing import Any
 import numpy as np
 from cutting import shipped
 
-from controller.handoff import COLUMN, ROW, Jog, Snapshot, SnapshotBoard
+from controller.handoff import COLUMN, ROW, SNAPSHOT_VALUES, Jog, Snapshot, SnapshotBoard
 from controller.machine import Machine, five
+from controller.requests import Outcome, answer
 from controller.service.jobs import homed_position
 from controller.service.orders import News
 from controller.service.service import Service
 from controller.session.starts import Start
-from controller.state import ALL_AXES, TRANSITIONS, Fault, Mode, Request
+from controller.state import ALL_AXES, ALWAYS, TRANSITIONS, Fault, Mode, Request
 
 Plan = Callable[..., dict[str, Any]]
 CHECKED = {"duration_s": 1.0, "blocks": 2, "notes": [], "restart": [], "restart_de": [], "verdict": None}
@@ -38,6 +40,8 @@ class FakeEngine:
         self.requests: list[Request] = []  # as they came to the tick
         self.taken: list[Request] = []  # those of them that its table took
         self.orders: list[str] = []
+        self.number = 0  # of the last request
+        self.asked: deque[object] = deque()
         self.answers: dict[str, Plan] = {"arm": self._arm, "check": lambda **_: dict(CHECKED)}
         self.given_up = 0
         self.short = self.ran = False  # what is started is over before anybody looks; it has run
@@ -46,7 +50,7 @@ class FakeEngine:
         self.jog_ends_mm = math.inf  # after which something ends it
         self.before_request: Callable[[Request], None] = lambda _: None
         board = SnapshotBoard()
-        board.write(*[0] * 54)
+        board.write(*[0] * SNAPSHOT_VALUES)
         found = board.read()
         assert found is not None
         joints = homed_position(machine)
@@ -63,7 +67,7 @@ class FakeEngine:
         self.now = self.now._replace(tick=self.now.tick + 1)
         return self.now
 
-    def request(self, request: Request, value: float = 0.0) -> None:
+    def request(self, request: Request, value: float = 0.0) -> int:
         self.before_request(request)
         self.requests.append(request)
         if request is Request.PLAN_LOST and self.now.mode in (Mode.RUNNING, Mode.HOLD):
@@ -79,13 +83,22 @@ class FakeEngine:
                 self.now = self.now._replace(mode=Mode.HOLD)
             if request is Request.STOP:
                 self.now = self.now._replace(queue_end_s=self.now.plan_time_s)
+        refuses = after is None and request not in ALWAYS
+        return self._answer(Outcome.REFUSED if refuses else Outcome.DONE)
 
-    def jog(self, line: Jog) -> None:
+    def _answer(self, came: Outcome) -> int:
+        self.number += 1
+        ring = (*self.now.answers[1:], answer(self.number, came))
+        self.now = self.now._replace(answers=ring)
+        return self.number
+
+    def jog(self, line: Jog) -> int:
         """A line with a length: it stands at its end at the next look."""
         self.jogged.append(line)
         length = min(line.length, self.jog_ends_mm)
         joints = five([q + length * d for q, d in zip(self.now.joints, line.direction, strict=True)])
         self.now = self.now._replace(joints=joints, actual=joints)
+        return self._answer(Outcome.DONE)
 
     def mend(self) -> None:
         """Another plan is there at once."""

@@ -19,7 +19,7 @@ import uvicorn
 from fake_door import AXES, FakeDoor
 
 from controller import config
-from controller.handoff import SnapshotBoard
+from controller.handoff import SNAPSHOT_VALUES, SnapshotBoard
 from controller.panel.checker import Checker
 from controller.panel.core import Panel
 from controller.panel.http import make_app
@@ -93,7 +93,7 @@ class MovingDoor(FakeDoor):
         shown = [_joint(where, i)["machine"] for i, where in enumerate(self._where.values())]
         joints = [q / axis.shown_per_unit for q, axis in zip(shown, MACHINE.axes, strict=True)]
         board = SnapshotBoard()
-        board.write(*[0] * 54)
+        board.write(*[0] * SNAPSHOT_VALUES)
         blank = board.read()
         if blank is None or self.mode not in Mode.__members__ or self._aside:
             return None

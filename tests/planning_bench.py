@@ -12,7 +12,7 @@ from cutting import shipped
 from restarting import assert_rest_is_cut, distance, stretches
 
 from controller import fitting, journal
-from controller.handoff import COLUMN, Snapshot
+from controller.handoff import COLUMN, PieceMessage, Snapshot
 from controller.journal import Entry, Journal
 from controller.machine import Machine
 from controller.plan.planner import Planner
@@ -25,14 +25,22 @@ from controller.state import Mode, Request
 
 SAME = 1e-6  # mm or rad
 LONGEST = 20_000  # ticks
+FITTED = {"offsets": {"G55": [0.0, 0.0, 0.0]}}
 
 
 class Bench:
     """A stepped machine whose plan is that of the service."""
 
-    def __init__(self, folder: Path) -> None:
-        self.machine, self._folder = fitting.with_offset(shipped(), "G55", [0.0, 0.0, 0.0]), folder
-        self.stepped = SteppedMachine(self.machine)
+    def __init__(
+        self,
+        folder: Path,
+        machine: Machine | None = None,
+        lateness: Callable[[int], float] | None = None,
+    ) -> None:
+        """``lateness`` as the stepped clock takes it."""
+        self.machine = fitting.applied(machine or shipped(), FITTED)
+        self._folder, self.before_message = folder, lambda: None
+        self.stepped = SteppedMachine(self.machine, lateness=lateness)
         self.stepped.come_up()
         self.stepped._plan = self._turn  # type: ignore[method-assign]
         self.alone, self.planner = False, self.stepped.planner
@@ -58,11 +66,15 @@ class Bench:
     # -- what Planning needs of its end of the sockets
 
     def new_planner(self, machine: Machine) -> Planner:
-        send = self.stepped._replay.send
-        made = Planner(machine, self.stepped.kinematics, send)
+        made = Planner(machine, self.stepped.kinematics, self._send)
         made.go_on_from(max(self.snapshot().accepted, self.snapshot().rejected))
         self.planner = self.stepped.planner = made
         return made
+
+    def _send(self, message: PieceMessage) -> bool:
+        if not message.is_keepalive:
+            self.before_message()
+        return self.stepped.outbox.send(message)
 
     def load(self, items: Iterable[Chain | Pause], now: Snapshot) -> None:
         self.planner.load(items, now.queue_end_s, now.epoch)

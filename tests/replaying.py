@@ -14,7 +14,7 @@ from controller import config, fitting
 from controller.handoff import COLUMN
 from controller.machine import Machine
 from controller.plan.route.spot import Spot
-from controller.session import checked, events, starts
+from controller.session import checked, events, replay, starts
 from controller.session.stepped import Run, SteppedMachine
 
 FIRST = COLUMN["setpoint_0"]
@@ -29,10 +29,12 @@ class Again:
     run: Run
     stepped: SteppedMachine
     live: np.ndarray  # (N, 5) setpoints in counts
+    off_path: int = 1 << 40  # the tick from which on they were where the drives were
 
     @property
     def setpoints(self) -> np.ndarray:
-        return self.run.rows[:, FIRST : FIRST + 5]
+        sent = self.run.rows[:, COLUMN["sync_sent"]] != 0.0
+        return self.run.rows[sent, FIRST : FIRST + 5]
 
 
 def records(state: Path) -> list[Path]:
@@ -47,22 +49,26 @@ def facts(folder: Path) -> dict[str, Any]:
 
 def again(folder: Path, text: str, machine: Machine | None = None) -> Again:
     """As ``directrix simulate --events`` does it."""
-    file = folder / "events.jsonl"
-    begin = events.begin(file)
-    assert begin is not None
-    made = fitting.applied(machine or config.load("trunnion"), begin.fitted)
+    recorded = events.recorded(folder / "events.jsonl")
+    assert recorded is not None
+    built, begin = machine or config.load("trunnion"), recorded.begin
+    made = fitting.applied(built, begin.fitted)
     task = checked.task(text.encode(), "part.ngc", made)
     bench = SteppedMachine(made)
     bench.come_up()
     bench.stand_at(begin.start.joints, begin.start.plan_time_s)
     walk = starts.path_from(task, None, begin.start)
-    run = bench.run(walk, events.read(file), turns=events.turns(file))
-    return Again(run, bench, np.load(folder / "setpoints.npz")["rows"][:, 1:])
+    live = replay.setpoints(folder)
+    assert live is not None
+    part = replay.Part(task, lambda fitted: fitting.applied(built, dict(fitted)))
+    run = replay.again(bench, walk, part, recorded, live)
+    assert replay.difference(recorded, live, run.rows) is None
+    return Again(run, bench, live, replay.off_path(recorded))
 
 
 def assert_same_setpoints(done: Again, ended_itself: bool = True) -> None:
     """Bit for bit; of a run that was cut off, as far as it went."""
-    length = min(len(done.live), len(done.setpoints))
+    length = min(len(done.live), len(done.setpoints), done.off_path)
     if ended_itself:
         assert abs(len(done.live) - len(done.setpoints)) <= LOOKING
     np.testing.assert_array_equal(done.setpoints[:length], done.live[:length])

@@ -314,6 +314,7 @@ REFUSALS = {
     "not_all_homed": "{axes} did not become homed; look at the drives.",
     "waited": "Waited {seconds:.0f} s for {what} in vain.",
     "first_tick": "the first tick",
+    "answer": "the tick to answer",
     "enabled": "the drives to be enabled",
     "switched_off": "the drives to be switched off",
     "standstill": "standstill",

@@ -328,6 +328,7 @@ REFUSALS = {
     "not_all_homed": "{axes}: nicht referenziert; die Antriebe ansehen.",
     "waited": "{seconds:.0f} s vergeblich gewartet: {what}.",
     "first_tick": "auf den ersten Takt",
+    "answer": "auf die Antwort des Takts",
     "enabled": "auf die Freigabe der Antriebe",
     "switched_off": "auf das Ausschalten der Antriebe",
     "standstill": "auf den Stillstand",

@@ -67,6 +67,11 @@ class Aside:
     returning: bool = False
     _last: Joints | None = None  # seen since the last turn
 
+    @property
+    def marks(self) -> tuple[object, ...]:
+        """Changes with whatever ``see`` or its owner has noted."""
+        return self.off, self.returning, len(self.turns), self._last
+
     def see(self, now: Snapshot) -> None:
         """Note where a jog has led; call it with every snapshot."""
         here = five(now.joints)

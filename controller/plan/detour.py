@@ -42,6 +42,12 @@ class Detour:
         """The program is gone, and the way with it."""
         self.aside = self._left = self._stood = None
 
+    @property
+    def marks(self) -> tuple[object, ...]:
+        """Changes with whatever a turn has noted for later ones."""
+        stood = None if self._stood is None else self._stood[0].held
+        return stood, None if self.aside is None else self.aside.marks
+
     def retract(self, now: Snapshot, left: Left | None, spot: Spot | None, by_mm: float) -> Track:
         """The way off. Raises NotPossible."""
         aside.see_held(now, "retract")

@@ -144,9 +144,10 @@ class Planner:
         self._lead_s = lead_s
 
     @property
-    def marks(self) -> tuple[float, ...]:
+    def marks(self) -> tuple[object, ...]:
         """Changes wherever a turn without a message still has an effect on later ones."""
-        return self._lead_s, self._retry_s, self._wait_s, self._sequence, self._epoch
+        own = self._lead_s, self._retry_s, self._wait_s, self._sequence, self._epoch
+        return *own, *self._detour.marks
 
     # --- one turn
 

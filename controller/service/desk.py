@@ -30,7 +30,6 @@ from controller.toml_table import ConfigError
 MOST_DISTANCE = 1e5  # mm or degrees of one step; the travel is the tick's own limit
 MOST_MDI = 10_000  # characters
 PREPARES = ("start", "mdi", "retract", "return")  # sequences at whose end the tool moves
-UNSEEN = 3  # ticks from a request to the snapshot that shows it
 AT_REST = (Mode.OFF, Mode.READY, Mode.FAULT)
 
 
@@ -40,7 +39,7 @@ class Desk:
     def __init__(self, service: Service) -> None:
         self._service = service
         self._jogging, self._presses = Jogging(), Presses()
-        self._resumed = -UNSEEN - 1  # tick of the last resume
+        self._resumed = 0  # number of the last resume
         self._errands = ThreadPoolExecutor(2, "errands")  # what waits for a disk
         self._verbs: dict[str, Callable[[Values], Answer]] = {
             "status": self._status,
@@ -195,18 +194,10 @@ class Desk:
         """Also of what is only being prepared, or on its way to the tick: it takes the hold behind that."""
         service = self._service
         service.stops += 1
-        record = service.record
-        if record is not None:
-            record.holds_asked += 1
-        if service.sequencer.busy in PREPARES or 0 <= service.now().tick - self._resumed <= UNSEEN:
+        if service.sequencer.busy in PREPARES or self._resumes(service.now()):
             service.engine.request(Request.HOLD)
             return {"mode": service.now().mode.name}
-        try:
-            return self._ask(Request.HOLD)
-        except DoorError:
-            if record is not None:
-                record.holds_asked -= 1
-            raise
+        return self._ask(Request.HOLD)
 
     def _stop(self, _: Values) -> Values:
         """Also of what is only being prepared: a check, a start."""
@@ -233,8 +224,13 @@ class Desk:
         service = self._service
         if not service.sequencer.busy and (why := service.no_resume):
             raise refused("refused", service.now().mode.name, "RESUME", why=catalogue.Key(why))
-        self._resumed = service.now().tick
-        return self._ask(Request.RESUME)
+        now = self._permitted(Request.RESUME)
+        self._resumed = service.engine.request(Request.RESUME)
+        return {"mode": now.mode.name}
+
+    def _resumes(self, now: Snapshot) -> bool:
+        """Whether a resume is on its way to the tick, so that what is shown is from before."""
+        return self._resumed != 0 and not now.has_taken(self._resumed)
 
     def _switch(self, request: Request, args: Values) -> Values:
         on = args.get("on")

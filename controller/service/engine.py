@@ -17,10 +17,13 @@ from __future__ import annotations
 import contextlib
 import pickle
 import socket
+import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 from controller.handoff import (
     Jog,
@@ -41,7 +44,17 @@ from controller.session.children import Child, Job
 from controller.state import Fault, Request
 
 SERVICE = "controller.service"
+MOST_ASKED = 10_000  # requests that no record has looked for yet
 START_S = 60.0  # longer than any tick takes from the order to its first turn
+
+
+class Asked(NamedTuple):
+    """One request as it went to the tick."""
+
+    request: Request
+    value: float = 0.0
+    jog: Jog | None = None
+    number: int = 0
 
 
 @dataclass(slots=True)
@@ -74,6 +87,9 @@ class Engine:
         self._starts = 0
         self._begun_s = -START_S
         self._ending = contextlib.ExitStack()
+        self._numbering = threading.Lock()
+        self._number = 0  # of the last request
+        self.asked: deque[Asked] = deque(maxlen=MOST_ASKED)  # in their order, for the record of a run
 
     def start_hubs(self) -> None:
         """Virtual buses with simulated drives, and hubs that share a serial adapter. Raises SessionError."""
@@ -174,20 +190,30 @@ class Engine:
         """The newest one, also the last of a tick that is gone."""
         return self._run.board.read() if self._run is not None else None
 
-    def request(self, request: Request, value: float = 0.0) -> None:
-        """A datagram to the tick. Raises DoorError where nobody takes it."""
-        with self._sending(request) as operator:
-            send_request(operator, request, value)
+    def request(self, request: Request, value: float = 0.0) -> int:
+        """A datagram to the tick; its number, see ``came_of`` of the snapshot.
 
-    def jog(self, jog: Jog) -> None:
+        Raises DoorError where nobody takes it.
+        """
+        with self._sending(Asked(request, value)) as (operator, number):
+            send_request(operator, request, value, number)
+        return number
+
+    def jog(self, jog: Jog) -> int:
         """As ``request``; to be sent again within 200 ms, or the tick comes to rest by itself."""
-        with self._sending(Request.JOG) as operator:
-            send_jog(operator, jog)
+        with self._sending(Asked(Request.JOG, jog=jog)) as (operator, number):
+            send_jog(operator, jog, number)
+        return number
 
     @contextlib.contextmanager
-    def _sending(self, request: Request) -> Iterator[socket.socket]:
+    def _sending(self, asked: Asked) -> Iterator[tuple[socket.socket, int]]:
+        """Numbers rise in the order in which the tick takes them; nobody waits here for anything."""
+        request = asked.request
         try:
-            yield self._there().operator
+            with self._numbering:
+                self._number += 1
+                self.asked.append(asked._replace(number=self._number))
+                yield self._there().operator, self._number
         except BlockingIOError:
             raise refused("busy_tick", request=request.name, code="busy") from None
         except OSError:

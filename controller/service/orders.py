@@ -64,10 +64,12 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class Turn:
-    """The planner acted on the snapshot of this tick, with so much time for itself."""
+    """The planner acted on the snapshot of this tick."""
 
     tick: int
-    lead_s: float
+    value: float  # how much time (s) it had for itself; of a retract its way (mm)
+    verb: str = "plan"  # or "retract", "return": a way beside the path was asked for
+    refitted: bool = False  # returned with what is fitted by now
 
 
 @dataclass(frozen=True, slots=True)

@@ -232,6 +232,7 @@ class Planning:
         self._tools.clear()
         self._end.load(self._watched(items, program.spot is not None), now)
         self._turns.clear()
+        self._told = News(finished=False)
         facts = {"duration_s": kept.duration_s, "blocks": kept.blocks, "plan_time_s": now.queue_end_s}
         self._facts = {**facts, "start": start}
         self._awaited = Awaited.of(order, now)
@@ -279,6 +280,7 @@ class Planning:
 
     def _retract(self, order: Order) -> None:
         now = self._end.snapshot()
+        self._turns.append(Turn(now.tick, order.distance_mm, "retract"))
         self._end.planner.retract(now, order.distance_mm)
         self._await_taken(order, now)
 
@@ -288,10 +290,12 @@ class Planning:
         if order.program is not None and planner.aside is not None:
             rest, lengths_mm = self._with_other_tool(order.program, planner.aside.spot)
             now = self._end.snapshot()
+            self._turns.append(Turn(now.tick, 0.0, "return", refitted=True))
             planner.go_back(now, rest, lengths_mm)
             self._fitted = order.program.machine
         else:
             now = self._end.snapshot()
+            self._turns.append(Turn(now.tick, 0.0, "return"))
             planner.go_back(now)
         self._await_taken(order, now)
 
@@ -301,10 +305,7 @@ class Planning:
         kept = self._kept(program)
         self._offsets.clear()
         rest = self._rest(program, kept)
-        number = rest.target.modal.tool
-        tools = (self._fitted.tool(number), program.machine.tool(number))
-        before_mm, after_mm = (tool.length_mm if tool is not None else 0.0 for tool in tools)
-        return rest, (before_mm, after_mm)
+        return rest, starts.lengths_mm(rest, self._fitted, program.machine)
 
     def _await_taken(self, order: Order, now: Snapshot) -> None:
         """Answered when the tick has the way."""
@@ -316,11 +317,11 @@ class Planning:
     def turn(self) -> None:
         """The planner acts on the newest snapshot, and what is new is told."""
         now, planner = self._end.snapshot(), self._end.planner
-        before = planner.marks
-        lead_s = planner.lead_s
+        before, turn = planner.marks, Turn(now.tick, planner.lead_s)
+        self._end.before_message = lambda: self._tell_turn(turn)
         sent = planner.work(now)
-        if sent or planner.marks != before:
-            self._turns.append(Turn(now.tick, lead_s))
+        if not sent and planner.marks != before:
+            self._turns.append(turn)
         self._end.flush()
         if self._awaited is not None:
             self._see_taken(self._awaited, now)
@@ -356,6 +357,11 @@ class Planning:
             return self._told.spot
         self._placed_s = now_s
         return self._end.planner.spot(now)
+
+    def _tell_turn(self, turn: Turn) -> None:
+        """Before its message goes out: whatever the tick takes can then be planned again."""
+        self._parent.send(replace(self._told, turns=(*self._turns, turn)))
+        self._turns.clear()
 
     def _tell(self, news: News) -> None:
         """What is new, and nothing twice."""

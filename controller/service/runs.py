@@ -5,50 +5,66 @@ A folder per run in the state folder:
     runs/2026-11-21T083120.042-part.ngc/
         begun.json       what and when, while it is under way
         run.json         the same with result, duration, cut time, largest following errors
-        events.jsonl     the operator's requests by tick, as ``simulate --events`` reads them
-        setpoints.npz    tick and the five setpoints of every tick (int32)
-        setpoints.part   the same rows as they came, instead of it, where nobody lived to write the end
+        events.jsonl     what came to the tick, as ``simulate --events`` reads it (``session.events``)
+        setpoints.part   tick and the five setpoints of every tick (int32), while it is under way or lost
+        setpoints.npz    the same rows of a run that was ended
 
 Ticks count from cycle start, and those alone that sent a SYNC: the path clock counts no others.
-Which tick took a request is read from the recorder's rows, where the change shows, and not from
-a clock. What the planner made of an override depends on when it looked, so its turns are
-events, too: "plan" says before which tick it acted, "pieces" before which its message was taken.
-The first line, "begin", says from where, and with which tools and offsets.
+Which tick took a request is read from the recorder's rows, where its number stands, and not from
+a clock. What the planner made of it depends on when it looked, so its turns are events, too.
 """
 
 from __future__ import annotations
 
 import contextlib
 import json
+import os
 import re
 import shutil
 import time
+from collections import deque
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from controller import whole
-from controller.handoff import COLUMN, STOOD
+from controller.handoff import (
+    COLUMN,
+    OFF_PATH,
+    OPTIONAL_STOP,
+    PLAN_IDS,
+    SINGLE_BLOCK,
+    STOOD,
+    WAITED,
+    Outcome,
+    Snapshot,
+)
 from controller.journal import sha256
 from controller.machine import Machine
+from controller.service.engine import Asked
 from controller.service.orders import Program, Turn
+from controller.service.run_events import RunEvents
+from controller.service.run_file import PART, RunFile
+from controller.session import events
 from controller.session.recording import forget_oldest, new_folder
+from controller.session.replay import SETPOINTS, WHOLE
 from controller.session.starts import Start
-from controller.state import Mode
+from controller.state import Fault, Mode
 
 FOLDER, RUN, BEGUN = "runs", "run.json", "begun.json"
 KEPT = 200
 LAG_TICKS = 2  # from a setpoint to the feedback that can have followed it
-SETPOINTS = ("tick", *(f"setpoint_{i}" for i in range(5)))
-MOST_BYTES = 256 << 20  # of setpoints in one run: six hours at 2 ms
 
 Rows = npt.NDArray[np.float64]
 
 _TAKEN = [COLUMN[name] for name in SETPOINTS]
 _COMMAND, _ACTUAL = COLUMN["joint_command_0"], COLUMN["actual_0"]
-_SWITCHES = {1: "single_block", 2: "optional_stop"}
+_SWITCHES = {SINGLE_BLOCK: "single_block", OPTIONAL_STOP: "optional_stop"}
+_NAMES = {request: name for name, request in {**events.REQUESTS, **events.RECORDED}.items()}
+# They come again by themselves, for it is the tick that finds them in what it has been given.
+_OWN_FAULTS = (Fault.NONE, Fault.BRANCH_LOST, Fault.TRAVEL, Fault.VELOCITY, Fault.ACCELERATION)
 
 
 class RunRecord:
@@ -59,54 +75,59 @@ class RunRecord:
         self.machine, self.what = machine, what
         self.began = False  # the tick has taken the start
         self.stopped = False  # by an operator
-        self.first_tick = -1
         self.last_tick = -1
-        self.holds_asked = 0  # of the operator, not yet seen in the rows
         self._cut_ticks = 0
         self._errors = np.zeros(5)
         self._before: Rows | None = None
         self._commands = np.zeros((0, 5))
-        self._events: list[dict[str, Any]] = []
-        self._turns: list[Turn] = []
-        self._sent: list[npt.NDArray[np.int64]] = []  # ticks that sent a SYNC, since the start
-        self._taken: list[npt.NDArray[np.int64]] = []  # ticks that took a message of the plan
-        self._start: dict[str, Any] | None = None
+        self._events = RunEvents()
+        self._flags, self._fault = 0, Fault.NONE  # as the last row had them
+        self._refused: set[int] = set()  # numbers of requests
         self._started_s = time.time()
-        self._kept_bytes = 0
         self._ticks = 0  # that sent a SYNC
         self._busy = (0, -1)  # how many of them belong to the run, and the last tick of it
         self.problem = ""
         self.folder = state / FOLDER / _stem(str(what.get("name", "")))
-        self._file: BinaryIO | None = None
+        self._file: RunFile | None = None
         try:
             self.folder = new_folder(self.folder.parent, self.folder.name)
-            self._file = open(self.folder / "setpoints.part", "wb")  # noqa: SIM115
+            self._file = RunFile(self.folder)
         except OSError as error:
             self.problem = error.strerror or str(error)
 
+    @property
+    def first_tick(self) -> int:
+        """Of the machine; -1 before the run has begun."""
+        return self._events.first_tick
+
     # -- while it runs
 
-    def take(self, rows: Rows) -> None:
-        """The next rows of the recorder."""
-        ticks = rows[:, COLUMN["tick"]].astype(np.int64)
-        self._taken.append(ticks[rows[:, COLUMN["accepted"]] != 0.0])
+    def take(self, rows: Rows, asked: deque[Asked] | None = None, now: Snapshot | None = None) -> None:
+        """The next rows of the recorder, and what was ``asked`` of the tick; what came is taken from it.
+
+        ``now`` is a snapshot from after these rows: it tells what came of the requests.
+        """
+        if not len(rows):
+            return
+        self._first_settings(rows[0])
+        self._find_requests(rows, asked if asked is not None else deque(), now)
+        for tick in rows[rows[:, COLUMN["accepted"]] != 0.0, COLUMN["tick"]]:
+            self._events.add(int(tick), events.line_of(events.PIECES))
         if not self.began:
             going = np.flatnonzero(
                 (rows[:, COLUMN["mode"]] == Mode.RUNNING) | (rows[:, COLUMN["rate"]] > 0.0)
             )
             if not len(going):
-                self._before = rows[-1] if len(rows) else self._before
+                self._before = rows[-1]
                 return
             self.began = True
-            self.first_tick = int(rows[going[0], COLUMN["tick"]])
+            self._events.first_tick = int(rows[going[0], COLUMN["tick"]])
             self._before = rows[going[0] - 1] if going[0] else self._before
-            self._first_settings(rows[going[0]])
             rows = rows[going[0] :]
-        if len(rows):
-            self._measure(rows)
-            self._find_events(rows)
-            self._keep(rows)
-            self.last_tick, self._before = int(rows[-1, COLUMN["tick"]]), rows[-1]
+        self._measure(rows)
+        self._find_events(rows)
+        self._keep(rows)
+        self.last_tick, self._before = int(rows[-1, COLUMN["tick"]]), rows[-1]
 
     def begins(self, start: Start, program: Program, fitted: dict[str, Any]) -> None:
         """From where, and on what: without it nothing could be run again but a start after homing.
@@ -117,27 +138,48 @@ class RunRecord:
             "program_sha256": sha256(program.text),
             "machine_sha256": sha256(program.machine.text.encode()),
         }
-        self._start = {**start.to_dict(), "fitted": fitted, **sums}
+        value = {**start.to_dict(), "fitted": fitted, **sums}
         with contextlib.suppress(OSError):
             _write_facts(self.folder / BEGUN, self._facts())
+            if self._file is not None:
+                self._file.events([{"tick": -1, "request": events.BEGIN, "value": value}])
+                self._file.begin()
             whole.sync(self.folder.parent)
 
-    def led_aside(self) -> None:
-        """The tool was led off the path, where an operator may jog it: that is not run again."""
-        self._events.append({"at": max(self.last_tick, self.first_tick), "request": "aside"})
+    def planned(self, turns: tuple[Turn, ...], fitted: dict[str, Any]) -> None:
+        """When the planner acted, and on which tick's snapshot; ``fitted``: now."""
+        for turn in turns:
+            value = fitted if turn.refitted else turn.value
+            self._events.add(turn.tick + 1, events.line_of(turn.verb, value))
+        self._write_events()
 
-    def planned(self, turns: tuple[Turn, ...]) -> None:
-        """When the planner acted, and on which tick's snapshot."""
-        self._turns += turns
+    def sync(self) -> None:
+        """Returns when the disk has all that was taken before; for another thread."""
+        if self._file is not None:
+            self._file.sync()
 
     def _first_settings(self, row: Rows) -> None:
-        """Overrides and switches that were set before the start hold from its first tick on."""
-        for name in ("override", "rapid_override"):
+        """Overrides and switches that were set before hold for what is planned first."""
+        if self._before is not None:
+            return
+        self._before = row
+        at = int(row[COLUMN["tick"]]) - 1
+        for name in events.OVERRIDES:
             if row[COLUMN[name]] != 1.0:
-                self._event(row, name, round(100.0 * float(row[COLUMN[name]]), 9))
+                self._events.add(at, events.line_of(name, float(row[COLUMN[name]])))
         for bit, name in _SWITCHES.items():
             if int(row[COLUMN["switches"]]) & bit:
-                self._event(row, name, 1)
+                self._events.add(at, events.line_of(name, 1))
+
+    def _find_requests(self, rows: Rows, asked: deque[Asked], now: Snapshot | None) -> None:
+        """Numbers rise in the order in which the tick takes them, and a row has the last that it took."""
+        for row in rows[rows[:, COLUMN["request"]] != 0.0]:
+            number, at = int(row[COLUMN["request"]]), int(row[COLUMN["tick"]])
+            while number < PLAN_IDS and asked and asked[0].number <= number:
+                one = asked.popleft()
+                refused = now is not None and now.came_of(one.number)[0] is Outcome.REFUSED
+                if one.request in _NAMES and not refused:
+                    self._events.add(at, _asked_line(one))
 
     def _measure(self, rows: Rows) -> None:
         cutting = (rows[:, COLUMN["cutting"]] != 0.0) & (rows[:, COLUMN["rate"]] > 0.0)
@@ -150,58 +192,46 @@ class RunRecord:
         self._commands = commands[-LAG_TICKS:]
 
     def _find_events(self, rows: Rows) -> None:
-        """Where a column of the operator's changes, its request has been taken in that tick."""
-        before = rows[:1] if self._before is None else self._before[None, :]
-        all_rows = np.concatenate([before, rows])
-        columns = [COLUMN[name] for name in ("mode", "override", "rapid_override", "switches")]
-        changed = np.flatnonzero((np.diff(all_rows[:, columns], axis=0) != 0.0).any(axis=1))
-        for i in changed:
-            if int(all_rows[i + 1, COLUMN["tick"]]) > self.first_tick:
-                self._changes(all_rows[i], all_rows[i + 1])
+        """What came from drives and devices, and what the tick made of long gaps."""
+        self.stopped |= bool(np.any(rows[:, COLUMN["mode"]] == Mode.STOPPING))
+        switches, faults = rows[:, COLUMN["switches"]].astype(np.int64), rows[:, COLUMN["fault"]]
+        for row in rows[switches & STOOD != 0]:
+            self._events.add(int(row[COLUMN["tick"]]), events.line_of(events.STAND))
+        for i in np.flatnonzero(np.diff(faults, prepend=float(self._fault))):
+            self._fault = Fault(int(faults[i]))
+            if self._fault not in _OWN_FAULTS:
+                self._events.add(int(rows[i, COLUMN["tick"]]), events.line_of(events.FAULT, self._fault.name))
+        self._find_flags(rows[rows[:, COLUMN["sync_sent"]] != 0.0])
 
-    def _changes(self, old: Rows, new: Rows) -> None:
-        modes = Mode(int(old[COLUMN["mode"]])), Mode(int(new[COLUMN["mode"]]))
-        for name in ("override", "rapid_override"):
-            if old[COLUMN[name]] != new[COLUMN[name]]:
-                self._event(new, name, round(100.0 * float(new[COLUMN[name]]), 9))
-        flipped = int(old[COLUMN["switches"]]) ^ int(new[COLUMN["switches"]])
-        for bit, name in _SWITCHES.items():
-            if flipped & bit:
-                self._event(new, name, int(bool(int(new[COLUMN["switches"]]) & bit)))
-        if int(new[COLUMN["switches"]]) & STOOD:
-            self._event(new, "stand")
-        if modes == (Mode.RUNNING, Mode.HOLD) and self.holds_asked:
-            self.holds_asked = 0
-            self._event(new, "hold")
-        elif modes == (Mode.HOLD, Mode.RUNNING):
-            self._event(new, "resume")
-        elif modes[1] is Mode.STOPPING and modes[0] is not Mode.STOPPING:
-            self.stopped = True
-            self._event(new, "stop")
-
-    def _event(self, row: Rows, request: str, value: float | None = None) -> None:
-        event = {"at": int(row[COLUMN["tick"]]), "request": request}
-        self._events.append(event if value is None else {**event, "value": value})
+    def _find_flags(self, sent: Rows) -> None:
+        """Where motion begins to wait, or waits no more, and where the axes are off their path."""
+        flags = sent[:, COLUMN["switches"]].astype(np.int64) & (WAITED | OFF_PATH)
+        for i in np.flatnonzero(np.diff(flags, prepend=self._flags)):
+            changed, self._flags = int(flags[i]) ^ self._flags, int(flags[i])
+            at = int(sent[i, COLUMN["tick"]])
+            if changed & WAITED:
+                self._events.add(at, events.line_of(events.WAIT, int(bool(self._flags & WAITED))))
+            if changed & self._flags & OFF_PATH:
+                self._events.add(at, events.line_of(events.OFF_PATH))
 
     def _keep(self, rows: Rows) -> None:
         """A full disk costs the record, not the run."""
+        self._events.pass_rows(rows)
         sent = rows[rows[:, COLUMN["sync_sent"]] != 0.0]
         taken = sent[:, _TAKEN].copy()
-        self._sent.append(sent[:, COLUMN["tick"]].astype(np.int64))
         taken[:, 0] = np.arange(self._ticks, self._ticks + len(sent))
         busy = np.flatnonzero(sent[:, COLUMN["mode"]] != Mode.READY)
         if len(busy):  # what stands behind the end is only the looking whether it stands
             last = min(int(busy[-1]) + 1, len(sent) - 1)
             self._busy = (self._ticks + int(busy[-1]) + 2, int(sent[last, COLUMN["tick"]]))
         self._ticks += len(sent)
-        if self._file is None or self._kept_bytes > MOST_BYTES:
-            return
-        data = taken.astype("<i4").tobytes()
-        try:
-            self._file.write(data)
-            self._kept_bytes += len(data)
-        except OSError:
-            self._file = None
+        self._write_events()  # first: what is recorded of setpoints can be made again
+        if self._file is not None:
+            self._file.rows(taken.astype("<i4").tobytes())
+
+    def _write_events(self, is_last: bool = False) -> None:
+        if self._file is not None:
+            self._file.events(self._events.timed(is_last))
 
     # -- at its end
 
@@ -239,39 +269,34 @@ class RunRecord:
         shutil.rmtree(self.folder, ignore_errors=True)
 
     def _write(self, facts: dict[str, Any]) -> None:
-        events = self._timed()
         self.folder.mkdir(parents=True, exist_ok=True)  # there may be room by now
-        (self.folder / "events.jsonl").write_text("".join(json.dumps(event) + "\n" for event in events))
         if self._file is not None:
+            self._write_events(is_last=True)
             self._file.close()
-            rows = np.fromfile(self.folder / "setpoints.part", dtype="<i4").reshape(-1, len(SETPOINTS))
-            rows = rows[: self._busy[0]]
-            with open(self.folder / "setpoints.npz", "wb") as file:
-                np.savez_compressed(file, columns=np.array(SETPOINTS), rows=rows)
-        (self.folder / "setpoints.part").unlink(missing_ok=True)
+            self._write_setpoints()
         _write_facts(self.folder / RUN, facts)
+        (self.folder / PART).unlink(missing_ok=True)
         (self.folder / BEGUN).unlink(missing_ok=True)
         forget_oldest(self.folder.parent, KEPT)
 
-    def _timed(self) -> list[dict[str, Any]]:
-        """All events by the number of the SYNC before which they came; -1: before the start."""
-        sent = np.concatenate([np.zeros(0, np.int64), *self._sent])
-        taken = np.concatenate([np.zeros(0, np.int64), *self._taken])
-        found = [
-            (int(e["at"]), -1 if e["request"] == "stand" else 2, {k: v for k, v in e.items() if k != "at"})
-            for e in self._events
-        ]
-        found += [(turn.tick + 1, 0, {"request": "plan", "value": turn.lead_s}) for turn in self._turns]
-        found += [(int(tick), 1, {"request": "pieces"}) for tick in taken]
-        found.sort(key=lambda event: event[:2])
-        timed = [{"tick": self._before_tick(tick, sent), **event} for tick, _, event in found]
-        if self._start is None:
-            return timed
-        return [{"tick": -1, "request": "begin", "value": self._start}, *timed]
+    def _write_setpoints(self) -> None:
+        """All rows once more, as one file that takes less room; the disk has it before the other goes."""
+        rows = np.fromfile(self.folder / PART, dtype="<i4")
+        rows = rows[: len(rows) // len(SETPOINTS) * len(SETPOINTS)].reshape(-1, len(SETPOINTS))
+        with open(self.folder / WHOLE, "wb") as file:
+            np.savez_compressed(file, columns=np.array(SETPOINTS), rows=rows[: self._busy[0]])
+            file.flush()
+            os.fsync(file.fileno())
 
-    def _before_tick(self, tick: int, sent: npt.NDArray[np.int64]) -> int:
-        """The number of the SYNC of a tick; what was there before the start is -1."""
-        return int(np.searchsorted(sent, tick)) if tick >= self.first_tick else -1
+
+def _asked_line(one: Asked) -> dict[str, Any]:
+    """As ``session.events`` reads it."""
+    name = _NAMES[one.request]
+    if one.jog is not None:
+        length = one.jog.length if np.isfinite(one.jog.length) else None
+        return events.line_of(name, [one.jog.speed, length, *one.jog.direction])
+    takes_value = name in events.OVERRIDES or name in events.SWITCHES
+    return events.line_of(name, one.value if takes_value else None)
 
 
 def _write_facts(file: Path, facts: dict[str, Any]) -> None:

@@ -7,15 +7,16 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import replace
+from functools import partial
 
 from controller import state, times
 from controller.door import DoorError, Values
-from controller.handoff import Jog, Snapshot
+from controller.handoff import Jog, Outcome, Snapshot
 from controller.machine import Machine
 from controller.service import offer
 from controller.service.jobs import Job, whole_from
 from controller.service.orders import Program
-from controller.service.refused import by_fault, refused
+from controller.service.refused import by_fault, in_both, refused
 from controller.service.service import Service
 from controller.state import FAULTS, Fault, Mode, Recovery, Request
 from drives.cia402 import State
@@ -24,28 +25,32 @@ MARGIN_S = 2.0  # on top of what the tick itself waits
 STAND_S = 15.0  # for a stop after a fault
 ASIDE_S = 120.0  # for a way off the path
 TAKEN_S = 5.0  # for a datagram to show its effect
-DROP_TICKS = 3  # after which it has been taken
-SHOWN_TICKS = 5  # after which the mode is that of what was asked for
 SHORT_MM = 1e-3  # less is no shorter way
 
 
 def enable(service: Service) -> Values:
     """From OFF to READY; nothing moves. Raises DoorError."""
     _commissioned(service)
-    service.engine.request(Request.ENABLE)
+    asked = service.engine.request(Request.ENABLE)
+    _see_taken(service, asked, Request.ENABLE)
     now = service.wait_for(
-        lambda now: now.mode in (Mode.READY, Mode.FAULT) or _interlocked(now, Request.ENABLE),
-        times.ENABLE_S + MARGIN_S,
-        "enabled",
+        lambda now: now.mode in (Mode.READY, Mode.FAULT), times.ENABLE_S + MARGIN_S, "enabled"
     )
     if now.mode is not Mode.READY:
-        fault = now.interlock if now.mode is not Mode.FAULT else now.fault
-        raise by_fault(fault, now.mode.name, "ENABLE")
+        raise by_fault(now.fault, now.mode.name, "ENABLE")
     return {"mode": now.mode.name}
 
 
-def _interlocked(now: Snapshot, request: Request) -> bool:
-    return now.refused_request == request and now.interlock is not Fault.NONE
+def _see_taken(service: Service, number: int, request: Request) -> Snapshot:
+    """The first snapshot in which the tick has answered a request. Raises DoorError where it refused it."""
+    now = service.wait_for(lambda now: now.has_taken(number), TAKEN_S, "answer")
+    came, why = now.came_of(number)
+    if came is not Outcome.REFUSED:
+        return now
+    if why is not Fault.NONE:
+        raise by_fault(why, now.mode.name, request.name)
+    words = partial(refusal, service.machine, now, request)
+    raise in_both(words, now.mode.name, request.name) if words() else refused("by_now", now.mode.name)
 
 
 def _commissioned(service: Service) -> None:
@@ -152,19 +157,12 @@ def _go(service: Service, job: Job, facts: Values, stops: int) -> None:
             raise refused("stopped", now.mode.name, "START")
         if now.mode is not Mode.READY:
             raise refused("by_now", now.mode.name, "START")
-        service.begin(job, facts)
+        asked = service.begin(job, facts)
     if service.stops != stops:  # counted before it was sent, and so perhaps sent before the start
         service.engine.request(Request.STOP)
         raise refused("stopped", now.mode.name, "START")
-    tick = now.tick
-
-    def taken(now: Snapshot) -> bool:
-        barred = now.tick > tick + 50 and _interlocked(now, Request.START)
-        return now.mode is not Mode.READY or service.began(job) or barred
-
-    now = service.wait_for(taken, TAKEN_S, "start_taken")
-    if now.mode is Mode.READY and not service.began(job):
-        raise by_fault(now.interlock, now.mode.name, "START")
+    _see_taken(service, asked, Request.START)
+    service.wait_for(lambda now: now.mode is not Mode.READY or service.began(job), TAKEN_S, "start_taken")
     job.taken = True
 
 
@@ -182,15 +180,15 @@ def aside(service: Service, verb: str, distance_mm: float, stops: int) -> Values
     service.engine.line.order(verb, program=program, distance_mm=distance_mm)
     if program is not None and job is not None:
         service.refit(job)
-    service.led_aside()
-    before = service.now().tick
+    asked = 0
     if service.stops == stops:
-        service.engine.request(Request.RESUME)
+        asked = service.engine.request(Request.RESUME)
     if service.stops != stops:  # counted before it was sent, and so perhaps sent before the resume
-        service.engine.request(Request.HOLD)
+        asked = service.engine.request(Request.HOLD)
+    service.wait_for(lambda now: now.has_taken(asked), TAKEN_S, "answer")
 
     def over(now: Snapshot) -> bool:
-        if now.tick <= before + SHOWN_TICKS or now.mode is Mode.RUNNING:
+        if now.mode is Mode.RUNNING:
             return False
         if now.mode is not Mode.HOLD:
             return True
@@ -208,11 +206,11 @@ def retract(service: Service, line: Jog, stops: int) -> Values:
     before = service.now()
     if service.stops != stops:
         raise refused("stopped", before.mode.name, "RETRACT")
-    service.engine.jog(line)
+    asked = service.engine.jog(line)
     if service.stops != stops:  # counted before it was sent, and so perhaps sent before the jog
-        service.engine.request(Request.JOG_STOP)
-    over = before.tick + SHOWN_TICKS
-    now = service.wait_for(lambda now: now.tick > over and now.mode is not Mode.JOG, ASIDE_S, "end_of_way")
+        asked = service.engine.request(Request.JOG_STOP)
+    service.wait_for(lambda now: now.has_taken(asked), TAKEN_S, "answer")
+    now = service.wait_for(lambda now: now.mode is not Mode.JOG, ASIDE_S, "end_of_way")
     if now.mode is not Mode.READY:
         raise refused("ended_in", now.mode.name, "RETRACT")
     gone_mm = _along(line, before, now)
@@ -244,8 +242,8 @@ def _drop(service: Service) -> None:
             return
         if service.engine.plan_alive:
             service.engine.line.order("drop")
-        service.engine.request(Request.STOP)
-        service.wait_for(lambda later: later.tick > now.tick + DROP_TICKS, TAKEN_S, "standstill")
+        asked = service.engine.request(Request.STOP)
+        service.wait_for(lambda later: later.has_taken(asked), TAKEN_S, "standstill")
 
 
 def refusal(machine: Machine, now: Snapshot, request: Request, language: str = "en") -> str:

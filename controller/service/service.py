@@ -49,6 +49,7 @@ JOURNAL = "journal.json"
 LOOK_S = 0.02
 WAIT_S = 0.004
 FIRST_TICK_S = 30.0
+SYNC_S = 0.05  # a loss of power costs so much of a record, and what the disk itself takes
 
 
 class Service:
@@ -79,6 +80,8 @@ class Service:
         self.lock = threading.RLock()  # of jobs and records; the door's thread never takes it
         self.fitting = threading.Lock()  # of what is fitted and what begins with it; taken before ``lock``
         self._records = ThreadPoolExecutor(1, "records")  # writes what runs leave behind
+        self._over = threading.Event()
+        threading.Thread(target=self._sync_records, name="sync", daemon=True).start()
         self.journal = Journal(state / JOURNAL)
         self._folder = tempfile.TemporaryDirectory(prefix="directrix-")
         self.engine = Engine(machine, Path(self._folder.name), state / CHECKS, self._hear)
@@ -137,6 +140,7 @@ class Service:
         """Stop on the path, drives off, brakes first; then everything else."""
         self.engine.end_run()
         self.sequencer.wait()
+        self._over.set()
         self._end_job("interrupted", "The service was ended.")
         self._records.shutdown(wait=True)
         self._close_listener()
@@ -215,8 +219,8 @@ class Service:
 
     # -- jobs
 
-    def begin(self, job: Job, facts: dict[str, Any]) -> None:
-        """The start goes out with this."""
+    def begin(self, job: Job, facts: dict[str, Any]) -> int:
+        """The start goes out with this; the request's number."""
         with self.lock:
             start: Start = facts["start"]
             job.duration_s, job.blocks = facts["duration_s"], facts["blocks"]
@@ -227,13 +231,7 @@ class Service:
             if self.record is not None:
                 self.record.begins(start, job.program, self.fitted)
             self.running = job
-            self.engine.request(Request.START)
-
-    def led_aside(self) -> None:
-        """The tool leaves the path, or comes back to it."""
-        with self.lock:
-            if self.record is not None:
-                self.record.led_aside()
+            return self.engine.request(Request.START)
 
     def refit(self, job: Job) -> None:
         """Other tools were fitted while the program was held; the rest of it is as they cut it."""
@@ -248,8 +246,8 @@ class Service:
             job = self.running or self.job
             if job is not None:
                 job.hear(news)
-            if self.record is not None and news.turns:
-                self.record.planned(news.turns)
+            if self.record is not None and news.turns and not (job is not None and job.lost):
+                self.record.planned(news.turns, self.fitted)
 
     def arming(self, job: Job) -> None:
         """What the plan tells from now on is of this job."""
@@ -259,6 +257,9 @@ class Service:
             self.running = job
             if (recorder := self.engine.recorder) is not None:
                 recorder.drain()
+            asked = self.engine.asked
+            while asked and now is not None and now.has_taken(asked[0].number):
+                asked.popleft()  # before this run
             self.record = RunRecord(self.state, self.machine, job.told())
         if why := self.record.problem:
             words = refused("not_recorded", program=job.program.name, why=why)
@@ -291,6 +292,12 @@ class Service:
         if record is not None:
             more = {"sentence": sentence or None, "planned_s": job.duration_s}
             self._records.submit(record.end, result, **more)
+
+    def _sync_records(self) -> None:
+        """Nobody waits for the disk but this thread."""
+        while not self._over.wait(SYNC_S):
+            if (record := self.record) is not None:
+                record.sync()
 
     # -- looking on
 
@@ -358,8 +365,8 @@ class Service:
             return
         with self.lock:
             rows = recorder.drain()
-            if self.record is not None and len(rows):
-                self.record.take(rows)
+            if self.record is not None:
+                self.record.take(rows, self.engine.asked, self.engine.snapshot())
 
     def _look_at_job(self, now: Snapshot) -> None:
         job, record = self.running, self.record

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from controller import catalogue, config
-from controller.handoff import AXES, COLUMN, Recorder, Snapshot, SnapshotBoard
+from controller.handoff import COLUMN, SNAPSHOT_VALUES, Recorder, Snapshot, SnapshotBoard
 from controller.kinematics import Kinematics
 from controller.machine import Machine, five
 from controller.plan.route.entry import room_along_axis
@@ -77,7 +77,7 @@ _NAMES = ("axis", "node", "bus")  # of a drive: known whatever it does
 def blank() -> Snapshot:
     """In place of the first snapshot: nothing is on, and no axis has found its zero."""
     board = SnapshotBoard()
-    board.write(*bytes(len(Snapshot._fields) + 3 * (AXES - 1)))
+    board.write(*bytes(SNAPSHOT_VALUES))
     now = board.read()
     assert now is not None
     return now

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import socket
 import tempfile
 import time
@@ -16,6 +17,7 @@ import numpy.typing as npt
 from controller import config
 from controller.handoff import (
     COLUMN,
+    Outcome,
     Recorder,
     Snapshot,
     SnapshotBoard,
@@ -56,11 +58,14 @@ class Live:
     hubs: dict[str, Child] = field(default_factory=dict)  # by virtual bus
     sync_stamps_s: dict[str, Rows] = field(default_factory=dict)  # when SYNC left the wire; there at the end
     keeper: Keeper | None = None  # of recordings
+    _numbers: Iterator[int] = field(default_factory=lambda: itertools.count(1))  # of requests
 
-    def request(self, request: Request, value: float = 0.0) -> None:
-        """What an operator asks for. Raises SessionError when the tick is gone."""
+    def request(self, request: Request, value: float = 0.0) -> int:
+        """What an operator asks for; its number. Raises SessionError when the tick is gone."""
+        number = next(self._numbers)
         try:
-            send_request(self.operator, request, value)
+            send_request(self.operator, request, value, number)
+            return number
         except OSError as error:
             raise SessionError(self._ended(self.tick, request.name)) from error
 
@@ -95,7 +100,7 @@ class Live:
         rows = [self.recorder.drain()[:0]]
         began = False
         give_up_s = time.monotonic() + HUB_S
-        self.request(Request.START)
+        started = self.request(Request.START)
         while True:
             time.sleep(LOOK_S)
             now = self._in_progress()
@@ -106,12 +111,12 @@ class Live:
                 self._kept()
                 return np.concatenate(rows), now
             if not began:
-                self._see_started(now, give_up_s)
+                self._see_started(now, started, give_up_s)
 
-    def _see_started(self, now: Snapshot, give_up_s: float) -> None:
+    def _see_started(self, now: Snapshot, number: int, give_up_s: float) -> None:
         """Raises SessionError where the machine forbids the start, or nothing comes of it."""
         why = no_start(self.machine, now.interlock, now.untrusted)
-        if why and now.refused_request == Request.START:
+        if why and now.came_of(number)[0] is Outcome.REFUSED:
             raise SessionError(why)
         if time.monotonic() > give_up_s:
             raise SessionError("The machine did not take the start; is the computer very busy?")

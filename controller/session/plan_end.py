@@ -9,15 +9,17 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from controller import arranged, config
 from controller.handoff import (
+    Outcome,
     PieceMessage,
     PieceOutbox,
     Snapshot,
     SnapshotBoard,
+    plan_ids,
     send_arrangement,
     send_request,
 )
@@ -37,7 +39,7 @@ KEEPALIVE_S = 0.025
 # bring the frames of serial and USB adapters: at -10 they wait 10 ms for a core that they share with a plan.
 NICE = -5
 SWITCH_S = 0.001  # the keepalive gets its turn so soon while a chain is planned
-TAKEN_TICKS = 2  # after which a request has been taken
+STOPPED = "Homing was stopped before it was done; ask for it again."
 TELL_S = 2.0  # the tick takes requests with every turn
 COME_UP_S = 150.0  # longer than the tick itself waits for a drive to home
 
@@ -53,12 +55,14 @@ class PlanEnd:
         """
         self._kept = kept or arranged.folder()
         self.alone = False  # the tick is gone
+        self.before_message: Callable[[], None] = lambda: None  # called before pieces go out
         self._machine = machine
         self._board = SnapshotBoard(snapshot_path, create=False)
         self._outbox = PieceOutbox(children.joined(pieces, socket.SOCK_SEQPACKET))
         self._requests = children.joined(requests, socket.SOCK_DGRAM)
         self._lock = threading.Lock()  # a keepalive must not come between the packets of a message
         self._sent = 0  # the last message's number
+        self._numbers = plan_ids()  # of requests
         self._start_up: StartUp | None = None
         sys.setswitchinterval(SWITCH_S)
         with contextlib.suppress(PermissionError):
@@ -92,6 +96,8 @@ class PlanEnd:
 
     def send(self, message: PieceMessage) -> bool:
         """False while packets wait, and when nobody is there to take them."""
+        if not message.is_keepalive:
+            self.before_message()
         with self._lock:
             self._sent = max(self._sent, message.sequence)
             try:
@@ -162,22 +168,25 @@ class PlanEnd:
 
         Raises SessionError where somebody stopped the homing.
         """
+        number, mask = next(self._numbers), homing_mask(request, value)
         with contextlib.suppress(BlockingIOError):
-            send_request(self._requests, request, value)
-        mask, asked = homing_mask(request, value), self.snapshot().tick
+            send_request(self._requests, request, value, number)
         give_up_s = time.monotonic() + COME_UP_S
         began = False
         while True:
             now = self.snapshot()
-            if now.tick <= asked + TAKEN_TICKS and not self.alone:
-                time.sleep(PLAN_TURN_S)  # what is shown may be from before: an axis may have been homed
+            came, why = now.came_of(number)
+            if came is Outcome.NONE and not self.alone and time.monotonic() <= give_up_s:
+                time.sleep(PLAN_TURN_S)  # what is shown is from before: an axis may have been homed
                 continue
-            if now.refused_request == request and now.interlock is not Fault.NONE:
-                return now.mode, now.interlock
+            if came is Outcome.REFUSED:
+                return now.mode, why if why is not Fault.NONE else now.fault
+            if came is Outcome.SUPERSEDED:
+                raise SessionError(STOPPED)
             arrived = now.mode is wanted and now.homed & mask == mask
             if arrived or now.mode is Mode.FAULT or self.alone or time.monotonic() > give_up_s:
                 return now.mode, now.fault
             if began and now.mode is not Mode.HOMING:
-                raise SessionError("Homing was stopped before it was done; ask for it again.")
+                raise SessionError(STOPPED)
             began = began or now.mode is Mode.HOMING
             time.sleep(PLAN_TURN_S)

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from controller.machine import Joints, five
+from controller.machine import Joints, Machine, five
 from controller.plan.report.stored import Stored
 from controller.plan.route.restart import Rest
 from controller.plan.route.spot import Spot
@@ -66,6 +66,13 @@ def path_from(asked: Task, kept: Stored | None, start: Start) -> Walk:
     walk = checked.path_of(asked, choices, start.dry_run_mm, start.in_spindle, start.typed)
     walk.notes += kept.notes if kept is not None else ()
     return walk
+
+
+def lengths_mm(left: Rest, before: Machine, after: Machine) -> tuple[float, float]:
+    """Of the tool that cuts what is left, as it was fitted before and after."""
+    number = left.target.modal.tool
+    was, is_now = (machine.tool(number) for machine in (before, after))
+    return (was.length_mm if was is not None else 0.0), (is_now.length_mm if is_now is not None else 0.0)
 
 
 def rest(asked: Task, choices: Mapping[int, tuple[float, float]], start: Start) -> Rest:

@@ -7,6 +7,7 @@ give the same setpoints, as fast as the computer can.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,7 @@ import numpy.typing as npt
 from controller import config, times
 from controller.handoff import (
     COLUMN,
+    Outcome,
     PieceInbox,
     PieceOutbox,
     Recorder,
@@ -26,6 +28,7 @@ from controller.handoff import (
     piece_pair,
     request_pair,
     send_arrangement,
+    send_jog,
     send_request,
 )
 from controller.kinematics import Kinematics
@@ -35,10 +38,9 @@ from controller.plan.route.path import Chain, Pause
 from controller.plan.route.stretch import straight
 from controller.plan.text.program import Place
 from controller.session import cyclic
-from controller.session.events import Event, Turn
+from controller.session.events import Event
 from controller.session.observer import Observer
 from controller.session.recording import Keeper
-from controller.session.replay import Replay
 from controller.session.simulation import surround
 from controller.session.startup import SessionError, StartUp, arrangement, homing_mask, no_start
 from controller.state import Fault, Mode, Request, sentence
@@ -124,6 +126,7 @@ class SteppedMachine:
             for bus in buses
         }
         self._operator, request_end = request_pair()
+        self._numbers = itertools.count(1)
         self.times = times.of(machine)  # once commissioned: as its drives were found
         self._start_up = StartUp(
             machine, networks, self._ask, lambda: self.cycle.modes.homed, self._take_arranged
@@ -146,8 +149,8 @@ class SteppedMachine:
         self._group.start()
         self._loop = Loop(self.cycle, self.clock)
         self._offset_s = self.rig.now_s
-        self._replay = Replay(PieceOutbox(self._plan_end).send, self.cycle.stand)
-        self.planner = Planner(machine, self.kinematics, self._replay.send, remember=True)
+        self.outbox = PieceOutbox(self._plan_end)
+        self.planner = Planner(machine, self.kinematics, self.outbox.send, remember=True)
         self._keeper = None if recordings is None else self._keeping(recordings)
         self._observer: Observer | None = None
         self._rows: list[Rows] = []
@@ -182,8 +185,15 @@ class SteppedMachine:
         finally:
             self._ticks_in_sdo = False
 
-    def request(self, request: Request, value: float = 0.0) -> None:
-        send_request(self._operator, request, value)
+    def request(self, request: Request, value: float = 0.0) -> int:
+        """Ask the tick for something; the number by which ``cycle.answers`` has what came of it."""
+        number = next(self._numbers)
+        send_request(self._operator, request, value, number)
+        return number
+
+    def _came_of(self, number: int) -> tuple[Outcome, Fault]:
+        now = self.board.read()
+        return (Outcome.NONE, Fault.NONE) if now is None else now.came_of(number)
 
     def _keeping(self, recordings: Path) -> Keeper:
         logs = {name: FrameLog() for name in self.rig.buses}
@@ -220,14 +230,15 @@ class SteppedMachine:
     def _ask(self, request: Request, value: float, wanted: Mode) -> tuple[Mode, Fault]:
         # SDO has let time pass on the bus alone.
         self._offset_s = self.rig.now_s - self.clock.now_s()
-        self.request(request, value)
+        number = self.request(request, value)
         self.tick()
         modes, mask = self.cycle.modes, homing_mask(request, value)
         for _ in range(LONGEST_WAIT):
             if modes.mode is Mode.FAULT or (modes.mode is wanted and modes.homed & mask == mask):
                 break
-            if modes.refused == request and modes.interlock is not Fault.NONE:
-                return modes.mode, modes.interlock
+            came, why = self._came_of(number)
+            if came is Outcome.REFUSED and why is not Fault.NONE:
+                return modes.mode, why
             self.tick()
         return modes.mode, modes.fault
 
@@ -247,46 +258,36 @@ class SteppedMachine:
         path: Items,
         events: Sequence[Event] = (),
         progress: Callable[[float], None] = lambda _: None,
-        turns: Sequence[Turn] = (),
     ) -> Run:
         """Run a path to its end, or to where the events, a fault or a refused block leave it at rest.
 
         ``events`` in the order of their ticks; a list may be added to meanwhile.
-        ``turns``: of the planner in a live run that is to be repeated.
         Raises SessionError where an open door, or an axis that must be homed, forbids the start.
         """
-        self.recorder.drain()
-        self._rows.clear()
+        self.begin_rows()
         follow = self.cycle.follow
         self.planner.load(path.items, follow.queue_end_s, follow.epoch)
-        self._replay.begin(turns)
-        if turns:
-            self._replay.before_start(self.planner, self.board.read, self.tick)
-            self.recorder.drain()
-        else:
-            self._plan()
-        self.request(Request.START)
+        self._plan()
+        started = self.request(Request.START)
         first, self._skips_before = self.cycle.tick + 1, self.cycle.skips
         self._idle = asked_for = resumes = n = 0  # ``asked_for``: events that have been sent
         plan_every = max(1, round(PLAN_EVERY_S / self.machine.period_s))
         while True:
             while asked_for < len(events) and events[asked_for].tick <= n:
-                self._send(events[asked_for])
+                if events[asked_for].request is Request.STOP:
+                    self.planner.drop()
+                self.send(events[asked_for])
                 asked_for += 1
                 self._idle = 0
             waiting = events[asked_for:]
-            if turns:
-                self._replay.before(n, self.planner, self.board.read())
             if n % plan_every == 0:
                 self._plan()
             self.tick()
             if n == 0:
-                self._see_started()
+                self.see_started(started)
             n += 1
-            if n % DRAIN_EVERY == 0:
-                self._rows.append(self.recorder.drain())
-                progress(n * self.machine.period_s)
-            if not self._stands(waiting) and not self._at_program_stop(events, n):
+            self.keep_rows(n, progress)
+            if not self.stands(waiting) and not self._at_program_stop(events, n):
                 continue
             if self.cycle.modes.mode is Mode.HOLD:
                 asked = self._was_asked(events, n)
@@ -320,14 +321,30 @@ class SteppedMachine:
                 break
         return np.concatenate([*rows, self.recorder.drain()])
 
-    def _see_started(self) -> None:
+    def begin_rows(self) -> None:
+        """Rows of the recorder are kept from here on."""
+        self.recorder.drain()
+        self._rows.clear()
+
+    def keep_rows(self, n: int, progress: Callable[[float], None]) -> None:
+        """After the n-th tick; ``progress`` gets the seconds of motion."""
+        if n % DRAIN_EVERY == 0:
+            self._rows.append(self.recorder.drain())
+            progress(n * self.machine.period_s)
+
+    def kept_rows(self) -> Rows:
+        """All since ``begin_rows``."""
+        self._rows.append(self.recorder.drain())
+        return np.concatenate(self._rows)
+
+    def see_started(self, number: int) -> None:
         """Raises SessionError where the machine forbids the start."""
         modes = self.cycle.modes
         why = no_start(self.machine, modes.interlock, modes.untrusted)
-        if why and modes.mode is Mode.READY and modes.refused == Request.START:
+        if why and modes.mode is Mode.READY and self._came_of(number)[0] is Outcome.REFUSED:
             raise SessionError(why)
 
-    def _stands(self, waiting: Sequence[Event]) -> bool:
+    def stands(self, waiting: Sequence[Event]) -> bool:
         """Whether nothing moves any more, or will before a request comes."""
         modes, follow = self.cycle.modes, self.cycle.follow
         if modes.mode is not Mode.RUNNING:
@@ -337,7 +354,7 @@ class SteppedMachine:
         waits = self.cycle.peripherals.waiting
         goes = follow.pending and follow.goes(True, modes.override, modes.rapid_override)
         self._idle = 0 if goes or waits or follow.stopping or not follow.at_rest else self._idle + 1
-        return self._idle > IDLE_TICKS and not waiting and not self._replay.pending
+        return self._idle > IDLE_TICKS and not waiting
 
     def _at_program_stop(self, events: Sequence[Event], n: int) -> bool:
         """At M0 the plan itself is at rest: a resume that is assumed costs no time."""
@@ -351,14 +368,16 @@ class SteppedMachine:
 
     def _plan(self) -> None:
         now = self.board.read()
-        if now is not None and not self._replay.active:
+        if now is not None:
             self.planner.work(now)
         self.planner.keepalive()
 
-    def _send(self, event: Event) -> None:
-        if event.request is Request.STOP:
-            self.planner.drop()
-        self.request(event.request, event.value)
+    def send(self, event: Event) -> None:
+        """What an operator asks for."""
+        if event.jog is not None:
+            send_jog(self._operator, event.jog, next(self._numbers))
+        else:
+            self.request(event.request, event.value)
 
     def _was_asked(self, events: Sequence[Event], n: int) -> bool:
         """Whether this standstill is an operator's hold, and not a program stop."""
@@ -384,7 +403,6 @@ class SteppedMachine:
 
     def _ended(self, first: int, resumes: int, left: int, events: Sequence[Event], n: int) -> Run:
         self.stand_still()
-        self._rows.append(self.recorder.drain())
         modes = self.cycle.modes
         if modes.mode is Mode.FAULT:
             result = "fault"
@@ -393,7 +411,7 @@ class SteppedMachine:
         else:
             stopped = any(e.request is Request.STOP and e.tick < n for e in events)
             result = "stopped" if stopped and not self.planner.finished_path else "completed"
-        rows = np.concatenate(self._rows)
+        rows = self.kept_rows()
         if result == "completed":
             rows = rows[: _end_of_program(rows) + 1]
         return Run(

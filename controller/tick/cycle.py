@@ -9,11 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 from controller import times
 from controller.handoff import (
+    OFF_PATH,
     PLANNER_SILENCE_S,
+    STOOD,
+    WAITED,
+    Answers,
     Arrangement,
+    Outcome,
     PieceInbox,
     Recorder,
     RequestInbox,
@@ -21,7 +27,7 @@ from controller.handoff import (
 )
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
-from controller.state import ALWAYS, Fault, Mode, Request
+from controller.state import ALWAYS, Fault, Mode, Request, bars
 from controller.tick.check import Check
 from controller.tick.drives import Drives
 from controller.tick.follow import Follow, Step
@@ -41,6 +47,13 @@ LOST_ECHOES = 3  # of the kernel's SYNC, in a row
 # to go on at full feed would be a step for them. Fewer are a dip that a servo smooths.
 LONG_GAP = 4
 BLAMED_TICKS = 3  # the silence may have begun after the buses were drained
+
+
+class Again(NamedTuple):
+    """What came from the drives and devices in a tick of a run that is made again."""
+
+    waits: bool = False  # motion waited for spindle, coolant or clamps
+    fault: Fault = Fault.NONE  # that came up
 
 
 class Cycle:
@@ -65,6 +78,8 @@ class Cycle:
         self.modes.absolute = sum(1 << i for i, axis in enumerate(machine.axes) if axis.homing.absolute)
         self.modes.homed = self.modes.absolute
         self._homing_asked = 0.0  # axes whose clamps must open before they home
+        self._homing_number = 0  # of that request
+        self.answers = Answers()
         self._pieces = pieces
         self._requests = requests
         self._now = now
@@ -92,6 +107,8 @@ class Cycle:
         self._echoes_missed = 0
         self._synced_tick = 0  # the last tick that sent SYNC
         self._stood = False  # in this tick the path was stood still after a gap
+        self.again: Again | None = None  # of a run that is made again
+        self._waits = False  # motion waits for spindle, coolant or clamps in this tick
         self._stood_before = False  # so it was before this tick, in a run that is made again
         self._deaf_s = times.deaf_s(machine)
         self._blamed = 0  # ticks in which what the drives have to say is of our silence
@@ -103,6 +120,7 @@ class Cycle:
         self.accepted = 0  # sequence of the last message taken
         self.rejected = 0
         self._accepted_now = 0  # sequence taken in this tick; negative: refused
+        self._taken = 0  # number of the last request taken in this tick
 
     # -- the tick
 
@@ -129,10 +147,13 @@ class Cycle:
         if sent or self._stood:
             self.group.command(self._encoder.setpoints, now_s)
         self.publish()
-        stood = self._stood or self._stood_before
-        self._telling.record(self.tick, lateness_s, sent, self._accepted_now, stood)
+        self._telling.record(self.tick, lateness_s, sent, self._accepted_now, self._flags(), self._taken)
         self._stood_before = False
         return sent
+
+    def _flags(self) -> int:
+        stood = self._stood or self._stood_before
+        return STOOD * stood + WAITED * self._waits + OFF_PATH * (not self.modes.on_path)
 
     # -- its steps
 
@@ -159,6 +180,11 @@ class Cycle:
         """For a run that is made again: before its next SYNC there was a long gap."""
         self._stood_before = self._stand(not self._kernel_sync)
         self.group.command(self._encoder.setpoints, self._now())
+
+    def pass_by(self) -> None:
+        """For a run that is made again: a tick that came too late for its SYNC."""
+        self.run(self._now(), self._period_s)
+        self._synced_tick += 1  # where the path was stood still for it, the record says so
 
     def _stand(self, back: bool) -> bool:
         """The drives have stood: so does what they are told, and motion begins again from rest.
@@ -202,29 +228,43 @@ class Cycle:
                 self.modes.fail(Fault.TOO_MANY_SKIPS, -1)
 
     def _take_requests(self) -> None:
+        self._taken = 0
         for _ in range(MOST_REQUESTS):
             request = self._requests.take()
             if request is None:
                 break
+            self._taken = self._requests.number or self._taken
             self._request(request[0], request[1])
         if self._homing_asked:
             self._home()
 
     def _request(self, request: Request, value: float) -> None:
-        if request is Request.HOME and self.modes.mode is Mode.OFF:
-            self._homing_asked = value
-            self.modes.homed &= ~int(value)
-            return
-        if request is Request.JOG:
-            self.jogging.ask(self._requests.jog)
-            return
-        if request is Request.ARRANGED:
-            self._arrange(self._requests.arranged)
-            return
-        if self._homing_asked and request not in ALWAYS:
+        """What a request asks for, and the answer to it: a refusal is that of this one alone."""
+        modes, number = self.modes, self._requests.number
+        modes.refused = 0
+        if self._homing_asked and request not in ALWAYS and request is not Request.JOG:
             self._homing_asked = 0.0
             self.peripherals.opens_for(0)
-        self.modes.request(request, value, self.follow.at_rest)
+            self.answers.give(self._homing_number, Outcome.SUPERSEDED)
+        if request is Request.HOME and modes.mode is Mode.OFF:
+            self._homing_asked, self._homing_number = value, number
+            modes.homed &= ~int(value)
+            return  # answered when it begins
+        if request is Request.JOG:
+            self.jogging.ask(self._requests.jog)
+        elif request is Request.ARRANGED:
+            self._arrange(self._requests.arranged)
+        else:
+            modes.request(request, value, self.follow.at_rest)
+        self._answer(request, number)
+
+    def _answer(self, request: Request, number: int) -> None:
+        modes = self.modes
+        if modes.refused:
+            why = modes.interlock if bars(modes.interlock, request) else Fault.NONE
+            self.answers.give(number, Outcome.REFUSED, why)
+        else:
+            self.answers.give(number, Outcome.DONE)
 
     def _arrange(self, found: Arrangement | None) -> None:
         """The drives have been commissioned: how long their own stops take, and in what they take speeds."""
@@ -247,9 +287,11 @@ class Cycle:
         if axis >= 0:
             self.modes.fail(Fault.CLAMP, axis)
         else:
+            self.modes.refused = 0
             self.modes.request(Request.HOME, axes, self.follow.at_rest)
             if self.modes.mode is not Mode.HOMING:
                 self.peripherals.opens_for(0)
+        self._answer(Request.HOME, self._homing_number)
 
     def _take_pieces(self) -> None:
         """At most one message, whole or not at all; and how long the plan has been silent.
@@ -281,7 +323,10 @@ class Cycle:
 
     def _supervise(self, now_s: float, ticks: int) -> None:
         standing = self.follow.at_rest
-        self.modes.watch(now_s)
+        if self.again is None:
+            self.modes.watch(now_s)
+        elif self.again.fault is not Fault.NONE:
+            self.modes.fail(self.again.fault, -1)
         if self.peripherals.present:
             self.peripherals.watch(now_s, self.modes, self._encoder.actual, standing, ticks)
         if self._unsent > self._most_unsent and self.modes.on_path:
@@ -297,6 +342,7 @@ class Cycle:
 
     def _move(self) -> None:
         """The joints of the next SYNC: along the plan, or where the drives are."""
+        self._waits = False
         if not self.modes.on_path:
             self.jogging.active = False
             self.follow.set_joints(self._where_the_drives_are())
@@ -308,7 +354,8 @@ class Cycle:
         modes, follow = self.modes, self.follow
         follow.optional_stop = modes.optional_stop
         follow.single_block = modes.single_block or modes.ending
-        running = modes.running and not self.peripherals.waiting
+        self._waits = modes.running and self._must_wait()
+        running = modes.running and not self._waits
         step = follow.step(follow.goes(running, modes.override, modes.rapid_override))
         fault, axis = self._judge(step, self._check)
         if fault is not Fault.NONE:
@@ -319,6 +366,9 @@ class Cycle:
             modes.mode = Mode.READY
         elif step is Step.SET and follow.told is not None:
             self.peripherals.tell(follow.told)
+
+    def _must_wait(self) -> bool:
+        return self.peripherals.waiting if self.again is None else self.again.waits
 
     def _jog(self) -> None:
         """A step by hand; it cannot fail but by an error of ours, and then no path is left."""
@@ -374,5 +424,11 @@ class Cycle:
     def publish(self) -> None:
         """What others see of it."""
         self._telling.publish(
-            self.tick, self.skips, self.late_max_s, self.accepted, self.rejected, self.peripherals
+            self.tick,
+            self.skips,
+            self.late_max_s,
+            self.accepted,
+            self.rejected,
+            self.peripherals,
+            self.answers.ring,
         )

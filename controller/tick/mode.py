@@ -70,7 +70,7 @@ class Modes:
         self.ending = False  # hold at the end of this block
         self.jog_ends = False  # the jog comes to rest; its owner then leaves the mode
         self.away = False  # jogged off the place of the hold; its owner tells
-        self.refused = 0  # the last request that the table refused
+        self.refused = 0  # the last request, where the table refused it; 0 = it did not
         self.dropped = False  # the queue is void: its owner clears it and this flag
 
     def quick_stop_takes(self, seconds: float) -> None:
@@ -356,7 +356,9 @@ class Modes:
                     return
                 if not drive.homing_done:
                     busy = i
-        if busy < 0:
+        if busy >= 0 and self._waited > self._enable_ticks and (off := self._first_off()) >= 0:
+            self.fail(Fault.ENABLE_TIMEOUT, off)
+        elif busy < 0:
             # OFF only when every drive has switched off: then its mode may be changed by SDO.
             self.homed |= self._homing_mask
             self.untrusted &= ~self._homing_mask
@@ -364,6 +366,11 @@ class Modes:
             self.mode, self._switching_off = Mode.HOMING, True
         elif self._waited > self._homing_ticks:
             self.fail(Fault.HOMING_FAILED, busy)
+
+    def _first_off(self) -> int:
+        """Index of a drive without torque, or -1."""
+        drives = self._group.drives
+        return next((i for i, drive in enumerate(drives) if drive.state != State.OPERATION_ENABLED), -1)
 
     def _end_homing(self) -> None:
         for i, drive in enumerate(self._group.drives):

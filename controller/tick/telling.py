@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from controller.handoff import OPTIONAL_STOP, SINGLE_BLOCK, STANDSTILL, STOOD, Recorder, SnapshotBoard
+from controller.handoff import OPTIONAL_STOP, SINGLE_BLOCK, STANDSTILL, Recorder, SnapshotBoard
 from controller.machine import Machine
 from controller.state import Fault
 from controller.tick.drives import Drives
@@ -44,6 +44,7 @@ class Telling:
         accepted: int,
         rejected: int,
         peripherals: Peripherals,
+        answers: Sequence[int],
     ) -> None:
         """The snapshot of this tick."""
         follow, modes, states = self._follow, self._modes, self._states
@@ -93,6 +94,7 @@ class Telling:
             self._jogging.active,
             modes.away,
             self._fault_off(),
+            *answers,
         )
 
     def _fault_off(self) -> float:
@@ -102,8 +104,10 @@ class Telling:
             return 0.0
         return float(self._encoder.to_units(i, self._group.drives[i].following_error.actual))
 
-    def record(self, tick: int, lateness_s: float, sent: bool, accepted: int, stood: bool) -> None:
-        """The row of this tick; ``stood``: after a gap the path was stood still in it."""
+    def record(
+        self, tick: int, lateness_s: float, sent: bool, accepted: int, flags: int, request: int
+    ) -> None:
+        """The row of this tick; ``flags``: those of "switches" that are not the operator's."""
         follow, modes, encoder = self._follow, self._modes, self._encoder
         piece = follow.piece
         self._recorder.write(
@@ -126,7 +130,8 @@ class Telling:
             follow.limited_by,
             modes.override,
             modes.rapid_override,
-            SINGLE_BLOCK * modes.single_block + OPTIONAL_STOP * modes.optional_stop + STOOD * stood,
+            SINGLE_BLOCK * modes.single_block + OPTIONAL_STOP * modes.optional_stop + flags,
+            request,
             self._bus_share(),
         )
 

@@ -31,10 +31,14 @@ from controller.handoff import (
     send_jog,
     send_request,
 )
+from controller.requests import Outcome, answer
 from controller.state import Fault, Mode, Request
 
 HERE = (0.0, 0.0, 0.0, 0.0, 0.0)
 THERE = (100.0, 0.0, 0.0, 0.0, 0.0)
+
+
+ANSWERED = tuple(answer(1 << 31 | n, Outcome.REFUSED, Fault.DOOR_OPEN) for n in range(16))
 
 
 def snapshot_values(tick: int) -> tuple[object, ...]:
@@ -58,7 +62,32 @@ def snapshot_values(tick: int) -> tuple[object, ...]:
         0.25,
     )
     joints, actual, states = (1.0, 2.0, 3.0, 4.0, 5.0), (0.1,) * 5, (5,) * 5
-    return (*head, *joints, *actual, *states, 2, 1e-4, 8, 6, 1200.0, 1, Request.START, False, *tail)
+    return (
+        *head,
+        *joints,
+        *actual,
+        *states,
+        2,
+        1e-4,
+        8,
+        6,
+        1200.0,
+        1,
+        Request.START,
+        False,
+        *tail,
+        *ANSWERED,
+    )
+
+
+def test_an_answer_is_found_by_its_number_as_long_as_it_is_remembered() -> None:
+    board = SnapshotBoard()
+    board.write(*snapshot_values(1))
+    now = board.read()
+    assert now is not None
+    assert now.came_of(1 << 31 | 3) == (Outcome.REFUSED, Fault.DOOR_OPEN)
+    assert now.came_of(3) == (Outcome.NONE, Fault.NONE) and not now.has_taken(3), "of another sender"
+    assert now.has_taken((1 << 31) + 1) and not now.has_taken(1 << 31 | 16)
 
 
 def test_a_law_gives_place_speed_and_acceleration_and_clamps_its_time() -> None:

@@ -12,7 +12,7 @@ import pytest
 from cutting import shipped
 
 from controller import journal, whole
-from controller.handoff import SnapshotBoard
+from controller.handoff import SNAPSHOT_VALUES, SnapshotBoard
 from controller.journal import Entry, Job
 from controller.plan.route.spot import FORMER, Spot
 from controller.state import Fault, Mode
@@ -117,7 +117,7 @@ class Looked:
         self.journal = journal.Journal(self.file, lambda: self.now_s)
         self.journal.begin(job())
         block = SnapshotBoard()
-        block.write(*[0] * 54)
+        block.write(*[0] * SNAPSHOT_VALUES)
         found = block.read()
         assert found is not None
         self.snapshot = found._replace(at_rest=False, homed=ALL, motion_id=5, line=19)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from cutting import shipped
 
-from controller.handoff import Snapshot, SnapshotBoard
+from controller.handoff import SNAPSHOT_VALUES, Snapshot, SnapshotBoard
 from controller.plan.detour import FIRST_ID
 from controller.plan.route.spot import ENTRY_ID, Spot
 from controller.service import jobs
@@ -18,7 +18,7 @@ from controller.state import Mode
 
 def snapshot(**values: object) -> Snapshot:
     board = SnapshotBoard()
-    board.write(*[0] * 54)
+    board.write(*[0] * SNAPSHOT_VALUES)
     found = board.read()
     assert found is not None
     return found._replace(**{"mode": Mode.RUNNING, "override": 1.0, "rapid_override": 1.0, **values})  # type: ignore[arg-type]

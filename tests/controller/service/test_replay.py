@@ -67,4 +67,4 @@ def test_a_beginning_that_is_none_is_refused_in_a_sentence(tmp_path: Path, value
     file = tmp_path / "events.jsonl"
     file.write_text(f'{{"tick": -1, "request": "begin", "value": {value}}}\n')
     with pytest.raises(EventError, match=r"events.jsonl:1: this is no beginning .*\.$"):
-        events.begin(file)
+        events.recorded(file)

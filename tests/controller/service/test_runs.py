@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from cutting import shipped
 
 from controller.handoff import COLUMN, ROW
 from controller.service import runs
-from controller.service.orders import Program
+from controller.service.orders import Program, Turn
 from controller.service.runs import RunRecord
 from controller.session.starts import Start
 from controller.state import Mode
@@ -26,11 +27,17 @@ def begun(state: Path, ticks: int = 0) -> RunRecord:
     """A run that has been cutting for so many ticks."""
     record = RunRecord(state, MACHINE, WHAT)
     record.begins(START, Program(b"M2\n", "part.ngc", MACHINE), {})
+    record.take(running(ticks))
+    return record
+
+
+def running(ticks: int) -> np.ndarray:
+    """Rows of a cut at 100 %."""
     rows = np.zeros((ticks, len(ROW)))
     rows[:, COLUMN["tick"]] = range(ticks)
     rows[:, COLUMN["mode"]], rows[:, COLUMN["sync_sent"]] = Mode.RUNNING, 1.0
-    record.take(rows)
-    return record
+    rows[:, COLUMN["override"]] = rows[:, COLUMN["rapid_override"]] = 1.0
+    return rows
 
 
 def killed(state: Path, ticks: int = 1000) -> Path:
@@ -115,4 +122,48 @@ def test_a_run_under_way_is_told_from_one_that_has_ended_by_its_files(tmp_path: 
         "events.jsonl",
         "run.json",
         "setpoints.npz",
+    ]
+
+
+def test_what_was_taken_can_be_read_before_anybody_closes_the_files(tmp_path: Path) -> None:
+    """So it outlives a kill at any moment; a loss of power once the disk was told."""
+    record = begun(tmp_path, 1000)
+    assert (record.folder / "setpoints.part").stat().st_size == 1000 * 4 * len(runs.SETPOINTS)
+    record.planned((Turn(500, 0.05),), {})
+    (begin, plan) = [json.loads(line) for line in (record.folder / "events.jsonl").read_text().splitlines()]
+    assert begin["request"] == "begin" and begin["value"]["machine_sha256"]
+    assert plan == {"tick": 501, "at": 501, "request": "plan", "value": 0.05}
+
+
+def test_the_disk_is_told_of_all_that_was_written_and_not_twice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[str] = []
+    name = lambda handle: Path(os.readlink(f"/proc/self/fd/{handle}")).name  # noqa: E731
+    monkeypatch.setattr(os, "fdatasync", lambda handle: told.append(name(handle)))
+    record = begun(tmp_path, 0)
+    assert told == ["events.jsonl"], "before the start goes out"
+    record.take(running(3))
+    record.sync()
+    record.sync()
+    assert told == ["events.jsonl", "setpoints.part"]
+    record.planned((Turn(1, 0.05),), {})
+    record.sync()
+    assert told[2:] == ["events.jsonl"]
+
+
+def test_a_turn_that_is_told_late_is_of_the_tick_that_it_was_made_before(tmp_path: Path) -> None:
+    """A long plan is told when it is made; ticks without SYNC are named, missed ones are the next."""
+    record = begun(tmp_path)
+    rows = running(100)
+    rows[:, COLUMN["tick"]] = [n if n < 60 else n + 5 for n in range(100)]
+    rows[40:50, COLUMN["sync_sent"]] = 0.0
+    for part in np.array_split(rows, 7):
+        record.take(part)
+    record.planned(tuple(Turn(tick, 0.1) for tick in (20, 43, 61)), {})
+    lines = [json.loads(line) for line in (record.folder / "events.jsonl").read_text().splitlines()[1:]]
+    assert [(line["tick"], line["at"], line.get("late", False)) for line in lines] == [
+        (21, 21, False),
+        (40, 44, True),
+        (50, 65, False),
     ]

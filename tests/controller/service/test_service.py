@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from pathlib import Path
 
 import pytest
@@ -21,6 +22,7 @@ class _Fault:
     def __init__(self) -> None:
         self.machine, self.tick_alive, self.plan_alive, self.recorder = shipped(), True, True, None
         self.shown = _snapshot(tick=100, mode=Mode.FAULT, fault=Fault.EMERGENCY_STOP, at_rest=True)
+        self.asked: deque[object] = deque()
 
     def snapshot(self) -> Snapshot:
         return self.shown

@@ -9,7 +9,7 @@ from cutting import SHIPPED, shipped
 
 from controller import jog_frames
 from controller.geometry import Frame
-from controller.handoff import Snapshot, SnapshotBoard
+from controller.handoff import SNAPSHOT_VALUES, Snapshot, SnapshotBoard
 from controller.kinematics import Kinematics
 from controller.machine import Machine, five
 from controller.service import status
@@ -19,7 +19,7 @@ from controller.state import ALL_AXES, Fault, Mode, sentence
 
 def snapshot(**values: object) -> Snapshot:
     board = SnapshotBoard()
-    board.write(*[0] * 54)
+    board.write(*[0] * SNAPSHOT_VALUES)
     found = board.read()
     assert found is not None
     return found._replace(**{"mode": Mode.READY, **values})  # type: ignore[arg-type]

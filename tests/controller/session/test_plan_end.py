@@ -11,7 +11,7 @@ from pathlib import Path
 
 from cutting import shipped
 
-from controller.handoff import PieceMessage, SnapshotBoard, piece_pair, request_pair
+from controller.handoff import SNAPSHOT_VALUES, PieceMessage, SnapshotBoard, piece_pair, request_pair
 from controller.session.plan_end import PlanEnd
 
 
@@ -19,7 +19,7 @@ from controller.session.plan_end import PlanEnd
 def alone(folder: Path) -> Iterator[PlanEnd]:
     path = str(folder / "snapshot")
     board, (plan, tick), (operator, requests) = SnapshotBoard(path), piece_pair(), request_pair()
-    board.write(*[0] * 54)  # the tick has answered none
+    board.write(*[0] * SNAPSHOT_VALUES)  # the tick has answered none
     with plan, tick, operator, requests:
         yield PlanEnd(shipped(), os.dup(plan.fileno()), os.dup(operator.fileno()), path)
 

@@ -7,7 +7,8 @@ from ticking import FakeGroup
 
 from controller.state import ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Reaction, Request, follows
 from controller.tick.mode import DRIVE_FAULTS, Modes
-from drives.cia402 import Wanted
+from controller.times import ENABLE_S
+from drives.cia402 import State, Wanted
 from drives.cyclic.drive import DriveFault
 
 
@@ -250,3 +251,25 @@ def test_a_drive_that_starts_anew_after_a_fault_is_no_longer_trusted_though_its_
     group.unseen = {2: DriveFault.NODE_RESET}
     modes.watch(0.1)
     assert (modes.fault, modes.warning, modes.untrusted) == (Fault.TORQUE_OFF, Fault.NODE_RESET, 0x04)
+
+
+def test_a_drive_that_gets_no_torque_for_its_homing_is_named_after_the_time_for_enabling() -> None:
+    modes, group = modes_in(Mode.OFF)
+    modes.request(Request.HOME, 4.0, standing=True)
+    for drive in group.drives:
+        drive.state = State.OPERATION_ENABLED
+    group.drives[2].state = State.SWITCH_ON_DISABLED  # it lost its supply
+    modes.progress(round(ENABLE_S / 0.002), standing=True)
+    assert modes.mode is Mode.HOMING and modes.fault is Fault.NONE
+    modes.progress(1, standing=True)
+    assert (modes.mode, modes.fault, modes.fault_axis) == (Mode.FAULT, Fault.ENABLE_TIMEOUT, 2)
+    assert modes.untrusted == 4
+
+
+def test_homing_that_takes_long_with_torque_is_no_fault() -> None:
+    modes, group = modes_in(Mode.OFF)
+    modes.request(Request.HOME, 4.0, standing=True)
+    for drive in group.drives:
+        drive.state = State.OPERATION_ENABLED
+    modes.progress(round(ENABLE_S / 0.002) + 1, standing=True)
+    assert (modes.mode, modes.fault) == (Mode.HOMING, Fault.NONE)

@@ -9,7 +9,7 @@ import pytest
 from machines import machine as make_machine
 from ticking import Bench, s_curve, straight
 
-from controller.handoff import Jog, Piece, dwell, send_jog
+from controller.handoff import COLUMN, Jog, Outcome, Piece, dwell, send_jog, send_request
 from controller.machine import Clamp, Io, Joints, Machine, Spindle
 from controller.state import Fault, Mode, Request
 from controller.tick.peripherals import Peripherals
@@ -353,3 +353,78 @@ def test_a_machine_without_any_of_it_never_waits() -> None:
     assert bench.cycle.follow.joints != HERE and not bench.snapshot.waiting
     assert bench.snapshot.spindle_at_speed and bench.snapshot.outputs == 0
     bench.close()
+
+
+# -- what came of a request
+
+
+def came_of(shop: Shop, request: Request, value: float = 0.0) -> tuple[Outcome, Fault]:
+    """After the tick that takes it."""
+    number = max(one >> 16 for one in shop.snapshot.answers) + 1
+    send_request(shop.requests, request, value, number)
+    shop.tick()
+    return shop.snapshot.came_of(number)
+
+
+def test_a_refusal_belongs_to_the_request_that_was_refused() -> None:
+    shop = Shop()
+    shop.tick()
+    shop.node.inputs &= ~ESTOP
+    shop.tick()
+    shop.node.inputs |= ESTOP
+    shop.tick()
+    assert came_of(shop, Request.RESET) == (Outcome.DONE, Fault.NONE)
+    shop.node.inputs &= ~POWER
+    shop.cycle.modes.fault = Fault.NONE
+    shop.cycle.modes.mode = Mode.OFF
+    shop.cycle.modes.interlock = Fault.POWER_LOST
+    assert came_of(shop, Request.ENABLE) == (Outcome.REFUSED, Fault.POWER_LOST)
+    shop.node.inputs |= POWER
+    shop.tick(3)
+    came_of(shop, Request.RESET)
+    assert came_of(shop, Request.ENABLE) == (Outcome.DONE, Fault.NONE)
+    assert shop.snapshot.refused_request == 0
+    shop.close()
+
+
+def test_an_open_door_is_why_a_start_is_refused_and_a_mode_is_no_interlock() -> None:
+    shop = Shop()
+    shop.enable()
+    shop.node.inputs &= ~DOOR
+    shop.tick()
+    assert came_of(shop, Request.START) == (Outcome.REFUSED, Fault.DOOR_OPEN)
+    assert came_of(shop, Request.HOLD) == (Outcome.REFUSED, Fault.NONE)
+    assert came_of(shop, Request.OVERRIDE, 0.5) == (Outcome.DONE, Fault.NONE)
+    assert came_of(shop, Request.OVERRIDE, 5.0) == (Outcome.REFUSED, Fault.NONE)
+    shop.close()
+
+
+def test_homing_is_answered_when_it_begins_or_another_request_takes_its_place() -> None:
+    shop = Shop()
+    shop.tick()
+    shop.node.obeys = False
+    send_request(shop.requests, Request.HOME, 8.0, 1)
+    shop.tick(3)
+    assert shop.snapshot.came_of(1) == (Outcome.NONE, Fault.NONE), "its clamp is not open yet"
+    send_request(shop.requests, Request.DISABLE, 0.0, 2)
+    shop.tick()
+    assert shop.snapshot.came_of(1) == (Outcome.SUPERSEDED, Fault.NONE)
+    assert shop.snapshot.came_of(2) == (Outcome.DONE, Fault.NONE)
+    shop.node.obeys = True
+    send_request(shop.requests, Request.HOME, 8.0, 3)
+    shop.tick(10)
+    assert shop.snapshot.came_of(3) == (Outcome.DONE, Fault.NONE)
+    shop.close()
+
+
+def test_requests_of_one_tick_are_answered_one_by_one_and_the_row_has_the_last() -> None:
+    shop = Shop()
+    shop.enable()
+    shop.rows()
+    for number, request in enumerate((Request.HOLD, Request.SINGLE_BLOCK, Request.RESUME), 1):
+        send_request(shop.requests, request, 1.0, number)
+    shop.tick()
+    came = [shop.snapshot.came_of(number)[0] for number in (1, 2, 3)]
+    assert came == [Outcome.REFUSED, Outcome.DONE, Outcome.REFUSED]
+    assert shop.rows()[:, COLUMN["request"]].tolist() == [3.0]
+    shop.close()

@@ -1,0 +1,76 @@
+"""What a run leaves on the disk while it is under way: rows and events, each behind the last one.
+
+Nothing that was written is written again, so that a loss of power costs what the disk had not been told
+of yet: ``sync`` tells it, some twenty times a second. A reader counts whole rows and whole lines.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from controller import whole
+
+EVENTS, PART = "events.jsonl", "setpoints.part"
+MOST_BYTES = 256 << 20  # of setpoints in one run: six hours at 2 ms
+
+
+class RunFile:
+    """One thread writes, another one may ``sync``. A full disk costs the record, not the run."""
+
+    def __init__(self, folder: Path) -> None:
+        """Raises OSError."""
+        self._folder = folder
+        self._rows = open(folder / PART, "wb", buffering=0)  # noqa: SIM115
+        self._events = open(folder / EVENTS, "wb", buffering=0)  # noqa: SIM115
+        self._lock = threading.Lock()  # nobody closes what is just being told to the disk
+        self._kept_bytes = 0
+        self._is_new = {self._rows: False, self._events: False}
+        self.problem = ""  # why no more is written
+
+    def rows(self, data: bytes) -> None:
+        """Setpoints, in whole rows."""
+        if self._kept_bytes <= MOST_BYTES:
+            self._kept_bytes += len(data)
+            self._write(self._rows, data)
+
+    def events(self, lines: Iterable[dict[str, Any]]) -> None:
+        """Events, a line each."""
+        self._write(self._events, "".join(json.dumps(line) + "\n" for line in lines).encode())
+
+    def _write(self, file: Any, data: bytes) -> None:
+        if not data or self.problem:
+            return
+        try:
+            file.write(data)
+        except (OSError, ValueError) as error:  # the latter: closed
+            self.problem = str(error)
+        self._is_new[file] = True
+
+    def sync(self) -> None:
+        """Returns when the disk has all that was written before."""
+        with self._lock:
+            for file in (self._rows, self._events):
+                if self._is_new[file] and not file.closed:
+                    self._is_new[file] = False
+                    try:
+                        os.fdatasync(file.fileno())
+                    except OSError as error:
+                        self.problem = error.strerror or str(error)
+
+    def begin(self) -> None:
+        """The disk has the beginning, and that there is such a run. Raises OSError."""
+        self.sync()
+        whole.sync(self._folder)
+        whole.sync(self._folder.parent)
+
+    def close(self) -> None:
+        """Nothing more comes."""
+        self.sync()
+        with self._lock:
+            self._rows.close()
+            self._events.close()

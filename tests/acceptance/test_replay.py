@@ -1,0 +1,277 @@
+"""Every run can be made again from its record, on the stepped clock; one that comes out otherwise says so.
+
+The live machine with its processes: tests/controller/service/test_replay.py.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import random
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from recording_bench import RecordedBench, sent
+from replaying import again, assert_same_setpoints
+from typer.testing import CliRunner
+
+from controller import __main__ as command_line
+from controller.handoff import Jog
+from controller.session import events, replay
+from controller.state import Fault, Mode, Request
+
+TEXT = """G21 G90 G55 T2 M6
+G43.4
+G0 X0 Y0 Z60 A0 C0
+G1 Z40 F3000
+G1 X30 Y8 A6
+G1 X-10 A2
+G49
+G0 Z120
+M30
+"""
+UP = Jog((0.0, 0.0, 1.0, 0.0, 0.0), 20.0, 4.0)
+ASIDE = Jog((1.0, 0.0, 0.0, 0.0, 0.0), 15.0, 6.0)
+BACK = Jog((0.0, 0.0, -1.0, 0.0, 0.0), 20.0, 4.0)
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> RecordedBench:
+    return RecordedBench(tmp_path)
+
+
+def assert_comes_again(folder: Path, ended: str = "completed", itself: bool = True) -> None:
+    done = again(folder, TEXT)
+    assert done.run.result == ended
+    assert_same_setpoints(done, itself)
+
+
+def test_overrides_and_switches_that_were_set_before_the_start(bench: RecordedBench) -> None:
+    bench.request(Request.RAPID_OVERRIDE, 0.5)
+    bench.request(Request.OVERRIDE, 1.0 / 3.0)
+    bench.request(Request.SINGLE_BLOCK, 1.0)
+    bench.started(TEXT)
+    for _ in range(6):
+        bench.go(lambda: bench.snapshot().at_rest and bench.snapshot().mode is not Mode.RUNNING)
+        if bench.snapshot().mode is Mode.READY:
+            break
+        bench.request(Request.RESUME)
+    bench.request(Request.SINGLE_BLOCK, 0.0)
+    if bench.snapshot().mode is not Mode.READY:
+        bench.request(Request.RESUME)
+        bench.until(Mode.READY)
+    assert_comes_again(bench.ended())
+
+
+def test_an_override_between_the_plan_and_the_start_and_some_on_the_way(bench: RecordedBench) -> None:
+    bench.armed(TEXT)
+    bench.request(Request.RAPID_OVERRIDE, 0.25)
+    bench.request(Request.START)
+    bench.until_line(4)
+    for share in (0.4, 1.7, 0.123456789, 1.0):
+        bench.request(Request.OVERRIDE, share)
+        bench.rows.append(bench.stepped.go(60))
+    bench.until(Mode.READY)
+    assert_comes_again(bench.ended())
+
+
+def test_hold_retract_jog_return_and_resume(bench: RecordedBench) -> None:
+    bench.started(TEXT)
+    bench.held(5)
+    bench.led("retract", distance_mm=5.0)
+    bench.jogged_to_rest(ASIDE)
+    bench.jogged_to_rest(UP)
+    bench.led("return")
+    bench.request(Request.OVERRIDE, 0.6)
+    bench.request(Request.RESUME)
+    bench.until(Mode.READY)
+    assert_comes_again(bench.ended())
+
+
+def test_a_jog_out_of_a_hold_and_its_return(bench: RecordedBench) -> None:
+    bench.started(TEXT)
+    bench.held(5)
+    bench.jogged_to_rest(UP)
+    bench.jogged_to_rest(ASIDE)
+    bench.led("return")
+    bench.request(Request.RESUME)
+    bench.until(Mode.READY)
+    assert_comes_again(bench.ended())
+
+
+def test_a_key_held_down_while_the_tool_is_aside(bench: RecordedBench) -> None:
+    bench.started(TEXT)
+    bench.held(5)
+    bench.led("retract", distance_mm=5.0)
+    for _ in range(20):
+        bench.jog(ASIDE._replace(length=math.inf))
+    bench.request(Request.JOG_STOP)
+    bench.until(Mode.HOLD)
+    bench.led("return")
+    bench.request(Request.RESUME)
+    bench.until(Mode.READY)
+    assert_comes_again(bench.ended())
+
+
+def test_a_longer_tool_that_was_fitted_while_the_program_was_held(bench: RecordedBench) -> None:
+    bench.started(TEXT)
+    bench.held(5)
+    bench.led("retract", distance_mm=20.0)
+    bench.led("return", program=bench.refitted(length_mm=8.0))
+    bench.request(Request.RESUME)
+    bench.until(Mode.READY)
+    assert_comes_again(bench.ended())
+
+
+def test_a_stop_and_an_emergency_stop(bench: RecordedBench) -> None:
+    bench.started(TEXT)
+    bench.until_line(5)
+    bench.request(Request.STOP)
+    bench.until(Mode.READY)
+    assert_comes_again(bench.ended("stopped"), "stopped")
+    bench.started(TEXT)
+    bench.until_line(5)
+    bench.request(Request.ESTOP)
+    bench.until(Mode.FAULT)
+    folder = bench.ended("fault")
+    assert_comes_again(folder, "fault", itself=False)
+
+
+def test_a_drive_that_is_lost_and_the_stop_of_the_others_on_the_path(bench: RecordedBench) -> None:
+    bench.started(TEXT)
+    bench.until_line(5)
+    cycle = bench.stepped.cycle
+    supervise = cycle._supervise
+
+    def lost(now_s: float, ticks: int) -> None:
+        supervise(now_s, ticks)
+        cycle._supervise = supervise  # type: ignore[method-assign]
+        cycle.modes.fail(Fault.FOLLOWING_ERROR, 1)
+
+    cycle._supervise = lost  # type: ignore[method-assign]
+    bench.until(Mode.FAULT)
+    folder = bench.ended("fault")
+    assert_comes_again(folder, "fault", itself=False)
+    lines = events.recorded(folder / "events.jsonl")
+    assert lines is not None
+    (fault,) = [line for line in lines.lines if line.kind == events.FAULT]
+    (off,) = [line for line in lines.lines if line.kind == events.OFF_PATH]
+    assert off.tick > fault.tick + 10, "its stop on the path was compared"
+
+
+def test_a_plan_that_was_killed(bench: RecordedBench) -> None:
+    bench.started(TEXT)
+    bench.until_line(5)
+    bench.kill()
+    bench.request(Request.PLAN_LOST)
+    bench.until(Mode.FAULT)
+    assert_comes_again(bench.ended("fault"), "fault", itself=False)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_late_ticks_at_whatever_moment(tmp_path: Path, seed: int) -> None:
+    """A third of the ticks send no SYNC, and requests come in those, too."""
+    rng = random.Random(seed)
+    late = [False]
+    bench = RecordedBench(tmp_path, None, lambda _: 0.0007 * (late[0] and rng.random() < 0.33))
+    bench.stepped.cycle._skip_limit = math.inf
+    late[0] = True
+    bench.request(Request.OVERRIDE, 0.7)
+    bench.started(TEXT)
+    bench.until_line(4)
+    for share in (0.4, 1.7, 0.9):
+        bench.request(Request.OVERRIDE, share)
+        bench.rows.append(bench.stepped.go(rng.randrange(20, 80)))
+    bench.held(5)
+    bench.led("retract", distance_mm=5.0)
+    bench.led("return")
+    bench.request(Request.RESUME)
+    bench.until(Mode.READY)
+    assert_comes_again(bench.ended())
+
+
+# -- what a loss of power leaves
+
+
+def test_what_was_written_before_a_loss_is_whole_wherever_it_was_torn(bench: RecordedBench) -> None:
+    """The service was killed: every whole row and line counts, and comes again."""
+    bench.request(Request.OVERRIDE, 0.8)
+    bench.started(TEXT)
+    bench.until_line(5)
+    bench.request(Request.OVERRIDE, 0.3)
+    bench.rows.append(bench.stepped.go(100))
+    folder = bench.record.folder  # nobody ends it
+    whole = (folder / "setpoints.part").read_bytes()
+    told = (folder / "events.jsonl").read_bytes()
+    assert len(whole) >= 24 * (bench.record.last_tick - bench.record.first_tick)
+    assert_comes_again(folder, "lost", itself=False)
+    for rows, torn in ((17, 0), (24 * 40 + 5, 0), (24 * 100, 7)):
+        (folder / "setpoints.part").write_bytes(whole[: len(whole) - rows])
+        (folder / "events.jsonl").write_bytes(told[: len(told) - torn])
+        assert_comes_again(folder, "lost", itself=False)
+
+
+# -- a record that is not the run
+
+
+def test_a_setpoint_that_differs_is_told_by_tick_and_axis(bench: RecordedBench) -> None:
+    bench.started(TEXT)
+    bench.until(Mode.READY)
+    folder = bench.ended()
+    record, live = events.recorded(folder / "events.jsonl"), replay.setpoints(folder)
+    assert record is not None and live is not None
+    rows = again(folder, TEXT).run.rows
+    other = np.array(live)
+    other[301, 2] += 3
+    other[400, 0] -= 1
+    found = replay.difference(record, other, rows)
+    assert found == replay.Difference(301, 2, int(other[301, 2]), int(live[301, 2]))
+
+
+def test_a_record_without_the_overrides_before_the_start_is_another_run(bench: RecordedBench) -> None:
+    bench.request(Request.RAPID_OVERRIDE, 0.5)
+    bench.started(TEXT)
+    bench.until(Mode.READY)
+    folder = bench.ended()
+    file = folder / "events.jsonl"
+    lines = [
+        line for line in file.read_text().splitlines() if json.loads(line)["request"] != "rapid_override"
+    ]
+    assert len(lines) == len(file.read_text().splitlines()) - 1
+    file.write_text("\n".join(lines) + "\n")
+    with pytest.raises(AssertionError):
+        again(folder, TEXT)
+
+
+def simulated(folder: Path, *more: str) -> tuple[int, dict[str, Any]]:
+    """Exit code and figures of ``directrix simulate`` with the record."""
+    part = folder.parent / "part.ngc"
+    part.write_text(TEXT)
+    words = ["simulate", str(part), "--events", str(folder / "events.jsonl"), "--json", *more]
+    done = CliRunner().invoke(command_line.app, words)
+    return done.exit_code, json.loads(done.stdout)
+
+
+def test_the_command_makes_a_faulted_run_again_and_fails_where_the_record_is_of_another_one(
+    bench: RecordedBench,
+) -> None:
+    bench.request(Request.RAPID_OVERRIDE, 0.5)
+    bench.started(TEXT)
+    bench.until_line(5)
+    bench.kill()
+    bench.request(Request.PLAN_LOST)
+    bench.until(Mode.FAULT)
+    folder = bench.ended("fault")
+    code, told = simulated(folder)
+    assert (code, told["result"], told["fault"]) == (0, "fault", "PLANNER_GONE")
+    assert told["recorded_ticks"] == len(sent(folder))
+    with np.load(folder / "setpoints.npz") as kept:
+        columns, rows = kept["columns"], np.array(kept["rows"])
+    rows[250, 3] += 2
+    np.savez_compressed(folder / "setpoints.npz", columns=columns, rows=rows)
+    code, told = simulated(folder)
+    assert (code, told["ok"], told["tick"], told["axis"]) == (1, False, 250, "Z")
+    assert "made again the run differs from the recorded one in tick 250 (line" in told["error"]
+    assert "mm apart" in told["error"]
