@@ -267,6 +267,7 @@ class Snapshot(NamedTuple):
 
 
 _SNAPSHOT = struct.Struct("<q3i7d4i5d5d5iid2Idii?I?i??id??QQii??d")
+_MODES, _FAULTS = ({one.value: one for one in kind} for kind in (Mode, Fault))
 _INTERLOCK, _WARNING = 43, 49  # their places in the flat values
 _COUNTER = struct.Struct("<Q")
 _SLOT = (_SNAPSHOT.size + 7) // 8 * 8
@@ -302,8 +303,8 @@ class SnapshotBoard:
 
 
 def _snapshot(v: tuple[Any, ...]) -> Snapshot:
-    named = (v[0], Mode(v[1]), Fault(v[2]), *v[3:13], bool(v[13]), v[14])
-    after = (*v[30:_INTERLOCK], Fault(v[_INTERLOCK]), *v[_INTERLOCK + 1 : _WARNING], Fault(v[_WARNING]))
+    named = (v[0], _MODES[v[1]], _FAULTS[v[2]], *v[3:13], bool(v[13]), v[14])
+    after = (*v[30:_INTERLOCK], _FAULTS[v[_INTERLOCK]], *v[_INTERLOCK + 1 : _WARNING], _FAULTS[v[_WARNING]])
     return Snapshot._make((*named, v[15:20], v[20:25], v[25:30], *after, *v[_WARNING + 1 :]))
 
 
