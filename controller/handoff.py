@@ -296,6 +296,7 @@ class Snapshot(NamedTuple):
 
 _SNAPSHOT = struct.Struct(f"<q3i7d4i5d5d5iid2Idii?I?i??id??QQii??d{ANSWERS}Q")
 SNAPSHOT_VALUES = 54 + ANSWERS  # that ``SnapshotBoard.write`` takes
+_MODES, _FAULTS = ({one.value: one for one in kind} for kind in (Mode, Fault))
 _INTERLOCK, _WARNING, _ANSWERS = 43, 49, 54  # their places in the flat values
 _COUNTER = struct.Struct("<Q")
 _SLOT = (_SNAPSHOT.size + 7) // 8 * 8
@@ -331,8 +332,8 @@ class SnapshotBoard:
 
 
 def _snapshot(v: tuple[Any, ...]) -> Snapshot:
-    named = (v[0], Mode(v[1]), Fault(v[2]), *v[3:13], bool(v[13]), v[14])
-    after = (*v[30:_INTERLOCK], Fault(v[_INTERLOCK]), *v[_INTERLOCK + 1 : _WARNING], Fault(v[_WARNING]))
+    named = (v[0], _MODES[v[1]], _FAULTS[v[2]], *v[3:13], bool(v[13]), v[14])
+    after = (*v[30:_INTERLOCK], _FAULTS[v[_INTERLOCK]], *v[_INTERLOCK + 1 : _WARNING], _FAULTS[v[_WARNING]])
     last = (*v[_WARNING + 1 : _ANSWERS], v[_ANSWERS:])
     return Snapshot._make((*named, v[15:20], v[20:25], v[25:30], *after, *last))
 

@@ -39,10 +39,12 @@ class Jet:
         if isinstance(other, Jet):
             return Jet(self.c + other.c)
         value = self.c[0] + other
-        made = np.empty((ORDER + 1, *np.shape(value)))
+        if np.shape(value) == self.c.shape[1:]:
+            made = self.c.copy()
+        else:
+            made = np.empty((ORDER + 1, *np.shape(value)))
+            made[1:] = _widened(self.c, made.ndim)[1:]
         made[0] = value
-        for k in range(1, ORDER + 1):
-            made[k] = self.c[k]
         return Jet(made)
 
     def __neg__(self) -> Jet:
@@ -107,16 +109,21 @@ def _pair(x: Any, y: Any) -> tuple[Jet, Jet]:
 
 
 def _product(a: Array, b: Array) -> Array:
-    """Written out: nearly all of the planner's arithmetic is done here."""
+    """Nearly all of the planner's arithmetic is done here: all orders of b times one of a at once."""
+    if a.ndim != b.ndim:
+        a, b = _widened(a, b.ndim), _widened(b, a.ndim)
     a0, a1, a2, a3 = a
-    b0, b1, b2, b3 = b
-    value = a0 * b0
-    made = np.empty((ORDER + 1, *np.shape(value)))
-    made[0] = value
-    made[1] = a0 * b1 + a1 * b0
-    made[2] = a0 * b2 + a1 * b1 + a2 * b0
-    made[3] = a0 * b3 + a1 * b2 + a2 * b1 + a3 * b0
+    made: Array = a0 * b
+    from_first, from_second, third = made[1:], made[2:], made[3:]
+    from_first += a1 * b[:3]
+    from_second += a2 * b[:2]
+    third += a3 * b[:1]
     return made
+
+
+def _widened(c: Array, dimensions: int) -> Array:
+    """The same coefficients with the dimensions that numpy would add in front of the points."""
+    return c.reshape(ORDER + 1, *(1,) * (dimensions - c.ndim), *c.shape[1:])
 
 
 def _quotient(a: Array, b: Array) -> Jet:

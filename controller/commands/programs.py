@@ -213,6 +213,7 @@ def simulate(
     from controller.verify import trace as traces
 
     memory.keep_freed()
+    memory.collect_rarely()
     with _refusals(as_json):
         made = _machine(machine, gouge, period_ms)
         script = fault_runs.read(faults, faults_from, made)

@@ -39,9 +39,9 @@ class FrameLog:
         self._append = self._kept.append
         self._one = bytearray(FRAME_BYTES)
 
-    def __call__(self, frame: bytes | bytearray, at_s: float) -> None:
+    def __call__(self, frame: bytes, at_s: float) -> None:
         """Keep one frame."""
-        self._append((at_s, bytes(frame)))
+        self._append((at_s, frame))
 
     def __len__(self) -> int:
         return len(self._kept)
@@ -61,9 +61,9 @@ class FrameLog:
                 stamp_s = stamped(self._one)
                 if stamp_s is None:
                     return taken
-                self(self._one, min(now_s, stamp_s + offset_s))
+                self(bytes(self._one), min(now_s, stamp_s + offset_s))
             elif port.receive_into(self._one):
-                self(self._one, now_s)
+                self(bytes(self._one), now_s)
             else:
                 return taken
         return most

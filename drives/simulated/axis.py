@@ -122,8 +122,9 @@ class Axis(Setpoints):
         else:
             self.station.now_s = now_s
             servo.step(self.generator())
-        if servo.limited is not bool(self._saturated):
-            self._saturated = LIMIT if servo.limited else 0
+        saturated = LIMIT if servo.limited else 0
+        if saturated != self._saturated:
+            self._saturated = saturated
             self.refresh()
         lag = servo.start - servo.position
         if lag > self._window or lag < -self._window:

@@ -55,6 +55,7 @@ class Dictionary:
         self.node = node
         self._indexes = {k >> 8 for k in self.variables}
         self.values: dict[int, int] = {}
+        self.changes = 0  # how often something was written, for who looks every period
         self.strings: dict[int, bytes] = {}
         self.readers: dict[int, Callable[[], int]] = {}
         self.writers: dict[int, Callable[[int], None]] = {}  # called before the value is stored
@@ -67,6 +68,7 @@ class Dictionary:
 
     def reset(self, first: int, last: int) -> None:
         """Defaults for the indexes first .. last (NMT reset node, reset communication)."""
+        self.changes += 1
         low, high = key(first), key(last, 0xFF)
         numbers = defaults(self.path, self.node)
         for source in (numbers, self.factory):
@@ -104,6 +106,7 @@ class Dictionary:
         if writer is not None:
             writer(value)
         self.values[where] = value
+        self.changes += 1
 
     def read(self, index: int, sub: int) -> bytes:
         """Upload."""

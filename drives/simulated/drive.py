@@ -78,6 +78,7 @@ class SimulatedDrive(Device):
         if counts:
             self._sync_s = now_s
             if axis.powered:
+                self.watch_s = now_s + self._patience_s
                 axis.step(now_s)
         if self.nmt == OPERATIONAL:
             self._report(frame, now_s)
@@ -160,6 +161,7 @@ class SimulatedDrive(Device):
         axis.configure()
         self._soonest_s = 0.5 * axis.period_s
         self._latest_s = 1.5 * axis.period_s
+        self._patience_s = axis.period_s * (LATEST_PERIODS if self.parameters.times_out else QUIET_PERIODS)
         self._tpdo_delay_s = self.parameters.tpdo_delay_s
         plain = self.sync.window_s == 0.0 and axis.units.plain
         before, self._fast_in = self._fast_in, [r for r in rpdos if plain and pdo_map.is_fast_in(r)][:1]
@@ -198,7 +200,7 @@ class SimulatedDrive(Device):
         self._sync_s = now_s
         self._guessed = 0
         self.axis.boot()
-        self.alarm("sync", now_s, self._watch_sync)
+        self.watch_from(now_s)
 
     # -- faults
 
@@ -265,15 +267,12 @@ class SimulatedDrive(Device):
         """By how much the counting has moved since power-on: ``motor_counts`` less this never jumps."""
         return self.axis.sensors.moved
 
-    def _watch_sync(self, now_s: float) -> None:
-        """SYNC itself costs no timer: somebody looks now and then whether it has stayed away."""
+    def watch(self, now_s: float) -> None:
+        """SYNC has stayed away, or the drive has no current: what counts puts the watch off by itself."""
         axis = self.axis
-        patience = LATEST_PERIODS if self.parameters.times_out else QUIET_PERIODS
-        expires_s = self._sync_s + patience * axis.period_s
-        if now_s < expires_s or not axis.powered:
-            self.alarm("sync", max(expires_s, now_s + axis.period_s), self._watch_sync)
-            return
-        self._live(now_s)
-        if self.parameters.times_out:
-            axis.time_out(now_s)
-        self.alarm("sync", now_s + axis.period_s, self._watch_sync)
+        expires_s = self._sync_s + self._patience_s
+        self.watch_s = max(expires_s, now_s + axis.period_s)
+        if now_s >= expires_s and axis.powered:
+            self._live(now_s)
+            if self.parameters.times_out:
+                axis.time_out(now_s)

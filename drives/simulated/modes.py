@@ -105,6 +105,7 @@ class CyclicPosition(Mode):
         self._speed = Speed(self.axis.servo, self.axis.period_s)
         self._before = self.axis.servo.end
         self._told: tuple[int, ...] = ()
+        self._seen = -1  # of the dictionary's changes
         return self._limited if self.limits else None
 
     @property
@@ -114,19 +115,24 @@ class CyclicPosition(Mode):
         endless = get(0x607F) == get(0x60C5) == get(0x60C6) == ENDLESS
         return not endless or self.axis.offsets_mapped or any(get(index) for index in OFFSETS)
 
-    def _take(self, told: tuple[int, ...]) -> None:
-        """What stands between target and demand has been written."""
+    def _look(self) -> None:
+        """Something has been written: what stands between target and demand may have been."""
+        self._seen = self.axis.dictionary.changes
+        if (told := _between(self.axis.dictionary.values)) != self._told:
+            self._told = told
+            self._take()
+
+    def _take(self) -> None:
         units = self.axis.units
         limit = units.most_acceleration_at
-        self._told = told
         self._profile = Profile(units.speed_at(0x607F) or ENDLESS, limit(0x60C5), limit(0x60C6))
         self._offset = units.position_at(0x60B0)
         self.lead()
 
     def _limited(self) -> float:
         axis = self.axis
-        if (told := _between(axis.dictionary.values)) != self._told:
-            self._take(told)
+        if axis.dictionary.changes != self._seen:
+            self._look()
         aim = axis.target + self._offset
         wanted = axis.within(aim) if axis.units.plain else max(axis.low, min(axis.high, aim))
         period_s = axis.period_s

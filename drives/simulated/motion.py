@@ -66,11 +66,10 @@ class Speed:
         target is closed in on no faster than the profile can brake down to its speed.
         """
         most = profile.speed
-        if -most <= speed <= most:
-            change = self._change(speed, profile)
-            if -change <= speed - self.now <= change and -change <= speed - own <= change:
-                self.now = speed
-                return speed
+        at_once = profile.acceleration == profile.deceleration == math.inf
+        if -most <= speed <= most and (at_once or self._is_near(speed, own, profile)):
+            self.now = speed
+            return speed
         allowed = max(-most, min(most, speed))
         t, d = self._period_s, profile.deceleration
         if d != math.inf:
@@ -79,6 +78,10 @@ class Speed:
             allowed = max(own - closes, min(own + closes, allowed))
             allowed = max(-most, min(most, allowed))
         return self.towards(allowed, profile)
+
+    def _is_near(self, speed: float, own: float, profile: Profile) -> bool:
+        change = self._change(speed, profile)
+        return -change <= speed - self.now <= change and -change <= speed - own <= change
 
     def to_position(self, target: float, profile: Profile) -> float:
         """One period on the way to a target; the demand for its end.

@@ -8,6 +8,7 @@ faster way for them. Rules of change are CiA 301's, 7.5.2.35 - 7.5.2.38.
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -69,11 +70,15 @@ class Pdo:
                     dictionary.put(where, int.from_bytes(frame[at : at + size], "little", signed=signed))
             at += size
 
-    def data(self, dictionary: Dictionary) -> bytes:
-        """The objects' present values."""
-        data, readers, values = b"", dictionary.readers, dictionary.values
-        for where, size, _ in self.fields:
-            value = readers[where]() if where in readers else values[where]
+    def reads(self, dictionary: Dictionary) -> tuple[Callable[[], int], ...]:
+        """What gives the objects' present values, in their order."""
+        readers, stored = dictionary.readers, dictionary.values.__getitem__
+        return tuple(readers.get(where) or partial(stored, where) for where, _, _ in self.fields)
+
+    def packed(self, values: Sequence[int]) -> bytes:
+        """Values of the objects as they stand in a frame."""
+        data = b""
+        for value, (_, size, _) in zip(values, self.fields, strict=True):
             data += (value & _ONES[size]).to_bytes(size, "little")
         return data
 

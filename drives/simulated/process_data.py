@@ -13,6 +13,7 @@ from functools import partial
 
 from drives.pdo import REMOTE_FLAG
 from drives.simulated import pdo_map
+from drives.simulated.dictionary import Dictionary
 from drives.simulated.emergency import Emergencies
 from drives.simulated.pdo_map import SYNCHRONOUS_REMOTE, Pdo
 from drives.simulated.station import OPERATIONAL, Station
@@ -24,15 +25,21 @@ TOO_SHORT, TOO_LONG, LATE = 0x8210, 0x8220, 0x8250
 class Outgoing:
     """A TPDO and what is remembered of it."""
 
-    __slots__ = ("free_s", "pdo", "sampled", "sent", "syncs", "waits_for_start")
+    __slots__ = ("free_s", "pdo", "reads", "sampled", "sent", "shown", "syncs", "waits_for_start")
 
-    def __init__(self, pdo: Pdo) -> None:
+    def __init__(self, pdo: Pdo, dictionary: Dictionary) -> None:
         self.pdo = pdo
+        self.reads = pdo.reads(dictionary)
         self.sent: bytes | None = None  # data of the newest frame
+        self.shown: list[int] = []  # the values of which that is sure
         self.sampled: bytes | None = None  # at the newest SYNC, for type 252
         self.free_s = 0.0  # when the inhibit time has passed
         self.syncs = 0
         self.waits_for_start = pdo.start > 0
+
+    def data(self) -> bytes:
+        """The objects' present values."""
+        return self.pdo.packed([read() for read in self.reads])
 
 
 class ProcessData:
@@ -62,7 +69,7 @@ class ProcessData:
         the RPDOs that are received here, if not all of them are.
         """
         before = {out.pdo: out for out in self.outgoing}
-        self.outgoing = [before.get(pdo) or Outgoing(pdo) for pdo in tpdos]
+        self.outgoing = [before.get(pdo) or Outgoing(pdo, self._dictionary) for pdo in tpdos]
         self._at_sync = [out for out in self.outgoing if out.pdo != fast and out.pdo.looks_at_sync]
         self.events = [out for out in self.outgoing if out.pdo.event_driven]
         for gone in (pdo for pdo in self._watched if pdo not in rpdos):
@@ -83,6 +90,7 @@ class ProcessData:
         """NMT operational: what goes on change goes once."""
         for out in self.outgoing:
             out.sent = out.sampled = None
+            out.shown = []
             out.syncs = 0
             out.waits_for_start = out.pdo.start > 0
         self.look(now_s)
@@ -100,9 +108,14 @@ class ProcessData:
         if self._station.nmt != OPERATIONAL:
             return
         for out in self.events:
-            data = out.pdo.data(self._dictionary)
+            values = [read() for read in out.reads]
+            if values == out.shown:
+                continue
+            data = out.pdo.packed(values)
             if data != out.sent:
                 self._send_event(out, data, now_s)
+            if data == out.sent:
+                out.shown = values
 
     def _send_event(self, out: Outgoing, data: bytes, now_s: float) -> None:
         name = f"tpdo {out.pdo.can_id:x}"
@@ -117,23 +130,23 @@ class ProcessData:
     def _timed(self, out: Outgoing, now_s: float) -> None:
         """The event timer: send whether something changed or not."""
         if self._station.nmt == OPERATIONAL and out in self.events:
-            self._send_event(out, out.pdo.data(self._dictionary), max(now_s, out.free_s))
+            self._send_event(out, out.data(), max(now_s, out.free_s))
 
     def after_sync(self, counter: int, at_s: float, now_s: float) -> None:
         """The TPDOs of a SYNC, sent at ``at_s`` unless the window has closed by then."""
         open_window = not self.window_s or at_s - now_s <= self.window_s
         for out in self._at_sync:
             if self._due(out, counter) and open_window:
-                self._send(out, out.pdo.data(self._dictionary), at_s)
+                self._send(out, out.data(), at_s)
             elif out.pdo.kind == SYNCHRONOUS_REMOTE:
-                out.sampled = out.pdo.data(self._dictionary)
+                out.sampled = out.data()
         if self.events:
             self.look(now_s)
 
     def _due(self, out: Outgoing, counter: int) -> bool:
         kind = out.pdo.kind
         if kind == 0:
-            return out.pdo.data(self._dictionary) != out.sent
+            return out.data() != out.sent
         if kind > pdo_map.LAST_SYNCHRONOUS:
             return False
         if out.waits_for_start and counter:
@@ -150,10 +163,10 @@ class ProcessData:
             return
         data = out.sampled if out.pdo.kind == SYNCHRONOUS_REMOTE else None
         if out.pdo.kind != SYNCHRONOUS_REMOTE or data is not None:
-            self._send(out, data or out.pdo.data(self._dictionary), now_s)
+            self._send(out, data or out.data(), now_s)
 
     def _send(self, out: Outgoing, data: bytes, at_s: float) -> None:
-        out.sent = data
+        out.sent, out.shown = data, []
         self._station.send(at_s, out.pdo.can_id, data)
 
     # -- incoming

@@ -30,25 +30,48 @@ class Station:
         self.dictionary = Dictionary(node, eds)
         self.nmt = INITIALISING
         self.due_s = math.inf
+        self.watch_s = math.inf  # when ``watch`` runs next; what is put off all the time is no alarm
         self.now_s = 0.0  # when the device was last spoken to
         self.link: Link | None = None
         self.in_tune = True  # the bit rate is the bus's; otherwise deaf and silent
         self.supplied = True
         self._alarms: dict[str, tuple[float, Alarm]] = {}
+        self._alarm_s = math.inf  # the first of them, or before it
 
     def timer(self, now_s: float) -> None:
-        """Run the alarms that are due."""
+        """Run what is due."""
+        if self.watch_s <= now_s:
+            self.watch(now_s)
+        if self._alarm_s <= now_s:
+            self._run_alarms(now_s)
+        self.due_s = self.watch_s if self.watch_s < self._alarm_s else self._alarm_s
+
+    def _run_alarms(self, now_s: float) -> None:
         alarms = self._alarms
         for name, alarm in [item for item in alarms.items() if item[1][0] <= now_s]:
             # An alarm that ran before may have taken this one back or set it anew.
             if alarms.get(name) is alarm:
                 del alarms[name]
                 alarm[1](now_s)
-        self.due_s = min([at_s for at_s, _ in alarms.values()], default=math.inf)
+        self._alarm_s = min([at_s for at_s, _ in alarms.values()], default=math.inf)
+
+    def watch(self, now_s: float) -> None:
+        """Look whether something has stayed away; sets ``watch_s`` anew."""
+        self.watch_s = math.inf
+
+    def watch_from(self, at_s: float) -> None:
+        """Begin to watch."""
+        self.watch_s = at_s
+        self._wake(at_s)
 
     def alarm(self, name: str, at_s: float, what: Alarm) -> None:
         """Call ``what`` at a time; a name has one alarm, the newest."""
         self._alarms[name] = (at_s, what)
+        if at_s < self._alarm_s:
+            self._alarm_s = at_s
+        self._wake(at_s)
+
+    def _wake(self, at_s: float) -> None:
         if at_s < self.due_s:
             self.due_s = at_s
         if self.link is not None:
@@ -62,6 +85,7 @@ class Station:
 
     def cancel_all(self) -> None:
         self._alarms.clear()
+        self.watch_s = math.inf
 
     def send(self, at_s: float, can_id: int, data: bytes) -> None:
         """Put a frame up for arbitration; ``at_s`` may lie ahead."""

@@ -1,12 +1,17 @@
-"""How much faster than the motion ``directrix simulate`` is: the whole command, on one core.
+"""How much faster than the motion ``directrix simulate`` is: the whole command, on one core, and its parts.
 
     python tests/benchmarks/simulate_speed.py [PROGRAM ...] [--runs N] [--tree DIR] [--json]
 
 Processor seconds (user and system) from the start of the interpreter to its end, imports, planning,
 commissioning and the written trace included, beside the seconds of motion in that trace; nothing of the
-program is stored before. The best of the runs counts, which come in turn so that a busy computer is unfair
-to none. With ``--tree`` the same is done with the code in another folder, run for run. The first run of each
-tree makes its bytecode and does not count.
+program is stored before. The parts are of the same run and add up to it: ``start`` (interpreter, imports,
+words of the command line), ``plan`` (machine file, program, bus budget, path and its audit), ``come up``
+(commissioning and homing), ``ticks`` (stepped: planner, tick, bus, drives), ``trace`` (figures and files),
+``end`` (of the process).
+
+The best of the runs counts, which come in turn so that a busy computer is unfair to none. With ``--tree``
+the same is done with the code in another folder, run for run. The first run of each tree makes its
+bytecode and does not count.
 """
 
 from __future__ import annotations
@@ -17,20 +22,24 @@ import os
 import subprocess
 import sys
 import tempfile
+import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 HERE = Path(__file__).parents[2]
 EXAMPLES = tuple(HERE / "config" / "programs" / f"{name}.ngc" for name in ("example1", "example2"))
+INSIDE = "--inside"
 
 
 class Figure(NamedTuple):
-    """One program with one tree: processor seconds of the best run, and seconds of motion."""
+    """One program with one tree: processor seconds of the best run with its parts, and seconds of motion."""
 
     program: str
     tree: str
     cpu_s: float
     motion_s: float
+    parts_s: dict[str, float]
 
     @property
     def times_faster(self) -> float:
@@ -38,24 +47,79 @@ class Figure(NamedTuple):
 
 
 def measured(program: Path, tree: Path) -> Figure:
-    """One run of the command."""
+    """One run of the command, by this file inside of another process."""
     with tempfile.TemporaryDirectory() as folder:
-        command = (sys.executable, "-m", "controller", "simulate", str(program), "--gouge", "warn", "--json")
+        marks = Path(folder, "marks.json")
+        words = ("simulate", str(program), "--gouge", "warn", "--json")
         kept = ("--trace", f"{folder}/t.npz", "--store", folder)
         with open(f"{folder}/report.json", "w+") as report:
-            process = subprocess.Popen((*command, *kept), stdout=report, cwd=tree, env=_environment(folder))
+            process = subprocess.Popen(
+                (sys.executable, __file__, INSIDE, str(marks), *words, *kept),
+                stdout=report,
+                cwd=tree,
+                env=_environment(tree, folder),
+            )
             _, status, used = os.wait4(process.pid, 0)
             process.returncode = os.waitstatus_to_exitcode(status)
             report.seek(0)
             told = json.load(report)
-    if process.returncode:
-        raise SystemExit(f"{program}: {told}")
-    return Figure(program.name, str(tree), used.ru_utime + used.ru_stime, told["duration_s"])
+        if process.returncode:
+            raise SystemExit(f"{program}: {told}")
+        parts_s, cpu_s = json.loads(marks.read_text()), used.ru_utime + used.ru_stime
+    return Figure(
+        program.name,
+        str(tree),
+        cpu_s,
+        told["duration_s"],
+        {**parts_s, "end": cpu_s - sum(parts_s.values())},
+    )
 
 
-def _environment(folder: str) -> dict[str, str]:
+def _environment(tree: Path, folder: str) -> dict[str, str]:
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-    return {**kept, "XDG_STATE_HOME": folder}
+    return {**kept, "PYTHONPATH": str(tree), "XDG_STATE_HOME": folder}
+
+
+def inside(marks: str, words: list[str]) -> None:
+    """The command itself; processor seconds of its parts go into the file ``marks``."""
+    from controller.__main__ import main as command_line
+    from controller.commands import programs
+    from controller.session.stepped import SteppedMachine
+
+    parts_s: dict[str, float] = {}
+    before_s = 0.0
+
+    def ends(part: str) -> None:
+        nonlocal before_s
+        now_s = time.process_time()
+        parts_s[part] = parts_s.get(part, 0.0) + now_s - before_s
+        before_s = now_s
+
+    _ends_before(programs, "_machine", lambda: ends("start"))
+    _ends_before(SteppedMachine, "__init__", lambda: ends("plan"))
+    _ends_before(SteppedMachine, "run", lambda: ends("come up"), lambda: ends("ticks"))
+    sys.argv[1:] = words
+    try:
+        command_line()
+    finally:
+        ends("trace")
+        Path(marks).write_text(json.dumps(parts_s))
+
+
+def _ends_before(
+    owner: Any, name: str, began: Callable[[], None], done: Callable[[], None] | None = None
+) -> None:
+    """Has ``began`` called before a function of ``owner`` and ``done`` after it."""
+    inner = getattr(owner, name)
+
+    def watched(*arguments: Any, **named: Any) -> Any:
+        began()
+        result = inner(*arguments, **named)
+        if done is not None:
+            done()
+        return result
+
+    setattr(owner, name, watched)
 
 
 def best(programs: list[Path], trees: list[Path], runs: int) -> list[Figure]:
@@ -89,7 +153,11 @@ def main() -> None:
             f"{one.program:24} {one.motion_s:8.3f} s of motion in {one.cpu_s:7.3f} s:"
             f" {one.times_faster:5.1f} times faster   {one.tree}"
         )
+        print("  " + "   ".join(f"{part} {seconds:.3f}" for part, seconds in one.parts_s.items()))
 
 
 if __name__ == "__main__":
-    main()
+    if INSIDE in sys.argv[1:2]:
+        inside(sys.argv[2], sys.argv[3:])
+    else:
+        main()

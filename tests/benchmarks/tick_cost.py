@@ -49,6 +49,7 @@ from drives.cyclic.group import Group  # noqa: E402
 from drives.settings import MasterSettings, NodeSettings  # noqa: E402
 
 KEEPALIVE_TICKS = 10
+WHOLE = "whole"
 OPERATION_ENABLED = 0x1237  # with voltage, remote and "follows command"
 
 
@@ -134,6 +135,7 @@ class Rig:
         """The cut once more, from its start: the drives are put back there."""
         follow, machine = self.cycle.follow, self.cycle.machine
         send_request(self.operator, Request.STOP)
+        self.tick()
         while self.cycle.modes.mode is not Mode.READY:
             self.tick()
         start = cut_start(machine, self.cut)
@@ -142,10 +144,12 @@ class Rig:
             self.positions[axis.node] = round(q * axis.counts_per_unit)
         self.sequence += 1
         motions = {self.piece.motion_id: self.cut}
-        self.plan.send(PieceMessage(self.sequence, follow.queue_end_s, dict(motions), (self.piece,)))
+        made = PieceMessage(self.sequence, follow.queue_end_s, motions, (self.piece,), epoch=follow.epoch)
+        self.plan.send(made)
         self.tick()
         send_request(self.operator, Request.START)
         self.tick()
+        assert follow.pending, "the tick has refused the cut"
 
 
 def measure(rig: Rig, ticks: int, paced: bool) -> np.ndarray:
@@ -164,12 +168,12 @@ def measure(rig: Rig, ticks: int, paced: bool) -> np.ndarray:
 
 
 class Watches:
-    """A stop watch around each step of the tick."""
+    """A stop watch around the whole tick and one around each of its steps, which do not overlap."""
 
     def __init__(self, cycle: Cycle) -> None:
         self.spent: dict[str, float] = {}
         self._watch(cycle.group, "receive", "receive")
-        self._watch(cycle.group, "sync", "SYNC")
+        self._watch(cycle, "_sync", "SYNC")
         self._watch(cycle, "_take_requests", "requests")
         self._watch(cycle, "_take_pieces", "pieces")
         self._watch(cycle, "_supervise", "supervise")
@@ -177,7 +181,15 @@ class Watches:
         self._watch(cycle, "_judge", "check + encode")
         self._watch(cycle.group, "command", "send")
         self._watch(cycle, "publish", "snapshot")
-        self._watch(cycle, "_record", "recorder")
+        self._watch(cycle._telling, "record", "recorder")
+        for half in ("receive", "run"):
+            self._watch(cycle, half, WHOLE)
+
+    def shares(self) -> dict[str, float]:
+        """Of the ticks that were run since, between two cuts too; what no step has is the rest."""
+        whole = self.spent[WHOLE]
+        shares = {name: spent / whole for name, spent in self.spent.items() if name != WHOLE}
+        return {**shares, "rest (and stop watches)": 1.0 - sum(shares.values())}
 
     def _watch(self, owner: Any, method: str, name: str) -> None:
         inner: Callable[..., Any] = getattr(owner, method)
@@ -210,9 +222,8 @@ def main() -> None:
     measure(rig, 500, wanted.paced)
     whole = percentiles(measure(rig, wanted.ticks, wanted.paced))
     watches = Watches(rig.cycle)
-    total = float(measure(rig, wanted.ticks, wanted.paced).sum())
-    shares = {name: spent / total for name, spent in watches.spent.items()}
-    shares["rest (and stop watches)"] = 1.0 - sum(shares.values())
+    measure(rig, wanted.ticks, wanted.paced)
+    shares = watches.shares()
     if wanted.json:
         print(json.dumps({"tick": whole, "shares": shares, "granted": granted}))
         return

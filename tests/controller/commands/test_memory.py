@@ -1,4 +1,4 @@
-"""Arrays that come and go cost no pages once freed memory is kept."""
+"""Arrays that come and go cost no pages once freed memory is kept; what is kept is not looked through."""
 
 from __future__ import annotations
 
@@ -28,3 +28,20 @@ def test_an_array_of_the_size_of_the_last_one_takes_its_pages() -> None:
     told = subprocess.run([sys.executable, "-c", ARRAYS_COME_AND_GO], capture_output=True, check=True)
     one_array = 200_000 * 8 // 4096
     assert int(told.stdout) < one_array, "fifty arrays make the pages of less than one"
+
+
+KEPT_IN_THOUSANDS = """
+import gc
+from controller.commands import memory
+def collections() -> int:
+    return sum(generation["collections"] for generation in gc.get_stats())
+memory.collect_rarely()
+before = collections()
+kept = [(float(n), [n]) for n in range(200_000)]
+print(collections() - before)
+"""
+
+
+def test_what_is_kept_in_thousands_is_hardly_looked_through_and_rubbish_is_still_collected() -> None:
+    told = subprocess.run([sys.executable, "-c", KEPT_IN_THOUSANDS], capture_output=True, check=True)
+    assert 1 <= int(told.stdout) <= 8, "by default some 640 times"
