@@ -140,7 +140,8 @@ class FakeDoor:
         return {"buses": [bus], "max_share": 0.8, "near_share": 0.72, "lateness": late}
 
     def facts(self) -> dict[str, Any]:
-        return {"axes": list(AXES), "offsets": self.offsets, "tools": self.tools, "period_s": 0.002}
+        axes = [{"name": name, "unit": "deg" if name in "AC" else "mm"} for name in AXES]
+        return {"axes": axes, "offsets": self.offsets, "tools": self.tools, "period_s": 0.002}
 
     def drives(self) -> dict[str, Any]:
         said = {

@@ -293,41 +293,6 @@ def test_octoprints_senders_upload_and_nothing_starts(tmp_path: Path) -> None:
     asyncio.run(story())
 
 
-def test_metrics_are_what_prometheus_reads_and_tell_when_the_service_is_gone(tmp_path: Path) -> None:
-    from prometheus_client.parser import text_string_to_metric_families
-
-    async def story(there: bool) -> dict[str, float]:
-        scene = Scene(tmp_path)
-        scene.door.there = there
-        async with scene.client() as client:
-            text = (await client.get("/metrics")).text
-        families = text_string_to_metric_families(text)
-        return {sample.name: sample.value for family in families for sample in family.samples}
-
-    found = asyncio.run(story(True))
-    assert found["directrix_up"] == 1.0
-    assert found["directrix_tick_period_ms"] == 2.0
-    assert asyncio.run(story(False))["directrix_up"] == 0.0
-
-
-def test_metrics_tell_of_a_tick_that_is_gone(tmp_path: Path) -> None:
-    class Gone(FakeDoor):
-        def status(self) -> dict[str, Any]:
-            told = super().status()
-            tick = {**told["tick"], "age_s": 4.5}
-            return {**told, "tick": tick, "tick_alive": False, "feed_mm_min": {"actual": None}}
-
-    async def story() -> str:
-        scene = Scene(tmp_path, door=Gone())
-        scene.door.mode = "FAULT"
-        async with scene.client() as client:
-            return (await client.get("/metrics")).text
-
-    text = asyncio.run(story())
-    assert "directrix_tick_alive 0.0" in text and "directrix_tick_age_seconds 4.5" in text
-    assert 'directrix_mode{mode="FAULT"} 1.0' in text and "directrix_feed_mm_min " not in text
-
-
 def test_the_real_socket_carries_questions_answers_and_refusals(tmp_path: Path) -> None:
     machine = FakeDoor()
     server = Server(tmp_path / "control.sock", machine.answer)
