@@ -21,6 +21,7 @@ from controller.pieces import Jog
 FRAMES = ("joint", "part", "tool")
 _LETTERS: dict[str, Vector] = {"X": X, "Y": Y, "Z": Z}
 _NOISE = 1e-12  # of a unit vector: what rounding leaves of a component that is nothing
+_STUCK = 1e-9  # mm or rad: less is no motion
 
 
 class JogError(Exception):
@@ -105,6 +106,18 @@ def direction(
     letter = _LETTERS[axis]
     way = _of_tool(machine, joints, letter) if frame == "tool" else None
     return _slides(machine, way or _of_part(machine, kinematics, joints, part.turn(letter)))
+
+
+def goes(machine: Machine, joints: Sequence[float], line: Joints, homed: int) -> None:
+    """Raises JogError where an axis stands at the end of its travel that the line would lead beyond.
+
+    The tick goes as far as the travel of homed axes lets it, which from there is nowhere.
+    """
+    for i, (axis, q, d) in enumerate(zip(machine.axes, joints, line, strict=True)):
+        end = axis.travel_max if d > 0.0 else axis.travel_min
+        if d and homed >> i & 1 and (end - q) * math.copysign(1.0, d) < _STUCK:
+            unit = "deg" if axis.is_rotary else "mm"
+            raise JogError("jog_limit", axis=axis.name, limit=end * axis.shown_per_unit, unit=unit)
 
 
 def fastest(machine: Machine, line: Joints) -> float:

@@ -51,6 +51,7 @@ class FakeDoor:
         self.mode = "OFF"
         self.asked: list[tuple[str, dict[str, Any]]] = []
         self.there = True
+        self.results: dict[str, dict[str, Any]] = {}  # of verbs that answer more than nothing
         self.recorder = Recorder(rows=4096)
         self.presses = Presses()
         self.job: dict[str, Any] | None = None
@@ -97,7 +98,7 @@ class FakeDoor:
         self.asked.append((verb, args))
         self.mode = after or self.mode
         self._keep(verb, args)
-        return {}
+        return self.results.get(verb, {})
 
     def _keep(self, verb: str, args: dict[str, Any]) -> None:
         if verb == "load":
@@ -139,7 +140,8 @@ class FakeDoor:
         return {"buses": [bus], "max_share": 0.8, "near_share": 0.72, "lateness": late}
 
     def facts(self) -> dict[str, Any]:
-        return {"axes": list(AXES), "offsets": self.offsets, "tools": self.tools, "period_s": 0.002}
+        axes = [{"name": name, "unit": "deg" if name in "AC" else "mm"} for name in AXES]
+        return {"axes": axes, "offsets": self.offsets, "tools": self.tools, "period_s": 0.002}
 
     def drives(self) -> dict[str, Any]:
         said = {

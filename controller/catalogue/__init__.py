@@ -68,6 +68,8 @@ def of(language: str) -> Catalogue:
 def refusal(key: str, language: str = "en", **values: object) -> str:
     """The text of a refusal. Raises ValueError where the catalogue has no such language."""
     said = of(language).refusals
+    if "why" in values and not str(values["why"] or "").strip():  # an OSError may have no words, for one
+        values["why"] = Key("no_why")
     plain = {name: value for name, value in values.items() if not isinstance(value, Key)}
     keys = {name: said[value].format(**plain) for name, value in values.items() if isinstance(value, Key)}
     return said[key].format(**plain, **keys)

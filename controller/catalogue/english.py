@@ -296,7 +296,9 @@ REFUSALS = {
     "no_fault": "There is no fault to be reset.",
     "running": "{program} is running; stop it, or wait for its end.",
     "not_loaded": "No program is loaded; load one first.",
-    "not_ready": "{program} is not ready. {why}",
+    "still_loading": "{program} is still being read and checked; wait until it is loaded, or stop it.",
+    "not_ready": "{program} was not loaded, so it cannot start. {why}",
+    "no_why": "Why is not known; see the log of directrix serve.",
     "not_held": "{request} is refused in {mode}: hold the program and wait until it stands.",
     "not_retracted": "{request} is refused in {mode}: hold the program, or reset and enable, and wait until "
     "the axes stand.",
@@ -383,6 +385,8 @@ REFUSALS = {
     "jog_letter": "Frame {frame!r} has no axis {axis!r} to jog; allowed are X, Y and Z.",
     "jog_not_homed": "Frame {frame!r} is not known before {axes} is homed; home it, or jog in the frame "
     "'joint'.",
+    "jog_limit": "{axis} will not move: it stands at its soft limit of {limit:g} {unit}; jog it the "
+    "other way.",
     "jog_axis": "The machine has no axis {axis!r} to jog; allowed are {allowed}.",
     "no_line": "fraction {fraction:g}: of which line? Give line, too.",
     "no_text": "text: must be a line of program of at most {most} characters.",

@@ -309,7 +309,9 @@ REFUSALS = {
     "no_fault": "Es gibt keine Störung zurückzusetzen.",
     "running": "{program} läuft; stoppen oder das Ende abwarten.",
     "not_loaded": "Kein Programm ist geladen; zuerst eines laden.",
-    "not_ready": "{program} ist nicht bereit. {why}",
+    "still_loading": "{program} wird noch gelesen und geprüft; warten, bis es geladen ist, oder stoppen.",
+    "not_ready": "{program} wurde nicht geladen und kann nicht starten. {why}",
+    "no_why": "Der Grund ist nicht bekannt; siehe das Protokoll von directrix serve.",
     "not_held": "{request} ist in {mode} abgelehnt: das Programm anhalten und warten, bis es steht.",
     "not_retracted": "{request} ist in {mode} abgelehnt: das Programm anhalten, oder zurücksetzen und "
     "einschalten, und warten, bis die Achsen stehen.",
@@ -396,6 +398,8 @@ REFUSALS = {
     "jog_letter": "{frame!r} hat keine Achse {axis!r}; erlaubt sind X, Y und Z.",
     "jog_not_homed": "{frame!r} ist erst bekannt, wenn {axes} referenziert ist; referenzieren oder in "
     "'joint' verfahren.",
+    "jog_limit": "{axis} bewegt sich nicht: die Achse steht an ihrer Softwaregrenze von {limit:g} {unit}; in "
+    "die andere Richtung verfahren.",
     "jog_axis": "Die Maschine hat keine Achse {axis!r}; erlaubt sind {allowed}.",
     "no_line": "fraction {fraction:g}: von welcher Zeile? Auch line angeben.",
     "no_text": "text: muss eine Programmzeile von höchstens {most} Zeichen sein.",

@@ -93,5 +93,6 @@ REFUSALS = {
     "form.below": "must be less than {limit}",
     "form.short": "must have at least {limit} characters",
     "form.long": "must have at most {limit} characters",
+    "request_silent": "The sender fell silent before the end of its request; send all of it again.",
     "request_cut": "What was sent was cut off before its end; send it again.",
 }

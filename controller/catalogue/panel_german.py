@@ -96,5 +96,6 @@ REFUSALS = {
     "form.below": "muss kleiner als {limit} sein",
     "form.short": "muss mindestens {limit} Zeichen haben",
     "form.long": "darf höchstens {limit} Zeichen haben",
+    "request_silent": "Der Sender verstummte vor dem Ende seiner Anfrage; sie ganz noch einmal senden.",
     "request_cut": "Was gesendet wurde, brach vor dem Ende ab; noch einmal senden.",
 }

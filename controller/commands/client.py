@@ -116,11 +116,26 @@ def start(
                 offer = _interrupted(machine, program)
                 program, line, place["restart"] = offer["program"], offer["line"], True
             if program:
-                loaded = carried_out(machine, "job", {"program": program, **place})
+                loaded = _loaded(machine, {"program": program, **place})
                 if line is not None and not yes:
                     _agreed(loaded, line)
             done = carried_out(machine, "cycle/start")
         tell_done(f"Started{f' {program}' if program else ''}.", done, as_json)
+
+
+def _loaded(machine: Machine, values: Mapping[str, Any]) -> Any:
+    """Load, however long it takes. Raises Refused where it was refused, or another one is loaded by then."""
+    answer = machine.post("job", values)
+    while (answer.get("result") or {}).get("done") is False:
+        time.sleep(LOOK_S)
+        job = machine.get("job")
+        if job["name"] != values["program"] or job["state"] not in ("loading", "loaded"):
+            raise Refused(
+                str(job["sentence"] or f"{values['program']}: another program was loaded meanwhile.")
+            )
+        if job["state"] == "loaded":
+            answer["result"] = job
+    return answer
 
 
 def _interrupted(machine: Machine, program: str) -> dict[str, Any]:

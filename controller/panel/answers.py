@@ -4,7 +4,8 @@
 
 The status says whose turn it is: 401 and 403 access, 404 no such thing, 409 not now (the
 machine's mode, the control token, a name that is taken), 413 and 422 what was sent, 429 too
-often, 503 the controller's service is not there.
+often, 503 the controller's service is not there or the store cannot be used, 507 the disk is full;
+408: the rest of what was announced did not come.
 """
 
 from __future__ import annotations
@@ -75,12 +76,14 @@ DESCRIPTIONS = {
     401: "Not logged in, or the log-in ended.",
     403: "The role does not allow it, or the request did not come from this server's own page.",
     404: "There is no such thing.",
+    408: "The sender fell silent before the end of what it announced; send it again.",
     405: "The path does not know this method; Allow says which.",
     409: "Not now: mode of the machine, control token, or a name that is taken.",
     413: "Too large.",
     422: "What was sent is not what the schema says.",
     429: "Too often; Retry-After says when again (s).",
-    503: "The controller's service does not answer.",
+    503: "The controller's service does not answer, or the store cannot be used.",
+    507: "The disk is full.",
 }
 
 

@@ -21,12 +21,25 @@ from typing import Any, NamedTuple
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
+from controller.panel.answers import Refusal
+
 MOST_FILES = 8192  # that the panel asks for where the system's limit is lower
 MOST = 1024  # connections; what comes beside them (store, uploads, service) needs about a hundred files
 HEADER_S = 10.0
 BODY_S = 40.0  # more patient than uploads, which answer their sender
 SLOWEST_BYTES_S = 250.0  # of a body
 GRACE_S = 0.25
+LEAVE_S = 5.0  # for the last answer of a connection to go out
+
+
+def _silent() -> bytes:
+    """The answer to a request whose rest did not come (RFC 9110, 15.5.9), as all others look."""
+    body = Refusal.told(408, "slow", "request_silent").response().body
+    head = "HTTP/1.1 408 Request Timeout\r\nConnection: close\r\nContent-Type: application/json\r\n"
+    return f"{head}Content-Length: {len(body)}\r\n\r\n".encode() + bytes(body)
+
+
+SILENT = _silent()
 
 
 class Limits(NamedTuple):
@@ -101,6 +114,7 @@ class _Bounded(H11Protocol):
         self._bounds, self._limits = bounds, bounds.limits
         self.since_s = self._due_s = 0.0  # by the loop's clock: begun; the end of its sender's time
         self._timer: asyncio.TimerHandle | None = None
+        self._heard = False  # something of a request that has no answer yet
 
     @property
     def half_open(self) -> bool:
@@ -125,7 +139,7 @@ class _Bounded(H11Protocol):
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
-        was_half_open = self.half_open
+        was_half_open, self._heard = self.half_open, True
         super().data_received(data)
         if was_half_open and not self.half_open:
             self._wait(self._limits.body_s)
@@ -138,7 +152,7 @@ class _Bounded(H11Protocol):
         super().handle_websocket_upgrade(event)
 
     def on_response_complete(self) -> None:
-        self.since_s = self.loop.time()
+        self.since_s, self._heard = self.loop.time(), False
         self._wait(self._limits.header_s)
         super().on_response_complete()
 
@@ -152,11 +166,21 @@ class _Bounded(H11Protocol):
     def _look(self) -> None:
         left_s = self._due_s - self.loop.time()
         if self.waits and left_s <= 0.0:
-            self.transport.abort()
+            self._give_up()
             return
         if not self.waits:  # we let it wait: it has all of its time afterwards
             self._wait(self._limits.body_s)
         self._timer = self.loop.call_later(max(left_s, self._limits.header_s / 10.0), self._look)
+
+    def _give_up(self) -> None:
+        """Who has begun a request is told that its rest did not come; who takes no answer is not."""
+        answering = not self.half_open and self.cycle.response_started
+        if self._heard and not answering and not self.flow.write_paused:
+            self.transport.write(SILENT)
+            self.transport.close()
+            self.loop.call_later(LEAVE_S, self.transport.abort)
+        else:
+            self.transport.abort()
 
     def _end_timer(self) -> None:
         if self._timer is not None:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from controller.panel.checker import Checker
 from controller.panel.database import StoreError
+from controller.panel.disk_use import Sizes
 from controller.panel.events import Events
 from controller.panel.gather import Gatherer
 from controller.panel.link import Door, Watch
@@ -34,6 +35,7 @@ class Panel:
         self.watch = Watch(door)
         self.latest = Latest(door)  # ticks for scopes
         self.users = Users(store.users)
+        self.sizes = Sizes(store.folder)
         self.control = Control()
         self.events = Events(self.watch, store)
         self.audited: dict[

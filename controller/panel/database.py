@@ -29,8 +29,8 @@ class StoreError(Exception):
     kind it is, for the answer's status.
 
     missing: there is no such thing; exists: the name is taken; running: the program is in use;
-    name, size, empty, sha256, form: what was sent is wrong; space: the disk is full;
-    store: the store itself cannot be used.
+    name, size (too large), cut (not all of it), empty, sha256, form: what was sent is wrong; slow: it did
+    not come; many: others are under way; space: the disk is full; store: the store itself cannot be used.
     """
 
     def __init__(self, code: str, sentence: str, sentence_de: str = "") -> None:

@@ -45,7 +45,11 @@ from controller.panel.routes import (
 API = "/api/v1"
 MOST_BODY_BYTES = 100_000  # of everything but uploads, which count for themselves
 UPLOADS = (f"{API}/programs", "/api/files/local")
-STORE_STATUSES = {"missing": 404, "size": 413, "form": 422, "empty": 422, "many": 429, "space": 507}
+STORE_STATUSES = {
+    **{"missing": 404, "slow": 408, "exists": 409, "running": 409, "size": 413, "many": 429},
+    **dict.fromkeys(("name", "sha256", "cut", "empty", "form"), 422),
+    **{"store": 503, "space": 507},
+}
 PARTS = (
     *((API, part) for part in (machine, cycle, jog, programs, tables, records, ticks)),
     *((API, part) for part in (looks, session, users, listen)),
@@ -126,7 +130,7 @@ def _refusals(app: FastAPI) -> None:
 
     @app.exception_handler(StoreError)
     async def not_stored(_: Request, error: StoreError) -> JSONResponse:
-        status, german = STORE_STATUSES.get(error.code, 409), error.sentence_de or None
+        status, german = STORE_STATUSES[error.code], error.sentence_de or None
         return Refusal(status, error.code, error.sentence, sentence_de=german).response()
 
     @app.exception_handler(RequestValidationError)

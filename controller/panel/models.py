@@ -164,7 +164,13 @@ class JobFacts(Told):
     elapsed_s: Number = None
     left_s: Number = Field(None, description="Exact at the present override.")
     duration_s: Number = None
-    state: str | None = None
+    state: str | None = Field(
+        None,
+        description="loading, loaded or refused; from its start on starting, running, held, stopping; then "
+        "completed, stopped, refused, fault or interrupted.",
+    )
+    sentence: str | None = Field(None, description="Why it was refused, or ended before its end.")
+    sentence_de: str | None = Field(None, description="The same in German, where it is known.")
     message: str | None = Field(None, description="What the program said last, by MSG and the like.")
     messages: list[str] | None = Field(None, description="The last of them, newest last.")
     verdict: VerdictFacts | None = Field(None, description="On its surfaces; None: none has a tolerance.")

@@ -28,7 +28,7 @@ async def octoprint_version() -> dict[str, str]:
     status_code=201,
     dependencies=[needs(Role.OPERATE)],
     openapi_extra=BODY,
-    responses=documented(401, 403, 409, 413, 422, 429, 503),
+    responses=documented(401, 403, 408, 409, 413, 422, 429, 503, 507),
 )
 async def octoprint_upload(request: Request, response: Response) -> dict[str, Any]:
     """Upload a program; the same rules as POST /api/v1/programs."""

@@ -171,6 +171,13 @@ class Alarms:
         )
         return [_alarm(row) for row in rows]
 
+    def sums(self) -> dict[str, tuple[int, int]]:
+        """By name: how many were told, and how many of them nobody has acknowledged."""
+        rows = self._database.rows(
+            "SELECT name, COUNT(*), SUM(acknowledged_s IS NULL) FROM alarms GROUP BY name ORDER BY name"
+        )
+        return {row[0]: (row[1], row[2]) for row in rows}
+
     def get(self, alarm: int) -> Alarm | None:
         rows = self._database.rows("SELECT * FROM alarms WHERE id = ?", (alarm,))
         return next((_alarm(r) for r in rows), None)

@@ -134,7 +134,7 @@ class Upload:
     def commit(self, in_use: Collection[str] = (), sha256: str | None = None) -> Program:
         """Make it a program, replacing what the name stood for; ``in_use``: see ``Programs``.
 
-        Raises StoreError: empty, size, sha256, running, space.
+        Raises StoreError: empty, cut, sha256, running, space.
         """
         found = self._sum.hexdigest()
         self._whole(found, _hash(sha256) or self._sha256)
@@ -151,7 +151,7 @@ class Upload:
             raise StoreError.told("empty", "upload_empty", name=self.name)
         if self._size is not None and self.received != self._size:
             came = {"came": self.received, "size": self._size}
-            raise StoreError.told("size", "upload_fewer", name=self.name, **came)
+            raise StoreError.told("cut", "upload_fewer", name=self.name, **came)
         if expected is not None and found != expected:
             raise StoreError.told("sha256", "upload_sum", name=self.name, found=found, wanted=expected)
 

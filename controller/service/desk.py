@@ -297,7 +297,7 @@ class Desk:
             try:
                 return sequences.load(service, job)
             except DoorError as error:
-                job.state, job.sentence = "refused", error.sentence
+                job.state, job.sentence, job.sentence_de = "refused", error.sentence, error.sentence_de
                 raise
 
         return self._sequence("load", work)
@@ -321,8 +321,10 @@ class Desk:
             return self._resume({})
         if job is None:
             raise refused("not_loaded", now.mode.name, "START")
-        if job.state in ("loading", "refused"):
-            raise refused("not_ready", now.mode.name, "START", program=job.program.name, why=job.sentence)
+        if job.state == "loading":
+            raise refused("still_loading", now.mode.name, "START", program=job.program.name)
+        if job.state == "refused":
+            raise in_both(partial(_not_ready, job), now.mode.name, "START")
         return self._begin("start", job)
 
     def _begin(self, name: str, job: Job) -> Answer:
@@ -404,3 +406,8 @@ class Desk:
         if what == "tools" and service.aside and now.mode is Mode.HOLD:
             return service.sequencer.busy != "return"  # which is planned with those that are fitted
         return now.mode in AT_REST and service.running is None
+
+
+def _not_ready(job: Job, language: str) -> str:
+    why = (job.sentence_de if language == "de" else "") or job.sentence
+    return catalogue.refusal("not_ready", language, program=job.program.name, why=why)

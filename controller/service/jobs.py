@@ -55,7 +55,8 @@ class Job:
     ways: dict[int, Way] = field(default_factory=dict)
     changes: dict[int, tuple[int, ...]] = field(default_factory=dict)  # tools that it asks for, by line
     news: News = field(default_factory=News)
-    sentence: str = ""  # why it ended
+    sentence: str = ""  # why it ended, or was not loaded
+    sentence_de: str = ""  # the same in German, where it is known
     taken: bool = False  # the tick has begun with it
     refused: bool = False  # a block on the way was; the tool stands before it
     lost: bool = False  # the plan that knew the rest of it is gone
@@ -84,7 +85,7 @@ class Job:
         self._due.clear()
         self._reached, self.messages = -1, []
         self.news = News(finished=False)
-        self.state, self.sentence = "starting", ""
+        self.state, self.sentence, self.sentence_de = "starting", "", ""
         self.taken = self.refused = self.lost = False
         self.nominal_s, self._seen_s = 0.0, None
 
@@ -185,6 +186,7 @@ class Job:
             "notes": self.notes,
             "verdict": self.verdict,
             "sentence": self.sentence or None,
+            "sentence_de": self.sentence_de or None,
         }
 
     def _typed(self) -> str | None:

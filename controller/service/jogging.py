@@ -75,6 +75,10 @@ class Jogging:
                 return self._line._replace(speed=speed)
             kinematics = self._kinematics_of(machine)
             line = jog_frames.continuous(machine, kinematics, now.joints, frame, axis, share, part, now.homed)
+            if (
+                now.mode is not Mode.JOG
+            ):  # under way it comes to rest there, and is asked for until it is let go
+                jog_frames.goes(machine, now.joints, line.direction, now.homed)
         except JogError as error:
             raise DoorError("bad", str(error), now.mode.name, "JOG", error.german) from error
         self._key, self._line = key, line
@@ -87,7 +91,9 @@ class Jogging:
         self._key = None
         try:
             kinematics = self._kinematics_of(machine)
-            return jog_frames.step(machine, kinematics, now.joints, frame, axis, distance, part, now.homed)
+            line = jog_frames.step(machine, kinematics, now.joints, frame, axis, distance, part, now.homed)
+            jog_frames.goes(machine, now.joints, line.direction, now.homed)
+            return line
         except JogError as error:
             raise DoorError("bad", str(error), now.mode.name, "JOG", error.german) from error
 

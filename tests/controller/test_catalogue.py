@@ -117,3 +117,25 @@ def test_a_value_of_a_refusal_may_be_a_text_of_the_catalogue_itself() -> None:
     waited = {"seconds": 3.0, "what": catalogue.Key("standstill")}
     assert catalogue.refusal("waited", **waited) == "Waited 3 s for standstill in vain."
     assert "Stillstand" in catalogue.refusal("waited", "de", **waited)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("why", ["", None, "  "])
+def test_no_refusal_ends_where_its_reason_should_be(language: str, why: str | None) -> None:
+    """An OSError may have no words; a job that is only being read has no reason."""
+    said = LANGUAGES[language].refusals
+    with_reason = [key for key, text in said.items() if "why" in placeholders(text)]
+    assert len(with_reason) > 5
+    for key in with_reason:
+        values = {**dict.fromkeys(placeholders(said[key]), 1.0), "why": why}
+        told = catalogue.refusal(key, language, **values)
+        assert said["no_why"] in told and "None" not in told and not told.endswith(" "), key
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_only_parts_of_sentences_and_reasons_end_without_a_full_stop(language: str) -> None:
+    whole = {"refused", "not_ready", "form.would_do"}  # they end with a sentence of somebody else's
+    for key, text in LANGUAGES[language].refusals.items():
+        assert text.strip(), key
+        if text.endswith("}"):
+            assert key in whole or "." in key or not text[0].isupper(), key

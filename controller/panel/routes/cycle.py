@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+from typing import Any
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Request, Response
+from fastapi.responses import JSONResponse
 
 from controller import catalogue
 from controller.panel import models
@@ -16,9 +18,20 @@ from controller.panel.routes.machine import LOOKS, MOVES, ask
 router = APIRouter(tags=["cycle"])
 
 
-@router.post("/job", dependencies=[moves()], responses=documented(401, 403, 404, 409, 422, 503))
-async def load(request: Request, body: models.Load) -> models.Done:
-    """Load a program: whole, from a line and a fraction of its block, or where it was interrupted."""
+RETRY = {"Retry-After": {"schema": {"type": "integer"}, "description": "Seconds."}}
+PLACE = {"Location": {"schema": {"type": "string"}, "description": "Of the job: GET it until it is loaded."}}
+LATER: dict[int | str, dict[str, Any]] = {
+    202: {"model": models.Done, "description": "It is still being read.", "headers": {**PLACE, **RETRY}}
+}
+
+
+@router.post("/job", dependencies=[moves()], responses={**LATER, **documented(401, 403, 404, 409, 422, 503)})
+async def load(request: Request, response: Response, body: models.Load) -> models.Done:
+    """Load a program: whole, from a line and a fraction of its block, or where it was interrupted.
+
+    200: it is loaded, and may be started. 202, after some seconds: it is read on; GET /job, which
+    Location names, tells by its state when it is loaded, or was refused and why.
+    """
     if body.restart and (body.line, body.fraction, body.dry_run_mm) != (None, None, None):
         raise Refusal.told(409, "bad", "restart_line")
     programs = panel_of(request).store.programs
@@ -26,7 +39,25 @@ async def load(request: Request, body: models.Load) -> models.Done:
     where = body.model_dump(include={"line", "fraction", "dry_run_mm"}, exclude_none=True)
     where |= {"restart": True} if body.restart else {}
     path = str(programs.path(program.sha256))
-    return await ask(request, "load", path=path, name=program.name, sha256=program.sha256, **where)
+    done = await ask(request, "load", path=path, name=program.name, sha256=program.sha256, **where)
+    if done.result.get("done") is False:
+        response.status_code = 202
+        response.headers.update({"Location": request.url_for("job").path, "Retry-After": "1"})
+    return done
+
+
+@router.get(
+    "/job",
+    dependencies=[needs(Role.VIEW)],
+    response_model=models.JobFacts,
+    responses=documented(401, 403, 404, 503),
+)
+async def job(request: Request) -> JSONResponse:
+    """The program that is loaded, being loaded or under way, or that was last, as the status has it."""
+    found = (await panel_of(request).watch.status()).get("job")
+    if not found:
+        raise Refusal.told(404, "missing", "not_loaded")
+    return JSONResponse(found)
 
 
 @router.get("/restart", dependencies=[needs(Role.VIEW)], responses=LOOKS)

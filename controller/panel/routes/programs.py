@@ -65,7 +65,7 @@ def place_of(request: Request, program: Program) -> str:
     status_code=201,
     dependencies=[needs(Role.OPERATE)],
     openapi_extra=BODY,
-    responses=documented(401, 403, 409, 413, 422, 429, 503),
+    responses=documented(401, 403, 408, 409, 413, 422, 429, 503, 507),
 )
 async def upload(request: Request, response: Response) -> models.ProgramFacts:
     """Upload a program under its file's name; it is checked, and never starts by itself."""

@@ -38,6 +38,7 @@ class NotingDoor:
         self.asked: list[tuple[str, dict[str, Any]]] = []
         self.results: dict[str, dict[str, Any]] = {"load": {"tool": 1, "offset": "G54"}}
         self.coming: list[dict[str, Any]] = []  # sequences of the next statuses
+        self.jobs: list[dict[str, Any]] = []  # likewise; the last one stays
         self.refused: dict[str, Refusal] = {}
         self.status: dict[str, Any] = {"mode": "READY", "joints": {}, "job": None}
 
@@ -47,6 +48,8 @@ class NotingDoor:
         if verb in self.refused:
             raise self.refused[verb]
         if verb == "status":
+            if self.jobs:
+                self.status["job"] = self.jobs.pop(0)
             return {**self.status, "sequence": self.coming.pop(0) if self.coming else None}
         return self.results.get(verb, {})
 
@@ -188,6 +191,26 @@ def test_what_fails_on_the_way_is_refused_with_its_sentence(panel: Panel, door: 
     ran = run("home")
     assert ran.exit_code == 1 and ran.stderr.strip() == "C found no reference switch."
     assert panel.control.holder == ""
+
+
+JOB = {"name": "part.ngc", "state": "loaded", "sentence": None, "restart": ["Line 2, 0 % of its block."]}
+
+
+def test_a_program_that_takes_long_to_read_is_waited_for_and_its_state_is_shown(
+    panel: Panel, door: NotingDoor, program: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(verbs, "LOOK_S", 0.03)  # a status is shared for less
+    done("upload", str(program))
+    door.results["load"] = {"done": False}
+    door.jobs = [{**JOB, "state": "loading"}, JOB]
+    ran = run("start", "part.ngc", "--line", "2", answer="n\n")
+    assert ran.exit_code == 1 and "Line 2, 0 % of its block." in ran.stderr and door.verbs == ["load"]
+    door.jobs = [{**JOB, "state": "refused", "sentence": "line 2: there is no such code."}]
+    ran = run("start", "part.ngc")
+    assert ran.exit_code == 1 and ran.stderr.strip() == "line 2: there is no such code."
+    door.jobs = [{**JOB, "name": "other.ngc"}]
+    ran = run("start", "part.ngc")
+    assert ran.exit_code == 1 and "another program was loaded" in ran.stderr and "start" not in door.verbs
 
 
 # --- programs

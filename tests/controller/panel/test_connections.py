@@ -121,6 +121,34 @@ def closed(one: socket.socket) -> bool:
     return True
 
 
+def said_at_the_end(one: socket.socket) -> bytes:
+    said = b""
+    with contextlib.suppress(ConnectionError):
+        while more := one.recv(4096):
+            said += more
+    return said
+
+
+@pytest.mark.parametrize(
+    "rest", [b"", b": y\r\nContent-Type: application/json\r\nContent-Length: 40\r\n\r\n{"]
+)
+def test_a_sender_that_falls_silent_is_told_so_and_one_that_said_nothing_is_not(
+    site: Site, scene: Scene, rest: bytes
+) -> None:
+    token = f"Authorization: Bearer {scene.tokens['operate']}\r\nX-Some"
+    silent, idle = site.connected(), site.connected()
+    silent.sendall(HALF.replace(b"cycle/stop", b"control").replace(b"X-Some: h", token.encode()) + rest)
+    until(lambda: site.open_ones() == 2, "both")
+    time.sleep(0.2)  # for the other end to read
+    site.clock.forward(BODY_S + 1.0)
+    said = said_at_the_end(silent)
+    assert said.startswith(b"HTTP/1.1 408 ") and b"Connection: close" in said
+    told = json.loads(said.partition(b"\r\n\r\n")[2])["error"]
+    assert "fell silent" in told["sentence"] and "verstummte" in told["sentence_de"]
+    assert said_at_the_end(idle) == b""
+    until(lambda: site.open_ones() == 0, "the end")
+
+
 @pytest.mark.parametrize("sent", [b"", HALF, b"GET / HTTP/1.1\r\n"])
 def test_a_request_whose_header_does_not_come_is_ended(site: Site, sent: bytes) -> None:
     one = site.connected()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from fake_door import FakeDoor
 from panels import Scene, sentence, take_control
 
 from controller.panel import http
-from controller.panel.link import SocketDoor
+from controller.panel.link import FRESH_S, SocketDoor
 from controller.service.jogging import Presses
 from controller.service.server import Server
 
@@ -292,41 +293,6 @@ def test_octoprints_senders_upload_and_nothing_starts(tmp_path: Path) -> None:
     asyncio.run(story())
 
 
-def test_metrics_are_what_prometheus_reads_and_tell_when_the_service_is_gone(tmp_path: Path) -> None:
-    from prometheus_client.parser import text_string_to_metric_families
-
-    async def story(there: bool) -> dict[str, float]:
-        scene = Scene(tmp_path)
-        scene.door.there = there
-        async with scene.client() as client:
-            text = (await client.get("/metrics")).text
-        families = text_string_to_metric_families(text)
-        return {sample.name: sample.value for family in families for sample in family.samples}
-
-    found = asyncio.run(story(True))
-    assert found["directrix_up"] == 1.0
-    assert found["directrix_tick_period_ms"] == 2.0
-    assert asyncio.run(story(False))["directrix_up"] == 0.0
-
-
-def test_metrics_tell_of_a_tick_that_is_gone(tmp_path: Path) -> None:
-    class Gone(FakeDoor):
-        def status(self) -> dict[str, Any]:
-            told = super().status()
-            tick = {**told["tick"], "age_s": 4.5}
-            return {**told, "tick": tick, "tick_alive": False, "feed_mm_min": {"actual": None}}
-
-    async def story() -> str:
-        scene = Scene(tmp_path, door=Gone())
-        scene.door.mode = "FAULT"
-        async with scene.client() as client:
-            return (await client.get("/metrics")).text
-
-    text = asyncio.run(story())
-    assert "directrix_tick_alive 0.0" in text and "directrix_tick_age_seconds 4.5" in text
-    assert 'directrix_mode{mode="FAULT"} 1.0' in text and "directrix_feed_mm_min " not in text
-
-
 def test_the_real_socket_carries_questions_answers_and_refusals(tmp_path: Path) -> None:
     machine = FakeDoor()
     server = Server(tmp_path / "control.sock", machine.answer)
@@ -375,3 +341,62 @@ def test_an_application_with_a_route_that_has_no_guard_is_not_made(
     monkeypatch.setattr(http, "PARTS", (*http.PARTS, ("", SimpleNamespace(router=open_door))))
     with pytest.raises(RuntimeError, match="/open: has no guard"):
         Scene(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("sent", "data", "status", "words"),
+    [
+        (part("a/b.ngc"), {}, 422, "holds '/'"),
+        (part("-x"), {}, 422, "begins with"),
+        (part(), {"sha256": "0" * 64}, 422, "announced was"),
+        (part(), {"sha256": "xyz"}, 422, "is no checksum"),
+        (part(), {"size": "999"}, 422, "of 999 bytes came"),
+        (part(text=b""), {}, 422, "has no bytes"),
+    ],
+)
+def test_what_was_sent_wrong_is_an_answer_about_what_was_sent(
+    tmp_path: Path, sent: dict[str, Any], data: dict[str, str], status: int, words: str
+) -> None:
+    async def story() -> None:
+        async with Scene(tmp_path).client() as client:
+            for path in ("/api/v1/programs", "/api/files/local"):
+                answer = await client.post(path, **sent, data=data)
+                assert (answer.status_code, words in sentence(answer)) == (status, True), answer.text
+
+    asyncio.run(story())
+
+
+def test_every_kind_of_refusal_of_the_store_has_its_status() -> None:
+    """A kind without one would be an error of ours (500) to whoever asks."""
+    codes = set()
+    for file in Path(http.__file__).parent.rglob("*.py"):
+        codes |= set(re.findall(r'StoreError(?:\.told)?\(\s*"([a-z0-9]+)"', file.read_text("utf-8")))
+    assert codes <= set(http.STORE_STATUSES) and len(codes) > 8
+
+
+def test_a_program_that_takes_long_to_read_is_a_job_to_wait_for(tmp_path: Path) -> None:
+    async def story() -> None:
+        scene = Scene(tmp_path)
+        async with scene.client() as client:
+            await client.post("/api/v1/programs", **part())
+            await take_control(client)
+            assert (await client.get("/api/v1/job")).status_code == 404
+            scene.door.results["load"] = {"done": False}
+            asked = await client.post("/api/v1/job", json={"program": "part.ngc"})
+            assert (asked.status_code, asked.headers["location"]) == (202, "/api/v1/job")
+            assert int(asked.headers["retry-after"]) >= 1
+            scene.door.job = {"name": "part.ngc", "sha256": SHA, "state": "loading"}
+            await asyncio.sleep(2.0 * FRESH_S)
+            assert (await client.get(asked.headers["location"])).json()["state"] == "loading"
+            scene.door.job = {**scene.door.job, "state": "refused", "sentence": "line 2: no such code."}
+            await asyncio.sleep(2.0 * FRESH_S)
+            found = (await client.get(asked.headers["location"])).json()
+            assert (found["state"], found["sentence"]) == ("refused", "line 2: no such code.")
+            scene.door.results["load"] = {"done": True}
+            again = await client.post("/api/v1/job", json={"program": "part.ngc"})
+            assert again.status_code == 200 and again.json()["result"]["done"] is True
+            described = (await client.get("/openapi.json")).json()["paths"]["/api/v1/job"]
+            assert {"200", "202"} <= set(described["post"]["responses"]) and "get" in described
+            assert "Location" in described["post"]["responses"]["202"]["headers"]
+
+    asyncio.run(story())

@@ -23,7 +23,7 @@ from controller.panel.store import Store, StoreError, UploadLimits
 
 # Patient: on a busy computer nothing is refused as too slow that is not about that.
 LIMITS = UploadLimits(most_bytes=20_000, free_bytes=0, at_once=4)
-CODES = {"name", "size", "sha256", "empty", "form", "slow", "many", "space", "running"}
+CODES = {"name", "size", "cut", "sha256", "empty", "form", "slow", "many", "space", "running"}
 
 
 class Gone(Exception):
@@ -104,7 +104,7 @@ def test_a_file_comes_with_its_sum_before_or_behind_it(store: Store) -> None:
 def test_a_wrong_sum_or_size_keeps_nothing(store: Store) -> None:
     assert refused(store, Sent(form("a", sha256="0" * 64))) == "sha256"
     assert refused(store, Sent(form("a", sha256="xyz"))) == "sha256"
-    assert refused(store, Sent(form("a", size=str(len(TEXT) + 1)))) == "size"
+    assert refused(store, Sent(form("a", size=str(len(TEXT) + 1)))) == "cut"
     assert refused(store, Sent(form("a", size="-1"))) == "form"
     assert refused(store, Sent(form("a", b""))) == "empty"
     assert send(store, Sent(form("a", size=str(len(TEXT))))).program.size == len(TEXT)

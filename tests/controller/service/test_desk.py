@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+import re
 import threading
 from concurrent.futures import Future
 from pathlib import Path
@@ -538,3 +539,57 @@ def test_tools_do_not_change_while_the_way_back_is_planned_with_them(
     assert said and service.running is not None
     tool = service.running.program.machine.tool(2)
     assert tool is not None and tool.length_mm == 8.0
+
+
+def test_a_start_before_the_program_is_read_or_after_its_refusal_says_why_in_both_languages(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    reading, go = threading.Event(), threading.Event()
+
+    def check(**_: Any) -> dict[str, Any]:
+        reading.set()
+        go.wait(HANGS_S)
+        raise DoorError(
+            "bad", "part.ngc: line 2: X99. is beyond the travel.", sentence_de="Zeile 2: zu weit."
+        )
+
+    engine.answers["check"] = check
+    (service.state / "part.ngc").write_text(TEXT)
+    load = desk("load", {"path": str(service.state / "part.ngc")})
+    assert reading.wait(HANGS_S)
+    with pytest.raises(DoorError, match=r"part\.ngc is still being read and checked; wait") as error:
+        done(desk, "start")
+    assert "wird noch gelesen" in error.value.sentence_de
+    go.set()
+    assert isinstance(load, Future)
+    with pytest.raises(DoorError):
+        load.result(HANGS_S)
+    with pytest.raises(DoorError, match=r"was not loaded.* X99\. is beyond the travel\.$") as error:
+        done(desk, "start")
+    assert error.value.sentence_de.endswith("Zeile 2: zu weit.")
+    job = done(desk, "status")["job"]
+    assert (job["state"], job["sentence_de"]) == ("refused", "Zeile 2: zu weit.")
+
+
+@pytest.mark.parametrize(
+    ("axis", "end", "sign"), [("X", "travel_max", 1), ("X", "travel_min", -1), ("A", "travel_max", 1)]
+)
+def test_a_jog_into_a_soft_limit_says_that_it_will_not_move_and_why(
+    desk: Desk, service: Service, engine: FakeEngine, axis: str, end: str, sign: int
+) -> None:
+    at(engine)
+    index = [a.name for a in engine.machine.axes].index(axis)
+    there = getattr(engine.machine.axes[index], end)
+    joints = five([there if i == index else q for i, q in enumerate(engine.now.joints)])
+    engine.now = engine.now._replace(joints=joints, actual=joints)
+    shown = there * engine.machine.axes[index].shown_per_unit
+    words = f"^{axis} will not move: it stands at its soft limit of {re.escape(f'{shown:g}')} (mm|deg)"
+    for verb, args in (("jog", {"speed": 0.5 * sign}), ("jog_step", {"distance": 1.0 * sign})):
+        with pytest.raises(DoorError, match=words) as error:
+            done(desk, verb, axis=axis, frame="joint", **args)
+        assert "bewegt sich nicht" in error.value.sentence_de and not engine.jogged
+    done(desk, "jog_step", axis=axis, frame="joint", distance=-1.0 * sign)
+    assert len(engine.jogged) == 1, "away from the limit it moves"
+    engine.now = engine.now._replace(joints=joints, actual=joints, homed=0, mode=Mode.READY)
+    done(desk, "jog_step", axis=axis, frame="joint", distance=1.0 * sign)
+    assert len(engine.jogged) == 2, "where its zero is not known there is no limit"
