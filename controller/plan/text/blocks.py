@@ -21,7 +21,7 @@ from types import MappingProxyType
 
 from controller.geometry import Vector
 from controller.machine import Machine
-from controller.plan.text import codes, decoding, modal, nurbs_words, surface_words, words
+from controller.plan.text import codes, decoding, linked, modal, nurbs_words, surface_words, words
 from controller.plan.text.codes import CONE_WORDS, GROUP_OF, SIDES, SURFACES, Ask
 from controller.plan.text.flow import Limits
 from controller.plan.text.given import Given
@@ -65,13 +65,15 @@ def read(data: bytes, machine: Machine, name: str, block_delete: bool = False) -
 
 def stream(data: bytes, machine: Machine, name: str, block_delete: bool = False) -> Iterator[Block]:
     """As ``read``, block by block: what comes before a line that is refused has been given by then."""
-    text, remark = decoding.text_of(data, name)
+    program, behind = linked.parts(data)
+    text, remark = decoding.text_of(program, name)
+    files = {label: (file, decoding.text_of(content, file)[0]) for label, (file, content) in behind.items()}
     given = Given(machine, modal.power_on())
     limits = Limits(machine.call_levels, machine.program_passes)
-    lines = words.read(text, name, block_delete, Parameters(given), limits)
+    lines = words.read(text, name, block_delete, Parameters(given), limits, files)
     if remark is not None:
         yield Remark(remark[0], given.state.modal, remark[1])
-    if "#" not in text:  # nobody asks where the program is
+    if "#" not in text and not files:  # nobody asks where the program is
         yield from _blocks(lines, machine, given)
         return
     for block in _blocks(lines, machine, given):
