@@ -377,12 +377,13 @@ class Run:
         if not frame.by_number or frame.sub is None:
             raise line.refusal(word, "M99 ends subs that M98 calls; this one ends with endsub or return")
         frame.rounds -= 1
+        self._parameters.leave_sharing()
         if frame.rounds:
+            self._parameters.enter_sharing()
             self._go(frame.sub)
             self._count(frame.sub)
             return
         self._leave(line.number)
-        self._parameters.leave_sharing()
 
     def _number_alone(self, mark: Mark) -> None:
         """The number of the program at its head; anywhere else a sub begins, which is only called."""
