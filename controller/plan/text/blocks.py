@@ -20,12 +20,13 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from controller.geometry import Vector
-from controller.machine import Machine
+from controller.machine import Joints, Machine
 from controller.plan.text import codes, decoding, modal, nurbs_words, surface_words, words
 from controller.plan.text.codes import CONE_WORDS, GROUP_OF, SIDES, SURFACES, Ask
 from controller.plan.text.line import Upcoming
 from controller.plan.text.modal import TIPS, State
 from controller.plan.text.plain import PlainLines
+from controller.plan.text.position import Position, homed
 from controller.plan.text.program import (
     Act,
     Action,
@@ -49,24 +50,30 @@ MOST_TURNS = 1000  # of one arc
 _PLANES = MappingProxyType({"G17": (0, 1, 2), "G18": (2, 0, 1), "G19": (1, 2, 0)})
 
 
-def read(data: bytes, machine: Machine, name: str, block_delete: bool = False) -> Program:
+def read(
+    data: bytes, machine: Machine, name: str, block_delete: bool = False, start: Joints | None = None
+) -> Program:
     """The program in ``data`` as blocks: millimetres, radians (carried sense), mm/s.
 
     The text ends at M2, M30, the closing % or the end of the file; what follows is
-    not looked at, beyond being text. ``block_delete`` skips lines that begin with /.
+    not looked at, beyond being text. ``block_delete`` skips lines that begin with /. ``start``: the
+    joints (mm, rad) from which it is run; None: the homed position.
     Raises ProgramError with file, line, column and one sentence; nothing is kept then.
     """
-    return Program(name, tuple(stream(data, machine, name, block_delete)))
+    return Program(name, tuple(stream(data, machine, name, block_delete, start)))
 
 
-def stream(data: bytes, machine: Machine, name: str, block_delete: bool = False) -> Iterator[Block]:
+def stream(
+    data: bytes, machine: Machine, name: str, block_delete: bool = False, start: Joints | None = None
+) -> Iterator[Block]:
     """As ``read``, block by block: what comes before a line that is refused has been given by then."""
     text, remark = decoding.text_of(data, name)
-    return _blocks(words.read(text, name, block_delete), machine, remark)
+    position = Position(machine, start or homed(machine))
+    return _blocks(words.read(text, name, block_delete), machine, position, remark)
 
 
 def _blocks(
-    read: Iterator[Line], machine: Machine, remark: tuple[Place, str] | None = None
+    read: Iterator[Line], machine: Machine, position: Position, remark: tuple[Place, str] | None = None
 ) -> Iterator[Block]:
     state, plain, ahead = modal.power_on(), PlainLines(machine), Upcoming()
     if remark is not None:
@@ -75,12 +82,15 @@ def _blocks(
     for line in lines:
         if (quick := plain.read(line, state)) is not None:
             block, state = quick
+            position.take(block)
             yield block
             continue
         turn = _Turn(codes.sort(line, machine), state, machine, lines, ahead)
         turn.run()
         state = turn.state
-        yield from turn.made
+        for block in turn.made:
+            position.take(block)
+            yield block
         if turn.ended:
             break
 
@@ -320,7 +330,7 @@ class _Turn:
         return JointArc(
             self.ask.place(word),
             self.state.modal,
-            _PLANES[self.state.plane],
+            _PLANES[self.state.modal.plane],
             self._motion == "G2",
             self._targets(),
             not self.state.absolute,
@@ -344,7 +354,7 @@ class _Turn:
 
     def _centre(self, word: Word) -> tuple[tuple[float, float] | None, float | None]:
         """Centre from the start along the two plane axes, or the radius; one of them is given."""
-        first, second, normal = _PLANES[self.state.plane]
+        first, second, normal = _PLANES[self.state.modal.plane]
         given, radius = self.ask.words, self.ask.words.get("R")
         centre = [letter for letter in "IJK" if letter in given]
         allowed = "IJK"[min(first, second)] + " " + "IJK"[max(first, second)]
@@ -352,14 +362,14 @@ class _Turn:
             extra = given["IJK"[normal]]
             raise self.ask.refusal(
                 extra,
-                f"{extra.text} is not in the plane: under {self.state.plane} a centre has "
+                f"{extra.text} is not in the plane: under {self.state.modal.plane} a centre has "
                 f"{allowed}; correct the word or the plane",
             )
         if (radius is None) == (not centre):
             found = "both a centre and R" if centre else "neither a centre nor R"
             raise self.ask.refusal(
                 word,
-                f"{self._motion} has {found}: under {self.state.plane} it takes either {allowed} or R; "
+                f"{self._motion} has {found}: under {self.state.modal.plane} it takes either {allowed} or R; "
                 "write one of them",
             )
         if radius is None:
