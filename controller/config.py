@@ -19,6 +19,7 @@ from controller.geometry import ZERO, Frame, Vector, X, Y, Z, cross, norm, rotat
 from controller.machine import (
     ARC_TOLERANCE_MM,
     CALL_LEVELS,
+    DIALECTS,
     JOINT_TOLERANCE_DEG,
     JOINT_TOLERANCE_MM,
     LONGEST_PROGRAM_H,
@@ -27,8 +28,10 @@ from controller.machine import (
     MOST_PROGRAM_H,
     MOST_PROGRAM_PASSES,
     MOST_WEAR_MM,
+    OFFSETS,
     PROGRAM_PASSES,
     TOOL_CHANGE_S,
+    WITHOUT_POINT,
     Axis,
     Bus,
     Kind,
@@ -50,7 +53,6 @@ from drives.settings import INT32_MAX
 
 SHIPPED = Path(__file__).resolve().parent.parent / "config"  # beside the package, installed or not
 TOOL_TABLE = "tools.toml"
-OFFSETS = ("G54", "G55", "G56", "G57", "G58", "G59")
 LINEAR = {"X": X, "Y": Y, "Z": Z}
 PLACEMENTS = ("single", "double", "optimal", "auto")  # of the cutter on surfaces
 PERIODS_S = (0.0005, 0.01)
@@ -129,6 +131,8 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
         arc_tolerance_mm=general.number("arc_tolerance_mm", 0.001, 3.0, default=ARC_TOLERANCE_MM),
         call_levels=general.integer("call_levels", 1, MOST_CALL_LEVELS, CALL_LEVELS),
         program_passes=general.integer("program_passes", 1, MOST_PROGRAM_PASSES, PROGRAM_PASSES),
+        dialect=general.text("dialect", DIALECTS, DIALECTS[0]),
+        without_point=general.text("without_point", WITHOUT_POINT, ""),
     )
     for table in (general, tools, top):
         table.finish()
@@ -222,9 +226,16 @@ def _axis(table: Table, buses: tuple[Bus, ...], folder: Path | None) -> Axis:
         temperature=equipment.temperature(table),
         stopping=equipment.stopping(table, unit, inner),
         overrides=drive_objects.overrides(table),
+        reference=_reference(table, f"reference_{unit}", (lower, upper), inner),
+        second_reference=_reference(table, f"second_reference_{unit}", (lower, upper), inner),
     )
     table.finish()
     return axis
+
+
+def _reference(table: Table, key: str, travel: tuple[float, float], inner: float) -> float | None:
+    """A position that G28 or G30 leads to; None where the file has none."""
+    return table.number(key, *travel) * inner if table.has(key) else None
 
 
 def _travel(table: Table, key: str) -> tuple[float, float]:
@@ -342,7 +353,7 @@ def _holder(table: Table, before: Tool) -> tuple[tuple[float, float, float], ...
 
 
 def _offsets(table: Table) -> tuple[Frame, ...]:
-    """G54 to G59: three numbers (mm), or a table with ``origin_mm`` and ``turned_deg``."""
+    """The work offsets: each three numbers (mm), or a table with ``origin_mm`` and ``turned_deg``."""
     frames = tuple(offset(table, name) for name in OFFSETS)
     table.finish()
     return frames

@@ -20,7 +20,7 @@ from typing import Any
 
 from controller import config, whole
 from controller.geometry import Frame
-from controller.machine import TOOL_AT_POWER_ON, Machine
+from controller.machine import OFFSETS, TOOL_AT_POWER_ON, USUAL_OFFSETS, Machine
 from controller.toml_table import ConfigError, Table
 
 FILE = "fitting.json"
@@ -100,10 +100,10 @@ def applied(machine: Machine, values: Values) -> Machine:
 def with_offset(machine: Machine, name: str, values: object) -> Machine:
     """A work offset (mm; ``turned_deg`` about X, then Y, then Z of the table). Raises ConfigError."""
     table = Table("offsets", "offset", {"name": name})
-    table.text("name", config.OFFSETS)
+    table.text("name", OFFSETS)
     frame = config.offset(Table("offsets", name, {name: values}), name)
     offsets = list(machine.offsets)
-    offsets[config.OFFSETS.index(name)] = frame
+    offsets[OFFSETS.index(name)] = frame
     unset = tuple(one for one in machine.unset if one != name)
     return replace(machine, offsets=tuple(offsets), unset=unset)
 
@@ -130,8 +130,9 @@ def with_tool(machine: Machine, number: int, values: object) -> Machine:
 
 def offsets_of(machine: Machine) -> dict[str, Any]:
     """The work offsets as an operator reads them; a turned one shows its axes, too, and one may be unset."""
-    named = zip(config.OFFSETS, machine.offsets, strict=True)
-    return {name: {**_shown(frame), "unset": name in machine.unset} for name, frame in named}
+    named = zip(OFFSETS, machine.offsets, strict=False)
+    shown = ((name, frame) for name, frame in named if name in USUAL_OFFSETS or name not in machine.unset)
+    return {name: {**_shown(frame), "unset": name in machine.unset} for name, frame in shown}
 
 
 def _shown(frame: Frame) -> dict[str, Any]:

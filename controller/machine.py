@@ -26,6 +26,15 @@ MOST_PROGRAM_H = 10_000.0  # ... and what it may say at most
 TOOL_AT_POWER_ON = 1  # number of the one in the spindle where nobody has said otherwise
 MOST_WEAR_MM = 0.5  # of a cutter, at radius and length: beyond it is another one
 TOOL_CHANGE_S = 60.0  # by hand, where the machine file says nothing
+DIALECTS = ("rs274", "fanuc")  # of programs: RS-274/NGC as LinuxCNC reads it, or as Fanuc-like controls do
+WITHOUT_POINT = ("", "unit", "thousandth")  # what lengths without a decimal point count in under fanuc
+
+# Work offsets as programs name them, in the order of ``Machine.offsets``.
+OFFSETS = (
+    *("G54", "G55", "G56", "G57", "G58", "G59", "G59.1", "G59.2", "G59.3"),
+    *(f"G54.1 P{number}" for number in range(1, 49)),
+)
+USUAL_OFFSETS = OFFSETS[:6]  # that every machine shows, set or not
 
 Joints = tuple[float, float, float, float, float]
 
@@ -143,6 +152,8 @@ class Axis:
     temperature: Temperature | None = None
     stopping: Stopping = Stopping()
     overrides: tuple[Override, ...] = ()  # where its data sheet is wrong
+    reference: float | None = None  # mm or rad, of G28; None: where it is homed to
+    second_reference: float | None = None  # of G30; None: as of G28
 
     @property
     def is_rotary(self) -> bool:
@@ -275,7 +286,7 @@ class Machine:
     axes: tuple[Axis, ...]
     buses: tuple[Bus, ...]
     tools: tuple[Tool, ...]
-    offsets: tuple[Frame, ...]  # G54 .. G59: the part frame seen from the table frame at zero
+    offsets: tuple[Frame, ...]  # as ``OFFSETS``, or its first: part frames seen from the table frame at zero
     spindle: Spindle | None
     text: str
     tool_lines: str = "great_circle"  # or "joints": how the axis goes between rotary words under G43.4
@@ -285,7 +296,7 @@ class Machine:
     table: WorkTable | None = None  # for the check of collisions; None: nobody has told its size
     placement: str = "single"  # of the cutter on surfaces: "single" (the paper), "double", "optimal", "auto"
     max_quick_stop_s: float = MAX_QUICK_STOP_S  # a drive that takes longer to stop by itself is refused
-    unset: tuple[str, ...] = ()  # of G55 .. G59 those that nobody has set: no program may use them
+    unset: tuple[str, ...] = ()  # of the work offsets those that nobody has set: no program may use them
     tool_change_s: float = TOOL_CHANGE_S  # what a change by hand takes, for those who plan the shop
     tolerance_mm: float | None = None  # of the form of surfaces, ends included; None: none is held
     max_overcut_mm: float | None = None  # deeper overcut than this is a gouge wherever it comes from
@@ -297,6 +308,8 @@ class Machine:
     arc_tolerance_mm: float = ARC_TOLERANCE_MM  # most by which an arc's ends may differ in their radius
     call_levels: int = CALL_LEVELS  # subs of a program, one in the other
     program_passes: int = PROGRAM_PASSES  # rounds of loops and calls of subs, together, in one run
+    dialect: str = "rs274"  # or "fanuc": how what differs between controls is read
+    without_point: str = ""  # under fanuc: "unit", "thousandth", or "" where such lengths are refused
 
     @property
     def has_peripherals(self) -> bool:

@@ -26,6 +26,7 @@ PARTIAL = (
     "[[[{}] mod 9] ** 2]",
     "[2 ** [[{}] mod 5] ** 0.5]",
 )
+LONGEST = 200  # characters; the reference takes 255 in a line, and what is dressed gets longer
 READ_ONLY = ("_metric", "_x", "_y", "_z", "_a", "_c", "_absolute", "_call_level", "_plane", "_feed")
 
 
@@ -129,6 +130,8 @@ class Maker:
         rng = self.rng
         axes = rng.sample("XYZAC", rng.randrange(1, 4))
         words = " ".join(f"{axis}[[{self.value()}] mod 300]" for axis in axes)
+        if len(words) > LONGEST:
+            words = f"X[[{self.value(2)}] mod 300]"
         self.lines.append(f"{rng.choice(('G0', 'G1', 'G1', ''))} {words}".strip())
 
     def _label(self) -> int:

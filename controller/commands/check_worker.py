@@ -25,7 +25,7 @@ from controller import fitting
 from controller.commands import internal_error
 from controller.plan.report.picture import Picture
 from controller.plan.route.stretch import Stretch
-from controller.plan.text import blocks
+from controller.plan.text import blocks, linked
 from controller.plan.text.program import Block, ProgramError
 from controller.session import checked, children
 from controller.toml_table import ConfigError
@@ -62,7 +62,9 @@ def check(
     """State and result of a job; ``seen`` gets the path of one that passed, if it cuts a surface."""
     state, name = Path(job["state"]), str(job["name"])
     try:
-        task = checked.task(Path(job["program"]).read_bytes(), name, fitting.machine(state))
+        files = {file: Path(at) for file, at in job.get("files", {}).items()}
+        text = linked.linked(Path(job["program"]).read_bytes(), linked.among(files))
+        task = checked.task(text, name, fitting.machine(state))
         lines = max(1, int(job["lines"]))
         picture = Picture(task.machine, task.kinematics)
         watched = Watched(())

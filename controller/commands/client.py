@@ -96,6 +96,9 @@ def start(
         float | None, typer.Option("--fraction", help="Of that line's block, 0 to 1.")
     ] = None,
     dry_run: Annotated[float | None, typer.Option("--dry-run", help="So many mm off the part.")] = None,
+    block_delete: Annotated[
+        bool, typer.Option("--block-delete", help="Leave lines out that begin with /.")
+    ] = False,
     restart: Annotated[bool, typer.Option("--restart", help="Go on where it was interrupted.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before a start in mid program.")] = False,
     take_over: TakeOver = False,
@@ -115,6 +118,8 @@ def start(
             if restart:
                 offer = _interrupted(machine, program)
                 program, line, place["restart"] = offer["program"], offer["line"], True
+            if block_delete:
+                place["block_delete"] = True
             if program:
                 loaded = _loaded(machine, {"program": program, **place})
                 if line is not None and not yes:

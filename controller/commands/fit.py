@@ -13,7 +13,7 @@ from rich.table import Table
 from controller import config
 from controller.machine import Machine
 from controller.plan.route.cuts import code, describe, surface_of
-from controller.plan.text import blocks
+from controller.plan.text import blocks, linked
 from controller.plan.text.program import CutCone, CutNurbs, CutRuled, ProgramError
 from controller.surfaces import DefectKind, defect
 from controller.toml_table import ConfigError
@@ -75,7 +75,7 @@ def _share(progress: Callable[[float], object], k: int, count: int) -> Callable[
 def _asked(program: Path, machine: Machine) -> Iterator[fits.Asked]:
     """The surfaces of a program; raises ProgramError where one is none that could be cut."""
     name = str(program)
-    for block in blocks.stream(program.read_bytes(), machine, name):
+    for block in blocks.stream(linked.linked(program.read_bytes(), linked.beside(program)), machine, name):
         if isinstance(block, CutCone | CutRuled | CutNurbs):
             surface, place = surface_of(block), block.place
             wrong = defect(surface)

@@ -18,7 +18,7 @@ from controller.machine import Tool
 from controller.motions import SurfaceCut
 from controller.plan.report import survey
 from controller.plan.route.stretch import Chain, Pause
-from controller.plan.text import blocks
+from controller.plan.text import blocks, linked
 from controller.plan.text.program import CutBlock
 from controller.post.chords import Array, Form, poses
 from controller.post.text import Asked, post
@@ -87,7 +87,9 @@ def post_(
         for file in files.values():
             if file.exists() and not overwrite:
                 raise Refused(f"{file}: is there already; give --overwrite to replace it, or another --out.")
-        task = checked.task(program.read_bytes(), str(program), config.load(machine))
+        task = checked.task(
+            linked.linked(program.read_bytes(), linked.beside(program)), str(program), config.load(machine)
+        )
         with bar("comparing", as_json) as progress:
             rows, texts = _compared(task, files, chord, exact, progress)
         for file, text in texts.items():

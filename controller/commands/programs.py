@@ -21,6 +21,7 @@ from controller.plan.report import stored
 from controller.plan.report.survey import Survey
 from controller.plan.route.path import Stretch
 from controller.plan.route.stretch import Note
+from controller.plan.text import linked
 from controller.session import checked, recording, starts
 from controller.session import events as event_files
 from controller.session.bus_load import overload
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 ProgramFile = Annotated[Path, typer.Argument(help="The part program.")]
 MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+BlockDelete = Annotated[bool, typer.Option("--block-delete", help="Leave lines out that begin with /.")]
 Gouge = Annotated[
     Literal["refuse", "warn"] | None, typer.Option("--gouge", help="Default: the machine file's.")
 ]
@@ -91,7 +93,7 @@ def _read(file: Path) -> bytes:
     if not file.is_file():
         what = "this is a folder" if file.is_dir() else "there is no such file"
         raise Refused(f"{file}: {what}; give the path of a part program.")
-    return file.read_bytes()
+    return linked.linked(file.read_bytes(), linked.beside(file))
 
 
 def _writable(*files: Path | None) -> None:
@@ -104,8 +106,9 @@ def _writable(*files: Path | None) -> None:
                 file.unlink()
 
 
-def _task(program: Path, machine: Machine) -> checked.Task:
-    return checked.task(_read(program), str(program), machine)
+def _task(program: Path, machine: Machine, block_delete: bool) -> checked.Task:
+    text = _read(program)
+    return checked.task(linked.without_deleted(text) if block_delete else text, str(program), machine)
 
 
 def _kept(task: checked.Task, store: Path | None, as_json: bool) -> stored.Stored | None:
@@ -133,6 +136,7 @@ def check(
         str, typer.Option("--machine", help="Machine file, or the name of a shipped one; default trunnion.")
     ] = "",
     gouge: Gouge = None,
+    block_delete: BlockDelete = False,
     store: Store = None,
     as_json: Json = False,
 ) -> None:
@@ -148,7 +152,7 @@ def check(
         if program is None:
             machine_check.alone(made, sheets, as_json)
             return
-        task = _task(program, made)
+        task = _task(program, made, block_delete)
         rows = Rows()
         found, kept, warning = _checked(task, store, rows, as_json)
         if as_json:
@@ -196,6 +200,7 @@ def simulate(
     machine: MachineFile = "trunnion",
     period_ms: PeriodMs = None,
     gouge: Gouge = None,
+    block_delete: BlockDelete = False,
     trace_file: Annotated[Path | None, typer.Option("--trace", help="Write every tick (.npz).")] = None,
     events: Annotated[Path | None, typer.Option("--events", help="Requests at ticks (JSON lines).")] = None,
     faults: Annotated[Path | None, typer.Option("--faults", help="Script of faults.")] = None,
@@ -221,7 +226,7 @@ def simulate(
         record = recorded_runs.read(events, made, _read(program)) if events else None
         planned_events = event_files.read(events) if events and record is None else ()
         made = record.machine if record is not None else made
-        task = _task(program, made)
+        task = _task(program, made, block_delete)
         _writable(trace_file, plot)
         kept = None if unchecked else _kept(task, store, as_json)
         with bar("planning", as_json) as progress:

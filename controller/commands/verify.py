@@ -17,7 +17,7 @@ from controller import config
 from controller.machine import Machine, Tool
 from controller.plan.report.verdict import Verdict
 from controller.plan.route.stretch import Stretch
-from controller.plan.text import blocks
+from controller.plan.text import blocks, linked
 from controller.plan.text.program import Block
 from controller.session import checked
 from controller.toml_table import ConfigError
@@ -111,7 +111,8 @@ def verify(
         file = file / TRACE if (file / TRACE).is_file() else file
         part = _part(file, program, commanded)
         # What gouges is to be seen here, not to be refused before it is.
-        task = checked.task(part.read_bytes(), str(part), replace(made, gouge="warn"))
+        text = linked.linked(part.read_bytes(), linked.beside(part))
+        task = checked.task(text, str(part), replace(made, gouge="warn"))
         recorded = None if part is file else _recorded(file, task)
         with bar("verifying", as_json) as progress:
             found = _found(task, recorded, commanded, progress)

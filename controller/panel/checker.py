@@ -105,6 +105,7 @@ class Checker:
             "name": program.name,
             "program": str(self._store.programs.path(program.sha256)),
             "lines": program.lines,
+            "files": self._store.programs.called(program),
             "state": str(self._store.folder),
             "parent": os.getpid(),
         }

@@ -44,6 +44,7 @@ class Load(Sent):
         float | None,
         Field(ge=0.0, le=1000.0, description="Spindle off, this far away along the tool axis."),
     ] = None
+    block_delete: Annotated[bool, Field(description="Leave lines out that begin with /.")] = False
     restart: Annotated[
         bool, Field(description="Where it was interrupted, as GET /restart offers; without a line.")
     ] = False

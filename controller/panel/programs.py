@@ -22,6 +22,7 @@ from controller.catalogue import Key
 from controller.panel import names
 from controller.panel.database import Database, StoreError
 from controller.panel.records import Clock, Facts
+from controller.plan.text import linked
 
 INCOMING = ".incoming"
 
@@ -87,6 +88,16 @@ class Programs:
     def path(self, sha256: str) -> Path:
         """Where a content is."""
         return self.folder / f"{sha256}.ngc"
+
+    def called(self, program: Program) -> dict[str, str]:
+        """Names and paths of the programs whose subs a program calls."""
+        there = {one.name: self.path(one.sha256) for one in self.list() if one.name != program.name}
+        try:
+            text = self.path(program.sha256).read_bytes()
+            _, files = linked.parts(linked.linked(text, linked.among(there)))
+        except OSError:  # whoever reads it next says so
+            return {}
+        return {name: str(there[name]) for name, _ in files.values()}
 
     def opened(self, name: str) -> tuple[Program, BinaryIO]:
         """A program and its content, which stays readable though the program is replaced meanwhile.

@@ -14,7 +14,7 @@ import numpy as np
 
 from controller.geometry import Frame, norm
 from controller.kinematics import Kinematics
-from controller.machine import Machine, Tool
+from controller.machine import OFFSETS, Machine, Tool
 from controller.motions import SurfaceCut
 from controller.plan.route.stretch import Chain, Pause, Stretch
 from controller.plan.text.program import Act
@@ -46,7 +46,7 @@ def post(items: Sequence[Chain | Pause], tools: Iterable[tuple[int, Tool]], aske
     """The program of a path. ``tools``: from which order of its own blocks on which tool is in the "
     "spindle."""
     writer = _Writer(asked, list(tools))
-    writer.lines.append(f"G21 G90 G17 G{54 + asked.offset} {_mode(items, asked)} G94")
+    writer.lines.append(f"G21 G90 G17 {OFFSETS[asked.offset]} {_mode(items, asked)} G94")
     for item in items:
         if isinstance(item, Pause):
             writer.pause(item)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from controller import catalogue
 from controller.catalogue import Key
-from controller.machine import Machine
+from controller.machine import OFFSETS, Machine
 from controller.plan.route.restart import Rest
 
 COOLANT = (Key("at.off"), Key("at.mist"), Key("at.flood"), Key("at.mist_and_flood"))
@@ -14,7 +14,7 @@ def told(rest: Rest, language: str = "en") -> list[str]:
     """The place, what is in force there, and how it is entered. Raises ValueError for an unknown language."""
     at, machine, spot = rest.target.modal, rest.source.machine, rest.spot
     feed = Key("at.none") if at.feed_mm_s is None else f"{at.feed_mm_s * 60.0:g} mm/min"
-    offset, length = f"G{54 + at.offset}", f"{at.length_mm:.3f}"
+    offset, length = OFFSETS[at.offset], f"{at.length_mm:.3f}"
     spindle = {"rev_min": f"{at.spindle_rev_min:g}", "coolant": COOLANT[at.coolant], "feed": feed}
 
     def said(key: str, **values: object) -> str:

@@ -13,6 +13,7 @@ from controller.handoff import Snapshot
 from controller.machine import Joints, Machine, five
 from controller.plan.detour import FIRST_ID
 from controller.plan.route.spot import ENTRY_ID, Spot
+from controller.plan.text import linked
 from controller.service.arguments import number, whole
 from controller.service.orders import News, Program, Said, Way
 from controller.service.refused import refused
@@ -227,7 +228,16 @@ def read(args: dict[str, Any], machine: Machine) -> Job:
     spot = Spot(line, fraction) if line else None
     dry_run_mm = _from_0(args, "dry_run_mm", 1000.0)
     name = str(args.get("name") or path.name)
+    text = linked.linked(text, linked.among({str(file): Path(str(at)) for file, at in _files(args).items()}))
+    if args.get("block_delete") is True:
+        text = linked.without_deleted(text)
     return Job(Program(text, name, machine, spot, dry_run_mm=dry_run_mm), found)
+
+
+def _files(args: dict[str, Any]) -> dict[str, Any]:
+    """Names and paths of files whose subs may be called."""
+    files = args.get("files")
+    return files if isinstance(files, dict) else {}
 
 
 def whole_from(start: Start | None) -> Joints | None:

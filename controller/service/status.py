@@ -10,7 +10,7 @@ from typing import Any
 from controller import catalogue, config
 from controller.handoff import COLUMN, SNAPSHOT_VALUES, Recorder, Snapshot, SnapshotBoard
 from controller.kinematics import Kinematics
-from controller.machine import Machine, five
+from controller.machine import OFFSETS, Machine, five
 from controller.plan.route.entry import room_along_axis
 from controller.service.jobs import UNDER_WAY
 from controller.service.orders import Way
@@ -38,7 +38,7 @@ def machine_values(
         "not_homed": [axis.name for i, axis in enumerate(machine.axes) if not now.homed >> i & 1],
         "warning": now.warning.name if now.warning is not Fault.NONE else None,
         "joints": joints(machine, now, way),
-        "work_offset": config.OFFSETS[way.offset if way is not None else 0],
+        "work_offset": OFFSETS[way.offset if way is not None else 0],
         **tip(machine, now, way, in_spindle),
         "feed_mm_min": {"programmed": _programmed(now, way), "actual": _feed(now, recorder)},
         "limited_by": _limited_by(machine, now),

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from controller.kinematics import Kinematics
-from controller.machine import TOOL_AT_POWER_ON, Joints, Machine, five
+from controller.machine import TOOL_AT_POWER_ON, Joints, Machine
 from controller.motions import Rotaries
 from controller.plan.report import duration, stored, survey
 from controller.plan.report.stored import Stored
@@ -25,6 +25,7 @@ from controller.plan.route.restart import Rest, Source
 from controller.plan.route.spot import Spot
 from controller.plan.route.stretch import Chain, Note, Pause, Stretch
 from controller.plan.text import blocks
+from controller.plan.text.position import homed
 from controller.plan.text.program import Block, GougeRefused, ProgramError
 from controller.plan.window import NoLaw
 from controller.verify import wording
@@ -68,8 +69,7 @@ class Walk:
 
 def task(text: bytes, name: str, machine: Machine) -> Task:
     """A program to be run from the homed position."""
-    home = five(tuple(axis.homing.position for axis in machine.axes))
-    return Task(text, name, machine, Kinematics(machine), home)
+    return Task(text, name, machine, Kinematics(machine), homed(machine))
 
 
 def path_of(
@@ -113,7 +113,7 @@ def _source(asked: Task, chosen: Mapping[int, Rotaries] | None, dry_run_mm: floa
 
 
 def _blocks(asked: Task) -> Iterator[Block]:
-    for block in blocks.stream(asked.text, asked.machine, asked.name):
+    for block in blocks.stream(asked.text, asked.machine, asked.name, start=asked.start):
         if asked.look is not None:
             asked.look(block)
         yield block

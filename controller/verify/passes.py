@@ -48,7 +48,7 @@ class Fitted:
         first = machine.tool(1) or machine.tools[0].worn
         orders, tools, forms = [0], [first], [(0.0, machine.tolerance_mm)]
         for block in blocks:
-            tool = machine.tool(block.modal.tool)
+            tool = block.modal.tool_in(machine)
             if tool is None:
                 continue
             form = block.modal.allowance_mm, tolerance_mm(block.modal, tool, machine)

@@ -45,6 +45,7 @@ WORDS: Words = {
     "programs.line": ("From line", "Ab Zeile"),
     "programs.fraction": ("at % of its block", "bei % des Satzes"),
     "programs.dry": ("Dry run, mm above", "Probelauf, mm darüber"),
+    "programs.block_delete": ("Leave out lines with /", "Sätze mit / auslassen"),
     "programs.load_there": ("Load from there", "Von dort laden"),
     "programs.state_there": ("State at that place", "Zustand an dieser Stelle"),
     "programs.offer": (
@@ -351,6 +352,9 @@ class _Programs:
                     text(page.word(f"programs.{key}"), "span", "dim")
                     field = tagged(ui.element("input"), type="number", name=key, min="0", max=str(most))
                     tagged(field, step="1" if key == "line" else "any")
+            with ui.element("label"):
+                text(page.word("programs.block_delete"), "span", "dim")
+                tagged(ui.element("input"), type="checkbox", name="block_delete")
             act(page, "programs.load_there", kind="go", icon="low_priority", modes="OFF READY")
 
 

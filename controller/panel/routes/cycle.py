@@ -37,7 +37,9 @@ async def load(request: Request, response: Response, body: models.Load) -> model
     programs = panel_of(request).store.programs
     program = await asyncio.to_thread(programs.get, body.program)
     where = body.model_dump(include={"line", "fraction", "dry_run_mm"}, exclude_none=True)
-    where |= {"restart": True} if body.restart else {}
+    where |= {key: True for key in ("restart", "block_delete") if getattr(body, key)}
+    if files := await asyncio.to_thread(programs.called, program):
+        where |= {"files": files}
     path = str(programs.path(program.sha256))
     done = await ask(request, "load", path=path, name=program.name, sha256=program.sha256, **where)
     if done.result.get("done") is False:

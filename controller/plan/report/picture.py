@@ -103,7 +103,7 @@ class Picture:
             if isinstance(item, Chain):
                 self.take(item)
             elif item.act is Act.TOOL:
-                tool = self.machine.tool(item.modal.tool)
+                tool = item.modal.tool_in(self.machine)
                 self._length_mm = tool.length_mm if tool is not None else self._length_mm
             yield item
 

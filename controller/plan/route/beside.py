@@ -45,7 +45,7 @@ class Beside:
 
 def beside(rest: Rest, joints: Joints, kinematics: Kinematics) -> Beside | None:
     """Of a machine that stands at ``joints``; None where nothing of the path is left. Raises ProgramError."""
-    tool = rest.source.machine.tool(rest.target.modal.tool)
+    tool = rest.target.modal.tool_in(rest.source.machine)
     length_mm = tool.length_mm if tool is not None else 0.0
     best: tuple[float, Beside] | None = None
     for stretch, from_s in _ahead(rest):

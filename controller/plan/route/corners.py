@@ -58,7 +58,7 @@ class CornerMaker:
         return self._tip_corners([b for b in blocks if isinstance(b, TipLine)], stand)
 
     def _tip_corners(self, blocks: list[TipLine], stand: Stand) -> tuple[Corners, Stand]:
-        part = self._machine.offsets[self._modal.offset]
+        part = self._modal.frame(self._machine)
         here = part.from_parent(stand.tip)
         tips = [here]
         for block in blocks:

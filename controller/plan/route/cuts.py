@@ -126,7 +126,7 @@ class Cut:
 
 def build(block: CutBlock, machine: Machine, voice: Voice) -> tuple[Cut, ...]:
     """The cuts of one block, in order; refuses a surface that its cutter cannot cut."""
-    tool = machine.tool(block.modal.tool)
+    tool = block.modal.tool_in(machine)
     if tool is None:
         known = ", ".join(f"T{t.number}" for t in machine.tools)
         voice.refuse(
@@ -160,7 +160,7 @@ def _cut(block: CutBlock, surface: Surface, part: tuple[float, float], tool: Too
     modal = block.modal
     cutter = _cutter(modal, tool)
     placed = place(surface, cutter, strategy(block, tool, machine), tolerance_mm(modal, tool, machine) or 0.0)
-    frame = machine.offsets[modal.offset]
+    frame = modal.frame(machine)
     motion = SurfaceCut(placed, _arc(surface.lower), cutter.offset_mm, tool.length_mm, frame)
     motion = touched(motion, Kinematics(machine))
     return Cut(block, tool, motion, edge(motion, 0.0), edge(motion, 1.0), part)

@@ -77,7 +77,7 @@ def exact(
     block: TipLine, stand: Stand, machine: Machine, kinematics: Kinematics, voice: Voice
 ) -> tuple[list[Stretch], Stand]:
     """The exact stretches of a G1, a swivel at the pole before it if it needs one, and where it ends."""
-    part = machine.offsets[block.modal.offset]
+    part = block.modal.frame(machine)
     tip = part.to_parent(tip_of(block, part.from_parent(stand.tip)))
     if block.axis is None:
         rotaries = rotaries_to(block, stand.rotaries)
@@ -218,7 +218,7 @@ def rapid(
     Under G43.5 the branch and turns are chosen here: ``wanted``, or the least rotary travel
     of the move with the lines ``following`` it, inside the travel of all joints.
     """
-    part = machine.offsets[block.modal.offset]
+    part = block.modal.frame(machine)
     tip = part.to_parent(tip_of(block, part.from_parent(stand.tip)))
     if block.axis is None:
         rotaries = rotaries_to(block, stand.rotaries)
@@ -262,7 +262,7 @@ def _row_ahead(
     block: TipLine, tip: Vector, axis: Vector, following: Sequence[TipLine], machine: Machine
 ) -> tuple[Array, Array]:
     """Tips and axes from the end of the rapid on, table frame, as long as lines with one offset follow."""
-    part = machine.offsets[block.modal.offset]
+    part = block.modal.frame(machine)
     here, tips, axes = part.from_parent(tip), [tip], [axis]
     for after in following[:AHEAD_LINES]:
         here = tip_of(after, here)

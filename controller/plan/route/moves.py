@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 
 from controller.curves import Arc
-from controller.geometry import Frame, Vector, add, norm, scale, subtract, unit
+from controller.geometry import Frame, Vector, norm, scale, subtract, unit
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.motions import JointMove
 from controller.plan.route.stretch import Stretch, Voice, round_arc, straight
+from controller.plan.text.position import placed, shifted
 from controller.plan.text.program import JointArc, JointLine
 
 ROUND_MM = 0.005  # by which R may be too small for its end (rounded words)
@@ -38,7 +38,7 @@ def timed(stretch: Stretch, time_s: float) -> Stretch:
 def target(block: JointLine | JointArc, machine: Machine, now: Joints) -> Joints:
     """Joints at the end of a block: program values plus work offset and tool length (G43)."""
     machine_frame = isinstance(block, JointLine) and block.machine_frame
-    frame, length = machine.offsets[block.modal.offset], block.modal.length_mm
+    frame, length = block.modal.frame(machine), block.modal.length_mm
     if machine_frame:
         frame, length = Frame(), 0.0
     end = [
@@ -48,7 +48,7 @@ def target(block: JointLine | JointArc, machine: Machine, now: Joints) -> Joints
     words = tuple(block.targets[i] for i in linear)
     if any(word is not None for word in words):
         here = _xyz(now, linear)
-        there = _shifted(words, here, frame) if block.relative else _placed(words, here, frame, length)
+        there = shifted(words, here, frame) if block.relative else placed(words, here, frame, length)
         for i, value in zip(linear, there, strict=True):
             end[i] = value
     a, b, c, d, e = end
@@ -59,25 +59,6 @@ def _xyz(joints: Joints, linear: tuple[int, int, int]) -> Vector:
     return joints[linear[0]], joints[linear[1]], joints[linear[2]]
 
 
-def _placed(words: Sequence[float | None], here: Vector, frame: Frame, length_mm: float) -> Vector:
-    """Absolute words (G90); axes without a word stay where they are, in the part frame if it is turned."""
-    lifted = (0.0, 0.0, length_mm)
-    if frame[1:] == Frame()[1:]:
-        x, y, z = (
-            q if word is None else word + origin + up
-            for q, word, origin, up in zip(here, words, frame.origin, lifted, strict=True)
-        )
-        return x, y, z
-    part = frame.from_parent(subtract(here, lifted))
-    x, y, z = (p if word is None else word for p, word in zip(part, words, strict=True))
-    return add(frame.to_parent((x, y, z)), lifted)
-
-
-def _shifted(words: Sequence[float | None], here: Vector, frame: Frame) -> Vector:
-    x, y, z = (0.0 if word is None else word for word in words)
-    return add(here, frame.turn((x, y, z)))
-
-
 # ---- arcs ------------------------------------------------------------------------
 
 
@@ -86,7 +67,7 @@ def arc(
 ) -> Stretch | None:
     """The stretch of a G2 or G3: arc or helix, full circles and turns included."""
     end = target(block, machine, now)
-    frame, linear = machine.offsets[block.modal.offset], machine.linear()
+    frame, linear = block.modal.frame(machine), machine.linear()
     # Distances only: the origin of the frame and the tool length cancel out.
     chord = frame.turn_back(subtract(_xyz(end, linear), _xyz(now, linear)))
     a, b, n = block.plane

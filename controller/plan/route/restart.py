@@ -283,7 +283,7 @@ class _Search:
 
     def _length(self, order: int) -> float:
         known = self._lines.at(order)
-        tool = self._source.machine.tool((known.moving or known.before).tool)
+        tool = (known.moving or known.before).tool_in(self._source.machine)
         return tool.length_mm if tool is not None else 0.0
 
     def _note_tops(self, chain: Chain) -> None:
@@ -298,7 +298,7 @@ class _Search:
 
     def _clear(self, joints: Joints, state: Modal) -> float:
         machine = self._source.machine
-        tool = machine.tool(state.tool)
+        tool = state.tool_in(machine)
         length = tool.length_mm if tool is not None else 0.0
         above = entry.highest(self._tops, joints, length, self._source.kinematics)
         return max(0.0, above) + machine.clearance_mm

@@ -10,6 +10,11 @@ from controller.plan.text.program import Block, TipLine
 AHEAD_LINES = 2000  # that a choice of branch looks at
 
 
+def _frame(block: TipLine) -> tuple[object, ...]:
+    """What says where the words of a line lead."""
+    return block.modal.tip, block.modal.offset, block.modal.part
+
+
 class Ahead:
     """An iterator over blocks; what it is asked to look at it keeps until it is taken."""
 
@@ -29,7 +34,7 @@ class Ahead:
         for after in self._upcoming():
             if not isinstance(after, TipLine) or after.feed_mm_s is None:
                 break
-            if after.modal.offset != block.modal.offset or after.modal.tip is not block.modal.tip:
+            if _frame(after) != _frame(block):
                 break
             found.append(after)
             if len(found) >= AHEAD_LINES:

@@ -20,8 +20,8 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from controller.geometry import Vector
-from controller.machine import Machine
-from controller.plan.text import codes, decoding, modal, nurbs_words, surface_words, words
+from controller.machine import Joints, Machine
+from controller.plan.text import codes, decoding, linked, modal, nurbs_words, surface_words, words
 from controller.plan.text.codes import CONE_WORDS, GROUP_OF, SIDES, SURFACES, Ask
 from controller.plan.text.flow import Limits
 from controller.plan.text.given import Given
@@ -29,6 +29,7 @@ from controller.plan.text.line import Upcoming
 from controller.plan.text.modal import TIPS, State
 from controller.plan.text.parameters import Parameters
 from controller.plan.text.plain import PlainLines
+from controller.plan.text.position import Position, homed
 from controller.plan.text.program import (
     Act,
     Action,
@@ -53,34 +54,38 @@ MOST_TURNS = 1000  # of one arc
 _PLANES = MappingProxyType({"G17": (0, 1, 2), "G18": (2, 0, 1), "G19": (1, 2, 0)})
 
 
-def read(data: bytes, machine: Machine, name: str, block_delete: bool = False) -> Program:
+def read(
+    data: bytes, machine: Machine, name: str, block_delete: bool = False, start: Joints | None = None
+) -> Program:
     """The program in ``data`` as blocks: millimetres, radians (carried sense), mm/s.
 
     The text ends at M2, M30, the closing % or the end of the file; what follows is
-    not looked at, beyond being text. ``block_delete`` skips lines that begin with /.
+    not looked at, beyond being text. ``block_delete`` skips lines that begin with /. ``start``: the
+    joints (mm, rad) from which it is run; None: the homed position.
     Raises ProgramError with file, line, column and one sentence; nothing is kept then.
     """
-    return Program(name, tuple(stream(data, machine, name, block_delete)))
+    return Program(name, tuple(stream(data, machine, name, block_delete, start)))
 
 
-def stream(data: bytes, machine: Machine, name: str, block_delete: bool = False) -> Iterator[Block]:
+def stream(
+    data: bytes, machine: Machine, name: str, block_delete: bool = False, start: Joints | None = None
+) -> Iterator[Block]:
     """As ``read``, block by block: what comes before a line that is refused has been given by then."""
-    text, remark = decoding.text_of(data, name)
-    given = Given(machine, modal.power_on())
+    program, behind = linked.parts(data)
+    text, remark = decoding.text_of(program, name)
+    files = {label: (file, decoding.text_of(content, file)[0]) for label, (file, content) in behind.items()}
+    given = Given(machine, modal.power_on(), Position(machine, start or homed(machine)))
     limits = Limits(machine.call_levels, machine.program_passes)
-    lines = words.read(text, name, block_delete, Parameters(given), limits)
+    lines = words.read(text, name, block_delete, Parameters(given), limits, files)
     if remark is not None:
         yield Remark(remark[0], given.state.modal, remark[1])
-    if "#" not in text:  # nobody asks where the program is
-        yield from _blocks(lines, machine, given)
-        return
     for block in _blocks(lines, machine, given):
-        given.moved(block)
+        given.position.take(block)
         yield block
 
 
 def _blocks(read: Iterator[Line], machine: Machine, given: Given) -> Iterator[Block]:
-    """Blocks of lines; ``given.state`` is the state between two of them."""
+    """Blocks of lines; ``given`` has the state and the position between two of them."""
     state, plain, ahead, saved = given.state, PlainLines(machine), Upcoming(), Saved()
     told: list[Line] = []
     lines = ahead.given(_heard(read, told))
@@ -353,7 +358,7 @@ class _Turn:
         return JointArc(
             self.ask.place(word),
             self.state.modal,
-            _PLANES[self.state.plane],
+            _PLANES[self.state.modal.plane],
             self._motion == "G2",
             self._targets(),
             not self.state.absolute,
@@ -377,7 +382,7 @@ class _Turn:
 
     def _centre(self, word: Word) -> tuple[tuple[float, float] | None, float | None]:
         """Centre from the start along the two plane axes, or the radius; one of them is given."""
-        first, second, normal = _PLANES[self.state.plane]
+        first, second, normal = _PLANES[self.state.modal.plane]
         given, radius = self.ask.words, self.ask.words.get("R")
         centre = [letter for letter in "IJK" if letter in given]
         allowed = "IJK"[min(first, second)] + " " + "IJK"[max(first, second)]
@@ -385,14 +390,14 @@ class _Turn:
             extra = given["IJK"[normal]]
             raise self.ask.refusal(
                 extra,
-                f"{extra.text} is not in the plane: under {self.state.plane} a centre has "
+                f"{extra.text} is not in the plane: under {self.state.modal.plane} a centre has "
                 f"{allowed}; correct the word or the plane",
             )
         if (radius is None) == (not centre):
             found = "both a centre and R" if centre else "neither a centre nor R"
             raise self.ask.refusal(
                 word,
-                f"{self._motion} has {found}: under {self.state.plane} it takes either {allowed} or R; "
+                f"{self._motion} has {found}: under {self.state.modal.plane} it takes either {allowed} or R; "
                 "write one of them",
             )
         if radius is None:

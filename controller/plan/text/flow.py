@@ -79,7 +79,7 @@ class Run:
         scan: Scan,
         parameters: Parameters,
         limits: Limits,
-        files: Mapping[str, str],
+        files: Mapping[str, tuple[str, str]],
         block_delete: bool,
     ) -> None:
         self._scan, self._parameters, self._limits = scan, parameters, limits
@@ -291,13 +291,14 @@ class Run:
         )
 
     def _known(self) -> str:
-        return f" (its files are {' '.join(sorted(self._files)[:20])})" if self._files else ""
+        names = sorted(name for name, _ in self._files.values())
+        return f" (of it {' '.join(names[:20])} are called)" if names else ""
 
     def _file(self, label: str) -> Source | None:
         if label not in self._files:
             return None
         if label not in self._sources:
-            self._sources[label] = Source.of(label, self._files[label])
+            self._sources[label] = Source.of(*self._files[label])
         return self._sources[label]
 
     def _enter(self, mark: Mark, source: Source, sub: Mark) -> None:
@@ -376,12 +377,13 @@ class Run:
         if not frame.by_number or frame.sub is None:
             raise line.refusal(word, "M99 ends subs that M98 calls; this one ends with endsub or return")
         frame.rounds -= 1
+        self._parameters.leave_sharing()
         if frame.rounds:
+            self._parameters.enter_sharing()
             self._go(frame.sub)
             self._count(frame.sub)
             return
         self._leave(line.number)
-        self._parameters.leave_sharing()
 
     def _number_alone(self, mark: Mark) -> None:
         """The number of the program at its head; anywhere else a sub begins, which is only called."""

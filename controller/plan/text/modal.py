@@ -26,7 +26,6 @@ class State:
     modal: Modal
     motion: str = ""  # G0 to G3, or nothing
     cleared: str = "no motion mode is active at the start of a program"
-    plane: str = "G17"
     mm_per_unit: float = 1.0
     side: str = "G40"
     absolute: bool = True
@@ -306,7 +305,8 @@ class _Settings:
             exact = code == "G61"
             modal = replace(modal, exact=exact, blend_mm=blend[0], blend_deg=blend[1], exact_joints=exact)
         absolute = {"G90": True, "G91": False}.get(ask.code("distance"), state.absolute)
-        self.state = replace(state, modal=modal, plane=ask.code("plane") or state.plane, absolute=absolute)
+        modal = replace(modal, plane=ask.code("plane") or modal.plane)
+        self.state = replace(state, modal=modal, absolute=absolute)
 
     def _offset(self, code: str) -> int:
         if code in self._machine.unset:

@@ -61,7 +61,7 @@ def surface(ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> 
         for name, order in zip(NUMBERED.values(), orders, strict=True)
     )
     above, below = ([curve.at(k / SEEN_AT) for k in range(SEEN_AT + 1)] for curve in (upper, lower))
-    if surface_doubts.is_upside_down(above, below, machine.offsets[state.modal.offset]):
+    if surface_doubts.is_upside_down(above, below, state.modal.frame(machine)):
         raise ask.refusal(
             word,
             "the upper curve of this G6.2, the first one, lies below the lower one, so the tool would stand"

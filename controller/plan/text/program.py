@@ -8,7 +8,8 @@ from enum import Enum
 from types import MappingProxyType
 from typing import Any
 
-from controller.geometry import Vector
+from controller.geometry import Frame, Vector
+from controller.machine import Machine, Tool
 from controller.splines import BSpline
 
 
@@ -70,7 +71,7 @@ class Modal:
     """The modal state in which a block runs."""
 
     tool: int  # number of the tool in the spindle
-    offset: int  # 0 = G54 .. 5 = G59
+    offset: int  # 0 = G54, as ``machine.OFFSETS`` counts
     side: Side
     length_mm: float  # tool length that G43 adds to Z of joint moves, 0 under G49
     exact: bool  # G61; False = G64
@@ -88,6 +89,20 @@ class Modal:
     # the machine's tolerance of joints.
     exact_joints: bool = False
     tolerance_mm: float | None = None  # R of the same: of their form; None as tool or machine has it
+    # The frame of the program's positions where it is not the machine's work offset as it stands:
+    # set by G10, shifted by G92 or G52, turned by G68.
+    part: Frame | None = None
+    turned_rad: tuple[float, float] = (0.0, 0.0)  # what the rotaries' words are shifted by, carried sense
+    plane: str = "G17"  # of arcs and canned cycles
+    cutter: Tool | None = None  # the tool in the spindle where G10 has changed it
+
+    def frame(self, machine: Machine) -> Frame:
+        """The program's frame seen from the table frame at zero."""
+        return self.part if self.part is not None else machine.offsets[self.offset]
+
+    def tool_in(self, machine: Machine) -> Tool | None:
+        """The tool in the spindle; None where the table has none of its number."""
+        return self.cutter if self.cutter is not None else machine.tool(self.tool)
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,7 +47,7 @@ class Saved:
 
 
 def _given_back(line: Line, word: Word, now: State, kept: State, made: list[Block]) -> State:
-    modal = replace(kept.modal, tool=now.modal.tool)
+    modal = replace(kept.modal, tool=now.modal.tool, cutter=now.modal.cutter)
     place = line.place(word.column)
     if modal.spindle_rev_min != now.modal.spindle_rev_min:
         made.append(Action(place, modal, Act.SPINDLE))

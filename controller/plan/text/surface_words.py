@@ -143,7 +143,7 @@ def ruled(ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> Cu
         words += point.values()
     feed = feed_of(ask, "G52", word, state, machine)
     upper, lower = (p[0], p[1], p[2], p[3]), (p[4], p[5], p[6], p[7])
-    if surface_doubts.is_upside_down(upper, lower, machine.offsets[state.modal.offset]):
+    if surface_doubts.is_upside_down(upper, lower, state.modal.frame(machine)):
         raise ask.refusal(
             word,
             "the first four points of this G52, the upper curve, lie below the last four, so the tool would"
@@ -187,7 +187,7 @@ def feed_of(ask: Ask, code: str, word: Word, state: State, machine: Machine) -> 
         raise ask.refusal(
             word, f"{code} stands under G91: its X Y Z I J K are absolute positions; write G90 before it"
         )
-    if machine.tool(modal.tool) is None:
+    if modal.tool_in(machine) is None:
         raise ask.refusal(
             word,
             f"{code} needs radius and length of tool T{modal.tool} in the spindle, but the tool table has "

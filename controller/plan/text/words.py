@@ -37,14 +37,14 @@ def read(
     block_delete: bool = False,
     parameters: Parameters | None = None,
     limits: Limits | None = None,
-    files: Mapping[str, str] | None = None,
+    files: Mapping[str, tuple[str, str]] | None = None,
 ) -> Iterator[Line]:
     """The lines of a text that have words or say something, as they are carried out, up to the closing
     ``%`` or the end.
 
     ``block_delete`` skips lines that begin with ``/``; off (the power-on state) they are read. ``files``:
-    other texts, whose subs may be called, by label. Raises ProgramError while iterating for text that is
-    no word, or when the end comes before any word.
+    other texts with their names, whose subs may be called, by label. Raises ProgramError while iterating
+    for text that is no word, or when the end comes before any word.
     """
     scan = _Scan(parameters or Parameters(), block_delete)
     source = Source.of(name, whole)

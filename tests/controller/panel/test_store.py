@@ -295,3 +295,15 @@ def test_a_sweep_leaves_an_upload_alone_that_is_under_way(
         assert Store(tmp_path / "state").sweep() == 0
         upload.commit()
     consistent(store)
+
+
+def test_the_programs_that_a_program_calls_are_found_by_name(store: Store) -> None:
+    upload(store, "main.ngc", b"o<pocket> call\nM98 P12\nM30\n")
+    upload(store, "pocket.ngc", b"o<pocket> sub\nG0X1\no<pocket> endsub\n")
+    upload(store, "O12", b"O12\nG0X1\nM99\n")
+    upload(store, "other.ngc", b"G0X1\n")
+    called = store.programs.called(store.programs.get("main.ngc"))
+    assert called == {
+        name: str(store.programs.path(store.programs.get(name).sha256)) for name in ("pocket.ngc", "O12")
+    }
+    assert store.programs.called(store.programs.get("other.ngc")) == {}

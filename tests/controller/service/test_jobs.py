@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from cutting import shipped
@@ -10,6 +11,7 @@ from cutting import shipped
 from controller.handoff import SNAPSHOT_VALUES, Snapshot, SnapshotBoard
 from controller.plan.detour import FIRST_ID
 from controller.plan.route.spot import ENTRY_ID, Spot
+from controller.plan.text import linked
 from controller.service import jobs
 from controller.service.jobs import Job
 from controller.service.orders import News, Said, Way
@@ -109,3 +111,14 @@ def test_what_the_program_says_is_told_at_its_place(job: Job) -> None:
     assert seen == [None, "start", "start", "turn it", "go on"]
     job.say(snapshot(motion_id=-1, line=9), ended=True)
     assert job.messages == ["start", "turn it", "go on", "end"]
+
+
+def test_a_job_is_the_program_with_the_files_that_it_calls(tmp_path: Path) -> None:
+    (tmp_path / "a1").write_bytes(b"o<pocket> call\n/G0X1\nM30\n")
+    (tmp_path / "b2").write_bytes(b"o<pocket> sub\nG0X5\no<pocket> endsub\n")
+    files = {"pocket.ngc": str(tmp_path / "b2")}
+    told = {"path": str(tmp_path / "a1"), "name": "main.ngc", "files": files, "block_delete": True}
+    program = jobs.read(told, shipped()).program
+    text, behind = linked.parts(program.text)
+    assert text == b"o<pocket> call\n;/G0X1\nM30\n"
+    assert behind == {"pocket": ("pocket.ngc", (tmp_path / "b2").read_bytes())}

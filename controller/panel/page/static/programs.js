@@ -96,6 +96,7 @@
     if (value("line") >= 1) body.line = Math.round(value("line"));
     if (value("fraction") >= 0) body.fraction = value("fraction") / 100;
     if (value("dry") > 0) body.dry_run_mm = value("dry");
+    if (form.querySelector("[name=block_delete]").checked) body.block_delete = true;
     await dx.call("POST", "job", body);
   });
 

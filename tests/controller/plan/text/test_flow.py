@@ -56,6 +56,7 @@ def refusal(text: str) -> ProgramError:
         ("o1 sub\nG0X#1Y#2Z#3\n#1=9\no1 endsub\n#1=5\no1 call [1] [2]\nG0X#1", "X1Y2Z0 X5"),
         ("#1=5\nM98 P100 L2\nG0X#1\nM30\nO100\nG0Y#1\n#1=[#1+1]\nM99", "Y5 Y6 X7"),
         ("#<a>=4\nM98 P100\nG0Z[exists[#<a>]]\nM30\nO100\nG0Z[exists[#<a>]]\nM99", "Z0 Z1"),
+        ("M98 P100 L2\nM30\nO100\nG0Z[exists[#<a>]]\n#<a>=1\nM99", "Z0 Z0"),
         ("M98 P100 L0\nG0X9\nM2\nO100\nG0 X1\nM99", "X9"),
         ("M98 P30100\nG0X9\nM2\nO100\nG0 X1\nM99", "X1 X1 X1 X9"),
         ("%\nO1\nM98 P0100\nM30\nO100\nG0 X1\nM99\n%\nG0X5", "X1"),

@@ -16,6 +16,9 @@ from controller.plan.text import blocks
 from controller.plan.text.program import Action, JointLine, ProgramError
 
 
+CUT = "F100\nG51 X0. Y15. Z0. I0. J0. K0. H10. R10. D90.\n"
+
+
 def made() -> Machine:
     built = machine("fig4a", spindle=None)
     return replace(built, offsets=(Frame((0.0, 0.0, 0.0)), Frame((10.0, 20.0, 30.0)), *built.offsets[2:]))
@@ -110,8 +113,8 @@ def test_parameters_read_as_the_reference_has_them(text: str, expected: float) -
         ("#<_metric>=1", "1:1", "can only be read"),
         ("#5400=1", "1:1", "cannot be set"),
         ("#<_x>=1", "1:1", "can only be read"),
-        ("G0X#<_x>", "1:4", "#<_x> is the position of X, which is not known here"),
-        ("G0X#5420", "1:4", "#5420 is the position of X, which is not known here"),
+        (CUT + "G0X#<_x>", "3:4", "#<_x> is the position of X, which is not known here"),
+        (CUT + "G0Z1\nX#5420", "4:2", "#5420 is the position of X, which is not known here"),
         ("G0X#<a", "1:5", "ends with >"),
         ("G0X[exists[1]]", "1:11", "write EXISTS"),
         ("M72", "1:1", "nothing to give back"),

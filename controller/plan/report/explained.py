@@ -1,0 +1,190 @@
+"""What a program asks for, motion by motion: positions, feeds and the state they stand in.
+
+This is the reader's own view, for people and for the comparison with other interpreters. Positions
+are known as far as the text tells them: behind a surface the departure is the path's choice, under
+tool vectors the rotaries are; there a value is None until the program says it again.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from controller.curves import Arc
+from controller.geometry import norm, subtract
+from controller.kinematics import Kinematics
+from controller.machine import OFFSETS, Joints, Machine, five
+from controller.motions import JointMove
+from controller.plan.route import moves
+from controller.plan.route.stretch import Voice
+from controller.plan.text.position import Known, Position
+from controller.plan.text.program import (
+    Act,
+    Action,
+    Block,
+    CutCone,
+    CutNurbs,
+    CutRuled,
+    Dwell,
+    JointArc,
+    JointLine,
+    Message,
+    Modal,
+    Remark,
+    TipLine,
+)
+
+SAME_MM = 1e-9
+_KINDS = {
+    Act.SPINDLE: "spindle",
+    Act.TOOL: "tool",
+    Act.COOLANT: "coolant",
+    Act.STOP: "stop",
+    Act.OPTIONAL_STOP: "optional stop",
+    Act.END: "end",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One canonical motion or function; lengths in mm, angles in degrees of the configured sense."""
+
+    line: int
+    column: int
+    kind: str  # rapid, line, arc, surface, dwell, spindle, tool, coolant, message, stop, optional stop, end
+    program: dict[str, Known]  # position at the end, in program coordinates
+    axes: dict[str, Known]  # the same as positions of the machine's axes
+    offset: str  # work offset
+    plane: str
+    facts: dict[str, Any]  # what else belongs to its kind: feed and its unit, centre, turns, seconds ...
+
+    def to_dict(self) -> dict[str, Any]:
+        """As one object of JSON."""
+        place = {"line": self.line, "column": self.column, "kind": self.kind}
+        return {
+            **place,
+            "program": self.program,
+            "axes": self.axes,
+            "offset": self.offset,
+            "plane": self.plane,
+            **self.facts,
+        }
+
+
+def steps(blocks: Iterable[Block], machine: Machine, name: str, start: Joints) -> Iterator[Step]:
+    """The steps of ``blocks`` from the joints ``start`` on. Raises ProgramError as reading does."""
+    explainer = _Explainer(machine, name, start)
+    for block in blocks:
+        yield explainer.step(block)
+
+
+class _Explainer:
+    def __init__(self, machine: Machine, name: str, start: Joints) -> None:
+        self._machine, self._kinematics = machine, Kinematics(machine)
+        self._position = Position(machine, start)
+        self._voice = Voice(name, lambda _, __: None)
+
+    def step(self, block: Block) -> Step:
+        before = self._position.joints() if isinstance(block, JointLine | JointArc) else ()
+        self._position.take(block)
+        facts = self._facts(block, before)
+        kind = facts.pop("kind")
+        program = self._program(block.modal)
+        if isinstance(block, CutCone | CutRuled | CutNurbs):
+            program = dict(zip("XYZ", _contact_end(block), strict=True))
+        place, modal = block.place, block.modal
+        axes = self._axes()
+        return Step(place.line, place.column, kind, program, axes, OFFSETS[modal.offset], modal.plane, facts)
+
+    # ---- positions -------------------------------------------------------------------
+
+    def _axes(self) -> dict[str, Known]:
+        axes = self._machine.axes
+        known = zip(axes, self._position.joints(), strict=True)
+        return {axis.name: None if q is None else q * axis.shown_per_unit for axis, q in known}
+
+    def _program(self, modal: Modal) -> dict[str, Known]:
+        found: dict[str, Known] = dict(zip("XYZ", self._position.in_frame(modal), strict=True))
+        rotary = (self._machine.axes[i] for i in self._machine.rotary())
+        for axis, q, shift in zip(rotary, self._position.rotaries, modal.turned_rad, strict=True):
+            found[axis.name] = None if q is None else (q - shift) * axis.shown_per_unit
+        return found
+
+    # ---- what belongs to a kind ------------------------------------------------------
+
+    def _facts(self, block: Block, before: tuple[Known, ...]) -> dict[str, Any]:
+        if isinstance(block, JointLine | TipLine):
+            return (
+                {"kind": "rapid"}
+                if block.feed_mm_s is None
+                else {"kind": "line", **self._feed(block, before)}
+            )
+        if isinstance(block, JointArc):
+            return {"kind": "arc", **self._feed(block, before), **self._arc(block, before)}
+        if isinstance(block, Dwell):
+            return {"kind": "dwell", "seconds": block.seconds}
+        if isinstance(block, Remark | Message):
+            return {"kind": "message", "text": block.sentence if isinstance(block, Remark) else block.text}
+        if isinstance(block, Action):
+            return {"kind": _KINDS[block.act], **_function(block)}
+        return {"kind": "surface", "feed": block.feed_mm_s * 60.0, "unit": "mm/min"}
+
+    def _feed(self, block: JointLine | TipLine | JointArc, before: tuple[Known, ...]) -> dict[str, Any]:
+        if block.time_s is not None:
+            return {"feed": block.time_s, "unit": "s"}
+        degrees = None if isinstance(block, JointArc) else block.feed_deg_s
+        if isinstance(block, JointLine) and degrees is not None and self._turns_only(block, before):
+            return {"feed": degrees * 60.0, "unit": "deg/min"}
+        return {"feed": (block.feed_mm_s or 0.0) * 60.0, "unit": "mm/min"}
+
+    def _turns_only(self, block: JointLine, before: tuple[Known, ...]) -> bool:
+        """Whether X Y Z stand while rotaries turn."""
+        now = self._position.joints()
+        linear = self._machine.linear()
+        stands = all(_same(before[i], now[i]) if block.targets[i] is not None else True for i in linear)
+        return stands and any(block.targets[i] is not None for i in self._machine.rotary())
+
+    def _arc(self, block: JointArc, before: tuple[Known, ...]) -> dict[str, Any]:
+        """Centre in program coordinates, sense and turns; no centre where the start is not known."""
+        told: dict[str, Any] = {"clockwise": block.clockwise, "turns": max(block.turns, 1), "centre": None}
+        here = [q for q in before if q is not None]
+        if len(here) < 5:
+            return told
+        found = moves.arc(block, self._machine, self._kinematics, five(here), self._voice)
+        if found is not None and isinstance(found.motion, JointMove) and isinstance(found.motion.curve, Arc):
+            told["centre"] = self._centre(block, found.motion.curve)
+        return told
+
+    def _centre(self, block: JointArc, curve: Arc) -> dict[str, float]:
+        centre = subtract(curve.centre, (0.0, 0.0, block.modal.length_mm))
+        point = block.modal.frame(self._machine).from_parent(centre)
+        return {"XYZ"[i]: point[i] for i in sorted(block.plane[:2])}
+
+
+def _same(a: Known, b: Known) -> bool:
+    return a is not None and b is not None and abs(a - b) < SAME_MM
+
+
+def _function(block: Action) -> dict[str, Any]:
+    if block.act is Act.SPINDLE:
+        return {"rev_min": block.modal.spindle_rev_min}
+    if block.act is Act.TOOL:
+        return {"tool": block.modal.tool}
+    if block.act is Act.COOLANT:
+        return {"mist": bool(block.modal.coolant & 1), "flood": bool(block.modal.coolant & 2)}
+    return {}
+
+
+def _contact_end(block: CutCone | CutRuled | CutNurbs) -> tuple[float, float, float]:
+    """Where the contact of a surface ends, in program coordinates (mm)."""
+    if isinstance(block, CutRuled):
+        return block.lower[3]
+    if isinstance(block, CutNurbs):
+        x, y, z = block.lower.at(1.0)
+        return float(x), float(y), float(z)
+    radius = subtract(block.start, block.centre)
+    size, angle = norm(radius), math.atan2(radius[1], radius[0]) + block.sweep_rad
+    x, y, z = block.centre
+    return x + size * math.cos(angle), y + size * math.sin(angle), z

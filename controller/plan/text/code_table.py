@@ -1,0 +1,291 @@
+"""Every code of the language in one table: what the reader knows, the README shows and the refusals quote.
+
+A row says what a code is, who defines it and what comes of it here: done, noted (it needs no action on this
+control; ``check`` tells what it would have done) or refused, with what to write instead. ``dialect`` is given
+where RS-274/NGC and Fanuc-like controls mean different things by one name.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from types import MappingProxyType
+
+AXES = "@"  # in ``letters``: the axes of the machine
+
+NIST = "RS-274/NGC"
+LINUXCNC = "LinuxCNC"
+FANUC = "Fanuc"
+HAAS = "Haas"
+PAPER = "Lin & Koren"
+OURS = "Directrix"
+
+
+class Fate(Enum):
+    """What comes of a code."""
+
+    DONE = "done"
+    NOTED = "noted"
+    REFUSED = "refused"
+
+
+@dataclass(frozen=True, slots=True)
+class Code:
+    """One row; ``told`` is what is done, or what a noted one would have done, or what to use instead."""
+
+    name: str
+    group: str  # of one group a line takes one code; a noted code is a group of its own
+    letters: str  # the words that it takes
+    source: str
+    meaning: str
+    told: str = ""
+    fate: Fate = Fate.DONE
+    dialect: str = ""  # "" = both
+
+
+def _done(group: str, source: str, *rows: tuple[str, str, str], dialect: str = "") -> list[Code]:
+    return [Code(name, group, letters, source, meaning, dialect=dialect) for name, letters, meaning in rows]
+
+
+def _noted(source: str, *rows: tuple[str, str, str, str], dialect: str = "") -> list[Code]:
+    made = []
+    for name, letters, meaning, told in rows:
+        made.append(Code(name, name, letters, source, meaning, told, Fate.NOTED, dialect))
+    return made
+
+
+def _refused(source: str, *rows: tuple[str, str, str], dialect: str = "") -> list[Code]:
+    return [Code(name, "", "", source, meaning, told, Fate.REFUSED, dialect) for name, meaning, told in rows]
+
+
+_CYCLE = AXES + "RPQLK"
+_LATHE = "this control has no lathe axis"
+_NO_SYNC = "no spindle here is tied to the feed"
+_PROBE = "touch the part off by hand on the set-up page"
+
+ROWS: tuple[Code, ...] = (
+    *_done(
+        "motion",
+        NIST,
+        ("G0", AXES + "IJK", "rapid; I J K under G43.5"),
+        ("G1", AXES + "IJK", "line at feed; I J K under G43.5"),
+        ("G2", AXES + "IJKRP", "arc or helix, clockwise"),
+        ("G3", AXES + "IJKRP", "arc or helix, counter-clockwise"),
+        ("G73", _CYCLE, "drilling, chip breaking by Q"),
+        ("G74", _CYCLE, "tapping, left-hand, with a floating holder"),
+        ("G80", "", "ends a canned cycle and the motion mode"),
+        ("G81", _CYCLE, "drilling"),
+        ("G82", _CYCLE, "drilling, dwell P"),
+        ("G83", _CYCLE, "drilling by Q with full retraction"),
+        ("G84", _CYCLE, "tapping, right-hand, with a floating holder"),
+        ("G85", _CYCLE, "boring, out at feed"),
+        ("G86", _CYCLE, "boring, spindle stopped, out at rapid"),
+        ("G89", _CYCLE, "boring, dwell P, out at feed"),
+    ),
+    *_done(
+        "motion",
+        PAPER,
+        ("G51", "XYZIJKHRD", "cone: ruled surface about +Z"),
+        ("G52", "XYZ", "ruled surface between two cubic Beziers; without F a shift (below)"),
+    ),
+    *_done("motion", FANUC, ("G6.2", "PQ", "ruled surface between two NURBS curves")),
+    *_done(
+        "one-line",
+        NIST,
+        ("G4", "PX", "dwell: P in seconds; under fanuc without a point in ms, or X in seconds"),
+        ("G10", AXES + "LPR", "sets work offsets (L2, L20) and tools (L1, L10, L11)"),
+        ("G28", AXES + "UVW", "rapid to the reference point, by way of the axis words"),
+        ("G30", AXES + "UVWP", "rapid to the second reference point, by way of the axis words"),
+        ("G53", "", "this line's G0 or G1 in machine positions"),
+        ("G92", AXES, "shifts all work offsets so that the position reads as said"),
+        ("G92.1", "", "cancels the shift of G92"),
+        ("G92.2", "", "suspends the shift of G92"),
+        ("G92.3", "", "takes the shift of G92 up again"),
+    ),
+    *_done(
+        "one-line",
+        LINUXCNC,
+        ("G28.1", "", "the position becomes the reference point, for this program"),
+        ("G30.1", "", "the position becomes the second reference point, for this program"),
+    ),
+    *_done("plane", NIST, ("G17", "", "plane XY"), ("G18", "", "plane ZX"), ("G19", "", "plane YZ")),
+    *_done("unit", NIST, ("G20", "", "inches"), ("G21", "", "millimetres")),
+    *_done(
+        "side",
+        PAPER,
+        ("G40", "", "cutter on the right of surfaces; no offset"),
+        ("G41", "", "cutter on the left of surfaces"),
+        ("G42", "", "cutter on the right of surfaces"),
+    ),
+    *_done(
+        "length",
+        NIST,
+        ("G43", "H", "adds the tool's length to Z"),
+        ("G49", "", "no tool length, no tool-centre control"),
+    ),
+    *_done(
+        "length",
+        LINUXCNC,
+        ("G43.1", "Z", "adds the length Z to Z"),
+        ("G43.2", "HZ", "adds one more tool's length, or Z"),
+    ),
+    *_done("length", FANUC, ("G44", "H", "takes the tool's length off Z"), dialect="fanuc"),
+    *_done(
+        "length",
+        FANUC,
+        ("G43.4", "H", "tool-centre control, rotary words"),
+        ("G43.5", "H", "tool-centre control, tool vectors I J K"),
+    ),
+    *_done("offset", NIST, *((f"G{54 + i}", "", f"work offset {i + 1}") for i in range(6))),
+    *_done("offset", NIST, *((f"G59.{i}", "", f"work offset {6 + i}") for i in (1, 2, 3))),
+    *_done("offset", FANUC, ("G54.1", "P", "work offset P1 to P48 beyond the nine")),
+    *_done("path", NIST, ("G61", "", "exact path"), ("G61.1", "", "exact path, stop at corners")),
+    *_done("path", NIST, ("G64", "PQ", "blends within P mm and Q degrees")),
+    *_done("distance", NIST, ("G90", "", "positions"), ("G91", "", "distances")),
+    *_done("centre", LINUXCNC, ("G90.1", "", "I J K of arcs are positions"), ("G91.1", "", "distances")),
+    *_done(
+        "feed", NIST, ("G93", "", "inverse time"), ("G94", "", "feed a minute"), ("G95", "", "feed a turn")
+    ),
+    *_done("speed", LINUXCNC, ("G97", "", "S is turns a minute")),
+    *_done(
+        "return",
+        NIST,
+        ("G98", "", "cycles end at the height they began from"),
+        ("G99", "", "cycles end at R"),
+    ),
+    *_done(
+        "rotation",
+        FANUC,
+        ("G68", AXES + "R", "turns the coordinates by R in the plane"),
+        ("G69", "", "ends G68"),
+    ),
+    *_done(
+        "stop",
+        NIST,
+        ("M0", "", "stop"),
+        ("M1", "", "optional stop"),
+        ("M2", "", "end"),
+        ("M30", "", "end"),
+        ("M60", "", "stop, as M0: there is no pallet to change"),
+    ),
+    *_done(
+        "spindle", NIST, ("M3", "", "spindle, clockwise"), ("M4", "", "counter-clockwise"), ("M5", "", "off")
+    ),
+    *_done("tool change", NIST, ("M6", "", "puts T into the spindle")),
+    *_done("tool change", LINUXCNC, ("M61", "Q", "says that tool Q is in the spindle")),
+    *_done("coolant", NIST, ("M7", "", "mist"), ("M8", "", "flood"), ("M9", "", "both off")),
+    # --- what needs no action here
+    *_noted(
+        FANUC,
+        ("G5", "P", "high-precision mode", "The feed is always planned as far ahead as the limits ask."),
+        ("G5.1", "QR", "look-ahead mode", "The feed is always planned as far ahead as the limits ask."),
+        ("G8", "P", "look-ahead mode", "The feed is always planned as far ahead as the limits ask."),
+        dialect="fanuc",
+    ),
+    *_noted(
+        FANUC,
+        ("G15", "", "polar coordinates off", "They are never on here."),
+        ("G23", "", "stored stroke limits off", "The travel of the axes is always watched."),
+        (
+            "G25",
+            "",
+            "spindle speed watch off",
+            "The spindle is watched wherever the machine file names its drive.",
+        ),
+        ("G50", "", "scaling off", "It is never on here."),
+        ("G67", "", "modal macro off", "It is never on here."),
+        ("M10", "", "clamp on", "Clamps of the machine file close by themselves where their axis stands."),
+        ("M11", "", "clamp off", "Clamps of the machine file open by themselves before their axis moves."),
+    ),
+    *_noted(
+        HAAS,
+        ("G103", "P", "limits look-ahead", "The whole program is read and planned ahead."),
+        ("G187", "PE", "smoothness", "G64 P says here how far the path may be left; without it it is exact."),
+        ("G255", "", "dynamic work offset off", "It is never on here; G43.4 follows the turned part."),
+    ),
+    *_noted(
+        LINUXCNC,
+        ("M48", "", "overrides on", "They are always in the operator's hand."),
+        ("M49", "", "overrides off", "They stay in the operator's hand."),
+        ("M50", "P", "feed override switch", "It stays in the operator's hand."),
+        ("M51", "P", "spindle override switch", "It stays in the operator's hand."),
+        ("M52", "P", "adaptive feed", "The feed is planned by the limits of the axes alone."),
+        ("M53", "P", "feed stop switch", "Hold is always in the operator's hand."),
+    ),
+    # --- what is refused, and what to write instead
+    *_refused(
+        LINUXCNC,
+        ("G5", "cubic spline", "write it as G1 lines under G64 P, or a surface as G6.2"),
+        ("G5.1", "quadratic spline", "write it as G1 lines under G64 P, or a surface as G6.2"),
+        ("G7", "diameter mode of lathes", f"{_LATHE}; write radii"),
+        ("G8", "radius mode of lathes", f"{_LATHE}; leave it out"),
+        ("G76", "threading", f"{_NO_SYNC}; mill the thread with G2 or G3 and Z"),
+        ("G44", "length taken off Z", "write G43 or G43.1 with the length"),
+        dialect="rs274",
+    ),
+    *_refused(
+        FANUC,
+        ("G7", "imaginary axis", "write the moves themselves"),
+        ("G44", "length taken off Z", "write G43"),
+        ("G76", "fine boring with a shift", "no spindle here stops at an angle; write G85, G86 or G89"),
+        dialect="fanuc",
+    ),
+    *_refused(
+        LINUXCNC,
+        ("G5.2", "NURBS", "write it as G1 lines under G64 P, or a surface as G6.2"),
+        ("G5.3", "NURBS", "write it as G1 lines under G64 P, or a surface as G6.2"),
+        ("G17.1", "plane UV", "this control has no axes U V W; write G17"),
+        ("G18.1", "plane WU", "this control has no axes U V W; write G18"),
+        ("G19.1", "plane VW", "this control has no axes U V W; write G19"),
+        ("G33", "spindle-synchronised motion", f"{_NO_SYNC}; mill the thread with G2 or G3 and Z"),
+        ("G33.1", "rigid tapping", f"{_NO_SYNC}; write G84 with a floating holder"),
+        ("G38.2", "probing", _PROBE),
+        ("G38.3", "probing", _PROBE),
+        ("G38.4", "probing", _PROBE),
+        ("G38.5", "probing", _PROBE),
+        ("G41.1", "compensation by D in the plane", "let the CAM system offset lines and arcs"),
+        ("G42.1", "compensation by D in the plane", "let the CAM system offset lines and arcs"),
+        ("G87", "back boring", "no spindle here stops at an angle; write the moves themselves"),
+        ("G88", "boring with retraction by hand", "write G86, or M0 at the bottom"),
+        ("G96", "constant surface speed", f"{_LATHE}; write G97 and S"),
+        ("M19", "spindle stop at an angle", "no spindle here stops at an angle; write M5"),
+        ("M62", "output on, with motion", "name what it switches in the machine file, M7 and M8"),
+        ("M63", "output off, with motion", "name what it switches in the machine file, M9"),
+        ("M64", "output on", "name what it switches in the machine file, M7 and M8"),
+        ("M65", "output off", "name what it switches in the machine file, M9"),
+        ("M66", "wait for an input", "write M0 or M1 to wait for the operator"),
+        ("M67", "analogue output, with motion", "this control has none; leave it out"),
+        ("M68", "analogue output", "this control has none; leave it out"),
+    ),
+    *_refused(
+        FANUC,
+        ("G16", "polar coordinates", "write X and Y"),
+        ("G22", "stored stroke limits", "the travel of the axes in the machine file is always watched"),
+        ("G26", "spindle speed watch", "leave it out"),
+        ("G27", "reference point check", "write G28"),
+        ("G29", "return from the reference point", "write G0 and the position"),
+        ("G31", "skip", _PROBE),
+        ("G53.1", "tool along the tilted plane's Z", "write G43.4 and the rotary words"),
+        ("G53.6", "tool along the tilted plane's Z", "write G43.4 and the rotary words"),
+        ("G54.2", "offset that follows the table", "write G43.4, which follows the turned part"),
+        ("G65", "macro call", "write M98 and its number"),
+        ("G66", "modal macro", "write M98 and its number on every line"),
+        ("G68.2", "tilted plane", "write G43.4 or G43.5 and positions in the part's own frame"),
+        ("G68.3", "tilted plane", "write G43.4 or G43.5 and positions in the part's own frame"),
+        ("G68.4", "tilted plane", "write G43.4 or G43.5 and positions in the part's own frame"),
+        ("M29", "rigid tapping", f"{_NO_SYNC}; write G84 with a floating holder"),
+    ),
+    *_refused(
+        HAAS,
+        ("G234", "tool-centre control", "write G43.4"),
+        ("G254", "dynamic work offset", "write G43.4, which follows the turned part"),
+    ),
+)
+
+
+def of(dialect: str) -> dict[str, Code]:
+    """The rows of a dialect by name."""
+    return {row.name: row for row in ROWS if row.dialect in ("", dialect)}
+
+
+BY_DIALECT = MappingProxyType({dialect: MappingProxyType(of(dialect)) for dialect in ("rs274", "fanuc")})
