@@ -35,7 +35,7 @@ def _row(
 _ROWS = (
     _row(Fault.NONE, True, Reaction.NONE, Recovery.NOTHING),
     # --- plan
-    _row(Fault.PLANNER_GONE, True, Reaction.PATH_STOP, Recovery.RESET, wait=Wait.PLANNER),
+    _row(Fault.PLANNER_GONE, True, Reaction.PATH_STOP, Recovery.RESET, wait=Wait.QUEUE),
     _row(Fault.TRAVEL, True, Reaction.PATH_STOP, Recovery.RESET),
     _row(Fault.VELOCITY, True, Reaction.PATH_STOP, Recovery.RESET),
     _row(Fault.ACCELERATION, True, Reaction.PATH_STOP, Recovery.RESET),
@@ -105,10 +105,11 @@ def sentence(fault: Fault, axis: str = "", also: Fault = Fault.NONE, language: s
 def stands_within_s(fault: Fault, times: Times) -> float:
     """Longest time from the event to the standstill of all axes that have torque, s; 0 if nothing stops.
 
-    A machine that stands already stands. END_OF_BLOCK promises the block's own time, so 0 too.
+    A machine that stands already stands. END_OF_BLOCK promises the block's own time, so 0 too, and a plan
+    that is gone that of the queue.
     """
     row = FAULTS[fault]
-    if row.reaction in (Reaction.NONE, Reaction.WARN, Reaction.END_OF_BLOCK):
+    if row.reaction in (Reaction.NONE, Reaction.WARN, Reaction.END_OF_BLOCK) or row.wait is Wait.QUEUE:
         return 0.0
     noticed_s = row.syncs * times.feedback_every * times.period_s + waits_s(row.wait, times)
     return noticed_s + _stopping_s(row.reaction, times)
@@ -119,7 +120,7 @@ def waits_s(wait: Wait, times: Times) -> float:
     return {
         Wait.NONE: 0.0,
         Wait.CONSUMER: times.consumer_s,
-        Wait.PLANNER: times.planner_s,
+        Wait.QUEUE: 0.0,
         Wait.UNSENT: times.unsent_s,
         Wait.ENABLE: times.enable_s,
         Wait.HOMING: times.homing_s,

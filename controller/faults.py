@@ -84,7 +84,7 @@ class Wait(IntEnum):
 
     NONE = 0
     CONSUMER = 1  # heartbeat or node guarding
-    PLANNER = 2
+    QUEUE = 2  # what is queued comes to its end first; it has no time of its own
     UNSENT = 3  # nothing that is commanded reaches a drive
     ENABLE = 4
     HOMING = 5
@@ -97,7 +97,6 @@ class Times(NamedTuple):
 
     period_s: float
     consumer_s: float  # silence after which either side takes the other for dead
-    planner_s: float
     unsent_s: float
     enable_s: float
     homing_s: float

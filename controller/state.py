@@ -93,12 +93,12 @@ class Request(IntEnum):
     JOG = 14  # a datagram of its own: pieces.Jog; sent again and again while a key is down
     JOG_STOP = 15  # the key is up
     ARRANGED = 16  # a datagram of its own: what commissioning has found of the drives
-    PLAN_LOST = 17  # of the service: the process that knows the rest of a held program has died
+    PLAN_LOST = 17  # of the service: the process that knows the rest of the program has died
 
 
 # (mode, request) -> mode that follows at once. Overrides and switches are allowed in every
 # mode and change none; so is the end of a jog, whose key may go up after the jog has ended by
-# itself. ESTOP makes a fault and is allowed everywhere; PLAN_LOST makes one of a program only.
+# itself. ESTOP makes a fault and is allowed everywhere; PLAN_LOST makes one where the queue has ended.
 TRANSITIONS: dict[tuple[Mode, Request], Mode] = {
     (Mode.OFF, Request.ENABLE): Mode.OFF,  # READY comes when all drives follow
     (Mode.OFF, Request.DISABLE): Mode.OFF,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from controller.handoff import PLANNER_SILENCE_S, commit_lead_s
+from controller.handoff import commit_lead_s
 from controller.machine import Machine
 from controller.state import Times
 from drives.arranged import Arranged
@@ -26,7 +26,6 @@ def of(machine: Machine, arranged: Sequence[Arranged] = ()) -> Times:
     return Times(
         machine.period_s,
         master.consumer_s,
-        PLANNER_SILENCE_S,
         LOST_BUS_S,
         ENABLE_S,
         HOMING_S,

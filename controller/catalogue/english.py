@@ -51,7 +51,8 @@ FAULTS: dict[Fault, Words] = {
     Fault.NONE: Words("No fault.", "None.", "Nothing to do."),
     # --- plan
     Fault.PLANNER_GONE: Words(
-        "The planner has been silent for more than 2 s; the tool stopped on the path (planner gone).",
+        "The planner has ended, or was silent for more than 2 s; the tool goes on to the end of what was "
+        "planned and rests there, on the path (planner gone).",
         "The planner's process ended, or the computer gave it no time: no memory left, or too much load.",
         "Reset, enable, retract along the tool axis, load the program again.",
     ),

@@ -51,7 +51,8 @@ FAULTS: dict[Fault, Words] = {
     Fault.NONE: Words("Keine Störung.", "Keine.", "Nichts zu tun."),
     # --- plan
     Fault.PLANNER_GONE: Words(
-        "Die Planung schwieg länger als 2 s; das Werkzeug hielt auf der Bahn.",
+        "Die Planung ist beendet oder schwieg länger als 2 s; das Werkzeug fährt bis zum Ende des Geplanten "
+        "und ruht dort auf der Bahn.",
         "Der Prozess der Planung endete oder bekam keine Rechenzeit: kein Speicher mehr, zu viel Last.",
         "Zurücksetzen, einschalten, längs der Werkzeugachse freifahren, das Programm neu laden.",
     ),

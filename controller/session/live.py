@@ -128,9 +128,15 @@ class Live:
         if now is None or not alive:
             raise SessionError(f"{self._ended(self.tick, 'the end of the program')} {self._alone(now)}")
         starved = now.mode is Mode.RUNNING and now.at_rest and now.plan_time_s >= now.queue_end_s
-        if starved and not planning:
+        if starved and not planning and not self._fails():
             raise SessionError(self._ended(self.plan, "the end of the program"))
         return now
+
+    def _fails(self) -> bool:
+        """Whether the tick makes it a fault, as it does at the queue's end."""
+        time.sleep(LOOK_S)
+        now = self.board.read()
+        return now is not None and now.mode is Mode.FAULT
 
     def fault_text(self, now: Snapshot) -> str:
         """The operator's sentence on a fault, with the axis and where the recording lies; "" = none."""

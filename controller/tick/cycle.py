@@ -305,8 +305,6 @@ class Cycle:
             self._silent = 0
         else:
             self._silent += 1
-            if self._planner_gone() and self.modes.running:
-                self.modes.fail(Fault.PLANNER_GONE, -1)
         if message is None:
             return
         newer = message.sequence > self.accepted and not self.modes.dropped
@@ -321,8 +319,17 @@ class Cycle:
     def _planner_gone(self) -> bool:
         return self._pieces.closed or self._silent > self._silence_ticks
 
+    def _look_for_the_plan(self, standing: bool) -> None:
+        """What is queued ends at rest: only there a plan that is gone is a fault."""
+        mode = self.modes.mode
+        gone = mode is Mode.RUNNING and self._planner_gone()
+        lost = self.modes.plan_lost and mode in (Mode.RUNNING, Mode.HOLD)
+        if (gone or lost) and standing and not (self.follow.pending or self.follow.stopping):
+            self.modes.fail(Fault.PLANNER_GONE, -1)
+
     def _supervise(self, now_s: float, ticks: int) -> None:
         standing = self.follow.at_rest
+        self._look_for_the_plan(standing)
         if self.again is None:
             self.modes.watch(now_s)
         elif self.again.fault is not Fault.NONE:

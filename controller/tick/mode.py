@@ -70,6 +70,7 @@ class Modes:
         self.ending = False  # hold at the end of this block
         self.jog_ends = False  # the jog comes to rest; its owner then leaves the mode
         self.away = False  # jogged off the place of the hold; its owner tells
+        self.plan_lost = False  # nobody knows the program beyond what is queued
         self.refused = 0  # the last request, where the table refused it; 0 = it did not
         self.dropped = False  # the queue is void: its owner clears it and this flag
 
@@ -124,8 +125,7 @@ class Modes:
         elif request in (Request.OVERRIDE, Request.RAPID_OVERRIDE):
             self._set_override(request, value)
         elif request is Request.PLAN_LOST:
-            if self.mode in (Mode.RUNNING, Mode.HOLD):
-                self.fail(Fault.PLANNER_GONE, -1)
+            self.plan_lost = self.mode in (Mode.RUNNING, Mode.HOLD, Mode.JOG)
         elif request is Request.JOG_STOP:
             self.jog_ends = True
         elif value not in (0.0, 1.0):
@@ -142,6 +142,9 @@ class Modes:
             self.override = value
         else:
             self.rapid_override = value
+
+    def _start(self, _: float) -> None:
+        self.plan_lost = False
 
     def _enable(self, _: float) -> None:
         for drive in self._group.drives:
@@ -381,6 +384,7 @@ class Modes:
 
 
 _ACTS = {
+    Request.START: Modes._start,
     Request.RESUME: Modes._go_on,
     Request.ENABLE: Modes._enable,
     Request.DISABLE: Modes._disable,

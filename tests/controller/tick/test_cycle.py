@@ -32,12 +32,14 @@ def moving(
     lateness: Callable[[int], float] | None = None,
     ticks: int = 100,
     law: tuple[float, float, float] = QUICK,
+    whole: bool = True,
     **changes: object,
 ) -> Bench:
+    """``whole``: the queue has the program's end; else a planner was to go on with it."""
     bench = Bench(machine(**changes), lateness=lateness)
     bench.enable()
     piece, move = straight(HERE, THERE, lambda n: s_curve(n, *law))
-    bench.send([piece, dwell(0.0, end=True)], {0: move}, stops=stops(1900.0, 48000.0))
+    bench.send([piece, dwell(0.0, end=whole)], {0: move}, stops=stops(1900.0, 48000.0))
     bench.tick()
     bench.ask(Request.START)
     bench.tick(ticks)
@@ -100,41 +102,99 @@ def test_a_homing_error_names_its_axis() -> None:
     bench.close()
 
 
-def test_a_silent_planner_is_a_fault_and_the_tool_stops_on_the_path() -> None:
-    seed = random.randrange(2**32)
-    for at in random.Random(seed).sample(range(5, 1500), 10):
-        bench = moving(ticks=at, law=SLOW)
+def ends(bench: Bench, how: str) -> None:
+    if how == "silent":
         bench.planner_alive = False
-        bench.tick(SILENT - 20)
-        assert bench.snapshot.mode is Mode.RUNNING, f"seed {seed} at {at}"
-        bench.until(Mode.FAULT, 30)
-        bench.until_rest()
+    elif how == "ended":
+        bench.end_planner()
+    else:  # its socket stays open in the service, which says so
+        bench.ask(Request.PLAN_LOST)
+
+
+ENDS = ("silent", "ended", "told")
+
+
+@pytest.mark.parametrize("how", ENDS)
+def test_without_a_planner_the_queue_is_run_to_its_end_and_the_fault_comes_there(how: str) -> None:
+    seed = random.randrange(2**32)
+    for at in random.Random(seed).sample(range(5, 1500), 5):
+        bench = moving(ticks=at, law=SLOW, whole=False)
+        ends(bench, how)
+        while not bench.cycle.follow.at_rest:
+            assert bench.snapshot.mode is Mode.RUNNING, f"seed {seed} at {at}"
+            bench.tick()
+        bench.tick(2)
         rows = commands(bench.rows())
-        assert bench.snapshot.fault is Fault.PLANNER_GONE, f"seed {seed} at {at}"
+        assert (bench.snapshot.mode, bench.snapshot.fault) == (Mode.FAULT, Fault.PLANNER_GONE)
+        assert bench.cycle.follow.joints == pytest.approx(THERE) and bench.snapshot.untrusted == 0
         assert on_the_line(rows[5:]), f"seed {seed} at {at}"
         velocity, acceleration, jerk = excess(bench.machine, rows)
         assert velocity <= 1.0 and acceleration <= 1.0 and jerk <= 1.02, f"seed {seed} at {at}"
         bench.close()
 
 
-def test_a_planner_that_wakes_up_after_the_fault_is_not_listened_to() -> None:
+@pytest.mark.parametrize("how", ENDS)
+def test_a_program_that_is_queued_whole_comes_to_its_end_without_a_planner(how: str) -> None:
     bench = moving(law=SLOW)
+    ends(bench, how)
+    bench.until(Mode.READY)
+    assert bench.snapshot.fault is Fault.NONE and bench.cycle.follow.joints == pytest.approx(THERE)
+    bench.close()
+
+
+@pytest.mark.parametrize("how", ENDS)
+def test_hold_and_stop_are_obeyed_on_the_way_to_the_end_of_a_queue_that_nobody_goes_on_with(how: str) -> None:
+    for request in (Request.HOLD, Request.STOP):
+        bench = moving(law=SLOW, whole=False)
+        ends(bench, how)
+        bench.tick(50)
+        bench.ask(request)
+        bench.until_rest()
+        assert on_the_line(commands(bench.rows())[5:])
+        bench.tick(5)
+        wanted = {Request.STOP: Mode.READY, Request.HOLD: Mode.FAULT if how == "told" else Mode.HOLD}
+        assert bench.snapshot.mode is wanted[request]
+        if request is Request.HOLD:
+            bench.ask(Request.RESUME)
+            bench.tick(SILENT + 5)
+            assert (bench.snapshot.mode, bench.snapshot.fault) == (Mode.FAULT, Fault.PLANNER_GONE)
+        bench.close()
+
+
+def test_a_planner_that_was_silent_in_mid_cut_goes_on_as_if_nothing_had_been() -> None:
+    """It hung for longer than the patience, but not for longer than the queue."""
+    bench = moving(ticks=10, law=SLOW, whole=False)
+    bench.planner_alive = False
+    bench.tick(SILENT + 200)
+    bench.planner_alive = True
+    bench.send([dwell(0.0, end=True)], {})
+    bench.until(Mode.READY)
+    assert bench.snapshot.fault is Fault.NONE and bench.snapshot.rejected == 0
+    bench.close()
+
+
+def test_a_plan_that_was_lost_in_one_program_is_not_missed_in_the_next() -> None:
+    bench = moving(law=SLOW)
+    ends(bench, "told")
+    bench.until(Mode.READY)
+    piece, move = straight(THERE, HERE, lambda n: s_curve(n, *SLOW))
+    bench.send([piece, dwell(0.0)], {0: move}, stops=stops(1900.0, 48000.0))
+    bench.tick()
+    bench.ask(Request.START)
+    bench.until_rest()
+    bench.tick(SILENT)
+    assert bench.snapshot.mode is Mode.RUNNING, "it waits for what comes next"
+    bench.close()
+
+
+def test_a_planner_that_wakes_up_after_the_fault_is_not_listened_to() -> None:
+    bench = moving(law=SLOW, whole=False)
     bench.planner_alive = False
     bench.until(Mode.FAULT)
     bench.send([dwell(1.0)], {})
     bench.planner_alive = True
     bench.tick(5)
     assert bench.snapshot.rejected == bench.sequence and bench.snapshot.mode is Mode.FAULT
-    bench.close()
-
-
-def test_a_planner_that_ended_is_a_fault_at_the_next_tick() -> None:
-    bench = moving()
-    bench.end_planner()
-    bench.tick()
-    assert bench.snapshot.fault is Fault.PLANNER_GONE
-    bench.until_rest()
-    assert on_the_line(commands(bench.rows())[5:])
     bench.close()
 
 

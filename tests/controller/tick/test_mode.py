@@ -24,7 +24,7 @@ def modes_in(mode: Mode) -> tuple[Modes, FakeGroup]:
 def test_every_request_in_every_mode_does_what_the_table_says(mode: Mode, request_: Request) -> None:
     modes, _ = modes_in(mode)
     modes.request(request_, 1.0, standing=True)
-    if request_ is Request.ESTOP or (request_ is Request.PLAN_LOST and mode in (Mode.RUNNING, Mode.HOLD)):
+    if request_ is Request.ESTOP:
         assert modes.mode is Mode.FAULT
         return
     expected = follows(mode, request_)
