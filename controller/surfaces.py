@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.arrays import rows
 from controller.curves import Arc, Curve
 from controller.geometry import Number, Pose, Vector, add, cross, dot, norm, scale, subtract, unit
 from controller.hulls import hull
@@ -128,7 +129,7 @@ def _end_tangents(curve: Curve, u: Any, tangent: Vector) -> Vector:
     ends = np.flatnonzero((at <= 0.0) | (at >= 1.0))
     if not len(ends) or at.ndim == 0:
         return tangent
-    table = np.array([np.broadcast_to(t, at.shape) for t in tangent])
+    table = rows(tangent, at.shape)
     for end in np.unique(at[ends]):  # both of them mostly, however many samples there are
         same = at == end
         table[:, same] = np.array(end_tangent(curve, float(end), tuple(table[:, same][:, 0])))[:, None]

@@ -24,11 +24,12 @@ ARROWS: dict[str, set[str]] = {
     "fault_table": {"faults", "catalogue"},
     "state": {"faults", "fault_table", "catalogue"},
     "jets": set(),
+    "arrays": set(),  # components as tables
     "curves": {"geometry", "jets"},
     "splines": {"geometry", "jets", "curves"},
     "rulings": {"geometry", "curves", "splines"},
     "hulls": {"geometry", "curves", "splines"},
-    "surfaces": LEAVES | {"jets", "curves", "splines", "hulls", "rulings"},
+    "surfaces": LEAVES | {"jets", "arrays", "curves", "splines", "hulls", "rulings"},
     "placement": LEAVES | {"curves", "surfaces"},
     "touches": {"geometry"},  # of a cut's axis and the pole
     "kinematics": LEAVES | {"jets", "curves", "touches"},
@@ -51,12 +52,12 @@ ARROWS: dict[str, set[str]] = {
         "profiles",
     },  # the machine as the bus side knows it; config hands it on
     "config": {"machine", "geometry", "toml_table", "equipment", "drive_objects", "profiles", "nodes"},
-    "plan": LEAVES | SHAPES | {"handoff"},
+    "plan": LEAVES | SHAPES | {"arrays", "handoff"},
     "arranged": {"machine", "geometry", "whole"},  # how drives were found, on disk
     "times": LEAVES | {"handoff"},  # what a machine's faults take
     "tick": LEAVES | (SHAPES - {"jets"}) | {"handoff", "times"},
     "journal": LEAVES | {"handoff", "plan", "catalogue", "whole"},  # where the running program is, on disk
-    "verify": LEAVES | SHAPES | {"plan", "handoff", "catalogue"},
+    "verify": LEAVES | SHAPES | {"arrays", "plan", "handoff", "catalogue"},
     # Puts the parts together, as the command line does; nothing but that imports it.
     "session": LEAVES
     | SHAPES

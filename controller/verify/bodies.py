@@ -58,15 +58,16 @@ class Body:
         else:
             sine, cosine = math.sin(self.taper_rad), math.cos(self.taper_rad)
             side, corner = x * cosine - y * sine, (x > 0.0) & (x * sine + y * cosine < 0.0)
+        up = h - self.top_mm
         lower = np.maximum(side, -y)
         lower[corner] = np.sqrt(x[corner] ** 2 + y[corner] ** 2)
-        found = np.maximum(lower - self.rounding_mm, h - self.top_mm)
+        found = np.asarray(np.maximum(lower - self.rounding_mm, up))
         # Over the flank's upper end it is the edge up there: what is beside and above is further than
         # from either side alone, and bounds on distances rely on that.
-        out, up = rho - self.widest_mm, h - self.top_mm
+        out = rho - self.widest_mm
         beyond = (out > 0.0) & (out * math.sin(self.taper_rad) + up * math.cos(self.taper_rad) > 0.0)
         found[beyond] = np.sqrt(out[beyond] ** 2 + up[beyond] ** 2)
-        return np.asarray(found)
+        return found
 
     def outline(self) -> Array:
         """Points (N, 2) of rho and h on its border, whose circles hold the whole body in their hull."""

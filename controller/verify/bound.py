@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
+from controller.arrays import columns
 from controller.geometry import Vector
 from controller.placement import AT_LOWER, Placed
 from controller.surfaces import Surface
@@ -286,4 +287,4 @@ def _points(surface: Surface, u: Array, v: Array) -> Array:
 
 def _rows(vector: Vector, n: int) -> Array:
     """A vector of components (N,) or floats as (N, 3)."""
-    return np.stack([np.broadcast_to(np.asarray(c, dtype=float), (n,)) for c in vector], axis=1)
+    return columns(vector, n)

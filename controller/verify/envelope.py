@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from controller.verify.bodies import Body
-from controller.verify.sweep import Sweep
+from controller.verify.sweep import Around, Sweep
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -78,9 +78,9 @@ def _distances(points: Array, sweep: Sweep, samples: Index, body: Body) -> Array
     return body.distance(np.sqrt(np.maximum(square, 0.0)), h)
 
 
-def _at(points: Array, sweep: Sweep, sample: Index, s: Array, body: Body) -> Array:
-    """Signed distances (N, K) of each point to the body at places ``s`` (N, K) near its own sample."""
-    tips, axes = sweep.poses(sample, s)
+def _at(points: Array, around: Around, s: Array, body: Body) -> Array:
+    """Signed distances (N, K) of each point to the body at places ``s`` (N, K) around its own sample."""
+    tips, axes = around.poses(s)
     away = points[:, None, :] - tips
     return _to_body(away, axes, body)
 
@@ -110,11 +110,11 @@ def _exact_slab(
 ) -> tuple[Array, Index, Array]:
     """Three times a row of places around the best so far, then the vertex of the last three."""
     rows, width = np.arange(len(points)), len(GRID)
-    before, after = np.maximum(sample - 1, sweep.first[sample]), np.minimum(sample + 1, sweep.last[sample])
-    low, high = sweep.s[before], sweep.s[after]
+    around = Around(sweep, sample)
+    low, high = around.low, around.high
     for _ in range(3):
         places = low[:, None] + (high - low)[:, None] * GRID
-        values = _at(points, sweep, sample, places, body)
+        values = _at(points, around, places, body)
         best = np.argmin(values, axis=1)
         value, s = values[rows, best], places[rows, best]
         left, right = np.maximum(best - 1, 0), np.minimum(best + 1, width - 1)
@@ -123,7 +123,7 @@ def _exact_slab(
     bend = a + c - 2.0 * value
     inner = (best > 0) & (best < width - 1) & (bend > 0.0)
     vertex = np.where(inner, s + 0.25 * (high - low) * (a - c) / np.where(inner, bend, 1.0), s)
-    at_vertex = _at(points, sweep, sample, vertex[:, None], body)[:, 0]
+    at_vertex = _at(points, around, vertex[:, None], body)[:, 0]
     s = np.where(at_vertex < value, vertex, s)
     return np.minimum(at_vertex, value), sample, s
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.arrays import columns
 from controller.curves import ArcLength
 from controller.geometry import Frame
 from controller.machine import Tool
@@ -93,7 +94,7 @@ def _sweep(nominal: Nominal, cutter: Cutter) -> Sweep:
 
 
 def _rows(vector: Sequence[Any], n: int) -> Array:
-    return np.stack([np.broadcast_to(np.asarray(c, dtype=float), (n,)) for c in vector], axis=1)
+    return columns(vector, n)
 
 
 def largest(

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.arrays import columns
 from controller.geometry import Vector
 from controller.machine import Tool
 from controller.verify.bodies import cutter
@@ -287,7 +288,7 @@ class Field:
 
     def _map(self, t: Array, at: tuple[Array, Array], across: int) -> Map:
         u, v = at
-        points = np.stack([np.broadcast_to(c, u.shape) for c in self.nominal.surface.point(u, v, np)], axis=1)
+        points = columns(self.nominal.surface.point(u, v, np), len(u))
         return Map(t.reshape(-1, across), points.reshape(-1, across, 3))
 
 

@@ -8,6 +8,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.arrays import columns
 from controller.geometry import Frame, Vector
 from controller.machine import Tool
 from controller.surfaces import Surface
@@ -139,4 +140,4 @@ def grid(along: int, across: int, u: tuple[float, float] = (0.0, 1.0)) -> tuple[
 
 def _rows(vector: Vector, n: int) -> Array:
     """A vector of components (N,) or floats as (N, 3)."""
-    return np.stack([np.broadcast_to(np.asarray(c, dtype=float), (n,)) for c in vector], axis=1)
+    return columns(vector, n)

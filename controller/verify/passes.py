@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.arrays import columns
 from controller.kinematics import Kinematics
 from controller.machine import Machine, Tool
 from controller.motions import SurfaceCut
@@ -163,11 +164,7 @@ def forward(joints: Array, length_mm: float, kinematics: Kinematics) -> tuple[Ar
     """Tips and axes (N, 3) in the table frame from joints (N, 5), mm and rad."""
     a, b, c, d, e = joints.T
     pose = kinematics.forward((a, b, c, d, e), length_mm, np)
-    tip, axis = (
-        np.stack([np.broadcast_to(np.asarray(x, dtype=float), a.shape) for x in vector], axis=1)
-        for vector in (pose.tip, pose.axis)
-    )
-    return tip, axis
+    return columns(pose.tip, len(a)), columns(pose.axis, len(a))
 
 
 @dataclass(frozen=True, slots=True)

@@ -70,24 +70,48 @@ def _step(ends: Array) -> Array:
 
 def _lagrange(s: Array, values: Array, left: Index, at: Array) -> Array:
     """Cubics through four neighbours of ``values`` (N, k), at ``at`` (M,) right of sample ``left`` (M,)."""
-    base = np.clip(left - 1, 0, len(s) - 4)
-    weights = _weights(s[base[:, None] + np.arange(4)], at)
-    return np.asarray(np.einsum("mi,mik->mk", weights, values[base[:, None] + np.arange(4)]))
+    four = np.clip(left - 1, 0, len(s) - 4)[:, None] + np.arange(4)
+    return np.asarray(np.einsum("mi,mik->mk", Knots(s[four]).weights(at), values[four]))
 
 
-def _weights(knots: Array, at: Array) -> Array:
-    """Lagrange's weights (..., 4) of four knots each (..., 4) at places (...)."""
-    g0, g1, g2, g3 = (at - knots[..., i] for i in range(4))
-    a, b, c, d = (knots[..., i] for i in range(4))
-    return np.stack(
-        [
-            g1 * g2 * g3 / ((a - b) * (a - c) * (a - d)),
-            g0 * g2 * g3 / ((b - a) * (b - c) * (b - d)),
-            g0 * g1 * g3 / ((c - a) * (c - b) * (c - d)),
-            g0 * g1 * g2 / ((d - a) * (d - b) * (d - c)),
-        ],
-        axis=-1,
-    )
+class Knots:
+    """Four knots each (..., 4), and Lagrange's weights of them."""
+
+    def __init__(self, knots: Array) -> None:
+        a, b, c, d = self._knots = [knots[..., i] for i in range(4)]
+        self._apart = (
+            (a - b) * (a - c) * (a - d),
+            (b - a) * (b - c) * (b - d),
+            (c - a) * (c - b) * (c - d),
+            (d - a) * (d - b) * (d - c),
+        )
+
+    def weights(self, at: Array) -> Array:
+        """Of the four (..., 4), at places (...)."""
+        g0, g1, g2, g3 = (at - knot for knot in self._knots)
+        made = np.empty((*g0.shape, 4))
+        rises = (g1 * g2 * g3, g0 * g2 * g3, g0 * g1 * g3, g0 * g1 * g2)
+        for i, (rise, apart) in enumerate(zip(rises, self._apart, strict=True)):
+            np.divide(rise, apart, out=made[..., i])
+        return made
+
+
+class Around:
+    """Samples (M,) with their neighbours on their own pass: poses can be had anywhere between them."""
+
+    def __init__(self, sweep: Sweep, sample: Index) -> None:
+        first, last = sweep.first[sample], sweep.last[sample]
+        four = np.clip(sample - 1, first, np.maximum(last - 3, first))[:, None] + np.arange(4)
+        self._knots = Knots(sweep.s[four][:, None, :])
+        self._values = np.concatenate([sweep.tips[four], sweep.axes[four]], axis=2)
+        self.low = sweep.s[np.maximum(sample - 1, first)]
+        self.high = sweep.s[np.minimum(sample + 1, last)]
+
+    def poses(self, s: Array) -> tuple[Array, Array]:
+        """Tips and axes (M, K, 3) at places ``s`` (M, K) near each sample."""
+        both = self._knots.weights(s) @ self._values
+        tips, axes = both[..., :3], both[..., 3:]
+        return tips, axes / np.sqrt(np.einsum("mki,mki->mk", axes, axes))[..., None]
 
 
 class Sweep:
@@ -110,16 +134,6 @@ class Sweep:
     def runs(self) -> Runs:
         """Runs of samples that never reach over the end of a pass."""
         return Runs.of(self)
-
-    def poses(self, sample: Index, s: Array) -> tuple[Array, Array]:
-        """Tips and axes (M, K, 3) at places ``s`` (M, K) near ``sample`` (M,), each on its own pass."""
-        base = np.clip(sample - 1, self.first[sample], np.maximum(self.last[sample] - 3, self.first[sample]))
-        four = base[:, None] + np.arange(4)
-        both = _weights(self.s[four][:, None, :], s) @ np.concatenate(
-            [self.tips[four], self.axes[four]], axis=2
-        )
-        tips, axes = both[..., :3], both[..., 3:]
-        return tips, axes / np.sqrt(np.einsum("mki,mki->mk", axes, axes))[..., None]
 
     def only(self, keep: Iterable[int]) -> Sweep:
         """The sweep of some of the passes."""

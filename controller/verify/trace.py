@@ -22,6 +22,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from controller.arrays import columns
 from controller.geometry import Frame, Pose, Vector, angle_between, scale, subtract
 from controller.handoff import COLUMN, ROW
 from controller.kinematics import Kinematics
@@ -248,7 +249,7 @@ def _forward(kinematics: Kinematics, joints: Array, length_mm: float) -> Pose:
 
 
 def _stack(v: Vector, n: int) -> Array:
-    return np.stack([np.broadcast_to(np.asarray(c, dtype=float), (n,)) for c in v], axis=1)
+    return columns(v, n)
 
 
 # ---- what a trace shows -----------------------------------------------------------

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from controller.arrays import rows
 from controller.geometry import Vector
 from controller.machine import Axis, Joints, Machine
 from controller.motions import SurfaceCut
@@ -176,7 +177,7 @@ def _beside(cut: Cut, u: Array) -> Array:
     """Points (3, N) of a surface at the rulings ``u``, part frame."""
     along, across = (a.ravel() for a in np.meshgrid(u, np.linspace(0.0, 1.0, 17), indexing="ij"))
     point = cut.motion.surface.point(along, across, np)
-    return np.array([np.broadcast_to(c, along.shape) for c in point])
+    return rows(point, along.shape)
 
 
 def _flank(cut: Cut) -> tuple[float, float]:

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from controller.arrays import columns
 from controller.geometry import Vector, scale
 from controller.kinematics import Kinematics
 from controller.motions import JointMove, Rotaries, SurfaceCut, ToolLine, ToolSpline
@@ -183,7 +184,7 @@ def joints_on(cut: SurfaceCut, u: Array, rotaries: Array, kinematics: Kinematics
 def _stacked(tip: Vector, first: Array, second: Array, cut: SurfaceCut, kinematics: Kinematics) -> Array:
     x, y, z = kinematics.linear(tip, (first, second), cut.length_mm, np)
     values = (x, y, z, first, second)
-    return np.stack([np.broadcast_to(values[i], first.shape) for i in kinematics.order], axis=1)
+    return columns([values[i] for i in kinematics.order], len(first))
 
 
 def joints_along(stretch: Stretch, s: Array, kinematics: Kinematics) -> Array:
@@ -244,4 +245,4 @@ def _along_move(move: JointMove, s: Array) -> Array:
     share = s / move.end if move.end > 0.0 else 0.0 * s
     (a0, b0), (a1, b1) = move.start_rotaries, move.end_rotaries
     values = (*move.curve.at(share, np), a0 + (a1 - a0) * share, b0 + (b1 - b0) * share)
-    return np.stack([np.broadcast_to(values[i], s.shape) for i in move.order], axis=1)
+    return columns([values[i] for i in move.order], len(s))

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from controller.arrays import rows
 from controller.geometry import Vector, dot, scale, subtract
 from controller.placement import Placed
 from controller.surfaces import Surface
@@ -130,4 +131,4 @@ def _unit(v: Array) -> Array:
 
 
 def _stacked(v: Vector, u: Array) -> Array:
-    return np.array([np.broadcast_to(c, u.shape) for c in v], dtype=float)
+    return rows(v, u.shape)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller import jets
+from controller.arrays import columns
 from controller.geometry import Number
 from controller.kinematics import Kinematics
 from controller.motions import ROW, ToolLine, ToolSpline
@@ -29,7 +30,7 @@ def joints_along_line(line: ToolLine, s: Array, kinematics: Kinematics) -> Array
         (tip[0], tip[1], tip[2]), (rotaries[:, 0], rotaries[:, 1]), line.length_mm, np
     )
     values = (x, y, z, rotaries[:, 0], rotaries[:, 1])
-    return np.stack([np.broadcast_to(values[i], share.shape) for i in kinematics.order], axis=1)
+    return columns([values[i] for i in kinematics.order], len(share))
 
 
 def _rotaries(line: ToolLine, share: Array, kinematics: Kinematics) -> Array:
@@ -99,7 +100,7 @@ def joints_along_spline(spline: ToolSpline, s: Array, kinematics: Kinematics) ->
     if spline.tips:
         x, y, z = kinematics.linear((x, y, z), (a, b), spline.length_mm, np)
     values = (x, y, z, a, b)
-    return np.stack([np.broadcast_to(values[i], s.shape) for i in kinematics.order], axis=1)
+    return columns([values[i] for i in kinematics.order], len(s))
 
 
 def derivatives_of_spline(spline: ToolSpline, s: Array, kinematics: Kinematics) -> tuple[Array, Array, Array]:

@@ -1,0 +1,27 @@
+"""Vectors of samples as tables: what a formula gives as components, some of them numbers, in one array."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def columns(values: Sequence[Any], n: int) -> Array:
+    """(n, k) of k values, each an array (n,) or a number. Raises ValueError for another shape."""
+    table = np.empty((n, len(values)))
+    for k, value in enumerate(values):
+        table[:, k] = value
+    return table
+
+
+def rows(values: Sequence[Any], shape: tuple[int, ...]) -> Array:
+    """(k, *shape) of k values, each an array of that shape or a number. Raises ValueError for another one."""
+    table = np.empty((len(values), *shape))
+    for k, value in enumerate(values):
+        table[k] = value
+    return table
