@@ -48,7 +48,12 @@ def load(state: Path) -> dict[str, Any]:
 def save(state: Path, values: Values) -> None:
     """Keep it, whole or not at all. Raises OSError."""
     state.mkdir(parents=True, exist_ok=True)
-    whole.write(state / FILE, json.dumps(values, indent=1))
+    whole.write(state / FILE, text_of(values))
+
+
+def text_of(values: Values) -> str:
+    """What is kept, as it stands in its file."""
+    return json.dumps(values, indent=1)
 
 
 def in_spindle(state: Path) -> int:
@@ -68,10 +73,14 @@ def put_in(state: Path, number: int) -> None:
 
 def note(state: Path, machine: Machine) -> None:
     """Note the machine file that a service runs on. Raises OSError."""
-    file = state / MACHINE
-    text = json.dumps({"name": machine.name, "text": machine.text})
+    file, text = state / MACHINE, note_of(machine)
     if not file.exists() or file.read_text(encoding="utf-8") != text:
         whole.write(file, text)
+
+
+def note_of(machine: Machine) -> str:
+    """What notes a machine file, as it stands in its own."""
+    return json.dumps({"name": machine.name, "text": machine.text})
 
 
 def machine(state: Path) -> Machine:

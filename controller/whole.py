@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
+import shutil
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 
@@ -14,14 +17,18 @@ def write(file: Path, text: str) -> None:
     """
     new = file.with_name(f"{file.name}.new")
     try:
-        with open(new, "w", encoding="utf-8") as out:
-            out.write(text)
-            out.flush()
-            os.fsync(out.fileno())
+        _write_through(new, text)
         os.replace(new, file)
     finally:
         new.unlink(missing_ok=True)
     sync(file.parent)
+
+
+def _write_through(file: Path, text: str) -> None:
+    with open(file, "w", encoding="utf-8") as out:
+        out.write(text)
+        out.flush()
+        os.fsync(out.fileno())
 
 
 def sync(folder: Path) -> None:
@@ -34,3 +41,53 @@ def sync(folder: Path) -> None:
             raise
     finally:
         os.close(handle)
+
+
+@contextlib.contextmanager
+def all_or_none(texts: Mapping[Path, str]) -> Iterator[Callable[[], None]]:
+    """Replace several files, also on several disks: all of them or none.
+
+        with whole.all_or_none({machine_file: text, fitting: other}) as put:
+            ...           # every text is on its disk, beside its file: none of them can be too full now
+            put()
+            ...           # whatever goes wrong in here puts the old ones back
+
+    Raises OSError; then, as after any exception, every file is as it was.
+    """
+    with contextlib.ExitStack() as tidy:
+        staged = [_staged(file, text, tidy) for file, text in texts.items()]
+        replaced: list[tuple[Path, Path | None]] = []
+
+        def put() -> None:
+            for file, new, old in staged:
+                os.replace(new, file)
+                replaced.append((file, old))
+            for folder in {file.parent for file, _, _ in staged}:
+                sync(folder)
+
+        try:
+            yield put
+        except BaseException:
+            for file, old in reversed(replaced):
+                _put_back(file, old)
+            raise
+
+
+def _staged(file: Path, text: str, tidy: contextlib.ExitStack) -> tuple[Path, Path, Path | None]:
+    """(the file, its new text beside it, the file as it is, under another name: None where there is none)."""
+    new, old = file.with_name(f"{file.name}.new"), file.with_name(f"{file.name}.old")
+    for made in (new, old):
+        made.unlink(missing_ok=True)  # of one that died
+        tidy.callback(made.unlink, missing_ok=True)
+    if file.exists():
+        shutil.copy2(file, old)
+    _write_through(new, text)
+    return file, new, old if file.exists() else None
+
+
+def _put_back(file: Path, old: Path | None) -> None:
+    with contextlib.suppress(OSError):  # one that cannot be put back is no reason to leave the others
+        if old is None:
+            file.unlink(missing_ok=True)
+        else:
+            os.replace(old, file)

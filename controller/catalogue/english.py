@@ -394,6 +394,9 @@ REFUSALS = {
     "too_large": "{path}: is larger than {most} MB; split the program.",
     "unreadable": "{path}: cannot be read: {why}; upload the program again.",
     "not_written": "{path}: cannot be written: {why}.",
+    "unrecorded": "{program} is not started, for this run is not recorded and cannot be gone on with: {why}. "
+    "Free space on the disk, or confirm that it runs unrecorded.",
+    "little_room": "{folder} has {free} MB free, and {needed} MB are needed",
     "not_recorded": "{program} runs, but no record of it is kept: {why}. Free space on the disk.",
     "other_sum": "{path}: its sha256 is {found}, not {wanted}; upload the program again.",
 }

@@ -407,6 +407,10 @@ REFUSALS = {
     "too_large": "{path}: ist größer als {most} MB; das Programm teilen.",
     "unreadable": "{path}: nicht lesbar ({why}); das Programm noch einmal hochladen.",
     "not_written": "{path}: nicht zu schreiben ({why}).",
+    "unrecorded": "{program} ist nicht gestartet, denn dieser Lauf wird nicht aufgezeichnet und kann nicht "
+    "fortgesetzt werden: {why}. Platz auf dem Datenträger schaffen oder den Lauf ohne Aufzeichnung "
+    "bestätigen.",
+    "little_room": "{folder} hat {free} MB frei, und {needed} MB sind nötig",
     "not_recorded": "{program} läuft, wird aber nicht aufgezeichnet: {why}. "
     "Platz auf dem Datenträger schaffen.",
     "other_sum": "{path}: sha256 ist {found}, nicht {wanted}; das Programm noch einmal hochladen.",

@@ -10,10 +10,12 @@ from typing import Annotated, Any
 import typer
 
 from controller import config, door, fitting
+from controller.commands import machine_check
 from controller.machine import Machine
 from controller.panel import backup
 from controller.panel.backup import BackupError, Contents
 from controller.panel.store import Store, StoreError
+from controller.session.bus_load import overload
 from controller.toml_table import ConfigError
 from controller.verify.console import Refused, refusals, show
 
@@ -67,7 +69,10 @@ def restore(
     with refusals(as_json, lambda: EXPECTED):
         store = Store(state or door.state_folder())
         _at_rest(store, runtime)
-        _restored(store, backup.check(archive), machine_file, as_json)
+        contents = backup.check(archive)
+        if machine_file is not None:
+            _sound(contents.machine, as_json)
+        _restored(store, contents, machine_file, as_json)
 
 
 @app.command()
@@ -82,6 +87,7 @@ def update(
     with refusals(as_json, lambda: EXPECTED):
         store = Store(state or door.state_folder())
         _at_rest(store, runtime)
+        _sound(config.load(new), as_json)
         _show(as_json, {"done": backup.update(store, new, machine_file)})
 
 
@@ -97,6 +103,16 @@ def rollback(
             raise Refused(f"{store.folder}: nothing was restored or updated here; nothing to undo.")
         contents = backup.check(kept[0])
         _restored(store, contents, machine_file or contents.machine_file, as_json)
+
+
+def _sound(machine: Machine, quiet: bool) -> None:
+    """Raises Refused for what ``check``, ``bus`` and commissioning refuse: no service would start with it.
+
+    A roll-back does not ask: what was in use before is taken as it was.
+    """
+    machine_check.sheets(machine, quiet)
+    if sentence := overload(machine):
+        raise Refused(sentence)
 
 
 def _restored(store: Store, contents: Contents, machine_file: Path | None, as_json: bool) -> None:

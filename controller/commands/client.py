@@ -100,6 +100,9 @@ def start(
         bool, typer.Option("--block-delete", help="Leave lines out that begin with /.")
     ] = False,
     restart: Annotated[bool, typer.Option("--restart", help="Go on where it was interrupted.")] = False,
+    unrecorded: Annotated[
+        bool, typer.Option("--unrecorded", help="Also where the disk takes no record of the run.")
+    ] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before a start in mid program.")] = False,
     take_over: TakeOver = False,
     url: Url = remote.URL,
@@ -124,7 +127,7 @@ def start(
                 loaded = _loaded(machine, {"program": program, **place})
                 if line is not None and not yes:
                     _agreed(loaded, line)
-            done = carried_out(machine, "cycle/start")
+            done = carried_out(machine, "cycle/start", {"unrecorded": True} if unrecorded else None)
         tell_done(f"Started{f' {program}' if program else ''}.", done, as_json)
 
 

@@ -59,7 +59,10 @@ def receive(
     runtime: Runtime = None,
     as_json: Json = False,
 ) -> None:
-    """Take a program from the line into the store, whole or not at all; it does not start."""
+    """Take a program from the line into the store, whole or not at all; it does not start.
+
+    Several that come in one go are stored by their own numbers. What was left out within a line is told.
+    """
     with refusals(as_json, lambda: (TapeError, StoreError)):
         # Who waits forever is in no hurry for the first one either.
         settings = LineSettings(port, baud, data_format, flow, silence_s, math.inf if forever else wait_s)
@@ -68,7 +71,7 @@ def receive(
         used = _in_use(store.folder, runtime)
         while True:
             try:
-                _say(_received(settings, store, name, used, as_json), "Received", as_json)
+                _take(settings, store, name, used, as_json)
             except (TapeError, StoreError) as error:
                 if not forever or isinstance(error, LineError):
                     raise
@@ -77,12 +80,22 @@ def receive(
                 return
 
 
-def _received(
-    settings: LineSettings, store: Store, name: str, in_use: Callable[[], Collection[str]], quiet: bool
-) -> Program:
-    with bar(f"receiving on {settings.port}", quiet) as progress, dnc.opened(settings) as line:
-        tape = dnc.receive(line, lambda count: progress(0.0, f"{count} bytes"))
-    return kept(store, tape, name, in_use())
+def _take(
+    settings: LineSettings, store: Store, name: str, in_use: Callable[[], Collection[str]], as_json: bool
+) -> None:
+    """One transmission into the store; what was not kept of it is the refusal."""
+    with bar(f"receiving on {settings.port}", as_json) as progress, dnc.opened(settings) as line:
+        came = dnc.receive(line, lambda count: progress(0.0, f"{count} bytes"))
+    if name and len(came.tapes) > 1:
+        listed = ", ".join(tape.name or "one without a number" for tape in came.tapes)
+        raise TapeError(
+            f"{settings.port}: {len(came.tapes)} programs came ({listed}), and --name names one; nothing "
+            "was kept, leave it out or send them singly."
+        )
+    for tape in came.tapes:
+        _say(kept(store, tape, name, in_use()), "Received", as_json, tape.told)
+    if came.problem:
+        raise TapeError(came.problem)
 
 
 def kept(store: Store, tape: Tape, name: str, in_use: Collection[str]) -> Program:
@@ -154,13 +167,16 @@ def _of_store(name: str, state: Path | None) -> bytes:
     return store.programs.path(store.programs.get(name).sha256).read_bytes()
 
 
-def _say(told: Program | dict[str, Any], done: str, as_json: bool) -> None:
+def _say(told: Program | dict[str, Any], done: str, as_json: bool, left_out: Collection[str] = ()) -> None:
     facts = (
         {"program": told.name, "bytes": told.size, "lines": told.lines, "sha256": told.sha256}
         if isinstance(told, Program)
         else told
     )
     if as_json:
-        print(json.dumps({"ok": True, **facts}), flush=True)
-    else:
-        tell.print(f"{done}: {facts['program']}, {facts['bytes']} bytes.", markup=False)
+        more = {"left_out": list(left_out)} if left_out else {}
+        print(json.dumps({"ok": True, **facts, **more}), flush=True)
+        return
+    tell.print(f"{done}: {facts['program']}, {facts['bytes']} bytes.", markup=False)
+    for sentence in left_out:
+        tell.print(f"{facts['program']}: {sentence}", markup=False)

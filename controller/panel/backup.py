@@ -6,55 +6,50 @@
 
 Users and tokens are not in it: an archive is carried about and mailed. Restored while no
 service runs on the state folder, because that reads offsets and tools when it starts.
+
+What is put back is put back whole or not at all, though it lies in a database, in files beside it and,
+with the machine file, perhaps on another disk: all of it is written beside its place first, where a full disk
+changes nothing; then files take their names, within the transaction, and go back if it fails.
 """
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
 import re
+import sqlite3
+import tempfile
 import time
 import zipfile
-import zlib
-from dataclasses import dataclass
+from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 from controller import config, fitting, whole
 from controller.machine import Machine
-from controller.panel import names
+from controller.panel.archive import (
+    FITTING,
+    FORMAT,
+    MACHINE,
+    MANIFEST,
+    SETTINGS,
+    BackupError,
+    Contents,
+    check,
+    member_of,
+)
 from controller.panel.database import StoreError
+from controller.panel.programs import Program
 from controller.panel.store import Store
-from controller.toml_table import ConfigError
+from controller.panel.uploads import MODE
 
-FORMAT = 1
+__all__ = ["BackupError", "Contents", "all_kept", "check", "keep", "restore", "save", "update"]
+
 KEPT = 20  # back-ups made by themselves
 FOLDER = "backups"  # of those, in the state folder
-MOST_BYTES = 4 << 30  # unpacked
 BY = "back-up"
-UNREADABLE = (OSError, zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError)
-
-_MANIFEST, _MACHINE, _FITTING, _SETTINGS = "manifest.json", "machine.toml", "fitting.json", "settings.json"
-_PROGRAM = re.compile(r"programs/([0-9a-f]{64})\.ngc")
-
-
-class BackupError(Exception):
-    """One sentence: which archive, what is wrong with it, what to do."""
-
-
-@dataclass(frozen=True, slots=True)
-class Contents:
-    """An archive that was read whole and found sound."""
-
-    file: Path
-    made_s: float  # seconds since 1970
-    machine: Machine  # as its builder wrote it
-    fitted: dict[str, Any]
-    settings: dict[str, Any]
-    programs: dict[str, str]  # name: sha256
-    machine_file: Path | None = None  # that was replaced when this was kept; a roll-back puts it back there
 
 
 def save(store: Store, machine: Machine, file: Path, machine_file: Path | None = None) -> Path:
@@ -63,9 +58,9 @@ def save(store: Store, machine: Machine, file: Path, machine_file: Path | None =
     Raises StoreError, ConfigError, OSError.
     """
     parts = {
-        _MACHINE: _alone(machine).encode(),
-        _FITTING: json.dumps(fitting.load(store.folder)).encode(),
-        _SETTINGS: json.dumps(store.settings.all()).encode(),
+        MACHINE: _alone(machine).encode(),
+        FITTING: json.dumps(fitting.load(store.folder)).encode(),
+        SETTINGS: json.dumps(store.settings.all()).encode(),
     }
     programs = {program.name: program.sha256 for program in store.programs.list()}
     sums = {name: hashlib.sha256(data).hexdigest() for name, data in parts.items()}
@@ -75,11 +70,11 @@ def save(store: Store, machine: Machine, file: Path, machine_file: Path | None =
     new = file.with_name(f"{file.name}.part")
     try:
         with zipfile.ZipFile(new, "w", zipfile.ZIP_DEFLATED) as archive:
-            archive.writestr(_MANIFEST, json.dumps(manifest, indent=1))
+            archive.writestr(MANIFEST, json.dumps(manifest, indent=1))
             for name, data in parts.items():
                 archive.writestr(name, data)
             for sha256 in sorted(set(programs.values())):
-                archive.write(store.programs.path(sha256), f"programs/{sha256}.ngc")
+                archive.write(store.programs.path(sha256), member_of(sha256))
         with open(new, "rb") as written:
             os.fsync(written.fileno())
         os.replace(new, file)
@@ -89,85 +84,91 @@ def save(store: Store, machine: Machine, file: Path, machine_file: Path | None =
     return file
 
 
-def check(file: Path) -> Contents:
-    """Read an archive whole. Raises BackupError."""
-    try:
-        with zipfile.ZipFile(file) as archive:
-            return _contents(file, archive)
-    except UNREADABLE as error:
-        raise BackupError(f"{file}: cannot be read ({error}); use another back-up.") from error
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise BackupError(f"{file}: is no back-up of this program ({error}); use another one.") from error
-    except (ConfigError, StoreError) as error:
-        raise BackupError(f"{file}: holds what this version does not take: {error}") from error
-
-
-def _contents(file: Path, archive: zipfile.ZipFile) -> Contents:
-    if sum(entry.file_size for entry in archive.infolist()) > MOST_BYTES:
-        raise BackupError(f"{file}: holds more than {MOST_BYTES >> 30} GB; use another back-up.")
-    manifest = json.loads(archive.read(_MANIFEST))
-    if manifest["format"] != FORMAT:
-        raise BackupError(f"{file}: has format {manifest['format']}; allowed is {FORMAT}; update first.")
-    parts = {name: archive.read(name) for name in (_MACHINE, _FITTING, _SETTINGS)}
-    for name, data in parts.items():
-        _same(file, name, hashlib.sha256(data).hexdigest(), manifest["parts"][name])
-    programs = {names.check(str(name)): str(sha256) for name, sha256 in manifest["programs"].items()}
-    for sha256 in set(programs.values()):
-        _same(file, f"programs/{sha256}.ngc", _sum(archive, sha256), sha256)
-    machine = config.read(parts[_MACHINE].decode(), f"{file.name}/{_MACHINE}")
-    fitted, settings = dict(json.loads(parts[_FITTING])), dict(json.loads(parts[_SETTINGS]))
-    fitting.applied(machine, fitted)
-    replaced = Path(str(manifest["machine_file"])) if "machine_file" in manifest else None
-    return Contents(file, float(manifest["made_s"]), machine, fitted, settings, programs, replaced)
-
-
-def _sum(archive: zipfile.ZipFile, sha256: str) -> str:
-    if not _PROGRAM.fullmatch(name := f"programs/{sha256}.ngc"):
-        raise ValueError(f"{names.shown(sha256)} is no checksum")
-    summed = hashlib.sha256()
-    with archive.open(name) as part:
-        while chunk := part.read(1 << 20):
-            summed.update(chunk)
-    return summed.hexdigest()
-
-
-def _same(file: Path, part: str, found: str, expected: str) -> None:
-    if found != expected:
-        raise BackupError(f"{file}: {part} is not what was saved (its sha256 differs); use another back-up.")
-
-
 def restore(store: Store, contents: Contents, machine_file: Path | None, before: Machine | None) -> list[str]:
-    """Put back what an archive holds; what was done, a sentence each.
+    """Put back what an archive holds, all of it or nothing; what was done, a sentence each.
 
     ``machine_file``: where the service reads its machine file, None = left as it is; ``before``: the
     machine now, for the back-up that is made first. Programs that the archive does not hold stay.
     Raises StoreError, ConfigError, BackupError, OSError.
     """
-    done = [f"Kept what was: {keep(store, before, machine_file)}."] if before else []
-    with zipfile.ZipFile(contents.file) as archive:
-        for name, sha256 in contents.programs.items():
-            _restore_program(store, archive, name, sha256)
-    done.append(f"Programs: {len(contents.programs)}.")
-    with store.database.write() as sql:
-        store.settings.replace(contents.settings, BY, sql)
+    texts = {store.folder / fitting.FILE: fitting.text_of(contents.fitted)}
     if machine_file is not None:
-        whole.write(machine_file, _alone(contents.machine))
-        done.append(f"Machine file: {machine_file}.")
+        texts[machine_file] = _alone(contents.machine)
     if machine_file is not None or before is None:
-        fitting.note(store.folder, contents.machine)
-    fitting.save(store.folder, contents.fitted)
-    done.append("Offsets and tools: as in the back-up, from the next start of the service on.")
-    return done
+        texts[store.folder / fitting.MACHINE] = fitting.note_of(contents.machine)
+    with contextlib.ExitStack() as work:
+        done = [f"Kept what was: {work.enter_context(_kept(store, before, machine_file))}."] if before else []
+        put = work.enter_context(whole.all_or_none(texts))
+        staged = work.enter_context(_unpacked(store, contents))
+        with store.database.write() as sql:
+            _enter(store, contents, staged, sql)
+            put()
+    _forget_old(store)
+    done.append(f"Programs: {len(contents.programs)}.")
+    if machine_file is not None:
+        done.append(f"Machine file: {machine_file}.")
+    return [*done, "Offsets and tools: as in the back-up, from the next start of the service on."]
 
 
-def _restore_program(store: Store, archive: zipfile.ZipFile, name: str, sha256: str) -> None:
+@contextlib.contextmanager
+def _kept(store: Store, before: Machine, machine_file: Path | None) -> Iterator[Path]:
+    """What was, for a roll-back; where nothing was changed there is nothing to roll back."""
+    made = keep(store, before, machine_file)
+    try:
+        yield made
+    except BaseException:
+        made.unlink(missing_ok=True)
+        raise
+
+
+@contextlib.contextmanager
+def _unpacked(store: Store, contents: Contents) -> Iterator[Path]:
+    """A folder on the store's disk with every content, there until the end of the restore."""
+    incoming = store.programs.incoming
     with (
-        store.uploads.begin(name, sha256=sha256, by=BY) as upload,
-        archive.open(f"programs/{sha256}.ngc") as part,
+        zipfile.ZipFile(contents.file) as archive,
+        tempfile.TemporaryDirectory(dir=incoming, prefix="restore-") as made,
     ):
-        while chunk := part.read(1 << 20):
-            upload.write(chunk)
-        upload.commit()
+        _fits(store, contents, archive)
+        for sha256 in set(contents.programs.values()):
+            with archive.open(member_of(sha256)) as part, open(Path(made, sha256), "wb") as out:
+                while chunk := part.read(1 << 20):
+                    out.write(chunk)
+                out.flush()
+                os.fchmod(out.fileno(), MODE)
+                os.fsync(out.fileno())
+        yield Path(made)
+
+
+def _fits(store: Store, contents: Contents, archive: zipfile.ZipFile) -> None:
+    """Raises StoreError for a program that is larger than allowed, or a disk that is too full."""
+    sizes = {sha256: archive.getinfo(member_of(sha256)).file_size for sha256 in contents.programs.values()}
+    most = store.uploads.limits.most_bytes
+    for name, sha256 in contents.programs.items():
+        if sizes[sha256] > most:
+            raise StoreError.told("size", "upload_more", name=name, most=most)
+    store.uploads.room(sum(sizes.values()))
+
+
+def _enter(store: Store, contents: Contents, staged: Path, sql: sqlite3.Connection) -> None:
+    """Names, contents and settings, within one transaction. A content that no name points at is swept."""
+    programs, now_s = store.programs, store.programs.now_s()
+    lines = {file.name: _facts(file) for file in staged.iterdir()}
+    for file in staged.iterdir():
+        os.replace(file, programs.path(file.name))
+    whole.sync(programs.folder)
+    for name, sha256 in contents.programs.items():
+        programs.enter(Program(name, sha256, *lines[sha256], now_s, BY), sql)
+    store.settings.replace(contents.settings, BY, sql)
+
+
+def _facts(file: Path) -> tuple[int, int]:
+    """(bytes, lines)."""
+    size, ends, last = 0, 0, b"\n"
+    with open(file, "rb") as text:
+        while chunk := text.read(1 << 20):
+            size, ends, last = size + len(chunk), ends + chunk.count(b"\n"), chunk[-1:]
+    return size, ends + (last != b"\n")
 
 
 def update(store: Store, new: Path, machine_file: Path) -> list[str]:
@@ -175,25 +176,34 @@ def update(store: Store, new: Path, machine_file: Path) -> list[str]:
 
     Raises ConfigError, StoreError, OSError.
     """
-    fitting.applied(config.load(new), fitting.load(store.folder))
-    done = []
-    if machine_file.exists():
-        done.append(f"Kept what was: {keep(store, config.load(machine_file), machine_file)}.")
-    whole.write(machine_file, _alone(config.load(new)))
+    machine = config.load(new)
+    fitting.applied(machine, fitting.load(store.folder))
+    with contextlib.ExitStack() as work:
+        done = []
+        if machine_file.exists():
+            kept = work.enter_context(_kept(store, config.load(machine_file), machine_file))
+            done.append(f"Kept what was: {kept}.")
+        work.enter_context(whole.all_or_none({machine_file: _alone(machine)}))()
+    _forget_old(store)
     return [*done, f"Machine file: {machine_file}, from the next start of the service on."]
 
 
 def keep(store: Store, machine: Machine, machine_file: Path | None = None) -> Path:
-    """A back-up in the state folder, made before something is replaced; the oldest go.
+    """A back-up in the state folder, made before something is replaced.
 
     ``machine_file``: the one that is replaced, None where it is left as it is.
     """
     folder = store.folder / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
-    kept = save(store, machine, folder / datetime.now().strftime("%Y-%m-%dT%H%M%S.%f.zip"), machine_file)
-    for old in all_kept(store)[KEPT:]:
-        old.unlink(missing_ok=True)
-    return kept
+    return save(store, machine, folder / datetime.now().strftime("%Y-%m-%dT%H%M%S.%f.zip"), machine_file)
+
+
+def _forget_old(store: Store) -> None:
+    """What nobody goes back to: contents that no name points at any more, and the oldest back-ups."""
+    with contextlib.suppress(StoreError, OSError):  # it has been restored all the same
+        store.programs.sweep()
+        for old in all_kept(store)[KEPT:]:
+            old.unlink(missing_ok=True)
 
 
 def all_kept(store: Store) -> list[Path]:

@@ -1,6 +1,6 @@
 """Programs over a serial line: received into the store, or punched out of it.
 
-    dnc.receive(line, reader)          one tape, whole, or TapeError and nothing
+    dnc.receive(line)                  every program of a transmission, each whole, or TapeError and nothing
     dnc.send(line, tape)
 
 7E2 and 7E1 run as 8 bits without parity, two stop bits or one: on the wire that is the same, and
@@ -22,13 +22,14 @@ from typing import Protocol
 
 import serial
 
-from controller.panel.tape import DC1, DC2, DC3, DC4, Reader, Tape, TapeError, coded
+from controller.panel.tape import DC1, DC2, DC3, DC4, Reader, Tape, TapeError, coded, programs
 
 BAUD_RATES = (1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200)
 FORMATS = {"7E2": (True, 2), "7E1": (True, 1), "8N1": (False, 1)}  # even parity in 7 bits; stop bits
 FLOWS = ("xon", "rts", "none")
 CHUNK = 256  # bytes handed to the kernel at once; it keeps up to 4096
 TURN_S = 0.1  # of reading, between two looks at the clock
+TRAILER_S = 0.5  # of silence behind a program: no other one follows it
 REPEAT_S = 5.0  # of silence, then the start character is sent again: it may have been lost
 
 _TIOCGICOUNT = 0x545D
@@ -172,14 +173,26 @@ class Unmarked:
         return b"".join(plain)
 
 
-def receive(line: Line, tell: Callable[[int], None] = lambda _: None) -> Tape:
-    """One tape; ``tell`` gets the bytes so far. Raises TapeError, and then there is nothing."""
+@dataclass(frozen=True, slots=True)
+class Received:
+    """The programs of one transmission, and why what came behind them was not kept ("": nothing came)."""
+
+    tapes: tuple[Tape, ...]
+    problem: str = ""
+
+
+def receive(line: Line, tell: Callable[[int], None] = lambda _: None) -> Received:
+    """All that is sent in one go; ``tell`` gets the bytes so far.
+
+    Raises TapeError, and then there is nothing.
+    """
     settings = line.settings
-    reader = Reader(settings.even_parity)
     before = _counters(line)
     line.control(DC1)
     try:
+        reader = Reader(settings.even_parity)
         _until_end(line, reader, tell)
+        tapes, problem = _and_others(line, reader, tell)
     finally:
         with contextlib.suppress(OSError):
             line.control(DC3)
@@ -188,27 +201,49 @@ def receive(line: Line, tell: Callable[[int], None] = lambda _: None) -> Tape:
             f"{settings.port}: the line had {' and '.join(lost)}; nothing was kept, check cable, baud rate "
             f"and flow control, then send again."
         )
+    return Received(tuple(one for tape in tapes for one in programs(tape)), problem)
+
+
+def _and_others(line: Line, reader: Reader, tell: Callable[[int], None]) -> tuple[list[Tape], str]:
+    """The tape that was read, and those that follow it without a pause; why one of them was not kept."""
     assert reader.tape is not None
-    return reader.tape
+    tapes = [reader.tape]
+    try:
+        while True:
+            rest, reader = reader.rest, Reader(line.settings.even_parity)
+            reader.feed(rest)
+            if not _until_end(line, reader, tell, follows=True) or reader.tape is None:
+                return tapes, ""
+            tapes.append(reader.tape)
+    except OSError:  # the other end is gone, and its program was whole
+        return tapes, ""
+    except TapeError as error:
+        last = tapes[-1].name or "the program"
+        return tapes, f"Behind {last} another program began, of which nothing was kept: {error}"
 
 
-def _until_end(line: Line, reader: Reader, tell: Callable[[int], None]) -> None:
+def _until_end(line: Line, reader: Reader, tell: Callable[[int], None], follows: bool = False) -> bool:
+    """Whether a tape came to its end; False: none began, where one may follow another. Raises TapeError."""
     settings, received = line.settings, 0
+    begin_s = TRAILER_S if follows else settings.wait_s
     heard_s = asked_s = time.monotonic()
-    while True:
+    while reader.tape is None:
         chunk = line.port.read(max(1, min(4096, line.port.in_waiting)))
         now_s = time.monotonic()
+        begun = reader.holds_text if follows else reader.began
         if chunk:
             heard_s = asked_s = now_s
             received += len(chunk)
-            if reader.feed(line.decode(chunk)):
-                return
+            reader.feed(line.decode(chunk))
             tell(received)
-        elif now_s - heard_s > (settings.silence_s if reader.began else settings.wait_s):
+        elif now_s - heard_s > (settings.silence_s if begun else begin_s):
+            if follows and not begun:
+                return False
             raise _silence(settings, reader, now_s - heard_s)
         elif now_s - asked_s > REPEAT_S:
             asked_s = now_s
             line.control(DC1)
+    return True
 
 
 def _silence(settings: LineSettings, reader: Reader, silent_s: float) -> TapeError:

@@ -34,7 +34,7 @@ SLOW = frozenset(
 UNANSWERED = {"gone": "no_service", "silent": "silent_service"}  # texts of the catalogue
 # "bad" is no 422: what the schema cannot say (a word of a program, an axis that this machine
 # has not) depends on the machine, and so does whether it is refused.
-STATUSES = {"refused": 409, "busy": 409, "bad": 409, "gone": 503}
+STATUSES = {"refused": 409, "busy": 409, "bad": 409, "unrecorded": 409, "gone": 503}
 
 
 class Door(Protocol):

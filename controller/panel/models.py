@@ -50,6 +50,16 @@ class Load(Sent):
     ] = False
 
 
+class Start(Sent):
+    unrecorded: Annotated[
+        bool,
+        Field(
+            description="Also where the disk takes no record of it: such a run is not gone on with after a "
+            "loss of power, nor made again, and a fault in it leaves no recording."
+        ),
+    ] = False
+
+
 class Switch(Sent):
     on: bool
 

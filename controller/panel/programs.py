@@ -122,10 +122,14 @@ class Programs:
                 _free(old, in_use)
             os.replace(new, self.path(program.sha256))
             whole.sync(self.folder)
-            sql.execute("REPLACE INTO programs VALUES (?, ?, ?, ?, ?, ?)", _values(program))
+            self.enter(program, sql)
         if old:
             self._forget(old.sha256)
         return program
+
+    def enter(self, program: Program, sql: sqlite3.Connection) -> None:
+        """Have a name point at a content that is in its place, within the caller's transaction."""
+        sql.execute("REPLACE INTO programs VALUES (?, ?, ?, ?, ?, ?)", _values(program))
 
     def rename(self, name: str, to: str, in_use: Collection[str] = ()) -> Program:
         """Raises StoreError: missing, name, exists, running."""

@@ -4,7 +4,12 @@
     %         start; the rest of its line belongs to it
     O1234     or :1234, the number of the program, its name here
     ...       blocks, each ended by LF, CR, CR LF or LF CR CR
-    %         end; what follows is trailer
+    %         end; what follows is trailer, or another program with its own % and %
+
+Between % and % there may be several programs, each with its number, as controls punch their whole
+memory. NUL and DEL are tape feed and rubbed-out characters, legal anywhere; but within a line one may
+stand for a character that was damaged, so there what was left out is told with its place, device
+controls likewise.
 
 ``Reader`` takes bytes as they come; ``punched`` makes them. Bytes of 7-bit formats carry an even
 parity bit, which is made and checked here: the port itself is run with 8 bits, as a byte of 7
@@ -20,12 +25,14 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 NUL, DC1, DC2, DC3, DC4, DEL = b"\x00", b"\x11", b"\x12", b"\x13", b"\x14", b"\x7f"
 LEADER = 32  # NULs before and behind, enough for a reader to start up
 MOST_BYTES = 32 << 20
 SKIPPED = bytes([0, 0x11, 0x12, 0x13, 0x14, 0x7F])  # anywhere: tape feed, rubbed out, device control
+SIGNS = {0: "NUL", 0x11: "DC1", 0x12: "DC2", 0x13: "DC3", 0x14: "DC4", 0x7F: "DEL"}
+MOST_TOLD = 20  # places of what was left out
 
 _EVEN = bytes(c | 0x80 if c.bit_count() % 2 else c for c in range(128))  # with its parity bit
 _ODD_ONES = bytes(c.bit_count() % 2 for c in range(256))
@@ -36,6 +43,9 @@ _STOP = re.compile(rb"\([^)\r\n]*(?:[)\r\n]|\Z)|;[^\r\n]*(?:[\r\n]|\Z)|%")
 _SUM = re.compile(rb"\(SHA256 ([0-9a-f]{64})\)")
 _NUMBER = re.compile(rb"\s*(?:[O:]\s*(\d{1,8}))(?![\d.])", re.IGNORECASE)
 _TAILS = (b"", b"\n", b"\r\n", b"\n\n", b"\r\n\r\n")  # behind a program's own last %
+_LEFT_OUT = re.compile(rb"[\x00\x11-\x14\x7f]")
+_COMMENT = re.compile(rb"\([^)]*\)?|;.*")
+_LAST_BLOCK = re.compile(rb"M\s*0*(?:2|30|99)(?![\d.])", re.IGNORECASE)
 _CONTROL = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 
 
@@ -49,21 +59,30 @@ class Tape:
 
     text: bytes
     name: str
+    told: tuple[str, ...] = ()  # what of it was left out, a sentence each
+    is_one: bool = False  # by the checksum in its leader
 
 
 class Reader:
-    """Reads one tape. With an error, nothing of it is to be kept."""
+    """Reads from % to %. With an error, nothing of it is to be kept."""
 
     def __init__(self, even_parity: bool, most_bytes: int = MOST_BYTES) -> None:
         self._even, self._most = even_parity, most_bytes
         self._leader = bytearray()
         self._body: bytearray | None = None  # what follows the first %
         self._looked = 0  # of the body, for its end
+        self._left_out: list[tuple[int, int]] = []  # (place in the body, what), within lines
         self.tape: Tape | None = None
+        self.rest = b""  # what came behind the end, as it came
 
     @property
     def began(self) -> bool:
         return self._body is not None
+
+    @property
+    def holds_text(self) -> bool:
+        """Whether something of a program has come; a % alone may be trailer."""
+        return bool(self._body and self._body.strip())
 
     @property
     def line(self) -> int:
@@ -72,14 +91,30 @@ class Reader:
 
     def feed(self, chunk: bytes) -> bool:
         """The next bytes; whether the tape is at its end. Raises TapeError."""
+        mark = coded(b"%", self._even)
+        while chunk and self.tape is None:  # not beyond the end: what follows is not of this tape
+            before, found, chunk = chunk.partition(mark)
+            self._feed(before + found)
         if self.tape is not None:
-            return True
+            self.rest += chunk
+        return self.tape is not None
+
+    def _feed(self, chunk: bytes) -> None:
         if self._body is None:
             chunk = self._past_leader(chunk)
         if self._body is not None:
-            self._body += (self._seven(chunk) if self._even else chunk).translate(None, SKIPPED)
+            self._take(self._body, self._seven(chunk) if self._even else chunk)
             self._look_for_end()
-        return self.tape is not None
+
+    def _take(self, body: bytearray, plain: bytes) -> None:
+        """All but what is skipped; within a line that is noted."""
+        at = 0
+        for found in _LEFT_OUT.finditer(plain):
+            body += plain[at : found.start()]
+            at = found.end()
+            if body and body[-1] not in b"\r\n" and len(self._left_out) <= MOST_TOLD:
+                self._left_out.append((len(body), plain[found.start()]))
+        body += plain[at:]
 
     def _past_leader(self, chunk: bytes) -> bytes:
         """What follows the first %. Parity does not count before: cables are plugged in there."""
@@ -109,7 +144,9 @@ class Reader:
             )
         for found in _STOP.finditer(body, self._looked):
             if found.group() == b"%":
-                self.tape = _tape(bytes(self._leader), bytes(body[: found.start()]))
+                inside = bytes(body[: found.start()])
+                told = tuple(_told(inside, self._left_out))
+                self.tape = replace(_tape(bytes(self._leader), inside), told=told)
                 return
             if found.end() == len(body):  # a comment that may go on
                 self._looked = found.start()
@@ -131,8 +168,46 @@ def _tape(leader: bytes, body: bytes) -> Tape:
             f"names; characters were lost on the way; send again, with flow control or at a lower baud rate."
         )
     _sound(text)
+    return Tape(text, _name(text), is_one=bool(found))
+
+
+def _told(body: bytes, left_out: list[tuple[int, int]]) -> Iterator[str]:
+    for at, sign in left_out[:MOST_TOLD]:
+        line = len(_LINE_END.findall(body[:at])) + 1
+        yield (
+            f"line {line}: {SIGNS[sign]} (0x{sign:02X}) within the line was left out; a character may be "
+            "missing there: compare the line."
+        )
+    if len(left_out) > MOST_TOLD:
+        yield f"More of these than {MOST_TOLD} were left out; check cable, format and flow control."
+
+
+def programs(tape: Tape) -> list[Tape]:
+    """The programs of a tape: a number behind a last block (M2, M30, M99) begins another one.
+
+    What is told goes with the first of them. Raises TapeError for two of one number.
+    """
+    if tape.is_one:
+        return [tape]
+    parts, ended = [bytearray()], False
+    for line in tape.text.splitlines(keepends=True):
+        if ended and _NUMBER.match(line):
+            parts.append(bytearray())
+            ended = False
+        parts[-1] += line
+        ended = ended or bool(_LAST_BLOCK.search(_COMMENT.sub(b"", line)))
+    found = [Tape(bytes(text), _name(text)) for text in parts]
+    numbers = [one.name for one in found]
+    if twice := [name for name in numbers if numbers.count(name) > 1]:
+        raise TapeError(
+            f"{twice[0]} stands on the tape twice; nothing was kept, give each program its number."
+        )
+    return [replace(found[0], name=tape.name, told=tape.told), *found[1:]]
+
+
+def _name(text: bytes | bytearray) -> str:
     number = _NUMBER.match(text.lstrip(b"%"))
-    return Tape(text, f"O{number.group(1).decode()}" if number else "")
+    return f"O{number.group(1).decode()}" if number else ""
 
 
 def _identical(leader: bytes, body: bytes, text: bytes) -> bytes:

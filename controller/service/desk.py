@@ -313,7 +313,7 @@ class Desk:
             mode = found.mode.name if found is not None else "OFF"
             raise refused("running", mode, request, program=running.program.name)
 
-    def _start(self, _: Values) -> Answer:
+    def _start(self, args: Values) -> Answer:
         service = self._service
         now = service.now()
         job = service.job
@@ -325,14 +325,14 @@ class Desk:
             raise refused("still_loading", now.mode.name, "START", program=job.program.name)
         if job.state == "refused":
             raise in_both(partial(_not_ready, job), now.mode.name, "START")
-        return self._begin("start", job)
+        return self._begin("start", job, args.get("unrecorded") is True)
 
-    def _begin(self, name: str, job: Job) -> Answer:
+    def _begin(self, name: str, job: Job, unrecorded: bool = False) -> Answer:
         service = self._service
         self._permitted(Request.START)
         self._not_running(name.upper())
         stops = service.stops
-        return self._sequence(name, lambda: sequences.start(service, job, stops))
+        return self._sequence(name, lambda: sequences.start(service, job, stops, unrecorded))
 
     def _mdi(self, args: Values) -> Answer:
         text = args.get("text")

@@ -13,7 +13,7 @@ from controller import state, times
 from controller.door import DoorError, Values
 from controller.handoff import Jog, Outcome, Snapshot
 from controller.machine import Machine
-from controller.service import offer
+from controller.service import offer, room
 from controller.service.jobs import Job, whole_from
 from controller.service.orders import Program
 from controller.service.refused import by_fault, in_both, refused
@@ -119,12 +119,14 @@ def load(service: Service, job: Job) -> Values:
     return {"sha256": job.sha256, "name": job.program.name, **facts}
 
 
-def start(service: Service, job: Job, stops: int) -> Values:
+def start(service: Service, job: Job, stops: int, unrecorded: bool = False) -> Values:
     """Plan from where the machine stands, and cycle start; a stop meanwhile is the end of it.
 
-    ``stops``: how many had been asked for when the start was.
+    ``stops``: how many had been asked for when the start was; ``unrecorded``: though it cannot be kept.
     """
     try:
+        if not (unrecorded or job.is_mdi):
+            room.check(service.state, job)
         _arm(service, job)
         facts = service.engine.line.order("arm", program=replace(job.program, in_spindle=service.tool))
         _go(service, job, facts, stops)

@@ -103,19 +103,27 @@ def folder() -> Path:
 
 
 def save(base: Path, machine: Machine, facts: Facts, rows: Rows, logs: Logs) -> Path:
-    """Write one recording under ``base`` and give its folder. Raises OSError.
+    """Write one recording under ``base``, whole or not at all, and give its folder. Raises OSError.
 
     ``rows``: (N, len(ROW)) of the recorder, oldest first.
     """
     made = new_folder(base, _stem(facts))
+    try:
+        _write(made, machine, facts, rows, logs)
+    except OSError:
+        shutil.rmtree(made, ignore_errors=True)  # half of one would be taken for one
+        raise
+    forget_oldest(base, KEPT)
+    return made
+
+
+def _write(made: Path, machine: Machine, facts: Facts, rows: Rows, logs: Logs) -> None:
     with open(made / "trace.npz", "wb") as file:
         np.savez_compressed(
             file, columns=np.array(ROW), rows=rows, machine=np.array(machine.text), period_s=machine.period_s
         )
     frame_log.save(made / "frames.log", logs)
     (made / "fault.json").write_text(json.dumps(facts.to_dict(), indent=1) + "\n", encoding="utf-8")
-    forget_oldest(base, KEPT)
-    return made
 
 
 class Keeper:

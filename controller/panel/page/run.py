@@ -38,6 +38,7 @@ WORDS: Words = {
     "run.rapid_override": ("Rapid", "Eilgang"),
     "run.cycle": ("Cycle", "Ablauf"),
     "run.start": ("Start", "Start"),
+    "run.unrecorded_ask": ("Run it without a record?", "Ohne Aufzeichnung laufen lassen?"),
     "run.start_ask": ("Start the loaded program?", "Das geladene Programm starten?"),
     "run.hold": ("Hold", "Halt"),
     "run.resume": ("Resume", "Weiter"),

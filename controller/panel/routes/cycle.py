@@ -89,9 +89,13 @@ async def unload(request: Request) -> models.Done:
 
 
 @router.post("/cycle/start", dependencies=[moves()], responses=MOVES)
-async def start(request: Request) -> models.Done:
-    """Cycle start of the loaded program."""
-    return await ask(request, "start")
+async def start(request: Request, body: models.Start | None = None) -> models.Done:
+    """Cycle start of the loaded program.
+
+    Where the disk cannot take what the run leaves behind, it is refused with the code "unrecorded".
+    """
+    confirmed = {"unrecorded": True} if body is not None and body.unrecorded else {}
+    return await ask(request, "start", **confirmed)
 
 
 @router.post("/cycle/hold", dependencies=[needs(Role.OPERATE)], responses=MOVES)

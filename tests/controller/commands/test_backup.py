@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from typer.testing import CliRunner
 
 from controller import config, fitting
 from controller.commands import backup as command
+from controller.commands import bus as bus_command
 from controller.panel import backup
 from controller.panel.store import Store
 
@@ -66,3 +68,36 @@ def test_another_service_with_a_state_folder_of_its_own_forbids_nothing(
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path / "usual"))  # whose is elsewhere
     with answering(tmp_path / "other", runtime):
         assert outcome(["restore", str(tmp_path / "saved.zip")], state) == (0, "")
+
+
+@pytest.mark.parametrize(("change", "words"), [(("period_s = 0.002", "period_s = 0.0005"), "bus|tick")])
+def test_a_machine_file_that_check_and_bus_refuse_is_not_put_in_use(
+    state: Path, runtime: Path, tmp_path: Path, change: tuple[str, str], words: str
+) -> None:
+    file, new = tmp_path / "machine.toml", tmp_path / "new.toml"
+    text = backup._alone(config.load("trunnion"))
+    file.write_text(text)
+    new.write_text(text.replace(*change))
+    assert new.read_text() != text
+    refused = CliRunner().invoke(bus_command.app, [str(new), "--json"])
+    said = json.loads(refused.stdout)["error"]
+    code, error = outcome(["update", str(new), "--machine-file", str(file)], state)
+    assert code == 1 and re.search(words, error) and error.splitlines()[0] in said
+    assert file.read_text() == text and backup.all_kept(Store(state)) == []
+    strained = tmp_path / "strained.zip"
+    backup.save(Store(state), config.load(str(new)), strained)
+    assert outcome(["restore", str(strained), "--machine-file", str(file)], state)[0] == 1
+    assert file.read_text() == text
+    assert outcome(["restore", str(strained)], state) == (0, ""), "its machine file is not put in use"
+
+
+def test_a_machine_whose_drives_commissioning_would_refuse_is_not_put_in_use(
+    state: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from controller.session import drive_sheets
+
+    monkeypatch.setattr(drive_sheets, "look", lambda _: (["X (can0, node 1): has no 607Ah"], []))
+    file = tmp_path / "machine.toml"
+    file.write_text(backup._alone(config.load("trunnion")))
+    code, error = outcome(["update", str(file), "--machine-file", str(file)], state)
+    assert code == 1 and "has no 607Ah" in error

@@ -74,7 +74,7 @@ def test_a_bad_tape_is_told_and_the_next_one_awaited_until_the_line_itself_fails
         waited.append(settings.wait_s)
         raise told[len(waited) - 1]
 
-    monkeypatch.setattr(dnc, "_received", next_one)
+    monkeypatch.setattr(dnc, "_take", next_one)
     words = receive_forever(store.folder)
     assert all(str(error) in words for error in told)
     assert waited == [math.inf] * 3  # nobody has to send anything today

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
+import os
 import random
+import re
+import sqlite3
+import subprocess
+import warnings
 import zipfile
 from pathlib import Path
 
 import pytest
+from ci_seed import SEED
 from typer.testing import CliRunner
 
-from controller import config, fitting
+from controller import config, fitting, whole
 from controller.commands import backup as command
 from controller.panel import backup
 from controller.panel.backup import BackupError
@@ -108,13 +115,112 @@ def rewritten(archive: Path, part: str, data: bytes | None) -> None:
                 new.writestr(name, kept)
 
 
+def everything(folder: Path) -> dict[str, bytes]:
+    """Every file, but for the database's own, which is asked for what it holds."""
+    files = (file for file in folder.rglob("*") if file.is_file() and "store.sqlite" not in file.name)
+    return {str(file.relative_to(folder)): file.read_bytes() for file in files}
+
+
+def fails_at(monkeypatch: pytest.MonkeyPatch, where: str, machine_file: Path) -> type[Exception]:
+    """The disk is full, or something else goes wrong, at one step of a restore."""
+    full = OSError(28, "No space left on device")
+    through, replaced = whole._write_through, os.replace
+
+    def write_through(file: Path, text: str) -> None:
+        if file.parent == machine_file.parent:
+            file.write_text(text[:100])
+            raise full
+        through(file, text)
+
+    def replace(old: Path | str, new: Path | str) -> None:
+        if Path(new) == machine_file and str(old).endswith(".new"):
+            raise full
+        replaced(old, new)
+
+    if where == "the machine file's disk":
+        monkeypatch.setattr(whole, "_write_through", write_through)
+    elif where == "the last name":
+        monkeypatch.setattr(os, "replace", replace)
+    elif where == "the programs' disk":
+        monkeypatch.setattr(backup.os, "fchmod", lambda *_: (_ for _ in ()).throw(full))
+    elif where == "the transaction's end":
+        sync = whole.sync
+        monkeypatch.setattr(
+            whole, "sync", lambda folder: sync(folder) if folder != machine_file.parent else _raise(full)
+        )
+    return OSError
+
+
+def _raise(error: Exception) -> None:
+    raise error
+
+
+@pytest.mark.parametrize(
+    "where", ["the machine file's disk", "the last name", "the programs' disk", "the transaction's end"]
+)
+def test_a_restore_that_fails_anywhere_has_changed_nothing(
+    store: Store, archive: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, where: str
+) -> None:
+    machine_file = tmp_path / "etc" / "machine.toml"
+    machine_file.parent.mkdir()
+    machine_file.write_text(backup._alone(config.load("trunnion")).replace("0.002", "0.004"))
+    put(store, "a.ngc", b"G4 P9\nM2\n")
+    put(store, "only here.ngc", b"G4 P8\nM2\n")
+    fitting.save(store.folder, {})
+    store.settings.set("upload_mb", 8, "me")
+    before = state(store), everything(store.folder), everything(machine_file.parent)
+    with monkeypatch.context() as patched:
+        error = fails_at(patched, where, machine_file)
+        with pytest.raises(error, match="No space"):
+            backup.restore(store, backup.check(archive), machine_file, config.load(machine_file))
+    assert (state(store), everything(store.folder), everything(machine_file.parent)) == before
+    backup.restore(store, backup.check(archive), machine_file, config.load(machine_file))
+    assert state(store)[0]["a.ngc"] == b"M2\n" and config.load(machine_file).period_s == 0.002  # type: ignore[index]
+    assert sorted(everything(machine_file.parent)) == ["machine.toml"]
+
+
+def test_a_database_that_cannot_end_its_transaction_leaves_the_files_as_they_were(
+    store: Store, archive: Path, tmp_path: Path
+) -> None:
+    machine_file = tmp_path / "machine.toml"
+    machine_file.write_text("as it was")
+    before = everything(store.folder)
+    store.database._sql.execute(
+        "CREATE TEMP TRIGGER full BEFORE DELETE ON settings BEGIN SELECT RAISE(ABORT, 'disk is full'); END"
+    )
+    with pytest.raises((StoreError, sqlite3.IntegrityError), match="full"):
+        backup.restore(store, backup.check(archive), machine_file, None)
+    assert machine_file.read_text() == "as it was" and everything(store.folder) == before
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="a small disk is mounted by root only")
+def test_a_machine_file_on_another_disk_that_is_really_full(
+    store: Store, archive: Path, tmp_path: Path
+) -> None:
+    small = tmp_path / "etc"
+    small.mkdir()
+    if subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=32k", "none", str(small)], capture_output=True
+    ).returncode:
+        pytest.skip("no file system may be mounted here")
+    try:
+        (small / "machine.toml").write_text("as it was")
+        (small / "other").write_bytes(b"x" * 24_000)
+        before = state(store), everything(store.folder), everything(small)
+        with pytest.raises(OSError, match="No space"):
+            backup.restore(store, backup.check(archive), small / "machine.toml", config.load("trunnion"))
+        assert (state(store), everything(store.folder), everything(small)) == before
+    finally:
+        subprocess.run(["umount", str(small)], check=True)
+
+
 def manifest(archive: Path, **changed: object) -> bytes:
     with zipfile.ZipFile(archive) as saved:
         return json.dumps({**json.loads(saved.read("manifest.json")), **changed}).encode()
 
 
 def test_an_archive_that_was_tampered_with_is_refused(archive: Path) -> None:
-    whole = archive.read_bytes()
+    saved_bytes = archive.read_bytes()
     with zipfile.ZipFile(archive) as saved:
         names = saved.namelist()
     wrong: list[tuple[str, bytes | None]] = [(name, None) for name in names]
@@ -127,18 +233,163 @@ def test_an_archive_that_was_tampered_with_is_refused(archive: Path) -> None:
         ("manifest.json", manifest(archive, parts={})),
     ]
     for part, data in wrong:
-        archive.write_bytes(whole)
+        archive.write_bytes(saved_bytes)
         rewritten(archive, part, data)
         with pytest.raises(BackupError, match=r"saved\.zip"):
             backup.check(archive)
 
 
+def added(archive: Path, name: str, data: bytes = b"x", **more: int) -> None:
+    info = zipfile.ZipInfo(name)
+    for key, value in more.items():
+        setattr(info, key, value)
+    with zipfile.ZipFile(archive, "a") as opened, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a name that is there already
+        opened.writestr(info, data)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("../../etc/cron.d/x", r"holds '\.\./\.\./etc/cron\.d/x', which no back-up has"),
+        ("/etc/passwd", "holds '/etc/passwd', which no"),
+        ("programs/x.ngc", "holds 'programs/x.ngc', which no"),
+        ("notes.txt", "holds 'notes.txt', which no"),
+        ("settings.json", "holds 'settings.json' twice"),
+        (f"programs/{hashlib.sha256(b'x').hexdigest()}.ngc", "which its manifest does not name"),
+    ],
+)
+def test_a_member_that_does_not_belong_there_is_named_and_refused(
+    archive: Path, name: str, words: str
+) -> None:
+    added(archive, name)
+    with pytest.raises(BackupError, match=words) as error:
+        backup.check(archive)
+    assert str(error.value).startswith(str(archive)) and str(error.value).endswith("use another back-up.")
+
+
+def test_a_bomb_is_refused_before_it_is_unpacked(archive: Path) -> None:
+    saved_bytes = archive.read_bytes()
+    added(archive, "programs/" + "0" * 64 + ".ngc", b"0" * (64 << 20), compress_type=zipfile.ZIP_DEFLATED)
+    rewritten(archive, "settings.json", b" " * (40 << 20))
+    with pytest.raises(BackupError, match=r"'settings\.json' of 40 MB, at most 32"):
+        backup.check(archive)
+    archive.write_bytes(saved_bytes)
+    added(archive, "x", b"0", compress_type=zipfile.ZIP_BZIP2)
+    with pytest.raises(BackupError, match="which no back-up has"):
+        backup.check(archive)
+    archive.write_bytes(saved_bytes)
+    rewritten(archive, "manifest.json", b'{"format": ' + b"[" * 100_000)
+    with pytest.raises(BackupError, match="no sound JSON"):
+        backup.check(archive)
+
+
+STRANGE: list[object] = [
+    *(
+        None,
+        True,
+        -1,
+        0,
+        1,
+        1e300,
+        10**30,
+        "",
+        "x",
+        "0" * 64,
+        "../x",
+        "\0",
+        "\ud800",
+        [],
+        [1],
+        {},
+        {"a": 1},
+        [[]],
+    ),
+    *(
+        {"G54": 7},
+        {"G99": {}},
+        {"1": None},
+        {"x": {}},
+        {"7": {"radius_mm": "x"}},
+        {"G54": {"origin_mm": [1e999]}},
+    ),
+]
+
+
+def strange(draw: random.Random, value: object, depth: int = 0) -> object:
+    """The value with one place of it, or all of it, something else."""
+    if depth < 4 and isinstance(value, dict) and value and draw.random() < 0.8:
+        key = draw.choice(list(value))
+        changed = {**value, key: strange(draw, value[key], depth + 1)}
+        return changed if draw.random() < 0.8 else {str(draw.choice(STRANGE)): changed.pop(key), **changed}
+    if depth < 4 and isinstance(value, list) and value and draw.random() < 0.8:
+        at = draw.randrange(len(value))
+        return [*value[:at], strange(draw, value[at], depth + 1), *value[at + 1 :]]
+    return draw.choice(STRANGE)
+
+
+def resummed(archive: Path, part: str, data: bytes) -> None:
+    """Change a part, and its sum in the manifest, as somebody would who means to."""
+    rewritten(archive, part, data)
+    with zipfile.ZipFile(archive) as saved:
+        told = json.loads(saved.read("manifest.json"))
+    told["parts"][part] = hashlib.sha256(data).hexdigest()
+    rewritten(archive, "manifest.json", json.dumps(told).encode())
+
+
+@pytest.mark.parametrize("part", ["manifest.json", "fitting.json", "settings.json"])
+def test_a_strange_part_is_one_sentence_and_never_a_traceback(archive: Path, part: str) -> None:
+    sound, draw, refused = archive.read_bytes(), random.Random(SEED), 0
+    with zipfile.ZipFile(archive) as saved:
+        found = json.loads(saved.read(part))
+    for _ in range(200):
+        archive.write_bytes(sound)
+        changed = json.dumps(strange(draw, found)).encode()
+        rewritten(archive, part, changed) if part == "manifest.json" else resummed(archive, part, changed)
+        done = CliRunner().invoke(command.app, ["check", str(archive), "--json"])
+        told = json.loads(done.stdout)
+        assert done.exit_code == (0 if told["ok"] else 1), changed
+        if not told["ok"]:
+            refused += 1
+            said = told["error"]
+            assert said.startswith(str(archive)) and said.isprintable() and said.endswith("."), (
+                changed,
+                said,
+            )
+    assert refused > 50
+
+
+@pytest.mark.parametrize(
+    ("part", "text", "words"),
+    [
+        ("manifest.json", "", "manifest.json: is no sound JSON"),
+        ("manifest.json", "[]", "is a list and no JSON object"),
+        ("manifest.json", '{"format": 1, "format": 1}', "a key stands twice"),
+        ("manifest.json", '{"format": 1, "made_s": NaN}', "NaN is no number"),
+        ("manifest.json", '{"format": 1, "made_s": 1e999}', "beyond all bounds"),
+        ("manifest.json", '{"format": 1, "made_s": ' + "9" * 5000 + "}", "is no sound JSON"),
+        ("manifest.json", '{"format": 1, "made_s": 1e12}', "no time in seconds"),
+        ("manifest.json", '{"format": 1, "made_s": 1, "parts": []}', "parts is a list"),
+        ("settings.json", '{"Upload MB": 1}', "'Upload MB' is no name of a setting"),
+        ("settings.json", '{"upload_mb": {"a": 1}}', "upload_mb is an object"),
+        ("fitting.json", '{"axes": {}}', "'axes' is an object; allowed are offsets and tools"),
+        ("fitting.json", '{"tools": [1]}', "'tools' is a list"),
+    ],
+)
+def test_what_is_wrong_with_a_part_is_said(archive: Path, part: str, text: str, words: str) -> None:
+    (rewritten if part == "manifest.json" else resummed)(archive, part, text.encode())
+    with pytest.raises(BackupError, match=re.escape(words)):
+        backup.check(archive)
+
+
 def test_an_archive_that_was_cut_or_scratched_is_refused_or_the_same(archive: Path) -> None:
-    whole, draw = archive.read_bytes(), random.Random(2)
+    saved_bytes, draw = archive.read_bytes(), random.Random(2)
     sound = backup.check(archive)
     for turn in range(150):
-        at = draw.randrange(len(whole))
-        scratched = whole[:at] if turn % 2 else whole[:at] + bytes([whole[at] ^ 0x40]) + whole[at + 1 :]
+        at = draw.randrange(len(saved_bytes))
+        scratched = saved_bytes[:at] + (
+            b"" if turn % 2 else bytes([saved_bytes[at] ^ 0x40]) + saved_bytes[at + 1 :]
+        )
         archive.write_bytes(scratched)
         try:
             assert backup.check(archive) == sound
@@ -177,8 +428,10 @@ def test_a_disk_that_is_full_leaves_no_half_archive(
 
 def test_only_the_latest_back_ups_are_kept(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(backup, "KEPT", 3)
-    made = [backup.keep(store, config.load("trunnion")) for _ in range(5)]
-    assert backup.all_kept(store) == made[:1:-1]
+    made = [backup.keep(store, config.load("trunnion")) for _ in range(4)]
+    assert backup.all_kept(store) == made[::-1], "none goes before what it was made for is done"
+    backup.update(store, config.SHIPPED / "trunnion.toml", store.folder / "machine.toml")
+    assert backup.all_kept(store) == made[:0:-1]
 
 
 def test_restoring_a_program_that_is_larger_than_allowed_says_so(archive: Path, tmp_path: Path) -> None:

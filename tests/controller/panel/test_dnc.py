@@ -81,6 +81,13 @@ def machine(pty: Pty, work: Callable[[], None]) -> Iterator[None]:
 
 
 def received(pty: Pty, used: LineSettings, send: Callable[[], None]) -> tape.Tape:
+    """The one program that came."""
+    came = all_received(pty, used, send)
+    assert len(came.tapes) == 1 and not came.problem, came
+    return came.tapes[0]
+
+
+def all_received(pty: Pty, used: LineSettings, send: Callable[[], None]) -> dnc.Received:
     def work() -> None:
         awaited(pty, tape.DC1, used.even_parity)
         send()
@@ -95,6 +102,50 @@ def test_a_program_comes_in_whole(pty: Pty, data_format: str) -> None:
     data = tape.punched(text, data_format != "8N1")
     found = received(pty, settings(pty, data_format), lambda: pty.write(data))
     assert (found.text, found.name) == (text, "O4711")
+
+
+SECOND = b"\0\0\r\n%\r\nO2 (5 % OF IT)\r\nG1 X2\r\nM30\r\n%\r\n\0\0"
+
+
+@pytest.mark.parametrize("data_format", FORMATS)
+def test_a_second_program_in_the_stream_comes_in_by_its_own_number(pty: Pty, data_format: str) -> None:
+    even = data_format != "8N1"
+    data = tape.punched(program(3_000), even) + tape.coded(SECOND, even)
+    came = all_received(pty, settings(pty, data_format), lambda: pty.write(data))
+    assert [(one.name, one.text) for one in came.tapes] == [
+        ("O4711", program(3_000)),
+        ("O2", b"O2 (5 % OF IT)\nG1 X2\nM30\n"),
+    ]
+    assert not came.problem
+
+
+@pytest.mark.parametrize("harm", ["cut", "bit"])
+def test_a_second_program_that_is_not_whole_is_told_and_the_first_is_kept(pty: Pty, harm: str) -> None:
+    second = bytearray(tape.coded(SECOND, True))
+    if harm == "cut":
+        del second[25:]
+    else:
+        second[20] ^= 4
+    data = tape.punched(program(3_000), True) + bytes(second)
+    came = all_received(pty, settings(pty, silence_s=0.5), lambda: pty.write(data))
+    assert [one.text for one in came.tapes] == [program(3_000)]
+    assert came.problem.startswith("Behind O4711 another program began, of which nothing was kept: ")
+    assert ("silent" if harm == "cut" else "wrong parity") in came.problem
+
+
+@pytest.mark.parametrize("trailer", [b"", b"\r\n%\r\n", b"END OF TAPE\r\n", b"\0" * 500 + b"\x7f%"])
+def test_a_trailer_is_no_second_program(pty: Pty, trailer: bytes) -> None:
+    data = tape.punched(program(500), True) + tape.coded(trailer, True)
+    assert received(pty, settings(pty), lambda: pty.write(data)).text == program(500)
+
+
+def test_a_sender_that_is_gone_after_its_program_has_sent_it(pty: Pty) -> None:
+    def send() -> None:
+        pty.write(tape.punched(program(500), True))
+        time.sleep(0.2)
+        pty.cut()
+
+    assert received(pty, settings(pty), send).text == program(500)
 
 
 @pytest.mark.parametrize("data_format", FORMATS)
@@ -273,6 +324,37 @@ def test_a_received_program_stands_in_the_store_and_reads_back_identical(pty: Pt
         code, _ = run("send", "O12", *line)
     assert code == 0
     assert found[0][1:-1] == data
+
+
+def sent_and_taken(pty: Pty, data: bytes, state: Path, *words: str) -> tuple[int, list[dict[str, object]]]:
+    """Exit code, and what was told of each program."""
+
+    def machine_sends() -> None:
+        awaited(pty, tape.DC1)
+        pty.write(tape.coded(data, True))
+
+    with machine(pty, machine_sends):
+        line = ("--port", pty.path, "--baud", "115200", "--state", str(state), "--silence-s", "1")
+        done = CliRunner().invoke(command.app, ["receive", *line, *words, "--json"])
+    return done.exit_code, [json.loads(said) for said in done.stdout.splitlines()]
+
+
+def test_every_program_of_a_transmission_is_stored_by_its_number_and_what_was_left_out_is_told(
+    pty: Pty, tmp_path: Path
+) -> None:
+    data = b"%\r\nO1\r\nG1 X1\x005\r\nM30\r\nO7\r\nM30\r\n%\r\n" + SECOND
+    code, told = sent_and_taken(pty, data, tmp_path)
+    assert code == 0 and [one["program"] for one in told] == ["O1", "O7", "O2"]
+    assert [len(one.get("left_out", [])) for one in told] == [1, 0, 0]  # type: ignore[arg-type]
+    assert "line 3: NUL (0x00) within the line" in str(told[0]["left_out"])
+    store = Store(tmp_path)
+    assert store.programs.path(store.programs.get("O1").sha256).read_bytes() == b"O1\nG1 X15\nM30\n"
+
+
+def test_several_programs_are_not_stored_under_one_name(pty: Pty, tmp_path: Path) -> None:
+    code, told = sent_and_taken(pty, b"%\r\nO1\r\nM30\r\n%\r\n" + SECOND, tmp_path, "--name", "x")
+    assert code == 1 and "2 programs came (O1, O2), and --name names one" in str(told[0]["error"])
+    assert Store(tmp_path).programs.list() == []
 
 
 def test_a_transfer_with_an_error_keeps_nothing(pty: Pty, tmp_path: Path) -> None:

@@ -30,7 +30,71 @@ def coded(data: bytes) -> bytes:
 def test_leader_and_trailer_are_left_out(even: bool, chunk: int) -> None:
     data = b"\0\0\x7fPART 12\r\n\0\x12%\r\nO1234 (50 % RED)\r\nG1 X1\x7f0 F5\r\n\r\nM30\r\n%\r\n\0\0junk%"
     found = read(coded(data) if even else data, even, chunk)
-    assert found == Tape(b"O1234 (50 % RED)\nG1 X10 F5\n\nM30\n", "O1234")
+    assert (found.text, found.name) == (b"O1234 (50 % RED)\nG1 X10 F5\n\nM30\n", "O1234")
+    assert [said.partition(" within")[0] for said in found.told] == ["line 3: DEL (0x7F)"]
+
+
+@pytest.mark.parametrize("chunk", [1, 2, 1000])
+@pytest.mark.parametrize("even", [False, True])
+@pytest.mark.parametrize(
+    ("sign", "name"), [(b"\0", "NUL"), (b"\x13", "DC3"), (b"\x7f", "DEL"), (b"\x11", "DC1")]
+)
+def test_what_is_left_out_within_a_line_is_told_with_its_place(
+    even: bool, chunk: int, sign: bytes, name: str
+) -> None:
+    data = b"%%\r\nO1\r\nG1 X1%s5\r\nG1 X2%s\r\nM30\r\n%%" % (sign, sign)
+    found = read(coded(data) if even else data, even, chunk)
+    assert found.text == b"O1\nG1 X15\nG1 X2\nM30\n"
+    assert [said.split(" (")[0] for said in found.told] == [f"line 3: {name}", f"line 4: {name}"]
+
+
+def test_tape_feed_between_lines_and_around_the_program_is_no_news() -> None:
+    feed = b"\0\0\x7f\x13"
+    data = feed + b"%" + feed + b"\r\n" + feed + b"O1\r" + feed + b"\n" + feed + b"M30\n" + feed + b"%" + feed
+    assert read(data).told == ()
+
+
+def test_a_line_of_nothing_but_noise_does_not_fill_the_memory_with_places() -> None:
+    found = read(b"%\nO1\nG1" + b" \0" * 100_000 + b"X1\nM30\n%", chunk=4096)
+    assert len(found.told) == tapes.MOST_TOLD + 1 and found.told[-1].startswith("More of these than 20")
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        (b"O1\nM30\nO2\nG1\nM99\n:3 (LID)\nM2\n", ["O1", "O2", "O3"]),
+        (b"O1\nG1\nO77\nM30\n", ["O1"]),  # a number in the midst is a block of the program
+        (b"O1\nM30 (O2)\n\n", ["O1"]),
+        (b"O1\n(M30)\nO2\nM30\n", ["O1"]),
+        (b"O1\nM3 S100\nO2 M300\nM30\n", ["O1"]),
+        (b"G1\nN90 M30\n\nO2\nM30\n", ["", "O2"]),
+    ],
+)
+def test_programs_of_one_tape_are_told_apart_by_their_numbers(text: bytes, names: list[str]) -> None:
+    found = tapes.programs(read(b"%\n" + text + b"%"))
+    assert [one.name for one in found] == names
+    assert b"".join(one.text for one in found) == text
+
+
+def test_two_programs_of_one_number_are_refused_by_it() -> None:
+    with pytest.raises(TapeError, match="O1 stands on the tape twice"):
+        tapes.programs(read(b"%\nO1\nM30\nO1\nM30\n%"))
+
+
+def test_what_was_punched_here_stays_one_program_whatever_it_holds() -> None:
+    text = b"O1\nM30\nO2\nM30\n"
+    (found,) = tapes.programs(read(punched(text, False)))
+    assert found.text == text
+
+
+@pytest.mark.parametrize("chunk", [1, 7, 1000])
+def test_what_follows_the_end_is_not_of_this_tape_and_is_kept_as_it_came(chunk: int) -> None:
+    first, second = coded(b"%\nO1\nM30\n%"), coded(b"\r\n%\nO2 (5 % OF IT)\nM30\n%\0")
+    reader, at = Reader(True), 0
+    while not reader.feed((first + second)[at : at + chunk]):
+        at += chunk
+    rest = reader.rest + (first + second)[at + chunk :]
+    assert rest == second and read(rest, True).name == "O2"
 
 
 @pytest.mark.parametrize(

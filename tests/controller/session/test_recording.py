@@ -108,3 +108,21 @@ def test_only_the_newest_recordings_are_kept(tmp_path: Path, monkeypatch: pytest
 def test_recordings_go_to_the_state_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     assert recording.folder() == tmp_path / "directrix" / "recordings"
+
+
+@pytest.mark.parametrize("part", ["trace", "frames", "facts"])
+def test_a_recording_that_the_disk_does_not_take_leaves_no_half_of_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, part: str
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    where = {
+        "trace": (np, "savez_compressed"),
+        "frames": (recording.frame_log, "save"),
+        "facts": (Path, "write_text"),
+    }
+    monkeypatch.setattr(*where[part], full)
+    with pytest.raises(OSError, match="No space"):
+        recording.save(tmp_path, shipped(), Facts(Fault.EMCY, "X", 1, 0, ()), np.zeros((2, len(ROW))), {})
+    assert list(tmp_path.iterdir()) == []

@@ -69,9 +69,18 @@
       said.body = { error: { sentence: dx.word("frame.no_panel") } };
     }
     if (said.status === 401) location.assign("/login");
+    const confirmed = await unrecorded(said, quiet);
+    if (confirmed) return dx.call(method, path, { ...body, ...confirmed });
     if (!said.ok) refused(said, quiet);
     return said;
   };
+
+  // A run that cannot be kept starts only where somebody says so.
+  async function unrecorded({ body }, quiet) {
+    if (body.error?.code !== "unrecorded" || quiet) return null;
+    const sentence = `${dx.sentence(body.error)} ${dx.word("run.unrecorded_ask")}`;
+    return (await dx.ask(sentence)) ? { unrecorded: true } : null;
+  }
 
   function refused(said, quiet) {
     const facts = said.body.error ?? {};
