@@ -106,9 +106,14 @@ def _writable(*files: Path | None) -> None:
                 file.unlink()
 
 
-def _task(program: Path, machine: Machine, block_delete: bool) -> checked.Task:
+def _text(program: Path, block_delete: bool) -> bytes:
+    """What is run: the program with the subs of other files, and without lines that are to be left out."""
     text = _read(program)
-    return checked.task(linked.without_deleted(text) if block_delete else text, str(program), machine)
+    return linked.without_deleted(text) if block_delete else text
+
+
+def _task(program: Path, machine: Machine, block_delete: bool) -> checked.Task:
+    return checked.task(_text(program, block_delete), str(program), machine)
 
 
 def _kept(task: checked.Task, store: Path | None, as_json: bool) -> stored.Stored | None:
@@ -223,7 +228,7 @@ def simulate(
         made = _machine(machine, gouge, period_ms)
         script = fault_runs.read(faults, faults_from, made)
         _budget_or_refuse(made)
-        record = recorded_runs.read(events, made, _read(program)) if events else None
+        record = recorded_runs.read(events, made, _text(program, block_delete)) if events else None
         planned_events = event_files.read(events) if events and record is None else ()
         made = record.machine if record is not None else made
         task = _task(program, made, block_delete)

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from controller import fitting
+from controller import config, fitting
 from controller.handoff import COLUMN
 from controller.machine import Kind, Machine
 from controller.session import events
@@ -31,11 +31,13 @@ class RecordedRun:
     """``machine`` is fitted as it was then; ``recorded`` says how it began."""
 
     def __init__(self, file: Path, recorded: Recorded, built: Machine) -> None:
-        """Raises Refused where its setpoints cannot be read."""
+        """Raises Refused where its setpoints cannot be read, and ConfigError for a period that is none."""
         from controller.session import replay
 
-        self.recorded, self._file, self._built = recorded, file, built
-        self.machine = fitting.applied(built, recorded.begin.fitted)
+        period_s = recorded.begin.period_s
+        self._built = built if period_s is None else config.with_period(built, period_s)
+        self.recorded, self._file = recorded, file
+        self.machine = fitting.applied(self._built, recorded.begin.fitted)
         try:
             self._wanted = replay.setpoints(file.parent)
         except (OSError, ValueError, KeyError) as error:

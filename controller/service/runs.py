@@ -138,7 +138,7 @@ class RunRecord:
             "program_sha256": sha256(program.text),
             "machine_sha256": sha256(program.machine.text.encode()),
         }
-        value = {**start.to_dict(), "fitted": fitted, **sums}
+        value = {**start.to_dict(), "fitted": fitted, **sums, "period_s": program.machine.period_s}
         with contextlib.suppress(OSError):
             _write_facts(self.folder / BEGUN, self._facts())
             if self._file is not None:

@@ -92,6 +92,9 @@ class Begin:
     fitted: dict[str, Any]  # offsets and tools, as ``fitting`` keeps them
     program_sha256: str
     machine_sha256: str
+    period_s: float | None = (
+        None  # it may be another than the machine file's; None: an old record, the file's
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,7 +204,8 @@ def _when(where: str, data: dict[str, Any]) -> tuple[int | None, bool]:
 def _begin(where: str, value: Any) -> Begin:
     try:
         sums = (str(value["program_sha256"]), str(value["machine_sha256"]))
-        return Begin(Start.from_dict(value), dict(value["fitted"]), *sums)
+        period_s = float(value["period_s"]) if "period_s" in value else None
+        return Begin(Start.from_dict(value), dict(value["fitted"]), *sums, period_s)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise EventError(
             f"{where}: this is no beginning of a recorded run; give the file as the run's record has it."
