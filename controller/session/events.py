@@ -93,7 +93,7 @@ class Begin:
     program_sha256: str
     machine_sha256: str
     period_s: float | None = (
-        None  # it may be another than the machine file's; None: an old record, the file's
+        None  # None: an old record, at the machine file's
     )
 
 
