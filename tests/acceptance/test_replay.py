@@ -18,6 +18,7 @@ from replaying import again, assert_same_setpoints
 from typer.testing import CliRunner
 
 from controller import __main__ as command_line
+from controller import config
 from controller.handoff import Jog
 from controller.session import events, replay
 from controller.state import Fault, Mode, Request
@@ -275,3 +276,12 @@ def test_the_command_makes_a_faulted_run_again_and_fails_where_the_record_is_of_
     assert (code, told["ok"], told["tick"], told["axis"]) == (1, False, 250, "Z")
     assert "made again the run differs from the recorded one in tick 250 (line" in told["error"]
     assert "mm apart" in told["error"]
+
+
+def test_a_run_at_another_period_than_the_machine_files_comes_again_at_its_own(tmp_path: Path) -> None:
+    bench = RecordedBench(tmp_path, config.with_period(config.load("trunnion"), 0.005))
+    bench.started(TEXT)
+    bench.until(Mode.READY)
+    folder = bench.ended()
+    code, told = simulated(folder)
+    assert (code, told["period_s"], told["recorded_ticks"]) == (0, 0.005, len(sent(folder)))
