@@ -21,7 +21,7 @@ __all__ = ["LARGEST", "Line", "Word", "read"]
 
 # No machine and no feed needs more; far below what squares and cubes could overflow.
 LARGEST = 1e9
-LETTERS = "ABCDFGHIJKMNPQRSTXYZ"
+LETTERS = "ABCDEFGHIJKLMNPQRSTUVWXYZ"
 DEEPEST = 30  # nesting of brackets, so that no text can exhaust the stack
 PARAMETERS = range(1, 6000)
 MACHINE_PARAMETERS = range(5061, 5603)  # positions, offsets and tools on other controls
