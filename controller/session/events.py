@@ -92,9 +92,7 @@ class Begin:
     fitted: dict[str, Any]  # offsets and tools, as ``fitting`` keeps them
     program_sha256: str
     machine_sha256: str
-    period_s: float | None = (
-        None  # None: an old record, at the machine file's
-    )
+    period_s: float | None = None  # None: an old record, at the machine file's
 
 
 @dataclass(frozen=True, slots=True)

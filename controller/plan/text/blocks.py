@@ -21,12 +21,27 @@ from types import MappingProxyType
 
 from controller.geometry import Vector
 from controller.machine import Joints, Machine
-from controller.plan.text import codes, decoding, linked, modal, nurbs_words, surface_words, words
-from controller.plan.text.codes import CONE_WORDS, GROUP_OF, SIDES, SURFACES, Ask
+from controller.plan.text import (
+    arc_words,
+    codes,
+    cycles,
+    decoding,
+    linked,
+    modal,
+    nurbs_words,
+    offset_words,
+    points,
+    reference_words,
+    surface_words,
+    words,
+)
+from controller.plan.text.code_table import AXES, BY_DIALECT, Fate, takers_of
+from controller.plan.text.codes import CYCLES, PLACES, SIDES, SURFACES, Ask
 from controller.plan.text.flow import Limits
 from controller.plan.text.given import Given
 from controller.plan.text.line import Upcoming
 from controller.plan.text.modal import TIPS, State
+from controller.plan.text.offset_words import Here
 from controller.plan.text.parameters import Parameters
 from controller.plan.text.plain import PlainLines
 from controller.plan.text.position import Position, homed
@@ -34,7 +49,6 @@ from controller.plan.text.program import (
     Act,
     Action,
     Block,
-    JointArc,
     JointLine,
     Message,
     Program,
@@ -48,10 +62,16 @@ from controller.plan.text.saved import Saved
 from controller.plan.text.words import Line, Word
 
 SHORTEST_VECTOR = 1e-6  # of I J K; shorter ones have no sure direction
-MOST_TURNS = 1000  # of one arc
 
-# Plane axes so that first x second = normal: counter-clockwise is the right hand about the normal.
-_PLANES = MappingProxyType({"G17": (0, 1, 2), "G18": (2, 0, 1), "G19": (1, 2, 0)})
+_CLEARED = MappingProxyType(
+    {
+        "G51": "it is surplus after the whole cone of G51 on line {}, which clears the motion mode",
+        "G52": "it is a surplus point, as G52 needs 8 points of X Y Z, the G52 of line {} has them and "
+        "clears the motion mode",
+        "G6.2": "it is surplus after the two whole curves of G6.2 on line {}, which clears the motion mode",
+        "G80": "G80 on line {} cleared the motion mode",
+    }
+)
 
 
 def read(
@@ -86,7 +106,7 @@ def stream(
 
 def _blocks(read: Iterator[Line], machine: Machine, given: Given) -> Iterator[Block]:
     """Blocks of lines; ``given`` has the state and the position between two of them."""
-    state, plain, ahead, saved = given.state, PlainLines(machine), Upcoming(), Saved()
+    state, plain, ahead, saved = given.state, PlainLines(machine), Upcoming(), Saved(machine)
     told: list[Line] = []
     lines = ahead.given(_heard(read, told))
     for line in lines:
@@ -98,7 +118,8 @@ def _blocks(read: Iterator[Line], machine: Machine, given: Given) -> Iterator[Bl
             yield block
             continue
         state, restored, line = saved.carry_out(line, state)
-        turn = _Turn(codes.sort(line, machine), state, machine, lines, ahead)
+        ask = points.counted(codes.sort(line, machine), state, machine)
+        turn = _Turn(ask, state, machine, given.position, lines, ahead)
         turn.run()
         state = given.state = turn.state
         yield from restored
@@ -127,16 +148,24 @@ class _Turn:
     """One line being carried out; its state counts only when ``run`` returns."""
 
     def __init__(
-        self, ask: Ask, state: State, machine: Machine, lines: Iterator[Line], ahead: Upcoming
+        self,
+        ask: Ask,
+        state: State,
+        machine: Machine,
+        position: Position,
+        lines: Iterator[Line],
+        ahead: Upcoming,
     ) -> None:
         self.ask = ask
         self.state = state
         self.made: list[Block] = []
         self.ended = False
-        self._machine = machine
+        self._machine, self._position = machine, position
         self._lines = lines  # what follows: G52 takes its points from here
         self._axes = "".join(axis.name for axis in machine.axes)
-        self._cancels = ask.code("motion") == "G52" and surface_words.cancels_shift(ask, state, lines, ahead)
+        self._shifts = ask.code("motion") == "G52" and surface_words.is_shift(
+            ask, state, machine, lines, ahead
+        )
         self._motion = self._find_motion()
 
     def run(self) -> None:
@@ -144,16 +173,16 @@ class _Turn:
         sides = [letters for code, letters in self._takers() if code in SIDES]
         self.state, self.made = modal.apply(self.ask, self._motion, self.state, self._machine, "".join(sides))
         self._check_frame()
-        if self._cancels:
-            self.made.append(surface_words.no_shift(self.ask, self.state))
+        self._notes()
+        self._origins()
         if self._motion:
-            self.made.append(self._move())
+            self.made += self._move()
         self._keep_motion()
         self._stop()
 
     def _find_motion(self) -> str:
         """The motion this line makes: named, or modal where words for one stand."""
-        if self._cancels:
+        if self._shifts or self._places():
             return ""
         named = self.ask.code("motion")
         moving = self.ask.has(self._axes + "IJK") or (named in ("G2", "G3") and self.ask.has("RP"))
@@ -161,17 +190,36 @@ class _Turn:
             return named
         return (named or self.state.motion) if moving and named != "G80" else ""
 
+    def _places(self) -> bool:
+        """Whether another code than a motion takes the axis words."""
+        once, length = self.ask.code("one-line"), self.ask.code("length")
+        if once == "G4":
+            return "X" in self.ask.words and "X" in self._letters("G4")
+        if once in PLACES or self.ask.code("rotation") == "G68":
+            return True
+        return length == "G43.1"
+
+    # ---- words and their codes ---------------------------------------------------------
+
     def _takers(self) -> list[tuple[str, str]]:
         """The codes that run on this line, with the letters each takes."""
-        letters = {"G4": "P", "G64": "PQ"} | dict.fromkeys(TIPS, "H")
-        letters |= {"G51": CONE_WORDS, "G52": "XYZ", "G6.2": "PQ"}
-        letters |= dict.fromkeys(("G0", "G1"), "XYZIJK" if self._vectors() else self._axes)
-        letters |= dict.fromkeys(("G2", "G3"), self._axes + "IJKRP")
-        running = [code for code, _ in self.ask.codes.values() if GROUP_OF[code] != "motion"]
-        takers = [(code, letters.get(code, "")) for code in [*running, self._motion]]
-        if self._cancels:
+        running = [code for group, (code, _) in self.ask.codes.items() if group != "motion"]
+        takers = [(code, self._letters(code)) for code in running]
+        if self._motion:
+            takers.append((self._motion, self._letters(self._motion)))
+        if self._shifts:
             takers.append(("G52", self._axes))
         return [(code, self._side_letters(takers) if code in SIDES else taken) for code, taken in takers]
+
+    def _letters(self, code: str) -> str:
+        """The letters of the table, as far as this line and dialect have them."""
+        if code in ("G0", "G1"):
+            return "XYZIJK" if self._vectors() else self._axes
+        letters = BY_DIALECT[self._machine.dialect][code].letters.replace(AXES, self._axes)
+        if self._machine.dialect == "fanuc":
+            return letters
+        left_out = "ABCKP" if code in ("G74", "G84") else "ABCK" if code in CYCLES else "UVW"
+        return "".join(letter for letter in letters if letter not in left_out)
 
     def _side_letters(self, takers: list[tuple[str, str]]) -> str:
         """P, Q and R of G40 to G42: those that no other code of the line takes."""
@@ -203,11 +251,17 @@ class _Turn:
             return nurbs_words.refusal(self.ask.line, word, f"found {word.text}")
         if self._motion in SURFACES:
             return surface_words.surplus(self.ask, self._motion, word)
-        if word.letter in self._axes + "K" and not self._motion:
+        if word.letter in self._axes + "K" and not self._motion and not self._places():
             return self.ask.refusal(
                 word,
                 f"{word.text} has no motion: {self.state.cleared}; write G0 to G3, G51, G52 or G6.2 with it, "
                 "or remove the line",
+            )
+        if word.letter == "E":
+            return self.ask.refusal(
+                word,
+                f"{word.text}: E is not a word of this control but beside G187, and numbers have no "
+                "exponents; write the number out",
             )
         if word.letter in self._axes and self._vectors():
             return self.ask.refusal(
@@ -223,47 +277,85 @@ class _Turn:
             )
         return self.ask.refusal(
             word,
-            f"no code on this line takes {word.text}: P belongs to G4, G64, G2, G3, G6.2, Q to G64, G6.2, "
-            "both to G40 to G42, H to G43 and G51, I J K R to G2, G3 and G51, R to G40 to G42, too, "
-            "D to G51; add the code or remove the word",
+            f"no code on this line takes {word.text}: {word.letter} belongs to "
+            f"{takers_of(word.letter, self._machine.dialect)}; add the code or remove the word",
         )
 
     def _check_frame(self) -> None:
-        if self.ask.code("one-line") == "G53" and self._motion not in ("G0", "G1"):
+        once = self.ask.code("one-line")
+        if once == "G53" and self._motion not in ("G0", "G1"):
             raise self.ask.refusal(
                 self.ask.codes["one-line"][1],
                 "G53 (machine position) has no move: it goes with axis words under G0 or G1; add G0 and the "
                 "axes, or remove G53",
             )
+        named = self.ask.code("motion")
+        harmless = ("", "G80") if self._machine.dialect == "rs274" else ("", "G80", "G0", "G1", "G2", "G3")
+        if self._places() and named not in harmless:
+            other = next(code for code, letters in self._takers() if "Z" in letters or code == "G4")
+            raise self.ask.refusal(
+                self.ask.codes["motion"][1],
+                f"{named} and {other} on one line both take the axis words; write two lines",
+            )
 
-    def _move(self) -> Block:
-        if self._motion == "G51":
-            return surface_words.cone(self.ask, self.state, self._machine)
-        if self._motion == "G52":
-            return surface_words.ruled(self.ask, self.state, self._machine, self._lines)
-        if self._motion == "G6.2":
-            return nurbs_words.surface(self.ask, self.state, self._machine, self._lines)
-        return self._line() if self._motion in ("G0", "G1") else self._arc()
+    # ---- what is done ------------------------------------------------------------------
+
+    def _notes(self) -> None:
+        """A remark for the first of each code that needs no action here."""
+        for code, word in self.ask.codes.values():
+            row = BY_DIALECT[self._machine.dialect][code]
+            if row.fate is Fate.NOTED and code not in self.state.noted:
+                sentence = f"{code} ({row.meaning}) needs no action here. {row.told}"
+                self.made.append(Remark(self.ask.place(word), self.state.modal, sentence))
+                self.state = replace(self.state, noted=self.state.noted | {code})
+
+    def _here(self) -> Here:
+        return Here(self.ask, self.state, self._position, self._machine)
+
+    def _origins(self) -> None:
+        """What shifts, turns or stores positions, and the ways to the reference points."""
+        once = self.ask.code("one-line")
+        if "rotation" in self.ask.codes:
+            self.state = offset_words.rotation(self._here())
+        if self._shifts:
+            self.state = offset_words.local_shift(self._here())
+            self.made.append(surface_words.told_shift(self.ask, self.state))
+        if once in ("G28", "G30"):
+            self.made += reference_words.moves(self._here(), self._targets())
+        elif once in ("G28.1", "G30.1"):
+            self.state = reference_words.stored(self._here())
+        elif once == "G10" or once.startswith("G92"):
+            self.state = offset_words.applied(self._here(), once)
+
+    def _move(self) -> list[Block]:
+        motion = self._motion
+        if motion == "G51":
+            return [surface_words.cone(self.ask, self.state, self._machine)]
+        if motion == "G52":
+            return [surface_words.ruled(self.ask, self.state, self._machine, self._lines)]
+        if motion == "G6.2":
+            return [nurbs_words.surface(self.ask, self.state, self._machine, self._lines)]
+        word, targets = self._word_of_motion(), self._targets()
+        if motion in CYCLES:
+            made, self.state = cycles.blocks(self._here(), motion, word, targets)
+            return made
+        if motion in ("G0", "G1"):
+            return [self._line()]
+        self._check_side(word)
+        return [arc_words.arc(self._here(), motion, word, targets)]
 
     def _keep_motion(self) -> None:
-        """G0 to G3 stay; G51, G52, G6.2 and G80 leave no motion mode."""
-        if self._cancels:
+        """G0 to G3 and cycles stay; G51, G52, G6.2 and G80 leave no motion mode."""
+        named = self.ask.code("motion")
+        if self._shifts or not named:
             return
-        named, number = self.ask.code("motion"), self.ask.line.number
-        why = {
-            "G51": f"it is surplus after the whole cone of G51 on line {number}, which clears the "
-            "motion mode",
-            "G52": f"it is a surplus point, as G52 needs 8 points of X Y Z, the G52 of line {number} has "
-            "them and clears the motion mode",
-            "G6.2": f"it is surplus after the two whole curves of G6.2 on line {number}, which clears the "
-            "motion mode",
-            "G80": f"G80 on line {number} cleared the motion mode",
-        }
-        if named in why:
+        if named in _CLEARED:
             cuts = self.state.cuts or named in SURFACES
-            self.state = replace(self.state, motion="", cleared=why[named], cuts=cuts)
-        elif named and named != self.state.motion:
-            self.state = replace(self.state, motion=named)
+            why = _CLEARED[named].format(self.ask.line.number)
+            self.state = replace(self.state, motion="", cleared=why, cuts=cuts, cycle=None)
+        elif named != self.state.motion or (self.state.cycle and named not in CYCLES):
+            kept = self.state.cycle if named in CYCLES else None
+            self.state = replace(self.state, motion=named, cycle=kept)
 
     def _word_of_motion(self) -> Word:
         """The motion code, or the first word that the modal motion takes."""
@@ -282,12 +374,15 @@ class _Turn:
     def _targets(self) -> Targets:
         """A value per axis of the machine: mm, or radians of the carried body."""
         targets: list[float | None] = []
+        turned = iter(self.state.modal.turned_rad)
+        shifts = self.state.absolute and self.ask.code("one-line") != "G53"
         for axis in self._machine.axes:
             word = self.ask.words.get(axis.name)
+            shift = next(turned) if axis.is_rotary else 0.0
             if word is None:
                 targets.append(None)
             elif axis.is_rotary:
-                targets.append(word.value / axis.shown_per_unit)
+                targets.append(word.value / axis.shown_per_unit + (shift if shifts else 0.0))
             else:
                 targets.append(word.value * self.state.mm_per_unit)
         return tuple(targets)
@@ -341,79 +436,6 @@ class _Turn:
                 f"length from {SHORTEST_VECTOR:g} up; correct I J K",
             )
         return i, j, k
-
-    def _arc(self) -> Block:
-        word = self._word_of_motion()
-        self._check_side(word)
-        if self.state.modal.tip is not Tip.OFF:
-            code = "G43.4" if self.state.modal.tip is Tip.ROTARIES else "G43.5"
-            raise self.ask.refusal(
-                word,
-                f"{self._motion} under {code} is not done: arcs of the tool tip with a turning axis have no "
-                "agreed meaning; write the arc as G1 lines (with G64 P they become one smooth path), or G49 "
-                "before it",
-            )
-        time = self.state.time(self.ask, self._motion, word)
-        centre, radius = self._centre(word)
-        return JointArc(
-            self.ask.place(word),
-            self.state.modal,
-            _PLANES[self.state.modal.plane],
-            self._motion == "G2",
-            self._targets(),
-            not self.state.absolute,
-            centre,
-            radius,
-            self._turns(),
-            0.0 if time else self.state.feed(self.ask, self._motion, word),
-            time,
-        )
-
-    def _turns(self) -> int:
-        word = self.ask.words.get("P")
-        turns = 1 if word is None else self.ask.whole(word)
-        if word is not None and turns == 0:
-            raise self.ask.refusal(word, f"{word.text} is no arc: P counts the turns, from 1 up; correct it")
-        if word is not None and turns > MOST_TURNS:
-            raise self.ask.refusal(
-                word, f"{word.text} is too many turns: P counts 1 to {MOST_TURNS} of them; write more arcs"
-            )
-        return turns
-
-    def _centre(self, word: Word) -> tuple[tuple[float, float] | None, float | None]:
-        """Centre from the start along the two plane axes, or the radius; one of them is given."""
-        first, second, normal = _PLANES[self.state.modal.plane]
-        given, radius = self.ask.words, self.ask.words.get("R")
-        centre = [letter for letter in "IJK" if letter in given]
-        allowed = "IJK"[min(first, second)] + " " + "IJK"[max(first, second)]
-        if "IJK"[normal] in given:
-            extra = given["IJK"[normal]]
-            raise self.ask.refusal(
-                extra,
-                f"{extra.text} is not in the plane: under {self.state.modal.plane} a centre has "
-                f"{allowed}; correct the word or the plane",
-            )
-        if (radius is None) == (not centre):
-            found = "both a centre and R" if centre else "neither a centre nor R"
-            raise self.ask.refusal(
-                word,
-                f"{self._motion} has {found}: under {self.state.modal.plane} it takes either {allowed} or R; "
-                "write one of them",
-            )
-        if radius is None:
-            i, j = (given.get("IJK"[axis]) for axis in (first, second))
-            unit = self.state.mm_per_unit
-            return ((i.value * unit if i else 0.0), (j.value * unit if j else 0.0)), None
-        return None, self._radius(radius, ("XYZ"[first], "XYZ"[second]))
-
-    def _radius(self, word: Word, plane: tuple[str, str]) -> float:
-        if word.value == 0.0 or not any(letter in self.ask.words for letter in plane):
-            raise self.ask.refusal(
-                word,
-                f"{word.text} gives no arc: with R the radius is not 0 and an end point {' or '.join(plane)} "
-                "stands beside it; add it, or give the centre",
-            )
-        return word.value * self.state.mm_per_unit
 
     def _stop(self) -> None:
         """M2 and M30 end the program with spindle and coolant off."""

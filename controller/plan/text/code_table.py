@@ -58,7 +58,7 @@ def _refused(source: str, *rows: tuple[str, str, str], dialect: str = "") -> lis
     return [Code(name, "", "", source, meaning, told, Fate.REFUSED, dialect) for name, meaning, told in rows]
 
 
-_CYCLE = AXES + "RPQLK"
+_CYCLE = AXES + "RLK"
 _LATHE = "this control has no lathe axis"
 _NO_SYNC = "no spindle here is tied to the feed"
 _PROBE = "touch the part off by hand on the set-up page"
@@ -71,16 +71,16 @@ ROWS: tuple[Code, ...] = (
         ("G1", AXES + "IJK", "line at feed; I J K under G43.5"),
         ("G2", AXES + "IJKRP", "arc or helix, clockwise"),
         ("G3", AXES + "IJKRP", "arc or helix, counter-clockwise"),
-        ("G73", _CYCLE, "drilling, chip breaking by Q"),
-        ("G74", _CYCLE, "tapping, left-hand, with a floating holder"),
+        ("G73", _CYCLE + "Q", "drilling, chip breaking by Q"),
+        ("G74", _CYCLE + "P", "tapping, left-hand, with a floating holder"),
         ("G80", "", "ends a canned cycle and the motion mode"),
         ("G81", _CYCLE, "drilling"),
-        ("G82", _CYCLE, "drilling, dwell P"),
-        ("G83", _CYCLE, "drilling by Q with full retraction"),
-        ("G84", _CYCLE, "tapping, right-hand, with a floating holder"),
+        ("G82", _CYCLE + "P", "drilling, dwell P"),
+        ("G83", _CYCLE + "Q", "drilling by Q with full retraction"),
+        ("G84", _CYCLE + "P", "tapping, right-hand, with a floating holder"),
         ("G85", _CYCLE, "boring, out at feed"),
-        ("G86", _CYCLE, "boring, spindle stopped, out at rapid"),
-        ("G89", _CYCLE, "boring, dwell P, out at feed"),
+        ("G86", _CYCLE + "P", "boring, spindle stopped, out at rapid"),
+        ("G89", _CYCLE + "P", "boring, dwell P, out at feed"),
     ),
     *_done(
         "motion",
@@ -92,16 +92,21 @@ ROWS: tuple[Code, ...] = (
     *_done(
         "one-line",
         NIST,
-        ("G4", "PX", "dwell: P in seconds; under fanuc without a point in ms, or X in seconds"),
         ("G10", AXES + "LPR", "sets work offsets (L2, L20) and tools (L1, L10, L11)"),
-        ("G28", AXES + "UVW", "rapid to the reference point, by way of the axis words"),
-        ("G30", AXES + "UVWP", "rapid to the second reference point, by way of the axis words"),
+        (
+            "G28",
+            AXES + "UVW",
+            "rapid to the reference point, by way of the axis words, or U V W as distances",
+        ),
+        ("G30", AXES + "UVWP", "rapid to the second reference point, likewise"),
         ("G53", "", "this line's G0 or G1 in machine positions"),
         ("G92", AXES, "shifts all work offsets so that the position reads as said"),
         ("G92.1", "", "cancels the shift of G92"),
         ("G92.2", "", "suspends the shift of G92"),
         ("G92.3", "", "takes the shift of G92 up again"),
     ),
+    *_done("one-line", NIST, ("G4", "P", "dwell of P seconds"), dialect="rs274"),
+    *_done("one-line", FANUC, ("G4", "PX", "dwell of P or X seconds; ms without a point"), dialect="fanuc"),
     *_done(
         "one-line",
         LINUXCNC,
@@ -127,7 +132,7 @@ ROWS: tuple[Code, ...] = (
         "length",
         LINUXCNC,
         ("G43.1", "Z", "adds the length Z to Z"),
-        ("G43.2", "HZ", "adds one more tool's length, or Z"),
+        ("G43.2", "H", "adds the length of one more tool"),
     ),
     *_done("length", FANUC, ("G44", "H", "takes the tool's length off Z"), dialect="fanuc"),
     *_done(
@@ -173,6 +178,15 @@ ROWS: tuple[Code, ...] = (
     ),
     *_done("tool change", NIST, ("M6", "", "puts T into the spindle")),
     *_done("tool change", LINUXCNC, ("M61", "Q", "says that tool Q is in the spindle")),
+    *_done(
+        "state",
+        LINUXCNC,
+        ("M70", "", "keeps the modal state"),
+        ("M71", "", "forgets the kept state"),
+        ("M72", "", "gives the kept state back"),
+        ("M73", "", "keeps the state until the sub ends"),
+    ),
+    *_done("call", FANUC, ("M98", "PL", "calls sub P, L times"), ("M99", "", "ends a sub")),
     *_done("coolant", NIST, ("M7", "", "mist"), ("M8", "", "flood"), ("M9", "", "both off")),
     # --- what needs no action here
     *_noted(
@@ -226,7 +240,6 @@ ROWS: tuple[Code, ...] = (
     *_refused(
         FANUC,
         ("G7", "imaginary axis", "write the moves themselves"),
-        ("G44", "length taken off Z", "write G43"),
         ("G76", "fine boring with a shift", "no spindle here stops at an angle; write G85, G86 or G89"),
         dialect="fanuc",
     ),
@@ -288,4 +301,29 @@ def of(dialect: str) -> dict[str, Code]:
     return {row.name: row for row in ROWS if row.dialect in ("", dialect)}
 
 
+def takers_of(letter: str, dialect: str) -> str:
+    """The codes of a dialect that take a letter, for sentences."""
+    letters = {"U": "U", "V": "V", "W": "W"}.get(letter, letter)
+    sides = ("G40", "G41", "G42") if letter in "PQR" else ()
+    axes = AXES if letter in "XYZABC" else letters
+    rows = of(dialect).values()
+    found = [row.name for row in rows if row.name in sides or letters in row.letters or axes in row.letters]
+    return " ".join(found) or "no code of this control"
+
+
 BY_DIALECT = MappingProxyType({dialect: MappingProxyType(of(dialect)) for dialect in ("rs274", "fanuc")})
+
+
+def markdown() -> str:
+    """The table as the README of the programs shows it."""
+    head = ["| code | dialect | from | what it is | here |", "|---|---|---|---|---|"]
+    return "\n".join([*head, *(_markdown(row) for row in sorted(ROWS, key=_order)), ""])
+
+
+def _order(row: Code) -> tuple[str, float, str]:
+    return row.name[0], float(row.name[1:]), row.dialect
+
+
+def _markdown(row: Code) -> str:
+    here = {Fate.DONE: "", Fate.NOTED: "noted: ", Fate.REFUSED: "refused: "}[row.fate] + (row.told or "done")
+    return f"| {row.name} | {row.dialect or 'both'} | {row.source} | {row.meaning} | {here} |"

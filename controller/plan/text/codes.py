@@ -1,50 +1,28 @@
 """One line sorted: its codes by modal group, its other words by letter.
 
-The groups are those of RS-274/NGC table 4 as far as the control knows their codes;
-of one group a line takes one code. G51 and G52 stand among the motions.
+Codes and groups are those of ``code_table``; of one group a line takes one code.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from types import MappingProxyType
 
 from controller.machine import Machine
+from controller.plan.text.code_table import BY_DIALECT, Code, Fate
 from controller.plan.text.program import Place, ProgramError
 from controller.plan.text.words import Line, Word
 
 SIDES = ("G40", "G41", "G42")
 SURFACES = ("G51", "G52", "G6.2")
+CYCLES = ("G73", "G74", "G81", "G82", "G83", "G84", "G85", "G86", "G89")
+PLACES = ("G10", "G28", "G30", "G92")  # of the codes for one line those that take the axis words
 CONE_WORDS = "XYZIJKHRD"
-GROUPS = MappingProxyType(
-    {
-        "motion": ("G0", "G1", "G2", "G3", "G51", "G52", "G6.2", "G80"),
-        "one-line": ("G4", "G53"),
-        "plane": ("G17", "G18", "G19"),
-        "unit": ("G20", "G21"),
-        "side": ("G40", "G41", "G42"),
-        "length": ("G43", "G43.4", "G43.5", "G49"),
-        "offset": ("G54", "G55", "G56", "G57", "G58", "G59"),
-        "path": ("G61", "G64"),
-        "distance": ("G90", "G91"),
-        "centre": ("G91.1",),
-        "feed": ("G93", "G94"),
-        "stop": ("M0", "M1", "M2", "M30"),
-        "spindle": ("M3", "M4", "M5"),
-        "tool change": ("M6",),
-        "coolant": ("M7", "M8", "M9"),
-    }
-)
-GROUP_OF = MappingProxyType({code: group for group, codes in GROUPS.items() for code in codes})
-_HINTS = MappingProxyType(
-    {
-        "G50": "scaling is not done here, so there is none to cancel",
-        "G90.1": "arc centres I J K are always distances from the start (G91.1)",
-        "G92": "use a work offset G54 to G59 of the machine file",
-        "G95": "feeds are per minute (G94) or inverse times (G93)",
-    }
-)
+
+
+def group(name: str, dialect: str) -> list[str]:
+    """The codes of a modal group that a dialect has, in the order of the table."""
+    return [code.name for code in BY_DIALECT[dialect].values() if code.group == name]
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +30,7 @@ class Ask:
     """What one line asks for; every refusal of it has its file and line."""
 
     line: Line
-    codes: dict[str, tuple[str, Word]]  # modal group -> code as named in GROUPS, and its word
+    codes: dict[str, tuple[str, Word]]  # modal group -> code as named in the table, and its word
     words: dict[str, Word]  # letter -> word, without G M N
 
     def code(self, group: str) -> str:
@@ -86,31 +64,42 @@ def sort(line: Line, machine: Machine) -> Ask:
     others: dict[str, Word] = {}
     for word in line.words:
         if word.letter in "GM":
-            group, code = _code(line, word)
-            if group in codes:
-                raise line.refusal(
-                    word,
-                    f"{codes[group][0]} and {code} are both {group} codes: one line takes one of "
-                    f"{' '.join(GROUPS[group])}; remove one or write two lines",
-                )
-            codes[group] = (code, word)
+            _take_code(line, word, codes, machine.dialect)
         else:
             _check_letter(line, word, others, machine)
             others[word.letter] = word
     return Ask(line, codes, others)
 
 
-def _code(line: Line, word: Word) -> tuple[str, str]:
+def _take_code(line: Line, word: Word, codes: dict[str, tuple[str, Word]], dialect: str) -> None:
+    """Lay a code beside the others of the line; G80 beside another motion only ends what was before."""
+    code = _code(line, word, dialect)
+    if code.group not in codes:
+        codes[code.group] = (code.name, word)
+        return
+    before = codes[code.group][0]
+    if code.group == "motion" and "G80" in (before, code.name) and before != code.name:
+        if before == "G80":
+            codes["motion"] = (code.name, word)
+        return
+    raise line.refusal(
+        word,
+        f"{before} and {code.name} are both {code.group} codes: one line takes one of "
+        f"{' '.join(group(code.group, dialect))}; remove one or write two lines",
+    )
+
+
+def _code(line: Line, word: Word, dialect: str) -> Code:
     tenths = round(word.value * 10.0)
     number = f"{tenths // 10}" if tenths % 10 == 0 else f"{tenths / 10:.1f}"
-    code = f"{word.letter}{number}"
-    if abs(word.value * 10.0 - tenths) < 1e-6 and code in GROUP_OF:
-        return GROUP_OF[code], code
-    hint = f" ({_HINTS[code]})" if code in _HINTS else ""
-    known = " ".join(sorted((c for c in GROUP_OF if c[0] == word.letter), key=lambda c: float(c[1:])))
-    raise line.refusal(
-        word, f"{word.text} is not a code of this control{hint}: it knows {known}; use one of these"
-    )
+    found = BY_DIALECT[dialect].get(f"{word.letter}{number}")
+    if found is not None and abs(word.value * 10.0 - tenths) < 1e-6:
+        if found.fate is Fate.REFUSED:
+            raise line.refusal(word, f"{found.name} ({found.meaning}) is not done here: {found.told}")
+        return found
+    done = (code.name for code in BY_DIALECT[dialect].values() if code.fate is Fate.DONE)
+    known = " ".join(sorted((c for c in done if c[0] == word.letter), key=lambda c: float(c[1:])))
+    raise line.refusal(word, f"{word.text} is not a code of this control: it knows {known}; use one of these")
 
 
 def _check_letter(line: Line, word: Word, before: dict[str, Word], machine: Machine) -> None:

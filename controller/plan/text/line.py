@@ -74,6 +74,11 @@ class Line:
         return self._words
 
     @property
+    def text(self) -> str:
+        """As written, of a line of plain words; else empty."""
+        return self._match.string if self._match is not None else ""
+
+    @property
     def plain(self) -> Plain | None:
         """The line as plain words; None where it may hold more."""
         match = self._match

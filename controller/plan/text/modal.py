@@ -5,18 +5,40 @@ State is replaced, never edited: a line that is refused leaves the old one as it
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-from controller.machine import MOST_WEAR_MM, TOOL_AT_POWER_ON, Machine
-from controller.plan.text.codes import GROUPS, SURFACES, Ask
+from controller.machine import OFFSETS, TOOL_AT_POWER_ON, Machine, Tool
+from controller.plan.text import side_words
+from controller.plan.text.codes import SURFACES, Ask
+from controller.plan.text.origins import Origins
+from controller.plan.text.position import Known
 from controller.plan.text.program import Act, Action, Block, Dwell, Modal, Side, Tip
 from controller.plan.text.words import Word
 
-TIPS = MappingProxyType({"G43": Tip.OFF, "G43.4": Tip.ROTARIES, "G43.5": Tip.VECTORS})
+TIPS = MappingProxyType(
+    {
+        **dict.fromkeys(("G43", "G43.1", "G43.2", "G44"), Tip.OFF),
+        "G43.4": Tip.ROTARIES,
+        "G43.5": Tip.VECTORS,
+    }
+)
 BLU_PER_MM = 100.0  # the paper's basic length unit is 0.01 mm (and 0.01 mm/min)
 FEEDS = (1e-4, 1e7)  # units a minute: below, a millimetre takes a week; above, no drive follows
 MOST_DWELL_S = 604_800.0
+
+
+@dataclass(frozen=True, slots=True)
+class Cycle:
+    """What the words of a canned cycle leave to its next line; lengths in mm as written."""
+
+    code: str
+    bottom: float
+    clearance: float
+    level: float  # where the series began, along the cycle's axis in program coordinates
+    depth: float | None = None  # Q
+    seconds: float | None = None  # P
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +57,15 @@ class State:
     feed_deg_s: float | None = None  # the modal F as moves of rotaries alone read it; None as that of lengths
     cuts: bool = False  # a surface came before: the program is one for this control
     inverse: bool = False  # G93: F is one over the minutes that its line takes
+    per_turn: bool = False  # G95: F is for a turn of the spindle ...
+    turn_feed: tuple[float, float] | None = None  # ... mm and degrees
+    centres_absolute: bool = False  # G90.1
+    to_clearance: bool = False  # G99: canned cycles end at R
+    cycle: Cycle | None = None  # the canned cycle that is modal
+    origins: Origins = field(default_factory=Origins)
+    tools: Mapping[int, Tool] = field(default_factory=lambda: MappingProxyType({}))  # as G10 changed them
+    references: Mapping[str, tuple[Known, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    noted: frozenset[str] = frozenset()  # codes that a remark has told of
 
     def time(self, ask: Ask, code: str, word: Word) -> float | None:
         """Seconds that a feed motion takes under G93, None under G94; ProgramError for G93 without F."""
@@ -48,6 +79,21 @@ class State:
             )
         return 60.0 / ask.words["F"].value
 
+    def tool(self, number: int, machine: Machine) -> Tool | None:
+        """A tool of the table, as G10 has changed it."""
+        return self.tools.get(number) or machine.tool(number)
+
+    def with_tool(self, number: int, machine: Machine) -> Modal:
+        """The modal state with another tool in the spindle."""
+        return replace(self.modal, tool=number, cutter=self.tools.get(number))
+
+    def with_origins(self, origins: Origins, machine: Machine) -> State:
+        """The state in which positions are read by ``origins``."""
+        part = None if origins.untouched(machine) else origins.frame(machine)
+        turned = origins.turned_rad(machine)
+        modal = replace(self.modal, offset=origins.index, part=part, turned_rad=turned)
+        return replace(self, origins=origins, modal=modal)
+
     def feed(self, ask: Ask, code: str, word: Word) -> float:
         """The modal F for a motion, mm/s; ProgramError where there is none."""
         if self.inverse and code in SURFACES:
@@ -56,6 +102,11 @@ class State:
                 f"{code} takes its feed per minute: inverse time (G93) is for G1 to G3; write G94 before it",
             )
         feed = self.modal.feed_mm_s
+        if feed is None and self.turn_feed is not None:
+            raise ask.refusal(
+                word,
+                f"{code} has a feed per turn (G95) and the spindle stands: write S and M3, or G94 before it",
+            )
         if feed is None:
             raise ask.refusal(
                 word, f"{code} has no feed: no F stands here or before it; write F with the feed per minute"
@@ -101,6 +152,7 @@ class _Settings:
         self._select_tool()
         self._change_tool()
         self._spindle()
+        self._turn_feed()
         self._coolant()
         self._dwell()
         self._side()
@@ -118,10 +170,13 @@ class _Settings:
             self.state = replace(self.state, mm_per_unit=25.4 if code == "G20" else 1.0)
 
     def _feed_mode(self) -> None:
-        """Between G93 and G94 no feed survives: what F means has changed."""
+        """Between G93, G94 and G95 no feed survives: what F means has changed."""
         code = self.ask.code("feed")
-        if code and (code == "G93") != self.state.inverse:
-            self.state = replace(self.state, inverse=code == "G93", feed_deg_s=None)
+        if code and (code == "G93", code == "G95") != (self.state.inverse, self.state.per_turn):
+            inverse, per_turn = code == "G93", code == "G95"
+            self.state = replace(
+                self.state, inverse=inverse, per_turn=per_turn, turn_feed=None, feed_deg_s=None
+            )
             self._set_modal(replace(self.state.modal, feed_mm_s=None))
 
     def _feed(self) -> None:
@@ -139,9 +194,21 @@ class _Settings:
             low, high = (f"{feed * (BLU_PER_MM if in_blu else 1.0):.12g}" for feed in FEEDS)
             raise self.ask.refusal(word, f"{word.text} is no feed: {low} to {high} a minute are; correct it")
         deg_s = per_min / 60.0
+        if self.state.per_turn:
+            self.state = replace(self.state, turn_feed=(mm_s * 60.0, per_min))
+            return
         if (mm_s, deg_s) != (self.state.modal.feed_mm_s, self.state.feed_deg_s):
             modal = replace(self.state.modal, feed_mm_s=mm_s)
             self.state = replace(self.state, modal=modal, feed_deg_s=deg_s)
+
+    def _turn_feed(self) -> None:
+        """G95: the feed a second follows the spindle; none where it stands."""
+        if self.state.turn_feed is None:
+            return
+        turns_s = abs(self.state.modal.spindle_rev_min) / 60.0
+        mm_s, deg_s = (feed * turns_s if turns_s else None for feed in self.state.turn_feed)
+        self.state = replace(self.state, feed_deg_s=deg_s)
+        self._set_modal(replace(self.state.modal, feed_mm_s=mm_s))
 
     def _speed(self) -> None:
         word = self.ask.words.get("S")
@@ -166,7 +233,7 @@ class _Settings:
 
     def _known_tool(self, word: Word) -> float:
         """Length of the tool that a T or H word names."""
-        tool = self._machine.tool(self.ask.whole(word))
+        tool = self.state.tool(self.ask.whole(word), self._machine)
         if tool is None:
             raise self.ask.refusal(
                 word,
@@ -176,7 +243,10 @@ class _Settings:
         return tool.length_mm
 
     def _change_tool(self) -> None:
-        """M6 also stops the spindle (RS-274/NGC 3.6.3)."""
+        """M6 also stops the spindle (RS-274/NGC 3.6.3); M61 only says which tool is there."""
+        if self.ask.code("tool change") == "M61":
+            self._name_tool()
+            return
         if "tool change" not in self.ask.codes:
             return
         word = self.ask.codes["tool change"][1]
@@ -184,9 +254,19 @@ class _Settings:
             raise self.ask.refusal(
                 word, "M6 has no tool to change to: write T and its number before or beside it"
             )
-        modal = replace(self.state.modal, tool=self.state.selected, spindle_rev_min=0.0)
-        self.state = replace(self.state, modal=modal, turning=0)
+        modal = self.state.with_tool(self.state.selected, self._machine)
+        self.state = replace(self.state, modal=replace(modal, spindle_rev_min=0.0), turning=0)
         self._act(word, Act.TOOL)
+
+    def _name_tool(self) -> None:
+        word = self.ask.words.get("Q")
+        if word is None:
+            raise self.ask.refusal(
+                self.ask.codes["tool change"][1],
+                "M61 does not say which tool is in the spindle: write Q and its number, such as M61 Q2",
+            )
+        self._known_tool(word)
+        self._set_modal(self.state.with_tool(int(word.value), self._machine))
 
     def _spindle(self) -> None:
         if "spindle" in self.ask.codes:
@@ -209,71 +289,17 @@ class _Settings:
         if self.ask.code("one-line") != "G4":
             return
         word = self.ask.codes["one-line"][1]
-        if "P" not in self.ask.words:
+        if not self.ask.has("PX"):
             raise self.ask.refusal(word, "G4 has no time: write P with the seconds to wait, such as G4 P0.5")
-        seconds = self.ask.not_negative(self.ask.words["P"])
-        if seconds > MOST_DWELL_S:
-            found = self.ask.words["P"]
-            raise self.ask.refusal(
-                found,
-                f"{found.text} waits for {seconds / 3600.0:.4g} h: P of G4 is 0 to {MOST_DWELL_S:.0f} "
-                "seconds, a week; write M0 to wait for the operator",
-            )
+        seconds = dwell_s(self.ask, self.ask.words.get("P") or self.ask.words["X"], self._machine)
         self.made.append(Dwell(self.ask.place(word), self.state.modal, seconds))
 
     def _side(self) -> None:
         if code := self.ask.code("side"):
-            side = Side.LEFT if code == "G41" else Side.RIGHT
-            words = self._side_words()
-            modal = replace(
-                self.state.modal,
-                side=side,
-                placement=self._placement(words),
-                allowance_mm=self._allowance_mm(words),
-                tolerance_mm=self._tolerance_mm(words),
+            modal = side_words.applied(
+                self.ask, code, self.side_letters, self.state.mm_per_unit, self.state.modal
             )
             self.state = replace(self.state, side=code, modal=modal)
-
-    def _side_words(self) -> dict[str, Word]:
-        """P, Q and R of G40 to G42, where no other code of the line takes them."""
-        return {letter: self.ask.words[letter] for letter in self.side_letters if letter in self.ask.words}
-
-    def _placement(self, words: dict[str, Word]) -> int:
-        placement = self.ask.whole(words["P"]) if "P" in words else 0
-        if "P" in words and placement not in (1, 2, 3, 4):
-            raise self.ask.refusal(
-                words["P"],
-                f"{words['P'].text} is no placement of the cutter: P of {self.ask.code('side')} is 1 "
-                "(single), 2 (double), 3 (optimal) or 4 (auto); write one of these, or nothing for the "
-                "machine's own",
-            )
-        return placement
-
-    def _allowance_mm(self, words: dict[str, Word]) -> float:
-        """Q of G40 to G42: what stays on the surface, or, negative, a cutter's wear."""
-        if (word := words.get("Q")) is None:
-            return 0.0
-        allowance = word.value * self.state.mm_per_unit
-        if allowance < -MOST_WEAR_MM:
-            raise self.ask.refusal(
-                word,
-                f"{word.text} takes {-allowance:g} mm more off than the surface: Q of "
-                f"{self.ask.code('side')} is what stays on it, and below 0 the cutter's wear, at most "
-                f"{MOST_WEAR_MM:g} mm; correct it",
-            )
-        return allowance
-
-    def _tolerance_mm(self, words: dict[str, Word]) -> float | None:
-        word = words.get("R")
-        if word is None:
-            return None
-        if word.value <= 0.0:
-            raise self.ask.refusal(
-                word,
-                f"{word.text} is no tolerance: R of {self.ask.code('side')} is how far a surface may be off "
-                "its form, greater than 0; correct it, or leave it out for the tool's or the machine's own",
-            )
-        return word.value * self.state.mm_per_unit
 
     def _length(self) -> None:
         """G43 adds the length of the tool in the spindle, or of tool H; H0 is none.
@@ -285,43 +311,85 @@ class _Settings:
             self._set_modal(replace(self.state.modal, length_mm=0.0, tip=Tip.OFF))
         if code not in TIPS:
             return
-        word = self.ask.words.get("H")
+        modal, said = self.state.modal, self._said_mm(code)
+        length = {"G43.2": modal.length_mm + said, "G44": -said}.get(code, said)
+        self._set_modal(replace(modal, length_mm=length, tip=TIPS[code]))
+
+    def _said_mm(self, code: str) -> float:
+        """The length that H, or Z of G43.1, names; without one that of the tool in the spindle."""
+        word = self.ask.words.get("Z" if code == "G43.1" else "H")
+        if word is None and code in ("G43.1", "G43.2"):
+            takes = "Z, the length" if code == "G43.1" else "H, the number of a tool"
+            raise self.ask.refusal(self.ask.codes["length"][1], f"{code} takes {takes}; write it")
         if word is None:
-            tool = self._machine.tool(self.state.modal.tool)
-            length = tool.length_mm if tool is not None else 0.0
-        else:
-            length = 0.0 if word.value == 0.0 else self._known_tool(word)
-        self._set_modal(replace(self.state.modal, length_mm=length, tip=TIPS[code]))
+            tool = self.state.tool(self.state.modal.tool, self._machine)
+            return tool.length_mm if tool is not None else 0.0
+        if code == "G43.1":
+            return word.value * self.state.mm_per_unit
+        return 0.0 if word.value == 0.0 else self._known_tool(word)
 
     def _plane_offset_path_distance(self) -> None:
         ask, state = self.ask, self.state
-        if ask.codes.keys().isdisjoint(("plane", "offset", "path", "distance")):
+        if ask.codes.keys().isdisjoint(("plane", "offset", "path", "distance", "centre", "return")):
             return
-        modal = state.modal
         if code := ask.code("offset"):
-            modal = replace(modal, offset=self._offset(code))
+            index = self._offset(code)
+            state = state.with_origins(replace(state.origins, index=index), self._machine)
+        modal = state.modal
         if code := ask.code("path"):
             blend = self._blend() if code == "G64" else (0.0, 0.0)
-            exact = code == "G61"
+            exact = code != "G64"
             modal = replace(modal, exact=exact, blend_mm=blend[0], blend_deg=blend[1], exact_joints=exact)
         absolute = {"G90": True, "G91": False}.get(ask.code("distance"), state.absolute)
+        centres = {"G90.1": True, "G91.1": False}.get(ask.code("centre"), state.centres_absolute)
+        ends = {"G99": True, "G98": False}.get(ask.code("return"), state.to_clearance)
         modal = replace(modal, plane=ask.code("plane") or modal.plane)
-        self.state = replace(state, modal=modal, absolute=absolute)
+        self.state = replace(
+            state, modal=modal, absolute=absolute, centres_absolute=centres, to_clearance=ends
+        )
 
     def _offset(self, code: str) -> int:
-        if code in self._machine.unset:
-            known = [name for name in GROUPS["offset"] if name not in self._machine.unset]
+        word = self.ask.codes["offset"][1]
+        name = code
+        if code == "G54.1":
+            name = f"{code} P{self._numbered(word)}"
+        index = OFFSETS.index(name)
+        if not self.state.origins.is_set(index, self._machine):
+            known = [one for i, one in enumerate(OFFSETS) if self.state.origins.is_set(i, self._machine)]
             raise self.ask.refusal(
-                self.ask.codes["offset"][1],
-                f"{code} is not set, neither in [offsets] of the machine file nor at the machine; set it, or"
+                word,
+                f"{name} is not set, neither in [offsets] of the machine file nor at the machine; set it, or"
                 f" use {' '.join(known)}",
             )
-        return GROUPS["offset"].index(code)
+        return index
+
+    def _numbered(self, word: Word) -> int:
+        """P of G54.1."""
+        number = self.ask.words.get("P")
+        if number is None or not 1 <= self.ask.whole(number) <= 48:
+            raise self.ask.refusal(
+                number or word, "G54.1 takes P1 to P48, the number of a work offset; write one of these"
+            )
+        return int(number.value)
 
     def _blend(self) -> tuple[float, float]:
         p, q = self.ask.words.get("P"), self.ask.words.get("Q")
         blend_mm = self.ask.not_negative(p) * self.state.mm_per_unit if p is not None else 0.0
         return blend_mm, self.ask.not_negative(q) if q is not None else 0.0
+
+
+def dwell_s(ask: Ask, word: Word, machine: Machine) -> float:
+    """The seconds of a dwell: P in seconds; under fanuc without a point in milliseconds."""
+    seconds = ask.not_negative(word)
+    if machine.dialect == "fanuc" and not word.point:
+        seconds /= 1000.0
+    if seconds > MOST_DWELL_S:
+        raise ask.refusal(
+            word,
+            f"{word.text} waits for {seconds / 3600.0:.4g} h: {word.letter} of G4 is 0 to "
+            f"{MOST_DWELL_S:.0f} seconds, a week; write M0 to wait for the operator",
+        )
+    return seconds
 
 
 def tool_list(machine: Machine) -> str:

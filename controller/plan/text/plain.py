@@ -10,8 +10,11 @@ import math
 from dataclasses import replace
 
 from controller.machine import Machine
+from controller.plan.text import points
 from controller.plan.text.line import Line
 from controller.plan.text.modal import State
+from controller.plan.text.origins import STILL
+from controller.plan.text.points import POINTLESS
 from controller.plan.text.program import Block, JointLine, Place, Tip, TipLine
 
 LARGEST = 1e9  # as words
@@ -31,10 +34,13 @@ class PlainLines:
         }
         self._first, self._second = (machine.axes[i].name for i in machine.rotary())
         self._per = dict(self._factors)
+        self._points_count = points.count(machine)
 
     def read(self, line: Line, state: State) -> tuple[Block, State] | None:
         """The block of a plain G1 line and the state after it; None where the general way is needed."""
         if state.motion != "G1" or state.side != "G40" or (plain := line.plain) is None:
+            return None
+        if state.modal.turned_rad != STILL or (self._points_count and POINTLESS.search(line.text)):
             return None
         words = dict(plain.pairs)
         tip = state.modal.tip

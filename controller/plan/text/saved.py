@@ -8,18 +8,24 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from controller.machine import Machine
 from controller.plan.text.line import Line, Word
 from controller.plan.text.modal import State
 from controller.plan.text.program import Act, Action, Block
 
 KEEP, FORGET, GIVE_BACK, KEEP_FOR_SUB = 70.0, 71.0, 72.0, 73.0
+GIVEN_BACK = (
+    *("mm_per_unit", "side", "absolute", "speed_rev_min", "turning", "feed_deg_s", "inverse", "per_turn"),
+    *("turn_feed", "centres_absolute", "to_clearance"),
+)
 CODES = (KEEP, FORGET, GIVE_BACK, KEEP_FOR_SUB)
 
 
 class Saved:
     """What is kept in one run of a program."""
 
-    def __init__(self) -> None:
+    def __init__(self, machine: Machine) -> None:
+        self._machine = machine
         self._kept: dict[int, State] = {}  # by the number of the call
 
     def carry_out(self, line: Line, state: State) -> tuple[State, list[Block], Line]:
@@ -42,17 +48,21 @@ class Saved:
                 word, "M72 has nothing to give back: M70 or M73 keeps the state before, in the same sub"
             )
         else:
-            return _given_back(line, word, state, self._kept[line.sub], made)
+            state, blocks = _given_back(line, word, state, self._kept[line.sub], self._machine)
+            made += blocks
         return state
 
 
-def _given_back(line: Line, word: Word, now: State, kept: State, made: list[Block]) -> State:
+def _given_back(
+    line: Line, word: Word, now: State, kept: State, machine: Machine
+) -> tuple[State, list[Block]]:
+    """Of the kept state what LinuxCNC keeps: neither the motion mode nor what stands behind the offsets."""
     modal = replace(kept.modal, tool=now.modal.tool, cutter=now.modal.cutter)
-    place = line.place(word.column)
+    state = replace(now, modal=modal, **{name: getattr(kept, name) for name in GIVEN_BACK})
+    state = state.with_origins(replace(now.origins, index=kept.origins.index), machine)
+    place, made = line.place(word.column), list[Block]()
     if modal.spindle_rev_min != now.modal.spindle_rev_min:
-        made.append(Action(place, modal, Act.SPINDLE))
+        made.append(Action(place, state.modal, Act.SPINDLE))
     if modal.coolant != now.modal.coolant:
-        made.append(Action(place, modal, Act.COOLANT))
-    return replace(
-        kept, modal=modal, motion=now.motion, cleared=now.cleared, selected=now.selected, cuts=now.cuts
-    )
+        made.append(Action(place, state.modal, Act.COOLANT))
+    return state, made

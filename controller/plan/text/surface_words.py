@@ -2,9 +2,10 @@
 
 Both names mean something else on other controls (scaling, local shift), so a set of
 words that is not exactly the paper's is refused with a sentence that says so. Seven lines of
-X Y Z after a G52 could be moves under a modal G1 as well. So F beside it makes it a surface, or
-that no G0 to G3 is active, when such lines can be nothing but points, or that a surface came
-before, which programs for other controls have none of; any other G52 is a shift.
+X Y Z after a G52 could be moves under a modal G1 as well. So F beside it makes it a surface. Without F
+the next line says what it is: bare coordinates are points where no G0 to G3 is active, or a surface came
+before, which programs for other controls have none of, and are refused elsewhere; anything else makes
+it a shift. Under the fanuc dialect a G52 without F always is one.
 
 Their words follow the paper: without a decimal point they count in BLU (0.01 mm,
 0.001 degree), with one in the active unit.
@@ -21,6 +22,7 @@ from controller.plan.text import surface_doubts
 from controller.plan.text.codes import CONE_WORDS, Ask
 from controller.plan.text.line import Upcoming
 from controller.plan.text.modal import BLU_PER_MM, State, tool_list
+from controller.plan.text.origins import NONE
 from controller.plan.text.program import CutCone, CutRuled, ProgramError, Remark
 from controller.plan.text.words import Line, Word
 
@@ -49,46 +51,42 @@ def _not_a_ruled(line: Line, word: Word, found: str) -> ProgramError:
     return line.refusal(
         word,
         f"{found}: G52 needs 8 points of X Y Z, four of the upper and four of the lower curve, the first "
-        "beside G52 (with F) and one on each of the seven lines after it; a lone G52 X0 Y0 is a local shift "
-        "on other controls and is not done here; write all 8 points and nothing between, and a shift as a "
-        "work offset, G54 to G59",
+        "beside G52 (with F) and one on each of the seven lines after it; write all 8 points and nothing "
+        "between; a G52 that shifts coordinates has no F beside it and a line with other words after it",
     )
 
 
-def cancels_shift(ask: Ask, state: State, lines: Iterator[Line], ahead: Upcoming) -> bool:
-    """Whether the G52 of a line cancels a shift, of which there is none here; False: it is a surface.
+def is_shift(ask: Ask, state: State, machine: Machine, lines: Iterator[Line], ahead: Upcoming) -> bool:
+    """Whether the G52 of a line shifts coordinates; False: it is a surface.
 
-    Raises ProgramError for one that sets a shift, and where bare coordinates leave open what it is.
+    Raises ProgramError where bare coordinates after it leave open what it is.
     """
     axes = [given for letter, given in ask.words.items() if letter in AXES]
     if "F" in ask.words or not axes:
         return False
-    zero = all(given.value == 0.0 for given in axes)
-    after = None if ask.code("stop") in ("M2", "M30") else ahead.look(lines)
-    if after is not None and any(given.letter not in "XYZ" for given in after.words):
-        after = None  # neither a point nor a modal move
-    if after is None and zero:
+    if machine.dialect == "fanuc":
         return True
-    if after is not None and (state.cuts or not state.motion):
+    after = None if ask.code("stop") in ("M2", "M30") else ahead.look(lines)
+    if after is None or any(given.letter not in "XYZ" for given in after.words):
+        return True  # neither a point nor a modal move follows
+    if state.cuts or not state.motion:
         return False
     found = " ".join(["G52", *(given.text for given in axes)])
-    is_what = "is a local shift on other controls, which is not done here"
-    if after is not None:
-        is_what = f"may be a local shift, with moves of {state.motion} from line {after.number} on"
-    instead = "leave it out" if zero else "give the shift as a work offset, G54 to G59"
     raise ask.refusal(
         ask.codes["motion"][1],
-        f"{found} without F {is_what}: where a G0 to G3 is active, the first G52 of a ruled surface has F "
-        "beside it, and the other seven points of each are the next lines, of X Y Z alone; write it so, or "
-        f"{instead}",
+        f"{found} without F may be a local shift, with moves of {state.motion} from line {after.number} on: "
+        "where a G0 to G3 is active, the first G52 of a ruled surface has F beside it, and the other seven "
+        "points of each are the next lines, of X Y Z alone; write it so, or, for a shift, G0 or G1 on the "
+        'next line; under dialect = "fanuc" a G52 without F always shifts',
     )
 
 
-def no_shift(ask: Ask, state: State) -> Remark:
-    """What ``check`` tells of a G52 that cancels."""
-    sentence = (
-        "G52 with zeros cancels a local shift on other controls; none is in force here: it does nothing."
-    )
+def told_shift(ask: Ask, state: State) -> Remark:
+    """What ``check`` tells of a G52 that shifts."""
+    origins = state.origins
+    sentence = "G52 with zeros cancels a shift of coordinates; none is in force here."
+    if origins.local != NONE or (origins.shift != NONE and not origins.suspended):
+        sentence = "G52 without F shifts the coordinates of all work offsets from here on."
     return Remark(ask.place(ask.codes["motion"][1]), state.modal, sentence)
 
 

@@ -23,7 +23,7 @@ __all__ = ["LARGEST", "Line", "Word", "read"]
 
 # No machine and no feed needs more; far below what squares and cubes could overflow.
 LARGEST = 1e9
-LETTERS = "ABCDFGHIJKLMNPQRSTXYZ"
+LETTERS = "ABCDEFGHIJKLMNPQRSTUVWXYZ"
 
 _O_WORD = re.compile(r"o[ \t]*(?:<[^<>]*>|[0-9 \t]+)[ \t]*[a-z]{2}")
 _MARK = re.compile(r"[ \t]*%[ \t]*")

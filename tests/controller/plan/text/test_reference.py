@@ -7,7 +7,7 @@ import os
 from dataclasses import replace
 
 import pytest
-import reference_interpreter
+import reference_runs
 from machines import machine
 from random_flow import Maker
 
@@ -19,11 +19,11 @@ PROGRAMS = int(os.environ.get("DIRECTRIX_PROGRAMS", "40"))
 PRINTED = 6e-5  # the reference prints four decimals
 
 pytestmark = pytest.mark.skipif(
-    reference_interpreter.RS274 is None, reason="rs274 (Debian's linuxcnc-uspace) is not installed"
+    reference_runs.RS274 is None, reason="rs274 (Debian's linuxcnc-uspace) is not installed"
 )
 
 
-def ours(text: str) -> tuple[list[reference_interpreter.Row], str]:
+def ours(text: str) -> tuple[list[reference_runs.Row], str]:
     """Ends of all moves, and the refusal that ended them."""
     built = machine("fig4a", spindle=None)
     built = replace(built, offsets=tuple(Frame() for _ in built.offsets))
@@ -43,7 +43,7 @@ def ours(text: str) -> tuple[list[reference_interpreter.Row], str]:
 
 def difference(text: str) -> str:
     """What differs from the reference, or ""; what only one of them refuses differs, too."""
-    (moves, refused), reference = ours(text), reference_interpreter.run(text)
+    (moves, refused), reference = ours(text), reference_runs.run(text)
     for k, (own, other) in enumerate(zip(moves, reference.moves, strict=False)):
         far = max(abs(a - b) for a, b in zip(own[1], other[1], strict=True))
         if own[0] != other[0] or far > PRINTED:

@@ -1,0 +1,293 @@
+"""Canned cycles G73, G74 and G81 to G89 as the canonical moves they stand for (RS-274/NGC 3.5.16).
+
+    ---- level   where the series began; G98 ends here
+    ---- R       clearance; rapids go down to here, G99 ends here
+    ---- Z       bottom
+
+Each line drills once, or L times (K under fanuc). Its words stay for the next line of the same cycle, but L.
+Z of G17 is the axis across the plane; under G18 and G19 Y and X take its place. Under G91 X and Y are steps,
+R counts from the level and Z from R.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+from controller.plan.text.codes import Ask
+from controller.plan.text.modal import Cycle, State, dwell_s
+from controller.plan.text.offset_words import Here
+from controller.plan.text.position import Known
+from controller.plan.text.program import (
+    Act,
+    Action,
+    Block,
+    Dwell,
+    JointLine,
+    Modal,
+    Place,
+    Remark,
+    Targets,
+    Tip,
+)
+from controller.plan.text.words import Word
+
+BREAK_MM = 0.254  # what G73 draws back, and where G83 ends its rapid above the last depth, as LinuxCNC
+MOST_REPEATS = 10_000
+MOST_PECKS = 10_000
+FLOATING = (
+    "is tapped with a floating holder: the feed is not tied to the spindle, which turns back at the bottom."
+)
+PLANES = MappingProxyType({"G17": (0, 1, 2), "G18": (2, 0, 1), "G19": (1, 2, 0)})
+
+
+def blocks(here: Here, code: str, word: Word, targets: Targets) -> tuple[list[Block], State]:
+    """The moves of one line of a cycle, and the state after them."""
+    _check(here, code, word)
+    cycle, start = _cycle(here, code, word)
+    feed = here.state.feed(here.ask, code, word)
+    way = _Way(here, here.ask.place(word), feed, targets)
+    state = replace(here.state, cycle=cycle, motion=code)
+    if code in ("G74", "G84"):
+        state = _told_floating(way, state, code)
+    clearance, bottom = _heights(here, cycle)
+    if start < clearance:
+        way.rapid(None, None, start := clearance)
+    way.end = clearance if here.state.to_clearance else max(start, clearance)
+    relative = not here.state.absolute
+    x, y = way.begin
+    for _ in range(_repeats(here.ask, way)):
+        x, y = way.hole(x, y, relative)
+        way.rapid(x, y, start)
+        if start != clearance:
+            way.rapid(None, None, clearance)
+        _DRILL[code](way, cycle, clearance, bottom)
+        way.rapid(None, None, way.end)
+        start = way.end
+    return way.made, state
+
+
+def _check(here: Here, code: str, word: Word) -> None:
+    ask, state = here.ask, here.state
+    why = ""
+    if state.modal.tip is not Tip.OFF:
+        why = "under tool-centre control (G43.4, G43.5); write G49 before it, or the moves themselves"
+    elif state.inverse:
+        why = "under G93, where F is a time; write G94 and the feed per minute before it"
+    elif state.side != "G40":
+        why = f"under {state.side}; write G40 before it"
+    elif code in ("G74", "G84") and state.turning != (1 if code == "G84" else -1):
+        way, start = ("clockwise", "M3") if code == "G84" else ("counter-clockwise", "M4")
+        why = f"while the spindle does not turn {way}; write S and {start} before it"
+    elif code == "G86" and state.turning == 0:
+        why = "while the spindle stands; write S and M3 or M4 before it"
+    if why:
+        raise ask.refusal(word, f"{code} stands {why}")
+
+
+def _cycle(here: Here, code: str, word: Word) -> tuple[Cycle, float]:
+    """What the words say and what is kept, and the height from which the line begins."""
+    before, state = here.state.cycle, here.state
+    keeps = before is not None and (before.code == code or here.machine.dialect == "fanuc")
+    normal = PLANES[state.modal.plane][2]
+    bottom, clearance = here.length_mm("XYZ"[normal]), here.length_mm("R")
+    if before is not None and keeps:
+        bottom = before.bottom if bottom is None else bottom
+        clearance = before.clearance if clearance is None else clearance
+    if bottom is None or clearance is None:
+        lacks = "XYZ"[normal] if bottom is None else "R"
+        what = "the bottom" if bottom is None else "the height down to which rapids go"
+        raise here.ask.refusal(
+            word, f"{code} has no {lacks}, {what}: the first line of a cycle says it; write it"
+        )
+    (now,) = here.known(word, here.position.in_frame(state.modal)[normal : normal + 1], code)
+    start = before.level if before is not None and keeps and not state.to_clearance else now
+    level = before.level if before is not None and keeps else now
+    old = before if before is not None and keeps else None
+    depth, seconds = _depth(here, code, word, old), _seconds(here, code, word, old)
+    return Cycle(code, bottom, clearance, level, depth, seconds), start
+
+
+def _depth(here: Here, code: str, word: Word, before: Cycle | None) -> Known:
+    given = here.ask.words.get("Q")
+    depth = here.length_mm("Q") if given is not None else before.depth if before is not None else None
+    if code not in ("G73", "G83"):
+        return depth
+    if depth is None or depth <= 0.0:
+        found = "no Q" if given is None else given.text
+        raise here.ask.refusal(
+            given or word, f"{code} has {found}: Q is the depth of each peck, greater than 0; write it"
+        )
+    return depth
+
+
+def _seconds(here: Here, code: str, word: Word, before: Cycle | None) -> Known:
+    given = here.ask.words.get("P")
+    if given is not None:
+        return dwell_s(here.ask, given, here.machine)
+    kept = before.seconds if before is not None else None
+    if kept is None and code in ("G82", "G86", "G89") and here.machine.dialect == "rs274":
+        raise here.ask.refusal(
+            word, f"{code} has no P, the seconds it waits at the bottom; write it, or G81 or G85"
+        )
+    return kept
+
+
+def _heights(here: Here, cycle: Cycle) -> tuple[float, float]:
+    """Clearance and bottom in program coordinates."""
+    clearance, bottom = cycle.clearance, cycle.bottom
+    if not here.state.absolute:
+        clearance += cycle.level
+        bottom += clearance
+    if bottom > clearance:
+        word = here.ask.words.get("R") or here.ask.line.words[0]
+        raise here.ask.refusal(
+            word,
+            f"{cycle.code} has its clearance R at {clearance:.4g} mm, below its bottom at {bottom:.4g} mm: R "
+            "is above the bottom; correct one of the two",
+        )
+    return clearance, bottom
+
+
+def _repeats(ask: Ask, way: _Way) -> int:
+    word = ask.words.get("L") or ask.words.get("K")
+    if word is None:
+        return 1
+    count = ask.whole(word)
+    least = 0 if way.fanuc else 1  # K0 under fanuc: the words are kept and nothing is drilled
+    if not least <= count <= MOST_REPEATS:
+        raise ask.refusal(word, f"{word.text} repeats a cycle {least} to {MOST_REPEATS} times; correct it")
+    return count
+
+
+def _told_floating(way: _Way, state: State, code: str) -> State:
+    if code in state.noted:
+        return state
+    way.made.append(Remark(way.place, state.modal, f"{code} {FLOATING}"))
+    return replace(state, noted=state.noted | {code})
+
+
+@dataclass(slots=True)
+class _Way:
+    """Collects the moves of one line, in program coordinates of the plane: first, second and normal axis."""
+
+    here: Here
+    place: Place
+    feed: float
+    targets: Targets  # of the line's words
+    made: list[Block]
+    begin: tuple[float, float]
+    modal: Modal  # as the spindle turns just now
+    end: float = 0.0  # height to which each hole is left
+
+    def __init__(self, here: Here, place: Place, feed: float, targets: Targets) -> None:
+        self.here, self.place, self.feed, self.targets = here, place, feed, targets
+        self.made, self.modal = [], here.state.modal
+        first, second, _ = PLANES[here.state.modal.plane]
+        now = here.position.in_frame(here.state.modal)
+        absolute = here.state.absolute
+        said = [here.length_mm("XYZ"[i]) if absolute else None for i in (first, second)]
+        values = [now[i] if word is None else word for i, word in zip((first, second), said, strict=True)]
+        word = here.ask.line.words[0]
+        a, b = here.known(word, values, "a canned cycle")
+        self.begin = (a, b)
+
+    @property
+    def fanuc(self) -> bool:
+        return self.here.machine.dialect == "fanuc"
+
+    def hole(self, x: float, y: float, relative: bool) -> tuple[float, float]:
+        """The next hole: under G91 one step on."""
+        if not relative:
+            return x, y
+        first, second, _ = PLANES[self.modal.plane]
+        dx, dy = (self.here.length_mm("XYZ"[i]) or 0.0 for i in (first, second))
+        return x + dx, y + dy
+
+    def rapid(self, x: Known, y: Known, height: Known) -> None:
+        self._go(x, y, height, None)
+
+    def cut(self, height: float) -> None:
+        self._go(None, None, height, self.feed)
+
+    def _go(self, x: Known, y: Known, height: Known, feed: Known) -> None:
+        """To a place; a rotary of the line's words turns with the rapid over the hole."""
+        machine, modal = self.here.machine, self.modal
+        made: list[Known] = [None] * 5
+        if x is not None:
+            for i in machine.rotary():
+                made[i] = self.targets[i]
+        for axis, value in zip(PLANES[modal.plane], (x, y, height), strict=True):
+            made[machine.linear()[axis]] = value
+        line = JointLine(self.place, modal, tuple(made), False, False, feed, feed)
+        self.made.append(line)
+
+    def wait(self, seconds: Known) -> None:
+        if seconds:
+            self.made.append(Dwell(self.place, self.modal, seconds))
+
+    def spindle(self, share: float) -> None:
+        """The spindle at ``share`` of its speed: -1 turns it back."""
+        said = self.here.state.modal.spindle_rev_min
+        self.modal = replace(self.modal, spindle_rev_min=share * said)
+        self.made.append(Action(self.place, self.modal, Act.SPINDLE))
+
+
+def _drill(way: _Way, cycle: Cycle, clearance: float, bottom: float) -> None:
+    way.cut(bottom)
+    way.wait(cycle.seconds if cycle.code == "G82" else None)
+
+
+def _peck(way: _Way, cycle: Cycle, clearance: float, bottom: float) -> None:
+    """G73 draws back a little after each peck, G83 to the clearance and down again."""
+    depth = cycle.depth or 0.0
+    pecks = (clearance - bottom) / depth
+    if pecks > MOST_PECKS:
+        word = way.here.ask.line.words[0]
+        raise way.here.ask.refusal(
+            word, f"{cycle.code} would peck {pecks:.0f} times: {MOST_PECKS} are the most; raise Q"
+        )
+    height = clearance - depth
+    while height > bottom:
+        way.cut(height)
+        if cycle.code == "G83":
+            way.rapid(None, None, clearance)
+        way.rapid(None, None, min(height + BREAK_MM, clearance))
+        height -= depth
+    way.cut(bottom)
+
+
+def _tap(way: _Way, cycle: Cycle, clearance: float, bottom: float) -> None:
+    way.cut(bottom)
+    way.spindle(-1.0)
+    way.wait(cycle.seconds)
+    way.cut(clearance)
+    way.spindle(1.0)
+
+
+def _bore(way: _Way, cycle: Cycle, clearance: float, bottom: float) -> None:
+    """Out at feed: G85 to the clearance; G89, after a dwell, all the way under rs274."""
+    way.cut(bottom)
+    way.wait(cycle.seconds if cycle.code == "G89" else None)
+    way.cut(way.end if cycle.code == "G89" and not way.fanuc else clearance)
+
+
+def _bore_standing(way: _Way, cycle: Cycle, clearance: float, bottom: float) -> None:
+    """G86: out at rapid with the spindle stopped."""
+    way.cut(bottom)
+    way.wait(cycle.seconds)
+    way.spindle(0.0)
+    way.rapid(None, None, way.end)
+    way.spindle(1.0)
+
+
+_DRILL: MappingProxyType[str, Callable[[_Way, Cycle, float, float], None]] = MappingProxyType(
+    {
+        **dict.fromkeys(("G81", "G82"), _drill),
+        **dict.fromkeys(("G73", "G83"), _peck),
+        **dict.fromkeys(("G74", "G84"), _tap),
+        **dict.fromkeys(("G85", "G89"), _bore),
+        "G86": _bore_standing,
+    }
+)

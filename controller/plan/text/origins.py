@@ -1,0 +1,101 @@
+"""What stands between the machine's positions and the program's: work offset, shifts and turns.
+
+    table frame -> work offset (file, or as G10 set it) -> shift of G92 -> local shift of G52 -> turn of G68
+
+All of it is one frame for X Y Z and one shift for each rotary. State is replaced, never edited.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+from controller.geometry import ZERO, Frame, Vector, X, Y, Z, add, rotate
+from controller.machine import OFFSETS, Machine
+
+Pair = tuple[float, float]
+STILL: Pair = (0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Offset:
+    """A work offset as a program has set it: of X Y Z, and of the two rotaries (rad, carried)."""
+
+    frame: Frame
+    turned_rad: Pair = STILL
+
+
+@dataclass(frozen=True, slots=True)
+class Shift:
+    """A shift of coordinates: X Y Z (mm, along the axes of the frame it stands in) and the two rotaries."""
+
+    xyz: Vector = ZERO
+    turned_rad: Pair = STILL
+
+
+NONE = Shift()
+
+
+@dataclass(frozen=True, slots=True)
+class Origins:
+    """Everything that makes program coordinates out of positions of the machine."""
+
+    index: int = 0  # of the work offset, as ``machine.OFFSETS``
+    written: Mapping[int, Offset] = field(default_factory=lambda: MappingProxyType({}))  # by G10
+    shift: Shift = NONE  # G92
+    suspended: bool = False  # G92.2
+    local: Shift = NONE  # G52
+    turn: Frame | None = None  # G68, seen from the shifted frame
+
+    def offset(self, index: int, machine: Machine) -> Offset:
+        """A work offset as it is now; an unset one is that of the machine's zero."""
+        if index in self.written:
+            return self.written[index]
+        return Offset(machine.offsets[index] if index < len(machine.offsets) else Frame())
+
+    def is_set(self, index: int, machine: Machine) -> bool:
+        """Whether the machine file, the operator or the program has set a work offset."""
+        if index in self.written:
+            return True
+        return index < len(machine.offsets) and OFFSETS[index] not in machine.unset
+
+    def with_offset(self, index: int, offset: Offset) -> Origins:
+        return replace(self, written=MappingProxyType({**self.written, index: offset}))
+
+    def untouched(self, machine: Machine) -> bool:
+        """Whether positions are read in the work offset exactly as the machine has it."""
+        plain = self.index not in self.written and self.index < len(machine.offsets) and self.turn is None
+        return plain and self.local == NONE and (self.suspended or self.shift == NONE)
+
+    def frame(self, machine: Machine) -> Frame:
+        """The program's frame seen from the table frame at zero."""
+        frame = self.offset(self.index, machine).frame
+        shift = ZERO if self.suspended else self.shift.xyz
+        frame = frame._replace(origin=frame.to_parent(add(shift, self.local.xyz)))
+        return frame if self.turn is None else within(frame, self.turn)
+
+    def turned_rad(self, machine: Machine) -> Pair:
+        """What is added to the words of the rotaries (carried sense)."""
+        shifts = (self.offset(self.index, machine).turned_rad, self.local.turned_rad)
+        a, b = (sum(pair) for pair in zip(*shifts, strict=True))
+        return (a, b) if self.suspended else (a + self.shift.turned_rad[0], b + self.shift.turned_rad[1])
+
+
+def within(outer: Frame, inner: Frame) -> Frame:
+    """``inner``, seen from ``outer``, as seen from the parent of ``outer``."""
+    return Frame(outer.to_parent(inner.origin), outer.turn(inner.x), outer.turn(inner.y), outer.turn(inner.z))
+
+
+def about(centre: Vector, direction: Vector, angle_rad: float) -> Frame:
+    """The frame that is turned about a line through ``centre``."""
+    x, y, z = (rotate(direction, angle_rad, v) for v in (X, Y, Z))
+    turned = Frame(ZERO, x, y, z)
+    return turned._replace(origin=add(centre, turned.turn((-centre[0], -centre[1], -centre[2]))))
+
+
+def turned_about_z(frame: Frame, degrees: float) -> Frame:
+    """The same origin with X and Y turned by the right hand from those of the table (G10 R)."""
+    angle = math.radians(degrees)
+    return Frame(frame.origin, *(rotate(Z, angle, v) for v in (X, Y, Z)))

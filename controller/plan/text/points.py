@@ -1,0 +1,60 @@
+"""What a length or an angle without a decimal point counts in under the fanuc dialect.
+
+Controls of this kind read X10 as 10 mm or as 0.01 mm, as one of their parameters says. Nothing in a program
+tells which, so the machine file does (``without_point``), and such a word is refused where it does not.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+from controller.machine import Machine
+from controller.plan.text.codes import CYCLES, SIDES, SURFACES, Ask
+from controller.plan.text.modal import State
+from controller.plan.text.words import Word
+
+LENGTHS = "XYZIJKRQUVW"
+ANGLES = "ABC"
+POINTLESS = re.compile(r"[XYZABCIJKxyzabcijk][ \t]*+[+-]?[0-9]++(?![.0-9])")
+
+
+def count(machine: Machine) -> bool:
+    """Whether it matters that a decimal point is written."""
+    return machine.dialect == "fanuc" and machine.without_point != "unit"
+
+
+def counted(ask: Ask, state: State, machine: Machine) -> Ask:
+    """The line with words without a point as the machine file has them. Raises ProgramError."""
+    if not count(machine) or _has_its_own(ask):
+        return ask
+    inches = (ask.code("unit") or ("G20" if state.mm_per_unit != 1.0 else "")) == "G20"
+    lengths = LENGTHS.replace("K", "") if _in_cycle(ask, state) else LENGTHS
+    lengths = lengths.replace("Q", "") if "tool change" in ask.codes else lengths
+    words = {letter: _word(ask, word, lengths, inches, machine) for letter, word in ask.words.items()}
+    return replace(ask, words=words)
+
+
+def _has_its_own(ask: Ask) -> bool:
+    """Surfaces count in BLU, dwells in milliseconds, and what is only noted in nothing."""
+    motion = ask.code("motion")
+    own = motion in SURFACES and not (motion == "G52" and "F" not in ask.words)
+    return own or ask.code("one-line") == "G4" or any(group[0] in "GM" for group in ask.codes)
+
+
+def _in_cycle(ask: Ask, state: State) -> bool:
+    return (ask.code("motion") or state.motion) in CYCLES and ask.code("side") not in SIDES[1:]
+
+
+def _word(ask: Ask, word: Word, lengths: str, inches: bool, machine: Machine) -> Word:
+    if word.point or word.value == 0.0 or word.letter not in lengths + ANGLES:
+        return word
+    if machine.without_point == "thousandth":
+        tenth = 0.1 if inches and word.letter in lengths else 1.0
+        return replace(word, value=word.value * 0.001 * tenth, point=True)
+    raise ask.refusal(
+        word,
+        f"{word.text} has no decimal point: on controls of this dialect it may mean {word.value:g} or "
+        f"{word.value * 0.001:g}; write a point, or say in the machine file which, [machine] without_point = "
+        '"unit" or "thousandth"',
+    )
