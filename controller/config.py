@@ -122,6 +122,7 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
         tool_change_s=tools.number("change_s", 0.0, 3600.0, default=TOOL_CHANGE_S),
         joint_tolerance_mm=general.number("joint_tolerance_mm", 0.0, 1.0, default=JOINT_TOLERANCE_MM),
         joint_tolerance_deg=general.number("joint_tolerance_deg", 0.0, 5.0, default=JOINT_TOLERANCE_DEG),
+        lead_feed_mm_s=general.positive_or_none("lead_feed", 1.0 / 60.0),
         arc_tolerance_mm=general.number("arc_tolerance_mm", 0.001, 3.0, default=ARC_TOLERANCE_MM),
     )
     for table in (general, tools, top):

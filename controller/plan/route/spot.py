@@ -15,7 +15,7 @@ from controller.plan.route.stretch import Chain, Stretch
 
 # What stands beside the blocks of a program: to a surface and off it, and turns between two.
 BESIDE = frozenset(
-    ("retract", "position", "down", "plunge", "lead in", "pivot", "swivel", "run on", "lead out", "lift")
+    ("retract", "position", "down", "plunge", "lead in", "pivot", "swivel", "lead out", "lift")
 )
 ENTRY_ID = 1 << 24  # motion ids of an entry, and of other ways that are no part of the program
 
@@ -69,8 +69,10 @@ def _spans(chain: Chain, line: int) -> Iterator[tuple[int, float, float]]:
     """(index, from s, to s) of all that a line itself asks for."""
     for k, stretch in enumerate(chain.stretches):
         motion = stretch.motion
+        if stretch.name in BESIDE:
+            continue
         if not isinstance(motion, ToolSpline):
-            if stretch.place.line == line and stretch.name not in BESIDE:
+            if stretch.place.line == line:
                 yield k, 0.0, motion.end
             continue
         low, high = bisect_left(motion.lines, line), bisect_right(motion.lines, line)
