@@ -305,6 +305,7 @@ class Machine:
     # Surfaces that meet within both run through, blended, and leave themselves by the first at most.
     joint_tolerance_mm: float = JOINT_TOLERANCE_MM
     joint_tolerance_deg: float = JOINT_TOLERANCE_DEG
+    lead_feed_mm_s: float | None = None  # of the tip on leads; None: as fast as the limits allow
     arc_tolerance_mm: float = ARC_TOLERANCE_MM  # most by which an arc's ends may differ in their radius
     call_levels: int = CALL_LEVELS  # subs of a program, one in the other
     program_passes: int = PROGRAM_PASSES  # rounds of loops and calls of subs, together, in one run

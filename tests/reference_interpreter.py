@@ -1,7 +1,8 @@
 """LinuxCNC's stand-alone interpreter as a judge: what ``rs274 -g`` makes of a program.
 
 It is found on the path, or where DIRECTRIX_RS274 says (then with LD_LIBRARY_PATH set, if it needs one).
-Its canonical calls are turned into positions of the machine's axes, so that offsets, shifts and turns of both interpreters are compared by what they do.
+Its canonical calls are turned into positions of the machine's axes, so that offsets, shifts and turns of
+both interpreters are compared by what they do.
 """
 
 from __future__ import annotations

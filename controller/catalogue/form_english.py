@@ -22,7 +22,6 @@ REFUSALS = {
     "form.motion.cut": "cut",
     "form.motion.lead in": "lead in",
     "form.motion.lead out": "lead out",
-    "form.motion.run on": "run on",
     "form.motion.pivot": "pivot",
     "form.motion.plunge": "plunge",
     "form.motion.lift": "lift",

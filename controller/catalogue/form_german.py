@@ -22,7 +22,6 @@ REFUSALS = {
     "form.motion.cut": "Schnitt",
     "form.motion.lead in": "Einlauf",
     "form.motion.lead out": "Auslauf",
-    "form.motion.run on": "Nachlauf",
     "form.motion.pivot": "Schwenk",
     "form.motion.plunge": "Eintauchen",
     "form.motion.lift": "Abheben",

@@ -29,6 +29,7 @@ from controller.geometry import Vector
 from controller.machine import Tool, WorkTable
 from controller.plan.report.stored import Overcut
 from controller.plan.report.verdict import Verdict
+from controller.plan.route.leads import LEADS
 from controller.verify import forms
 from controller.verify.bodies import Body, cutter, holder
 from controller.verify.looks import LEAST_MM, Hurt, Look
@@ -40,7 +41,6 @@ Array = NDArray[np.float64]
 
 KINDS = ("hollow", "overcut", "own cut", "other motion", "holder", "table")
 END = "end"  # told, and no gouge
-LEADS = ("lead in", "lead out")
 LOOKED_AT = 64  # surfaces that are kept in sight: what cuts into one is next to it
 ROUND_TABLE = 24  # points of a circle held against the table
 

@@ -5,12 +5,12 @@ else: another motion that reaches no deeper does no harm. Only beside the ends o
 taken for what it is, the twist:
 
         cut            end                     the axis at the end is askew to the last ruling,
-    ------------------->| . . .  run on        so where the tool goes straight on, its flank
-                        |   . . .  lead out    still takes something off that ruling; leads,
+    ------------------->| . . .  lead out      so where the tool goes straight on, its flank
+                        |                      still takes something off that ruling; leads,
                         |                      joined cuts and pivots start in the same pose
 
 ``onward_mm`` is what going straight on from the very ends would take, computed for the poses as
-they are. Within a radius of the last ruling (of the surface, for another cut) twist and that
+they are and as they turn. Within a radius of the last ruling (of the surface, for another cut) twist and that
 are no gouge; they are told where they exceed the twist of the cut.
 """
 
@@ -161,16 +161,20 @@ class Look:
 
     @cached_property
     def onward_mm(self) -> float:
-        """Deepest overcut beside its ends if the tool went straight on from them."""
+        """Deepest overcut beside its ends if the tool went straight on, its axis held or turning on."""
         cuts = self._passes(self._is_own).passes
         reach, depth = 2.0 * self.nominal.tool.radius_mm, 0.0
         for end, one, row in ((0.0, cuts[0], 0), (1.0, cuts[-1], -1)) if cuts else ():
             beside = self.nominal.length_between(self.u, np.full(len(self.u), end), self.v) <= reach
             way = self._out_of(end)
             s = np.linspace(0.0, reach, ONWARD)
-            axes = np.repeat(one.axes[row : row + 1 or None], ONWARD, axis=0)
-            on = Sweep([Pass(s, one.tips[row] + s[:, None] * way, axes, one.line, "onward")], self._top_mm)
-            depth = max(depth, float(_depth(self.points[beside], on, self._cutter).max(initial=0.0)))
+            for turn in (0.0, 1.0):
+                axes = one.axes[row] + turn * s[:, None] * _turning(one, row)
+                axes /= np.linalg.norm(axes, axis=1)[:, None]
+                on = Sweep(
+                    [Pass(s, one.tips[row] + s[:, None] * way, axes, one.line, "onward")], self._top_mm
+                )
+                depth = max(depth, float(_depth(self.points[beside], on, self._cutter).max(initial=0.0)))
         return depth
 
     def _out_of(self, end: float) -> Array:
@@ -330,6 +334,12 @@ def _counts(nominal: Nominal, spacing_mm: float) -> tuple[int, int]:
     (length, height), (few, many), (least, most) = nominal.size, ALONG, ACROSS
     along, across = int(length / spacing_mm), int(height / spacing_mm)
     return min(max(along, few), many), min(max(across, least), most)
+
+
+def _turning(one: Pass, row: int) -> Array:
+    """How the axis (3,) turns at an end of a pass, outwards, per mm of the contact."""
+    inner = 1 if row == 0 else -2
+    return np.asarray((one.axes[row] - one.axes[inner]) / max(abs(one.s[row] - one.s[inner]), 1e-9))
 
 
 def _part(one: Pass, first: int, last: int) -> Pass | None:

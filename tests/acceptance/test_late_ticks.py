@@ -89,7 +89,7 @@ def test_single_late_ticks_of_any_length(kind: LostSync, share: float) -> None:
 
 @pytest.mark.parametrize("kind", list(LostSync))
 def test_one_skip_at_full_feed_trips_no_drive_and_exceeds_no_limit(kind: LostSync) -> None:
-    done, listener = run_late(lambda n: 0.001 if n == 1900 else 0.0, kind, "3000.")
+    done, listener = run_late(lambda n: 0.001 if n == 1700 else 0.0, kind, "3000.")
     assert done.run.result == "completed" and done.run.fault is Fault.NONE, done.run.fault_text
     assert done.run.skips == 1
     skipped = np.flatnonzero(done.column("sync_sent") == 0.0)

@@ -27,7 +27,7 @@ from controller.handoff import Law
 from controller.plan.feed import tool_limits
 from controller.plan.feed.course import Course
 from controller.plan.feed.law import along
-from controller.plan.feed.limits import Derivatives
+from controller.plan.route.rates import Derivatives
 from controller.state import Binding, axis_binding
 
 Array = npt.NDArray[np.float64]

@@ -16,9 +16,10 @@ import numpy.typing as npt
 from controller.plan.feed import tool_limits
 from controller.plan.feed.barrier import PRICE, SOFT, Form, Limits
 from controller.plan.feed.course import MARGIN, SPREAD, Course, Index
-from controller.plan.feed.limits import JUMP_SHARE, Derivatives
+from controller.plan.feed.limits import JUMP_SHARE
 from controller.plan.feed.mesh import Parts
 from controller.plan.feed.tool_limits import ToolRates
+from controller.plan.route.rates import Derivatives
 
 Array = npt.NDArray[np.float64]
 

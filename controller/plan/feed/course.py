@@ -19,14 +19,8 @@ import numpy.typing as npt
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import ToolSpline
-from controller.plan.feed.limits import (
-    JUMP_SHARE,
-    Derivatives,
-    JointLimits,
-    derivatives,
-    kind,
-    together,
-)
+from controller.plan.feed.limits import JUMP_SHARE, JointLimits
+from controller.plan.route.rates import Derivatives, derivatives, kind, together
 from controller.plan.route.stretch import Stretch
 
 Array = npt.NDArray[np.float64]

@@ -18,8 +18,9 @@ from controller.curves import Arc
 from controller.motions import JointMove, SurfaceCut
 from controller.plan.feed import tool_limits
 from controller.plan.feed.course import Course, Index
-from controller.plan.feed.limits import Derivatives, JointLimits, ramp_length
+from controller.plan.feed.limits import JointLimits, ramp_length
 from controller.plan.route.branch import beside_pole
+from controller.plan.route.rates import Derivatives
 from controller.plan.route.stretch import Stretch
 
 Array = npt.NDArray[np.float64]

@@ -34,6 +34,7 @@ FINE = (1.0018, 1.0025, 1.0135)  # of velocity, acceleration, jerk as the bounds
 LAST = (1.0022, 1.0028, 1.0160)  # the same after all rounds
 LEEWAY = (1.0015, 1.0015, 1.008)  # the same, just behind a state of motion that may touch a limit ...
 LEEWAY_S = 0.15  # ... for so long
+REACH = 0.74  # of (v0 + v1)^2 / ds, as an acceleration that changes: at 3/4 the duration stops being real
 AT_FEED = 3e-5  # closer to the feed than this share is the feed ...
 STEP_TO_FEED = 0.03  # ... and than this share of what the jerk does between two knots
 
@@ -215,7 +216,7 @@ class Search:
         if not self.from_rest:
             met[0] = False
         v[met], a[met] = feed[met], 0.0
-        return through(s, v, _without_overshoot(s, v, a, met))
+        return through(s, v, _within_reach(s, v, _without_overshoot(s, v, a, met)))
 
     def _near_feed(self, bounds: Bounds, v: Array, feed: Array) -> Array:
         """How near to the feed a speed is the feed, (n + 1,).
@@ -269,6 +270,22 @@ def _without_overshoot(s: Array, v: Array, a: Array, met: npt.NDArray[np.bool_])
     into, out = met[1:] & ~met[:-1], met[:-1] & ~met[1:]
     a[:-1][into] = np.clip(a[:-1][into], -most[into], most[into])
     a[1:][out] = np.clip(a[1:][out], -most[out], most[out])
+    return a
+
+
+def _within_reach(s: Array, v: Array, a: Array) -> Array:
+    """Beside a knot that is passed all but at rest: no change of acceleration for which there is no duration.
+
+    From rest v goes with s^(2/3), z not with a parabola: the square root in ``through`` must be real.
+    """
+    most = REACH * (v[1:] + v[:-1]) ** 2 / np.diff(s)
+    over = np.flatnonzero(np.diff(a) > most)
+    if not len(over):
+        return a
+    a = a.copy()
+    up = v[over + 1] > v[over]
+    fast, slow = np.where(up, over + 1, over), np.where(up, over, over + 1)
+    a[fast] = a[slow] + np.where(up, 1.0, -1.0) * most[over]
     return a
 
 

@@ -20,8 +20,8 @@ import numpy.typing as npt
 
 from controller import jets
 from controller.plan.feed.course import Course, Index
-from controller.plan.feed.limits import Derivatives, derivatives
 from controller.plan.route.branch import joints_along
+from controller.plan.route.rates import Derivatives, derivatives
 
 Array = npt.NDArray[np.float64]
 

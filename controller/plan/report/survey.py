@@ -36,9 +36,7 @@ from controller.surfaces import Cone
 
 Array = npt.NDArray[np.float64]
 
-WAYS = frozenset(
-    {"retract", "position", "down", "plunge", "lead in", "run on", "lead out", "lift", "pivot", "swivel"}
-)
+WAYS = frozenset({"retract", "position", "down", "plunge", "lead in", "lead out", "lift", "pivot", "swivel"})
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,9 +18,22 @@ import numpy as np
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.motions import JointMove, Rotaries, SurfaceCut, ToolLine
-from controller.plan.route import approach, audit, choices, clamps, cuts, lines, moves, rows, train, unwind
+from controller.plan.route import (
+    approach,
+    audit,
+    choices,
+    clamps,
+    cuts,
+    leads,
+    lines,
+    moves,
+    rows,
+    train,
+    unwind,
+)
 from controller.plan.route.branch import BranchLost, joints_along
 from controller.plan.route.corners import Feed
+from controller.plan.route.leads import Lead
 from controller.plan.route.lines import Stand
 from controller.plan.route.rows import LineRow
 from controller.plan.route.stretch import Chain, Note, Path, Pause, Stretch, Voice, rotaries_of
@@ -261,26 +274,23 @@ class Tracer:
         near = rotaries_of(self.now, kinematics)
         wanted = self._chosen.get(members[0].block.place.order)
         legs = train.choose(members, machine, kinematics, near, self._voice, wanted)
-        onto = approach.lead_in(legs[0], machine, kinematics)
-        off = approach.lead_out(legs[-1], machine, kinematics)
-        approach.audit_lead(onto, legs, True, machine, self._voice)
-        approach.audit_lead(off, legs, False, machine, self._voice)
-        for chain in approach.arrive(legs, self.now, machine, kinematics):
+        onto, off = (leads.lay(legs, first, machine, kinematics, self._voice) for first in (True, False))
+        for chain in approach.arrive(legs, onto, self.now, machine, kinematics):
             self._chain(chain)
         for chain in self._cutting(legs, meetings, onto, off):
             self._chain(chain)
-        for chain in approach.depart(legs, machine, kinematics):
+        for chain in approach.depart(legs, off, machine, kinematics):
             self._chain(chain)
 
     def _cutting(
         self,
         legs: Sequence[train.Leg],
         meetings: Sequence[train.Meeting],
-        onto: approach.Lead,
-        off: approach.Lead,
+        onto: Lead,
+        off: Lead,
     ) -> Iterator[Chain]:
         """Lead in, cuts with the pivots between them, lead out; a swivel at a pole stands alone."""
-        run = [*onto.stretches, approach.cut_stretch(legs[0])]
+        run = [*onto.stretches, legs[0].stretch]
         for (before, after), meeting in zip(itertools.pairwise(legs), meetings, strict=True):
             for stretch in approach.between(before, after, meeting, self._kinematics):
                 if stretch.name == "swivel":
@@ -290,7 +300,7 @@ class Tracer:
                     run = []
                 else:
                     run.append(stretch)
-            run.append(approach.cut_stretch(after))
+            run.append(after.stretch)
         yield Chain((*run, *off.stretches))
 
     # ---- collecting --------------------------------------------------------------

@@ -22,6 +22,7 @@ from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.motions import JointMove, Rotaries, SurfaceCut, ToolSpline
 from controller.plan.route import clamps, dry_run, entry, tool_changes
+from controller.plan.route.leads import LEADS
 from controller.plan.route.path import Tracer, joints_along
 from controller.plan.route.spot import (
     ENTRY_ID,
@@ -266,7 +267,9 @@ class _Search:
         joints = joints_at(stretch, s, self._source.kinematics)
         rest = Chain(chain.stretches[k:], chain.runs_on, s, self._count + k)
         spot = Spot(line, fraction_at(chain, k, s), self._count + k, s)
-        target = entry.Target(joints, state, stretch.place, _feed(stretch, s), self._clear(joints, state))
+        target = entry.Target(
+            joints, state, stretch.place, _feed(stretch, s, state), self._clear(joints, state)
+        )
         return Rest(spot, target, stretch.name, _then(rest, self._items), self._source)
 
     def _at_pause(self, pause: Pause) -> Rest:
@@ -313,11 +316,16 @@ def joints_at(stretch: Stretch, s: float, kinematics: Kinematics) -> Joints:
     return exact if exact is not None else (a, b, c, d, e)
 
 
-def _feed(stretch: Stretch, s: float) -> float:
-    """The feed at a place; where only rotaries move it is in degrees and tells nothing of the tip."""
+def _feed(stretch: Stretch, s: float, state: Modal) -> float:
+    """The feed at a place; where only rotaries move it is in degrees and tells nothing of the tip.
+
+    A lead is as fast as it likes along itself: the way down to it is at the block's own feed.
+    """
     motion = stretch.motion
     if isinstance(motion, JointMove) and norm(subtract(motion.curve.at(1.0), motion.curve.at(0.0))) < 1e-6:
         return entry.TURNING_MM_S
+    if stretch.name in LEADS and state.feed_mm_s:
+        return state.feed_mm_s
     return float(stretch.feed_at(np.array([s]))[0])
 
 

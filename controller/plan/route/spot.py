@@ -15,7 +15,7 @@ from controller.plan.route.stretch import Chain, Stretch
 
 # What stands beside the blocks of a program: to a surface and off it, and turns between two.
 BESIDE = frozenset(
-    ("retract", "position", "down", "plunge", "lead in", "pivot", "swivel", "run on", "lead out", "lift")
+    ("retract", "position", "down", "plunge", "lead in", "pivot", "swivel", "lead out", "lift")
 )
 FORMER = -2  # the id of a motion under way that is not known any more: which time a line ran is not told
 ENTRY_ID = 1 << 24  # motion ids of an entry, and of other ways that are no part of the program
@@ -98,8 +98,10 @@ def _spans(chain: Chain, order: int) -> Iterator[tuple[int, float, float]]:
     """(index, from s, to s) of all that a line itself asks for."""
     for k, stretch in enumerate(chain.stretches):
         motion = stretch.motion
+        if stretch.name in BESIDE:
+            continue
         if not isinstance(motion, ToolSpline):
-            if stretch.place.order == order and stretch.name not in BESIDE:
+            if stretch.place.order == order:
                 yield k, 0.0, motion.end
             continue
         orders = _orders(stretch, motion)

@@ -59,7 +59,8 @@ class Stretch:
     # (s from which it holds, feed mm/s) in rising order, where the feed changes inside the
     # motion; ``feed_mm_s`` is then the first of them. Empty: one feed.
     feed_steps: tuple[tuple[float, float], ...] = ()
-    # From s to s inside a spline where only rotaries are programmed to move: the feed is that of s there.
+    # From s to s inside a spline where the feed is that of s, not of the tip: only rotaries are programmed
+    # to move, or s runs on as that of a cut.
     turning: tuple[tuple[float, float], ...] = ()
     # ``Place.order`` of the lines of a spline, in a program with subs or loops; empty: the lines themselves.
     orders: tuple[int, ...] = ()

@@ -17,12 +17,12 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.kinematics import Kinematics
-from controller.machine import Kind, Machine
+from controller.machine import Kind, Machine, five
 from controller.motions import Rotaries
 from controller.plan.route import audit, blending, unwind, winding
 from controller.plan.route.branch import BranchLost, Field, field, joints_on
 from controller.plan.route.cuts import SAME_RAD, Cut, apart, turn, turned, turned_axis
-from controller.plan.route.stretch import Voice
+from controller.plan.route.stretch import Stretch, Voice
 from controller.plan.route.turns import wrapped
 from controller.plan.route.winding import Way
 from controller.plan.text.program import ProgramError
@@ -167,6 +167,13 @@ class Leg:
     @property
     def end(self) -> Rotaries:
         return float(self.rotaries[-1, 0]), float(self.rotaries[-1, 1])
+
+    @property
+    def stretch(self) -> Stretch:
+        """The cut itself."""
+        block = self.cut.block
+        start, end = five(self.joints[0].tolist()), five(self.joints[-1].tolist())
+        return Stretch(self.cut.motion, block.place, block.feed_mm_s, True, start, end, True, "cut")
 
     def shifted(self, machine: Machine, by: Rotaries) -> Leg:
         """The same leg in other whole turns (rad) of the two rotaries."""

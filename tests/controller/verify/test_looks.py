@@ -46,7 +46,7 @@ def onward(one: Nominal, deeper_mm: float = 0.0) -> Pass:
     way = (b - a) / np.linalg.norm(b - a)
     s = np.linspace(0.0, 4.0, 9)
     tips = own.tips[-1] + s[:, None] * way - deeper_mm * one.normals(np.ones(1), np.ones(1))
-    return Pass(s, tips, np.repeat(own.axes[-1:], 9, axis=0), one.line, "run on")
+    return Pass(s, tips, np.repeat(own.axes[-1:], 9, axis=0), one.line, "lead out")
 
 
 def test_a_line_is_held_against_what_the_cut_takes_at_that_place_not_anywhere() -> None:
@@ -78,9 +78,9 @@ def test_what_twist_costs_beside_the_end_of_a_placed_cut_is_told_and_no_gouge(se
     told = found(one, onward(one))
     assert alone.ends == [] and told.gouges == []
     (end,) = told.ends
-    assert end.by == "run on" and end.u == pytest.approx(1.0, abs=0.02)
+    assert end.by == "lead out" and end.u == pytest.approx(1.0, abs=0.02)
     assert end.depth_mm > alone.overcuts[0].mm + 1e-3
-    assert "beside" in end.sentence and "run on of line 1" in end.sentence
+    assert "beside" in end.sentence and "lead out of line 1" in end.sentence
     (bounded,) = found(one, onward(one), most_mm=end.depth_mm - 1e-3).gouges
     assert bounded.kind == "overcut" and "max_overcut_mm" in bounded.sentence
     assert found(one, onward(one), most_mm=end.depth_mm + 1e-3).gouges == []

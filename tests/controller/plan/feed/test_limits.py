@@ -22,9 +22,10 @@ from controller.geometry import Frame
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import JointMove, SurfaceCut, ToolLine
-from controller.plan.feed import limits
 from controller.plan.feed.course import Course
-from controller.plan.feed.limits import Derivatives, JointLimits
+from controller.plan.feed.limits import JointLimits, ramp_length
+from controller.plan.route import rates
+from controller.plan.route.rates import Derivatives
 from controller.plan.route.stretch import Stretch
 from controller.plan.text.program import Place
 from controller.surfaces import RuledSurface, Surface
@@ -76,7 +77,7 @@ def differences(stretch: Stretch, s: np.ndarray, kinematics: Kinematics, h: floa
 
 def assert_agree(stretch: Stretch, kinematics: Kinematics, label: object) -> None:
     s = np.linspace(0.2, 0.8, 13) * stretch.motion.end
-    exact = limits.derivatives(stretch, s, kinematics)
+    exact = rates.derivatives(stretch, s, kinematics)
     found = differences(stretch, s, kinematics, 0.001 * stretch.motion.end)
     for mine, theirs, share in zip(
         (exact.first, exact.second, exact.third), found, (1e-6, 1e-5, 1e-3), strict=True
@@ -125,8 +126,8 @@ def test_at_a_pole_the_derivatives_are_those_of_the_limit_from_inside() -> None:
     kinematics = Kinematics(built)
     stretch = cut_of(example_2()[0], built, kinematics, 3.0, 0.0)
     assert stretch is not None
-    at_pole = limits.derivatives(stretch, np.array([0.0, 2e-6]), kinematics)
-    beside = limits.derivatives(stretch, np.array([2e-3, 3e-3]), kinematics)
+    at_pole = rates.derivatives(stretch, np.array([0.0, 2e-6]), kinematics)
+    beside = rates.derivatives(stretch, np.array([2e-3, 3e-3]), kinematics)
     for mine, near in zip((at_pole.first, at_pole.second), (beside.first, beside.second), strict=True):
         assert np.isfinite(mine).all()
         np.testing.assert_allclose(mine, near, rtol=0.02, atol=0.02 * np.abs(near).max())
@@ -136,8 +137,8 @@ def jumps(stretches: Sequence[Stretch], built: Machine) -> list[np.ndarray]:
     """Of the joints' rates where one stretch goes over into the next, as shares of the larger one."""
     kinematics, found = Kinematics(built), []
     for before, after in itertools.pairwise(stretches):
-        left = limits.derivatives(before, np.array([before.motion.end]), kinematics).first[0]
-        right = limits.derivatives(after, np.array([0.0]), kinematics).first[0]
+        left = rates.derivatives(before, np.array([before.motion.end]), kinematics).first[0]
+        right = rates.derivatives(after, np.array([0.0]), kinematics).first[0]
         found.append(np.abs(right - left) / np.maximum(np.abs(left), np.abs(right)).max())
     return found
 
@@ -170,7 +171,7 @@ def test_derivatives_of_a_line_are_constant_and_those_of_an_arc_turn() -> None:
         Arc((0, 0, 0), (5.0, 0, 0), (0, 5.0, 0), 2.0, (0, 0, 0)), 10.0, (0, 0), (0, 0), kinematics.order
     )
     rows = [Stretch(m, Place(1, 1), 10.0, False, (0,) * 5, (0,) * 5, True, "line") for m in (line, arc)]
-    straight, curved = (limits.derivatives(row, s, kinematics) for row in rows)
+    straight, curved = (rates.derivatives(row, s, kinematics) for row in rows)
     values = [(0.6, 0.8, 0.0, 0.1, -0.2)[i] for i in kinematics.order]
     np.testing.assert_allclose(straight.first, [values] * 5, atol=1e-15)
     assert not straight.second.any() and not straight.third.any()
@@ -226,7 +227,7 @@ def test_a_ramp_takes_the_length_that_two_jerks_take() -> None:
     v, j = 12.0, 300.0
     t = math.sqrt(v / j)
     length = j * t**3 / 6 + (j * t * t / 2 * t + j * t**3 / 2 - j * t**3 / 6)
-    assert limits.ramp_length(v, j) == pytest.approx(length)
+    assert ramp_length(v, j) == pytest.approx(length)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -242,7 +243,7 @@ def test_cuts_of_one_kind_taken_together_are_what_they_are_alone(kind: str) -> N
     row = course.derivatives(s)
     for k, cut in enumerate(cuts):
         here = index == k
-        alone = limits.derivatives(cut, s[here] - course.starts[k], kinematics)
+        alone = rates.derivatives(cut, s[here] - course.starts[k], kinematics)
         for name in ("first", "second", "third"):
             one, other = getattr(alone, name), getattr(row, name)[here]
             np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-10 * np.abs(one).max())
@@ -263,7 +264,7 @@ def test_blended_cuts_taken_together_are_what_they_are_alone(seed: int) -> None:
     row = course.derivatives(s)
     for k, cut in enumerate(inner):
         here = index == k
-        alone = limits.derivatives(cut, s[here] - course.starts[k], kinematics)
+        alone = rates.derivatives(cut, s[here] - course.starts[k], kinematics)
         for name in ("first", "second", "third"):
             one, other = getattr(alone, name), getattr(row, name)[here]
             np.testing.assert_allclose(other, one, rtol=1e-9, atol=1e-10 * np.abs(one).max())

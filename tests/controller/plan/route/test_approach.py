@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -12,8 +11,8 @@ from traced import HOME, assert_whole, mill, named, names, sentences, stretches,
 from controller.geometry import Vector, add, dot, norm, scale, subtract, unit
 from controller.kinematics import Kinematics
 from controller.machine import Machine, Tool
+from controller.plan.route.leads import SLENDER
 from controller.plan.route.path import Stretch
-from controller.plan.text.program import ProgramError
 
 CONE = "G51 X0. Y15. Z0. I0. J0. K0. H10. R10. D{} F100.\n"
 
@@ -25,27 +24,6 @@ def tip(stretch: Stretch, s: float, built: Machine) -> Vector:
     return kinematics.forward(joints, 0.0).tip
 
 
-def direction(stretch: Stretch, s: float, built: Machine) -> Vector:
-    h = 1e-4
-    return unit(subtract(tip(stretch, s + h, built), tip(stretch, s - h, built)))
-
-
-@pytest.mark.parametrize("sweep", ["90.", "-200."])
-@pytest.mark.parametrize("side", ["G41", "G42"])
-@pytest.mark.parametrize("kind", ["fig4a", "table_head", "head_head"])
-def test_leads_are_quarter_arcs_tangent_to_the_cut(kind: str, side: str, sweep: str) -> None:
-    built = mill(kind)
-    traced = trace(f"{side}\n" + CONE.format(sweep), built)
-    (onto,), (cut,), (off,) = (named(traced, name) for name in ("lead in", "cut", "lead out"))
-    assert [onto.motion.end, off.motion.end] == pytest.approx([3.0 * math.pi / 2.0] * 2)
-    # On a cone of constant slope the tip runs parallel to the contact.
-    assert dot(direction(onto, onto.motion.end - 1e-3, built), direction(cut, 1e-3, built)) > 1.0 - 1e-5
-    before = (named(traced, "run on") or [cut])[0]
-    leaves = direction(before, before.motion.end - 1e-3, built)
-    assert dot(leaves, direction(off, 1e-3, built)) > 1.0 - 1e-5
-    assert_whole(traced, built)
-
-
 def test_the_lead_in_comes_from_the_cutters_side() -> None:
     for side, y in (("G42", -1.0), ("G41", 1.0)):
         built = mill()
@@ -53,20 +31,13 @@ def test_the_lead_in_comes_from_the_cutters_side() -> None:
         wall += "X0. Y0. Z0.\nX10. Y0. Z0.\nX20. Y0. Z0.\nX30. Y0. Z0.\n"
         (onto,) = named(trace(f"{side}\n{wall}", built), "lead in")
         away = subtract(tip(onto, 0.0, built), built.offsets[0].origin)
-        assert away == pytest.approx((-3.0, y * (3.0 + 3.0), 0.0), abs=1e-9)
+        assert away == pytest.approx((-SLENDER * 3.0, y * (3.0 + 3.0), 0.0), abs=1e-9)
 
 
-def test_a_run_on_is_straight_and_only_where_the_side_is_not_hollow() -> None:
-    outside, inside = trace("G42\n" + CONE.format("90.")), trace("G41\n" + CONE.format("90."))
-    (run_on,) = named(outside, "run on")
-    assert run_on.motion.end == pytest.approx(3.0)
-    assert not named(inside, "run on")
-
-
-def test_rotaries_turn_only_at_the_retract_height_or_in_the_cut() -> None:
+def test_rotaries_turn_only_at_the_retract_height_or_in_the_cut_with_its_leads() -> None:
     built = mill()
     for stretch in stretches(trace(CONE.format("360."), built, (10.0, 20.0, -50.0, 0.3, 1.0))):
-        if stretch.name not in ("position", "cut"):
+        if stretch.name not in ("position", "lead in", "cut", "lead out"):
             assert stretch.start[3:] == stretch.end[3:], stretch.name
         if stretch.name == "position":
             assert stretch.start[2] == stretch.end[2] == built.retract_mm
@@ -123,38 +94,6 @@ def test_a_clearance_above_the_retract_height_raises_the_way_there() -> None:
     (position,) = named(traced, "position")
     assert position.start[2] == pytest.approx(named(traced, "plunge")[0].start[2])
     assert_whole(traced, built, (0.0, 0.0, -500.0, 0.0, 0.0))
-
-
-# ---- gouging -----------------------------------------------------------------------
-
-# Inside of a ring of radius 15 (cutter on the left), with leads of 3 mm: room enough.
-RING = "G41\nG51 X15. Y0. Z0. I0. J0. K0. H10. R15. D{} F100.\n"
-
-
-def test_leads_inside_a_wide_ring_are_free() -> None:
-    assert "Gouge" not in sentences(trace(RING.format("360.")))
-
-
-def test_a_lead_that_cuts_into_the_ring_is_refused_or_noted() -> None:
-    # A lead of 14 mm begins 14 mm back along the tangent: beyond the wall of a full ring.
-    built = mill(lead_mm=14.0)
-    with pytest.raises(ProgramError, match=r"the lead in of 14.000 mm would cut .* set a smaller lead_mm"):
-        trace(RING.format("360."), built)
-    assert "Gouge: the lead in" in sentences(trace(RING.format("360."), replace(built, gouge="warn")))
-
-
-def test_a_lead_is_free_where_the_ring_is_open() -> None:
-    trace(RING.format("90."), mill(lead_mm=6.0))
-
-
-def test_a_lead_out_of_travel_is_refused() -> None:
-    built = mill()
-    axes = list(built.axes)
-    axes[1] = replace(axes[1], travel_max=built.offsets[0].origin[1] + 33.0)
-    wall = "G52 X0. Y0. Z10. F100.\nX0. Y10. Z10.\nX0. Y20. Z10.\nX0. Y30. Z10.\n"
-    wall += "X0. Y0. Z0.\nX0. Y10. Z0.\nX0. Y20. Z0.\nX0. Y30. Z0.\n"
-    with pytest.raises(ProgramError, match=r"Y would reach .* in the lead out"):
-        trace(wall, replace(built, axes=tuple(axes)))
 
 
 def test_a_ruling_longer_than_the_flute_is_noted() -> None:

@@ -14,9 +14,9 @@ from traced import HOME, assert_whole, mill, stretches, trace
 from controller.geometry import angle_between, norm, subtract
 from controller.kinematics import Kinematics
 from controller.motions import JointMove, ToolLine
-from controller.plan.feed.limits import derivatives
 from controller.plan.route import path
 from controller.plan.route.path import Chain, Stretch, joints_along
+from controller.plan.route.rates import derivatives
 from controller.plan.text import blocks
 from controller.plan.text.program import ProgramError
 

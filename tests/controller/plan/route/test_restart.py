@@ -29,6 +29,18 @@ def test_a_fraction_of_a_surface_is_that_share_of_its_contact_with_the_state_it_
     assert (modal.tool, modal.offset, modal.spindle_rev_min, modal.coolant) == (2, 0, 12000.0, 0)
 
 
+@pytest.mark.parametrize("name", ["lead in", "lead out"])
+def test_a_lead_is_entered_at_the_feed_of_its_block(name: str) -> None:
+    machine = shipped()
+    which, lead = next((i, s) for i, s in stretches(EXAMPLE_2, machine).items() if s.name == name)
+    s = (0.02 if name == "lead in" else 0.98) * lead.motion.end
+    assert float(lead.feed_at(np.array([s]))[0]) > 2.0 * 1000.0 / 60.0 or name == "lead out"
+    rest = rest_of(EXAMPLE_2, Spot(lead.place.line, 0.0, which, s), machine)
+    assert rest.what == name and rest.target.feed_mm_s == pytest.approx(1000.0 / 60.0)
+    there = lead.motion.joints(rest.spot.s, (0.0, 0.0), Kinematics(machine))
+    assert there is not None and np.abs(np.subtract(there, rest.target.joints)).max() < 1e-9
+
+
 @pytest.mark.parametrize("fraction", [0.0, 0.3, 1.0])
 def test_the_entry_ends_at_the_very_joints_of_the_uninterrupted_path(fraction: float) -> None:
     machine = shipped()

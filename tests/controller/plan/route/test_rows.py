@@ -17,9 +17,9 @@ from traced import HOME, assert_whole, mill, sentences, stretches, trace
 from controller.geometry import Frame
 from controller.kinematics import Kinematics
 from controller.motions import ROW, JointMove, ToolLine, ToolSpline
-from controller.plan.feed.limits import derivatives
 from controller.plan.route import path, rows
 from controller.plan.route.path import Chain, Path, Stretch, joints_along
+from controller.plan.route.rates import derivatives
 from controller.plan.route.stretch import tip_rate
 from controller.plan.text import blocks
 

@@ -16,8 +16,8 @@ from controller.geometry import Frame
 from controller.kinematics import Kinematics
 from controller.motions import SurfaceCut
 from controller.placement import Placed
-from controller.plan.feed.limits import derivatives
 from controller.plan.route.branch import joints_along
+from controller.plan.route.rates import derivatives
 from controller.plan.route.stretch import Stretch, rotaries_of
 from controller.plan.route.touching import touched
 from controller.plan.text.program import Place

@@ -1,0 +1,346 @@
+r"""Leads: onto the first ruling of a train and off the last one, in one motion with the cut.
+
+        C1   ==================>======.            the cut, at its feed
+             . . . . . . . . . . . . . `-.         the lead, at its own
+                                           `\
+                                             |     ``lead_mm`` off the surface
+
+Over s, which runs on from the cut's own, the tip and both rotaries are cubics that begin with the place,
+the rate and the bend that the cut has there. So nothing jumps at the ruling that the tick would see:
+the cut's own bend fades while the way off bends more and more, as a railway's cubic parabola does.
+The rotaries turn on: on a twisted surface the flank leaves as it would follow the next rulings.
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from controller import jets
+from controller.geometry import Vector
+from controller.kinematics import Kinematics
+from controller.machine import Joints, Machine
+from controller.motions import Rotaries, ToolSpline
+from controller.placement import AT_LOWER, Placed
+from controller.plan.route import audit, rates
+from controller.plan.route.branch import joints_along
+from controller.plan.route.cuts import Cut, Edge, beside, gouge, tolerance_mm
+from controller.plan.route.stretch import Stretch, Voice, joints_of, straight
+from controller.plan.route.train import Leg
+
+Array = npt.NDArray[np.float64]
+
+LEADS = ("lead in", "lead out")
+POSES = 33  # of a lead that are looked at
+OVERCUT_MM = 1e-3  # by which a lead may reach deeper into the surface than the cut itself does ...
+SPARE_MM = 1e-3  # of the form tolerance, for what is not looked at
+CLEAR_MM, MORE = 2e-4, 0.1  # ... and one that joins it; or such a share more, within the form tolerance
+SLENDER = 1.5  # length of a lead over how far off it leads: it bends no more than an arc of that radius
+# What is tried in turn: share of ``lead_mm``, how slender, over what part the rotaries come to stand; the
+# first two are as long as the feed needs. Past the end of a twisted surface the flank goes on to reach
+# into it: what leaves sooner, or turns on less, reaches less.
+SHAPES = (
+    (1.0, SLENDER, 0.0),
+    (1.0, SLENDER, 0.2),
+    (1.0, SLENDER, 0.0),
+    (1.0, 0.75, 0.0),
+    (1.0, 0.75, 0.2),
+    (1.0, 0.35, 0.2),
+    (0.5, 1.0, 0.2),
+    (0.25, 1.0, 0.2),
+)
+ROOM = 1.2  # times the way in which the feed is reached: the lead bends meanwhile
+LONGEST = 5.0  # times ``lead_mm``, however long a machine needs to its feed
+MOST_HASTE = 1000.0  # times the cut's feed: what is slower still is braked to from less
+FADING, FADING_RAD = 1.0, math.radians(10.0)  # by so much of itself, and so far, a bend may turn the way
+DIPS, TICKS, LEAST_MM = 1.5, 4.0, 0.004  # of the way at the cut's feed beside the ruling
+MOST_TILT_RAD = math.radians(20.0)  # of the axis on a lead
+EASY = 0.4  # of both, where the feed does not need more
+MOST_TURN_RAD = math.radians(60.0)  # of a rotary: beside a pole it might be any number of turns
+STANDS_RAD = 1e-9  # per mm: rounding of a rotary that stands
+LEAST_RATE = 0.2  # mm of the tip per mm of the contact: in a tight hollow the tip all but stands
+RESTS = (
+    "The {} is straight, and the cut rests at that ruling: one that joins it at its feed would cut into "
+    "the part, leave an axis' travel, or has no direction there."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Lead:
+    """The way onto or off C1 at one end of a train, and how the tool stands at its outer end."""
+
+    stretches: tuple[Stretch, ...]
+    tip: Vector  # table frame
+    axis: Vector
+    rotaries: Rotaries
+
+
+def lay(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinematics, voice: Voice) -> Lead:
+    """The longest lead that stays outside of the train's surfaces and in travel; none where ``lead_mm`` is 0.
+
+    Refuses (or tells, where the machine is to warn only) what would cut into them in any case.
+    """
+    leg = legs[0 if at_start else -1]
+    end = _End.of(leg, at_start, kinematics)
+    if machine.lead_mm <= 0.0:
+        return end.standing(())
+    free = _Room.of(legs, at_start, machine, kinematics)
+    for one in end.joined(machine):
+        if free.lets(one):
+            return end.led(one)
+    off = end.straight_off(_off_mm(leg, machine), leg.cut.block.feed_mm_s)
+    if off is None:
+        return end.standing(())
+    reached = free.reached(off)
+    if reached > OVERCUT_MM:
+        gouge(
+            f"the {off.name} of {machine.lead_mm:.3f} mm would cut {reached:.3f} mm into the surface",
+            "set a smaller lead_mm, take a smaller cutter or the other side (G41/G42)",
+            leg.cut.block,
+            machine,
+            voice,
+        )
+    voice.tell(leg.cut.block.place, RESTS.format(off.name))
+    return end.led(off)
+
+
+def _off_mm(leg: Leg, machine: Machine) -> float:
+    """At most the radius of a cutter that leans against the twist: a longer lead reaches over the end."""
+    surface = leg.cut.motion.surface
+    leans = isinstance(surface, Placed) and surface.normals_v != AT_LOWER
+    return min(machine.lead_mm, leg.cut.tool.radius_mm) if leans else machine.lead_mm
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """One end of a cut: ``rows`` (3, 5) of the tip (table frame) and both rotaries, with two derivatives.
+
+    ``rates`` (5,) are those of the joints and ``tilt`` that of the axis (rad), all per mm of s.
+    """
+
+    leg: Leg
+    at_start: bool
+    kinematics: Kinematics
+    rows: Array
+    rates: Array
+    tilt: float
+
+    @staticmethod
+    def of(leg: Leg, at_start: bool, kinematics: Kinematics) -> _End:
+        stretch = leg.stretch
+        with np.errstate(all="ignore"):
+            d = rates.derivatives(stretch, np.array([0.0 if at_start else stretch.motion.end]), kinematics)
+        q = stretch.start if at_start else stretch.end
+        series = [
+            jets.Jet(np.array([[q[i]], d.first[:, i], 0.5 * d.second[:, i], d.third[:, i] / 6.0]))
+            for i in range(5)
+        ]
+        tip, axis = kinematics.forward(series, leg.cut.motion.length_mm, jets)
+        turns = [series[kinematics.order.index(k)] for k in (3, 4)]
+        rows = np.array([[jets.jet(one).derivative(k).item() for one in (*tip, *turns)] for k in range(3)])
+        rows[1:, 3:][np.abs(rows[1:, 3:]) < STANDS_RAD] = 0.0
+        tilt = math.hypot(*(jets.jet(one).derivative(1).item() for one in axis))
+        return _End(leg, at_start, kinematics, rows, np.abs(d.first[0]), tilt)
+
+    @property
+    def edge(self) -> Edge:
+        return self.leg.cut.start if self.at_start else self.leg.cut.end
+
+    @property
+    def name(self) -> str:
+        return LEADS[not self.at_start]
+
+    @property
+    def _joints(self) -> Joints:
+        stretch = self.leg.stretch
+        return stretch.start if self.at_start else stretch.end
+
+    def joined(self, machine: Machine) -> Iterator[Stretch]:
+        """Leads that join the cut, the longest first; none where it has no rate."""
+        if not np.isfinite(self.rows).all():
+            return
+        tip_rate = max(float(np.linalg.norm(self.rows[1, :3])), LEAST_RATE)
+        most, feed = self._longest(), _lead_feed(self.leg, tip_rate, machine)
+        settling = self._settling(machine)
+        ramp = min(ROOM * self._ramp(machine), LONGEST * machine.lead_mm)
+        for k, (share, slender, holds) in enumerate(SHAPES):
+            off = share * _off_mm(self.leg, machine)
+            length = max(min(slender * off / tip_rate, EASY * most), min(ramp, most) if k < 2 else 0.0)
+            yield self._lead(length, off, feed, settling, holds)
+
+    def _longest(self) -> float:
+        """The longest way on which neither the axis nor a rotary turns by more than it is to."""
+        turn = float(np.abs(self.rows[1, 3:]).max())
+        return min(MOST_TURN_RAD / (turn + 1e-12), MOST_TILT_RAD / (self.tilt + 1e-12))
+
+    def _along(self, machine: Machine) -> tuple[float, float, float]:
+        """Largest speed, acceleration and jerk along s that the joints allow at the ruling."""
+        limits = np.array([(a.limits.velocity, a.limits.acceleration, a.limits.jerk) for a in machine.axes])
+        velocity, acceleration, jerk = (limits / (self.rates[:, None] + 1e-12)).min(axis=0).tolist()
+        return min(self.leg.cut.block.feed_mm_s, velocity), acceleration, jerk
+
+    def _ramp(self, machine: Machine) -> float:
+        """The way from rest to the feed, or to what the joints' velocities leave of it."""
+        v, acceleration, jerk = self._along(machine)
+        if v * jerk < acceleration**2:
+            return v * math.sqrt(v / jerk)
+        return 0.5 * v * (v / acceleration + acceleration / jerk)
+
+    def _settling(self, machine: Machine) -> float:
+        """The way at the cut's own feed beside the ruling.
+
+        To brake late and dip below the feed saves time: there is room for it before the cut begins.
+        """
+        v, acceleration, jerk = self._along(machine)
+        dip_s = 2.0 * min(math.sqrt(2.0 * v / jerk), acceleration / jerk)
+        return max(v * (DIPS * dip_s + TICKS * machine.period_s), LEAST_MM)
+
+    def _lead(self, length: float, off_mm: float, feed_mm_s: float, settling: float, holds: float) -> Stretch:
+        """Cubics over ``length`` whose tip ends ``off_mm`` off the tangent; the cut's bend fades first.
+
+        ``holds``: over this share of it, twice, the rotaries come to stand; 0: they turn on.
+        """
+        fade = holds * length if holds else min(self._fade(length), 0.45 * length)
+        sign = -1.0 if self.at_start else 1.0
+        x = sign * np.array([0.0, fade, 2.0 * fade, length])  # of s, from the ruling
+        spans = self._spans(x, off_mm, bool(holds))
+        if self.at_start:
+            spans = [_from(cubic, d) for cubic, d in zip(spans, np.diff(x), strict=True)][::-1]
+        block = self.leg.cut.block
+        spline = ToolSpline(
+            array("d", np.sort(x - x.min()).tolist()),
+            array("d", np.array([cubic.T for cubic in spans]).ravel().tolist()),
+            True,
+            self.leg.cut.motion.length_mm,
+            array("l", [block.place.line]),
+            array("d", [0.0]),
+        )
+        outer = spline.joints(0.0 if self.at_start else length, self._rotaries, self.kinematics)
+        assert outer is not None
+        ends = (outer, self._joints) if self.at_start else (self._joints, outer)
+        made = Stretch(spline, block.place, block.feed_mm_s, False, *ends, True, self.name)
+        return self._fed(made, feed_mm_s, settling)
+
+    def _spans(self, x: Array, off_mm: float, holds: bool) -> list[Array]:
+        """Coefficients (4, 5) between the knots ``x`` (4,), each from the knot nearer to the ruling.
+
+        Their bends are straight lines from knot to knot, to which the cubic that leads off is added.
+        """
+        value, first, bend = self.rows
+        bends = np.array([bend, 0.0 * bend, 0.0 * bend, 0.0 * bend])
+        if holds:
+            bends[1, 3:] = -(first[3:] / x[1] + 0.5 * bend[3:])
+        end, spans = value + first * x[-1], list[Array]()
+        for d, b, c in zip(np.diff(x), bends, bends[1:], strict=False):
+            spans.append(np.array([value, first, 0.5 * b, (c - b) / (6.0 * d)]))
+            value, first = value + d * (first + d * (2.0 * b + c) / 6.0), first + 0.5 * d * (b + c)
+        lift = np.zeros(5)
+        lift[:3] = ((end - value)[:3] + off_mm * np.array(self.edge.away)) / x[-1] ** 3
+        powers = (np.array([at**3, 3.0 * at**2, 3.0 * at, 1.0]) for at in x)
+        return [cubic + np.outer(power, lift) for cubic, power in zip(spans, powers, strict=False)]
+
+    def _fade(self, length: float) -> float:
+        """Over what way the bends of the cut fade: one that is sharp at its end is not drawn on far."""
+        tip, turn = float(np.linalg.norm(self.rows[2, :3])), float(np.abs(self.rows[2, 3:]).max())
+        by_tip = FADING * float(np.linalg.norm(self.rows[1, :3])) / (tip + 1e-12)
+        by_turn = 2.0 * FADING_RAD / (turn * length + 1e-12)
+        return min(max(min(by_tip, by_turn), 0.01 * length), 0.9 * length)
+
+    def _fed(self, lead: Stretch, feed_mm_s: float, settling: float) -> Stretch:
+        """At ``feed_mm_s``, and beside the ruling at the cut's own."""
+        own, length = self.leg.cut.block.feed_mm_s, lead.motion.end
+        if settling >= length or feed_mm_s <= own:
+            return replace(lead, turning=((0.0, math.inf),))
+        at = length - settling if self.at_start else settling
+        if self.at_start:
+            steps, own_s = ((0.0, feed_mm_s), (at, own)), (at, math.inf)
+        else:
+            steps, own_s = ((0.0, own), (at, feed_mm_s)), (0.0, at)
+        return replace(lead, feed_mm_s=steps[0][1], feed_steps=steps, turning=(own_s,))
+
+    def straight_off(self, off_mm: float, feed_mm_s: float) -> Stretch | None:
+        """A line off the ruling with the tool axis held: the machine rests at that ruling."""
+        rotaries = self._rotaries
+        tip = beside(self.edge.tip, (self.edge.away, off_mm))
+        xyz = self.kinematics.linear(tip, rotaries, self.leg.cut.motion.length_mm)
+        outer = joints_of(xyz, rotaries, self.kinematics)
+        ends = (outer, self._joints) if self.at_start else (self._joints, outer)
+        return straight(self.name, self.leg.cut.block.place, *ends, feed_mm_s, self.kinematics)
+
+    @property
+    def _rotaries(self) -> Rotaries:
+        return self.leg.start if self.at_start else self.leg.end
+
+    def standing(self, stretches: tuple[Stretch, ...]) -> Lead:
+        return Lead(stretches, self.edge.tip, self.edge.axis, self._rotaries)
+
+    def led(self, stretch: Stretch) -> Lead:
+        """The way of one stretch."""
+        outer = stretch.start if self.at_start else stretch.end
+        pose = self.kinematics.forward(outer, self.leg.cut.motion.length_mm)
+        first, second = (outer[self.kinematics.order.index(k)] for k in (3, 4))
+        return Lead((stretch,), pose.tip, pose.axis, (first, second))
+
+
+def _from(cubic: Array, x: float) -> Array:
+    """Coefficients (4, n) of the same cubics in powers of what lies behind ``x``."""
+    a, b, c, d = cubic
+    return np.array([a + x * (b + x * (c + x * d)), b + x * (2.0 * c + x * 3.0 * d), c + 3.0 * x * d, d])
+
+
+def _lead_feed(leg: Leg, tip_rate: float, machine: Machine) -> float:
+    """Feed of the tip (mm/s): never so low that the cut could not begin at its own."""
+    fastest = min(machine.axes[i].limits.velocity for i in machine.linear())
+    own = fastest if machine.lead_feed_mm_s is None else machine.lead_feed_mm_s
+    feed = leg.cut.block.feed_mm_s * tip_rate
+    return min(max(own, feed), MOST_HASTE * feed)
+
+
+@dataclass(frozen=True, slots=True)
+class _Room:
+    """Where a lead may be: points (3, N) of the train's surfaces, and how deep the cut gets into its own.
+
+    On a twisted surface a cylinder overcuts a little even where it is placed right, so 0 would be
+    too strict; what the cut does to its neighbours is no excuse.
+    """
+
+    cut: Cut
+    points: Array
+    allowed_mm: float
+    more_mm: float  # than that: where going on costs what the twist does, within the form tolerance
+    machine: Machine
+    kinematics: Kinematics
+
+    @staticmethod
+    def of(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinematics) -> _Room:
+        cut = legs[0 if at_start else -1].cut
+        points, allowed = audit.surface_points([leg.cut for leg in legs]), 0.0
+        if cut.tool.radius_mm > 0.0:
+            reach = machine.lead_mm + 2.0 * cut.tool.radius_mm
+            allowed = audit.depth_near(cut, audit.surface_points([cut]), at_start, reach)
+        more = MORE * allowed
+        most = tolerance_mm(cut.block.modal, cut.tool, machine)
+        if most is not None and allowed < most:
+            more = min(more, most - SPARE_MM - allowed)
+        return _Room(cut, points, allowed, more, machine, kinematics)
+
+    def lets(self, lead: Stretch) -> bool:
+        s = np.linspace(0.0, lead.motion.end, POSES)
+        inside = audit.outside(self.machine, s, joints_along(lead, s, self.kinematics)) is None
+        return inside and self.reached(lead) <= max(CLEAR_MM, self.more_mm)
+
+    def reached(self, lead: Stretch) -> float:
+        """How much deeper (mm) a lead gets into the surfaces than the cut does beside it."""
+        if self.cut.tool.radius_mm <= 0.0:
+            return 0.0
+        s = np.linspace(0.0, lead.motion.end, POSES)
+        joints = joints_along(lead, s, self.kinematics)
+        pose = self.kinematics.forward(tuple(joints.T), self.cut.motion.length_mm, np)
+        tips, axes = (np.array([np.broadcast_to(c, s.shape) for c in v]) for v in pose)
+        depth = audit.depth(self.points, tips, axes, self.cut.tool.radius_mm, self.cut.tool.taper_rad)
+        return depth - self.allowed_mm

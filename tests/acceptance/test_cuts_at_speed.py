@@ -1,0 +1,119 @@
+"""Cuts begin and end at their feed: seen from the ticks of ``simulate`` alone, without the plan.
+
+The contact is found by putting every commanded tip back on to the path that the nominal surface gives;
+its speed is the difference of two such places over a period.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from cutting import Cut, cut, shipped
+from limits_in_traces import assert_in_limits
+from random_surfaces import compound, text
+
+from controller import config
+from controller.motions import SurfaceCut
+from controller.plan.route.path import Stretch
+from controller.session.events import Event
+from controller.state import Request
+
+NEWTON = 30
+
+
+def places(stretch: Stretch, tips: np.ndarray) -> np.ndarray:
+    """Arc length (mm) along C1 at which the nominal tip is nearest each of ``tips`` (N, 3), table frame."""
+    motion = stretch.motion
+    assert isinstance(motion, SurfaceCut)
+
+    def tip(u: np.ndarray) -> np.ndarray:
+        rows = motion.part.to_parent(motion.surface.pose(u, motion.offset_mm, np).tip)
+        return np.array([np.broadcast_to(c, u.shape) for c in rows]).T
+
+    grid = np.linspace(0.0, 1.0, 801)
+    known = tip(grid)
+    u = np.array([grid[int(((known - p) ** 2).sum(axis=1).argmin())] for p in tips])
+    for _ in range(NEWTON):
+        inner = np.clip(u, 1e-5, 1.0 - 1e-5)
+        rate = (tip(inner + 1e-5) - tip(inner - 1e-5)) / 2e-5
+        step = ((tips - tip(u)) * rate).sum(axis=1) / (rate * rate).sum(axis=1)
+        u = np.clip(u + step, 0.0, 1.0)
+    return np.asarray(motion.arc.s_at(u))
+
+
+def speeds(done: Cut, stretch: Stretch, motion_id: int) -> np.ndarray:
+    """Speed of the contact (mm/s) between the ticks of one cut."""
+    rows = np.flatnonzero(done.column("motion_id") == motion_id)
+    pose = done.kinematics.forward(tuple(done.joints[rows].T), stretch.motion.length_mm, np)  # type: ignore[union-attr]
+    return np.diff(places(stretch, np.array(pose.tip).T)) / done.machine.period_s
+
+
+def cuts(done: Cut) -> list[tuple[int, Stretch]]:
+    return [(i, stretch) for i, stretch in done.stretches.items() if stretch.cutting]
+
+
+def assert_at_feed(done: Cut, share: float = 1.0) -> None:
+    """At the first and the last ruling of the compound within 1 %, and nowhere inside above the feed."""
+    members = cuts(done)
+    (first_id, first), (last_id, last) = members[0], members[-1]
+    feed = share * first.feed_mm_s
+    assert speeds(done, first, first_id)[:3] == pytest.approx(np.full(3, feed), rel=0.01)
+    assert speeds(done, last, last_id)[-3:] == pytest.approx(np.full(3, feed), rel=0.01)
+    for i, stretch in members:
+        assert speeds(done, stretch, i).max() <= 1.0005 * share * stretch.feed_mm_s
+
+
+@pytest.mark.parametrize("feed", ["100.", "1500."])
+@pytest.mark.parametrize("name", ["example1_ready", "example2_ready"])
+def test_the_ready_examples_begin_and_end_at_their_feed(name: str, feed: str) -> None:
+    source = config.shipped_program(name).read_text().replace("F100.", f"F{feed}")
+    done = cut(source, config.load("trunnion"))
+    if (name, feed) == ("example2_ready", "1500."):
+        # Its last ruling is vertical: Y and Z run ten times as fast as the contact there, at their limit.
+        (i, stretch) = cuts(done)[0]
+        assert speeds(done, stretch, i)[:3] == pytest.approx(np.full(3, stretch.feed_mm_s), rel=0.01)
+    else:
+        assert_at_feed(done)
+    assert_in_limits(done, name)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 5])
+def test_random_surfaces_begin_and_end_at_their_feed(seed: int) -> None:
+    done = cut(text(compound(seed, 1), 1000.0))
+    assert_at_feed(done)
+    assert_in_limits(done, seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("machine", ["fig4b", "table_head", "head_head", "oblique45"])
+@pytest.mark.parametrize("seed", range(100, 106))
+def test_random_surfaces_on_other_machines_begin_and_end_at_their_feed(machine: str, seed: int) -> None:
+    done = cut(text(compound(seed, 1), 600.0), shipped(machine))
+    assert_at_feed(done)
+    assert_in_limits(done, (machine, seed))
+
+
+def test_under_an_override_the_cut_begins_at_its_share_of_the_feed() -> None:
+    source = (
+        config.shipped_program("example1_ready")
+        .read_text()
+        .replace("F100.", "F600.")
+        .replace("D360.", "D40.")
+    )
+    done = cut(source, config.load("trunnion"), [Event(0, Request.OVERRIDE, 0.5)])
+    assert_at_feed(done, 0.5)
+    assert_in_limits(done, "override")
+
+
+@pytest.mark.parametrize("motion", ["lead in", "lead out"])
+def test_a_hold_on_a_lead_stands_on_the_path_and_goes_on(motion: str) -> None:
+    source = config.shipped_program("example1_ready").read_text().replace("D360.", "D40.")
+    plain = cut(source, config.load("trunnion"))
+    which = next(i for i, stretch in plain.stretches.items() if stretch.name == motion)
+    tick = int(np.median(np.flatnonzero(plain.column("motion_id") == which)))
+    events = [Event(tick, Request.HOLD, 0.0), Event(tick + 300, Request.RESUME, 0.0)]
+    done = cut(source, config.load("trunnion"), events)
+    assert done.run.result == "completed"
+    assert len(done.joints) > len(plain.joints) + 250
+    assert done.joints[-1] == pytest.approx(plain.joints[-1], abs=1e-9)
+    assert_in_limits(done, motion, events)
