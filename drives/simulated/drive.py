@@ -78,7 +78,7 @@ class SimulatedDrive(Device):
         if counts:
             self._sync_s = now_s
             if axis.powered:
-                self.watch_s = now_s + self._patience_s
+                self.put_off(now_s + self._patience_s)
                 axis.step(now_s)
         if self.nmt == OPERATIONAL:
             self._report(frame, now_s)

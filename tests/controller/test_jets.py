@@ -75,3 +75,16 @@ def test_a_constant_has_no_derivatives_and_a_negative_power_divides():
     assert jets.constant(math.e).derivative(1) == 0.0
     x = jets.variable(np.array([2.0]))
     np.testing.assert_allclose((x**-1).c[:, 0], [0.5, -0.25, 0.125, -0.0625])
+
+
+@pytest.mark.parametrize(("a", "b"), [((), (5,)), ((5,), ()), ((3, 1), (5,)), ((5,), (3, 5)), ((), ())])
+def test_products_and_sums_take_points_of_different_shapes_as_arrays_do(a, b):
+    random = np.random.default_rng(7)
+    x, y = (jets.Jet(random.normal(size=(4, *shape))) for shape in (a, b))
+    shape = np.broadcast_shapes(a, b)
+    wide = [jets.Jet(np.array([np.broadcast_to(c, shape) for c in one.c])) for one in (x, y)]
+    assert (x * y).c.tobytes() == (wide[0] * wide[1]).c.tobytes()
+    for k in range(4):
+        by_hand = sum(x.c[i] * y.c[k - i] for i in range(k + 1))
+        assert np.allclose((x * y).c[k], by_hand, rtol=1e-14, atol=1e-14)
+    assert (x + y.c[0]).c.tobytes() == (wide[0] + wide[1].c[0]).c.tobytes()

@@ -87,6 +87,21 @@ def test_a_time_out_may_come_after_extrapolating() -> None:
     assert bench.drive.axis.power is Power.FAULT_REACTION
 
 
+@pytest.mark.parametrize("more", range(5))
+def test_the_time_out_counts_from_the_last_sync_however_unevenly_they_came(more: int) -> None:
+    bench, last = running(lost_sync=LostSync.FAULT)
+    for k in range(more):
+        bench.tick(targets=[last + k * STEP])
+    bench.ticks += 0.3  # type: ignore[assignment]
+    bench.tick(targets=[last + more * STEP])
+    bench.ticks -= 0.3  # type: ignore[assignment]
+    bench.tick(targets=[last + more * STEP + STEP])
+    bench.wait(2.4)
+    assert bench.drive.axis.power is Power.ENABLED
+    bench.wait(0.2)
+    assert bench.drive.axis.power is Power.FAULT_REACTION
+
+
 def test_a_drive_that_has_had_no_target_yet_does_not_wait_for_one() -> None:
     bench = Bench(lost_sync=LostSync.FAULT)
     bench.enable()
