@@ -105,11 +105,11 @@ def sentence(fault: Fault, axis: str = "", also: Fault = Fault.NONE, language: s
 def stands_within_s(fault: Fault, times: Times) -> float:
     """Longest time from the event to the standstill of all axes that have torque, s; 0 if nothing stops.
 
-    A machine that stands already stands. END_OF_BLOCK promises the block's own time, so 0 too, and a plan
-    that is gone that of the queue.
+    A machine that stands already stands. END_OF_BLOCK promises the block's own time, so 0 too. Where the
+    queue comes to its end first, that is the event.
     """
     row = FAULTS[fault]
-    if row.reaction in (Reaction.NONE, Reaction.WARN, Reaction.END_OF_BLOCK) or row.wait is Wait.QUEUE:
+    if row.reaction in (Reaction.NONE, Reaction.WARN, Reaction.END_OF_BLOCK):
         return 0.0
     noticed_s = row.syncs * times.feedback_every * times.period_s + waits_s(row.wait, times)
     return noticed_s + _stopping_s(row.reaction, times)

@@ -207,6 +207,7 @@ CASES: tuple[Case, ...] = (
         "planner killed",
         planner_killed,
         of(F.PLANNER_GONE),
-        {"jog": of(N, F.PLANNER_GONE)} | only(("homing", "idle", "hold"), NOTHING),
+        # What is queued whole comes to its end.
+        only(("jog", "resume"), of(N, F.PLANNER_GONE)) | only(("homing", "idle", "hold"), NOTHING),
     ),
 )

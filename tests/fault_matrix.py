@@ -75,7 +75,12 @@ def run(case: Case, mode: str, scene: Scene) -> Cell:
 
 
 def _event_s(sight: Sight, struck_s: float, fault: Fault) -> float:
-    """When what the promise counts from was: of a following error the first tick outside of the window."""
+    """When what the promise counts from was: of a following error the first tick outside of the window.
+
+    A plan that is gone counts from the end of the queue, where it is told.
+    """
+    if fault is Fault.PLANNER_GONE:
+        return next((seen.time_s for seen in sight.ticks if seen.fault is fault), struck_s)
     if fault is not Fault.FOLLOWING_ERROR:
         return struck_s
     beyond = (sight.distance > allowed(sight)).any(axis=1)

@@ -210,7 +210,8 @@ def _running(scene: Scene, text: str, strike: Strike, when: Callable[[], bool]) 
         if not struck and when():
             struck.append(tick)
             strike()
-        elif struck and tick == struck[0] + round(scene.goes_on_s / scene.machine.period_s):
+        over = bool(struck) and tick == struck[0] + round(scene.goes_on_s / scene.machine.period_s)
+        if over and not (scene.planner_dead and scene.cycle.modes.running):  # that ends with the queue
             _stop(scene)
 
     scene.after_tick = look

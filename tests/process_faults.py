@@ -94,13 +94,16 @@ def tick_stopped(scene: ProcessScene, mode: str) -> list[Cell]:
 
 def planner_killed(scene: ProcessScene, mode: str) -> list[Cell]:
     assert scene.plan is not None
-    struck_s = scene.bus_s()
+    struck_s, queued = scene.bus_s(), scene.now
+    struck_s += max(0.0, queued.queue_end_s - queued.plan_time_s)  # to its end the cut goes on
     scene.plan.process.kill()
     scene.plan.process.wait()
     scene.meet()
     named = frozenset({F.PLANNER_GONE if mode in ("cutting", "resume") else N})
     if mode == "homing":
         until(lambda: scene.now.mode is not Mode.HOMING)
+    if mode in ("cutting", "resume"):
+        until(lambda: scene.now.mode is not Mode.RUNNING)
     now = _settled(scene)
     return [_judged(scene, "planner killed", mode, now, named, struck_s)]
 

@@ -30,7 +30,7 @@ TIMES = Times(0.002, 0.2, 0.1, 5.0, 120.0, 10.0, path_stop_s=0.5, quick_stop_s=0
     [
         (Fault.NONE, 0.0, "nothing stops"),
         (Fault.DRIVE_WARNING, 0.0, "nothing stops"),
-        (Fault.PLANNER_GONE, 0.0, "the queue comes to its end, at rest"),
+        (Fault.PLANNER_GONE, 2 * 0.002 + 0.5 + 0.1, "from the queue's end on"),
         (Fault.EMCY, 3 * 0.002 + 0.5 + 0.1, "the others stop on the path"),
         (Fault.HEARTBEAT_LOST, 0.2 + 2 * 0.002 + 0.5 + 0.1, "noticed after the silence"),
         (Fault.EMERGENCY_STOP, 2 * 0.002 + 0.1, "every drive's own ramp"),

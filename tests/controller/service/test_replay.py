@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 
 import pytest
+from living import gone, until
 from replaying import again, assert_same_setpoints, facts, records
 from serving import Serving, calm, calm_machine, serving
 
@@ -12,6 +14,7 @@ from controller.session import events
 from controller.session.events import EventError
 
 MACHINE = calm_machine()
+LONG = "G21 G90 G54 G43.4\nG0 X0 Y0 Z60. A0 C0\n" + "G1 X60. F3000\nG1 X-60. A4.\n" * 20 + "M30\n"
 PART = "G21 G90 G54\nG0 X40.\nG1 X-40. Y10. F3000\nG1 X30. Y-10. A8.\nG0 X0 Y0\nM30\n"
 
 
@@ -53,6 +56,45 @@ def test_the_record_of_a_run_with_hold_and_overrides_gives_the_same_setpoints(tm
         done = again(folder, PART, MACHINE)
         assert done.run.result == "completed"
         assert_same_setpoints(done)
+
+
+@pytest.mark.slow
+@pytest.mark.live
+def test_the_records_of_runs_with_a_way_aside_and_of_a_killed_plan_and_service(tmp_path: Path) -> None:
+    """Whatever was set before, led aside or killed: what is whole of the record comes again."""
+    with serving(tmp_path, *calm(tmp_path)) as service:
+        service.ready()
+        service.ask("rapid_override", share=0.5)
+        service.ask("override", share=0.37)
+        service.load(LONG)
+        service.done("start")
+        service.until(lambda now: now["mode"] == "RUNNING" and now["feed_mm_min"]["actual"] > 1000.0)
+        service.ask("hold")
+        service.until(lambda now: now["mode"] == "HOLD" and now["at_rest"])
+        service.done("retract", mm=8.0)
+        service.ask("jog_step", frame="joint", axis="X", distance=5.0)
+        service.until(lambda now: now["mode"] == "HOLD" and now["at_rest"] and not now["jogging"])
+        service.done("return")
+        service.ask("resume")
+        service.until(lambda now: now["mode"] == "RUNNING" and now["feed_mm_min"]["actual"] > 1000.0)
+        service.kill("plan")
+        assert service.until(lambda now: now["mode"] == "FAULT" and now["at_rest"])["not_homed"] == []
+        service.until(lambda now: now["plan_alive"] and len(records(service.state)) == 1)
+        service.done("reset")
+        service.done("enable")
+        service.load(LONG)
+        service.done("start")
+        service.until(lambda now: now["mode"] == "RUNNING" and now["feed_mm_min"]["actual"] > 1000.0)
+        pids = [service.pid("tick"), service.pid("plan")]
+        service.process.send_signal(signal.SIGKILL)
+        service.process.wait()
+        until(lambda: gone(pids))
+    aside, killed = sorted((tmp_path / "state" / "runs").iterdir())
+    assert not (killed / "run.json").exists()
+    for folder, ended in ((aside, "fault"), (killed, "lost")):
+        done = again(folder, LONG, MACHINE)
+        assert done.run.result == ended and len(done.live) > 100
+        assert_same_setpoints(done, ended_itself=False)
 
 
 def test_a_record_with_a_way_aside_says_that_it_cannot_be_run_again(tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ from living import (
 )
 
 from controller import config
-from controller.handoff import COLUMN, PLANNER_SILENCE_S, STOOD, Snapshot
+from controller.handoff import COLUMN, STOOD, Snapshot
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.plan.report import survey
@@ -137,8 +137,8 @@ def test_without_its_planner_the_machine_holds_on_the_path(
     machine, exact, duration_s = example_2
     chance = random.Random(SEED + number)
     how = (signal.SIGKILL, signal.SIGSTOP)[number % 2]
-    # One that hangs has sent what it planned ahead: it must not have sent the end.
-    instant_s = chance.uniform(0.05, duration_s - {signal.SIGKILL: 0.8, signal.SIGSTOP: 4.0}[how])
+    # It has sent what it planned ahead, which must not have been the end.
+    instant_s = chance.uniform(0.05, duration_s - 4.0)
     print(f"seed {SEED} (DIRECTRIX_TEST_SEED), {how.name} at {instant_s:.4f} s of {duration_s:.3f} s")
     struck: list[Snapshot] = []
 
@@ -163,10 +163,11 @@ def test_without_its_planner_the_machine_holds_on_the_path(
     assert set(later.drive_states) == {State.OPERATION_ENABLED}
     faults = np.flatnonzero(rows[:, COLUMN["fault"]] == Fault.PLANNER_GONE)
     silent = rows[faults[0], COLUMN["tick"]] - struck[0].tick
+    queued = (struck[0].queue_end_s - struck[0].plan_time_s) / machine.period_s
     off_mm = off_path(rows, exact, machine).max()
     slowing = int((rows[faults, COLUMN["rate"]] > 0.0).sum())
     print(f"silent for {silent:.0f} ticks, at rest {slowing} ticks later, {off_mm:.1e} mm off the path")
-    assert silent <= PLANNER_SILENCE_S / machine.period_s + 3
+    assert silent >= queued - 3, "it went on to the queue's end"
     assert off_mm <= ON_PATH_MM
     assert_within_limits(rows, machine)
     assert rows[-1, COLUMN["rate"]] == 0.0
