@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from controller import arranged
+from controller.geometry import Frame
 from controller.handoff import Snapshot
 from controller.kinematics import Kinematics
 from controller.machine import Machine, five
@@ -90,7 +91,8 @@ class Planning:
         self._tool: int | None = None
         self._tools: dict[int, int | None] = {}  # by identity of a stretch: with which tool it is moved
         self._changes: dict[int, int] = {}  # to which tool, by line; until it is told
-        self._offsets: list[tuple[int, int]] = []  # line from which on, and which
+        # Line from which on, which work offset, and the frame that G92 and others have made of it.
+        self._offsets: list[tuple[int, int, Frame | None]] = []
         self._fitted = machine  # of what was armed
         self._carrying_out = False
         self._facts: dict[str, Any] = {}  # of what is being armed
@@ -180,8 +182,9 @@ class Planning:
     def _read(self, block: Block) -> None:
         """Work offsets are noted where they change."""
         self._look()
-        if not self._offsets or self._offsets[-1][1] != block.modal.offset:
-            self._offsets.append((block.place.line, block.modal.offset))
+        now = (block.modal.offset, block.modal.part)
+        if not self._offsets or self._offsets[-1][1:] != now:
+            self._offsets.append((block.place.line, *now))
 
     def _kept(self, program: Program) -> Stored:
         """Raises ProgramError, GivenUp."""
@@ -347,7 +350,8 @@ class Planning:
     def _way(self, stretch: Stretch) -> Way:
         motion, i = stretch.motion, bisect_right(self._offsets, (stretch.place.line, MOST_OFFSETS))
         length_mm, part = getattr(motion, "length_mm", 0.0), getattr(motion, "part", None)
-        tool, offset = self._tools.get(id(stretch)), self._offsets[i - 1][1] if i else 0
+        tool, (offset, frame) = self._tools.get(id(stretch)), self._offsets[i - 1][1:] if i else (0, None)
+        part = frame if part is None else part
         told = (stretch.end, stretch.feed_mm_s, length_mm, part, stretch.name, tool, offset)
         return Way(*told, motion.end, motion.arc if isinstance(motion, SurfaceCut) else None)
 
