@@ -79,7 +79,7 @@ class Way:
     end: Joints
     feed_mm_s: float | None  # programmed; None = rapid. Degrees a second where only rotaries turn
     length_mm: float  # of the tool
-    part: Frame | None  # of the work offset; None: a move of the joints
+    part: Frame | None  # in which its words are read; None: the work offset as the machine has it
     name: str  # 'cut', 'lead in', 'retract' ...
     tool: int | None = None  # number of the one that the program has changed to; None: the one it began with
     offset: int = 0  # work offset that is active, 0 = G54

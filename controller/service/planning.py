@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from controller import arranged
+from controller.geometry import Frame
 from controller.handoff import Snapshot
 from controller.kinematics import Kinematics
 from controller.machine import Machine, five
@@ -93,7 +94,8 @@ class Planning:
         self._changes: dict[int, tuple[int, ...]] = {}  # to which tools, by line; until it is told
         self._heard: deque[tuple[int, str]] = deque()  # order and text of messages that no motion has come to
         self._said: list[Said] = []  # until it is told
-        self._offsets: list[tuple[int, int]] = []  # order of the block from which on, and which
+        # Order of the block from which on, which work offset, and the frame that G92 and others made of it.
+        self._offsets: list[tuple[int, int, Frame | None]] = []
         self._fitted = machine  # of what was armed
         self._carrying_out = False
         self._facts: dict[str, Any] = {}  # of what is being armed
@@ -185,8 +187,9 @@ class Planning:
         self._look()
         if isinstance(block, Message):
             self._heard.append((block.place.order, block.text))
-        if not self._offsets or self._offsets[-1][1] != block.modal.offset:
-            self._offsets.append((block.place.order, block.modal.offset))
+        now = (block.modal.offset, block.modal.part)
+        if not self._offsets or self._offsets[-1][1:] != now:
+            self._offsets.append((block.place.order, *now))
 
     def _kept(self, program: Program) -> Stored:
         """Raises ProgramError, GivenUp."""
@@ -384,7 +387,8 @@ class Planning:
     def _way(self, stretch: Stretch) -> Way:
         motion, i = stretch.motion, bisect_right(self._offsets, (stretch.place.order, MOST_OFFSETS))
         length_mm, part = getattr(motion, "length_mm", 0.0), getattr(motion, "part", None)
-        tool, offset = self._tools.get(id(stretch)), self._offsets[i - 1][1] if i else 0
+        tool, (offset, frame) = self._tools.get(id(stretch)), self._offsets[i - 1][1:] if i else (0, None)
+        part = frame if part is None else part
         told = (stretch.end, stretch.feed_mm_s, length_mm, part, stretch.name, tool, offset)
         arc = motion.arc if isinstance(motion, SurfaceCut) else None
         return Way(*told, motion.end, arc, stretch.feed_steps)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from controller import catalogue, config
+from controller.geometry import Frame
 from controller.handoff import COLUMN, SNAPSHOT_VALUES, Recorder, Snapshot, SnapshotBoard
 from controller.kinematics import Kinematics
 from controller.machine import OFFSETS, Machine, five
@@ -150,7 +151,7 @@ def joints(machine: Machine, now: Snapshot, way: Way | None) -> dict[str, dict[s
     """
     shown, actual = machine.shown(now.joints), machine.shown(now.actual)
     ends = machine.shown(way.end) if way is not None else shown
-    work = _work(machine, shown, way.offset if way is not None else 0)
+    work = _work(machine, shown, _frame(machine, way))
     return {
         axis.name: {
             "machine": shown[i],
@@ -165,10 +166,19 @@ def joints(machine: Machine, now: Snapshot, way: Way | None) -> dict[str, dict[s
     }
 
 
-def _work(machine: Machine, shown: tuple[float, ...], offset: int) -> list[float]:
-    """As words of a program read under that work offset (0 = G54): joints less the offset."""
-    origin = dict(zip(machine.linear(), machine.offsets[offset].origin, strict=True))
-    return [value - origin.get(i, 0.0) for i, value in enumerate(shown)]
+def _frame(machine: Machine, way: Way | None) -> Frame:
+    """In which a motion's words are read; G54 without one."""
+    if way is None:
+        return machine.offsets[0]
+    return way.part if way.part is not None else machine.offsets[way.offset]
+
+
+def _work(machine: Machine, shown: tuple[float, ...], frame: Frame) -> list[float]:
+    """As words of a program read in that frame."""
+    x, y, z = machine.linear()
+    work = list(shown)
+    work[x], work[y], work[z] = frame.from_parent((shown[x], shown[y], shown[z]))
+    return work
 
 
 def _limit(q: float, lowest: float, highest: float, shown_per_unit: float) -> str | None:

@@ -14,18 +14,17 @@ follow the paper: without a decimal point they count in BLU (0.01 mm, 0.001 degr
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import replace
 from types import MappingProxyType
 
-from controller.geometry import Vector
 from controller.machine import Joints, Machine
 from controller.plan.text import (
     arc_words,
     codes,
     cycles,
     decoding,
+    line_words,
     linked,
     modal,
     nurbs_words,
@@ -49,19 +48,14 @@ from controller.plan.text.program import (
     Act,
     Action,
     Block,
-    JointLine,
     Message,
     Program,
     ProgramError,
     Remark,
-    Targets,
     Tip,
-    TipLine,
 )
 from controller.plan.text.saved import Saved
 from controller.plan.text.words import Line, Word
-
-SHORTEST_VECTOR = 1e-6  # of I J K; shorter ones have no sure direction
 
 _CLEARED = MappingProxyType(
     {
@@ -321,7 +315,7 @@ class _Turn:
             self.state = offset_words.local_shift(self._here())
             self.made.append(surface_words.told_shift(self.ask, self.state))
         if once in ("G28", "G30"):
-            self.made += reference_words.moves(self._here(), self._targets())
+            self.made += reference_words.moves(self._here())
         elif once in ("G28.1", "G30.1"):
             self.state = reference_words.stored(self._here())
         elif once == "G10" or once.startswith("G92"):
@@ -335,14 +329,15 @@ class _Turn:
             return [surface_words.ruled(self.ask, self.state, self._machine, self._lines)]
         if motion == "G6.2":
             return [nurbs_words.surface(self.ask, self.state, self._machine, self._lines)]
-        word, targets = self._word_of_motion(), self._targets()
+        here, word = self._here(), self._word_of_motion()
         if motion in CYCLES:
-            made, self.state = cycles.blocks(self._here(), motion, word, targets)
+            made, self.state = cycles.blocks(here, motion, word)
             return made
-        if motion in ("G0", "G1"):
-            return [self._line()]
-        self._check_side(word)
-        return [arc_words.arc(self._here(), motion, word, targets)]
+        return (
+            [line_words.line(here, motion, word)]
+            if motion in ("G0", "G1")
+            else [arc_words.arc(here, motion, word)]
+        )
 
     def _keep_motion(self) -> None:
         """G0 to G3 and cycles stay; G51, G52, G6.2 and G80 leave no motion mode."""
@@ -362,80 +357,6 @@ class _Turn:
         if "motion" in self.ask.codes:
             return self.ask.codes["motion"][1]
         return next(word for letter, word in self.ask.words.items() if letter in self._axes + "IJK")
-
-    def _check_side(self, word: Word) -> None:
-        if self.state.side != "G40":
-            raise self.ask.refusal(
-                word,
-                f"{self._motion} runs under {self.state.side}: G41 and G42 choose the side of the cutter on "
-                "G51, G52 and G6.2 only, and G1 to G3 are not offset for now; write G40 before it",
-            )
-
-    def _targets(self) -> Targets:
-        """A value per axis of the machine: mm, or radians of the carried body."""
-        targets: list[float | None] = []
-        turned = iter(self.state.modal.turned_rad)
-        shifts = self.state.absolute and self.ask.code("one-line") != "G53"
-        for axis in self._machine.axes:
-            word = self.ask.words.get(axis.name)
-            shift = next(turned) if axis.is_rotary else 0.0
-            if word is None:
-                targets.append(None)
-            elif axis.is_rotary:
-                targets.append(word.value / axis.shown_per_unit + (shift if shifts else 0.0))
-            else:
-                targets.append(word.value * self.state.mm_per_unit)
-        return tuple(targets)
-
-    def _line(self) -> Block:
-        word, state = self._word_of_motion(), self.state
-        mm = degrees = time = None
-        if self._motion == "G1":
-            self._check_side(word)
-            time = state.time(self.ask, "G1", word)
-            mm = 0.0 if time else state.feed(self.ask, "G1", word)
-            degrees = 0.0 if time else state.feed_deg_s
-        machine_frame = self.ask.code("one-line") == "G53"
-        relative = not state.absolute and not machine_frame
-        place = self.ask.place(word)
-        if state.modal.tip is Tip.OFF or machine_frame:
-            targets = self._targets()
-            return JointLine(place, state.modal, targets, relative, machine_frame, mm, degrees, time)
-        x, y, z, first, second = self._tip_targets()
-        return TipLine(
-            place, state.modal, (x, y, z), (first, second), self._axis(), relative, mm, degrees, time
-        )
-
-    def _tip_targets(self) -> Targets:
-        """Tip and rotaries as G43.4 and G43.5 take them: X Y Z, first and second rotary."""
-        targets = self._targets()
-        return tuple(targets[i] for i in (*self._machine.linear(), *self._machine.rotary()))
-
-    def _axis(self) -> Vector | None:
-        """I J K along the tool axis (G43.5): all of them or none."""
-        given = [self.ask.words.get(letter) for letter in "IJK"]
-        here = [word for word in given if word is not None]
-        if not here:
-            return None
-        found = " ".join(word.text for word in here)
-        if len(here) < 3:
-            raise self.ask.refusal(
-                here[0],
-                f"{found} is not a whole tool vector: under G43.5 I J K stand together, from the tip to the "
-                "spindle in the part frame, or none of them; write all three",
-            )
-        if not self.state.absolute:
-            raise self.ask.refusal(
-                here[0], f"{found} is a direction and no distance: tool vectors need G90; write G90 before it"
-            )
-        i, j, k = (word.value for word in here)
-        if math.sqrt(i * i + j * j + k * k) < SHORTEST_VECTOR:
-            raise self.ask.refusal(
-                here[0],
-                f"{found} has no length: a tool vector points from the tip to the spindle and may have any "
-                f"length from {SHORTEST_VECTOR:g} up; correct I J K",
-            )
-        return i, j, k
 
     def _stop(self) -> None:
         """M2 and M30 end the program with spindle and coolant off."""

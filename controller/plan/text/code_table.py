@@ -115,6 +115,7 @@ ROWS: tuple[Code, ...] = (
     ),
     *_done("plane", NIST, ("G17", "", "plane XY"), ("G18", "", "plane ZX"), ("G19", "", "plane YZ")),
     *_done("unit", NIST, ("G20", "", "inches"), ("G21", "", "millimetres")),
+    *_done("unit", FANUC, ("G70", "", "inches, as G20"), ("G71", "", "millimetres, as G21"), dialect="fanuc"),
     *_done(
         "side",
         PAPER,

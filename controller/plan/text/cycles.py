@@ -15,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
+from controller.plan.text import line_words
 from controller.plan.text.codes import Ask
 from controller.plan.text.modal import Cycle, State, dwell_s
 from controller.plan.text.offset_words import Here
@@ -42,12 +43,12 @@ FLOATING = (
 PLANES = MappingProxyType({"G17": (0, 1, 2), "G18": (2, 0, 1), "G19": (1, 2, 0)})
 
 
-def blocks(here: Here, code: str, word: Word, targets: Targets) -> tuple[list[Block], State]:
+def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
     """The moves of one line of a cycle, and the state after them."""
     _check(here, code, word)
     cycle, start = _cycle(here, code, word)
     feed = here.state.feed(here.ask, code, word)
-    way = _Way(here, here.ask.place(word), feed, targets)
+    way = _Way(here, here.ask.place(word), feed, line_words.targets(here))
     state = replace(here.state, cycle=cycle, motion=code)
     if code in ("G74", "G84"):
         state = _told_floating(way, state, code)

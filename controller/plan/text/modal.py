@@ -24,6 +24,7 @@ TIPS = MappingProxyType(
         "G43.5": Tip.VECTORS,
     }
 )
+INCHES = ("G20", "G70")
 BLU_PER_MM = 100.0  # the paper's basic length unit is 0.01 mm (and 0.01 mm/min)
 FEEDS = (1e-4, 1e7)  # units a minute: below, a millimetre takes a week; above, no drive follows
 MOST_DWELL_S = 604_800.0
@@ -167,7 +168,7 @@ class _Settings:
 
     def _units(self) -> None:
         if code := self.ask.code("unit"):
-            self.state = replace(self.state, mm_per_unit=25.4 if code == "G20" else 1.0)
+            self.state = replace(self.state, mm_per_unit=25.4 if code in INCHES else 1.0)
 
     def _feed_mode(self) -> None:
         """Between G93, G94 and G95 no feed survives: what F means has changed."""

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from controller.machine import Machine
 from controller.plan.text.codes import CYCLES, SIDES, SURFACES, Ask
-from controller.plan.text.modal import State
+from controller.plan.text.modal import INCHES, State
 from controller.plan.text.words import Word
 
 LENGTHS = "XYZIJKRQUVW"
@@ -28,7 +28,7 @@ def counted(ask: Ask, state: State, machine: Machine) -> Ask:
     """The line with words without a point as the machine file has them. Raises ProgramError."""
     if not count(machine) or _has_its_own(ask):
         return ask
-    inches = (ask.code("unit") or ("G20" if state.mm_per_unit != 1.0 else "")) == "G20"
+    inches = ask.code("unit") in INCHES if "unit" in ask.codes else state.mm_per_unit != 1.0
     lengths = LENGTHS.replace("K", "") if _in_cycle(ask, state) else LENGTHS
     lengths = lengths.replace("Q", "") if "tool change" in ask.codes else lengths
     words = {letter: _word(ask, word, lengths, inches, machine) for letter, word in ask.words.items()}

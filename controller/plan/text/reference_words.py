@@ -6,6 +6,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from controller.machine import Axis, Machine
+from controller.plan.text import line_words
 from controller.plan.text.codes import Ask
 from controller.plan.text.modal import State
 from controller.plan.text.offset_words import Here
@@ -24,7 +25,7 @@ def stored(here: Here) -> State:
     return replace(here.state, references=points)
 
 
-def moves(here: Here, targets: Targets) -> list[Block]:
+def moves(here: Here) -> list[Block]:
     """G28 and G30: a rapid by the words, then one of the same axes to the point; without words all."""
     code, word = here.ask.codes["one-line"]
     if (number := here.ask.words.get("P")) is not None and number.value != 2.0:
@@ -32,7 +33,7 @@ def moves(here: Here, targets: Targets) -> list[Block]:
             number,
             f"{number.text} is no reference point of this machine: it has G28 and G30 (P2); use one of them",
         )
-    targets, relative = _with_increments(here, targets)
+    targets, relative = _with_increments(here, line_words.targets(here))
     place, modal = here.ask.place(word), here.state.modal
     point = reference(here.state, here.machine, code)
     made: list[Block] = []

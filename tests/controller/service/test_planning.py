@@ -174,7 +174,7 @@ def test_a_load_tells_whether_the_surfaces_keep_their_form_tolerance(bench: Benc
 def test_an_order_that_fails_is_answered_with_its_sentence(bench: Bench) -> None:
     refused = bench.order("retract", distance_mm=1.0).error
     assert refused is not None and refused[0] == "refused" and "needs HOLD" in refused[1]
-    bad = Program(b"G0 X1\nG99\n", "bad.ngc", bench.machine)
+    bad = Program(b"G0 X1\nG999\n", "bad.ngc", bench.machine)
     error = bench.order("check", program=bad).error
     assert error is not None and error[0] == "bad" and "bad.ngc:2" in error[1]
     assert five(bench.stepped.joints) == five(bench.snapshot().joints)

@@ -8,7 +8,7 @@ import pytest
 from cutting import SHIPPED, shipped
 
 from controller import jog_frames
-from controller.geometry import Frame
+from controller.geometry import Frame, Y, Z
 from controller.handoff import SNAPSHOT_VALUES, Snapshot, SnapshotBoard
 from controller.kinematics import Kinematics
 from controller.machine import Machine, five
@@ -89,6 +89,14 @@ def test_the_work_position_is_told_with_the_offset_that_it_is_in(
     told = status.machine_values(machine, snapshot(), under_way, None)
     assert told["work_offset"] == name
     assert told["joints"]["X"]["work"] == pytest.approx(work)
+
+
+def test_the_work_position_follows_what_shifts_and_turns_the_coordinates(machine: Machine) -> None:
+    turned = Frame((10.0, 0.0, 0.0), Y, (-1.0, 0.0, 0.0), Z)
+    told = status.machine_values(machine, snapshot(), replace(way(0), part=turned), None)
+    joints = {name: told["joints"][name] for name in "XYZ"}
+    assert joints["X"]["work"] == pytest.approx(joints["Y"]["machine"])
+    assert joints["Y"]["work"] == pytest.approx(10.0 - joints["X"]["machine"])
 
 
 def test_what_stands_in_the_way_and_what_stopped_nothing_is_told_in_both_languages(machine: Machine) -> None:

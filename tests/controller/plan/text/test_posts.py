@@ -1,0 +1,84 @@
+"""Heads, tails and safety lines as posts for Fanuc-like controls write them: they run unedited."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from controller import config
+from controller.kinematics import Kinematics
+from controller.machine import Machine
+from controller.plan.report import explained
+from controller.plan.route import path
+from controller.plan.route.stretch import Chain
+from controller.plan.text import blocks
+from controller.plan.text.position import homed
+from controller.plan.text.program import ProgramError
+
+POSTS = sorted((Path(__file__).parents[3] / "programs/posts").glob("*.nc"))
+HOME = (0.0, 0.0, 260.0, 0.0, 0.0)  # where the shipped trunnion is homed
+
+# Axes at the end, lowest Z of a feed move in program coordinates, how many feed moves.
+ENDS = {
+    "fusion_fanuc": (HOME, -12.0, 33),
+    "mastercam_fanuc": (HOME, -8.0, 7),
+    "hsmworks_haas": ((38.0, 0.0, 0.0, 0.0, 0.0), 0.0, 4),
+    "nx_fanuc": ((39.75, 121.4, 170.8, 0.0, 0.0), -3.175, 4),
+    "freecad_fanuc": ((28.0, 122.0, 135.0, 0.0, 0.0), -2.0, 4),
+    "haas_ngc": ((0.0, 0.0, 0.0, 0.0, 0.0), -10.16, 7),
+    "mazak_iso": ((-2.0, 96.0, 260.0, 0.0, 0.0), 0.0, 2),
+    "okuma_like": (HOME, -1.0, 5),
+    "five_axis_fanuc": (HOME, 49.0, 3),
+}
+
+
+def machine() -> Machine:
+    return replace(config.load("trunnion"), dialect="fanuc")
+
+
+@pytest.mark.parametrize("post", POSTS, ids=lambda post: post.stem)
+def test_a_post_runs_unedited(post: Path) -> None:
+    on = machine()
+    read = blocks.read(post.read_bytes(), on, post.name)
+    told = list(explained.steps(read.blocks, on, post.name, homed(on)))
+    ends, lowest, feeds = ENDS[post.stem]
+    assert tuple(told[-1].axes.values()) == pytest.approx(ends)
+    cut = [step for step in told if step.kind in ("line", "arc")]
+    assert min(step.program["Z"] or 0.0 for step in cut) == pytest.approx(lowest)
+    assert len(cut) == feeds
+    traced = path.trace(read, on, Kinematics(on), homed(on))
+    assert on.shown(traced.end) == pytest.approx(ends)
+    assert any(isinstance(item, Chain) for item in traced.items)
+
+
+def test_every_post_has_its_row() -> None:
+    assert {post.stem for post in POSTS} == ENDS.keys()
+
+
+@pytest.mark.parametrize(
+    ("without_point", "x"), [("unit", 10.0), ("thousandth", 0.01)], ids=["unit", "thousandth"]
+)
+def test_a_word_without_a_point_is_what_the_machine_file_says(without_point: str, x: float) -> None:
+    on = replace(machine(), without_point=without_point)
+    for text in ("G0 X10", "F100. G1 Y1. X10", "G1 F100. X0\nX10"):
+        step = list(explained.steps(blocks.stream(text.encode(), on, "p"), on, "p", homed(on)))[-1]
+        assert step.program["X"] == pytest.approx(x)
+        read = blocks.stream(("G20\n" + text).encode(), on, "p")
+        step = list(explained.steps(read, on, "p", homed(on)))[-1]
+        assert step.program["X"] == pytest.approx(25.4 * (10.0 if x == 10.0 else 0.001))
+
+
+@pytest.mark.parametrize("text", ["G0 X10", "G1 F100. X0\nX10", "G1 X1. F9.\nG83 X1. Z0 R1. Q500", "G0 C90"])
+def test_a_word_without_a_point_is_refused_where_nobody_says_what_it_counts(text: str) -> None:
+    with pytest.raises(ProgramError, match=r"has no decimal point: .* without_point"):
+        list(blocks.stream(text.encode(), machine(), "p"))
+    list(blocks.stream(b"G0 X0 Y0\nG1 X1. F100\nX0\nG4 P100\nG81 Z0 R1. K2\n", machine(), "p"))
+
+
+def test_the_safety_line_in_both_dialects() -> None:
+    for dialect in ("rs274", "fanuc"):
+        on = replace(machine(), dialect=dialect)
+        made = blocks.read(b"G0 G17 G40 G49 G80 G90\nX1.\nG80 G0\nX2.\n", on, "p").blocks
+        assert len(made) == 2
