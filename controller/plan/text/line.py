@@ -104,7 +104,8 @@ class Line:
         return Place(self.where.line, column, self.where.step, self.where.calls)
 
     def refusal(self, word: Word, sentence: str) -> ProgramError:
-        error = ProgramError(self.name, self.number, word.column, sentence)
+        about = word.text if word.letter in "GM" else word.letter
+        error = ProgramError(self.name, self.number, word.column, sentence, about)
         return error.within(self.where.calls) if self.where is not None else error
 
 

@@ -18,15 +18,17 @@ class ProgramError(Exception):
 
     facts: Mapping[str, Any] = MappingProxyType({})  # beside the sentence, for JSON
 
-    def __init__(self, file: str, line: int, column: int, sentence: str) -> None:
+    def __init__(self, file: str, line: int, column: int, sentence: str, about: str = "") -> None:
+        """``about``: the code or letter that is to blame, for counts."""
         super().__init__(f"{file}:{line}:{column}: {sentence}")
         self.file, self.line, self.column, self.sentence = file, line, column, sentence
+        self.about = about
 
     def within(self, calls: str) -> ProgramError:
         """The same error inside of a sub; ``calls``: who called it, or ""."""
-        return (
-            ProgramError(self.file, self.line, self.column, f"{self.sentence} ({calls})") if calls else self
-        )
+        if not calls:
+            return self
+        return ProgramError(self.file, self.line, self.column, f"{self.sentence} ({calls})", self.about)
 
 
 class GougeRefused(ProgramError):

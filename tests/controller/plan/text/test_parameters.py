@@ -15,7 +15,6 @@ from controller.machine import Machine
 from controller.plan.text import blocks
 from controller.plan.text.program import Action, JointLine, ProgramError
 
-
 CUT = "F100\nG51 X0. Y15. Z0. I0. J0. K0. H10. R10. D90.\n"
 
 
