@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from controller.plan.text.program import Place, ProgramError
 
@@ -26,8 +27,7 @@ class Word:
     text: str  # as written, without spaces, in capitals
 
 
-@dataclass(frozen=True, slots=True)
-class Plain:
+class Plain(NamedTuple):
     """A line of plain words: capital letters with their values, in order; may hold one twice."""
 
     pairs: list[tuple[str, float]]

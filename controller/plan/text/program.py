@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 from controller.geometry import Frame, Vector
 from controller.machine import Machine, Tool
@@ -35,8 +35,7 @@ class GougeRefused(ProgramError):
     """Refused because the part would be cut into; gouge = "warn" allows it."""
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(NamedTuple):
     """Where a block's motion word stands: 1-based line and column.
 
     A line of a sub or loop is carried out more than once: ``order`` tells its turns apart. It rises
