@@ -25,7 +25,7 @@ from controller import fitting
 from controller.commands import internal_error
 from controller.plan.report.picture import Picture
 from controller.plan.route.stretch import Stretch
-from controller.plan.text import blocks, linked
+from controller.plan.text import blocks, linked, refusals
 from controller.plan.text.program import Block, ProgramError
 from controller.session import checked, children
 from controller.toml_table import ConfigError
@@ -76,7 +76,7 @@ def check(
         )
     except ProgramError as error:
         place = {"line": error.line, "column": error.column}
-        return "refused", {"sentence": error.sentence, **place, **error.facts}
+        return "refused", {"sentence": error.sentence, **place, **error.facts, **_others(error, task)}
     except (ConfigError, OSError) as error:
         return "failed", {"sentence": f"{name}: could not be checked: {error}"}
     except Exception as error:  # the operator gets a sentence, and we the rest
@@ -90,6 +90,14 @@ def check(
     notes = [{"line": note.place.line, "note": note.sentence} for note in kept.notes[:MOST_CUTS]]
     figures["verdict"] = checked.verdict_of(kept)
     return "passed", {**figures, "notes": notes, "warning": warning, "stored": task.key}
+
+
+def _others(first: ProgramError, task: checked.Task) -> dict[str, Any]:
+    """What else is refused in the text, and a sentence that says so; nothing where that is all."""
+    found = refusals.of(task.text, task.machine, task.name, task.start)
+    if len(found) < 2 or str(found[0]) != str(first):
+        return {}
+    return {"sentence": f"{first.sentence} ({refusals.summed(found)})", **refusals.facts(found)}
 
 
 def verified(task: checked.Task, stretches: Mapping[int, Stretch]) -> dict[str, Any]:

@@ -22,6 +22,8 @@ from controller.plan.report.survey import Survey
 from controller.plan.route.path import Stretch
 from controller.plan.route.stretch import Note
 from controller.plan.text import linked
+from controller.plan.text import refusals as refusals_of_text
+from controller.plan.text.program import ProgramError
 from controller.session import checked, recording, starts
 from controller.session import events as event_files
 from controller.session.bus_load import overload
@@ -186,8 +188,27 @@ def _checked(
     task: checked.Task, store: Path | None, rows: Rows, quiet: bool
 ) -> tuple[Survey, stored.Stored, str]:
     lines = max(1, task.text.count(b"\n"))
-    with bar("planning", quiet) as progress:
-        return checked.check(task, store or stored.folder(), rows.take, lambda line: progress(line / lines))
+    try:
+        with bar("planning", quiet) as progress:
+            return checked.check(
+                task, store or stored.folder(), rows.take, lambda line: progress(line / lines)
+            )
+    except ProgramError as error:
+        _refuse_all(error, task, quiet)
+        raise
+
+
+def _refuse_all(first: ProgramError, task: checked.Task, quiet: bool) -> None:
+    """All refusals of a text in one answer, where there is more than the first. Raises Refused."""
+    found = refusals_of_text.of(task.text, task.machine, task.name, task.start)
+    if len(found) < 2 or str(found[0]) != str(first):
+        return
+    told = [str(one) for one in found[: refusals_of_text.MOST]]
+    sentence = told[0] if quiet else "\n".join([*told, refusals_of_text.summed(found)])
+    place = {"file": first.file, "line": first.line, "column": first.column}
+    refused = Refused(sentence, **place, **refusals_of_text.facts(found))
+    refused.facts["sentence"] = first.sentence
+    raise refused
 
 
 def _show_notes(notes: Sequence[Note], task: checked.Task) -> None:

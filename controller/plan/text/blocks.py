@@ -82,23 +82,33 @@ def read(
 
 
 def stream(
-    data: bytes, machine: Machine, name: str, block_delete: bool = False, start: Joints | None = None
+    data: bytes,
+    machine: Machine,
+    name: str,
+    block_delete: bool = False,
+    start: Joints | None = None,
+    refused: list[ProgramError] | None = None,
 ) -> Iterator[Block]:
-    """As ``read``, block by block: what comes before a line that is refused has been given by then."""
+    """As ``read``, block by block: what comes before a line that is refused has been given by then.
+
+    With ``refused``, lines that are refused are noted there and left out, as far as it can be read on.
+    """
     program, behind = linked.parts(data)
     text, remark = decoding.text_of(program, name)
     files = {label: (file, decoding.text_of(content, file)[0]) for label, (file, content) in behind.items()}
     given = Given(machine, modal.power_on(), Position(machine, start or homed(machine)))
     limits = Limits(machine.call_levels, machine.program_passes)
-    lines = words.read(text, name, block_delete, Parameters(given), limits, files)
+    lines = words.read(text, name, block_delete, Parameters(given), limits, files, refused)
     if remark is not None:
         yield Remark(remark[0], given.state.modal, remark[1])
-    for block in _blocks(lines, machine, given):
+    for block in _blocks(lines, machine, given, refused):
         given.position.take(block)
         yield block
 
 
-def _blocks(read: Iterator[Line], machine: Machine, given: Given) -> Iterator[Block]:
+def _blocks(
+    read: Iterator[Line], machine: Machine, given: Given, refused: list[ProgramError] | None = None
+) -> Iterator[Block]:
     """Blocks of lines; ``given`` has the state and the position between two of them."""
     state, plain, ahead, saved = given.state, PlainLines(machine), Upcoming(), Saved(machine)
     told: list[Line] = []
@@ -111,16 +121,36 @@ def _blocks(read: Iterator[Line], machine: Machine, given: Given) -> Iterator[Bl
             state = given.state
             yield block
             continue
-        state, restored, line = saved.carry_out(line, state)
-        ask = points.counted(codes.sort(line, machine), state, machine)
-        turn = _Turn(ask, state, machine, given.position, lines, ahead)
-        turn.run()
+        try:
+            state, restored, line = saved.carry_out(line, state)
+            ask = points.counted(codes.sort(line, machine), state, machine)
+            turn = _Turn(ask, state, machine, given.position, lines, ahead)
+            turn.run()
+        except ProgramError as error:
+            if refused is None:
+                raise
+            refused.append(error)
+            state = given.state = _behind(line, state, machine, lines, ahead)
+            continue
         state = given.state = turn.state
         yield from restored
         yield from turn.made
         if turn.ended:
             break
     yield from _said(told, state)
+
+
+def _behind(line: Line, state: State, machine: Machine, lines: Iterator[Line], ahead: Upcoming) -> State:
+    """The state behind a line that was refused and left out, so that what follows it is not refused, too."""
+    if (plain := line.plain) is not None:
+        return replace(state, motion="G1") if plain.with_g1 else state
+    named = [f"G{word.value:g}" for word in line.words if word.letter == "G"]
+    known = BY_DIALECT[machine.dialect]
+    motion = next((code for code in named if code in known and known[code].group == "motion"), state.motion)
+    if motion in SURFACES:  # and its points
+        while (after := ahead.look(lines)) is not None and all(w.letter in "XYZKR" for w in after.words):
+            next(lines)
+    return replace(state, motion="" if motion in (*SURFACES, "G80") else motion)
 
 
 def _heard(read: Iterator[Line], told: list[Line]) -> Iterator[Line]:

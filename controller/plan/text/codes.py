@@ -62,7 +62,7 @@ def sort(line: Line, machine: Machine) -> Ask:
     """The line by groups and letters; ProgramError on unknown or doubled words."""
     codes: dict[str, tuple[str, Word]] = {}
     others: dict[str, Word] = {}
-    for word in line.words:
+    for word in sorted(line.words, key=lambda word: word.letter not in "GM"):  # codes are to blame first
         if word.letter in "GM":
             _take_code(line, word, codes, machine.dialect)
         else:
@@ -109,6 +109,12 @@ def _check_letter(line: Line, word: Word, before: dict[str, Word], machine: Mach
             word,
             f"{word.text} moves an axis that this machine does not have: its axes are {' '.join(names)}; "
             "use one of these, or choose the machine that the program was written for",
+        )
+    if word.letter in "EUVW":
+        raise line.refusal(
+            word,
+            f"{word.text} is taken by no code of this line: there are no axes U V W and no exponents; write "
+            "the number without an exponent, or leave the word out",
         )
     if word.letter == "N":
         raise line.refusal(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from controller.plan.text.program import Place, ProgramError
 
@@ -26,8 +27,7 @@ class Word:
     text: str  # as written, without spaces, in capitals
 
 
-@dataclass(frozen=True, slots=True)
-class Plain:
+class Plain(NamedTuple):
     """A line of plain words: capital letters with their values, in order; may hold one twice."""
 
     pairs: list[tuple[str, float]]
@@ -109,7 +109,8 @@ class Line:
         return Place(self.where.line, column, self.where.step, self.where.calls)
 
     def refusal(self, word: Word, sentence: str) -> ProgramError:
-        error = ProgramError(self.name, self.number, word.column, sentence)
+        about = word.text if word.letter in "GM" else word.letter
+        error = ProgramError(self.name, self.number, word.column, sentence, about)
         return error.within(self.where.calls) if self.where is not None else error
 
 

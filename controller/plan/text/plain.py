@@ -18,6 +18,7 @@ from controller.plan.text.points import POINTLESS
 from controller.plan.text.program import Block, JointLine, Place, Tip, TipLine
 
 LARGEST = 1e9  # as words
+MOST_FEEDS = 1000  # that are remembered
 SHORTEST_VECTOR = 1e-6  # as blocks
 
 
@@ -35,10 +36,12 @@ class PlainLines:
         self._first, self._second = (machine.axes[i].name for i in machine.rotary())
         self._per = dict(self._factors)
         self._points_count = points.count(machine)
+        self._by_feed: dict[float, State] = {}  # of states that differ from ``_last`` in their feed alone
+        self._last: State | None = None
 
     def read(self, line: Line, state: State) -> tuple[Block, State] | None:
         """The block of a plain G1 line and the state after it; None where the general way is needed."""
-        if state.motion != "G1" or state.side != "G40" or (plain := line.plain) is None:
+        if state.motion != "G1" or state.side != "G40" or state.per_turn or (plain := line.plain) is None:
             return None
         if state.modal.turned_rad != STILL or (self._points_count and POINTLESS.search(line.text)):
             return None
@@ -63,17 +66,29 @@ class PlainLines:
         block = self._tip_line(place, words, state, time)
         return None if block is None else (block, state)
 
-    @staticmethod
-    def _with_feed(state: State, feed: float | None) -> tuple[State, float | None] | None:
+    def _with_feed(self, state: State, feed: float | None) -> tuple[State, float | None] | None:
         """The state with a line's F, and the time it takes under G93; None where a feed is missing."""
         if state.inverse:
             return None if feed is None else (state, 60.0 / feed)
         if feed is not None:
-            mm_s, deg_s = feed * state.mm_per_unit / 60.0, feed / 60.0
-            if (mm_s, deg_s) != (state.modal.feed_mm_s, state.feed_deg_s):
-                modal = replace(state.modal, feed_mm_s=mm_s)
-                state = replace(state, modal=modal, feed_deg_s=deg_s)
+            state = self._fed(state, feed)
         return None if state.modal.feed_mm_s is None else (state, None)
+
+    def _fed(self, state: State, feed: float) -> State:
+        """The state with another F, made once for each: CAM systems take turns with a few."""
+        if state is not self._last:
+            self._by_feed.clear()
+        found = self._by_feed.get(feed)
+        if found is None:
+            mm_s, deg_s = feed * state.mm_per_unit / 60.0, feed / 60.0
+            found = state
+            if (mm_s, deg_s) != (state.modal.feed_mm_s, state.feed_deg_s):
+                found = replace(state, modal=replace(state.modal, feed_mm_s=mm_s), feed_deg_s=deg_s)
+            if len(self._by_feed) >= MOST_FEEDS:
+                self._by_feed.clear()
+            self._by_feed[feed] = found
+        self._last = found
+        return found
 
     def _joint_line(self, place: Place, words: dict[str, float], state: State, time: float | None) -> Block:
         unit = state.mm_per_unit

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 from controller.geometry import Frame, Vector
 from controller.machine import Machine, Tool
@@ -18,23 +18,24 @@ class ProgramError(Exception):
 
     facts: Mapping[str, Any] = MappingProxyType({})  # beside the sentence, for JSON
 
-    def __init__(self, file: str, line: int, column: int, sentence: str) -> None:
+    def __init__(self, file: str, line: int, column: int, sentence: str, about: str = "") -> None:
+        """``about``: the code or letter that is to blame, for counts."""
         super().__init__(f"{file}:{line}:{column}: {sentence}")
         self.file, self.line, self.column, self.sentence = file, line, column, sentence
+        self.about = about
 
     def within(self, calls: str) -> ProgramError:
         """The same error inside of a sub; ``calls``: who called it, or ""."""
-        return (
-            ProgramError(self.file, self.line, self.column, f"{self.sentence} ({calls})") if calls else self
-        )
+        if not calls:
+            return self
+        return ProgramError(self.file, self.line, self.column, f"{self.sentence} ({calls})", self.about)
 
 
 class GougeRefused(ProgramError):
     """Refused because the part would be cut into; gouge = "warn" allows it."""
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
+class Place(NamedTuple):
     """Where a block's motion word stands: 1-based line and column.
 
     A line of a sub or loop is carried out more than once: ``order`` tells its turns apart. It rises

@@ -23,7 +23,6 @@ __all__ = ["LARGEST", "Line", "Word", "read"]
 
 # No machine and no feed needs more; far below what squares and cubes could overflow.
 LARGEST = 1e9
-LETTERS = "ABCDEFGHIJKLMNPQRSTUVWXYZ"
 
 _O_WORD = re.compile(r"o[ \t]*(?:<[^<>]*>|[0-9 \t]+)[ \t]*[a-z]{2}")
 _MARK = re.compile(r"[ \t]*%[ \t]*")
@@ -38,15 +37,17 @@ def read(
     parameters: Parameters | None = None,
     limits: Limits | None = None,
     files: Mapping[str, tuple[str, str]] | None = None,
+    refused: list[ProgramError] | None = None,
 ) -> Iterator[Line]:
     """The lines of a text that have words or say something, as they are carried out, up to the closing
     ``%`` or the end.
 
     ``block_delete`` skips lines that begin with ``/``; off (the power-on state) they are read. ``files``:
     other texts with their names, whose subs may be called, by label. Raises ProgramError while iterating
-    for text that is no word, or when the end comes before any word.
+    for text that is no word, or when the end comes before any word; with ``refused``, a line that is none
+    is noted there and left out.
     """
-    scan = _Scan(parameters or Parameters(), block_delete)
+    scan = _Scan(parameters or Parameters(), block_delete, refused)
     source = Source.of(name, whole)
     if source.marks.none:
         yield from scan.lines(whole, name)
@@ -63,8 +64,10 @@ def read(
 class _Scan:
     """Raw lines to lines of words."""
 
-    def __init__(self, parameters: Parameters, block_delete: bool) -> None:
-        self.parameters = parameters
+    def __init__(
+        self, parameters: Parameters, block_delete: bool, refused: list[ProgramError] | None
+    ) -> None:
+        self.parameters, self._refused = parameters, refused
         self._block_delete = block_delete
         self.found = False  # a word
         self._opened = self._named = False
@@ -90,6 +93,16 @@ class _Scan:
         return None if _MARK.fullmatch(raw) else self._general(raw, name, number)
 
     def _general(self, raw: str, name: str, number: int) -> Line | None:
+        try:
+            return self._words_of(raw, name, number)
+        except ProgramError as error:
+            if self._refused is None:
+                raise
+            self._refused.append(error)
+            self.found = self._opened = True
+            return None
+
+    def _words_of(self, raw: str, name: str, number: int) -> Line | None:
         text = without_comments(raw, name, number)
         bare = text.strip(GAPS)
         if self._block_delete and bare.startswith("/"):
@@ -170,12 +183,6 @@ class _Words(Values):
             raise self._stray(start)
         if letter == "o":
             raise self._stray_o(start)
-        if letter.upper() not in LETTERS:
-            raise self.refusal(
-                start,
-                f"{letter.upper()} is not a word of this control: it knows the letters {' '.join(LETTERS)} "
-                "(no exponents or axes U V W); remove it",
-            )
         self._at += 1
         value, point = self.value(start, letter.upper())
         if abs(value) > LARGEST:

@@ -297,3 +297,9 @@ def test_an_offset_that_nobody_has_set_is_refused_and_one_that_is_set_to_zero_is
     assert (refused.value.line, refused.value.column) == (2, 1)
     assert "G56 is not set" in refused.value.sentence and "use G54" in refused.value.sentence
     blocks.read(b"G21 G90\nG56 G0 X1.\n", fitting.with_offset(made, "G56", [0.0, 0.0, 0.0]), "part.ngc")
+
+
+def test_plain_lines_under_g95_have_the_feed_of_a_turn() -> None:
+    text = b"G21 G90 S1000 M3\nG95 G1 X10 F0.1\nX20 F0.2\nX30\nG94 X40 F300\n"
+    lines = [block for block in blocks.read(text, machine(), "p.ngc").blocks if isinstance(block, JointLine)]
+    assert [60.0 * (line.feed_mm_s or 0.0) for line in lines] == pytest.approx([100.0, 200.0, 200.0, 300.0])
