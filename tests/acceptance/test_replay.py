@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from milling import DOOR, mill
 from recording_bench import RecordedBench, sent
 from replaying import again, assert_same_setpoints
 from typer.testing import CliRunner
@@ -191,6 +192,47 @@ def test_late_ticks_at_whatever_moment(tmp_path: Path, seed: int) -> None:
     bench.request(Request.RESUME)
     bench.until(Mode.READY)
     assert_comes_again(bench.ended())
+
+
+MILLED = """G21 G90 G55 T2 M6
+S3000 M3 M8
+G0 X20.
+G1 X-20. F2000
+S4500
+G1 X20.
+M5 M9
+G1 A6.
+M30
+"""
+
+
+def test_waits_for_the_spindle_and_an_open_door_with_a_resume_that_was_refused(tmp_path: Path) -> None:
+    """The spindle of the run took longer than that of the bench on which it is made again."""
+    bench = RecordedBench(tmp_path, mill())
+    rig, peripherals = bench.stepped.rig, bench.stepped.cycle.peripherals
+    natural, since = peripherals._await, [0]
+
+    def slowly(modes: Any, ticks: int) -> None:
+        since[0] += 1
+        if since[0] % 150 > 60:
+            natural(modes, ticks)
+
+    peripherals._await = slowly  # type: ignore[method-assign]
+    bench.started(MILLED)
+    bench.until_line(4)
+    rig.io["io"].set_input(DOOR, False, rig.now_s)
+    bench.until(Mode.HOLD)
+    bench.request(Request.RESUME)
+    assert bench.snapshot().mode is Mode.HOLD, "the door is open"
+    rig.io["io"].set_input(DOOR, True, rig.now_s)
+    bench.rows.append(bench.stepped.go(50))
+    bench.request(Request.RESUME)
+    bench.until(Mode.READY)
+    folder = bench.ended()
+    done = again(folder, MILLED, mill())
+    assert done.run.result == "completed"
+    assert_same_setpoints(done)
+    assert '"request": "wait", "value": 1' in (folder / "events.jsonl").read_text()
 
 
 # -- what a loss of power leaves

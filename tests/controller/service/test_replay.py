@@ -72,8 +72,10 @@ def test_the_records_of_runs_with_a_way_aside_and_of_a_killed_plan_and_service(t
         service.ask("hold")
         service.until(lambda now: now["mode"] == "HOLD" and now["at_rest"])
         service.done("retract", mm=8.0)
+        off = service.status()["joints"]["X"]["machine"]
         service.ask("jog_step", frame="joint", axis="X", distance=5.0)
-        service.until(lambda now: now["mode"] == "HOLD" and now["at_rest"] and not now["jogging"])
+        service.until(lambda now: abs(now["joints"]["X"]["machine"] - off - 5.0) < 1e-6)
+        service.until(lambda now: now["mode"] == "HOLD" and now["at_rest"])
         service.done("return")
         service.ask("resume")
         service.until(lambda now: now["mode"] == "RUNNING" and now["feed_mm_min"]["actual"] > 1000.0)
@@ -84,7 +86,7 @@ def test_the_records_of_runs_with_a_way_aside_and_of_a_killed_plan_and_service(t
         service.done("enable")
         service.load(LONG)
         service.done("start")
-        service.until(lambda now: now["mode"] == "RUNNING" and now["feed_mm_min"]["actual"] > 1000.0)
+        service.until(lambda now: now["mode"] == "RUNNING" and now["job"]["elapsed_s"] > 2.0)
         pids = [service.pid("tick"), service.pid("plan")]
         service.process.send_signal(signal.SIGKILL)
         service.process.wait()
