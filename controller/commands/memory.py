@@ -1,7 +1,7 @@
 """Memory for one long computation: freed arrays stay with the process, and the collector comes seldom.
 
 What an array gives back is asked for again within the same millisecond. And what a run makes in thousands
-and keeps (frames, rows) is no rubbish: to look through it every 700 objects took a sixth of `simulate`.
+and keeps (frames, rows) is no rubbish: to look through it every 700 objects costs and finds nothing.
 """
 
 from __future__ import annotations

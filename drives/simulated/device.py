@@ -67,7 +67,6 @@ class Device(Station):
         """SYNC: synchronous outputs take effect, synchronous inputs are reported."""
         self.process.take_latched(now_s)
         if self.nmt == OPERATIONAL:
-            self.process.sync_s = now_s
             counter = frame[DATA_AT] if frame[4] else 0
             self.process.after_sync(counter, now_s + self.parameters.tpdo_delay_s, now_s)
 

@@ -95,7 +95,6 @@ class SimulatedDrive(Device):
                 at_s, self._fast_out, FEEDBACK.pack(self._fast_out, PDO_BYTES, axis.statusword, position)
             )
         if self._slow_out:
-            self.process.sync_s = now_s
             self.process.after_sync(frame[DATA_AT] if frame[4] else 0, at_s, now_s)
 
     def _irregular(self, gap_s: float, now_s: float) -> bool:

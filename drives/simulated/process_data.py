@@ -134,14 +134,19 @@ class ProcessData:
 
     def after_sync(self, counter: int, at_s: float, now_s: float) -> None:
         """The TPDOs of a SYNC, sent at ``at_s`` unless the window has closed by then."""
+        self.sync_s = now_s
+        if self._at_sync:
+            self._sample(counter, at_s, now_s)
+        if self.events:
+            self.look(now_s)
+
+    def _sample(self, counter: int, at_s: float, now_s: float) -> None:
         open_window = not self.window_s or at_s - now_s <= self.window_s
         for out in self._at_sync:
             if self._due(out, counter) and open_window:
                 self._send(out, out.data(), at_s)
             elif out.pdo.kind == SYNCHRONOUS_REMOTE:
                 out.sampled = out.data()
-        if self.events:
-            self.look(now_s)
 
     def _due(self, out: Outgoing, counter: int) -> bool:
         kind = out.pdo.kind

@@ -195,7 +195,13 @@ class _Seeker:
     def rows(self) -> list[list[float]]:
         """The jerks of each stop."""
         still = (self._start[1] <= STANDSTILL) & (np.abs(self._start[2]) <= STANDSTILL)
-        return [[0.0] if at_rest else self._row(i) for i, at_rest in enumerate(still)]
+        found: list[list[float]] = [[0.0] if at_rest else [] for at_rest in still]
+        for k, jerks in enumerate(self._from):
+            lanes = np.flatnonzero((self._place[0] == k) & (self._steps > 0) & ~still)
+            columns = jerks[:, self._place[1, lanes]].T.tolist()
+            for lane, column, steps in zip(lanes, columns, self._steps[lanes], strict=True):
+                found[lane] = column[:steps]
+        return found
 
     def _row(self, lane: int) -> list[float]:
         which, column = self._place[:, lane]
