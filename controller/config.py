@@ -158,6 +158,16 @@ def with_period(machine: Machine, period_s: float) -> Machine:
     )
 
 
+def with_dialect(machine: Machine, dialect: str) -> Machine:
+    """The machine reading programs in another dialect, "" = its own; raises ``ConfigError``."""
+    if dialect in ("", *DIALECTS):
+        return replace(machine, dialect=dialect or machine.dialect)
+    raise ConfigError(
+        f"{machine.name}: [machine]: dialect = {dialect!r}: is not known; "
+        f"allowed: {' or '.join(DIALECTS)}; choose one of these."
+    )
+
+
 def warnings(machine: Machine) -> list[str]:
     """Sentences on what works but not well.
 

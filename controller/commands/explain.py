@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from controller import config
-from controller.machine import DIALECTS
 from controller.plan.report import explained
 from controller.plan.report.explained import Step
 from controller.plan.text import blocks, position
@@ -33,10 +31,7 @@ def explain(
     Positions are those at the end of each, from the homed position on: of the program, then of the axes.
     """
     with refusals(as_json, lambda: (ConfigError, OSError)):
-        made = config.load(machine)
-        if dialect not in ("", *DIALECTS):
-            raise Refused(f"--dialect {dialect} is not known; allowed are {' and '.join(DIALECTS)}.")
-        made = replace(made, dialect=dialect or made.dialect)
+        made = config.with_dialect(config.load(machine), dialect)
         if not program.is_file():
             raise Refused(f"{program}: there is no such file; give the path of a part program.")
         start = position.homed(made)

@@ -40,6 +40,7 @@ ProgramFile = Annotated[Path, typer.Argument(help="The part program.")]
 MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 Gouge = Annotated[str, typer.Option("--gouge", help="'refuse' or 'warn'; default: the machine file's.")]
+Dialect = Annotated[str, typer.Option("--dialect", help="'rs274' or 'fanuc'; default: the machine file's.")]
 PeriodMs = Annotated[float | None, typer.Option("--period-ms", help="Instead of the machine file's period.")]
 
 Store = Annotated[
@@ -69,8 +70,8 @@ def _expected() -> tuple[type[Exception], ...]:
 # --- what several commands need ------------------------------------------------
 
 
-def _machine(file: str, gouge: str = "", period_ms: float | None = None) -> Machine:
-    machine = config.load(file)
+def _machine(file: str, gouge: str = "", period_ms: float | None = None, dialect: str = "") -> Machine:
+    machine = config.with_dialect(config.load(file), dialect)
     if gouge not in ("", "refuse", "warn"):
         raise Refused(f"--gouge {gouge} is not known; allowed are refuse and warn.")
     machine = replace(machine, gouge=gouge) if gouge else machine
@@ -134,6 +135,7 @@ def check(
         str, typer.Option("--machine", help="Machine file, or the name of a shipped one; default trunnion.")
     ] = "",
     gouge: Gouge = "",
+    dialect: Dialect = "",
     store: Store = None,
     as_json: Json = False,
 ) -> None:
@@ -144,7 +146,7 @@ def check(
     if program is None and not machine:
         raise typer.BadParameter("name a part program, or a machine alone with --machine")
     with _refusals(as_json):
-        made = _machine(machine or "trunnion", gouge)
+        made = _machine(machine or "trunnion", gouge, dialect=dialect)
         sheets = machine_check.sheets(made, as_json)
         if program is None:
             machine_check.alone(made, sheets, as_json)
@@ -197,6 +199,7 @@ def simulate(
     machine: MachineFile = "trunnion",
     period_ms: PeriodMs = None,
     gouge: Gouge = "",
+    dialect: Dialect = "",
     trace_file: Annotated[Path | None, typer.Option("--trace", help="Write every tick (.npz).")] = None,
     events: Annotated[Path | None, typer.Option("--events", help="Requests at ticks (JSON lines).")] = None,
     faults: Annotated[Path | None, typer.Option("--faults", help="Script of faults.")] = None,
@@ -215,7 +218,7 @@ def simulate(
 
     memory.keep_freed()
     with _refusals(as_json):
-        made = _machine(machine, gouge, period_ms)
+        made = _machine(machine, gouge, period_ms, dialect)
         script = fault_runs.read(faults, faults_from, made)
         _budget_or_refuse(made)
         planned_events = event_files.read(events) if events else ()

@@ -33,8 +33,8 @@ from controller.plan.text import (
     surface_words,
     words,
 )
-from controller.plan.text.code_table import AXES, BY_DIALECT, Fate, takers_of
-from controller.plan.text.codes import CYCLES, PLACES, SIDES, SURFACES, Ask
+from controller.plan.text.code_table import BY_DIALECT, Fate, takers_of
+from controller.plan.text.codes import CYCLES, PLACES, SIDES, SURFACES, Ask, letters_of
 from controller.plan.text.line import Upcoming
 from controller.plan.text.modal import TIPS, State
 from controller.plan.text.offset_words import Here
@@ -180,11 +180,7 @@ class _Turn:
         """The letters of the table, as far as this line and dialect have them."""
         if code in ("G0", "G1"):
             return "XYZIJK" if self._vectors() else self._axes
-        letters = BY_DIALECT[self._machine.dialect][code].letters.replace(AXES, self._axes)
-        if self._machine.dialect == "fanuc":
-            return letters
-        left_out = "ABCKP" if code in ("G74", "G84") else "ABCK" if code in CYCLES else "UVW"
-        return "".join(letter for letter in letters if letter not in left_out)
+        return letters_of(code, self._machine.dialect, self._axes)
 
     def _side_letters(self, takers: list[tuple[str, str]]) -> str:
         """P, Q and R of G40 to G42: those that no other code of the line takes."""
@@ -272,7 +268,7 @@ class _Turn:
             if row.fate is Fate.NOTED and code not in self.state.noted:
                 sentence = f"{code} ({row.meaning}) needs no action here. {row.told}"
                 self.made.append(Remark(self.ask.place(word), self.state.modal, sentence))
-                self.state = replace(self.state, noted=self.state.noted | {code})
+                self.state = self.state._replace(noted=self.state.noted | {code})
 
     def _here(self) -> Here:
         return Here(self.ask, self.state, self._position, self._machine)
@@ -318,10 +314,10 @@ class _Turn:
         if named in _CLEARED:
             cuts = self.state.cuts or named in SURFACES
             why = _CLEARED[named].format(self.ask.line.number)
-            self.state = replace(self.state, motion="", cleared=why, cuts=cuts, cycle=None)
+            self.state = self.state._replace(motion="", cleared=why, cuts=cuts, cycle=None)
         elif named != self.state.motion or (self.state.cycle and named not in CYCLES):
             kept = self.state.cycle if named in CYCLES else None
-            self.state = replace(self.state, motion=named, cycle=kept)
+            self.state = self.state._replace(motion=named, cycle=kept)
 
     def _word_of_motion(self) -> Word:
         """The motion code, or the first word that the modal motion takes."""
@@ -337,6 +333,6 @@ class _Turn:
         self.ended = code in ("M2", "M30")
         if self.ended:
             off = replace(self.state.modal, spindle_rev_min=0.0, coolant=0)
-            self.state = replace(self.state, modal=off)
+            self.state = self.state._replace(modal=off)
         act = {"M0": Act.STOP, "M1": Act.OPTIONAL_STOP}.get(code, Act.END)
         self.made.append(Action(self.ask.place(word), self.state.modal, act))

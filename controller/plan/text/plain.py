@@ -72,7 +72,7 @@ class PlainLines:
             mm_s, deg_s = feed * state.mm_per_unit / 60.0, feed / 60.0
             if (mm_s, deg_s) != (state.modal.feed_mm_s, state.feed_deg_s):
                 modal = replace(state.modal, feed_mm_s=mm_s)
-                state = replace(state, modal=modal, feed_deg_s=deg_s)
+                state = state._replace(modal=modal, feed_deg_s=deg_s)
         return None if state.modal.feed_mm_s is None else (state, None)
 
     def _joint_line(self, place: Place, words: dict[str, float], state: State, time: float | None) -> Block:
