@@ -45,6 +45,9 @@ BlockDelete = Annotated[bool, typer.Option("--block-delete", help="Leave lines o
 Gouge = Annotated[
     Literal["refuse", "warn"] | None, typer.Option("--gouge", help="Default: the machine file's.")
 ]
+Dialect = Annotated[
+    Literal["rs274", "fanuc"] | None, typer.Option("--dialect", help="Default: the machine file's.")
+]
 PeriodMs = Annotated[float | None, typer.Option("--period-ms", help="Instead of the machine file's period.")]
 
 Store = Annotated[
@@ -74,8 +77,11 @@ def _expected() -> tuple[type[Exception], ...]:
 # --- what several commands need ------------------------------------------------
 
 
-def _machine(file: str, gouge: str | None = None, period_ms: float | None = None) -> Machine:
+def _machine(
+    file: str, gouge: str | None = None, period_ms: float | None = None, dialect: str | None = None
+) -> Machine:
     machine = config.load(file)
+    machine = replace(machine, dialect=dialect) if dialect else machine
     machine = replace(machine, gouge=gouge) if gouge else machine
     return machine if period_ms is None else config.with_period(machine, period_ms / 1e3)
 
@@ -144,6 +150,7 @@ def check(
     ] = "",
     gouge: Gouge = None,
     block_delete: BlockDelete = False,
+    dialect: Dialect = None,
     store: Store = None,
     as_json: Json = False,
 ) -> None:
@@ -154,7 +161,7 @@ def check(
     if program is None and not machine:
         raise typer.BadParameter("name a part program, or a machine alone with --machine")
     with _refusals(as_json):
-        made = _machine(machine or "trunnion", gouge)
+        made = _machine(machine or "trunnion", gouge, dialect=dialect)
         sheets = machine_check.sheets(made, as_json)
         if program is None:
             machine_check.alone(made, sheets, as_json)
@@ -227,6 +234,7 @@ def simulate(
     period_ms: PeriodMs = None,
     gouge: Gouge = None,
     block_delete: BlockDelete = False,
+    dialect: Dialect = None,
     trace_file: Annotated[Path | None, typer.Option("--trace", help="Write every tick (.npz).")] = None,
     events: Annotated[Path | None, typer.Option("--events", help="Requests at ticks (JSON lines).")] = None,
     faults: Annotated[Path | None, typer.Option("--faults", help="Script of faults.")] = None,
@@ -246,7 +254,7 @@ def simulate(
     memory.keep_freed()
     memory.collect_rarely()
     with _refusals(as_json):
-        made = _machine(machine, gouge, period_ms)
+        made = _machine(machine, gouge, period_ms, dialect)
         script = fault_runs.read(faults, faults_from, made)
         _budget_or_refuse(made)
         record = recorded_runs.read(events, made, _text(program, block_delete)) if events else None

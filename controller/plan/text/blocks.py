@@ -34,8 +34,8 @@ from controller.plan.text import (
     surface_words,
     words,
 )
-from controller.plan.text.code_table import AXES, BY_DIALECT, Fate, takers_of
-from controller.plan.text.codes import CYCLES, PLACES, SIDES, SURFACES, Ask
+from controller.plan.text.code_table import BY_DIALECT, Fate, takers_of
+from controller.plan.text.codes import CYCLES, PLACES, SIDES, SURFACES, Ask, letters_of
 from controller.plan.text.flow import Limits
 from controller.plan.text.given import Given
 from controller.plan.text.line import Upcoming
@@ -143,14 +143,14 @@ def _blocks(
 def _behind(line: Line, state: State, machine: Machine, lines: Iterator[Line], ahead: Upcoming) -> State:
     """The state behind a line that was refused and left out, so that what follows it is not refused, too."""
     if (plain := line.plain) is not None:
-        return replace(state, motion="G1") if plain.with_g1 else state
+        return state._replace(motion="G1") if plain.with_g1 else state
     named = [f"G{word.value:g}" for word in line.words if word.letter == "G"]
     known = BY_DIALECT[machine.dialect]
     motion = next((code for code in named if code in known and known[code].group == "motion"), state.motion)
     if motion in SURFACES:  # and its points
         while (after := ahead.look(lines)) is not None and all(w.letter in "XYZKR" for w in after.words):
             next(lines)
-    return replace(state, motion="" if motion in (*SURFACES, "G80") else motion)
+    return state._replace(motion="" if motion in (*SURFACES, "G80") else motion)
 
 
 def _heard(read: Iterator[Line], told: list[Line]) -> Iterator[Line]:
@@ -239,11 +239,7 @@ class _Turn:
         """The letters of the table, as far as this line and dialect have them."""
         if code in ("G0", "G1"):
             return "XYZIJK" if self._vectors() else self._axes
-        letters = BY_DIALECT[self._machine.dialect][code].letters.replace(AXES, self._axes)
-        if self._machine.dialect == "fanuc":
-            return letters
-        left_out = "ABCKP" if code in ("G74", "G84") else "ABCK" if code in CYCLES else "UVW"
-        return "".join(letter for letter in letters if letter not in left_out)
+        return letters_of(code, self._machine.dialect, self._axes)
 
     def _side_letters(self, takers: list[tuple[str, str]]) -> str:
         """P, Q and R of G40 to G42: those that no other code of the line takes."""
@@ -331,7 +327,7 @@ class _Turn:
             if row.fate is Fate.NOTED and code not in self.state.noted:
                 sentence = f"{code} ({row.meaning}) needs no action here. {row.told}"
                 self.made.append(Remark(self.ask.place(word), self.state.modal, sentence))
-                self.state = replace(self.state, noted=self.state.noted | {code})
+                self.state = self.state._replace(noted=self.state.noted | {code})
 
     def _here(self) -> Here:
         return Here(self.ask, self.state, self._position, self._machine)
@@ -377,10 +373,10 @@ class _Turn:
         if named in _CLEARED:
             cuts = self.state.cuts or named in SURFACES
             why = _CLEARED[named].format(self.ask.line.number)
-            self.state = replace(self.state, motion="", cleared=why, cuts=cuts, cycle=None)
+            self.state = self.state._replace(motion="", cleared=why, cuts=cuts, cycle=None)
         elif named != self.state.motion or (self.state.cycle and named not in CYCLES):
             kept = self.state.cycle if named in CYCLES else None
-            self.state = replace(self.state, motion=named, cycle=kept)
+            self.state = self.state._replace(motion=named, cycle=kept)
 
     def _word_of_motion(self) -> Word:
         """The motion code, or the first word that the modal motion takes."""
@@ -396,6 +392,6 @@ class _Turn:
         self.ended = code in ("M2", "M30")
         if self.ended:
             off = replace(self.state.modal, spindle_rev_min=0.0, coolant=0)
-            self.state = replace(self.state, modal=off)
+            self.state = self.state._replace(modal=off)
         act = {"M0": Act.STOP, "M1": Act.OPTIONAL_STOP}.get(code, Act.END)
         self.made.append(Action(self.ask.place(word), self.state.modal, act))

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 from controller.machine import Machine
-from controller.plan.text.code_table import BY_DIALECT, Code, Fate
+from controller.plan.text.code_table import AXES, BY_DIALECT, Code, Fate
 from controller.plan.text.program import Place, ProgramError
 from controller.plan.text.words import Line, Word
 
@@ -23,6 +24,16 @@ CONE_WORDS = "XYZIJKHRD"
 def group(name: str, dialect: str) -> list[str]:
     """The codes of a modal group that a dialect has, in the order of the table."""
     return [code.name for code in BY_DIALECT[dialect].values() if code.group == name]
+
+
+@cache
+def letters_of(code: str, dialect: str, axes: str) -> str:
+    """The letters that a code takes on a machine with these axes."""
+    letters = BY_DIALECT[dialect][code].letters.replace(AXES, axes)
+    if dialect == "fanuc":
+        return letters
+    left_out = "ABCKP" if code in ("G74", "G84") else "ABCK" if code in CYCLES else "UVW"
+    return "".join(letter for letter in letters if letter not in left_out)
 
 
 @dataclass(frozen=True, slots=True)

@@ -49,7 +49,7 @@ def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
     cycle, start = _cycle(here, code, word)
     feed = here.state.feed(here.ask, code, word)
     way = _Way(here, here.ask.place(word), feed, line_words.targets(here))
-    state = replace(here.state, cycle=cycle, motion=code)
+    state = here.state._replace(cycle=cycle, motion=code)
     if code in ("G74", "G84"):
         state = _told_floating(way, state, code)
     clearance, bottom = _heights(here, cycle)
@@ -166,7 +166,7 @@ def _told_floating(way: _Way, state: State, code: str) -> State:
     if code in state.noted:
         return state
     way.made.append(Remark(way.place, state.modal, f"{code} {FLOATING}"))
-    return replace(state, noted=state.noted | {code})
+    return state._replace(noted=state.noted | {code})
 
 
 @dataclass(slots=True)

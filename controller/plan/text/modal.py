@@ -6,8 +6,9 @@ State is replaced, never edited: a line that is refused leaves the old one as it
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import NamedTuple
 
 from controller.machine import OFFSETS, TOOL_AT_POWER_ON, Machine, Tool
 from controller.plan.text import side_words
@@ -42,8 +43,7 @@ class Cycle:
     seconds: float | None = None  # P
 
 
-@dataclass(frozen=True, slots=True)
-class State:
+class State(NamedTuple):
     """Everything one line leaves to the next."""
 
     modal: Modal
@@ -63,9 +63,9 @@ class State:
     centres_absolute: bool = False  # G90.1
     to_clearance: bool = False  # G99: canned cycles end at R
     cycle: Cycle | None = None  # the canned cycle that is modal
-    origins: Origins = field(default_factory=Origins)
-    tools: Mapping[int, Tool] = field(default_factory=lambda: MappingProxyType({}))  # as G10 changed them
-    references: Mapping[str, tuple[Known, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    origins: Origins = Origins()
+    tools: Mapping[int, Tool] = MappingProxyType({})  # as G10 changed them
+    references: Mapping[str, tuple[Known, ...]] = MappingProxyType({})
     noted: frozenset[str] = frozenset()  # codes that a remark has told of
 
     def time(self, ask: Ask, code: str, word: Word) -> float | None:
@@ -93,7 +93,7 @@ class State:
         part = None if origins.untouched(machine) else origins.frame(machine)
         turned = origins.turned_rad(machine)
         modal = replace(self.modal, offset=origins.index, part=part, turned_rad=turned)
-        return replace(self, origins=origins, modal=modal)
+        return self._replace(origins=origins, modal=modal)
 
     def feed(self, ask: Ask, code: str, word: Word) -> float:
         """The modal F for a motion, mm/s; ProgramError where there is none."""
@@ -161,22 +161,22 @@ class _Settings:
         self._plane_offset_path_distance()
 
     def _set_modal(self, modal: Modal) -> None:
-        self.state = replace(self.state, modal=modal)
+        self.state = self.state._replace(modal=modal)
 
     def _act(self, word: Word, act: Act) -> None:
         self.made.append(Action(self.ask.place(word), self.state.modal, act))
 
     def _units(self) -> None:
         if code := self.ask.code("unit"):
-            self.state = replace(self.state, mm_per_unit=25.4 if code in INCHES else 1.0)
+            self.state = self.state._replace(mm_per_unit=25.4 if code in INCHES else 1.0)
 
     def _feed_mode(self) -> None:
         """Between G93, G94 and G95 no feed survives: what F means has changed."""
         code = self.ask.code("feed")
         if code and (code == "G93", code == "G95") != (self.state.inverse, self.state.per_turn):
             inverse, per_turn = code == "G93", code == "G95"
-            self.state = replace(
-                self.state, inverse=inverse, per_turn=per_turn, turn_feed=None, feed_deg_s=None
+            self.state = self.state._replace(
+                inverse=inverse, per_turn=per_turn, turn_feed=None, feed_deg_s=None
             )
             self._set_modal(replace(self.state.modal, feed_mm_s=None))
 
@@ -196,11 +196,11 @@ class _Settings:
             raise self.ask.refusal(word, f"{word.text} is no feed: {low} to {high} a minute are; correct it")
         deg_s = per_min / 60.0
         if self.state.per_turn:
-            self.state = replace(self.state, turn_feed=(mm_s * 60.0, per_min))
+            self.state = self.state._replace(turn_feed=(mm_s * 60.0, per_min))
             return
         if (mm_s, deg_s) != (self.state.modal.feed_mm_s, self.state.feed_deg_s):
             modal = replace(self.state.modal, feed_mm_s=mm_s)
-            self.state = replace(self.state, modal=modal, feed_deg_s=deg_s)
+            self.state = self.state._replace(modal=modal, feed_deg_s=deg_s)
 
     def _turn_feed(self) -> None:
         """G95: the feed a second follows the spindle; none where it stands."""
@@ -208,7 +208,7 @@ class _Settings:
             return
         turns_s = abs(self.state.modal.spindle_rev_min) / 60.0
         mm_s, deg_s = (feed * turns_s if turns_s else None for feed in self.state.turn_feed)
-        self.state = replace(self.state, feed_deg_s=deg_s)
+        self.state = self.state._replace(feed_deg_s=deg_s)
         self._set_modal(replace(self.state.modal, feed_mm_s=mm_s))
 
     def _speed(self) -> None:
@@ -222,7 +222,7 @@ class _Settings:
                 f"{word.text} is too fast: this spindle turns at up to {spindle.max_rev_min:g} 1/min; "
                 "lower it",
             )
-        self.state = replace(self.state, speed_rev_min=self.ask.not_negative(word))
+        self.state = self.state._replace(speed_rev_min=self.ask.not_negative(word))
         if self.state.turning and "spindle" not in self.ask.codes and "tool change" not in self.ask.codes:
             self._turn_spindle(self.state.turning, word)
 
@@ -230,7 +230,7 @@ class _Settings:
         word = self.ask.words.get("T")
         if word is not None:
             self._known_tool(word)
-            self.state = replace(self.state, selected=int(word.value))
+            self.state = self.state._replace(selected=int(word.value))
 
     def _known_tool(self, word: Word) -> float:
         """Length of the tool that a T or H word names."""
@@ -256,7 +256,7 @@ class _Settings:
                 word, "M6 has no tool to change to: write T and its number before or beside it"
             )
         modal = self.state.with_tool(self.state.selected, self._machine)
-        self.state = replace(self.state, modal=replace(modal, spindle_rev_min=0.0), turning=0)
+        self.state = self.state._replace(modal=replace(modal, spindle_rev_min=0.0), turning=0)
         self._act(word, Act.TOOL)
 
     def _name_tool(self) -> None:
@@ -276,7 +276,7 @@ class _Settings:
 
     def _turn_spindle(self, turning: int, word: Word) -> None:
         modal = replace(self.state.modal, spindle_rev_min=turning * self.state.speed_rev_min)
-        self.state = replace(self.state, modal=modal, turning=turning)
+        self.state = self.state._replace(modal=modal, turning=turning)
         self._act(word, Act.SPINDLE)
 
     def _coolant(self) -> None:
@@ -300,7 +300,7 @@ class _Settings:
             modal = side_words.applied(
                 self.ask, code, self.side_letters, self.state.mm_per_unit, self.state.modal
             )
-            self.state = replace(self.state, side=code, modal=modal)
+            self.state = self.state._replace(side=code, modal=modal)
 
     def _length(self) -> None:
         """G43 adds the length of the tool in the spindle, or of tool H; H0 is none.
@@ -345,8 +345,8 @@ class _Settings:
         centres = {"G90.1": True, "G91.1": False}.get(ask.code("centre"), state.centres_absolute)
         ends = {"G99": True, "G98": False}.get(ask.code("return"), state.to_clearance)
         modal = replace(modal, plane=ask.code("plane") or modal.plane)
-        self.state = replace(
-            state, modal=modal, absolute=absolute, centres_absolute=centres, to_clearance=ends
+        self.state = state._replace(
+            modal=modal, absolute=absolute, centres_absolute=centres, to_clearance=ends
         )
 
     def _offset(self, code: str) -> int:

@@ -194,9 +194,9 @@ def _set_tool(here: Here, what: int, number: int) -> State:
         raise here.ask.refusal(
             word, f"{word.text} leaves no tool: its radius must be greater than 0; correct it"
         )
-    state = replace(here.state, tools=MappingProxyType({**here.state.tools, number: changed}))
+    state = here.state._replace(tools=MappingProxyType({**here.state.tools, number: changed}))
     if state.modal.tool == number:
-        state = replace(state, modal=state.with_tool(number, here.machine))
+        state = state._replace(modal=state.with_tool(number, here.machine))
     return state
 
 

@@ -83,7 +83,8 @@ class PlainLines:
             mm_s, deg_s = feed * state.mm_per_unit / 60.0, feed / 60.0
             found = state
             if (mm_s, deg_s) != (state.modal.feed_mm_s, state.feed_deg_s):
-                found = replace(state, modal=replace(state.modal, feed_mm_s=mm_s), feed_deg_s=deg_s)
+                modal = replace(state.modal, feed_mm_s=mm_s)
+                found = state._replace(modal=modal, feed_deg_s=deg_s)
             if len(self._by_feed) >= MOST_FEEDS:
                 self._by_feed.clear()
             self._by_feed[feed] = found

@@ -7,7 +7,9 @@ departure is planned, and for the rotaries under tool vectors. What is lost is N
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 
 from controller.geometry import Frame, Vector, add, subtract
 from controller.kinematics import Kinematics
@@ -28,6 +30,7 @@ Known = float | None
 Place3 = tuple[Known, Known, Known]
 
 _UNTURNED = Frame()[1:]
+MOST_PENDING = 1000
 
 
 def homed(machine: Machine) -> Joints:
@@ -59,35 +62,71 @@ def shifted(words: Sequence[Known], here: Vector, frame: Frame) -> Vector:
 class Position:
     """Follows the blocks of a program as they are read; never wrong, at most not known."""
 
-    __slots__ = ("_kinematics", "_length_mm", "_linear", "_machine", "_rotary", "_tips", "rotaries", "xyz")
+    __slots__ = (
+        "_kinematics",
+        "_length_mm",
+        "_linear",
+        "_machine",
+        "_pending",
+        "_rotaries",
+        "_rotary",
+        "_tips",
+        "_xyz",
+    )
 
     def __init__(self, machine: Machine, start: Joints) -> None:
         self._machine = machine
         self._kinematics: Kinematics | None = None
         self._linear, self._rotary = machine.linear(), machine.rotary()
-        self.xyz: list[Known] = [start[i] for i in self._linear]  # axes, or the tip in the table frame
-        self.rotaries: list[Known] = [start[i] for i in self._rotary]
+        self._xyz: list[Known] = [start[i] for i in self._linear]  # axes, or the tip in the table frame
+        self._rotaries: list[Known] = [start[i] for i in self._rotary]
         self._tips, self._length_mm = False, 0.0
+        self._pending: list[JointLine] = []  # absolute, not gone yet: most are never asked for
 
     def take(self, block: Block) -> None:
         """Go where a block leads."""
+        if type(block) is JointLine and not block.relative and not block.machine_frame:
+            self._pending.append(block)
+            if len(self._pending) > MOST_PENDING:
+                self._go()
+            return
+        self._go()
         if isinstance(block, JointLine | JointArc):
             self._joint_move(block)
         elif isinstance(block, TipLine):
             self._tip_line(block)
         elif isinstance(block, CutCone | CutRuled | CutNurbs):
-            self.xyz, self.rotaries = [None] * 3, [None] * 2
+            self._xyz, self._rotaries = [None] * 3, [None] * 2
+
+    def _go(self) -> None:
+        """Go where all pending lines lead: of those in one frame the last word of each axis counts."""
+        pending, self._pending = self._pending, []
+        for _, lines in itertools.groupby(pending, _frame):
+            row = list(lines)
+            if len(row) > 1:
+                columns = zip(*(line.targets for line in reversed(row)), strict=True)
+                targets = tuple(next((q for q in column if q is not None), None) for column in columns)
+                row[-1] = replace(row[-1], targets=targets)
+            self._joint_move(row[-1])
+
+    @property
+    def rotaries(self) -> list[Known]:
+        """The two rotaries (rad, carried)."""
+        self._go()
+        return self._rotaries
 
     def joints(self) -> tuple[Known, ...]:
         """The joints in the machine's order (mm, rad)."""
+        self._go()
         self._as_axes()
         found: list[Known] = [None] * 5
-        for i, value in zip((*self._linear, *self._rotary), (*self.xyz, *self.rotaries), strict=True):
+        for i, value in zip((*self._linear, *self._rotary), (*self._xyz, *self._rotaries), strict=True):
             found[i] = value
         return tuple(found)
 
     def in_frame(self, modal: Modal) -> Place3:
         """X Y Z as words under G90 would lead here (mm)."""
+        self._go()
         if modal.tip is Tip.OFF:
             self._as_axes()
             lifted = (0.0, 0.0, modal.length_mm)
@@ -95,11 +134,11 @@ class Position:
             self._as_tip(modal.length_mm)
             lifted = (0.0, 0.0, 0.0)
         frame = modal.frame(self._machine)
-        x, y, z = self.xyz
+        x, y, z = self._xyz
         if frame[1:] == _UNTURNED:
             x, y, z = (
                 None if q is None else q - origin - up
-                for q, origin, up in zip(self.xyz, frame.origin, lifted, strict=True)
+                for q, origin, up in zip(self._xyz, frame.origin, lifted, strict=True)
             )
             return x, y, z
         if x is None or y is None or z is None:
@@ -111,35 +150,35 @@ class Position:
     def _joint_move(self, block: JointLine | JointArc) -> None:
         self._as_axes()
         for k, i in enumerate(self._rotary):
-            self.rotaries[k] = _moved(self.rotaries[k], block.targets[i], block.relative)
+            self._rotaries[k] = _moved(self._rotaries[k], block.targets[i], block.relative)
         words = tuple([block.targets[i] for i in self._linear])
         if words == (None, None, None):
             return
         frame, length = block.modal.frame(self._machine), block.modal.length_mm
         if isinstance(block, JointLine) and block.machine_frame:
             frame, length = Frame(), 0.0
-        here = self.xyz
+        here = self._xyz
         x, y, z = (q or 0.0 for q in here)
         if block.relative:
             there = shifted(words, (x, y, z), frame)
         else:
             there = placed(words, (x, y, z), frame, length)
-        self.xyz = _masked(there, here, words, block.relative, frame)
+        self._xyz = _masked(there, here, words, block.relative, frame)
 
     def _tip_line(self, block: TipLine) -> None:
         self._as_tip(block.modal.length_mm)
-        frame, here = block.modal.frame(self._machine), self.xyz
+        frame, here = block.modal.frame(self._machine), self._xyz
         part = frame.from_parent((here[0] or 0.0, here[1] or 0.0, here[2] or 0.0))
         if block.relative:
             x, y, z = (p + (word or 0.0) for p, word in zip(part, block.tip, strict=True))
         else:
             x, y, z = (p if word is None else word for p, word in zip(part, block.tip, strict=True))
-        self.xyz = _masked(frame.to_parent((x, y, z)), here, block.tip, block.relative, frame)
+        self._xyz = _masked(frame.to_parent((x, y, z)), here, block.tip, block.relative, frame)
         if block.axis is not None:
-            self.rotaries = [None, None]
+            self._rotaries = [None, None]
             return
         for k, word in enumerate(block.rotaries):
-            self.rotaries[k] = _moved(self.rotaries[k], word, block.relative)
+            self._rotaries[k] = _moved(self._rotaries[k], word, block.relative)
 
     # ---- axes or tip -----------------------------------------------------------------
 
@@ -148,11 +187,11 @@ class Position:
         if not self._tips:
             return
         self._tips = False
-        (x, y, z), (a, b) = self.xyz, self.rotaries
+        (x, y, z), (a, b) = self._xyz, self._rotaries
         if x is None or y is None or z is None or a is None or b is None:
-            self.xyz = [None] * 3
+            self._xyz = [None] * 3
             return
-        self.xyz = [*self._chain().linear((x, y, z), (a, b), self._length_mm)]
+        self._xyz = [*self._chain().linear((x, y, z), (a, b), self._length_mm)]
 
     def _as_tip(self, length_mm: float) -> None:
         """The same place as that of the tip of a tool so long, in the table frame."""
@@ -162,14 +201,19 @@ class Position:
         self._tips, self._length_mm = True, length_mm
         a, b, c, d, e = known
         if a is None or b is None or c is None or d is None or e is None:
-            self.xyz = [None] * 3
+            self._xyz = [None] * 3
             return
-        self.xyz = [float(q) for q in self._chain().forward((a, b, c, d, e), length_mm).tip]
+        self._xyz = [float(q) for q in self._chain().forward((a, b, c, d, e), length_mm).tip]
 
     def _chain(self) -> Kinematics:
         if self._kinematics is None:
             self._kinematics = Kinematics(self._machine)
         return self._kinematics
+
+
+def _frame(line: JointLine) -> tuple[object, ...]:
+    """What says where the words of an absolute line lead."""
+    return line.modal.offset, line.modal.part, line.modal.length_mm
 
 
 def _moved(here: Known, word: Known, relative: bool) -> Known:

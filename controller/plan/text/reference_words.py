@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import MappingProxyType
 
 from controller.machine import Axis, Machine
@@ -22,7 +21,7 @@ def stored(here: Here) -> State:
     code, word = here.ask.codes["one-line"]
     joints = here.known(word, here.position.joints(), code)
     points = MappingProxyType({**here.state.references, code[:3]: joints})
-    return replace(here.state, references=points)
+    return here.state._replace(references=points)
 
 
 def moves(here: Here) -> list[Block]:

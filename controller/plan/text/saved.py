@@ -58,7 +58,7 @@ def _given_back(
 ) -> tuple[State, list[Block]]:
     """Of the kept state what LinuxCNC keeps: neither the motion mode nor what stands behind the offsets."""
     modal = replace(kept.modal, tool=now.modal.tool, cutter=now.modal.cutter)
-    state = replace(now, modal=modal, **{name: getattr(kept, name) for name in GIVEN_BACK})
+    state = now._replace(modal=modal, **{name: getattr(kept, name) for name in GIVEN_BACK})
     state = state.with_origins(replace(now.origins, index=kept.origins.index), machine)
     place, made = line.place(word.column), list[Block]()
     if modal.spindle_rev_min != now.modal.spindle_rev_min:
