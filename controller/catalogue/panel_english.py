@@ -70,6 +70,7 @@ REFUSALS = {
     "many_listeners": "{most} listeners are there; close some of them.",
     # --- by who asks, and from where
     "unknown_token": "This token is not known; make one by POST /api/v1/tokens.",
+    "token_expired": "The token {name} has expired; make another one.",
     "not_logged_in": "Nobody is logged in; POST /api/v1/session with name and password, or send a token.",
     "no_csrf": "X-CSRF-Token is missing or wrong; GET /api/v1/session tells this session's.",
     "by_proxy": "The request came through a proxy ({header}), and without users only this computer is "

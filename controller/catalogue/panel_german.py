@@ -71,6 +71,7 @@ REFUSALS = {
     "many_listeners": "{most} Zuhörer sind schon da; einige davon schließen.",
     # --- by who asks, and from where
     "unknown_token": "Dieses Token ist nicht bekannt; eines durch POST /api/v1/tokens anlegen.",
+    "token_expired": "Das Token {name} ist abgelaufen; ein neues anlegen.",
     "not_logged_in": "Niemand ist angemeldet; POST /api/v1/session mit Name und Passwort, oder ein Token "
     "senden.",
     "no_csrf": "X-CSRF-Token fehlt oder ist falsch; GET /api/v1/session nennt das dieser Anmeldung.",
