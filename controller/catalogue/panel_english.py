@@ -59,6 +59,8 @@ REFUSALS = {
     "silent_service": "The machine's service is there and gives no answer; look at the machine, then "
     "repeat, or see its log.",
     "no_reason": "The controller's service refused without a reason; see its log.",
+    "not_operational": "The machine is not operational: {state}; switch it on at its own page.",
+    "no_restart": "A program is not begun anew from a pause; cancel it, then start it.",
     "other_version": "The service's rows are of another version; install service and panel alike.",
     "restart_line": "A restart is where the program was interrupted; give no line with it.",
     "no_reading": "X, Y and Z are all null; give what at least one of them is to read.",

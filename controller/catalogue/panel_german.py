@@ -59,6 +59,9 @@ REFUSALS = {
     "silent_service": "Der Dienst der Maschine ist da und gibt keine Antwort; nach der Maschine sehen, dann "
     "wiederholen, oder siehe sein Protokoll.",
     "no_reason": "Der Dienst der Steuerung lehnte ohne Grund ab; siehe sein Protokoll.",
+    "not_operational": "Die Maschine ist nicht betriebsbereit: {state}; sie an ihrer eigenen "
+    "Seite einschalten.",
+    "no_restart": "Aus einer Pause wird ein Programm nicht von vorn begonnen; abbrechen, dann starten.",
     "other_version": "Die Takte des Dienstes sind von einer anderen Version; Dienst und Panel gleich "
     "installieren.",
     "restart_line": "Fortgesetzt wird, wo das Programm unterbrochen wurde; keine Zeile dazu angeben.",
