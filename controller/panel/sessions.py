@@ -42,7 +42,10 @@ class Sessions:
     def __init__(self, rows: Rows, clock: Callable[[], float]) -> None:
         """``clock``: seconds since 1970. Raises StoreError."""
         self._rows, self._clock = rows, clock
-        self._known = {key: Session(*row, written_s=row[3]) for key, *row in rows.sessions()}
+        self._known = {
+            key: Session(user, mark, began_s, seen_s, seen_s)
+            for key, user, mark, began_s, seen_s in rows.sessions()
+        }
         self._ended: set[str] = set()  # keys that the store still has
 
     def begin(self, user: str, mark: str) -> tuple[str, str]:
