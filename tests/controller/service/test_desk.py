@@ -365,7 +365,7 @@ def test_a_start_on_a_full_disk_is_confirmed_costs_the_record_and_the_program_en
 ) -> None:
     loaded(desk, service)
     (service.state / "runs").write_text("no folder can be made here")
-    with pytest.raises(DoorError, match="is not recorded and cannot be gone on with: .*runs: "):
+    with pytest.raises(DoorError, match=r"is not recorded and cannot be gone on with: .*runs: "):
         done(desk, "start")
     assert service.alarms.list() == [] and engine.now.mode is Mode.READY
     done(desk, "start", unrecorded=True)
