@@ -33,7 +33,7 @@ class Scene:
     def __post_init__(self) -> None:
         self.store = Store(self.folder)
         self.panel = Panel(self.store, self.door)
-        self.panel.users = Users(self.store.users, lambda: self.now_s, QUICK)
+        self.panel.users = Users(self.store.users, lambda: self.now_s, QUICK, lambda: self.now_s)
         self.app: Any = make_app(self.panel)
 
     async def with_users(self) -> Scene:

@@ -59,6 +59,8 @@ REFUSALS = {
     "silent_service": "The machine's service is there and gives no answer; look at the machine, then "
     "repeat, or see its log.",
     "no_reason": "The controller's service refused without a reason; see its log.",
+    "not_operational": "The machine is not operational: {state}; switch it on at its own page.",
+    "no_restart": "A program is not begun anew from a pause; cancel it, then start it.",
     "other_version": "The service's rows are of another version; install service and panel alike.",
     "restart_line": "A restart is where the program was interrupted; give no line with it.",
     "no_reading": "X, Y and Z are all null; give what at least one of them is to read.",
@@ -70,6 +72,7 @@ REFUSALS = {
     "many_listeners": "{most} listeners are there; close some of them.",
     # --- by who asks, and from where
     "unknown_token": "This token is not known; make one by POST /api/v1/tokens.",
+    "token_expired": "The token {name} has expired; make another one.",
     "not_logged_in": "Nobody is logged in; POST /api/v1/session with name and password, or send a token.",
     "no_csrf": "X-CSRF-Token is missing or wrong; GET /api/v1/session tells this session's.",
     "by_proxy": "The request came through a proxy ({header}), and without users only this computer is "

@@ -59,6 +59,9 @@ REFUSALS = {
     "silent_service": "Der Dienst der Maschine ist da und gibt keine Antwort; nach der Maschine sehen, dann "
     "wiederholen, oder siehe sein Protokoll.",
     "no_reason": "Der Dienst der Steuerung lehnte ohne Grund ab; siehe sein Protokoll.",
+    "not_operational": "Die Maschine ist nicht betriebsbereit: {state}; sie an ihrer eigenen "
+    "Seite einschalten.",
+    "no_restart": "Aus einer Pause wird ein Programm nicht von vorn begonnen; abbrechen, dann starten.",
     "other_version": "Die Takte des Dienstes sind von einer anderen Version; Dienst und Panel gleich "
     "installieren.",
     "restart_line": "Fortgesetzt wird, wo das Programm unterbrochen wurde; keine Zeile dazu angeben.",
@@ -71,6 +74,7 @@ REFUSALS = {
     "many_listeners": "{most} Zuhörer sind schon da; einige davon schließen.",
     # --- by who asks, and from where
     "unknown_token": "Dieses Token ist nicht bekannt; eines durch POST /api/v1/tokens anlegen.",
+    "token_expired": "Das Token {name} ist abgelaufen; ein neues anlegen.",
     "not_logged_in": "Niemand ist angemeldet; POST /api/v1/session mit Name und Passwort, oder ein Token "
     "senden.",
     "no_csrf": "X-CSRF-Token fehlt oder ist falsch; GET /api/v1/session nennt das dieser Anmeldung.",

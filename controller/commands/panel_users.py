@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import sys
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -27,11 +28,14 @@ Name = Annotated[str, typer.Argument(help="Up to 40 letters, digits and . _ @ -"
 Role = Annotated[
     Literal["view", "operate", "set_up"], typer.Option("--role", help="Each may do what those before it may.")
 ]
+Days = Annotated[float | None, typer.Option("--days", help="It expires after so many; default: never.")]
 State = Annotated[Path | None, typer.Option("--state", help="Folder of what is kept.")]
 
 NAME = re.compile(r"[A-Za-z0-9_.@-]{1,40}")
 SHORTEST = 8
 LONGEST = 200
+MOST_DAYS = 3650.0
+DAY_S = 86400.0
 
 
 def expected() -> tuple[type[Exception], ...]:
@@ -80,7 +84,7 @@ def remove_user(name: Name, state: State = None) -> None:
 
 
 @tokens.command("add")
-def add_token(name: Name, role: Role = "operate", state: State = None) -> None:
+def add_token(name: Name, role: Role = "operate", days: Days = None, state: State = None) -> None:
     """Make a token for a script and print it; it is shown only here."""
     with refusals(False, expected):
         from controller.panel.users import new_token
@@ -88,7 +92,10 @@ def add_token(name: Name, role: Role = "operate", state: State = None) -> None:
         store = store_in(state or door.state_folder())
         _check(name)
         token, sha256 = new_token()
-        store.users.add_token(sha256, name, role, "command line")
+        if days is not None and not 0.0 < days <= MOST_DAYS:
+            raise Refused(f"--days {days:g}: allowed are more than 0 and up to {MOST_DAYS:g}.")
+        lasts_s = None if days is None else days * DAY_S
+        store.users.add_token(sha256, name, role, "command line", lasts_s)
         print(token)
 
 
@@ -96,9 +103,9 @@ def add_token(name: Name, role: Role = "operate", state: State = None) -> None:
 def list_tokens(state: State = None) -> None:
     """Tokens by name; not what they are."""
     with refusals(False, expected):
-        table = Table("token", "role", "made by", box=None, pad_edge=False)
+        table = Table("token", "role", "made by", "until", box=None, pad_edge=False)
         for token in store_in(state or door.state_folder()).users.tokens():
-            table.add_row(token.name, token.role, token.made_by)
+            table.add_row(token.name, token.role, token.made_by, _until(token.expires_s))
         show.print(table if table.row_count else "There are no tokens.")
 
 
@@ -108,6 +115,10 @@ def remove_token(name: Name, state: State = None) -> None:
     with refusals(False, expected):
         store_in(state or door.state_folder()).users.remove_token(name)
         show.print(f"{name}: removed.", markup=False)
+
+
+def _until(expires_s: float | None) -> str:
+    return "" if expires_s is None else time.strftime("%Y-%m-%d %H:%M", time.localtime(expires_s))
 
 
 def _check(name: str) -> None:

@@ -100,6 +100,8 @@ class Panel:
     def _end(self) -> None:
         if self.checker is not None:
             self.checker.close()
+        with contextlib.suppress(StoreError):
+            self.users.write_sessions()
         with contextlib.suppress(StoreError, asyncio.QueueEmpty):
             while True:
                 self.store.audit.add(*self._notes.get_nowait())

@@ -41,9 +41,14 @@ class UserChange(Sent):
 class NewToken(Sent):
     name: UserName
     role: RoleName
+    days: Annotated[
+        float | None, Field(gt=0.0, le=3650.0, description="From now on; null: it does not expire.")
+    ] = None
 
 
 # ---- answered
+
+EXPIRES = Field(None, description="Seconds since 1970; null: it does not.")
 
 
 class ControlFacts(Told):
@@ -80,6 +85,7 @@ class TokenFacts(Told):
     role: RoleName
     made_s: float
     made_by: str
+    expires_s: Number = EXPIRES
 
 
 class TokenList(Told):
@@ -90,6 +96,7 @@ class MadeToken(Told):
     name: str
     role: RoleName
     token: str = Field(description="It is shown only here.")
+    expires_s: Number = EXPIRES
 
 
 class AuditEntry(Told):

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import sqlite3
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -65,6 +65,7 @@ class Token:
     role: str
     made_s: float
     made_by: str
+    expires_s: float | None = None  # None: it does not
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,26 +257,46 @@ class Users:
 
     def by_hash(self) -> dict[str, Token]:
         """All tokens, by the hash of each."""
-        rows = self._database.rows("SELECT sha256, name, role, made_s, made_by FROM tokens")
+        rows = self._database.rows("SELECT sha256, name, role, made_s, made_by, expires_s FROM tokens")
         return {row[0]: Token(*row[1:]) for row in rows}
 
     def token(self, sha256: str) -> Token | None:
         """The token of that hash."""
         rows = self._database.rows(
-            "SELECT name, role, made_s, made_by FROM tokens WHERE sha256 = ?", (sha256,)
+            "SELECT name, role, made_s, made_by, expires_s FROM tokens WHERE sha256 = ?", (sha256,)
         )
         return next((Token(*row) for row in rows), None)
 
-    def add_token(self, sha256: str, name: str, role: str, by: str) -> None:
+    def add_token(
+        self, sha256: str, name: str, role: str, by: str, lasts_s: float | None = None
+    ) -> float | None:
+        """``lasts_s``: from now on; when it expires, seconds since 1970, None: never."""
         _role(role)
+        now_s = self._clock()
+        expires_s = None if lasts_s is None else now_s + lasts_s
         try:
             with self._database.write() as sql:
                 sql.execute(
-                    "INSERT INTO tokens (sha256, name, role, made_s, made_by) VALUES (?, ?, ?, ?, ?)",
-                    (sha256, name, role, self._clock(), by),
+                    "INSERT INTO tokens (sha256, name, role, made_s, made_by, expires_s) "
+                    "VALUES (?, ?, ?, ?, ?, ?)",
+                    (sha256, name, role, now_s, by, expires_s),
                 )
         except sqlite3.IntegrityError as error:
             raise StoreError.told("exists", "exists", what=Key("what.token"), name=name) from error
+        return expires_s
+
+    def sessions(self) -> list[tuple[str, str, str, float, float]]:
+        """Log-ins, the oldest first: SHA-256 of the cookie, user, mark, begin, last request."""
+        rows = self._database.rows(
+            "SELECT sha256, user, mark, began_s, seen_s FROM sessions ORDER BY began_s"
+        )
+        return [(row[0], row[1], row[2], row[3], row[4]) for row in rows]
+
+    def keep_sessions(self, rows: Iterable[tuple[str, str, str, float, float]], ended: Iterable[str]) -> None:
+        """New ones and those that were seen again, as ``sessions`` gives them; ``ended``: their SHA-256."""
+        with self._database.write() as sql:
+            sql.executemany("REPLACE INTO sessions VALUES (?, ?, ?, ?, ?)", rows)
+            sql.executemany("DELETE FROM sessions WHERE sha256 = ?", [(key,) for key in ended])
 
     def remove_token(self, name: str) -> None:
         with self._database.write() as sql:

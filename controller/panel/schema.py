@@ -88,4 +88,15 @@ CREATE TABLE audit (
 ) STRICT
 """
 
-MIGRATIONS: tuple[str, ...] = (_FIRST,)
+_LOG_INS = """
+CREATE TABLE sessions (
+    sha256 TEXT PRIMARY KEY,            -- of the cookie
+    user TEXT NOT NULL,
+    mark TEXT NOT NULL,                 -- of password and role as they were at the log-in
+    began_s REAL NOT NULL,
+    seen_s REAL NOT NULL                -- the last request, to a minute
+) STRICT;
+ALTER TABLE tokens ADD COLUMN expires_s REAL
+"""  # NULL: it does not expire
+
+MIGRATIONS: tuple[str, ...] = (_FIRST, _LOG_INS)

@@ -1,7 +1,7 @@
 """Users, their sessions and scripts' tokens: who somebody is who sends a password, cookie or token.
 
 Passwords are kept as argon2 hashes, tokens as SHA-256 (they are random, so a slow hash adds
-nothing). Sessions live in memory: a restart of the panel logs everybody out.
+nothing). What somebody may do is the role; sessions and tokens have an end, and outlive a restart.
 
 Who guesses passwords is slowed down by address, and only a crowd of addresses by the name that it
 guesses at: were it by name alone, anybody could keep somebody else from logging in. Even a crowd
@@ -11,7 +11,7 @@ keeps nobody out who has logged in before from where he sits.
 from __future__ import annotations
 
 import asyncio
-import hashlib
+import contextlib
 import math
 import secrets
 import time
@@ -23,13 +23,12 @@ from argon2 import PasswordHasher
 from argon2.exceptions import InvalidHashError, VerificationError
 
 from controller.panel.answers import Refusal
+from controller.panel.database import StoreError
 from controller.panel.records import Token, User
 from controller.panel.records import Users as Rows
 from controller.panel.roles import Principal, Role
+from controller.panel.sessions import Sessions, csrf_of, sha256
 
-SESSION_S = 12 * 3600.0  # a shift
-IDLE_S = 2 * 3600.0
-SESSIONS = 1000  # at once; the oldest go
 FREE_TRIES = 5  # wrong passwords from an address before it has to wait
 CROWD_TRIES = 100  # of one name, from all addresses that are strange to it
 LONGEST_WAIT_S = 60.0
@@ -40,16 +39,6 @@ PLACES = 1000  # pairs of name and address that are remembered
 REFRESH_S = 2.0
 HASHES_AT_ONCE = 2  # each takes 64 MB and tens of milliseconds
 TOKEN_MARK = "dx_"  # so that a token is known as one wherever it turns up
-
-
-@dataclass(slots=True)
-class Session:
-    """One log-in of a browser."""
-
-    user: str
-    csrf: str
-    began_s: float
-    seen_s: float
 
 
 @dataclass(slots=True)
@@ -109,21 +98,29 @@ class Users:
         rows: Rows,
         clock: Callable[[], float] = time.monotonic,
         hasher: PasswordHasher | None = None,
+        wall: Callable[[], float] = time.time,
     ) -> None:
-        """Raises StoreError."""
+        """``clock`` in s, for who guesses; ``wall`` in s since 1970, for what expires. Raises StoreError."""
         self._rows, self._clock, self._hasher = rows, clock, hasher or PasswordHasher()
         self._hashing = asyncio.Semaphore(HASHES_AT_ONCE)
-        self._sessions: dict[str, Session] = {}  # by SHA-256 of the cookie
+        self._wall, self._sessions = wall, Sessions(rows, wall)
         self._brake = Brake()
         self._places: dict[tuple[str, str], None] = {}  # (name, address) of log-ins, latest last
         self._users: dict[str, User] = {}
+        self._marks: dict[str, str] = {}  # of users: of password and role
         self._tokens: dict[str, Token] = {}  # by SHA-256
         self.refresh()
 
     def refresh(self) -> None:
-        """Read users and tokens from the store. Raises StoreError."""
+        """Read users and tokens from the store, and tell it of sessions. Raises StoreError."""
         self._users = {user.name: user for user in self._rows.all()}
+        self._marks = {user.name: sha256(f"{user.password} {user.role}") for user in self._users.values()}
         self._tokens = self._rows.by_hash()
+        self.write_sessions()
+
+    def write_sessions(self) -> None:
+        """What the store does not know yet. Raises StoreError."""
+        self._sessions.write(self._marks)
 
     @property
     def any(self) -> bool:
@@ -154,7 +151,10 @@ class Users:
             raise Refusal.told(401, "log_in", "wrong_password")
         self._brake.right(keys)
         self._remember(name, address)
-        return self.begin(name, Role.named(user.role))
+        begun = self.begin(name, Role.named(user.role))
+        with contextlib.suppress(StoreError):  # a full disk keeps nobody out; the session ends with the panel
+            await asyncio.to_thread(self.write_sessions)
+        return begun
 
     def _remember(self, name: str, address: str) -> None:
         self._places.pop((name, address), None)
@@ -170,51 +170,36 @@ class Users:
 
     def begin(self, name: str, role: Role) -> tuple[str, Principal]:
         """A session of somebody who is known: (cookie, who it is)."""
-        cookie, csrf, now_s = secrets.token_urlsafe(32), secrets.token_urlsafe(24), self._clock()
-        while len(self._sessions) >= SESSIONS:
-            del self._sessions[next(iter(self._sessions))]
-        self._sessions[_sha256(cookie)] = Session(name, csrf, now_s, now_s)
+        cookie, csrf = self._sessions.begin(name, self._marks[name])
         return cookie, Principal(name, role, "session", csrf)
 
     def by_cookie(self, cookie: str) -> Principal | None:
         """Whose session it is; None where it ended or the user is gone."""
-        key, now_s = _sha256(cookie), self._clock()
-        session = self._sessions.get(key)
-        if session is None:
-            return None
-        user = self._users.get(session.user)
-        if user is None or now_s - session.began_s > SESSION_S or now_s - session.seen_s > IDLE_S:
-            del self._sessions[key]
-            return None
-        session.seen_s = now_s
-        return Principal(session.user, Role.named(user.role), "session", session.csrf)
+        session = self._sessions.of(cookie, self._marks)
+        user = self._users.get(session.user) if session is not None else None
+        return Principal(user.name, Role.named(user.role), "session", csrf_of(cookie)) if user else None
 
     async def by_token(self, token: str) -> Principal | None:
-        """Whose script it is. Raises StoreError."""
+        """Whose script it is. Raises StoreError, and Refusal for one that has expired."""
         if not token.startswith(TOKEN_MARK):
             return None
-        key = _sha256(token)
+        key = sha256(token)
         # One that is not in memory was made within the last ``REFRESH_S``, or never.
         found = self._tokens.get(key) or await asyncio.to_thread(self._rows.token, key)
         if found is None:
             return None
         self._tokens[key] = found
+        if found.expires_s is not None and self._wall() >= found.expires_s:
+            raise Refusal.told(401, "token", "token_expired", name=found.name)
         return Principal(f"token {found.name}", Role.named(found.role), "token")
 
     def log_out(self, cookie: str) -> None:
-        self._sessions.pop(_sha256(cookie), None)
-
-    def end_sessions(self, user: str) -> None:
-        """After a new password or role: what was logged in by the old one is not any more."""
-        for key in [key for key, session in self._sessions.items() if session.user == user]:
-            del self._sessions[key]
+        """Ends the session, for good. Raises StoreError."""
+        self._sessions.end(cookie)
+        self.write_sessions()
 
 
 def new_token() -> tuple[str, str]:
     """(a random token, its SHA-256 for the store)."""
     token = TOKEN_MARK + secrets.token_urlsafe(32)
-    return token, _sha256(token)
-
-
-def _sha256(text: str) -> str:
-    return hashlib.sha256(text.encode()).hexdigest()
+    return token, sha256(token)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Annotated
 
 from fastapi import APIRouter, Header, Request, Response
@@ -19,7 +20,7 @@ from controller.panel.access import (
 )
 from controller.panel.answers import Refusal, documented
 from controller.panel.roles import Principal, Role
-from controller.panel.users import SESSION_S
+from controller.panel.sessions import SESSION_S
 
 router = APIRouter(tags=["access"])
 
@@ -53,10 +54,12 @@ async def session(request: Request) -> models.SessionFacts:
     return _facts(await principal(request))
 
 
-@router.delete("/session", status_code=204, dependencies=[needs(Role.VIEW)], responses=documented(401, 403))
+@router.delete(
+    "/session", status_code=204, dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 503)
+)
 async def log_out(request: Request, response: Response) -> None:
     """End the session."""
-    panel_of(request).users.log_out(request.cookies.get(COOKIE, ""))
+    await asyncio.to_thread(panel_of(request).users.log_out, request.cookies.get(COOKIE, ""))
     response.delete_cookie(COOKIE, path="/")
 
 

@@ -67,7 +67,7 @@ async def remove_user(request: Request, name: Name) -> None:
     panel = panel_of(request)
     await _not_the_last(panel, name, False)
     await asyncio.to_thread(panel.store.users.remove, name)
-    await _changed(panel, name)
+    await _changed(panel)
 
 
 async def _not_the_last(panel: Panel, name: str, still: bool) -> None:
@@ -80,11 +80,11 @@ async def _not_the_last(panel: Panel, name: str, still: bool) -> None:
 
 async def _set(panel: Panel, name: str, password: str, role: str) -> None:
     await asyncio.to_thread(panel.store.users.set, name, password, role)
-    await _changed(panel, name)
+    await _changed(panel)
 
 
-async def _changed(panel: Panel, name: str) -> None:
-    panel.users.end_sessions(name)
+async def _changed(panel: Panel) -> None:
+    """Also sessions of an old password or role, or of somebody who is gone, end by it."""
     await asyncio.to_thread(panel.users.refresh)
 
 
@@ -103,8 +103,10 @@ async def add_token(request: Request, body: models.NewToken) -> models.MadeToken
     """Make a token for a script; it is told only once."""
     panel, who = panel_of(request), await principal(request)
     token, sha256 = new_token()
-    await asyncio.to_thread(panel.store.users.add_token, sha256, body.name, body.role, who.name)
-    return models.MadeToken(name=body.name, role=body.role, token=token)
+    lasts_s = None if body.days is None else body.days * 86400.0
+    add = panel.store.users.add_token
+    expires_s = await asyncio.to_thread(add, sha256, body.name, body.role, who.name, lasts_s)
+    return models.MadeToken(name=body.name, role=body.role, token=token, expires_s=expires_s)
 
 
 @router.delete("/tokens/{name}", status_code=204, dependencies=GUARD, responses=CHANGES)

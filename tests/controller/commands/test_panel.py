@@ -10,8 +10,8 @@ import uvicorn
 from typer.testing import CliRunner, Result
 
 from controller.__main__ import app
+from controller.panel.sessions import sha256
 from controller.panel.store import Store
-from controller.panel.users import _sha256
 
 PASSWORD = "correct horse\n"
 
@@ -100,6 +100,6 @@ def test_what_is_wrong_is_refused_in_a_sentence(
 def test_a_token_is_shown_once_and_kept_as_its_hash(tmp_path: Path) -> None:
     token = run("tokens", "add", "cam", "--state", str(tmp_path)).output.strip()
     assert token.startswith("dx_")
-    kept = Store(tmp_path).users.token(_sha256(token))
+    kept = Store(tmp_path).users.token(sha256(token))
     assert kept is not None and (kept.name, kept.role) == ("cam", "operate")
     assert token not in run("tokens", "list", "--state", str(tmp_path)).output

@@ -210,7 +210,7 @@ def test_a_migration_keeps_what_is_there_and_puts_a_copy_beside_it(
     folder = tmp_path / "state"
     with sqlite3.connect(Store(folder).database.file) as sql:
         assert sql.execute("SELECT sha256, note FROM programs").fetchall() == [(sha256, "")]
-    with sqlite3.connect(folder / "store.schema1.sqlite") as sql:
+    with sqlite3.connect(folder / f"store.schema{len(schema.MIGRATIONS)}.sqlite") as sql:
         assert sql.execute("SELECT sha256 FROM programs").fetchall() == [(sha256,)]
 
 

@@ -360,17 +360,20 @@ def test_a_stop_is_sent_though_the_plan_that_prepares_a_start_is_gone(
     assert sent == [Request.STOP]
 
 
-def test_a_start_on_a_full_disk_costs_the_record_and_the_program_ends_as_ever(
+def test_a_start_on_a_full_disk_is_confirmed_costs_the_record_and_the_program_ends_as_ever(
     desk: Desk, service: Service, engine: FakeEngine
 ) -> None:
     loaded(desk, service)
     (service.state / "runs").write_text("no folder can be made here")
-    done(desk, "start")
+    with pytest.raises(DoorError, match=r"is not recorded and cannot be gone on with: .*runs: "):
+        done(desk, "start")
+    assert service.alarms.list() == [] and engine.now.mode is Mode.READY
+    done(desk, "start", unrecorded=True)
     ended(service, engine)
     assert service.running is None and service.job is not None and service.job.state == "completed"
     (alarm,) = service.alarms.list()
     assert alarm["name"] == "NOT_RECORDED" and alarm["sentence_de"]
-    done(desk, "start")
+    done(desk, "start", unrecorded=True)
 
 
 def test_a_run_is_told_to_be_over_when_what_it_forbids_is_allowed_again_and_not_before(
