@@ -15,8 +15,9 @@ from controller.geometry import Vector, norm, subtract
 from controller.kinematics import Kinematics
 from controller.machine import Machine, five
 from controller.plan.feed import profile
+from controller.plan.feed.course import Course
 from controller.plan.route.leads import MOST_TILT_RAD, MOST_TURN_RAD, SLENDER
-from controller.plan.route.path import Path, Stretch, joints_along
+from controller.plan.route.path import Chain, Path, Stretch, joints_along
 from controller.plan.text.program import ProgramError
 
 CONE = "G51 X0. Y15. Z0. I0. J0. K0. H10. R10. D{} F{}\n"
@@ -145,6 +146,23 @@ def test_lead_feed_is_a_key_of_the_machine_file_in_millimetres_a_minute() -> Non
     for bad in ("0", "-5.0", '"fast"'):
         with pytest.raises(config.ConfigError, match="lead_feed"):
             config.read(text.replace("[machine]\n", f"[machine]\nlead_feed = {bad}\n"), "m.toml")
+
+
+@pytest.mark.parametrize("feed", [0.05, 3.0, 60.0, 900.0])
+def test_a_law_leads_from_a_fast_lead_to_a_slow_cut_and_keeps_its_feed_at_both_rulings(feed: float) -> None:
+    """Down to the slowest the lead is passed in no time, and the cut begins neither faster nor slower."""
+    built = shipped()
+    home = five(tuple(axis.homing.position for axis in built.axes))
+    traced = trace("G42\n" + CONE.format("0.4", feed), built, home)
+    (run,) = (item.stretches for item in traced.items if isinstance(item, Chain) and len(item.stretches) == 3)
+    course = Course(run, built, Kinematics(built))
+    plan = profile.plan(course)
+    assert plan is not None and plan.joins
+    times = [plan.time_of(float(place)) for place in course.starts[1:3]]
+    inside = np.linspace(times[0] + 1e-6, times[1] - 1e-6, 400)
+    speed = plan.along(inside)[1]
+    assert speed == pytest.approx(np.full(400, feed / 60.0), rel=1e-3)
+    assert times[0] < 0.3 + 1.0 / feed, "the lead itself, which took 150 / feed"
 
 
 # ---- gouging and travel ------------------------------------------------------------
