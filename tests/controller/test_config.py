@@ -13,7 +13,7 @@ from controller.config import ConfigError
 from controller.curves import Bezier
 from controller.geometry import Pose, Vector, add, norm, subtract
 from controller.kinematics import Kinematics
-from controller.machine import Kind, Machine, Sense
+from controller.machine import OFFSETS, Kind, Machine, Sense
 from controller.surfaces import Cone, RuledSurface, Surface
 
 TEXT = (config.SHIPPED / "trunnion.toml").read_text()
@@ -151,6 +151,24 @@ def test_what_the_ends_of_an_arc_may_differ_by_is_read_and_has_a_default() -> No
     assert config.load("trunnion").arc_tolerance_mm == 0.05
     text = COMPLETE.replace("gouge =", "arc_tolerance_mm = 2.8\ngouge =")
     assert config.read(text, "m.toml").arc_tolerance_mm == 2.8
+
+
+def test_dialect_offsets_and_reference_points_are_read_and_have_defaults() -> None:
+    made = config.read(COMPLETE, "m.toml")
+    assert (made.dialect, made.without_point, made.axes[2].reference) == ("rs274", "", None)
+    assert len(made.offsets) == len(OFFSETS) == 57 and made.unset == OFFSETS[1:]
+    text = COMPLETE.replace("gouge =", 'dialect = "fanuc"\nwithout_point = "unit"\ngouge =')
+    text = text.replace("[offsets]", '[offsets]\n"G59.1" = [1, 2, 3]\n"G54.1 P48" = [4, 5, 6]', 1)
+    text = text.replace('name = "A"', 'name = "A"\nsecond_reference_deg = 30', 1)
+    made = config.read(text, "m.toml")
+    assert (made.dialect, made.without_point) == ("fanuc", "unit")
+    assert made.offsets[6].origin == (1.0, 2.0, 3.0) and made.offsets[-1].origin == (4.0, 5.0, 6.0)
+    assert "G59.1" not in made.unset and "G54.1 P47" in made.unset
+    assert made.axes[3].second_reference == pytest.approx(math.radians(30.0))
+    assert config.with_dialect(made, "rs274").dialect == "rs274"
+    for wrong in ('dialect = "siemens"', 'without_point = "inch"'):
+        with pytest.raises(ConfigError, match="allowed"):
+            config.read(COMPLETE.replace("gouge =", f"{wrong}\ngouge ="), "m.toml")
 
 
 def test_another_period_is_taken_in_range_only() -> None:

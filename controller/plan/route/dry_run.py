@@ -34,5 +34,8 @@ def blocks_for(blocks: Iterable[Block], offset_mm: float) -> Iterator[Block]:
     """The same blocks with the offset on the tool's length, spindle and coolant off."""
     for block in blocks:
         modal = block.modal
-        dry = replace(modal, length_mm=modal.length_mm + offset_mm, spindle_rev_min=0.0, coolant=0)
+        cutter = modal.cutter and replace(modal.cutter, length_mm=modal.cutter.length_mm + offset_mm)
+        dry = replace(
+            modal, length_mm=modal.length_mm + offset_mm, cutter=cutter, spindle_rev_min=0.0, coolant=0
+        )
         yield replace(block, modal=dry)

@@ -142,6 +142,7 @@ ROWS: tuple[Code, ...] = (
         ("G43.4", "H", "tool-centre control, rotary words"),
         ("G43.5", "H", "tool-centre control, tool vectors I J K"),
     ),
+    *_done("length", HAAS, ("G234", "H", "tool-centre control, as G43.4"), dialect="fanuc"),
     *_done("offset", NIST, *((f"G{54 + i}", "", f"work offset {i + 1}") for i in range(6))),
     *_done("offset", NIST, *((f"G59.{i}", "", f"work offset {6 + i}") for i in (1, 2, 3))),
     *_done("offset", FANUC, ("G54.1", "P", "work offset P1 to P48 beyond the nine")),
@@ -291,7 +292,6 @@ ROWS: tuple[Code, ...] = (
     ),
     *_refused(
         HAAS,
-        ("G234", "tool-centre control", "write G43.4"),
         ("G254", "dynamic work offset", "write G43.4, which follows the turned part"),
     ),
 )

@@ -12,7 +12,7 @@ R counts from the level and Z from R.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
 
 from controller.plan.text import line_words
@@ -26,7 +26,6 @@ from controller.plan.text.program import (
     Block,
     Dwell,
     JointLine,
-    Modal,
     Place,
     Remark,
     Targets,
@@ -35,8 +34,8 @@ from controller.plan.text.program import (
 from controller.plan.text.words import Word
 
 BREAK_MM = 0.254  # what G73 draws back, and where G83 ends its rapid above the last depth, as LinuxCNC
-MOST_REPEATS = 10_000
-MOST_PECKS = 10_000
+MOST_REPEATS = 1000  # of one line ...
+MOST_PECKS = 10_000  # ... in all of them
 FLOATING = (
     "is tapped with a floating holder: the feed is not tied to the spindle, which turns back at the bottom."
 )
@@ -58,7 +57,8 @@ def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
     way.end = clearance if here.state.to_clearance else max(start, clearance)
     relative = not here.state.absolute
     x, y = way.begin
-    for _ in range(_repeats(here.ask, way)):
+    way.repeats = _repeats(here.ask, way)
+    for _ in range(way.repeats):
         x, y = way.hole(x, y, relative)
         way.rapid(x, y, start)
         if start != clearance:
@@ -169,22 +169,15 @@ def _told_floating(way: _Way, state: State, code: str) -> State:
     return state._replace(noted=state.noted | {code})
 
 
-@dataclass(slots=True)
 class _Way:
     """Collects the moves of one line, in program coordinates of the plane: first, second and normal axis."""
 
-    here: Here
-    place: Place
-    feed: float
-    targets: Targets  # of the line's words
-    made: list[Block]
-    begin: tuple[float, float]
-    modal: Modal  # as the spindle turns just now
-    end: float = 0.0  # height to which each hole is left
-
     def __init__(self, here: Here, place: Place, feed: float, targets: Targets) -> None:
-        self.here, self.place, self.feed, self.targets = here, place, feed, targets
-        self.made, self.modal = [], here.state.modal
+        self.here, self.place, self.feed = here, place, feed
+        self.targets = targets  # of the line's words
+        self.made: list[Block] = []
+        self.modal = here.state.modal  # as the spindle turns just now
+        self.repeats, self.end = 1, 0.0  # holes, and the height to which each is left
         first, second, _ = PLANES[here.state.modal.plane]
         now = here.position.in_frame(here.state.modal)
         absolute = here.state.absolute
@@ -243,7 +236,7 @@ def _drill(way: _Way, cycle: Cycle, clearance: float, bottom: float) -> None:
 def _peck(way: _Way, cycle: Cycle, clearance: float, bottom: float) -> None:
     """G73 draws back a little after each peck, G83 to the clearance and down again."""
     depth = cycle.depth or 0.0
-    pecks = (clearance - bottom) / depth
+    pecks = (clearance - bottom) / depth * way.repeats
     if pecks > MOST_PECKS:
         word = way.here.ask.line.words[0]
         raise way.here.ask.refusal(

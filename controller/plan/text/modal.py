@@ -22,6 +22,7 @@ TIPS = MappingProxyType(
     {
         **dict.fromkeys(("G43", "G43.1", "G43.2", "G44"), Tip.OFF),
         "G43.4": Tip.ROTARIES,
+        "G234": Tip.ROTARIES,
         "G43.5": Tip.VECTORS,
     }
 )

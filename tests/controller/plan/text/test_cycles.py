@@ -109,6 +109,7 @@ def test_a_rotary_turns_with_the_way_over_the_hole_under_fanuc() -> None:
         ("G83 X1 Z-5 R2", "G83 has no Q"),
         ("G83 X1 Z-5 R2 Q-1", "Q-1"),
         ("G83 X1 Z-5 R2 Q.0001", "would peck 70000 times"),
+        ("G83 X1 Z-5 R2 Q.1 L200", "would peck 14000 times"),
         ("G82 X1 Z-5 R2", "G82 has no P"),
         ("G81 X1 Z-5 R2 L0", "L0 repeats a cycle 1 to"),
         ("G81 X1 Z-5 R2 L1.5", "L1.5 is not a count"),

@@ -82,3 +82,12 @@ def test_the_safety_line_in_both_dialects() -> None:
         on = replace(machine(), dialect=dialect)
         made = blocks.read(b"G0 G17 G40 G49 G80 G90\nX1.\nG80 G0\nX2.\n", on, "p").blocks
         assert len(made) == 2
+
+
+def test_haas_writes_tool_centre_control_its_own_way() -> None:
+    moves = "G0 X1. Y2. Z50. A10. C20.\nG1 X2. C30. F100.\nG49\n"
+    ours, theirs = (
+        [block for block in blocks.read(f"{code} H1\n{moves}".encode(), machine(), "p").blocks]
+        for code in ("G43.4", "G234")
+    )
+    assert ours == theirs
