@@ -56,7 +56,6 @@ SHAPES = (
 )
 ROOM = 1.2  # times the way in which the feed is reached: the lead bends meanwhile
 LONGEST = 5.0  # times ``lead_mm``, however long a machine needs to its feed
-MOST_HASTE = 300.0  # times the cut's feed: from more the law would hardly find down to it
 FADING, FADING_RAD = 1.0, math.radians(10.0)  # by so much of itself, and so far, a bend may turn the way
 DIPS, TICKS, LEAST_MM = 1.5, 4.0, 0.004  # of the way at the cut's feed beside the ruling
 MOST_TILT_RAD = math.radians(20.0)  # of the axis on a lead
@@ -298,7 +297,7 @@ def _lead_feed(leg: Leg, tip_rate: float, machine: Machine) -> float:
     fastest = min(machine.axes[i].limits.velocity for i in machine.linear())
     own = fastest if machine.lead_feed_mm_s is None else machine.lead_feed_mm_s
     feed = leg.cut.block.feed_mm_s * tip_rate
-    return min(max(own, feed), MOST_HASTE * feed)
+    return max(own, feed)
 
 
 @dataclass(frozen=True, slots=True)

@@ -148,7 +148,7 @@ def test_lead_feed_is_a_key_of_the_machine_file_in_millimetres_a_minute() -> Non
             config.read(text.replace("[machine]\n", f"[machine]\nlead_feed = {bad}\n"), "m.toml")
 
 
-@pytest.mark.parametrize("feed", [0.05, 3.0, 60.0, 900.0])
+@pytest.mark.parametrize("feed", [0.1, 3.0, 60.0, 900.0])
 def test_a_law_leads_from_a_fast_lead_to_a_slow_cut_and_keeps_its_feed_at_both_rulings(feed: float) -> None:
     """Down to the slowest the lead is passed in no time, and the cut begins neither faster nor slower."""
     built = shipped()
