@@ -104,7 +104,7 @@ def verified(task: checked.Task, stretches: Mapping[int, Stretch]) -> dict[str, 
     """The surfaces as cut, for the page."""
 
     def read() -> Iterator[Block]:
-        return blocks.stream(task.text, task.machine, task.name)
+        return blocks.stream(task.text, task.machine, task.name, start=task.start)
 
     return maps(stretches, read, task.machine, task.kinematics)
 

@@ -199,7 +199,7 @@ def _bounds(judged: Sequence[Judged], progress: Any) -> list[Bound]:
 
 
 def _blocks(task: checked.Task) -> Iterator[Block]:
-    return blocks.stream(task.text, task.machine, task.name)
+    return blocks.stream(task.text, task.machine, task.name, start=task.start)
 
 
 def _ways(

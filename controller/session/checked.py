@@ -210,7 +210,7 @@ def _audited(asked: Task, watched: Watched, progress: Progress = lambda _: None)
     """What is told of the surfaces; raises ProgramError where they are refused."""
 
     def read() -> Iterator[Block]:
-        return blocks.stream(asked.text, asked.machine, asked.name)
+        return blocks.stream(asked.text, asked.machine, asked.name, start=asked.start)
 
     return audit(watched, read, asked.name, asked.machine, asked.kinematics, progress)
 

@@ -152,7 +152,7 @@ def test_a_held_key_does_not_take_back_the_stop_of_somebody_else(verb: str, serv
 
 def test_a_program_that_is_refused_leaves_the_machine_as_it_was(service: Serving) -> None:
     path = service.state / "bad.ngc"
-    path.write_text("G0 X1\nG99 X2\n")
+    path.write_text("G0 X1\nG999 X2\n")
     error = service.refused("load", path=str(path))
     assert error.code == "bad" and "bad.ngc:2" in error.sentence
     assert service.refused("load", path=str(path), sha256="0" * 64).code == "bad"

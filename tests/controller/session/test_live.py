@@ -269,8 +269,8 @@ def test_without_the_bus_the_tick_names_the_fault_and_comes_to_rest() -> None:
 def test_a_refused_program_ends_the_session_with_its_sentence_before_anything_moves() -> None:
     before = processes(os.getpid())
     with (
-        pytest.raises(SessionError, match=r"^part\.ngc:1:\d+: .*G52 X5 Y0 without F is a local shift"),
-        session("G52 X5 Y0\nM30\n") as running,
+        pytest.raises(SessionError, match=r"^part\.ngc:1:\d+: G87 \(back boring\) is not done here"),
+        session("G87 X5 Y0\nM30\n") as running,
     ):
         running.ready()
     assert running.board.read() is None or now_of(running).homed == 0
