@@ -84,7 +84,7 @@ def sort(line: Line, machine: Machine) -> Ask:
     """The line by groups and letters; ProgramError on unknown or doubled words."""
     codes: dict[str, tuple[str, Word]] = {}
     others: dict[str, Word] = {}
-    for word in sorted(line.words, key=lambda word: word.letter not in "GM"):  # codes are to blame first
+    for word in line.words:  # codes first: they are to blame before the letters that they take
         if word.letter in "GM":
             group, code = _code(line, word)
             if group in codes:
@@ -94,7 +94,8 @@ def sort(line: Line, machine: Machine) -> Ask:
                     f"{' '.join(GROUPS[group])}; remove one or write two lines",
                 )
             codes[group] = (code, word)
-        else:
+    for word in line.words:
+        if word.letter not in "GM":
             _check_letter(line, word, others, machine)
             others[word.letter] = word
     return Ask(line, codes, others)

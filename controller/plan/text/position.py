@@ -28,6 +28,7 @@ Known = float | None
 Place3 = tuple[Known, Known, Known]
 
 _UNTURNED = Frame()[1:]
+MOST_DUE = 4096  # lines that are put off
 
 
 def homed(machine: Machine) -> Joints:
@@ -59,7 +60,17 @@ def shifted(words: Sequence[Known], here: Vector, frame: Frame) -> Vector:
 class Position:
     """Follows the blocks of a program as they are read; never wrong, at most not known."""
 
-    __slots__ = ("_kinematics", "_length_mm", "_linear", "_machine", "_rotary", "_tips", "rotaries", "xyz")
+    __slots__ = (
+        "_due",
+        "_kinematics",
+        "_length_mm",
+        "_linear",
+        "_machine",
+        "_rotary",
+        "_tips",
+        "rotaries",
+        "xyz",
+    )
 
     def __init__(self, machine: Machine, start: Joints) -> None:
         self._machine = machine
@@ -68,9 +79,37 @@ class Position:
         self.xyz: list[Known] = [start[i] for i in self._linear]  # axes, or the tip in the table frame
         self.rotaries: list[Known] = [start[i] for i in self._rotary]
         self._tips, self._length_mm = False, 0.0
+        self._due: list[JointLine | JointArc] = []  # moves that nobody has asked behind yet
 
     def take(self, block: Block) -> None:
-        """Go where a block leads."""
+        """Go where a block leads; moves of the axes are put off, as of thousands only the last ones tell."""
+        if isinstance(block, JointLine | JointArc):
+            self._due.append(block)
+            if len(self._due) >= MOST_DUE:
+                self._catch_up()
+        elif isinstance(block, TipLine | CutCone | CutRuled | CutNurbs):
+            self._catch_up()
+            self._go(block)
+
+    def _catch_up(self) -> None:
+        """Go where the lines lead that were put off: for each axis the last that has an absolute word of "
+        "it."""
+        due, self._due = self._due, []
+        last: dict[int, int] = {}
+        for k in range(len(due) - 1, -1, -1):
+            block = due[k]
+            if block.relative or block.modal.frame(self._machine)[1:] != _UNTURNED:
+                last = dict(enumerate(range(len(due))))
+                break
+            for i, target in enumerate(block.targets):
+                if target is not None:
+                    last.setdefault(i, k)
+            if len(last) == len(block.targets):
+                break
+        for k in sorted(set(last.values())):
+            self._go(due[k])
+
+    def _go(self, block: Block) -> None:
         if isinstance(block, JointLine | JointArc):
             self._joint_move(block)
         elif isinstance(block, TipLine):
@@ -80,6 +119,7 @@ class Position:
 
     def joints(self) -> tuple[Known, ...]:
         """The joints in the machine's order (mm, rad)."""
+        self._catch_up()
         self._as_axes()
         found: list[Known] = [None] * 5
         for i, value in zip((*self._linear, *self._rotary), (*self.xyz, *self.rotaries), strict=True):
@@ -88,6 +128,7 @@ class Position:
 
     def in_frame(self, modal: Modal) -> Place3:
         """X Y Z as words under G90 would lead here (mm)."""
+        self._catch_up()
         if modal.tip is Tip.OFF:
             self._as_axes()
             lifted = (0.0, 0.0, modal.length_mm)
