@@ -73,10 +73,11 @@ def sort(line: Line, machine: Machine) -> Ask:
     """The line by groups and letters; ProgramError on unknown or doubled words."""
     codes: dict[str, tuple[str, Word]] = {}
     others: dict[str, Word] = {}
-    for word in sorted(line.words, key=lambda word: word.letter not in "GM"):  # codes are to blame first
+    for word in line.words:  # codes first: they are to blame before the letters that they take
         if word.letter in "GM":
             _take_code(line, word, codes, machine.dialect)
-        else:
+    for word in line.words:
+        if word.letter not in "GM":
             _check_letter(line, word, others, machine)
             others[word.letter] = word
     return Ask(line, codes, others)

@@ -53,8 +53,9 @@ class Given:
         return self.position.in_frame(self.state.modal)["xyz".index(letter)]
 
     def _rotary(self, letter: str) -> float | None:
-        rotary = (self._machine.axes[i] for i in self._machine.rotary())
-        for axis, q, shift in zip(rotary, self.position.rotaries, self.state.modal.turned_rad, strict=True):
+        rotary, joints = self._machine.rotary(), self.position.joints()
+        for i, shift in zip(rotary, self.state.modal.turned_rad, strict=True):
+            q, axis = joints[i], self._machine.axes[i]
             if axis.name == letter.upper() and q is not None:
                 return (q - shift) * axis.shown_per_unit
         return None

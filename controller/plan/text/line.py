@@ -13,11 +13,14 @@ from controller.plan.text.program import Place, ProgramError
 # words of axes and F with plain numbers. Nothing in it can be refused as text.
 _WORD = r"[XYZABCIJKFxyzabcijkf][ \t]*+[+-]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)[ \t]*+"
 PLAIN = re.compile(rf"[ \t]*+(?:[Nn][0-9]++[ \t]*+)?([Gg]0?1[ \t]*+)?((?:{_WORD})+)")
+# Any words with plain numbers, behind an N: no comment, parameter, expression or O-word.
+_NUMBER = r"[+-]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)"
+SIMPLE = re.compile(rf"[ \t]*+(?:[Nn][ \t]*+[0-9]++[ \t]*+)?((?:[A-MP-Za-mp-z][ \t]*+{_NUMBER}[ \t]*+)+)")
+_ONE = re.compile(rf"([A-Za-z])[ \t]*({_NUMBER})")
 _PAIRS = re.compile(r"([A-Za-z])[ \t]*([^A-Za-z \t]+)")
 
 
-@dataclass(frozen=True, slots=True)
-class Word:
+class Word(NamedTuple):
     """A letter with its value; ``point``: a decimal point was written, or the value was computed."""
 
     letter: str
@@ -33,6 +36,19 @@ class Plain(NamedTuple):
     pairs: list[tuple[str, float]]
     with_g1: bool
     column: int  # of G1, or of the first word
+
+
+def simple(found: re.Match[str], largest: float) -> tuple[Word, ...] | None:
+    """The words of a match of SIMPLE; None where one is beyond +-``largest``."""
+    words = []
+    for word in _ONE.finditer(found.string, found.start(1)):
+        letter, number = word.groups()
+        value = float(number)
+        if not -largest <= value <= largest:
+            return None
+        letter = letter.upper()
+        words.append(Word(letter, value, "." in number, word.start() + 1, (letter + number)[:40]))
+    return tuple(words)
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,10 +31,12 @@ class Saved:
     def carry_out(self, line: Line, state: State) -> tuple[State, list[Block], Line]:
         """The state, what it does to the machine, and the line without these codes."""
         words = [word for word in line.words if word.letter == "M" and word.value in CODES]
+        if not words:
+            return state, [], line
         made: list[Block] = []
         for word in words:
             state = self._one(line, word, state, made)
-        return state, made, line.with_words(tuple(w for w in line.words if w not in words)) if words else line
+        return state, made, line.with_words(tuple(w for w in line.words if w not in words))
 
     def _one(self, line: Line, word: Word, state: State, made: list[Block]) -> State:
         for ended in [call for call in self._kept if call > line.sub]:

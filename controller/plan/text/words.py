@@ -15,7 +15,7 @@ from controller.plan.text.comments import message, without_comments
 from controller.plan.text.decoding import lines_of
 from controller.plan.text.expressions import GAPS, Values
 from controller.plan.text.flow import Limits, Run, Source
-from controller.plan.text.line import PLAIN, Line, Word
+from controller.plan.text.line import PLAIN, SIMPLE, Line, Word, simple
 from controller.plan.text.parameters import Key, NoValue, Parameters
 from controller.plan.text.program import ProgramError
 
@@ -103,6 +103,9 @@ class _Scan:
             return None
 
     def _words_of(self, raw: str, name: str, number: int) -> Line | None:
+        if (found := SIMPLE.fullmatch(raw)) is not None and (simple_words := simple(found, LARGEST)):
+            self.found = self._opened = True
+            return Line(name, number, simple_words)
         text = without_comments(raw, name, number)
         bare = text.strip(GAPS)
         if self._block_delete and bare.startswith("/"):

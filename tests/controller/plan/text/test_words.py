@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import random
+
 import pytest
 
 from controller.plan.text import words
@@ -29,3 +31,37 @@ def test_a_number_elsewhere_or_with_words_is_refused(text: str) -> None:
 def test_a_number_alone_is_no_program() -> None:
     with pytest.raises(ProgramError, match="needs at least one word"):
         lines("%\nO1234\n%\n")
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_words_of_plain_numbers_are_read_as_any_other(seed: int) -> None:
+    """The short way of a line against the long one, which a comment behind it asks for."""
+    rng = random.Random(seed)
+    numbers = (
+        "0",
+        "1",
+        "007",
+        "-3",
+        "+2.50",
+        ".5",
+        "-.25",
+        "12.",
+        "1e3",
+        "999999999",
+        "1000000001",
+        "3.14159",
+    )
+    line = "".join(
+        f"{rng.choice('GMXYZABCFSTPHDRIJKLEUVWxyzgmn')}{rng.choice(('', '', ' '))}{rng.choice(numbers)}"
+        f"{rng.choice(('', ' ', '  '))}"
+        for _ in range(rng.randrange(1, 6))
+    )
+    line = rng.choice(("", "N10 ", " n7", "/")) + line
+
+    def read(text: str) -> object:
+        try:
+            return [found.words for found in words.read(text, "p")]
+        except ProgramError as error:
+            return str(error)
+
+    assert read(line) == read(f"{line}()"), line
