@@ -51,7 +51,7 @@ def _word(ask: Ask, word: Word, lengths: str, inches: bool, machine: Machine) ->
         return word
     if machine.without_point == "thousandth":
         tenth = 0.1 if inches and word.letter in lengths else 1.0
-        return replace(word, value=word.value * 0.001 * tenth, point=True)
+        return word._replace(value=word.value * 0.001 * tenth, point=True)
     raise ask.refusal(
         word,
         f"{word.text} has no decimal point: on controls of this dialect it may mean {word.value:g} or "

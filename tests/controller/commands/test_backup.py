@@ -81,12 +81,12 @@ def test_a_machine_file_that_check_and_bus_refuse_is_not_put_in_use(
     assert new.read_text() != text
     refused = CliRunner().invoke(bus_command.app, [str(new), "--json"])
     said = json.loads(refused.stdout)["error"]
-    code, error = outcome(["update", str(new), "--machine-file", str(file)], state)
+    code, error = outcome(["update", str(new), "--machine", str(file)], state)
     assert code == 1 and re.search(words, error) and error.splitlines()[0] in said
     assert file.read_text() == text and backup.all_kept(Store(state)) == []
     strained = tmp_path / "strained.zip"
     backup.save(Store(state), config.load(str(new)), strained)
-    assert outcome(["restore", str(strained), "--machine-file", str(file)], state)[0] == 1
+    assert outcome(["restore", str(strained), "--machine", str(file)], state)[0] == 1
     assert file.read_text() == text
     assert outcome(["restore", str(strained)], state) == (0, ""), "its machine file is not put in use"
 
@@ -99,5 +99,5 @@ def test_a_machine_whose_drives_commissioning_would_refuse_is_not_put_in_use(
     monkeypatch.setattr(drive_sheets, "look", lambda _: (["X (can0, node 1): has no 607Ah"], []))
     file = tmp_path / "machine.toml"
     file.write_text(backup._alone(config.load("trunnion")))
-    code, error = outcome(["update", str(file), "--machine-file", str(file)], state)
+    code, error = outcome(["update", str(file), "--machine", str(file)], state)
     assert code == 1 and "has no 607Ah" in error

@@ -29,7 +29,7 @@ from controller.panel.store import Store, UploadLimits
 LIMITS = UploadLimits(most_bytes=20_000, free_bytes=0, at_once=4, patience_s=0.3, slowest_bytes_s=1e6)
 AT_ONCE = 8  # requests
 # 507: the disk is full. Everything else says what was wrong with the request.
-ANSWERS = {200, 201, 202, 204, 404, 405, 409, 413, 422, 429, 507}
+ANSWERS = {200, 201, 202, 204, 404, 405, 408, 409, 413, 422, 429, 507}
 NAMED = (
     "/programs/{}",
     "/programs/{}/text",
