@@ -1,6 +1,6 @@
 """What holds for every test: nothing is written into the home of the user who runs them.
 
-And for those marked ``live``: a computer that was not there fails none of them, see held_up.py.
+And for those marked ``live``: a computer that was not there fails none of them, see absent_computer.py.
 """
 
 from __future__ import annotations
@@ -8,14 +8,12 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import ci_seed
-import held_up
 import hypothesis
 import pytest
-import shares
+from support.suite import absent_computer, case_shares, seed
 
 # The workers of xdist must choose the same.
-os.environ["DIRECTRIX_TEST_SEED"] = str(ci_seed.SEED)
+os.environ["DIRECTRIX_TEST_SEED"] = str(seed.SEED)
 
 # How long an example takes is a matter of what else the computer does.
 hypothesis.settings.register_profile(
@@ -38,7 +36,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_report_header(config: pytest.Config) -> str:
-    return f"DIRECTRIX_TEST_SEED={ci_seed.SEED}, one in {config.getoption('share')} of the cases"
+    return f"DIRECTRIX_TEST_SEED={seed.SEED}, one in {config.getoption('share')} of the cases"
 
 
 # After the marks have been looked at.
@@ -46,7 +44,7 @@ def pytest_report_header(config: pytest.Config) -> str:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     one_in = config.getoption("share")
     if one_in > 1:
-        items[:], left_out = shares.picked(items, one_in, ci_seed.SEED)
+        items[:], left_out = case_shares.picked(items, one_in, seed.SEED)
         config.hook.pytest_deselected(items=left_out)
 
 
@@ -54,5 +52,5 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
     if item.get_closest_marker("live") is None:
         return None
-    held_up.run(item, nextitem)
+    absent_computer.run(item, nextitem)
     return True

@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from shop import Shop, Values, opened
+from support.live.shop import Shop, Values, opened
 
 from controller import config
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from shop import Shop, opened
+from support.live.shop import Shop, opened
 from typer.testing import CliRunner
 
 from controller import config

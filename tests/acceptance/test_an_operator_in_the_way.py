@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from cutting import Cut, cut, largest, off_the_path, off_the_plan, program, shipped
+from support.machines.stepped_runs import Cut, cut, largest, off_the_path, off_the_plan, program, shipped
 
 from controller.handoff import Snapshot
 from controller.plan.planner import AHEAD_S

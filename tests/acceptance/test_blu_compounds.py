@@ -6,10 +6,10 @@ import itertools
 import random
 from dataclasses import replace
 
-import blu_compounds
 import numpy as np
 import pytest
-from cutting import SHIPPED, Cut, cut, largest, shipped
+from support.machines.stepped_runs import SHIPPED, Cut, cut, largest, shipped
+from support.parts import blu_compounds
 
 from controller.machine import Tool
 from controller.plan.feed.course import Course

@@ -9,8 +9,8 @@ import math
 import random
 
 import pytest
-from cutting import cut, program, shipped
-from on_the_wire import Wire, take_the_worst
+from support.machines.stepped_runs import cut, program, shipped
+from support.oracles.bus_times import Wire, take_the_worst
 
 from controller.session.bus_load import budgets, overload
 from controller.session.startup import SessionError

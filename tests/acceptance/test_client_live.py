@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from shop import Shop, opened
+from support.live.shop import Shop, opened
 from typer.testing import CliRunner
 
 from controller.__main__ import app

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cutting import Cut, cut, shipped
-from limits_in_traces import assert_in_limits
-from random_surfaces import compound, text
+from support.machines.stepped_runs import Cut, cut, shipped
+from support.oracles.trace_limits import assert_in_limits
+from support.parts.random_surfaces import compound, text
 
 from controller import config
 from controller.motions import SurfaceCut

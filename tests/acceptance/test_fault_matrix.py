@@ -8,11 +8,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-import fault_matrix
-import fault_mill
 import pytest
-from fault_cases import CASES, Case
-from fault_matrix import Cell
+from support.faults import matrix, spindle_scene
+from support.faults.cases import CASES, Case
+from support.faults.matrix import Cell
 
 BY_NAME = {case.name: case for case in CASES}
 SLICE = (
@@ -34,7 +33,7 @@ def cells(request: pytest.FixtureRequest) -> Iterator[list[Cell]]:
     capture = request.config.pluginmanager.getplugin("capturemanager")
     if found:
         with capture.global_and_fixture_disabled():
-            print(f"\n\n{fault_matrix.table(found)}\n")
+            print(f"\n\n{matrix.table(found)}\n")
 
 
 def judge(found: list[Cell]) -> None:
@@ -46,7 +45,7 @@ def judge(found: list[Cell]) -> None:
 def test_a_fault_ends_in_rest_named_recorded_and_recovered_from(
     name: str, modes: tuple[str, ...], tmp_path: Path, cells: list[Cell]
 ) -> None:
-    found = fault_matrix.row(BY_NAME[name], tmp_path, modes)
+    found = matrix.row(BY_NAME[name], tmp_path, modes)
     cells += found
     judge(found)
 
@@ -54,16 +53,16 @@ def test_a_fault_ends_in_rest_named_recorded_and_recovered_from(
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_every_fault_in_every_mode(case: Case, tmp_path: Path, cells: list[Cell]) -> None:
-    found = fault_matrix.row(case, tmp_path)
+    found = matrix.row(case, tmp_path)
     cells += found
     judge(found)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", fault_mill.CASES, ids=lambda case: case.name)
+@pytest.mark.parametrize("case", spindle_scene.CASES, ids=lambda case: case.name)
 def test_every_fault_of_spindle_inputs_and_clamps_in_every_mode(
     case: Case, tmp_path: Path, cells: list[Cell]
 ) -> None:
-    found = fault_matrix.row(case, tmp_path, made=fault_mill.MillScene)
+    found = matrix.row(case, tmp_path, made=spindle_scene.MillScene)
     cells += found
     judge(found)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import random
 from typing import NamedTuple
 
-import cam_programs
 import numpy as np
-import operators
-import paths_by_hand
 import pytest
-from cutting import Cut, cut, shipped
-from limits_in_traces import assert_in_limits
+from support.machines import random_operators
+from support.machines.stepped_runs import Cut, cut, shipped
+from support.oracles import tool_paths
+from support.oracles.trace_limits import assert_in_limits
+from support.parts import cam_programs
 
 from controller.machine import Machine
 from controller.session.events import Event
@@ -36,10 +36,10 @@ def follow(
     assert done.run.result == "completed", done.run.fault_text
     assert_in_limits(done, f"{len(cloud)} points", events or [])
     rows = on_lines(done, cloud)
-    fine = paths_by_hand.between_ticks(done.joints[rows[0] - 1 : rows[-1] + 2])
-    tips, _ = paths_by_hand.tool(fine, done.machine, 0.0)
-    off, _, _ = paths_by_hand.off_polyline(tips, cloud.tips)
-    missed = paths_by_hand.off_points(cloud.tips, tips)
+    fine = tool_paths.between_ticks(done.joints[rows[0] - 1 : rows[-1] + 2])
+    tips, _ = tool_paths.tool(fine, done.machine, 0.0)
+    off, _, _ = tool_paths.off_polyline(tips, cloud.tips)
+    missed = tool_paths.off_points(cloud.tips, tips)
     speed = np.linalg.norm(np.diff(tips[::4], axis=0), axis=1) / done.machine.period_s
     return Followed(float(off.max()), float(missed.max()), speed, done)
 
@@ -58,18 +58,18 @@ def assert_exact(source: str, cloud: cam_programs.Cloud, machine: Machine | None
     assert done.run.result == "completed", done.run.fault_text
     assert_in_limits(done, "exact lines")
     rows = on_lines(done, cloud)
-    tips, axes = paths_by_hand.tool(done.joints[rows], done.machine, 0.0)
-    off, segment, share = paths_by_hand.off_polyline(tips, cloud.tips)
+    tips, axes = tool_paths.tool(done.joints[rows], done.machine, 0.0)
+    off, segment, share = tool_paths.off_polyline(tips, cloud.tips)
     assert off.max() < EXACT_MM, (off.max(), rows[off.argmax()])
     for k in np.unique(segment):
         here = segment == k
         a, b = cloud.axes[k], cloud.axes[k + 1]
-        circle = paths_by_hand.great_circle(a, b, share[here])
+        circle = tool_paths.great_circle(a, b, share[here])
         turns = np.unwrap(np.radians(cam_programs.trunnion_degrees(np.stack([a, b]))), axis=0)
         even = cam_programs.axes_of_trunnion(
             np.degrees(turns[0] + share[here][:, None] * (turns[1] - turns[0]))
         )
-        apart = np.minimum(*(paths_by_hand.degrees_between(axes[here], x) for x in (circle, even)))
+        apart = np.minimum(*(tool_paths.degrees_between(axes[here], x) for x in (circle, even)))
         assert apart.max() < EXACT_DEG, (k, apart.max())
     return done
 
@@ -142,7 +142,7 @@ def test_inverse_time_takes_its_time_per_line(path: str) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_an_operator_in_the_way_of_short_lines_leaves_the_tolerance_and_the_limits(seed: int) -> None:
     source, cloud = cam_programs.text(cam_programs.bowl(3, 20.0, 2.0), 2000.0, seed % 2 == 1)
-    events = operators.events(random.Random(seed), len(cut(source, shipped()).rows), 8)
+    events = random_operators.events(random.Random(seed), len(cut(source, shipped()).rows), 8)
     found = follow(source, cloud, events=events)
     assert found.off_mm <= 0.01 + ROUNDING and found.missed_mm <= 0.01 + ROUNDING
 

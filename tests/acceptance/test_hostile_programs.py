@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
-from hostile_programs import MACHINES, outcome, program
+from support.parts.hostile_programs import MACHINES, outcome, program
 
 from controller import config
 from controller.machine import Machine

@@ -6,8 +6,8 @@ import random
 
 import numpy as np
 import pytest
-from cutting import largest
-from restarting import Items, source, up
+from support.machines.interrupted_runs import Items, source, up
+from support.machines.stepped_runs import largest
 
 from controller import jog_frames
 from controller.geometry import Frame, dot, scale, subtract

@@ -18,10 +18,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cutting import program
-from living import gone, until
-from replaying import Again, again, assert_cut, assert_same_setpoints, facts, records
-from serving import ROOT, Serving, Values, calm, calm_machine, serving
+from support.live.live_machines import gone, until
+from support.live.replayed_runs import Again, again, assert_cut, assert_same_setpoints, facts, records
+from support.live.served_machine import ROOT, Serving, Values, calm, calm_machine, serving
+from support.machines.stepped_runs import program
 
 from controller import journal
 from controller.handoff import COLUMN

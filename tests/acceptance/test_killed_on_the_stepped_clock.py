@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cutting import program
-from planning_bench import Bench
+from support.machines.planning_bench import Bench
+from support.machines.stepped_runs import program
 
 from controller.handoff import COLUMN
 from controller.plan.route.spot import ENTRY_ID

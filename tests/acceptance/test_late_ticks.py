@@ -5,10 +5,10 @@ from __future__ import annotations
 import random
 from collections.abc import Callable
 
-import latched
 import numpy as np
 import pytest
-from cutting import Cut, cut, off_the_plan, program, shipped
+from support.machines.stepped_runs import Cut, cut, off_the_plan, program, shipped
+from support.oracles import latched_setpoints
 
 from controller.handoff import COLUMN, STOOD
 from controller.session.stepped import SteppedMachine
@@ -60,7 +60,7 @@ def assert_single_steps(done: Cut) -> None:
         rows = rows[rows[:, COLUMN["mode"]] != Mode.FAULT]
     still = (rows[:, COLUMN["sync_sent"]] == 0.0) & (rows[:, COLUMN["switches"]] != STOOD)
     assert not np.abs(np.diff(joints_of(rows), axis=0))[still[1:]].any()
-    first, second, third = latched.most(rows, done.machine)
+    first, second, third = latched_setpoints.most(rows, done.machine)
     print(f"\nvelocity {first:.4f}, acceleration {second:.4f}, jerk {third:.3f}, skips {done.run.skips}")
     assert first <= 1.0005 and second <= ACCELERATION
 
@@ -104,7 +104,7 @@ def test_after_a_gap_in_which_the_drives_stood_the_cut_goes_on_from_rest() -> No
     assert done.run.result == "completed" and done.run.fault is Fault.NONE, done.run.fault_text
     (stood,) = np.flatnonzero(done.column("switches") == STOOD)
     assert done.trace.feed_mm_s[stood - 1] > 40.0 and done.trace.feed_mm_s[stood + 1] == 0.0
-    assert len(latched.parts(done.run.rows)) == 2
+    assert len(latched_setpoints.parts(done.run.rows)) == 2
     assert off_the_plan(done) < 1e-6
     assert_syncs_apart(listener)
     assert_single_steps(done)

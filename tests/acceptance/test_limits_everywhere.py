@@ -10,18 +10,16 @@ import random
 from collections.abc import Sequence
 from dataclasses import replace
 
-import by_hand
-import lower_bound
 import numpy as np
-import operators
-import paths_by_hand
 import pytest
-import random_nurbs
-from cutting import SHIPPED, Cut, cut, off_the_plan, program, shipped
-from limits_in_traces import assert_in_limits
-from machines import random_machine
-from random_surfaces import compound, text
-from surfaces_of_the_paper import POINTS
+from support.machines import random_operators
+from support.machines.shipped_kinds import random_machine
+from support.machines.stepped_runs import SHIPPED, Cut, cut, off_the_plan, program, shipped
+from support.oracles import ruled_surfaces, time_bound, tool_paths
+from support.oracles.trace_limits import assert_in_limits
+from support.parts import random_nurbs
+from support.parts.paper_surfaces import POINTS
+from support.parts.random_surfaces import compound, text
 
 from controller.handoff import COLUMN
 from controller.machine import Homing, Machine
@@ -29,19 +27,22 @@ from controller.plan.text.program import ProgramError
 from controller.session.events import Event
 from controller.state import Request
 
-Surface = by_hand.Ruled | by_hand.Frustum | paths_by_hand.RuledNurbs
+Surface = ruled_surfaces.Ruled | ruled_surfaces.Frustum | tool_paths.RuledNurbs
 TIP_MM, AXIS_DEG = 1e-6, 1e-6
 GRID = 4001
 
 EXAMPLES: dict[str, tuple[tuple[Surface, ...], float]] = {
-    "example1_ready.ngc": ((by_hand.Frustum((0.0, 15.0, 0.0), (0.0, 0.0, 0.0), 10.0, 10.0, 360.0),), 3.0),
-    "example2_ready.ngc": (tuple(by_hand.Ruled(*pair) for pair in POINTS), -1.5),
+    "example1_ready.ngc": (
+        (ruled_surfaces.Frustum((0.0, 15.0, 0.0), (0.0, 0.0, 0.0), 10.0, 10.0, 360.0),),
+        3.0,
+    ),
+    "example2_ready.ngc": (tuple(ruled_surfaces.Ruled(*pair) for pair in POINTS), -1.5),
 }
 
 
 def assert_on_surfaces(done: Cut, surfaces: Sequence[Surface], offset: float, whole: bool = True) -> None:
     """Every cutting tick on its block's surface, onwards only, and (``whole``) from one end to the other."""
-    tips, axes = paths_by_hand.tool(done.joints, done.machine, 0.0)
+    tips, axes = tool_paths.tool(done.joints, done.machine, 0.0)
     lines, cutting = done.trace.line, done.trace.cutting
     for line, surface in zip(dict.fromkeys(lines[cutting]), surfaces, strict=False):
         rows = np.flatnonzero(cutting & (lines == line))
@@ -67,7 +68,7 @@ def _off(
         ahead = nodes[max(at - 3, 0) : at + 400]
         at = max(at - 3, 0) + int(np.linalg.norm(ahead - p, axis=1).argmin())
         guess[n] = grid[at]
-    return paths_by_hand.off_curve(tips, axes, lambda u: surface.tip(u, offset), surface.axis, guess)
+    return tool_paths.off_curve(tips, axes, lambda u: surface.tip(u, offset), surface.axis, guess)
 
 
 def judge(
@@ -95,7 +96,7 @@ def on_example(name: str, feed: str, machine: Machine, seed: int, count: int) ->
     plain = judge(source, machine, surfaces, offset, [], label)
     if not count:
         return plain
-    events = operators.events(random.Random(seed), len(plain.rows), count)
+    events = random_operators.events(random.Random(seed), len(plain.rows), count)
     return judge(source, machine, surfaces, offset, events, label)
 
 
@@ -109,9 +110,9 @@ def on_surfaces(seed: int, machine: Machine, count: int) -> Cut | None:
     except ProgramError as refusal:
         assert len(refusal.sentence) > 20
         return None
-    events = operators.events(rng, len(plain.rows), count)
+    events = random_operators.events(rng, len(plain.rows), count)
     label = f"seed {seed} on {machine.name} at {feed:.0f} mm/min"
-    return judge(source, machine, [by_hand.Ruled(*pair) for pair in surfaces], 1.5, events, label)
+    return judge(source, machine, [ruled_surfaces.Ruled(*pair) for pair in surfaces], 1.5, events, label)
 
 
 def oblique(seed: int) -> Machine:
@@ -140,8 +141,8 @@ def on_nurbs(seed: int, machine: Machine, count: int) -> Cut | None:
     except ProgramError as refusal:
         assert len(refusal.sentence) > 20
         return None
-    events = operators.events(rng, len(plain.rows), count) if count else []
-    surface = paths_by_hand.RuledNurbs(
+    events = random_operators.events(rng, len(plain.rows), count) if count else []
+    surface = tool_paths.RuledNurbs(
         upper.points,
         lower.points,
         (upper.degree, lower.degree),
@@ -168,7 +169,7 @@ def test_the_forward_kinematics_by_hand_agree_with_the_controllers() -> None:
     for seed in range(20):
         machine = random_machine(random.Random(seed))
         joints = rng.uniform(-2.0, 2.0, (5, 5))
-        tips, axes = paths_by_hand.tool(joints, machine, 30.0)
+        tips, axes = tool_paths.tool(joints, machine, 30.0)
         for q, tip, axis in zip(joints, tips, axes, strict=True):
             pose = Kinematics(machine).forward(tuple(map(float, q)), 30.0)
             frame = machine.offsets[0]
@@ -193,10 +194,10 @@ def test_the_cut_time_is_near_the_bound_that_knows_no_jerk(
     name: str, feed: str, limits: str, most: float
 ) -> None:
     """Seconds with ``cutting`` in the trace against toppra's; the issue's own figures."""
-    machine = lower_bound.linuxcnc(shipped()) if limits == "linuxcnc" else shipped()
+    machine = time_bound.linuxcnc(shipped()) if limits == "linuxcnc" else shipped()
     done = on_example(name, feed, machine, 0, 0)
     took = int(done.trace.cutting.sum()) * machine.period_s
-    bound = lower_bound.seconds([s for s in done.stretches.values() if s.cutting], machine)
+    bound = time_bound.seconds([s for s in done.stretches.values() if s.cutting], machine)
     print(f"\n{name} {feed} {limits}: {took:.3f} s, bound {bound:.3f} s, ratio {took / bound:.4f}")
     assert took <= most * bound
 
@@ -217,7 +218,7 @@ def test_every_shipped_machine_with_an_operator(machine: str) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(EXAMPLES))
 def test_the_limits_of_linuxcnc_with_an_operator(name: str) -> None:
-    on_example(name, "1000.", lower_bound.linuxcnc(shipped()), 5, 10)
+    on_example(name, "1000.", time_bound.linuxcnc(shipped()), 5, 10)
 
 
 @pytest.mark.slow
@@ -226,7 +227,7 @@ def test_unseen_surfaces_with_an_operator(batch: int) -> None:
     done = 0
     for seed in range(800 + 6 * batch, 806 + 6 * batch):
         machine = shipped(random.Random(seed).choice(SHIPPED))
-        machine = lower_bound.linuxcnc(machine) if seed % 3 == 0 else machine
+        machine = time_bound.linuxcnc(machine) if seed % 3 == 0 else machine
         done += on_surfaces(seed, machine, 8) is not None
     assert done >= 2
 
@@ -248,7 +249,7 @@ def test_a_stop_in_the_middle_of_anything_ends_on_the_path(seed: int) -> None:
     rng = random.Random(seed)
     source, machine = program("example2_ready.ngc", "3000."), shipped()
     ticks = len(cut(source, machine).rows)
-    events = [e for e in operators.events(rng, ticks, 4) if e.tick < ticks]
+    events = [e for e in random_operators.events(rng, ticks, 4) if e.tick < ticks]
     events = sorted([*events, Event(rng.randrange(20, ticks - 20), Request.STOP)], key=lambda e: e.tick)
     surfaces, offset = EXAMPLES["example2_ready.ngc"]
     judge(source, machine, surfaces, offset, events, f"stop, seed {seed}")

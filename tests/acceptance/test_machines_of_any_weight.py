@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import jerk_limited
 import numpy as np
 import pytest
-from cutting import Cut, cut, off_the_plan
-from limits_in_traces import assert_in_limits
-from slow_machines import any_path, drawn, published, two_rails
+from support.machines.slow_machines import any_path, drawn, published, two_rails
+from support.machines.stepped_runs import Cut, cut, off_the_plan
+from support.oracles import jerk_limited_time
+from support.oracles.trace_limits import assert_in_limits
 
 from controller.machine import Machine
 from controller.plan.text.program import ProgramError
@@ -22,7 +22,7 @@ def run(source: str, machine: Machine, label: object) -> tuple[Cut, float]:
     assert_in_limits(done, label, ())
     assert off_the_plan(done, np.flatnonzero(done.column("mode") != 1.0)) < TIP_MM, label
     cuts = [stretch for stretch in done.stretches.values() if stretch.cutting]
-    best = jerk_limited.optimum(cuts, machine).seconds
+    best = jerk_limited_time.optimum(cuts, machine).seconds
     return done, float(done.trace.cutting.sum()) * machine.period_s / best
 
 

@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 import pytest
-from cutting import cut
-from real_sheets import SHEETS, sheet_of
+from support.drives.makers_sheets import SHEETS, sheet_of
+from support.machines.stepped_runs import cut
 
 from controller import config, profiles
 from controller.handoff import COLUMN

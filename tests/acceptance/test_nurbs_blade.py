@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from cutting import T2, cut, largest, shipped
-from nurbs_text import blade, nurbs
 from scipy.interpolate import BSpline
+from support.machines.stepped_runs import T2, cut, largest, shipped
+from support.parts.nurbs_text import blade, nurbs
 
 from controller.motions import SurfaceCut
 

@@ -5,14 +5,22 @@ from __future__ import annotations
 import random
 from functools import cache
 
-import lower_bound
 import numpy as np
-import operators
 import pytest
-from cutting import Cut, cut, off_the_plan, program, shipped
-from limits_in_traces import assert_in_limits
-from placed_by_hand import LINE, TIP_MM, assert_on_placed_surfaces, small
-from restarting import assert_rest_is_cut, assert_sound, distance, fresh, rest_of, resumed, stretches
+from support.machines import random_operators
+from support.machines.interrupted_runs import (
+    assert_rest_is_cut,
+    assert_sound,
+    distance,
+    fresh,
+    rest_of,
+    resumed,
+    stretches,
+)
+from support.machines.stepped_runs import Cut, cut, off_the_plan, program, shipped
+from support.oracles import time_bound
+from support.oracles.placed_cuts import LINE, TIP_MM, assert_on_placed_surfaces, small
+from support.oracles.trace_limits import assert_in_limits
 
 from controller.machine import Machine
 from controller.placement import Placed
@@ -36,7 +44,7 @@ def judged(source: str, machine: Machine, seed: int, count: int) -> Cut:
         assert off_the_plan(done, np.flatnonzero(done.column("mode") != 1.0)) < TIP_MM
         if events or not count:
             break
-        events = operators.events(random.Random(seed), len(done.rows), count)
+        events = random_operators.events(random.Random(seed), len(done.rows), count)
         done = cut(source, machine, events)
     return done
 
@@ -101,7 +109,7 @@ def test_after_a_hold_the_path_is_the_same() -> None:
     ],
 )
 def test_example_2_placed_with_an_operator(placement: int, machine: str, slower: bool) -> None:
-    built = lower_bound.linuxcnc(shipped(machine)) if slower else shipped(machine)
+    built = time_bound.linuxcnc(shipped(machine)) if slower else shipped(machine)
     done = judged(example_2(placement, "3000."), built, placement, 8)
     # Both surfaces, and between them the turn from one placement to the other.
     names = [stretch.name for stretch in done.stretches.values()]

@@ -13,14 +13,12 @@ import os
 import shlex
 from pathlib import Path
 
-import fault_judge
 import numpy as np
 import pytest
-import random_bench
-import random_faults
-from cutting import shipped
-from random_bench import Came
-from random_faults import Batch
+from support.faults import invariants, random_batches, random_scripts
+from support.faults.random_batches import Came
+from support.faults.random_scripts import Batch
+from support.machines.stepped_runs import shipped
 from typer.testing import CliRunner
 
 from controller import __main__ as command_line
@@ -31,7 +29,7 @@ from controller.state import Fault, Mode
 IN_A_BATCH = 40
 SCRIPTS = int(os.environ.get("DIRECTRIX_FAULT_SCRIPTS", "10000"))
 HEALTHY = int(os.environ.get("DIRECTRIX_HEALTHY_RUNS", "1000"))
-FEW, FEW_HEALTHY = 2 * len(random_faults.MACHINES), len(random_faults.MACHINES)  # batches; CI takes some
+FEW, FEW_HEALTHY = 2 * len(random_scripts.MACHINES), len(random_scripts.MACHINES)  # batches; CI takes some
 
 
 def judge(of: Batch, came: list[Came], folder: Path) -> None:
@@ -39,19 +37,19 @@ def judge(of: Batch, came: list[Came], folder: Path) -> None:
     told = []
     for n, one in enumerate(came):
         if one.wrongs:
-            words = random_faults.written(of, one.case, folder / f"case-{n}")
+            words = random_scripts.written(of, one.case, folder / f"case-{n}")
             told += [*one.wrongs, f"  directrix {shlex.join(words)}"]
     assert not told, "\n".join([f"batch {of.number}, of {len(came)} cases:", *told])
 
 
 def random_scripts(number: int, folder: Path) -> None:
-    of = random_faults.batch(number)
-    judge(of, random_bench.cases(of, IN_A_BATCH), folder)
+    of = random_scripts.batch(number)
+    judge(of, random_batches.cases(of, IN_A_BATCH), folder)
 
 
 def healthy_runs(number: int, folder: Path) -> None:
-    of = random_faults.healthy_batch(number)
-    came = random_bench.cases(of, IN_A_BATCH, draw=random_faults.healthy_case)
+    of = random_scripts.healthy_batch(number)
+    came = random_batches.cases(of, IN_A_BATCH, draw=random_scripts.healthy_case)
     assert [one.fault for one in came] == ["NONE"] * (IN_A_BATCH + 1)
     judge(of, came, folder)
 
@@ -85,7 +83,7 @@ def test_a_thousand_healthy_runs(number: int, tmp_path: Path) -> None:
 
 def is_simulated_again(of: Batch, one: Came, trace: Path, folder: Path) -> None:
     """``directrix simulate`` makes the same run; it goes on longer where it records a fault."""
-    words = random_faults.written(of, one.case, folder)
+    words = random_scripts.written(of, one.case, folder)
     again = folder / "again.npz"
     result = CliRunner().invoke(command_line.app, [*words, "--trace", str(again)])
     assert (one.fault != "NONE") == (result.exit_code == 1), result.output
@@ -98,9 +96,9 @@ def is_simulated_again(of: Batch, one: Came, trace: Path, folder: Path) -> None:
 
 
 def again(number: int, count: int, folder: Path) -> None:
-    of = random_faults.batch(number)
+    of = random_scripts.batch(number)
     (folder / "traces").mkdir()
-    came = random_bench.cases(of, count, folder / "traces")
+    came = random_batches.cases(of, count, folder / "traces")
     ours = [one for one in came if one.case.script]
     assert len(ours) == count
     for n, one in enumerate(ours):
@@ -153,31 +151,31 @@ def sight(machine: Machine, off: float = 0.0, fault_at: int = 10**9, **last: obj
 
 
 def test_the_judge_lets_pass_what_is_in_order() -> None:
-    assert fault_judge.wrongs(sight(shipped())) == []
-    assert fault_judge.wrongs(sight(shipped(), off=0.1)) == []
-    assert fault_judge.wrongs(sight(shipped(), recounted=1, untrusted=1)) == []
+    assert invariants.wrongs(sight(shipped())) == []
+    assert invariants.wrongs(sight(shipped(), off=0.1)) == []
+    assert invariants.wrongs(sight(shipped(), recounted=1, untrusted=1)) == []
 
 
 def test_the_judge_sees_an_axis_that_is_off_and_a_jump() -> None:
-    found = fault_judge.wrongs(sight(shipped(), off=2.5))
+    found = invariants.wrongs(sight(shipped(), off=2.5))
     assert any("X was off for" in one and "2.500" in one for one in found)
     assert not any("its velocity limit" in one for one in found)
-    far = fault_judge.wrongs(sight(shipped(), off=20.0))
+    far = invariants.wrongs(sight(shipped(), off=20.0))
     assert any("times its velocity limit" in one for one in far)
-    assert not any("was off" in one for one in fault_judge.wrongs(sight(shipped(), off=2.5, fault_at=99)))
+    assert not any("was off" in one for one in invariants.wrongs(sight(shipped(), off=2.5, fault_at=99)))
 
 
 def test_the_judge_sees_who_goes_on_after_a_fault() -> None:
     machine = shipped()
     moving = sight(machine, fault_at=5)
     ticks = tuple(s._replace(motors=(0.1 * s.tick, *s.motors[1:])) for s in moving.ticks)
-    found = fault_judge.wrongs(Sight(machine, ticks))
+    found = invariants.wrongs(Sight(machine, ticks))
     assert any("X moved 988 ms after FOLLOWING_ERROR" in one for one in found)
     assert any("X moves to the end" in one for one in found)
     coasting = tuple(s._replace(torque=30) for s in ticks)
-    assert not any(" ms after" in one for one in fault_judge.wrongs(Sight(machine, coasting)))
+    assert not any(" ms after" in one for one in invariants.wrongs(Sight(machine, coasting)))
 
 
 def test_the_judge_sees_a_count_that_is_trusted_and_lost() -> None:
-    found = fault_judge.wrongs(sight(shipped(), recounted=1))
+    found = invariants.wrongs(sight(shipped(), recounted=1))
     assert found == ["tick 499: X counts from another zero and is trusted"]

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from milling import DOOR, mill
-from recording_bench import RecordedBench, sent
-from replaying import again, assert_same_setpoints
+from support.live.replayed_runs import again, assert_same_setpoints
+from support.machines.recording_bench import RecordedBench, sent
+from support.machines.spindle_machine import DOOR, mill
 from typer.testing import CliRunner
 
 from controller import __main__ as command_line

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cutting import Cut, cut, shipped
-from restarting import (
+from support.machines.interrupted_runs import (
     EXAMPLE_2,
     LINES,
     TIPS,
@@ -28,6 +27,7 @@ from restarting import (
     until,
     with_tool,
 )
+from support.machines.stepped_runs import Cut, cut, shipped
 
 from controller import journal
 from controller.handoff import COLUMN, Jog, Snapshot, send_jog

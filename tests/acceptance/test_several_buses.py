@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from cutting import Cut, cut, program, shipped
-from on_the_wire import Wire, take_the_worst
+from support.machines.stepped_runs import Cut, cut, program, shipped
+from support.oracles.bus_times import Wire, take_the_worst
 
 from controller.session.bus_load import budgets
 from controller.session.stepped import SteppedMachine

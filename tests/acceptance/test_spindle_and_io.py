@@ -7,7 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from milling import A_CLOSED, A_OPEN, C_CLOSED, C_OPEN, COOLANT, DOOR, ESTOP, Mill, mill
+from support.machines.spindle_machine import (
+    A_CLOSED,
+    A_OPEN,
+    C_CLOSED,
+    C_OPEN,
+    COOLANT,
+    DOOR,
+    ESTOP,
+    Mill,
+    mill,
+)
 
 from controller.handoff import Snapshot
 from controller.machine import Machine

@@ -11,12 +11,12 @@ import random
 from functools import cache
 from typing import NamedTuple
 
-import independent_stop
 import numpy as np
 import pytest
-from cutting import SHIPPED, Cut, cut, program, shipped
-from limits_in_traces import assert_in_limits
-from random_surfaces import compound, text
+from support.machines.stepped_runs import SHIPPED, Cut, cut, program, shipped
+from support.oracles import jerk_limited_stop
+from support.oracles.trace_limits import assert_in_limits
+from support.parts.random_surfaces import compound, text
 
 from controller.machine import Machine
 from controller.plan.route.path import joints_along
@@ -64,18 +64,18 @@ def _shortest(plain: Cut, row: int, machine: Machine) -> float | None:
     T, stretch = machine.period_s, plain.stretches[int(ids[row])]
     v, a = (s[row + 1] - s[row - 1]) / (2 * T), (s[row + 1] - 2 * s[row] + s[row - 1]) / T**2
     end = stretch.motion.end
-    path = independent_stop.way(
+    path = jerk_limited_stop.way(
         lambda x: np.asarray(joints_along(stretch, np.clip(x, 0.0, end), plain.kinematics)),
         float(s[row]),
         min(end, float(s[row]) + max(0.5, 0.6 * v)),
     )
-    return independent_stop.shortest(path, limits(stretch, machine), float(s[row]), float(v), float(a))
+    return jerk_limited_stop.shortest(path, limits(stretch, machine), float(s[row]), float(v), float(a))
 
 
-def limits(stretch: object, machine: Machine) -> independent_stop.Limits:
-    found = independent_stop.limits_of(machine.axes)
+def limits(stretch: object, machine: Machine) -> jerk_limited_stop.Limits:
+    found = jerk_limited_stop.limits_of(machine.axes)
     rapid = stretch.feed_mm_s is None  # type: ignore[attr-defined]
-    return independent_stop.Limits(*(x * machine.rapid_share for x in found)) if rapid else found
+    return jerk_limited_stop.Limits(*(x * machine.rapid_share for x in found)) if rapid else found
 
 
 def judge(source: str, machine: Machine, ticks: list[int], label: object) -> list[float]:
@@ -112,10 +112,10 @@ def spread(source: str, machine: Machine, count: int, seed: int) -> list[int]:
 
 
 def test_the_independent_stop_finds_the_closed_form_on_a_straight_line() -> None:
-    limits = independent_stop.Limits(np.full(5, 200.0), np.full(5, 2000.0), np.full(5, 50_000.0))
-    path = independent_stop.way(lambda x: np.stack([x, 0 * x, 0 * x, 0 * x, 0 * x], axis=1), 0.0, 100.0)
+    limits = jerk_limited_stop.Limits(np.full(5, 200.0), np.full(5, 2000.0), np.full(5, 50_000.0))
+    path = jerk_limited_stop.way(lambda x: np.stack([x, 0 * x, 0 * x, 0 * x, 0 * x], axis=1), 0.0, 100.0)
     for v, closed in ((50.0, 2 * (50.0 / 50_000.0) ** 0.5), (150.0, 150.0 / 2000.0 + 2000.0 / 50_000.0)):
-        assert independent_stop.shortest(path, limits, 0.0, v, 0.0) == pytest.approx(closed, rel=3e-3)
+        assert jerk_limited_stop.shortest(path, limits, 0.0, v, 0.0) == pytest.approx(closed, rel=3e-3)
 
 
 def test_a_hold_in_the_cut_of_example_2_stops_nearly_as_fast_as_can_be() -> None:

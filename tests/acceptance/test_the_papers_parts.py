@@ -5,24 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cache
 
-import by_hand
 import numpy as np
 import pytest
-from cutting import SHIPPED, Cut, cut, largest, program, shipped
-from machines import random_machine
-from surfaces_of_the_paper import POINTS, turned
+from support.machines.shipped_kinds import random_machine
+from support.machines.stepped_runs import SHIPPED, Cut, cut, largest, program, shipped
+from support.oracles import ruled_surfaces
+from support.parts.paper_surfaces import POINTS, turned
 
 from controller.kinematics import Kinematics
 from controller.machine import Homing
 
-CONE = (by_hand.Frustum((0.0, 15.0, 0.0), (0.0, 0.0, 0.0), 10.0, 10.0, 360.0),)
+CONE = (ruled_surfaces.Frustum((0.0, 15.0, 0.0), (0.0, 0.0, 0.0), 10.0, 10.0, 360.0),)
 LENGTHS = {"example1": (94.2478,), "example2": (50.5115, 36.7618)}
 POLE_DEG = 92.0826
 
 
-def ruled(turn_deg: float = 0.0) -> tuple[by_hand.Ruled, ...]:
+def ruled(turn_deg: float = 0.0) -> tuple[ruled_surfaces.Ruled, ...]:
     return tuple(
-        by_hand.Ruled(*([turned(p, turn_deg) for p in points] for points in pair)) for pair in POINTS
+        ruled_surfaces.Ruled(*([turned(p, turn_deg) for p in points] for points in pair)) for pair in POINTS
     )
 
 
@@ -31,7 +31,7 @@ def verbatim(name: str, feed: str | None = None) -> Cut:
     return cut(program(f"{name}.ngc", feed))
 
 
-def surfaces_of(name: str) -> Sequence[by_hand.Ruled | by_hand.Frustum]:
+def surfaces_of(name: str) -> Sequence[ruled_surfaces.Ruled | ruled_surfaces.Frustum]:
     return CONE if name.startswith("example1") else ruled()
 
 
@@ -42,15 +42,17 @@ def cuts_of(done: Cut) -> list[np.ndarray]:
     return [np.flatnonzero((ids == k) & cutting) for k in dict.fromkeys(ids[cutting])]
 
 
-def assert_accurate(done: Cut, surfaces: Sequence[by_hand.Ruled | by_hand.Frustum], offset: float) -> None:
+def assert_accurate(
+    done: Cut, surfaces: Sequence[ruled_surfaces.Ruled | ruled_surfaces.Frustum], offset: float
+) -> None:
     """Contact, tip and axis of every cutting tick against the second evaluation."""
     rows = cuts_of(done)
     assert len(rows) == len(surfaces)
     for here, surface in zip(rows, surfaces, strict=True):
         trace, u = done.trace, done.trace.u[here]
-        if isinstance(surface, by_hand.Ruled):
+        if isinstance(surface, ruled_surfaces.Ruled):
             u = surface.nearest(trace.contact[here], u)
-            contact = by_hand.casteljau(surface.lower, u)
+            contact = ruled_surfaces.casteljau(surface.lower, u)
         else:
             contact = surface.contact(u)
         np.testing.assert_allclose(u, trace.u[here], atol=1e-6)
@@ -60,7 +62,9 @@ def assert_accurate(done: Cut, surfaces: Sequence[by_hand.Ruled | by_hand.Frustu
         assert np.degrees(off).max() < 1e-6
 
 
-def assert_even_feed(done: Cut, surfaces: Sequence[by_hand.Ruled | by_hand.Frustum], least: float) -> None:
+def assert_even_feed(
+    done: Cut, surfaces: Sequence[ruled_surfaces.Ruled | ruled_surfaces.Frustum], least: float
+) -> None:
     """Arc per tick within 1e-5 of feed x period wherever the law is at its feed: ``least`` of the ticks."""
     good = count = 0
     for here, surface in zip(cuts_of(done), surfaces, strict=True):

@@ -7,11 +7,11 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from axis_in_units import PERIOD_S, Axis, Bench, Mechanics, Sheet
-from cutting import cut
-from drives_at_random import INC, METRE, PER_SECOND, REV, any_drive, word
-from judge_units import LATENCY_S, SERVO_S, SETTLES_S, judge
-from real_sheets import sheet_of
+from support.drives.axis_in_units import PERIOD_S, Axis, Bench, Mechanics, Sheet
+from support.drives.makers_sheets import sheet_of
+from support.drives.random_drives import INC, METRE, PER_SECOND, REV, any_drive, word
+from support.machines.stepped_runs import cut
+from support.oracles.motor_units import LATENCY_S, SERVO_S, SETTLES_S, judge
 
 from controller import config
 from controller.session.stepped import SteppedMachine

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import random
 
-import by_hand
 import numpy as np
 import pytest
-from cutting import SHIPPED, cut, largest, shipped
-from random_surfaces import compound, text
+from support.machines.stepped_runs import SHIPPED, cut, largest, shipped
+from support.oracles import ruled_surfaces
+from support.parts.random_surfaces import compound, text
 
 from controller.plan.text.program import ProgramError
 
@@ -29,7 +29,7 @@ def run_one(seed: int) -> bool:
     ids = done.column("motion_id").astype(int)
     cutting = done.trace.cutting
     for k, (upper, lower) in zip(dict.fromkeys(ids[cutting]), surfaces, strict=True):
-        here, surface = np.flatnonzero((ids == k) & cutting), by_hand.Ruled(upper, lower)
+        here, surface = np.flatnonzero((ids == k) & cutting), ruled_surfaces.Ruled(upper, lower)
         u = surface.nearest(done.trace.contact[here], done.trace.u[here])
         assert np.abs(u - done.trace.u[here]).max() < 1e-6, seed
         assert np.linalg.norm(surface.tip(u, 1.5) - done.trace.tool_tip[here], axis=1).max() < 1e-6, seed

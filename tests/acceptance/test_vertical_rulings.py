@@ -7,11 +7,19 @@ and the program text, as ``test_limits_everywhere`` judges.
 from __future__ import annotations
 
 import numpy as np
-import paths_by_hand
 import pytest
-from cutting import SHIPPED, Cut, cut, off_the_plan, shipped
-from limits_in_traces import assert_in_limits
-from vertical_rulings import Wall, leaning, powers, random_rational, random_ruled, ruled, straight
+from support.machines.stepped_runs import SHIPPED, Cut, cut, off_the_plan, shipped
+from support.oracles import tool_paths
+from support.oracles.trace_limits import assert_in_limits
+from support.parts.vertical_rulings import (
+    Wall,
+    leaning,
+    powers,
+    random_rational,
+    random_ruled,
+    ruled,
+    straight,
+)
 
 from controller.plan.text.program import ProgramError
 
@@ -37,11 +45,11 @@ def judged(wall: Wall, name: str) -> Cut:
     assert done.run.result == "completed", (label, done.run.fault_text)
     assert_in_limits(done, label)
     rows = np.flatnonzero(done.trace.cutting)
-    tips, axes = paths_by_hand.tool(done.joints[rows], done.machine, 0.0)
+    tips, axes = tool_paths.tool(done.joints[rows], done.machine, 0.0)
     grid = np.linspace(0.0, 1.0, 8001)
     nodes = wall.surface.tip(grid, wall.offset_mm)
     guess = grid[[int(((nodes - p) ** 2).sum(axis=1).argmin()) for p in tips]]
-    off, turned, u = paths_by_hand.off_curve(
+    off, turned, u = tool_paths.off_curve(
         tips, axes, lambda u: wall.surface.tip(u, wall.offset_mm), wall.surface.axis, guess
     )
     assert off.max() < TIP_MM and turned.max() < AXIS_DEG, (label, off.max(), turned.max())

@@ -21,9 +21,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
-import cam_lines  # noqa: E402
 import numpy as np  # noqa: E402
 import toppra  # noqa: E402
+from support.parts import cam_lines  # noqa: E402
 
 from controller import config  # noqa: E402
 from controller.kinematics import Kinematics  # noqa: E402

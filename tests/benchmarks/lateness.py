@@ -29,7 +29,7 @@ import numpy as np
 
 sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 
-from machines import machine as make_machine  # noqa: E402
+from support.machines.shipped_kinds import machine as make_machine  # noqa: E402
 
 from controller.handoff import (  # noqa: E402
     COLUMN,

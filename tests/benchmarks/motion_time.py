@@ -23,13 +23,10 @@ from typing import NamedTuple
 
 sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 
-import jerk_limited  # noqa: E402
-import laws  # noqa: E402
-import lower_bound  # noqa: E402
-import slow_machines  # noqa: E402
-import traced  # noqa: E402
-from cutting import program, shipped  # noqa: E402
-from random_surfaces import compound, text  # noqa: E402
+from support.machines import planned_laws, slow_machines, traced_programs  # noqa: E402
+from support.machines.stepped_runs import program, shipped  # noqa: E402
+from support.oracles import jerk_limited_time, time_bound  # noqa: E402
+from support.parts.random_surfaces import compound, text  # noqa: E402
 
 from controller.kinematics import Kinematics  # noqa: E402
 from controller.machine import Machine  # noqa: E402
@@ -60,7 +57,7 @@ def measured(name: str, source: str, machine: Machine) -> Figure:
     """Plan a program as it is run and compare its cuts with their bound."""
     kinematics = Kinematics(machine)
     home = tuple(axis.homing.position for axis in machine.axes)
-    chains = [i for i in traced.trace(source, machine, home).items if isinstance(i, Chain)]  # type: ignore[arg-type]
+    chains = [i for i in traced_programs.trace(source, machine, home).items if isinstance(i, Chain)]  # type: ignore[arg-type]
     cut = cpu = motion = bound = 0.0
     for chain in chains:
         for run in profile.split_at_stops(chain.stretches, machine, kinematics):
@@ -72,13 +69,13 @@ def measured(name: str, source: str, machine: Machine) -> Figure:
             motion += planned.duration_s
             for k, law in planned.laws(course):
                 cut += law.duration_s * run[k].cutting
-        bound += lower_bound.seconds([s for s in chain.stretches if s.cutting], machine)
+        bound += time_bound.seconds([s for s in chain.stretches if s.cutting], machine)
     return Figure(name, cut, bound, cpu, motion)
 
 
 def of_the_paper() -> list[Figure]:
     machine = shipped()
-    slow = lower_bound.linuxcnc(machine)
+    slow = time_bound.linuxcnc(machine)
     found = [measured(f"Example 2 at {feed}", program("example2.ngc", feed), machine) for feed in FEEDS]
     return found + [
         measured(f"{name} at 1000. on LinuxCNC's xyzac", program(f"{name}.ngc", "1000."), slow)
@@ -113,13 +110,13 @@ def of_any_weight(count: int) -> list[Figure]:
         if len(found) >= count:
             break
         try:
-            cuts = [s for chain in laws.chains(source, machine) for s in chain.stretches if s.cutting]
+            cuts = [s for chain in planned_laws.chains(source, machine) for s in chain.stretches if s.cutting]
         except ProgramError:
             continue  # a surface that is refused; others will do
         before = time.process_time()
-        took_s = sum(law.duration_s for law in laws.laws_of(cuts, machine))
+        took_s = sum(law.duration_s for law in planned_laws.laws_of(cuts, machine))
         cpu_s = time.process_time() - before
-        best_s = jerk_limited.optimum(cuts, machine).seconds
+        best_s = jerk_limited_time.optimum(cuts, machine).seconds
         found.append(Figure(f"{name} on {machine.name}", took_s, best_s, cpu_s, took_s))
     return found
 

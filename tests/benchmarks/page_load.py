@@ -21,9 +21,9 @@ import numpy as np
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 
-import browsing  # noqa: E402
 from panel_load import ENOUGH, lateness_s, options, percentiles, show_beside, tick  # noqa: E402
-from shop import Shop, opened  # noqa: E402
+from support.live import browser  # noqa: E402
+from support.live.shop import Shop, opened  # noqa: E402
 
 from controller.door import Client, control_path  # noqa: E402
 from controller.panel.page.views import VIEWS  # noqa: E402
@@ -63,7 +63,7 @@ def measure(rounds: int, seconds: float, period_s: float, nice: int, count: int)
         shop.ready()
         door = Client(control_path(shop.runtime))
         os.nice(nice)  # the browser inherits it, the machine does not
-        with browsing.browser() as chromium:
+        with browser.browser() as chromium:
             pages = [chromium.new_page() for _ in range(count)]
             for number in range(2 * rounds):
                 name = "pages" if number % 2 else "quiet"

@@ -22,8 +22,8 @@ import numpy as np
 
 sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 
-import browsing  # noqa: E402
-import cam_lines  # noqa: E402
+from support.live import browser  # noqa: E402
+from support.parts import cam_lines  # noqa: E402
 
 from controller import config  # noqa: E402
 from controller.plan.report.picture import Picture, Shape  # noqa: E402
@@ -63,7 +63,7 @@ def shape(lines: int) -> Shape:
     return picture.shape()
 
 
-def loaded(page: Any, site: browsing.Site) -> dict[str, float]:
+def loaded(page: Any, site: browser.Site) -> dict[str, float]:
     """From the address to the first picture with the path in it; what came for it."""
     with page.expect_response("**/picture", timeout=WAITS_MS) as waiting:
         began_s = time.monotonic()
@@ -89,7 +89,7 @@ def measure(lines: int, rounds: int, seconds: float, width: int, height: int) ->
     """All figures, as plain values."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        with browsing.fake_site(folder, "stepped_site.py") as site, browsing.browser() as chromium:
+        with browser.fake_site(folder, "stepped_site.py") as site, browser.browser() as chromium:
             page = chromium.new_page(viewport={"width": width, "height": height})
             short = loaded(page, site)
             shape(lines).save(folder / "pictures" / f"{LONG}.npz")

@@ -32,7 +32,7 @@ from websockets.asyncio.client import connect
 
 sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 
-from shop import Shop, opened  # noqa: E402
+from support.live.shop import Shop, opened  # noqa: E402
 
 from controller.door import Client, control_path  # noqa: E402
 from controller.handoff import COLUMN  # noqa: E402

@@ -16,8 +16,8 @@ from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 
-from machines import machine as make_machine  # noqa: E402
-from surfaces_of_the_paper import example_2  # noqa: E402
+from support.machines.shipped_kinds import machine as make_machine  # noqa: E402
+from support.parts.paper_surfaces import example_2  # noqa: E402
 
 from controller.curves import ArcLength  # noqa: E402
 from controller.kinematics import Kinematics  # noqa: E402

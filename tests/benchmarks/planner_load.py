@@ -97,7 +97,7 @@ def main() -> None:
     ask.add_argument("--vectors", action="store_true", help="G43.5 with I J K instead of G43.4 with A C")
     ask.add_argument("--machine", default="trunnion")
     given = ask.parse_args()
-    import cam_lines
+    from support.parts import cam_lines
 
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "cam.ngc"

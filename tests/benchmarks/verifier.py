@@ -14,8 +14,8 @@ from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 
-from surfaces_of_the_paper import example_2  # noqa: E402
-from sweeps import nominal, places, sweep  # noqa: E402
+from support.oracles.swept_cylinder import nominal, places, sweep  # noqa: E402
+from support.parts.paper_surfaces import example_2  # noqa: E402
 
 from controller.verify.bodies import cutter  # noqa: E402
 from controller.verify.envelope import deviation  # noqa: E402

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from machines import machine
+from support.machines.shipped_kinds import machine
 
 from controller import arranged
 from controller.machine import Limits

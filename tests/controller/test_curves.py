@@ -6,7 +6,7 @@ import random
 
 import numpy as np
 import pytest
-from surfaces_of_the_paper import equation_7, example_1, example_2
+from support.parts.paper_surfaces import equation_7, example_1, example_2
 
 from controller import curves, jets
 from controller.curves import Arc, ArcLength, Bezier, Line, Polynomial

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 
 import pytest
-from milling import IO, SPINDLE, mill, text
+from support.machines.spindle_machine import IO, SPINDLE, mill, text
 
 from controller import config, times
 from controller.config import ConfigError

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from machines import machine
+from support.machines.shipped_kinds import machine
 
 from controller import times
 from controller.machine import Stopping

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from ticking import rapid_law, straight
+from support.machines.tick_bench import rapid_law, straight
 
 from controller.handoff import (
     AXES,

@@ -7,7 +7,7 @@ import random
 from dataclasses import replace
 
 import pytest
-from machines import ROTARIES, machine, random_machine
+from support.machines.shipped_kinds import ROTARIES, machine, random_machine
 
 from controller import jog_frames
 from controller.geometry import Frame, add, norm, rotate, scale, subtract

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cutting import shipped
+from support.machines.stepped_runs import shipped
 
 from controller import journal, whole
 from controller.handoff import SNAPSHOT_VALUES, SnapshotBoard

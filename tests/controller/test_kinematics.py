@@ -5,8 +5,8 @@ import random
 
 import numpy as np
 import pytest
-from machines import ROTARIES, R, W, machine, random_machine, rotary_travel
-from surfaces_of_the_paper import example_1, example_2, turned
+from support.machines.shipped_kinds import ROTARIES, R, W, machine, random_machine, rotary_travel
+from support.parts.paper_surfaces import example_1, example_2, turned
 
 from controller import jets
 from controller.curves import ArcLength

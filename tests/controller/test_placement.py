@@ -6,8 +6,8 @@ import random
 
 import numpy as np
 import pytest
-from random_surfaces import compound
-from surfaces_of_the_paper import example_1, example_2
+from support.parts.paper_surfaces import example_1, example_2
+from support.parts.random_surfaces import compound
 
 from controller import jets
 from controller.curves import Bezier, Line

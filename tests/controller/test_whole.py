@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from cutting import shipped
+from support.machines.stepped_runs import shipped
 
 from controller import door, fitting, whole
 from controller.panel import backup

@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterator
 import canopen
 import pytest
 from canopen.sdo.exceptions import SdoAbortedError
-from hub_process import ANSWER_S, served
-from lone_drive import Lone
-from stepped_drives import EDS
+from support.drives.hub_process import ANSWER_S, served
+from support.drives.lone_drive import Lone
+from support.drives.stepped_drives import EDS
 
 from drives.simulated.io_node import IO_EDS
 from drives.virtual.hub_bus import HubBus

@@ -9,8 +9,8 @@ from pathlib import Path
 import canopen
 import pytest
 from canopen.profiles.p402 import BaseNode402
-from hub_process import ANSWER_S, served
-from stepped_drives import EDS
+from support.drives.hub_process import ANSWER_S, served
+from support.drives.stepped_drives import EDS
 
 from drives.virtual.hub_bus import HubBus
 

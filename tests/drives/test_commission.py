@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import group_bench
 import pytest
-from group_bench import GroupBench, inputs_and_outputs
-from stepped_drives import Bench, nodes
+from support.drives import group_bench
+from support.drives.group_bench import GroupBench, inputs_and_outputs
+from support.drives.stepped_drives import Bench, nodes
 
 from drives import commission, pdo
 from drives.cia402 import State, Wanted

@@ -6,8 +6,8 @@ import re
 from dataclasses import replace
 
 import pytest
-from group_bench import GroupBench
-from real_sheets import SHEETS, sheet_of
+from support.drives.group_bench import GroupBench
+from support.drives.makers_sheets import SHEETS, sheet_of
 
 from controller import profiles
 from drives import commission, pdo

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from stepped_drives import EDS
+from support.drives.stepped_drives import EDS
 
 from drives import commission, pdo
 from drives.commissioning import survey

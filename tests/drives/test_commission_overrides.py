@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from group_bench import GroupBench
+from support.drives.group_bench import GroupBench
 
 from controller import profiles
 from drives import commission, pdo

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import canopen
 import pytest
-from real_sheets import SHEETS, sheet_of
-from stepped_drives import Bench, nodes
+from support.drives.makers_sheets import SHEETS, sheet_of
+from support.drives.stepped_drives import Bench, nodes
 
 from controller import profiles
 from drives import commission, pdo

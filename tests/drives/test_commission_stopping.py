@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from real_sheets import SHEETS, sheet_of
-from stepped_drives import EDS, Bench, nodes
+from support.drives.makers_sheets import SHEETS, sheet_of
+from support.drives.stepped_drives import EDS, Bench, nodes
 
 from controller import profiles
 from drives import commission, pdo

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from stepped_drives import Bench
+from support.drives.stepped_drives import Bench
 
 from drives import commission
 from drives.commissioning import survey

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from group_bench import inputs_and_outputs
-from stepped_drives import Bench, nodes
+from support.drives.group_bench import inputs_and_outputs
+from support.drives.stepped_drives import Bench, nodes
 
 from drives import commission, pdo
 from drives.commission import CommissionError

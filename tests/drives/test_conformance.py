@@ -21,7 +21,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
-from conformance_log import (
+from support.drives.lone_drive import Lone
+from support.oracles.conformance_log import (
     ANSWER,
     NODE,
     REQUEST,
@@ -33,7 +34,6 @@ from conformance_log import (
     read_table,
     write_table,
 )
-from lone_drive import Lone
 
 from drives.simulated.data_sheet import EDS, key
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import can
 import pytest
-from gateway_guests import PATIENCE_S, Served, heard, same, serving, until
+from support.drives.gateway_guests import PATIENCE_S, Served, heard, same, serving, until
 
 from drives import pdo
 from drives.virtual.fault_script import FaultScript

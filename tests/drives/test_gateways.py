@@ -14,7 +14,16 @@ from pathlib import Path
 
 import can
 import pytest
-from gateway_guests import PATIENCE_S, Served, heard, heard_at_once, let_in, same, serving, until
+from support.drives.gateway_guests import (
+    PATIENCE_S,
+    Served,
+    heard,
+    heard_at_once,
+    let_in,
+    same,
+    serving,
+    until,
+)
 
 from drives import bus, pdo
 from drives.gateways import options

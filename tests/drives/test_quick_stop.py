@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from stepped_drives import Bench
+from support.drives.stepped_drives import Bench
 
 from drives import commission, pdo, quick_stop
 from drives.settings import IoSettings

@@ -25,15 +25,15 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import held_up
 from guest import host_figures
+from support.suite import absent_computer
 
 from drives import pdo
 
 RECORD = Path("/run/absence")
 PERIOD_S = 0.01
 LATE_S = 0.01  # the period of the guest's machines: by so much, and a tick did not take place
-STOLEN = held_up.MOST  # of the processors' time
+STOLEN = absent_computer.MOST  # of the processors' time
 WAITED = 0.1  # of a second; 0.03 to 0.06 beside eight busy programs on two cores
 SILENT_S = 0.2  # drives that take longer were off, or not operational
 SO_TIMESTAMPNS = 35  # asm-generic/socket.h
@@ -120,14 +120,18 @@ def watched() -> Iterator[None]:
 def watch() -> None:
     """A line for each second, for good."""
     os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(os.sched_get_priority_max(os.SCHED_FIFO)))
-    before, host_before, late = held_up.times(), host_figures.read(held_up.STAT.read_text()), lates()
+    before, host_before, late = (
+        absent_computer.times(),
+        host_figures.read(absent_computer.STAT.read_text()),
+        lates(),
+    )
     bus, answers = listening(INTERFACE), Answers()
     with RECORD.open("w", buffering=1) as record:
         while True:
             lates_s = list(itertools.islice(late, round(1.0 / PERIOD_S)))
-            after, host_after = held_up.times(), host_figures.read(held_up.STAT.read_text())
+            after, host_after = absent_computer.times(), host_figures.read(absent_computer.STAT.read_text())
             late_ticks = sum(late_s > LATE_S for late_s in lates_s)
-            stolen = held_up.share(before, after)
+            stolen = absent_computer.share(before, after)
             waited = _share(host_before, host_after)
             record.write(
                 f"{time.monotonic():.3f} {max(lates_s):.4f} {late_ticks} {stolen:.4f} {waited:.4f} "

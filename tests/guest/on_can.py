@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from cutting import shipped
 from guest import absence
-from living import Listener, now_of, session, until
+from support.live.live_machines import Listener, now_of, session, until
+from support.machines.stepped_runs import shipped
 
 from controller.handoff import Snapshot
 from controller.machine import Bus, Machine

@@ -8,7 +8,7 @@ from dataclasses import replace
 import canopen
 import pytest
 from guest import on_can
-from living import Listener
+from support.live.live_machines import Listener
 
 from controller import config
 from controller.machine import Machine

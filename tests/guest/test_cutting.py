@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from cutting import program
 from guest import on_can
-from living import assert_within_limits, off_path, traced
+from support.live.live_machines import assert_within_limits, off_path, traced
+from support.machines.stepped_runs import program
 
 from controller.handoff import COLUMN
 from controller.machine import Machine

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import pytest
 from guest import on_can
-from living import Listener, at, run, until
+from support.live.live_machines import Listener, at, run, until
 
 from controller.handoff import Snapshot
 from controller.machine import Machine

@@ -12,12 +12,12 @@ import pytest
 
 pytest.importorskip("OCP", reason="OpenCASCADE is missing: the extra cad, and libGL", exc_type=ImportError)
 
-import cad_parts as parts
-from cad_cases import ABOVE, CUBIC, HALF_TURN, ROW, blade, off, one_strip, written
 from OCP.BRepPrimAPI import (
     BRepPrimAPI_MakeCone,
     BRepPrimAPI_MakeCylinder,
 )
+from support.parts import cad_parts as parts
+from support.parts.cad_cases import ABOVE, CUBIC, HALF_TURN, ROW, blade, off, one_strip, written
 
 from controller.cad import words
 from controller.cad.deviation import deviation, distances

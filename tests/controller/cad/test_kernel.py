@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import step_text
+from support.parts import step_text
 
 pytest.importorskip("OCP", reason="OpenCASCADE is missing: the extra cad, and libGL", exc_type=ImportError)
 
-import cad_parts as parts
-from cad_cases import ABOVE, CUBIC, HALF_TURN, WITHIN_MM, off, one_strip
 from OCP.BRepPrimAPI import (
     BRepPrimAPI_MakeCone,
 )
+from support.parts import cad_parts as parts
+from support.parts.cad_cases import ABOVE, CUBIC, HALF_TURN, WITHIN_MM, off, one_strip
 
 from controller.cad import kernel
 from controller.cad.strip import strip

@@ -11,13 +11,13 @@ import pytest
 
 pytest.importorskip("OCP", reason="OpenCASCADE is missing: the extra cad, and libGL", exc_type=ImportError)
 
-import cad_parts as parts
-from cad_cases import WITHIN_MM, blade, faces, one_strip
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut
 from OCP.BRepPrimAPI import (
     BRepPrimAPI_MakeBox,
     BRepPrimAPI_MakeCylinder,
 )
+from support.parts import cad_parts as parts
+from support.parts.cad_cases import WITHIN_MM, blade, faces, one_strip
 
 from controller.cad import program
 from controller.cad.strip import NotRuled, strip

@@ -10,8 +10,6 @@ import pytest
 
 pytest.importorskip("OCP", reason="OpenCASCADE is missing: the extra cad, and libGL", exc_type=ImportError)
 
-import cad_parts as parts
-from cad_cases import HALF_TURN, ROW, WITHIN_MM, faces, off, one_strip, written
 from OCP.BRepAlgoAPI import BRepAlgoAPI_Cut
 from OCP.BRepPrimAPI import (
     BRepPrimAPI_MakeBox,
@@ -20,6 +18,8 @@ from OCP.BRepPrimAPI import (
     BRepPrimAPI_MakeTorus,
     BRepPrimAPI_MakeWedge,
 )
+from support.parts import cad_parts as parts
+from support.parts.cad_cases import HALF_TURN, ROW, WITHIN_MM, faces, off, one_strip, written
 
 from controller.cad import words
 from controller.cad.deviation import deviation

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from at_the_door import answering, hanging
+from support.fakes.service_stand_ins import answering, hanging
 from typer.testing import CliRunner
 
 from controller import config, fitting

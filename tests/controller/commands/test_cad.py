@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import step_text
+from support.parts import step_text
 from typer.testing import CliRunner
 
 pytest.importorskip("OCP", reason="OpenCASCADE is missing: the extra cad, and libGL", exc_type=ImportError)

@@ -11,8 +11,8 @@ import sys
 import urllib.request
 from pathlib import Path
 
-import browsing
 import pytest
+from support.live import browser
 
 ENDS_S = 90.0  # no test is meant to come near
 
@@ -20,12 +20,12 @@ pytestmark = [pytest.mark.slow, pytest.mark.live]
 
 
 def test_one_command_opens_a_machine_with_its_page_and_programs_and_ends_both(tmp_path: Path) -> None:
-    port = browsing.free_port()
+    port = browser.free_port()
     command = (sys.executable, "-m", "controller", "demo", "--panel", "--port", str(port), "--json")
     demo = subprocess.Popen(
         (*command, "--out", str(tmp_path)),
-        cwd=browsing.ROOT,
-        env={**os.environ, "PYTHONPATH": str(browsing.ROOT)},
+        cwd=browser.ROOT,
+        env={**os.environ, "PYTHONPATH": str(browser.ROOT)},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         text=True,
@@ -36,7 +36,7 @@ def test_one_command_opens_a_machine_with_its_page_and_programs_and_ends_both(tm
         assert "/page/dx.js" in asked(url)
         programs = json.loads(asked(f"{url}api/v1/programs"))["programs"]
         assert {one["name"] for one in programs} == {"example1_ready.ngc", "example2_ready.ngc"}
-        browsing.until(lambda: machine_answers(url), "the machine")
+        browser.until(lambda: machine_answers(url), "the machine")
     finally:
         demo.send_signal(signal.SIGTERM)
         code = demo.wait(ENDS_S)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hub_process import ROOT, served
+from support.drives.hub_process import ROOT, served
 from typer.testing import CliRunner
 
 from controller import config, nodes

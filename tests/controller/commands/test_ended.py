@@ -9,7 +9,7 @@ from typing import NoReturn
 
 import numpy as np
 import pytest
-from cutting import program, shipped
+from support.machines.stepped_runs import program, shipped
 
 from controller import __main__
 from controller.handoff import ROW

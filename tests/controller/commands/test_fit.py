@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 
 import pytest
-from cutting import T2
-from surfaces_of_the_paper import example_2
-from sweeps import deepest, nominal, places
+from support.machines.stepped_runs import T2
+from support.oracles.swept_cylinder import deepest, nominal, places
+from support.parts.paper_surfaces import example_2
 from typer.testing import CliRunner
 
 from controller import config

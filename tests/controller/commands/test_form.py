@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cutting import program
+from support.machines.stepped_runs import program
 from typer.testing import CliRunner
 
 from controller import config, fitting

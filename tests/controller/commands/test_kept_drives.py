@@ -11,7 +11,7 @@ from typing import Any
 
 import canopen
 import pytest
-from hub_process import served
+from support.drives.hub_process import served
 from typer.testing import CliRunner
 
 from controller.commands.drives import app

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from at_the_door import answering
+from support.fakes.service_stand_ins import answering
 from typer.testing import CliRunner
 
 from controller.commands import latency, self_test, service

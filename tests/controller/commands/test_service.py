@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 import typer
-from cutting import shipped
+from support.machines.stepped_runs import shipped
 from typer.testing import CliRunner
 
 from controller.__main__ import app

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cutting import program
+from support.machines.stepped_runs import program
 from typer.testing import CliRunner
 
 from controller import __main__ as command_line

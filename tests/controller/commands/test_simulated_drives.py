@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
-from hub_process import running
+from support.drives.hub_process import running
 from typer.testing import CliRunner
 
 from controller.commands import simulated_drives

@@ -6,8 +6,8 @@ import json
 from dataclasses import replace
 
 import pytest
-from cutting import shipped
-from stepped_drives import Bench
+from support.drives.stepped_drives import Bench
+from support.machines.stepped_runs import shipped
 from typer.testing import CliRunner, Result
 
 from controller import config

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cutting import program
-from placed_by_hand import LINE, small
+from support.machines.stepped_runs import program
+from support.oracles.placed_cuts import LINE, small
 from typer.testing import CliRunner
 
 from controller import config

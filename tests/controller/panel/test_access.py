@@ -14,9 +14,9 @@ from typing import Any
 
 import httpx
 import pytest
-from fake_door import TABLE
 from fastapi.routing import APIRoute
-from panels import PASSWORD, ROLES, Scene, sentence, take_control
+from support.fakes.fake_socket import TABLE
+from support.fakes.panels import PASSWORD, ROLES, Scene, sentence, take_control
 
 from controller.panel import access, http
 from controller.panel.access import COOKIE

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from fake_door import FakeDoor
-from panels import Scene, take_control
+from support.fakes.fake_socket import FakeDoor
+from support.fakes.panels import Scene, take_control
 
 from controller import panel
 from controller.catalogue import LANGUAGES

@@ -14,7 +14,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from ci_seed import SEED
+from support.suite.seed import SEED
 from typer.testing import CliRunner
 
 from controller import config, fitting, whole

@@ -20,9 +20,9 @@ from typing import Any
 
 import pytest
 import uvicorn
-from browsing import ROOT, free_port
-from fake_door import FakeDoor
-from panels import Scene
+from support.fakes.fake_socket import FakeDoor
+from support.fakes.panels import Scene
+from support.live.browser import ROOT, free_port
 
 from controller.door import control_path
 from controller.panel.connections import (

@@ -7,7 +7,7 @@ import logging
 from pathlib import Path
 
 import pytest
-from panels import Scene
+from support.fakes.panels import Scene
 
 from controller.panel import core
 from controller.panel.store import StoreError

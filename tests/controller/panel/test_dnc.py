@@ -13,8 +13,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from ci_seed import SEED
-from serial_pty import Pty
+from support.drives.serial_pty import Pty
+from support.suite.seed import SEED
 from typer.testing import CliRunner
 
 from controller.commands import dnc as command

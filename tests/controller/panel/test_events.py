@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 import uvicorn
-from fake_door import FakeDoor
-from panels import Scene
+from support.fakes.fake_socket import FakeDoor
+from support.fakes.panels import Scene
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 

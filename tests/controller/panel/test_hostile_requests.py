@@ -19,9 +19,9 @@ from typing import Any
 from urllib.parse import quote_from_bytes
 
 import pytest
-from ci_seed import SEED
-from hostile import SOUND_NAMES, TEXT, Sent, a_name, an_upload, assert_whole, form
-from panels import Scene
+from support.fakes.hostile_requests import SOUND_NAMES, TEXT, Sent, a_name, an_upload, assert_whole, form
+from support.fakes.panels import Scene
+from support.suite.seed import SEED
 
 from controller.panel import uploads
 from controller.panel.store import Store, UploadLimits

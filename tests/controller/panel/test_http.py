@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from fake_door import FakeDoor
-from panels import Scene, sentence, take_control
+from support.fakes.fake_socket import FakeDoor
+from support.fakes.panels import Scene, sentence, take_control
 
 from controller.panel import http
 from controller.panel.link import FRESH_S, SocketDoor

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from fake_door import TABLE
-from panels import Scene
+from support.fakes.fake_socket import TABLE
+from support.fakes.panels import Scene
 
 from controller.door import MOST_PEERS, Answer, Values
 from controller.panel import link

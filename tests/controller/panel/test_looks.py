@@ -11,7 +11,7 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
-from panels import Scene, sentence, take_control
+from support.fakes.panels import Scene, sentence, take_control
 
 from controller import config, fitting
 from controller.handoff import COLUMN, ROW, Recorder

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from fake_door import FakeDoor
-from panels import Scene
 from prometheus_client import Metric
 from prometheus_client.parser import text_string_to_metric_families
+from support.fakes.fake_socket import FakeDoor
+from support.fakes.panels import Scene
 
 from controller.state import Mode
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import httpx
 import pytest
-from panels import Scene, sentence, take_control
+from support.fakes.panels import Scene, sentence, take_control
 
 from controller.panel import octoprint
 from controller.state import Mode

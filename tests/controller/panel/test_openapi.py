@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 import schemathesis
 from hypothesis import HealthCheck, settings
-from panels import Scene
 from schemathesis.checks import CHECKS
+from support.fakes.panels import Scene
 
 from controller import config, fitting
 from controller.panel.roles import Principal, Role

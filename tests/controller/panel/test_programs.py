@@ -11,8 +11,8 @@ from typing import Any
 
 import httpx
 import pytest
-from fake_door import FakeDoor
-from panels import Scene, sentence
+from support.fakes.fake_socket import FakeDoor
+from support.fakes.panels import Scene, sentence
 
 from controller.door import DoorError
 from controller.panel.routes import programs, records

@@ -11,7 +11,7 @@ from typing import Any
 
 import httpx
 import pytest
-from panels import PASSWORD, QUICK, Scene, sentence
+from support.fakes.panels import PASSWORD, QUICK, Scene, sentence
 from typer.testing import CliRunner
 
 from controller.commands import panel_users

@@ -14,8 +14,16 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from ci_seed import SEED
-from hostile import HOSTILE_NAMES, SOUND_NAMES, TEXT, Sent, an_upload, assert_whole, form
+from support.fakes.hostile_requests import (
+    HOSTILE_NAMES,
+    SOUND_NAMES,
+    TEXT,
+    Sent,
+    an_upload,
+    assert_whole,
+    form,
+)
+from support.suite.seed import SEED
 
 from controller.panel import multipart, names
 from controller.panel.multipart import Received

@@ -8,8 +8,8 @@ from collections.abc import Iterable
 
 import numpy as np
 import pytest
-from cutting import shipped
-from restarting import LONG
+from support.machines.interrupted_runs import LONG
+from support.machines.stepped_runs import shipped
 
 from controller.handoff import Snapshot
 from controller.kinematics import Kinematics

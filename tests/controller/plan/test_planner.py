@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 import pytest
-import traced
-from cutting import program, shipped
+from support.machines import traced_programs
+from support.machines.stepped_runs import program, shipped
 
 from controller.handoff import Law, Piece, PieceMessage, Snapshot
 from controller.kinematics import Kinematics
@@ -30,7 +30,7 @@ class Desk:
     def __init__(self, source: str, machine: Machine | None = None) -> None:
         self.machine = machine or shipped(spindle=None)
         home = tuple(axis.homing.position for axis in self.machine.axes)
-        self.items = traced.trace(source, self.machine, home).items  # type: ignore[arg-type]
+        self.items = traced_programs.trace(source, self.machine, home).items  # type: ignore[arg-type]
         self.sent: list[PieceMessage] = []
         self.queue: list[tuple[float, Piece]] = []  # begin and piece, as the tick would have them
         self.planner = Planner(self.machine, Kinematics(self.machine), self._send)
@@ -340,7 +340,9 @@ def test_the_path_is_read_only_as_far_as_it_is_needed_and_forgotten_behind() -> 
 
     def endless() -> Iterator[Chain | Pause]:
         nonlocal read
-        back = traced.trace("G1 F600. X10.\nX0.\nM30\n", desk.machine, chain.stretches[0].start).items
+        back = traced_programs.trace(
+            "G1 F600. X10.\nX0.\nM30\n", desk.machine, chain.stretches[0].start
+        ).items
         while read < 10_000:
             read += 1
             yield from (item for item in back if isinstance(item, Chain))

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cutting import shipped
-from laws import chains, laws_of
+from support.machines.planned_laws import chains, laws_of
+from support.machines.stepped_runs import shipped
 
 from controller.kinematics import Kinematics
 from controller.machine import Limits, Machine

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from cutting import program
-from serving import Serving, calm, serving
+from support.live.served_machine import Serving, calm, serving
+from support.machines.stepped_runs import program
 
 pytestmark = [pytest.mark.slow, pytest.mark.live]
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from fake_engine import FakeEngine, engine_of, heard, served
+from support.fakes.fake_engine import FakeEngine, engine_of, heard, served
 
 from controller import fitting, journal
 from controller.door import DoorError

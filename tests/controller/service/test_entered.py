@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from cutting import shipped
-from restarting import EXAMPLE_2, rest_of
+from support.machines.interrupted_runs import EXAMPLE_2, rest_of
+from support.machines.stepped_runs import shipped
 
 from controller.plan.route.spot import Spot
 from controller.service import entered

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from milling import mill
+from support.machines.spindle_machine import mill
 
 from controller import config
 from controller.config import ConfigError

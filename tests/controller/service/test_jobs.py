@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from cutting import shipped
+from support.machines.stepped_runs import shipped
 
 from controller.handoff import SNAPSHOT_VALUES, Snapshot, SnapshotBoard
 from controller.plan.detour import FIRST_ID

@@ -13,8 +13,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from living import gone
-from serving import CALM_S, Serving, calm, serving
+from support.live.live_machines import gone
+from support.live.served_machine import CALM_S, Serving, calm, serving
 
 from controller.door import Client, DoorError, control_path
 

@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from multiprocessing.connection import Connection
 
 import pytest
-from cutting import shipped
+from support.machines.stepped_runs import shipped
 
 from controller.door import DoorError
 from controller.service.orders import Answer, Line, News, Program

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cutting import program
-from planning_bench import Bench
-from restarting import with_tool
+from support.machines.interrupted_runs import with_tool
+from support.machines.planning_bench import Bench
+from support.machines.stepped_runs import program
 
 from controller import door
 from controller.handoff import COLUMN

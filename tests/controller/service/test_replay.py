@@ -6,9 +6,9 @@ import signal
 from pathlib import Path
 
 import pytest
-from living import gone, until
-from replaying import again, assert_same_setpoints, facts, records
-from serving import Serving, calm, calm_machine, serving
+from support.live.live_machines import gone, until
+from support.live.replayed_runs import again, assert_same_setpoints, facts, records
+from support.live.served_machine import Serving, calm, calm_machine, serving
 
 from controller.session import events
 from controller.session.events import EventError

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
-from fake_engine import FakeEngine, engine_of, served
+from support.fakes.fake_engine import FakeEngine, engine_of, served
 
 from controller.door import DoorError
 from controller.service import room

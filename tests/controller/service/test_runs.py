@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cutting import shipped
+from support.machines.stepped_runs import shipped
 
 from controller.handoff import COLUMN, ROW
 from controller.service import runs

@@ -6,7 +6,7 @@ from collections import deque
 from pathlib import Path
 
 import pytest
-from cutting import shipped
+from support.machines.stepped_runs import shipped
 
 from controller import handoff
 from controller.door import DoorError

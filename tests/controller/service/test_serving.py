@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from serving import Serving, calm, serving
+from support.live.served_machine import Serving, calm, serving
 
 pytestmark = [pytest.mark.slow, pytest.mark.live]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from cutting import SHIPPED, shipped
+from support.machines.stepped_runs import SHIPPED, shipped
 
 from controller import jog_frames
 from controller.geometry import Frame, Y, Z

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cutting import shipped
+from support.machines.stepped_runs import shipped
 
 from controller import handoff
 from controller.handoff import COLUMN, ROW, Recorder, Snapshot

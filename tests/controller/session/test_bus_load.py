@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from cutting import program, shipped
+from support.machines.stepped_runs import program, shipped
 
 from controller.session import live
 from controller.session.bus_load import budgets, overload

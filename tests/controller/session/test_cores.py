@@ -14,7 +14,7 @@ from typing import Any
 from unittest.mock import MagicMock
 
 import pytest
-from cutting import shipped
+from support.machines.stepped_runs import shipped
 
 from controller.machine import Bus
 from controller.service import planning

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cutting import shipped
+from support.machines.stepped_runs import shipped
 
 from controller.session.fault_file import MachineScript
 from controller.session.stepped import SteppedMachine

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from living import HANGS_S, gone, processes, until
+from support.live.live_machines import HANGS_S, gone, processes, until
 
 ROOT = Path(__file__).resolve().parents[3]
 

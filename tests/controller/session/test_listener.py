@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from living import until
+from support.live.live_machines import until
 
 from controller.session.listener import Listener
 from drives import bus, pdo

@@ -14,8 +14,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cutting import program, shipped
-from living import (
+from support.live.live_machines import (
     Listener,
     assert_within_limits,
     at,
@@ -29,6 +28,7 @@ from living import (
     traced,
     until,
 )
+from support.machines.stepped_runs import program, shipped
 
 from controller import config
 from controller.handoff import COLUMN, STOOD, Snapshot

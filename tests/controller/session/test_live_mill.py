@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from living import run, session
-from milling import C_CLOSED, COOLANT, mill
+from support.live.live_machines import run, session
+from support.machines.spindle_machine import C_CLOSED, COOLANT, mill
 
 from controller.handoff import Snapshot
 from controller.state import Fault, Mode

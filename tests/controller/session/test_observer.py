@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from cutting import program, shipped
+from support.machines.stepped_runs import program, shipped
 
 from controller.session import checked
 from controller.session.fault_file import MachineScript

@@ -9,7 +9,7 @@ import weakref
 from collections.abc import Iterator
 from pathlib import Path
 
-from cutting import shipped
+from support.machines.stepped_runs import shipped
 
 from controller.handoff import SNAPSHOT_VALUES, PieceMessage, SnapshotBoard, piece_pair, request_pair
 from controller.session.plan_end import PlanEnd

@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-import process_faults
 import pytest
-from process_faults import CASES, Cell
+from support.faults import process_cases
+from support.faults.process_cases import CASES, Cell
 
 pytestmark = [pytest.mark.slow, pytest.mark.live]
 
@@ -23,14 +23,14 @@ def cells(request: pytest.FixtureRequest) -> Iterator[list[Cell]]:
     capture = request.config.pluginmanager.getplugin("capturemanager")
     if found:
         with capture.global_and_fixture_disabled():
-            print(f"\n\n{process_faults.table(found)}\n")
+            print(f"\n\n{process_cases.table(found)}\n")
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_a_process_fault_in_every_mode_ends_in_rest_named_recorded_and_recovered_from(
     case: str, tmp_path: Path, cells: list[Cell]
 ) -> None:
-    found = process_faults.row(case, tmp_path)
+    found = process_cases.row(case, tmp_path)
     cells += found
     wrong = [f"{cell.case}, {cell.mode}: {problem}" for cell in found for problem in cell.problems]
     assert not wrong, "\n".join(wrong)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cutting import shipped
+from support.machines.stepped_runs import shipped
 
 from controller.handoff import COLUMN, ROW
 from controller.plan.route import path

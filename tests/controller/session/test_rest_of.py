@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cutting import shipped
-from restarting import EXAMPLE_2
+from support.machines.interrupted_runs import EXAMPLE_2
+from support.machines.stepped_runs import shipped
 
 from controller.plan.route.path import Chain, Pause
 from controller.plan.route.spot import Spot

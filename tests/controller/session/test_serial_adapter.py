@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cutting import shipped
-from living import run, session
+from support.live.live_machines import run, session
+from support.machines.stepped_runs import shipped
 
 from controller.handoff import COLUMN
 from controller.state import Fault, Mode

@@ -9,8 +9,8 @@ import tracemalloc
 from pathlib import Path
 
 import pytest
-from cutting import shipped
-from surface_trains import program
+from support.machines.stepped_runs import shipped
+from support.parts.surface_trains import program
 
 from controller.plan.report.survey import Survey
 from controller.session import checked

@@ -6,7 +6,7 @@ import math
 import random
 
 import pytest
-from machines import machine
+from support.machines.shipped_kinds import machine
 
 from controller.machine import Joints
 from controller.state import Fault

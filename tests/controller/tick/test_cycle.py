@@ -7,11 +7,11 @@ import socket
 from collections.abc import Callable
 from dataclasses import replace
 
-import latched
 import numpy as np
 import pytest
-from machines import machine
-from ticking import Bench, FakeDrive, commands, excess, s_curve, stops, straight
+from support.machines.shipped_kinds import machine
+from support.machines.tick_bench import Bench, FakeDrive, commands, excess, s_curve, stops, straight
+from support.oracles import latched_setpoints
 
 from controller.handoff import COLUMN, PLANNER_SILENCE_S, STOOD, Arrangement, Law, dwell, send_arrangement
 from controller.machine import Joints
@@ -372,7 +372,7 @@ def test_a_late_tick_never_brings_syncs_closer_nor_doubles_a_step(share: float) 
     intervals = np.diff(bench.group.syncs)
     assert intervals.min() >= 0.75 * T - 1e-9
     rows = bench.rows()
-    assert max(latched.most(rows, bench.machine)[:2]) <= 1.0 + 1e-9
+    assert max(latched_setpoints.most(rows, bench.machine)[:2]) <= 1.0 + 1e-9
     assert len(bench.group.syncs) == np.count_nonzero(rows[:, COLUMN["sync_sent"]])
     assert bench.snapshot.fault is Fault.NONE
     skipped = 0 if share < 0.25 else int(share) + (share % 1.0 >= 0.25)
@@ -392,7 +392,7 @@ def test_setpoints_leave_only_in_ticks_that_sent_a_sync_or_took_the_last_ones_ba
     assert stood and len(bench.group.commands) == len(bench.group.syncs) + stood
     assert {at for at, _ in bench.group.commands} > set(bench.group.syncs)
     assert np.diff(bench.group.syncs).min() >= 0.75 * 0.002 - 1e-9
-    assert max(latched.most(rows, bench.machine)[:2]) <= 1.0 + 1e-9
+    assert max(latched_setpoints.most(rows, bench.machine)[:2]) <= 1.0 + 1e-9
     bench.close()
 
 

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from machines import machine
-from ticking import (
+from support.machines.shipped_kinds import machine
+from support.machines.tick_bench import (
     Bench,
     commands,
     cut_start,

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from machines import machine
-from ticking import Bench, commands, excess, rapid_law, s_curve, stops, straight
+from support.machines.shipped_kinds import machine
+from support.machines.tick_bench import Bench, commands, excess, rapid_law, s_curve, stops, straight
 
 from controller.handoff import DEAD_MAN_S, PLANNER_SILENCE_S, Jog, dwell, send_jog
 from controller.machine import Joints, Machine

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-import latched
 import numpy as np
 import pytest
-from machines import machine
-from ticking import Bench, rest_of, s_curve, stops, straight
+from support.machines.shipped_kinds import machine
+from support.machines.tick_bench import Bench, rest_of, s_curve, stops, straight
+from support.oracles import latched_setpoints
 
 from controller.handoff import COLUMN, STOOD, Jog, dwell, send_jog
 from controller.machine import Joints
@@ -66,8 +66,8 @@ def test_what_is_planned_from_there_begins_from_rest_and_comes_to_the_end(gap_s:
     bench.until(Mode.READY)
     rows = bench.rows()
     assert bench.snapshot.joints == pytest.approx(THERE)
-    assert len(latched.parts(rows)) == 2
-    assert max(latched.most(rows, bench.machine)) <= 1.02
+    assert len(latched_setpoints.parts(rows)) == 2
+    assert max(latched_setpoints.most(rows, bench.machine)) <= 1.02
     bench.close()
 
 
@@ -102,7 +102,7 @@ def test_a_gap_within_a_stop_ends_the_stop(after: int) -> None:
     bench.ask(Request.RESUME)
     bench.until(Mode.READY)
     assert bench.snapshot.joints == pytest.approx(THERE)
-    assert max(latched.most(bench.rows(), bench.machine)) <= 1.02
+    assert max(latched_setpoints.most(bench.rows(), bench.machine)) <= 1.02
     bench.close()
 
 
@@ -132,7 +132,9 @@ def test_a_jog_goes_on_from_rest_to_where_it_was_to_end() -> None:
     bench.until(Mode.READY)
     assert bench.snapshot.joints[1] == pytest.approx(12.0)
     rows = bench.rows()
-    assert len(latched.parts(rows)) == 2 and max(latched.most(rows, bench.machine)) <= 1.02
+    assert (
+        len(latched_setpoints.parts(rows)) == 2 and max(latched_setpoints.most(rows, bench.machine)) <= 1.02
+    )
     bench.close()
 
 

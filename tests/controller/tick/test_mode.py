@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from ticking import FakeGroup
+from support.machines.tick_bench import FakeGroup
 
 from controller.state import ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Reaction, Request, follows
 from controller.tick.mode import DRIVE_FAULTS, Modes

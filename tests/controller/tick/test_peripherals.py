@@ -6,8 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from machines import machine as make_machine
-from ticking import Bench, s_curve, straight
+from support.machines.shipped_kinds import machine as make_machine
+from support.machines.tick_bench import Bench, s_curve, straight
 
 from controller.handoff import COLUMN, Jog, Outcome, Piece, dwell, send_jog, send_request
 from controller.machine import Clamp, Io, Joints, Machine, Spindle

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from machines import machine
+from support.machines.shipped_kinds import machine
 
 from controller.curves import ArcLength, Line
 from controller.handoff import COLUMN, ROW

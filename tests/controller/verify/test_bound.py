@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from surfaces_of_the_paper import example_1, example_2
-from twisted_blades import blade, off_by_brute_force
+from support.parts.paper_surfaces import example_1, example_2
+from support.parts.twisted_blades import blade, off_by_brute_force
 
 from controller.geometry import Frame
 from controller.machine import Tool

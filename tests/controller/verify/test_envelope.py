@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from random_surfaces import compound
 from scipy.optimize import brentq, minimize_scalar
-from surfaces_of_the_paper import example_1, example_2
-from sweeps import body_by_brute_force, by_brute_force, nominal, places, sweep
+from support.oracles.swept_cylinder import body_by_brute_force, by_brute_force, nominal, places, sweep
+from support.parts.paper_surfaces import example_1, example_2
+from support.parts.random_surfaces import compound
 
 from controller.curves import Bezier, Line
 from controller.machine import Tool

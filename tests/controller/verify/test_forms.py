@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from random_surfaces import compound
-from surfaces_of_the_paper import example_2
-from sweeps import by_brute_force, deepest, nominal, places, single
+from support.oracles.swept_cylinder import by_brute_force, deepest, nominal, places, single
+from support.parts.paper_surfaces import example_2
+from support.parts.random_surfaces import compound
 
 from controller.curves import ArcLength, Bezier, Line
 from controller.plan.report.verdict import Verdict

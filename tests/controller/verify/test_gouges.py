@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from cutting import program
+from support.machines.stepped_runs import program
 
 from controller import config
 from controller.geometry import Frame

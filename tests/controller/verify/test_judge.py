@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from random_surfaces import compound
-from surfaces_of_the_paper import example_1, example_2
-from sweeps import nominal, single
+from support.oracles.swept_cylinder import nominal, single
+from support.parts.paper_surfaces import example_1, example_2
+from support.parts.random_surfaces import compound
 
 from controller.curves import ArcLength, Bezier
 from controller.surfaces import RuledSurface

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-from machines import machine
+from support.machines.shipped_kinds import machine
 
 from controller.handoff import Snapshot
 from controller.state import Binding, Fault, Mode, axis_binding

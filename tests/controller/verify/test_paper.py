@@ -7,8 +7,8 @@ import math
 
 import numpy as np
 import pytest
-from machines import machine
 from rich.console import Console
+from support.machines.shipped_kinds import machine
 
 from controller.kinematics import Kinematics
 from controller.verify import paper, paper_table

@@ -4,8 +4,8 @@ import itertools
 from dataclasses import replace
 
 import pytest
-from group_bench import GroupBench, T, nodes
-from real_sheets import SHEETS, sheet_of
+from support.drives.group_bench import GroupBench, T, nodes
+from support.drives.makers_sheets import SHEETS, sheet_of
 
 from controller import profiles
 from drives import pdo

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from group_bench import GroupBench, nodes
+from support.drives.group_bench import GroupBench, nodes
 
 from drives.cia402 import State, Wanted
 from drives.cyclic.drive import Drive

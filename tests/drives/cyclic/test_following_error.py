@@ -6,7 +6,7 @@ import math
 from random import Random
 
 import pytest
-from group_bench import GroupBench, T, nodes
+from support.drives.group_bench import GroupBench, T, nodes
 
 from drives import pdo
 from drives.cia402 import Wanted

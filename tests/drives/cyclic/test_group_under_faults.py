@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from group_bench import GroupBench, T, nodes
+from support.drives.group_bench import GroupBench, T, nodes
 
 from drives.cia402 import Wanted
 from drives.cyclic.drive_fault import DriveFault

@@ -1,7 +1,7 @@
 """Inputs and outputs (CiA 401): frame by frame, and against the simulated node."""
 
 import pytest
-from group_bench import GroupBench, T, inputs_and_outputs, nodes
+from support.drives.group_bench import GroupBench, T, inputs_and_outputs, nodes
 
 from drives import pdo
 from drives.cia402 import Wanted

@@ -4,7 +4,7 @@ import itertools
 from dataclasses import replace
 
 import pytest
-from group_bench import GroupBench, T, nodes, spindle
+from support.drives.group_bench import GroupBench, T, nodes, spindle
 
 from drives import pdo
 from drives.cia402 import State, Wanted

@@ -1,7 +1,7 @@
 """A touch, latched by the drive itself and told by an event-driven TPDO."""
 
 import pytest
-from group_bench import GroupBench, nodes
+from support.drives.group_bench import GroupBench, nodes
 
 from drives.cyclic import touch_probe
 from drives.cyclic.touch_probe import TouchProbe

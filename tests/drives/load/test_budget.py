@@ -4,8 +4,8 @@ import json
 import random
 from dataclasses import replace
 
-import bit_exact
 import pytest
+from support.oracles import frame_bits
 
 from drives.load import budget, timeline
 from drives.load.bus_frames import Kind
@@ -66,10 +66,10 @@ def test_each_row_is_as_long_as_its_frames_written_out():
     for row in everything().rows:
         free = row.data_bytes - len(row.fixed)
         if row.remote:
-            lengths = [bit_exact.length(row.can_id, bytes(row.data_bytes), remote=True)]
+            lengths = [frame_bits.length(row.can_id, bytes(row.data_bytes), remote=True)]
         else:
             count = 1500 if free > 1 else 1
-            lengths = [bit_exact.length(row.can_id, row.fixed + rng.randbytes(free)) for _ in range(count)]
+            lengths = [frame_bits.length(row.can_id, row.fixed + rng.randbytes(free)) for _ in range(count)]
         mean = sum(lengths) / len(lengths)
         assert max(lengths) <= row.longest_us <= row.worst_us, row.what
         if free != 1:
@@ -81,8 +81,8 @@ def test_the_longest_tick_has_payloads_that_make_it_and_none_that_exceed_it():
     longest = 0
     for row in one.cyclic:
         bits = round(row.longest_us)
-        longest += bit_exact.length(row.can_id, next(bit_exact.frames_of(row.can_id, row.data_bytes, bits)))
-        assert next(bit_exact.frames_of(row.can_id, row.data_bytes, bits + 1), None) is None
+        longest += frame_bits.length(row.can_id, next(frame_bits.frames_of(row.can_id, row.data_bytes, bits)))
+        assert next(frame_bits.frames_of(row.can_id, row.data_bytes, bits + 1), None) is None
     assert one.longest_us == longest
 
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from group_bench import GroupBench, T, inputs_and_outputs, nodes, spindle
-from on_the_wire import Wire
+from support.drives.group_bench import GroupBench, T, inputs_and_outputs, nodes, spindle
+from support.oracles.bus_times import Wire
 
 from drives.load import budget
 from drives.load.bus_frames import Kind

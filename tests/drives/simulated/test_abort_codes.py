@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
-from lone_drive import Lone, Refused
+from support.drives.lone_drive import Lone, Refused
 
 from drives.simulated import Parameters
 from drives.simulated.aborts import Code

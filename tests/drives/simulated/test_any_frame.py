@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 
 import pytest
-from lone_drive import PRE_OPERATIONAL, RESET_COMMUNICATION, RESET_NODE, START, STOP, Lone
+from support.drives.lone_drive import PRE_OPERATIONAL, RESET_COMMUNICATION, RESET_NODE, START, STOP, Lone
 
 from drives import pdo
 from drives.simulated import IoNode

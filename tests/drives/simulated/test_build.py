@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from lone_drive import START, Lone
-from stepped_drives import nodes
+from support.drives.lone_drive import START, Lone
+from support.drives.stepped_drives import nodes
 
 from drives.settings import BusSettings, IoSettings, SpindleSettings
 from drives.simulated import IoNode, Parameters, SimulatedDrive, build, rig

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from hub_process import ROOT, profile, served
+from support.drives.hub_process import ROOT, profile, served
 
 from drives import pdo
 from drives.simulated import IoNode, SimulatedDrive

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import pytest
-from lone_drive import Lone
-from stepped_drives import Bench
+from support.drives.lone_drive import Lone
+from support.drives.stepped_drives import Bench
 
 from drives.settings import NodeSettings
 from drives.simulated import Parameters, build

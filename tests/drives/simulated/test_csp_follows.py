@@ -5,8 +5,8 @@ from __future__ import annotations
 import itertools
 
 import pytest
-from lone_drive import Lone
-from stepped_drives import PERIOD_S, Bench
+from support.drives.lone_drive import Lone
+from support.drives.stepped_drives import PERIOD_S, Bench
 
 from drives.simulated.machine402 import Power
 

@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 import pytest
-from lone_drive import Lone, Refused
-from stepped_drives import nodes
+from support.drives.lone_drive import Lone, Refused
+from support.drives.stepped_drives import nodes
 
 from drives import commission, pdo
 from drives.settings import BusSettings, MasterSettings

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from lone_drive import Lone, Refused
+from support.drives.lone_drive import Lone, Refused
 
 REGISTER = [
     (0x2310, 0x03, "current"),

@@ -3,7 +3,15 @@
 from __future__ import annotations
 
 import pytest
-from lone_drive import PRE_OPERATIONAL, RESET_COMMUNICATION, RESET_NODE, START, STOP, Lone, Refused
+from support.drives.lone_drive import (
+    PRE_OPERATIONAL,
+    RESET_COMMUNICATION,
+    RESET_NODE,
+    START,
+    STOP,
+    Lone,
+    Refused,
+)
 
 from drives import pdo
 from drives.simulated.machine402 import Power

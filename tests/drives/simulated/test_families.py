@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from lone_drive import Lone, Refused
+from support.drives.lone_drive import Lone, Refused
 
 from drives.profile import GENERIC, CyclicMode, Profile, Supervision
 from drives.settings import NodeSettings

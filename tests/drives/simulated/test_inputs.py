@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from lone_drive import Lone, Refused
+from support.drives.lone_drive import Lone, Refused
 
 from drives.simulated import Parameters
 from drives.simulated.inputs import EMERGENCY_STOP, HOME, NEGATIVE_LIMIT, POSITIVE_LIMIT, STO

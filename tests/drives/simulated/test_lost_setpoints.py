@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import pytest
-from stepped_drives import PERIOD_S, Bench
+from support.drives.stepped_drives import PERIOD_S, Bench
 
 from drives.simulated import LostSync, Parameters
 from drives.simulated.machine402 import Power

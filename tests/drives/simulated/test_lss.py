@@ -6,7 +6,7 @@ import struct
 
 import canopen
 import pytest
-from lone_drive import RESET_COMMUNICATION, START, Lone
+from support.drives.lone_drive import RESET_COMMUNICATION, START, Lone
 
 IDENTITY = (0xD1E, 0x402, 0x10000, 5)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import pytest
-from lone_drive import PERIOD_S, START, Lone, Refused
+from support.drives.lone_drive import PERIOD_S, START, Lone, Refused
 
 from drives.simulated import Parameters
 

@@ -8,8 +8,8 @@ from itertools import pairwise
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from lone_drive import Lone
-from stepped_drives import PERIOD_S, Bench
+from support.drives.lone_drive import Lone
+from support.drives.stepped_drives import PERIOD_S, Bench
 
 from drives.settings import NodeSettings
 from drives.simulated import Parameters, build

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 
 import pytest
-from lone_drive import START, Lone, Refused
+from support.drives.lone_drive import START, Lone, Refused
 
 from drives.simulated import Parameters
 

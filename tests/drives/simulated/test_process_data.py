@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import pytest
-from lone_drive import PRE_OPERATIONAL, START, STOP, Lone, Refused
+from support.drives.lone_drive import PRE_OPERATIONAL, START, STOP, Lone, Refused
 
 from drives import pdo
 from drives.simulated import Parameters

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from lone_drive import START, Lone, Refused
+from support.drives.lone_drive import START, Lone, Refused
 
 IP = 7
 PERIOD_S = 0.05  # long, so that several SDO transfers fit into it

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from lone_drive import PERIOD_S, Lone
+from support.drives.lone_drive import PERIOD_S, Lone
 
 from drives.simulated import Parameters
 from drives.simulated.machine402 import Power

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from lone_drive import RESET_COMMUNICATION, RESET_NODE, Lone, Refused
+from support.drives.lone_drive import RESET_COMMUNICATION, RESET_NODE, Lone, Refused
 
 SAVE, LOAD = int.from_bytes(b"save", "little"), int.from_bytes(b"load", "little")
 

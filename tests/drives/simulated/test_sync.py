@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from lone_drive import RESET_NODE, START, Lone, Refused
+from support.drives.lone_drive import RESET_NODE, START, Lone, Refused
 
 from drives import pdo
 

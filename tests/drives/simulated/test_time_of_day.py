@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 
 import pytest
-from lone_drive import STOP, Lone, Refused
+from support.drives.lone_drive import STOP, Lone, Refused
 
 NOON = struct.pack("<IH", 12 * 3_600_000, 15_000)
 SINCE_1984_S = 15_000 * 86400.0 + 12 * 3600.0

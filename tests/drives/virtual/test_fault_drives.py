@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from stepped_drives import PERIOD_S, Bench
+from support.drives.stepped_drives import PERIOD_S, Bench
 
 from drives import pdo
 from drives.simulated import IoNode, Parameters

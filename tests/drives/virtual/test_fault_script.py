@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import bit_exact
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from stepped_drives import PERIOD_S, Bench
+from support.drives.stepped_drives import PERIOD_S, Bench
+from support.oracles import frame_bits
 
 from drives import pdo
 from drives.virtual.error_counters import Level
@@ -126,8 +126,8 @@ def test_a_delayed_frame_comes_later_and_once() -> None:
     wire.bus.advance(1.0)
     (first, _, _), (second, _, _) = wire.heard
     assert wire.ids() == [0x204, 0x203]
-    assert second == pytest.approx(500e-6 + bit_exact.length(0x203) * 1e-6)
-    assert first == pytest.approx(bit_exact.length(0x204) * 1e-6)
+    assert second == pytest.approx(500e-6 + frame_bits.length(0x203) * 1e-6)
+    assert first == pytest.approx(frame_bits.length(0x204) * 1e-6)
 
 
 def test_a_duplicated_frame_comes_twice_with_the_same_data() -> None:
@@ -196,7 +196,9 @@ def test_a_babbling_node_keeps_everything_above_it_from_the_wire_until_it_ends()
     assert wire.ids().count(0x203) == 1
     at_s = {can_id: at_s for at_s, can_id, _ in wire.heard}
     assert at_s[0x203] == pytest.approx(0.021, abs=0.0004)
-    assert wire.ids().count(0x001) == pytest.approx(20e-3 / (bit_exact.length(0x001, bytes(8)) * 1e-6), abs=2)
+    assert wire.ids().count(0x001) == pytest.approx(
+        20e-3 / (frame_bits.length(0x001, bytes(8)) * 1e-6), abs=2
+    )
 
 
 def test_a_babbling_node_without_bit_timing_ends_too() -> None:
@@ -225,7 +227,7 @@ def test_a_few_corrupt_frames_cost_time_only_and_are_forgotten() -> None:
     wire.say(0x203)
     wire.bus.advance(0.1)
     assert wire.ids() == [0x203]
-    bits = bit_exact.length(0x203)
+    bits = frame_bits.length(0x203)
     assert wire.heard[0][0] == pytest.approx((3 * (bits + 23) + bits) * 1e-6)
     assert wire.bus.controller.transmit == 23
     for n in range(30):

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import can
 import canopen
-import hub_process
 import numpy as np
 import pytest
-from stepped_drives import EDS, nodes
+from support.drives import hub_process
+from support.drives.stepped_drives import EDS, nodes
 
 from drives import bus, commission, pdo
 from drives.gateways import options

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
-import bit_exact
 import pytest
+from support.oracles import frame_bits
 
 from drives import pdo
 from drives.virtual.virtual_bus import SteppedBus
@@ -44,7 +44,7 @@ class Frame:
 
     @property
     def bits(self) -> int:
-        return bit_exact.length(self.name, self.data or bytes(self.length), self.remote, self.extended)
+        return frame_bits.length(self.name, self.data or bytes(self.length), self.remote, self.extended)
 
     @cached_property
     def field(self) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from stepped_drives import Bench
+from support.drives.stepped_drives import Bench
 
 from drives import pdo
 from drives.log.frame_log import FrameLog

@@ -5,35 +5,35 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-import browsing
 import pytest
+from support.live import browser
 
 
 @pytest.fixture(scope="module")
 def chromium() -> Iterator[Any]:
-    with browsing.browser() as made:
+    with browser.browser() as made:
         yield made
 
 
 @pytest.fixture(scope="module")
-def site(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[browsing.Site]:
+def site(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[browser.Site]:
     """Before a machine that only keeps its mode."""
-    with browsing.fake_site(tmp_path_factory.mktemp("panel")) as made:
+    with browser.fake_site(tmp_path_factory.mktemp("panel")) as made:
         yield made
 
 
 @pytest.fixture(scope="module")
-def stepped(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[browsing.Site]:
+def stepped(chromium: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[browser.Site]:
     """Before a machine that cuts Example 2: lists, meters and traces with something in them."""
-    with browsing.fake_site(tmp_path_factory.mktemp("stepped"), "stepped_site.py") as made:
+    with browser.fake_site(tmp_path_factory.mktemp("stepped"), "stepped_site.py") as made:
         yield made
 
 
 @pytest.fixture
-def page(chromium: Any, site: browsing.Site) -> Iterator[Any]:
+def page(chromium: Any, site: browser.Site) -> Iterator[Any]:
     """The page with control of the machine, which tells its own again at the end of a test."""
     context = chromium.new_context(viewport={"width": 1280, "height": 720}, locale="en-GB")
-    made = browsing.opened(context, site)
+    made = browser.opened(context, site)
     made.evaluate("dx.call('POST', 'control', {take_over: true}).then((s) => { dx.token = s.body.token; })")
     made.wait_for_selector("body[data-control=mine]")
     yield made

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from browsing import Site, until
+from support.live.browser import Site, until
 
 from controller.panel.page.views import VIEWS
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from panels import ROLES, Scene
 from starlette.types import Receive, Scope, Send
+from support.fakes.panels import ROLES, Scene
 
 from controller.panel.access import COOKIE
 from controller.panel.page.gate import LOG_IN, Gate

@@ -6,9 +6,9 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-import browsing
 import pytest
-from browsing import Site, until
+from support.live import browser
+from support.live.browser import Site, until
 
 pytestmark = pytest.mark.slow
 DEAD_MAN_S = 0.2  # the service's own; the page only has to send nothing more
@@ -99,7 +99,7 @@ def test_keys_move_nothing_until_they_are_switched_on(page: Any, site: Site) -> 
     page.keyboard.up("ArrowRight")
     assert len(site.asked("jog")) == before
     page.click("#jog-keyboard")
-    browsing.yes(page)
+    browser.yes(page)
     page.keyboard.down("ArrowRight")
     until(lambda: len(site.asked("jog")) > before + 1, "a jog")
     page.keyboard.up("ArrowRight")
@@ -108,7 +108,7 @@ def test_keys_move_nothing_until_they_are_switched_on(page: Any, site: Site) -> 
 
 def test_a_second_browser_cannot_jog(page: Any, site: Site, chromium: Any) -> None:
     context = chromium.new_context()
-    other = browsing.opened(context, site, "jog")
+    other = browser.opened(context, site, "jog")
     other.wait_for_selector("[data-jog=X][data-sign='+'][disabled]")
     said = other.evaluate("dx.call('POST', 'jog', {frame: 'joint', axis: 'X', speed: 0.5}, true)")
     assert said["status"] == 409
@@ -118,9 +118,9 @@ def test_a_second_browser_cannot_jog(page: Any, site: Site, chromium: Any) -> No
 
 def test_who_loses_control_is_told_and_cannot_jog_any_more(page: Any, site: Site, chromium: Any) -> None:
     context = chromium.new_context()
-    other = browsing.opened(context, site)
+    other = browser.opened(context, site)
     other.click("#dx-control")
-    browsing.yes(other)
+    browser.yes(other)
     other.wait_for_selector("body[data-control=mine]")
     page.wait_for_selector("body[data-control=other]")
     page.evaluate("dx.show('jog')")
@@ -178,7 +178,7 @@ def test_a_line_is_run_after_its_question_and_kept_for_the_next_time(page: Any, 
         page.keyboard.press("Enter")
         page.wait_for_selector(f".dx-ask >> text=Run this now? {line}")
         assert len(site.asked("mdi")) == before
-        browsing.yes(page)
+        browser.yes(page)
         assert until(lambda n=before: site.asked("mdi")[n:], "the line")[0][2] == {"text": line}
         page.wait_for_function("() => document.getElementById('mdi-text').value === ''")
     page.wait_for_function(

@@ -11,9 +11,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-import live_page
 import pytest
-import shop
+from support.live import live_page, shop
 
 from controller.panel.page.views import VIEWS
 

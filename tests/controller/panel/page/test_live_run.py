@@ -9,11 +9,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import browsing
-import live_page
 import pytest
-import replaying
-import shop
+from support.live import browser, live_page, replayed_runs, shop
 
 from controller import config
 
@@ -42,11 +39,11 @@ def test_a_part_is_brought_run_held_and_finished_by_the_page_whatever_becomes_of
             print(f"turn {turn}: {error}")
     else:
         raise AssertionError("the computer had no time for the machine in any of the turns")
-    (record,) = replaying.records(folder / "state")
+    (record,) = replayed_runs.records(folder / "state")
     machine = config.load(str(folder / "machine.toml"))
-    again = replaying.again(record, config.shipped_program(NAME).read_text(), machine)
+    again = replayed_runs.again(record, config.shipped_program(NAME).read_text(), machine)
     assert again.run.result == "completed", again.run.fault_text
-    replaying.assert_same_setpoints(again)
+    replayed_runs.assert_same_setpoints(again)
 
 
 def cut_by_the_page(context: Any, folder: Path) -> None:
@@ -59,7 +56,7 @@ def cut_by_the_page(context: Any, folder: Path) -> None:
             holds(page)
             goes_on(page)
             disturbs(page, running)
-            browsing.take_control(page)
+            browser.take_control(page)
             live_page.wait(page, "dx.status.mode === 'READY'")
         run = running.run_record()
         assert (run["program"], run["result"]) == (NAME, "completed")
@@ -87,11 +84,11 @@ def chosen(page: Any, name: str) -> None:
 
 
 def comes_up(page: Any) -> None:
-    browsing.take_control(page)
+    browser.take_control(page)
     page.click("[data-to=run]")
     live_page.wait(page, "dx.status.sequence?.state === 'done'")  # the drives' commissioning
     page.click("[data-call='POST machine/home']:not([disabled])")
-    browsing.yes(page)
+    browser.yes(page)
     live_page.wait(page, "!dx.status.not_homed.length && ['OFF', 'READY'].includes(dx.status.mode)")
     live_page.wait(page, "dx.status.sequence?.state !== 'running'")
     if page.evaluate("dx.status.mode") == "OFF":
@@ -106,7 +103,7 @@ def starts(page: Any) -> None:
     live_page.wait(page, "dx.status.job?.state === 'loaded'")
     page.click("[data-to=run]")
     page.click("[data-call='POST cycle/start']:not([disabled])")
-    browsing.yes(page)
+    browser.yes(page)
     page.wait_for_selector(".mode-more:has-text('T4 (end mill 1 mm)')")
     page.click("[data-call='POST cycle/resume']:not([disabled])")
     live_page.wait(page, "dx.status.in_block?.u > 0.05")

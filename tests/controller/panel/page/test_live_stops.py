@@ -7,9 +7,9 @@ import signal
 from collections.abc import Callable, Iterator
 from typing import Any
 
-import live_page
 import pytest
-from live_page import LiveMachine
+from support.live import live_page
+from support.live.live_page import LiveMachine
 
 pytestmark = [pytest.mark.slow, pytest.mark.live]
 

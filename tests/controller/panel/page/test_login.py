@@ -5,9 +5,9 @@ from __future__ import annotations
 import urllib.error
 from typing import Any
 
-import browsing
 import pytest
 from argon2 import PasswordHasher
+from support.live import browser
 
 from controller.panel.store import Store
 
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 PASSWORD = "correct horse"
 
 
-def lets_nobody_in(site: browsing.Site) -> bool:
+def lets_nobody_in(site: browser.Site) -> bool:
     try:
         site.ask("control")
     except urllib.error.HTTPError as error:
@@ -24,19 +24,19 @@ def lets_nobody_in(site: browsing.Site) -> bool:
 
 
 def test_who_is_logged_in_is_shown_and_leaves_without_control(chromium: Any, tmp_path: Any) -> None:
-    with browsing.fake_site(tmp_path) as site:
+    with browser.fake_site(tmp_path) as site:
         Store(tmp_path).users.set("anna", PasswordHasher().hash(PASSWORD), "operate")
-        browsing.until(lambda: lets_nobody_in(site), "a panel that knows of its users")
+        browser.until(lambda: lets_nobody_in(site), "a panel that knows of its users")
         context = chromium.new_context(locale="en-GB")
         page = context.new_page()
-        page.set_default_timeout(browsing.HANGS_S * 1000)
+        page.set_default_timeout(browser.HANGS_S * 1000)
         page.goto(site.url)
         page.wait_for_url("**/login")
         page.fill("#name", "anna")
         page.fill("#password", PASSWORD)
         page.keyboard.press("Enter")
         page.wait_for_selector("#dx-log-out >> text=anna")
-        browsing.take_control(page)
+        browser.take_control(page)
         token = page.evaluate("dx.token")
         page.click("#dx-log-out")
         page.wait_for_url("**/login")

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import browsing
 import pytest
-from browsing import Site
+from support.live import browser
+from support.live.browser import Site
 
 from controller.panel.page.views import VIEWS
 
@@ -72,7 +72,7 @@ def looked_at(chromium: Any, site: Site, size: str, theme: str, language: str) -
     context = chromium.new_context(viewport={"width": width, "height": height}, reduced_motion="reduce")
     cookies = {"directrix_theme": theme, "directrix_language": language}
     context.add_cookies([{"name": name, "value": value, "url": site.url} for name, value in cookies.items()])
-    page = browsing.opened(context, site)
+    page = browser.opened(context, site)
     page.evaluate("dx.call('POST', 'control', {take_over: true}).then((s) => { dx.token = s.body.token; })")
     yield page
     assert not page.errors, page.errors
@@ -81,7 +81,7 @@ def looked_at(chromium: Any, site: Site, size: str, theme: str, language: str) -
 
 def findings(page: Any, name: str, tmp_path: Path) -> list[str]:
     """What is wrong in any view, with its name."""
-    axe = browsing.needed("axe_playwright_python.sync_playwright", "needs axe-playwright-python")
+    axe = browser.needed("axe_playwright_python.sync_playwright", "needs axe-playwright-python")
     found: list[str] = []
     for view in VIEWS:
         page.evaluate("(name) => dx.show(name)", view.NAME)

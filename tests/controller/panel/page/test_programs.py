@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-import browsing
 import pytest
-from browsing import Site, until
+from support.live import browser
+from support.live.browser import Site, until
 
 from controller.panel.page import figures
 
@@ -105,7 +105,7 @@ def test_what_is_there_already_is_replaced_only_after_a_question(name: str, page
         page.evaluate(DROP, [unicodedata.normalize("NFD", name), "G21\nM2\n"])
         page.wait_for_selector(".dx-ask >> text=is there already. Replace it?")
         if say_yes:
-            browsing.yes(page)
+            browser.yes(page)
         else:
             page.click(".dx-ask button >> nth=1")
         page.wait_for_selector(".upload", state="detached")
@@ -221,11 +221,11 @@ def test_a_program_is_renamed_and_deleted_after_a_question(page: Any, site: Site
     choose(page, "old.ngc")
     page.click("[data-rename]")
     page.fill(".dx-ask input", "new name.ngc")
-    browsing.yes(page)
+    browser.yes(page)
     page.wait_for_selector("tr[data-program='new name.ngc']")
     choose(page, "new name.ngc")
     page.click(".program-acts [data-kind=warn]")
-    browsing.yes(page)
+    browser.yes(page)
     page.wait_for_selector("tr[data-program='new name.ngc']", state="detached")
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from browsing import Site, until
+from support.live.browser import Site, until
 
 pytestmark = pytest.mark.slow
 

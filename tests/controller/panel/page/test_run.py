@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from browsing import Site, until
-from fake_door import AXES
+from support.fakes.fake_socket import AXES
+from support.live.browser import Site, until
 
 pytestmark = pytest.mark.slow
 

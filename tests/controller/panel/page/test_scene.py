@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-import browsing
 import pytest
-from browsing import Site
+from support.live import browser
+from support.live.browser import Site
 
 from controller import config, fitting
 from controller.kinematics import Kinematics
@@ -26,7 +26,7 @@ MACHINES = ("trunnion", "table_head", "head_head", "oblique45", "xyzac_linuxcnc"
 @pytest.fixture(scope="module")
 def looker(chromium: Any, stepped: Site) -> Iterator[Any]:
     """One page for all tests, small: it is drawn without a graphics card."""
-    with browsing.looker(chromium, stepped, 640, 480, "scene") as made:
+    with browser.looker(chromium, stepped, 640, 480, "scene") as made:
         yield made
 
 

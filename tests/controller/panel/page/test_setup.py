@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import browsing
 import pytest
-from browsing import Site, until
+from support.live import browser
+from support.live.browser import Site, until
 
 pytestmark = pytest.mark.slow
 
@@ -29,7 +29,7 @@ def test_one_axis_is_homed_after_a_question(setup: Any, site: Site) -> None:
     setup.click("#setup-homing tr:nth-child(2) button")
     setup.wait_for_selector(".dx-ask >> text=Home Y? It will move.")
     assert len(site.asked("home")) == before
-    browsing.yes(setup)
+    browser.yes(setup)
     assert until(lambda: site.asked("home")[before:], "homing")[0][2] == {"axes": ["Y"]}
 
 
@@ -70,7 +70,7 @@ def test_an_offset_is_set_from_where_the_tip_is(setup: Any, site: Site) -> None:
     until(lambda: len(site.asked("set_offset")) > before, "the old offset")
     setup.click("#setup-offsets tr[data-row=G54] button >> nth=0")
     setup.fill(".dx-ask input", "4")
-    browsing.yes(setup)
+    browser.yes(setup)
     asked = until(lambda: site.asked("set_offset")[before + 1 :], "the offset")[0][2]
     assert asked["values"]["origin_mm"] == [6.0, 0.0, 0.0]
 
@@ -101,7 +101,7 @@ def test_the_tool_in_the_spindle_touches_off_again_after_a_change_whatever_was_p
         setup.wait_for_function("(n) => document.querySelector('#setup-tool').value === n", arg=str(number))
         assert f"with T{number}" in touch_asked(setup, 2)
         before = len(site.asked("set_offset"))
-        browsing.yes(setup)
+        browser.yes(setup)
         made = until(lambda at=before: site.asked("set_offset")[at:], "the offset")[0][2]
         assert made["values"]["origin_mm"][2] == origin
     setup.select_option("#setup-tool", "7")
@@ -154,7 +154,7 @@ def test_a_tool_that_is_there_is_not_written_over_by_one_that_is_added(setup: An
         before = len(site.asked("set_tool"))
         setup.click("#setup-add")
         setup.fill(".dx-ask input", number)
-        browsing.yes(setup)
+        browser.yes(setup)
         setup.wait_for_selector(f"#dx-said:has-text('{said}')")
         assert len(site.asked("set_tool")) == before
 
@@ -181,7 +181,7 @@ def test_a_tool_is_added_changed_and_taken_away(setup: Any, site: Site) -> None:
     part(setup, "tools")
     setup.click("#setup-add")
     setup.wait_for_selector(".dx-ask input")
-    browsing.yes(setup)
+    browser.yes(setup)
     row = "#setup-tools tr[data-row='2']"
     setup.wait_for_selector(row)
     for name, value in (("name", "ball"), ("radius_mm", "2.5"), ("corner_mm", "2.5"), ("taper_deg", "3")):
@@ -195,7 +195,7 @@ def test_a_tool_is_added_changed_and_taken_away(setup: Any, site: Site) -> None:
     }
     setup.wait_for_selector("#dx-said:has-text('T2 is saved.')")
     setup.click(f"{row} td:last-child button >> nth=1")
-    browsing.yes(setup)
+    browser.yes(setup)
     setup.wait_for_selector(row, state="detached")
 
 

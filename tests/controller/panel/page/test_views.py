@@ -8,10 +8,10 @@ from collections.abc import Iterator
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
-import browsing
 import numpy as np
 import pytest
-from browsing import Site
+from support.live import browser
+from support.live.browser import Site
 
 pytestmark = pytest.mark.slow
 
@@ -19,7 +19,7 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def looker(chromium: Any, stepped: Site) -> Iterator[Any]:
     """One page for all tests, as an operator has it; without control: looking needs none."""
-    with browsing.looker(chromium, stepped, 1280, 720) as made:
+    with browser.looker(chromium, stepped, 1280, 720) as made:
         yield made
 
 

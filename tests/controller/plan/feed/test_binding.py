@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from machines import machine
-from traced import stretches, trace
+from support.machines.shipped_kinds import machine
+from support.machines.traced_programs import stretches, trace
 
 from controller.handoff import Law
 from controller.kinematics import Kinematics

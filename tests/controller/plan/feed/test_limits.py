@@ -7,15 +7,15 @@ import math
 import random
 from collections.abc import Sequence
 
-import blu_compounds
 import numpy as np
 import pytest
-from cutting import shipped
-from laws import chains
-from machines import machine, random_machine
-from random_surfaces import compound
-from slow_machines import published, two_rails
-from traced import mill, named, trace
+from support.machines.planned_laws import chains
+from support.machines.shipped_kinds import machine, random_machine
+from support.machines.slow_machines import published, two_rails
+from support.machines.stepped_runs import shipped
+from support.machines.traced_programs import mill, named, trace
+from support.parts import blu_compounds
+from support.parts.random_surfaces import compound
 
 from controller.curves import Arc, ArcLength, Bezier, Line
 from controller.geometry import Frame
@@ -120,7 +120,7 @@ def test_derivatives_of_a_cut_are_those_of_the_joints_on_random_oblique_machines
 
 
 def test_at_a_pole_the_derivatives_are_those_of_the_limit_from_inside() -> None:
-    from surfaces_of_the_paper import example_2
+    from support.parts.paper_surfaces import example_2
 
     built = machine("fig4a")
     kinematics = Kinematics(built)

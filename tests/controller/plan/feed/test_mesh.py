@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cutting import program, shipped
-from traced import trace
+from support.machines.stepped_runs import program, shipped
+from support.machines.traced_programs import trace
 
 from controller.kinematics import Kinematics
 from controller.machine import Machine

@@ -8,13 +8,12 @@ import statistics
 from collections.abc import Iterable
 from dataclasses import replace
 
-import jerk_limited
-import lower_bound
 import pytest
-from cutting import largest, shipped
-from laws import chains, laws_of, sampled
-from random_surfaces import compound, text
-from slow_machines import any_path, drawn, published, two_rails
+from support.machines.planned_laws import chains, laws_of, sampled
+from support.machines.slow_machines import any_path, drawn, published, two_rails
+from support.machines.stepped_runs import largest, shipped
+from support.oracles import jerk_limited_time, time_bound
+from support.parts.random_surfaces import compound, text
 
 from controller.kinematics import Kinematics
 from controller.machine import Limits, Machine
@@ -41,7 +40,7 @@ def ratio(cuts: list[Stretch], machine: Machine, label: object) -> float:
         acceleration,
         jerk,
     )
-    return sum(law.duration_s for law in laws) / jerk_limited.optimum(cuts, machine).seconds
+    return sum(law.duration_s for law in laws) / jerk_limited_time.optimum(cuts, machine).seconds
 
 
 # --- the optimum itself
@@ -58,7 +57,7 @@ def test_the_optimum_of_a_straight_line_is_the_closed_form(limits: Limits) -> No
     line = chains("G53 G0 X100.\nM30\n", machine)[0].stretches[0]
     assert line.motion.end == 100.0
     wanted = straight(100.0, limits.velocity, limits.acceleration, limits.jerk).duration_s
-    assert jerk_limited.optimum([line], machine).seconds == pytest.approx(wanted, rel=3e-3)
+    assert jerk_limited_time.optimum([line], machine).seconds == pytest.approx(wanted, rel=3e-3)
 
 
 @pytest.mark.parametrize("jerk", [1.0, 100.0])
@@ -67,9 +66,9 @@ def test_the_optimum_depends_little_on_its_nodes_and_is_never_below_the_bound_wi
 ) -> None:
     machine = published(jerk)
     cut = cuts_of(two_rails(), machine)[2]
-    coarse, fine = (jerk_limited.optimum([cut], machine, nodes).seconds for nodes in (200, 400))
+    coarse, fine = (jerk_limited_time.optimum([cut], machine, nodes).seconds for nodes in (200, 400))
     assert coarse == pytest.approx(fine, rel=2e-3)
-    assert fine >= lower_bound.seconds([cut], machine) * (1.0 - 2e-3)
+    assert fine >= time_bound.seconds([cut], machine) * (1.0 - 2e-3)
 
 
 # --- the law beside it
@@ -141,7 +140,7 @@ def test_random_compounds_take_little_more_than_an_optimum_that_begins_and_ends_
                     continue
                 planned = profile.plan(Course(run, machine, kinematics))
                 assert planned is not None
-                best = jerk_limited.optimum(run, machine, 800)
+                best = jerk_limited_time.optimum(run, machine, 800)
                 found.append(planned.duration_s / best.seconds)
                 print(f"seed {seed}: {planned.duration_s:.3f} s, {found[-1]:.4f} of the optimum")
     print(f"median {statistics.median(found):.4f}, worst {max(found):.4f}")

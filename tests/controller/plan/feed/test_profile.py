@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cutting import largest, program, shipped
-from laws import chains, laws_of, sampled
-from random_surfaces import compound, text
+from support.machines.planned_laws import chains, laws_of, sampled
+from support.machines.stepped_runs import largest, program, shipped
+from support.parts.random_surfaces import compound, text
 
 from controller.handoff import Law
 from controller.kinematics import Kinematics

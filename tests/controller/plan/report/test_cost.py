@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from cutting import shipped
-from traced import mill, trace
+from support.machines.stepped_runs import shipped
+from support.machines.traced_programs import mill, trace
 
 from controller import config
 from controller.kinematics import Kinematics

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from traced import HOME, mill
+from support.machines.traced_programs import HOME, mill
 from typer.testing import CliRunner
 
 from controller.__main__ import app

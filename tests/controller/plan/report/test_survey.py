@@ -7,9 +7,9 @@ import json
 from dataclasses import replace
 
 import pytest
-from cutting import cut, shipped
-from machines import machine
-from traced import mill, trace
+from support.machines.shipped_kinds import machine
+from support.machines.stepped_runs import cut, shipped
+from support.machines.traced_programs import mill, trace
 
 from controller.kinematics import Kinematics
 from controller.machine import Limits, Machine, five

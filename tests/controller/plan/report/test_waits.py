@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from cutting import shipped
-from milling import IO, SPINDLE, Mill, mill
-from traced import HOME, trace
+from support.machines.spindle_machine import IO, SPINDLE, Mill, mill
+from support.machines.stepped_runs import shipped
+from support.machines.traced_programs import HOME, trace
 
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine, five

@@ -6,7 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from traced import HOME, assert_whole, mill, named, names, sentences, stretches, trace
+from support.machines.traced_programs import (
+    HOME,
+    assert_whole,
+    mill,
+    named,
+    names,
+    sentences,
+    stretches,
+    trace,
+)
 
 from controller.geometry import Vector, add, dot, norm, scale, subtract, unit
 from controller.kinematics import Kinematics

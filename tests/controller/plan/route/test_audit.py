@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from traced import mill
+from support.machines.traced_programs import mill
 
 from controller.machine import Sense
 from controller.plan.route import audit

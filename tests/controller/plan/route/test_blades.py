@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cutting import shipped
-from traced import stretches, trace
-from twisted_blades import blade, normal_turns_deg, off_by_brute_force, program
+from support.machines.stepped_runs import shipped
+from support.machines.traced_programs import stretches, trace
+from support.parts.twisted_blades import blade, normal_turns_deg, off_by_brute_force, program
 
 from controller.machine import Machine, Tool
 from controller.placement import Placed, Strategy

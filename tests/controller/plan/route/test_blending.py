@@ -8,13 +8,13 @@ import random
 import re
 from dataclasses import replace
 
-import blu_compounds
-import by_hand
 import numpy as np
 import pytest
-from random_surfaces import Pair
-from sweeps import _through
-from traced import assert_whole, mill, named, sentences, trace
+from support.machines.traced_programs import assert_whole, mill, named, sentences, trace
+from support.oracles import ruled_surfaces
+from support.oracles.swept_cylinder import _through
+from support.parts import blu_compounds
+from support.parts.random_surfaces import Pair
 
 from controller import config
 from controller.kinematics import Kinematics
@@ -156,14 +156,14 @@ def entered(points: np.ndarray, normals: np.ndarray, tips: np.ndarray, axes: np.
 
 
 def by_hand_poses(surface: Pair, offset: float, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    ruled = by_hand.Ruled(*surface)
+    ruled = ruled_surfaces.Ruled(*surface)
     return ruled.tip(u, offset), ruled.axis(u)
 
 
 def points_beside(surface: Pair, side: float, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Points at three heights and their normals to the cutter's side."""
-    upper, lower = (by_hand.casteljau(p, u) for p in surface)
-    du, dl = (by_hand.derivative(p, u) for p in surface)
+    upper, lower = (ruled_surfaces.casteljau(p, u) for p in surface)
+    du, dl = (ruled_surfaces.derivative(p, u) for p in surface)
     points, normals = [], []
     for v in (0.02, 0.5, 0.98):
         normal = np.cross((1.0 - v) * du + v * dl, upper - lower)

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from machines import machine
-from surfaces_of_the_paper import example_1, example_2
+from support.machines.shipped_kinds import machine
+from support.parts.paper_surfaces import example_1, example_2
 
 from controller.curves import ArcLength, Bezier
 from controller.geometry import Frame

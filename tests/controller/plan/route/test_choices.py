@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from nurbs_text import blade, nurbs
-from traced import HOME, assert_whole, mill, named, stretches, trace
+from support.machines.traced_programs import HOME, assert_whole, mill, named, stretches, trace
+from support.parts.nurbs_text import blade, nurbs
 
 from controller.kinematics import Kinematics
 from controller.machine import Machine

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from milling import mill
+from support.machines.spindle_machine import mill
 
 from controller import config
 from controller.kinematics import Kinematics

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cutting import shipped
-from random_surfaces import compound, text
-from traced import HOME, assert_whole, mill, named, names, sentences, trace
+from support.machines.stepped_runs import shipped
+from support.machines.traced_programs import HOME, assert_whole, mill, named, names, sentences, trace
+from support.parts.random_surfaces import compound, text
 
 from controller import config
 from controller.geometry import Vector, norm, subtract

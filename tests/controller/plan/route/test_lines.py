@@ -8,8 +8,8 @@ import math
 import numpy as np
 import numpy.typing as npt
 import pytest
-from machines import ROTARIES
-from traced import HOME, assert_whole, mill, stretches, trace
+from support.machines.shipped_kinds import ROTARIES
+from support.machines.traced_programs import HOME, assert_whole, mill, stretches, trace
 
 from controller.geometry import angle_between, norm, subtract
 from controller.kinematics import Kinematics

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from traced import assert_whole, mill, named, stretches, trace
+from support.machines.traced_programs import assert_whole, mill, named, stretches, trace
 
 from controller.geometry import Frame
 from controller.kinematics import Kinematics

@@ -7,9 +7,9 @@ import random
 from dataclasses import replace
 
 import pytest
-from cutting import program
-from machines import random_machine
-from traced import assert_whole, mill, named, names, sentences, stretches, trace
+from support.machines.shipped_kinds import random_machine
+from support.machines.stepped_runs import program
+from support.machines.traced_programs import assert_whole, mill, named, names, sentences, stretches, trace
 
 from controller.geometry import Frame
 from controller.machine import Machine

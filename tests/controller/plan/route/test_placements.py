@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cutting import shipped
-from placed_by_hand import small
-from surfaces_of_the_paper import example_2
+from support.machines.stepped_runs import shipped
+from support.oracles.placed_cuts import small
+from support.parts.paper_surfaces import example_2
 
 from controller.placement import Placed, Strategy
 from controller.plan.route import placements, placing

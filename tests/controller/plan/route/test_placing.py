@@ -6,9 +6,9 @@ import random
 
 import numpy as np
 import pytest
-from random_surfaces import compound
-from surfaces_of_the_paper import example_1, example_2
-from sweeps import nominal, single
+from support.oracles.swept_cylinder import nominal, single
+from support.parts.paper_surfaces import example_1, example_2
+from support.parts.random_surfaces import compound
 
 from controller.curves import Bezier
 from controller.machine import Tool

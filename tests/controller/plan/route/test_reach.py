@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from machines import machine
-from traced import assert_whole, mill, trace
+from support.machines.shipped_kinds import machine
+from support.machines.traced_programs import assert_whole, mill, trace
 
 from controller.kinematics import Kinematics
 from controller.plan.text.program import ProgramError

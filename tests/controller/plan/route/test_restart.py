@@ -6,8 +6,8 @@ from itertools import islice
 
 import numpy as np
 import pytest
-from cutting import shipped
-from restarting import EXAMPLE_2, LINES, TIPS, rest_of, source, stretches
+from support.machines.interrupted_runs import EXAMPLE_2, LINES, TIPS, rest_of, source, stretches
+from support.machines.stepped_runs import shipped
 
 from controller.kinematics import Kinematics
 from controller.plan.route import entry, restart

@@ -8,11 +8,11 @@ import pickle
 import tracemalloc
 from collections.abc import Iterator
 
-import cam_lines
 import numpy as np
 import numpy.typing as npt
 import pytest
-from traced import HOME, assert_whole, mill, sentences, stretches, trace
+from support.machines.traced_programs import HOME, assert_whole, mill, sentences, stretches, trace
+from support.parts import cam_lines
 
 from controller.geometry import Frame
 from controller.kinematics import Kinematics

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from cutting import shipped
+from support.machines.stepped_runs import shipped
 
 from controller.machine import Machine, Spindle
 from controller.plan.route.spindle_off import OFF

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cutting import shipped
-from milling import mill
+from support.machines.spindle_machine import mill
+from support.machines.stepped_runs import shipped
 
 from controller import config, fitting
 from controller.machine import Machine

@@ -7,9 +7,9 @@ import pickle
 
 import numpy as np
 import pytest
-from machines import machine
-from surfaces_of_the_paper import example_1, example_2
-from vertical_rulings import leaning, powers, straight
+from support.machines.shipped_kinds import machine
+from support.parts.paper_surfaces import example_1, example_2
+from support.parts.vertical_rulings import leaning, powers, straight
 
 from controller.curves import ArcLength, Bezier
 from controller.geometry import Frame

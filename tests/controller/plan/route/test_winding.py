@@ -8,7 +8,7 @@ import random
 from dataclasses import replace
 
 import pytest
-from machines import machine
+from support.machines.shipped_kinds import machine
 
 from controller.machine import Machine
 from controller.motions import Rotaries

@@ -8,12 +8,12 @@ import random
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-import independent_stop
 import numpy as np
 import pytest
-import traced
-from cutting import SHIPPED, cut, program, shipped
-from random_surfaces import compound, text
+from support.machines import traced_programs
+from support.machines.stepped_runs import SHIPPED, cut, program, shipped
+from support.oracles import jerk_limited_stop
+from support.parts.random_surfaces import compound, text
 
 from controller.handoff import StopTable
 from controller.kinematics import Kinematics
@@ -53,7 +53,7 @@ def planned(source: str, machine: Machine, only: str = "") -> Iterator[Planned]:
     """The plans of a program; those with a stretch named ``only``."""
     kinematics = Kinematics(machine)
     home = tuple(axis.homing.position for axis in machine.axes)
-    for item in traced.trace(source, machine, home).items:  # type: ignore[arg-type]
+    for item in traced_programs.trace(source, machine, home).items:  # type: ignore[arg-type]
         if isinstance(item, Chain):
             for run in profile.split_at_stops(item.stretches, machine, kinematics, 1.0):
                 if not only or any(stretch.name == only for stretch in run):
@@ -257,13 +257,13 @@ def ratio(case: Planned, i: int) -> float | None:
     k = int(case.course.index(np.array([s]))[0])
     stretch, base = case.course.stretches[k], float(case.course.starts[k])
     end = stretch.motion.end
-    limits = independent_stop.limits_of(case.machine.axes)
-    way = independent_stop.way(
+    limits = jerk_limited_stop.limits_of(case.machine.axes)
+    way = jerk_limited_stop.way(
         lambda x: np.asarray(joints_along(stretch, np.clip(x, 0.0, end), case.course.kinematics)),
         s - base,
         min(end, s - base + max(0.5, 0.6 * v)),
     )
-    best = independent_stop.shortest(way, limits, s - base, v, a)
+    best = jerk_limited_stop.shortest(way, limits, s - base, v, a)
     rest = motion(case, i)[-1, 0] if case.jerks(i) else case.plan.end_s
     if best is None or rest > base + end + 1e-9:
         return None

@@ -12,7 +12,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
-from machines import machine
+from support.machines.shipped_kinds import machine
 
 from controller import config, fitting
 from controller.machine import Kind, Machine, Sense, Spindle

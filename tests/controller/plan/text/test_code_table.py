@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from traced import mill
+from support.machines.traced_programs import mill
 
 from controller.plan.text import blocks, code_table
 from controller.plan.text.code_table import BY_DIALECT, ROWS, Code, Fate

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-import reference_interpreter
-from traced import mill, sentences, trace
+from support.machines.traced_programs import mill, sentences, trace
+from support.oracles import reference_interpreter
 
 from controller.plan.report import explained
 from controller.plan.text import blocks

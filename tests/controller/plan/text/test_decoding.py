@@ -6,7 +6,7 @@ import contextlib
 import time
 
 import pytest
-from traced import mill
+from support.machines.traced_programs import mill
 
 from controller.plan.text import blocks
 from controller.plan.text.program import Block, ProgramError, Remark

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from machines import machine
+from support.machines.shipped_kinds import machine
 
 from controller.plan.text import blocks, flow, words
 from controller.plan.text.program import JointLine, ProgramError

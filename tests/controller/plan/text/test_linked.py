@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from machines import machine
+from support.machines.shipped_kinds import machine
 
 from controller.plan.text import blocks, linked
 from controller.plan.text.program import JointLine, ProgramError

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from machines import machine
+from support.machines.shipped_kinds import machine
 
 from controller.kinematics import Kinematics
 from controller.plan.route import path

@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 import pytest
-from nurbs_text import Written, bezier, blade, clamped, nurbs
 from scipy.interpolate import BSpline as Reference
-from traced import assert_whole, mill, named, names, sentences, trace
+from support.machines.traced_programs import assert_whole, mill, named, names, sentences, trace
+from support.parts.nurbs_text import Written, bezier, blade, clamped, nurbs
 
 from controller.kinematics import Kinematics
 from controller.machine import Machine

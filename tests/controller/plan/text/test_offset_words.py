@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-import reference_interpreter
-from traced import mill, stretches, trace
+from support.machines.traced_programs import mill, stretches, trace
+from support.oracles import reference_interpreter
 
 from controller.machine import Machine
 from controller.plan.report import explained

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from machines import machine
+from support.machines.shipped_kinds import machine
 
 from controller.geometry import Frame
 from controller.machine import Machine

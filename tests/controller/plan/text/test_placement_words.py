@@ -1,7 +1,7 @@
 """P, Q and R of G40, G41 and G42: how the cutter is placed on surfaces, and what stays on them."""
 
 import pytest
-from machines import machine
+from support.machines.shipped_kinds import machine
 
 from controller.plan.text import blocks
 from controller.plan.text.program import ProgramError

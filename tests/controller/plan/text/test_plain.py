@@ -6,7 +6,7 @@ import random
 from pathlib import Path
 
 import pytest
-from machines import machine
+from support.machines.shipped_kinds import machine
 
 from controller.plan.text import blocks
 from controller.plan.text.line import PLAIN

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import random
 
-import ci_seed
-import random_codes
-import reference_interpreter
+from support.oracles import reference_interpreter
+from support.parts import random_codes
+from support.suite import seed
 
 from controller.plan.text import blocks, position
 from controller.plan.text.position import Position, homed
 
 
 def test_what_is_not_asked_on_the_way_is_known_at_the_end() -> None:
-    print(f"seed {ci_seed.SEED}")
-    rng, on = random.Random(ci_seed.SEED), reference_interpreter.machine()
+    print(f"seed {seed.SEED}")
+    rng, on = random.Random(seed.SEED), reference_interpreter.machine()
     for _ in range(60):
         often, once = Position(on, homed(on)), Position(on, homed(on))
         for block in blocks.stream(random_codes.program(rng).encode(), on, "p.ngc"):

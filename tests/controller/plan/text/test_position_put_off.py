@@ -6,7 +6,7 @@ import random
 from dataclasses import replace
 
 import pytest
-from machines import machine
+from support.machines.shipped_kinds import machine
 
 from controller.geometry import Frame
 from controller.plan.text import modal

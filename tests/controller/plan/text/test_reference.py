@@ -7,9 +7,9 @@ import os
 from dataclasses import replace
 
 import pytest
-import reference_runs
-from machines import machine
-from random_flow import Maker
+from support.machines.shipped_kinds import machine
+from support.oracles import reference_runs
+from support.parts.random_flow import Maker
 
 from controller.geometry import Frame
 from controller.plan.text import blocks

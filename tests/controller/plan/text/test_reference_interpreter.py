@@ -5,10 +5,10 @@ from __future__ import annotations
 import random
 from pathlib import Path
 
-import ci_seed
 import pytest
-import random_codes
-import reference_interpreter
+from support.oracles import reference_interpreter
+from support.parts import random_codes
+from support.suite import seed
 
 PROGRAMS = 20  # here; a thousand and more outside of the fast tests
 
@@ -19,8 +19,8 @@ PROGRAMS = 20  # here; a thousand and more outside of the fast tests
 @pytest.mark.parametrize("count", [PROGRAMS, pytest.param(1000, marks=pytest.mark.slow)])
 def test_random_programs_lead_where_the_reference_interpreter_leads(count: int, tmp_path: Path) -> None:
     machine = reference_interpreter.machine()
-    print(f"seed {ci_seed.SEED}")
-    rng = random.Random(ci_seed.SEED)
+    print(f"seed {seed.SEED}")
+    rng = random.Random(seed.SEED)
     for _ in range(count):
         text = random_codes.program(rng)
         ours = reference_interpreter.ours(text, machine)

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from machines import machine
+from support.machines.shipped_kinds import machine
 from typer.testing import CliRunner
 
 from controller.__main__ import app

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 
 import pytest
-from traced import mill, sentences, stretches, trace
+from support.machines.traced_programs import mill, sentences, stretches, trace
 
 from controller.motions import ToolSpline
 from controller.plan.text import blocks

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from cutting import shipped
+from support.machines.stepped_runs import shipped
 
 from controller.fitting import with_offset
 from controller.plan.text import blocks

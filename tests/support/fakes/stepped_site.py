@@ -1,0 +1,174 @@
+"""A panel with its page before a machine on the stepped clock, which goes on as often as it is looked at.
+
+    python stepped_site.py FOLDER PORT
+
+Every status lets so many ticks pass: pictures and scopes have real figures, and no test waits for a clock.
+What a test writes to FOLDER/told.json is laid over the status; FOLDER/picture names the picture.
+"""
+
+from __future__ import annotations
+
+import gc
+import hashlib
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import uvicorn
+from support.fakes.page_server import PASSED, MovingDoor, ToldChecker
+
+from controller import config, fitting
+from controller.machine import Machine, Temperature
+from controller.panel.core import Panel
+from controller.panel.http import make_app
+from controller.panel.page.shell import add_page
+from controller.panel.programs import Program, ProgramCheck
+from controller.panel.store import Store
+from controller.plan.report.picture import Picture
+from controller.service import hearing, looks, status
+from controller.session import checked
+from controller.session.recording import Facts, save
+from controller.session.stepped import SteppedMachine
+from controller.state import Fault
+from drives import pdo
+
+PER_STATUS = 10  # ticks
+NAME = "example2_ready.ngc"
+KEY = "picture-of-the-test"
+TOOL = 4  # of the program
+FIRST_TICKS = 1500  # of the recording
+SHOWN = "picture"
+STATUSWORD = 0x1237
+WARM_C = 41.5  # the drive of A
+FOLLOWING_ERROR = 0x8611  # said by the drive of Y
+HEARD_TICKS = 300  # in the last second, of 500
+COUNTERS = 96, 12  # transmit and receive errors
+ALWAYS_S = 1e12  # of a frame that is never too old
+
+
+class SteppedDoor(MovingDoor):
+    """Example 2, being cut."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder)
+        self.folder, self.machine = folder, config.load("trunnion")
+        self.warm = _warm(self.machine)
+        self.logs = {self.machine.buses[0].name: _heard(self.machine)}
+        fitting.note(folder, self.machine)
+        self.text = config.shipped_program(NAME).read_bytes()
+        self.sha256 = hashlib.sha256(self.text).hexdigest()
+        task = checked.task(self.text, NAME, self.machine)
+        self.bench = SteppedMachine(self.machine)
+        self.bench.come_up()
+        self.recorder = self.bench.recorder
+        picture = Picture(self.machine, task.kinematics)
+        walk = checked.walk_of(task, None, False)
+        for _ in picture.watched(checked.path_of(task, walk.choices).items):
+            pass
+        picture.shape().save(folder / "pictures" / f"{KEY}.npz")
+        self.bench.begin(walk)
+
+    def status(self) -> dict[str, Any]:
+        self.bench.go(PER_STATUS)
+        now = self.bench.board.read()
+        assert now is not None
+        job = {"name": NAME, "state": "running", "block": now.motion_id, "line": now.line, "left_s": 60.0}
+        drives = hearing.drives(self.warm, now, self.logs)
+        return {
+            **super().status(),
+            **status.machine_values(self.machine, now, None, self.bench.recorder, TOOL),
+            "time_s": now.tick * self.machine.period_s,
+            "fault": None,
+            "job": {**job, "sha256": self.sha256, "fraction": 0.3, "duration_s": 67.0},
+            "drives": [{**drive, "heartbeat_age_s": 0.012} for drive in drives],
+            "commissioned": True,
+            "sequence": None,
+            "tool": TOOL,
+            **self.laid_over(),
+        }
+
+    def keep(self, base: Path) -> Path:
+        """A recording of the first ticks, as a fault of Z leaves it."""
+        self.bench.go(FIRST_TICKS)
+        now = self.bench.board.read()
+        assert now is not None
+        told = Facts.of(self.machine, now._replace(fault=Fault.FOLLOWING_ERROR, fault_axis=2), {})
+        return save(base, self.machine, told, self.bench.recorder.last(FIRST_TICKS), {})
+
+    def facts(self) -> dict[str, Any]:
+        made = self.machine
+        return status.facts(made, {"offsets": fitting.offsets_of(made), "tools": fitting.tools_of(made)})
+
+    def buses(self) -> dict[str, Any]:
+        return looks.buses(self.machine, self.logs, self.bench.recorder)
+
+
+def _warm(machine: Machine) -> Machine:
+    """A's drive tells how warm it is."""
+    tells = Temperature(0x2035, 0, 16, 4, 10.0)
+    axes = (replace(axis, temperature=tells) if axis.name == "A" else axis for axis in machine.axes)
+    return replace(machine, axes=tuple(axes))
+
+
+def _heard(machine: Machine) -> hearing.LastFrames:
+    """Of the bus: commands of some ticks, what each drive said last, and an error frame."""
+    log = hearing.LastFrames()
+    log.seconds = 2.0 * ALWAYS_S
+    for axis in machine.axes:
+        log(pdo.frame(pdo.tpdo(1, axis.node), pdo.FEEDBACK.pack(STATUSWORD, 0)), 0.0)
+        if axis.name == "A":
+            log(pdo.frame(pdo.tpdo(4, axis.node), round(10 * WARM_C).to_bytes(2, "little")), 0.0)
+        if axis.name == "Y":
+            log(pdo.frame(pdo.EMCY + axis.node, pdo.EMERGENCY.pack(FOLLOWING_ERROR, 0x20, b"")), 0.0)
+    log(pdo.frame(pdo.ERROR_FLAG | 4, bytes((0, 0, 0, 0, 0, 0, *COUNTERS))), 0.0)
+    for _ in range(HEARD_TICKS):
+        log(pdo.frame(pdo.SYNC), ALWAYS_S)
+        for axis in machine.axes:
+            log(pdo.command_frame(axis.node), ALWAYS_S)
+    return log
+
+
+class PicturedChecker(ToldChecker):
+    """Its check has left a picture."""
+
+    def __init__(self, store: Store) -> None:
+        super().__init__(store)
+        self._shown = store.folder / SHOWN
+
+    def of(self, program: Program) -> ProgramCheck:
+        key = self._shown.read_text() if self._shown.exists() else KEY
+        return ProgramCheck(program.sha256, "", "passed", 1.0, {**PASSED, "stored": key}, 0.0)
+
+
+def _history(store: Store, recording: Path) -> None:
+    """Alarms and runs, as a service leaves them."""
+    for i, result in enumerate(("completed", "stopped", "fault", "completed")):
+        errors = {"X": 0.0123, "Y": 0.0211, "Z": 0.0099, "A": 0.0042, "C": 0.0313}
+        facts = {"duration_s": 67.7 + i, "cut_time_s": 52.4, "planned_s": 67.7, "following_error": errors}
+        run = store.runs.begin(NAME, "0" * 64, **facts, ticks=33850, skips=0)
+        store.runs.end(run, result)
+    sentence = "Z: The actual position is too far from the commanded one. Look for a collision."
+    more = {"position_trusted": True, "line": 10, "recording": str(recording)}
+    first = store.alarms.add("FOLLOWING_ERROR", sentence, "Z", **more)
+    store.alarms.add("ESTOP", "The emergency stop was asked for. Release it and reset.")
+    store.alarms.acknowledge(first, "anna")
+
+
+def main(folder: Path, port: int) -> None:
+    """Serve until killed."""
+    store = Store(folder)
+    door = SteppedDoor(folder)
+    with store.uploads.begin(NAME, by="test") as upload:
+        upload.write(door.text)
+        upload.commit()
+    panel = Panel(store, door, PicturedChecker(store))
+    _history(store, door.keep(panel.recordings))
+    app = make_app(panel)
+    add_page(app, panel)
+    gc.freeze()  # NiceGUI looks at every object for its server, and one of canopen's cannot be looked at
+    uvicorn.run(app, host="127.0.0.1", port=port, log_level="warning", timeout_graceful_shutdown=1)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]))

@@ -1,0 +1,339 @@
+"""A live machine whose processes are killed, stopped and started anew, on a bus that stays.
+
+The hub with the drives outlives the controller: that is how a machine looks to a controller that is
+started again. The plan's end of the piece socket is kept here too, so that another plan can follow
+one that was killed; its tick then knows of it by the silence alone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import shutil
+import signal
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from support.faults.scene import RETRACT
+from support.live.live_machines import Listener as Client
+from support.live.live_machines import until
+from support.machines.stepped_runs import program, shipped
+
+from controller import config
+from controller.handoff import (
+    Jog,
+    Recorder,
+    Snapshot,
+    SnapshotBoard,
+    piece_pair,
+    request_pair,
+    send_jog,
+    send_request,
+)
+from controller.machine import Homing, Machine
+from controller.session import children, live
+from controller.session.children import Child, Job
+from controller.session.listener import Listener
+from controller.session.recording import Keeper
+from controller.state import Mode, Request
+from drives import pdo
+
+EXAMPLE_2 = program("example2_ready", "1500.")
+JOG_MM, JOG_MM_S = 120.0, 150.0
+AXIS = 1  # Y is jogged
+STANDS = 0.01  # mm or degrees: less is a servo's last creeping
+LIMIT_SWITCH = 17  # the negative one; on the virtual bus that is some 10^8 counts away
+FAST, SLOW, ACCELERATION = (150.0, 3.0), (20.0, 0.5), (1000.0, 20.0)  # mm or rad, per s, per s^2
+MODES = ("homing", "idle", "jog", "cutting", "hold", "resume")
+
+
+def _homed_by_switches(made: Machine) -> Machine:
+    """The same, with drives that move for some seconds when they home: time for a fault to come and go."""
+    axes = []
+    for axis in made.axes:
+        fast, slow, acceleration = (pair[axis.is_rotary] for pair in (FAST, SLOW, ACCELERATION))
+        homing = Homing(
+            LIMIT_SWITCH, 1, axis.homing.position, fast=fast, slow=slow, acceleration=acceleration
+        )
+        axes.append(replace(axis, homing=homing))
+    return replace(made, axes=tuple(axes), retract_mm=RETRACT)
+
+
+class ProcessScene:
+    """``folder`` is for recordings and for what the processes share."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.recordings = folder / "recordings"
+        self.recordings.mkdir()
+        self._ending = contextlib.ExitStack()
+        self.hubs: dict[str, Child] = {}
+        self.machine = live.with_hubs(_homed_by_switches(shipped()), folder, self._ending, self.hubs, {})
+        self.nodes = [axis.node for axis in self.machine.axes]
+        self.tick: Child | None = None
+        self.plan: Child | None = None
+        self._starts = 0
+        self._listen()
+
+    # -- processes
+
+    def _listen(self) -> None:
+        self.listener = Listener(config.bus_settings(self.machine))
+        (self.log,) = self.listener.logs.values()
+        self.client = Client(self.machine)
+
+    def start_controller(self) -> None:
+        """A tick and a plan that know nothing yet."""
+        self.end_controller()
+        self._starts += 1
+        share = self.folder / f"share{self._starts}"
+        share.mkdir()
+        self.plan_end, piece_end = piece_pair()
+        self.operator, request_end = request_pair()
+        self._paths = (str(share / "snapshot"), str(share / "recorder"))
+        self.board, self.recorder = SnapshotBoard(self._paths[0]), Recorder(self._paths[1])
+        self.keeper = Keeper(self.machine, self.recorder, self.listener.logs, self.recordings)
+        job = Job(self.machine, piece_end.fileno(), request_end.fileno(), *self._paths)
+        with piece_end, request_end:
+            self.tick = children.start("tick", job, share)
+        self.start_plan()
+
+    def start_plan(self) -> None:
+        """Commissions, homes what has no zero, enables, and loads the program."""
+        self._end(self.plan)
+        self._starts += 1
+        folder = self.folder / f"plan{self._starts}"
+        folder.mkdir()
+        job = Job(
+            self.machine,
+            self.plan_end.fileno(),
+            self.operator.fileno(),
+            *self._paths,
+            EXAMPLE_2.encode(),
+            "part.ngc",
+            None,
+            True,
+        )
+        self._before = self.board.read()
+        self.plan = children.start("plan", job, folder)
+
+    def end_controller(self) -> None:
+        for child in (self.plan, self.tick):
+            self._end(child)
+        if self.tick is not None:
+            self.plan_end.close()
+            self.operator.close()
+        self.tick = self.plan = None
+
+    @staticmethod
+    def _end(child: Child | None) -> None:
+        if child is not None and child.is_alive():
+            child.end()
+
+    def restart_hub(self) -> None:
+        """Another hub at the same place, with drives that have just been switched on."""
+        (name,) = self.hubs
+        old = self.hubs[name]
+        old.process.kill()
+        old.process.wait()
+        channel = Path(self.machine.buses[0].channel)
+        channel.unlink(missing_ok=True)
+        options = [str(channel), "--nodes", *map(str, self.nodes)]
+        self.hubs[name] = Child("hub", options, self.folder / "again.words")
+        self._ending.callback(self.hubs[name].end)
+        until(channel.exists)
+        self.listener.close()
+        self._listen()
+
+    def close(self) -> None:
+        self.end_controller()
+        self.listener.close()
+        with contextlib.suppress(ProcessLookupError):
+            self._ending.close()
+        shutil.rmtree(self.recordings, ignore_errors=True)
+
+    # -- what is seen, and asked for
+
+    @property
+    def now(self) -> Snapshot:
+        now = self.board.read()
+        assert now is not None
+        return now
+
+    def request(self, request: Request, value: float = 0.0) -> None:
+        send_request(self.operator, request, value)
+
+    def ask(self, request: Request, done: Callable[[Snapshot], bool]) -> None:
+        """Until it is done: a request may be too early by a tick."""
+
+        def asked() -> bool:
+            if not done(self.now):
+                self.request(request)
+                time.sleep(0.02)
+            return done(self.now)
+
+        until(asked)
+
+    def ready(self) -> None:
+        """Homed, enabled, at rest, with the program's first message taken."""
+        taken = max(self._before.accepted, self._before.rejected) if self._before else 0
+
+        def done() -> bool:
+            now = self.board.read()
+            if now is None:
+                return not self._plan_lives()
+            is_ready = now.mode is Mode.READY and now.accepted > taken
+            return is_ready or now.mode is Mode.FAULT or not self._plan_lives()
+
+        until(done)
+        words = self.plan.last_words() if self.plan else ""
+        assert self.now.mode is Mode.READY, f"{self.now.mode.name}, {self.now.fault.name}: {words}"
+
+    def _plan_lives(self) -> bool:
+        return self.plan is not None and self.plan.is_alive()
+
+    def meet(self) -> None:
+        """Joins the bus anew: a client that has not listened for long hears no answer, its queue is full."""
+        self.client._port.close()
+        self.client = Client(self.machine)
+
+    def bus_s(self) -> float:
+        """The stamp of the last frame heard: the bus' time."""
+        return self.log._kept[-1][0]
+
+    def heartbeats(self, count: int) -> None:
+        """Waits so many heartbeats of a drive: bus time."""
+        beat, begun = pdo.HEARTBEAT + self.nodes[0], 0
+
+        def heard() -> bool:
+            self.client.listen()
+            return self.client.count(beat) >= begun + count
+
+        until(heard)
+
+    def stop_tick(self, seconds: float) -> None:
+        """SIGSTOP for a while: of bus time where it is long."""
+        assert self.tick is not None
+        self.meet()
+        os.kill(self.tick.pid, signal.SIGSTOP)
+        try:
+            if seconds >= 0.2:
+                self.heartbeats(math.ceil(seconds / config.master_settings(self.machine).heartbeat_s))
+            else:
+                time.sleep(seconds)
+        finally:
+            os.kill(self.tick.pid, signal.SIGCONT)
+
+    # -- where the drives are, by the bus
+
+    def positions(self, from_s: float) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Times (N,) and counts (N,) of each axis since ``from_s``, from TPDO and SDO."""
+        found: list[tuple[list[float], list[int]]] = [([], []) for _ in self.nodes]
+        feedback = {pdo.TPDO1 + node: i for i, node in enumerate(self.nodes)}
+        answers = {0x580 + node: i for i, node in enumerate(self.nodes)}
+        for at_s, frame in self.log.frames():
+            can_id, data = pdo.unpack(frame)
+            if at_s < from_s:
+                continue
+            if can_id in feedback:
+                times, counts = found[feedback[can_id]]
+                times.append(at_s)
+                counts.append(pdo.FEEDBACK.unpack(bytes(data))[1])
+            elif can_id in answers and bytes(data[:4]) == b"\x43\x64\x60\x00":
+                times, counts = found[answers[can_id]]
+                times.append(at_s)
+                counts.append(int.from_bytes(data[4:8], "little", signed=True))
+        return [(np.array(times), np.array(counts)) for times, counts in found]
+
+    def stood_after_s(self, from_s: float) -> float:
+        """From ``from_s`` to the last sign of motion of any axis."""
+        latest = from_s
+        for (times, counts), axis in zip(self.positions(from_s), self.machine.axes, strict=True):
+            if len(counts):
+                near = STANDS * abs(axis.counts_per_unit / axis.shown_per_unit)
+                moving = np.flatnonzero(np.abs(counts - counts[-1]) > near)
+                latest = max(latest, float(times[moving[-1]]) if len(moving) else from_s)
+        return latest - from_s
+
+    def look_until(self, until_s: float) -> None:
+        """Asks the drives where they are, again and again, for nobody else makes them tell."""
+        self.meet()
+
+        def over() -> bool:
+            for node in self.nodes:
+                self.client.read(node, 0x6064)
+            return self.bus_s() > until_s
+
+        until(over)
+
+    # -- the modes: each returns at the moment in which the fault is to come
+
+    def bring(self, mode: str) -> None:
+        if mode == "homing":
+            self.start_controller()
+            until(lambda: self.board.read() is not None and self.now.mode is Mode.HOMING and self._homes())
+            return
+        self.ready()
+        getattr(self, f"_{mode}")()
+
+    def _homes(self) -> bool:
+        before = self.now
+        time.sleep(0.01)
+        return self.now.actual != before.actual
+
+    def _idle(self) -> None:
+        tick = self.now.tick
+        until(lambda: self.now.tick > tick + 20)
+
+    def _jog(self) -> None:
+        back = -1.0 if self.now.joints[AXIS] > 0.0 else 1.0
+        send_jog(self.operator, Jog(tuple(back * (i == AXIS) for i in range(5)), JOG_MM_S, JOG_MM))  # type: ignore[arg-type]
+        begun = self.now.joints[AXIS]
+        until(lambda: abs(self.now.joints[AXIS] - begun) > 0.25 * JOG_MM or self.now.mode is Mode.FAULT)
+
+    def _cutting(self) -> None:
+        if self.now.mode is Mode.READY:
+            self.request(Request.START)
+        until(lambda: (self.now.cutting and self.now.rate == 1.0) or self.now.mode is Mode.FAULT)
+
+    def _hold(self) -> None:
+        self._cutting()
+        self.request(Request.HOLD)
+        until(lambda: self.now.mode is not Mode.RUNNING and (self.now.stopping or self.now.at_rest))
+
+    def _resume(self) -> None:
+        self._hold()
+        until(lambda: self.now.at_rest and not self.now.stopping)
+        self.ask(Request.RESUME, lambda now: now.mode is not Mode.HOLD)
+        until(lambda: not self.now.at_rest)
+
+    def again(self, mode: str) -> bool:
+        """The same moment once more, on a machine that went on; False if there is none left."""
+        now = self.now
+        if mode == "homing":
+            return now.mode is Mode.HOMING
+        if mode == "jog":
+            until(lambda: self.now.mode is Mode.READY)
+            self._jog()
+            return True
+        if mode != "idle" and now.mode is Mode.READY:
+            return False  # the program is over
+        if mode in ("hold", "resume"):
+            until(lambda: self.now.at_rest or self.now.mode is Mode.RUNNING)
+            if self.now.mode is Mode.HOLD:
+                self.ask(Request.RESUME, lambda now: now.mode is not Mode.HOLD)
+        if mode != "idle":
+            getattr(self, f"_{mode}")()
+        return True
+
+    def off(self) -> None:
+        """From whatever came of it: at rest, the drives off, the fault reset."""
+        if self.now.mode in (Mode.RUNNING, Mode.HOLD, Mode.JOG, Mode.HOMING):
+            self.ask(Request.STOP, lambda now: now.mode in (Mode.READY, Mode.OFF, Mode.FAULT))
+        if self.now.mode is Mode.FAULT:
+            self.ask(Request.RESET, lambda now: now.mode is not Mode.FAULT)
+        self.ask(Request.DISABLE, lambda now: now.mode is Mode.OFF)

@@ -1,0 +1,180 @@
+"""Live machines for tests: started, watched, listened to; and what their processes are."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from support.machines.stepped_runs import shipped
+from support.oracles import latched_setpoints
+
+from controller import config
+from controller.handoff import COLUMN, Snapshot
+from controller.kinematics import Kinematics
+from controller.machine import Joints, Machine
+from controller.motions import JointMove
+from controller.plan.route import path
+from controller.plan.route.path import Chain, Stretch
+from controller.plan.route.path import Path as TracedPath
+from controller.plan.text import blocks
+from controller.session import live
+from controller.session.live import Live
+from controller.state import Mode
+from drives import bus, pdo
+
+HANGS_S = 120.0  # no test is meant to come near
+
+
+@contextlib.contextmanager
+def session(text: str, machine: Machine | None = None) -> Iterator[Live]:
+    with live.started(machine or shipped(), text.encode(), "part.ngc") as running:
+        yield running
+
+
+def until(done: Callable[[], Any]) -> Any:
+    """Waits for something to become true, and gives it."""
+    give_up_s = time.monotonic() + HANGS_S
+    while not (found := done()):
+        assert time.monotonic() < give_up_s, "waited in vain"
+        time.sleep(0.001)
+    return found
+
+
+def run(running: Live, look: Callable[[Snapshot], None] = lambda _: None) -> tuple[np.ndarray, Snapshot]:
+    """``Live.run`` that does not wait forever."""
+    give_up_s = time.monotonic() + HANGS_S
+
+    def guarded(now: Snapshot) -> None:
+        assert time.monotonic() < give_up_s, f"waited in vain: {now}"
+        look(now)
+
+    return running.run(guarded)
+
+
+def at(running: Live, plan_time_s: float, act: Callable[[], None]) -> Callable[[Snapshot], None]:
+    """For ``Live.run``: does something once when the path clock comes to ``plan_time_s``, to the tick."""
+    left = [act]
+
+    def look(now: Snapshot) -> None:
+        if left and now.plan_time_s > plan_time_s - 0.2:
+            until(
+                lambda: now_of(running).plan_time_s >= plan_time_s or now_of(running).mode is not Mode.RUNNING
+            )
+            left.pop()()
+
+    return look
+
+
+def now_of(running: Live) -> Snapshot:
+    now = running.board.read()
+    assert now is not None
+    return now
+
+
+def traced(text: str, machine: Machine, start: tuple[float, ...]) -> TracedPath:
+    a, b, c, d, e = start
+    return path.trace(
+        blocks.read(text.encode(), machine, "part.ngc"), machine, Kinematics(machine), (a, b, c, d, e)
+    )
+
+
+def home(machine: Machine) -> tuple[float, ...]:
+    return tuple(axis.homing.position for axis in machine.axes)
+
+
+def off_path(rows: np.ndarray, of: TracedPath, machine: Machine) -> np.ndarray:
+    """Distance (mm) of each row's commanded tip from the exact path, on the table; dwells left out."""
+    kinematics = Kinematics(machine)
+    chains = (item for item in of.items if isinstance(item, Chain))
+    stretches = [stretch for chain in chains for stretch in chain.stretches]
+    moving = rows[rows[:, COLUMN["motion_id"]] >= 0]
+    return np.array([_off(row, stretches[int(row[COLUMN["motion_id"]])], kinematics) for row in moving])
+
+
+def _off(row: np.ndarray, stretch: Stretch, kinematics: Kinematics) -> float:
+    joints = _joints(row)
+    s = float(row[COLUMN["s"]])
+    motion = stretch.motion
+    if isinstance(motion, JointMove):
+        wanted = motion.joints(s, (0.0, 0.0), kinematics)
+        assert wanted is not None
+        there = kinematics.forward(wanted, 0.0).tip
+        here = kinematics.forward(joints, 0.0).tip
+    else:
+        # The surface itself says where the tip belongs: C1 + r n, no inverse kinematics in between.
+        there = motion.part.to_parent(motion.pose(s).tip)
+        here = kinematics.forward(joints, motion.length_mm).tip
+    return float(np.linalg.norm(np.subtract(here, there)))
+
+
+def _joints(row: np.ndarray) -> Joints:
+    first = COLUMN["joint_command_0"]
+    a, b, c, d, e = map(float, row[first : first + 5])
+    return (a, b, c, d, e)
+
+
+def assert_within_limits(rows: np.ndarray, machine: Machine) -> None:
+    """First and second differences of the joints that the drives used, from SYNC to SYNC and out of rest."""
+    velocity, acceleration, _ = latched_setpoints.most(rows, machine)
+    assert velocity <= 1.0 + 1e-6
+    assert acceleration <= 1.001  # the tick's own check allows as much
+
+
+def processes(of_parent: int) -> dict[int, str]:
+    """Names of the living children of a process, by pid."""
+    found = {}
+    for entry in Path("/proc").iterdir():
+        with contextlib.suppress(OSError, ValueError):
+            pid = int(entry.name)
+            name, _, rest = (entry / "stat").read_text().partition("(")[2].rpartition(")")
+            state, parent, *_ = rest.split()
+            if int(parent) == of_parent and state != "Z":
+                found[pid] = name
+    return found
+
+
+def gone(pids: list[int]) -> bool:
+    return not any(_alive(pid) for pid in pids)
+
+
+def _alive(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+class Listener:
+    """A passive client of a bus: every frame in the order of the bus."""
+
+    def __init__(self, machine: Machine) -> None:
+        (settings,) = config.bus_settings(machine)
+        self._port = bus.open(settings, filters=[(0, 0)])
+        self._buffer = bytearray(pdo.FRAME_BYTES)
+        self.frames: list[tuple[int, bytes]] = []
+
+    def listen(self) -> None:
+        while self._port.receive_into(self._buffer):
+            can_id, data = pdo.unpack(self._buffer)
+            self.frames.append((can_id, bytes(data)))
+
+    def count(self, can_id: int, after: int = 0) -> int:
+        return sum(heard == can_id for heard, _ in self.frames[after:])
+
+    def last_sync(self) -> int:
+        return max(i for i, (heard, _) in enumerate(self.frames) if heard == pdo.SYNC)
+
+    def read(self, node: int, index: int) -> int:
+        """SDO upload (CiA 301, 7.2.4.3.5) of up to four bytes."""
+        asked = len(self.frames)
+        self._port.send(pdo.frame(0x600 + node, bytes([0x40, index & 0xFF, index >> 8, 0, 0, 0, 0, 0])))
+
+        def answer() -> list[bytes]:
+            self.listen()
+            return [data for heard, data in self.frames[asked:] if heard == 0x580 + node]
+
+        return int.from_bytes(until(answer)[0][4:], "little", signed=True)

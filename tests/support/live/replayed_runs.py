@@ -1,0 +1,87 @@
+"""The record of a live run, run again on the stepped clock: what the tests of records compare."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from support.machines.interrupted_runs import assert_rest_is_cut, distance, program_rows, stretches
+
+from controller import config, fitting
+from controller.handoff import COLUMN
+from controller.machine import Machine
+from controller.plan.route.spot import Spot
+from controller.session import checked, events, replay, starts
+from controller.session.stepped import Run, SteppedMachine
+
+FIRST = COLUMN["setpoint_0"]
+LOOKING = 1  # tick: whether the one that found the end belongs to it
+SAME_MM = 1e-6  # mm or rad
+
+
+@dataclass(frozen=True)
+class Again:
+    """A recorded run and its repetition."""
+
+    run: Run
+    stepped: SteppedMachine
+    live: np.ndarray  # (N, 5) setpoints in counts
+    off_path: int = 1 << 40  # the tick from which on they were where the drives were
+
+    @property
+    def setpoints(self) -> np.ndarray:
+        sent = self.run.rows[:, COLUMN["sync_sent"]] != 0.0
+        return self.run.rows[sent, FIRST : FIRST + 5]
+
+
+def records(state: Path) -> list[Path]:
+    """Folders of the runs that came to an end, the oldest first."""
+    return sorted(path.parent for path in (state / "runs").glob("*/run.json"))
+
+
+def facts(folder: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((folder / "run.json").read_text())
+    return found
+
+
+def again(folder: Path, text: str, machine: Machine | None = None) -> Again:
+    """As ``directrix simulate --events`` does it."""
+    recorded = events.recorded(folder / "events.jsonl")
+    assert recorded is not None
+    built, begin = machine or config.load("trunnion"), recorded.begin
+    made = fitting.applied(built, begin.fitted)
+    task = checked.task(text.encode(), "part.ngc", made)
+    bench = SteppedMachine(made)
+    bench.come_up()
+    bench.stand_at(begin.start.joints, begin.start.plan_time_s)
+    walk = starts.path_from(task, None, begin.start)
+    live = replay.setpoints(folder)
+    assert live is not None
+    part = replay.Part(task, lambda fitted: fitting.applied(built, dict(fitted)))
+    run = replay.again(bench, walk, part, recorded, live)
+    assert replay.difference(recorded, live, run.rows) is None
+    return Again(run, bench, live, replay.off_path(recorded))
+
+
+def assert_same_setpoints(done: Again, ended_itself: bool = True) -> None:
+    """Bit for bit; of a run that was cut off, as far as it went."""
+    length = min(len(done.live), len(done.setpoints), done.off_path)
+    if ended_itself:
+        assert abs(len(done.live) - len(done.setpoints)) <= LOOKING
+    np.testing.assert_array_equal(done.setpoints[:length], done.live[:length])
+
+
+def assert_cut(done: Again, text: str, spot: Spot) -> None:
+    """From the spot on every feed motion of the program, to its end, within 1e-6 mm.
+
+    Of a spot behind the last of them nothing is left to cut, and no row is compared.
+    """
+    wanted = stretches(text, done.stepped.machine)
+    rows = program_rows(done.run.rows)  # rapids begin wherever the run did
+    feeds = [number for number, stretch in wanted.items() if stretch.feed_mm_s is not None]
+    cut = rows[np.isin(rows[:, COLUMN["motion_id"]], feeds)]
+    assert distance(cut, wanted, done.stepped.kinematics) < SAME_MM
+    assert_rest_is_cut(done.run.rows, wanted, spot)

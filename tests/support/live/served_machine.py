@@ -1,0 +1,156 @@
+"""``directrix serve`` for tests: a process of its own with simulated drives, asked through its door."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+from controller import config
+from controller.door import Client, DoorError, control_path
+from controller.machine import Machine
+
+ROOT = Path(__file__).resolve().parents[3]
+HANGS_S = 120.0  # no test is meant to come near
+CALM_S = 0.008  # a period that also a busy computer keeps
+
+Values = dict[str, Any]
+
+
+def calm(folder: Path) -> tuple[str, str]:
+    """Options of ``serving`` for ``calm_machine``."""
+    file, text = folder / "calm.toml", (ROOT / "config" / "trunnion.toml").read_text()
+    file.write_text(re.sub(r"(?m)^period_s *=.*$", f"period_s = {CALM_S}", text))
+    return "--machine", str(file)
+
+
+def calm_machine() -> Machine:
+    """The shipped trunnion at ``CALM_S``."""
+    return config.with_period(config.load("trunnion"), CALM_S)
+
+
+class Serving:
+    """A running service."""
+
+    def __init__(self, folder: Path, *options: str) -> None:
+        self.state, self.runtime = folder / "state", folder / "run"
+        self.log = folder / "serve.log"
+        with open(self.log, "ab") as log:
+            self.process = subprocess.Popen(
+                [
+                    *(sys.executable, "-m", "controller", "serve", "--simulate", *options),
+                    *("--state", str(self.state), "--runtime", str(self.runtime)),
+                ],
+                cwd=ROOT,
+                env={**os.environ, "PYTHONPATH": str(ROOT)},
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+            )
+        self.door = Client(control_path(self.runtime))
+
+    def ask(self, verb: str, **args: Any) -> Values:
+        return self.door.ask(verb, **args)
+
+    def refused(self, verb: str, **args: Any) -> DoorError:
+        """The refusal of what must be refused."""
+        try:
+            result = self.ask(verb, **args)
+        except DoorError as error:
+            return error
+        raise AssertionError(f"{verb} was done: {result}")
+
+    def status(self) -> Values:
+        return self.ask("status")
+
+    def until(self, done: Callable[[Values], Any], what: str = "") -> Values:
+        """The first status that is ``done``."""
+        give_up_s = time.monotonic() + HANGS_S
+        while True:
+            with contextlib.suppress(DoorError):
+                now = self.status()
+                if done(now):
+                    return now
+                assert time.monotonic() < give_up_s, f"waited for {what} in vain: {now}"
+            assert self.process.poll() is None, self.log.read_text()
+            assert time.monotonic() < give_up_s, f"waited for {what} in vain"
+            time.sleep(0.005)
+
+    def done(self, verb: str, **args: Any) -> Values:
+        """Ask for what takes long, and wait for its end."""
+        result = self.ask(verb, **args)
+        now = self.until(lambda now: not now["sequence"] or now["sequence"]["state"] != "running", verb)
+        assert not now["sequence"] or now["sequence"]["state"] == "done", now["sequence"]
+        return result
+
+    def up(self) -> None:
+        """Powered up."""
+        self.until(lambda now: now["sequence"] and now["sequence"]["state"] == "done", "power up")
+
+    def ready(self) -> None:
+        """Powered up, homed and enabled."""
+        self.up()
+        self.home()
+
+    def home(self) -> None:
+        """Homed and enabled."""
+        self.done("home")
+        self.until(lambda now: now["mode"] == "READY", "READY")
+
+    def put_in(self, tool: int) -> None:
+        """The operator puts a tool into the spindle where a program asks for it, and says so."""
+        self.load(f"G21\nT{tool} M6\nM30\n", "tool.ngc")
+        self.done("start")
+        asked = self.until(lambda now: now["tool_change"] or now["mode"] == "READY", "the change")
+        if asked["tool_change"]:
+            assert asked["tool_change"]["number"] == tool and f"T{tool}" in asked["tool_change"]["sentence"]
+            self.ask("resume")
+        assert self.ended()["tool"] == tool
+
+    def load(self, text: str, name: str = "part.ngc") -> None:
+        path = self.state / name
+        path.write_text(text)
+        self.done("load", path=str(path), name=name)
+
+    def ended(self) -> Values:
+        """The status when nothing runs any more."""
+        return self.until(
+            lambda now: (
+                (not now["job"] or now["job"]["state"] not in ("starting", "running", "held", "stopping"))
+                and now["mode"] in ("READY", "OFF", "FAULT")
+            ),
+            "the end",
+        )
+
+    def pid(self, role: str) -> int:
+        return int(self.ask("facts")["pids"][role])
+
+    def kill(self, role: str, number: int = signal.SIGKILL) -> None:
+        os.kill(self.pid(role), number)
+
+    def end(self) -> int:
+        """Asked to end, as systemd does."""
+        self.door.close()
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGTERM)
+        return self.process.wait(HANGS_S)
+
+
+@contextlib.contextmanager
+def serving(folder: Path, *options: str) -> Iterator[Serving]:
+    running = Serving(folder, *options)
+    try:
+        yield running
+    finally:
+        try:
+            running.end()
+        finally:
+            running.process.kill()
+            running.process.wait()

@@ -1,0 +1,186 @@
+"""A machine as in a shop, for tests: ``serve --simulate`` and ``panel`` as processes, asked by REST.
+
+with opened(folder) as shop:
+    shop.do("POST", "/machine/home", json={})
+    shop.until(lambda now: now["mode"] == "READY", "ready")
+
+Every wait is for something that the machine says; ``HANGS_S`` only ends what hangs. The period is
+long by default, so that tests do not depend on a quick computer.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+from controller.config import SHIPPED
+
+ROOT = Path(__file__).resolve().parents[3]
+HANGS_S = 240.0  # no wait is meant to come near
+PERIOD_S = 0.01
+
+Values = dict[str, Any]
+
+
+class Shop:
+    """The processes, and a client that holds the control token."""
+
+    def __init__(self, folder: Path, period_s: float) -> None:
+        self.folder, self.state, self.runtime = folder, folder / "state", folder / "run"
+        self.machine_file = folder / "machine.toml"
+        self.machine_file.write_text(_machine(period_s))
+        self.tools_put_in = 0
+        self.port = _free_port()
+        self.processes = {name: self._begin(name) for name in ("serve", "panel")}
+        self.url = f"http://127.0.0.1:{self.port}"
+        self.http = httpx.Client(base_url=f"{self.url}/api/v1", timeout=HANGS_S)
+
+    def _begin(self, name: str) -> subprocess.Popen[bytes]:
+        words = {
+            "serve": ("--simulate", "--machine", str(self.machine_file)),
+            "panel": ("--port", str(self.port)),
+        }
+        where = ("--state", str(self.state), "--runtime", str(self.runtime))
+        with open(self.folder / f"{name}.log", "ab") as log:
+            return subprocess.Popen(
+                [sys.executable, "-m", "controller", name, *words[name], *where],
+                cwd=ROOT,
+                env={**os.environ, "PYTHONPATH": str(ROOT)},
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+            )
+
+    def kill(self, name: str) -> None:
+        """SIGKILL, and started anew as systemd does."""
+        self.processes[name].kill()
+        self.processes[name].wait()
+        self.processes[name] = self._begin(name)
+
+    def logs(self) -> str:
+        return "\n".join(file.read_text() for file in sorted(self.folder.glob("*.log")))
+
+    def do(self, method: str, path: str, **more: Any) -> Any:
+        """What is answered to what must be done; what takes long is waited for."""
+        answer = self.http.request(method, path, **more)
+        assert answer.is_success, (method, path, answer.text)
+        said = answer.json() if answer.content else None
+        result = said.get("result") if isinstance(said, dict) else None
+        if isinstance(result, dict) and result.get("done") is False:
+            now = self.until(lambda now: (now["sequence"] or {}).get("state") != "running", path)
+            assert now["sequence"]["state"] == "done", now["sequence"]
+        return said
+
+    def refused(self, method: str, path: str, status: int, **more: Any) -> Values:
+        """The error of what must be refused."""
+        answer = self.http.request(method, path, **more)
+        assert answer.status_code == status, (method, path, answer.status_code, answer.text)
+        found: Values = answer.json()["error"]
+        return found
+
+    def status(self) -> Values:
+        found: Values = self.http.get("/status").raise_for_status().json()
+        return found
+
+    def until(self, holds: Callable[[Values], Any], what: str) -> Values:
+        """The first status that ``holds``."""
+        give_up_s, now = time.monotonic() + HANGS_S, {}
+        while time.monotonic() < give_up_s:
+            with contextlib.suppress(httpx.TransportError, httpx.HTTPStatusError):
+                now = self.status()
+                if holds(now):
+                    return now
+            ended = [name for name, process in self.processes.items() if process.poll() is not None]
+            assert not ended, (what, ended, self.logs())
+            time.sleep(0.05)
+        raise AssertionError(f"waited for {what} in vain: {now}\n{self.logs()}")
+
+    def up(self) -> None:
+        """Powered up, and the control token is ours."""
+        self.until(lambda now: (now.get("sequence") or {}).get("state") == "done", "power up")
+        self.take_control()
+
+    def take_control(self) -> None:
+        self.http.headers["X-Control-Token"] = self.do("POST", "/control", json={"take_over": True})["token"]
+
+    def ready(self) -> None:
+        """Homed and enabled."""
+        self.up()
+        self.do("POST", "/machine/home", json={})
+        self.do("POST", "/machine/enable")
+        self.until(lambda now: now["mode"] == "READY", "READY")
+
+    def put_in(self, tool: int) -> None:
+        """The operator puts a tool into the spindle where a program asks for it, and says so."""
+        self.upload("tool.ngc", f"G21\nT{tool} M6\nM30\n".encode())
+        self.do("POST", "/job", json={"program": "tool.ngc"})
+        self.do("POST", "/cycle/start")
+        asked = self.until(lambda now: now["tool_change"], "the change")["tool_change"]
+        assert asked["number"] == tool and f"T{tool}" in asked["sentence"]
+        self.do("POST", "/cycle/resume")
+        self.until(lambda now: now["mode"] == "READY" and now["tool"] == tool, "the tool")
+        self.run_record()
+        self.tools_put_in += 1
+
+    def upload(self, name: str, text: bytes) -> Values:
+        """Stored, and its check has ended."""
+        self.do("POST", "/programs", files={"file": (name, text)})
+        give_up_s = time.monotonic() + HANGS_S
+        while (check := self.do("GET", f"/programs/{name}/check"))["state"] in ("none", "waiting", "running"):
+            assert time.monotonic() < give_up_s, check
+            time.sleep(0.1)
+        assert check["state"] == "passed", check
+        found: Values = check["result"]
+        return found
+
+    def run_record(self, number: int = 0) -> Values:
+        """The facts of a run once its record is written; 0 = the newest. Putting a tool in was one, too."""
+        give_up_s = time.monotonic() + HANGS_S
+        while len(runs := self.do("GET", "/runs")["runs"]) <= number + self.tools_put_in:
+            assert time.monotonic() < give_up_s, self.logs()
+            time.sleep(0.1)
+        found: Values = self.do("GET", f"/runs/{runs[number]['id']}")
+        return found
+
+    def end(self) -> None:
+        self.http.close()
+        for process in reversed(self.processes.values()):
+            process.terminate()
+        for process in self.processes.values():
+            try:
+                process.wait(60.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+@contextlib.contextmanager
+def opened(folder: Path, period_s: float = PERIOD_S) -> Iterator[Shop]:
+    """A shop until the block ends; ``folder`` is empty."""
+    shop = Shop(folder, period_s)
+    try:
+        yield shop
+    finally:
+        shop.end()
+
+
+def _machine(period_s: float) -> str:
+    """The shipped trunnion at another period."""
+    text = (SHIPPED / "trunnion.toml").read_text(encoding="utf-8")
+    changed = text.replace("period_s = 0.002", f"period_s = {period_s}")
+    assert changed != text or period_s == 0.002
+    return changed
+
+
+def _free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        return int(free.getsockname()[1])

@@ -1,0 +1,174 @@
+"""Programs interrupted on the stepped machine and gone on with, for the tests of restarts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+
+import numpy as np
+from support.machines.stepped_runs import Cut, largest, off_the_path, program, shipped
+
+from controller.handoff import COLUMN, STOOD
+from controller.kinematics import Kinematics
+from controller.machine import Machine, Tool, five
+from controller.plan.route import choices, path, restart
+from controller.plan.route.path import Chain, Pause
+from controller.plan.route.restart import Rest, Source
+from controller.plan.route.spot import ENTRY_ID, Spot
+from controller.plan.text import blocks
+from controller.session.events import Event
+from controller.session.stepped import SteppedMachine
+from controller.state import Mode, Request
+from controller.verify import trace
+
+VELOCITY, ACCELERATION, JERK = 1.0005, 1.002, 1.02
+LONG = 200_000  # ticks: whatever is waited for has come by then
+
+EXAMPLE_2 = program("example2_ready.ngc", "1000.")
+LINES = """G21 G90 G54 G61 T2 M6
+S8000 M3 M8
+G0 X0. Y0. Z60.
+G1 Z20. F1500.
+G1 X10. Y5. A3.
+G2 X20. Y-5. I10. J0.
+G4 P0.2
+G1 X0. Y0. C20.
+G0 Z80.
+M5 M9
+M30
+"""
+ROWS = [
+    f"X{2 + 0.8 * k:.3f} Y{3 * np.sin(0.3 * k):.3f} Z{20 + np.cos(0.2 * k):.3f} A{10 * np.sin(0.1 * k):.3f}"
+    for k in range(60)
+]
+TIPS = f"""G21 G90 G54 G64 P0.02 Q0.1 T1 M6
+S8000 M3
+G43.4
+G0 X0. Y0. Z30. A0. C0.
+G1 X1. Y0. Z20. F1200.
+{chr(10).join(ROWS)}
+G49
+G0 Z130.
+M30
+"""
+
+
+@dataclass
+class Items:
+    """A path for ``SteppedMachine.run``."""
+
+    items: Iterable[Chain | Pause]
+
+
+def source(text: str, machine: Machine, dry_run_mm: float = 0.0) -> Source:
+    """The program from the homed position, with the choices of a check."""
+    kinematics, read = Kinematics(machine), blocks.read(text.encode(), machine, "part.ngc").blocks
+    start = five([axis.homing.position for axis in machine.axes])
+    chosen = choices.choices(read, machine, kinematics, start, "part.ngc")
+    return Source(read, "part.ngc", machine, kinematics, start, chosen, dry_run_mm)
+
+
+def stretches(text: str, machine: Machine) -> dict[int, path.Stretch]:
+    """All motions of the whole program, by motion id."""
+    asked = source(text, machine)
+    tracer = path.Tracer(asked.name, machine, asked.kinematics, asked.start, asked.chosen or {})
+    chains = [item for item in tracer.items(asked.blocks) if isinstance(item, Chain)]
+    return dict(enumerate(stretch for chain in chains for stretch in chain.stretches))
+
+
+@cache
+def up(name: str = "trunnion") -> SteppedMachine:
+    """A machine that has come up; a finished program leaves it ready for the next one."""
+    made = SteppedMachine(shipped(name))
+    made.come_up()
+    return made
+
+
+def fresh(machine: Machine | None = None) -> SteppedMachine:
+    made = SteppedMachine(machine or shipped())
+    made.come_up()
+    return made
+
+
+def rest_of(text: str, spot: Spot, machine: Machine) -> Rest:
+    return restart.find(source(text, machine), spot)
+
+
+def resumed(stepped: SteppedMachine, rest: Rest, events: Sequence[Event] = (), in_spindle: int = 1) -> Cut:
+    """The rest, entered from where the machine stands."""
+    run = stepped.run(Items(rest.entered(five(stepped.joints), in_spindle)), events)
+    made = trace.from_rows(run.rows, stepped.machine, stepped.kinematics, stepped.planner.stretches)
+    return Cut(stepped, run, made, run.rows[len(run.rows) - len(made.time_s) :])
+
+
+def program_rows(rows: np.ndarray) -> np.ndarray:
+    """Those on motions of the program itself."""
+    ids = rows[:, COLUMN["motion_id"]]
+    return rows[(ids >= 0) & (ids < ENTRY_ID)]
+
+
+def distance(rows: np.ndarray, wanted: dict[int, path.Stretch], kinematics: Kinematics) -> float:
+    """Largest distance (mm, or rad of the rotaries) of commanded joints from the program's."""
+    first, far = COLUMN["joint_command_0"], 0.0
+    for row in program_rows(rows):
+        joints = five([float(q) for q in row[first : first + 5]])
+        near = (joints[kinematics.order.index(3)], joints[kinematics.order.index(4)])
+        there = wanted[int(row[COLUMN["motion_id"]])].motion.joints(float(row[COLUMN["s"]]), near, kinematics)
+        assert there is not None
+        far = max(far, float(np.abs(np.subtract(there, joints)).max()))
+    return far
+
+
+def assert_rest_is_cut(rows: np.ndarray, wanted: dict[int, path.Stretch], spot: Spot) -> None:
+    """From the spot on every feed motion of the program is gone through to its end, in order."""
+    mine = program_rows(rows)
+    ids, s = mine[:, COLUMN["motion_id"]].astype(int), mine[:, COLUMN["s"]]
+    stood = mine[1:, COLUMN["switches"]].astype(int) & STOOD != 0  # what no drive has used is taken back
+    onward = ~stood & (np.diff(ids) == 0)
+    assert (np.diff(ids)[~stood] >= 0).all() and (np.diff(s)[onward] >= -1e-9).all()
+    for number, stretch in wanted.items():
+        begun = number > spot.motion_id or (number == spot.motion_id and spot.s < stretch.motion.end - 1e-3)
+        if stretch.feed_mm_s is None or not begun:
+            continue
+        gone = s[ids == number]
+        assert len(gone), (number, stretch.name)
+        # The last step runs on into the next motion, and is longer yet where the rest still speeds up.
+        step = max(2.0 * float(np.diff(gone).max()) if len(gone) > 1 else 0.0, 0.05)
+        begin = spot.s if number == spot.motion_id else 0.0
+        assert gone[0] <= begin + step and gone[-1] >= stretch.motion.end - step, (number, stretch.name)
+
+
+def assert_in_limits(joints: np.ndarray, machine: Machine, label: object) -> None:
+    first, second, third = largest(joints, machine)
+    assert first <= VELOCITY and second <= ACCELERATION and third <= JERK, (label, first, second, third)
+
+
+def assert_sound(done: Cut, label: object) -> None:
+    """On the path, in the limits, to the end."""
+    assert done.run.result == "completed", (label, done.run.fault_text)
+    far_mm, turned_deg = off_the_path(done)
+    assert far_mm < 1e-6 and turned_deg < 1e-6, label
+    assert_in_limits(done.joints, done.machine, label)
+
+
+def until(stepped: SteppedMachine, *modes: Mode) -> np.ndarray:
+    """Time passes until the machine stands in one of these modes."""
+    cycle = stepped.cycle
+    rows = stepped.go(LONG, lambda: cycle.modes.mode in modes and cycle.follow.at_rest)
+    assert cycle.modes.mode in modes, stepped.fault_text
+    return np.concatenate([rows, stepped.go(20)])
+
+
+def along(stepped: SteppedMachine) -> np.ndarray:
+    """The way that the planner was asked for is told, gone along, and held at its end."""
+    rows = stepped.go(2000, lambda: stepped.planner.told(stepped.board.read()))  # type: ignore[arg-type]
+    stepped.request(Request.RESUME)
+    return np.concatenate([rows, stepped.go(5), until(stepped, Mode.HOLD)])
+
+
+def with_tool(machine: Machine, number: int, **changes: float) -> Machine:
+    def changed(tool: Tool) -> Tool:
+        return replace(tool, **changes) if tool.number == number else tool  # type: ignore[arg-type]
+
+    return replace(machine, tools=tuple(changed(tool) for tool in machine.tools))

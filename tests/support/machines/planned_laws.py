@@ -1,0 +1,57 @@
+"""The laws of a chain as they are planned from rest to rest, and its joints as the tick samples them."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+from support.machines import traced_programs
+
+from controller.handoff import Law
+from controller.kinematics import Kinematics
+from controller.machine import Machine
+from controller.plan.feed import profile
+from controller.plan.feed.course import Course
+from controller.plan.route.path import Chain
+from controller.plan.route.stretch import Stretch, rotaries_of
+
+
+def chains(source: str, machine: Machine) -> list[Chain]:
+    home = tuple(axis.homing.position for axis in machine.axes)
+    return [item for item in traced_programs.trace(source, machine, home).items if isinstance(item, Chain)]  # type: ignore[arg-type]
+
+
+def laws_of(stretches: Sequence[Stretch], machine: Machine, override: float = 1.0) -> list[Law]:
+    """A law for each stretch of a chain, as the planner runs it from rest to rest."""
+    kinematics = Kinematics(machine)
+    laws = []
+    for run in profile.split_at_stops(stretches, machine, kinematics, override):
+        course = Course(run, machine, kinematics, override)
+        planned = profile.plan(course)
+        assert planned is not None
+        laws += [law for _, law in planned.laws(course)]
+    return laws
+
+
+def sampled(
+    stretches: Sequence[Stretch], laws: Sequence[Law], machine: Machine
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Joints at every tick, standing before and after; and s of each stretch at its ticks."""
+    kinematics, T = Kinematics(machine), machine.period_s
+    ends = np.cumsum([law.duration_s for law in laws])
+    near = rotaries_of(stretches[0].start, kinematics)
+    joints = [stretches[0].start] * 4
+    places: list[list[float]] = [[] for _ in laws]
+    for n in itertools.count(1):
+        k = int(np.searchsorted(ends, n * T, side="right"))
+        if k == len(laws):
+            break
+        s = laws[k].at(n * T - (ends[k] - laws[k].duration_s))[0]
+        q = stretches[k].motion.joints(s, near, kinematics)
+        assert q is not None
+        near = rotaries_of(q, kinematics)
+        joints.append(q)
+        places[k].append(s)
+    joints += [stretches[-1].end] * 4
+    return np.asarray(joints), [np.asarray(p) for p in places]

@@ -1,0 +1,81 @@
+"""Program text to a traced path, for tests, and what every path must keep."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from support.machines.shipped_kinds import machine
+
+from controller.geometry import angle_between, norm, subtract
+from controller.kinematics import Kinematics
+from controller.machine import Joints, Machine
+from controller.motions import SurfaceCut
+from controller.plan.route import path
+from controller.plan.route.path import Chain, Path, Stretch
+from controller.plan.route.stretch import rotaries_of
+from controller.plan.text import blocks
+
+HOME: Joints = (0.0, 0.0, 200.0, 0.0, 0.0)
+
+
+def mill(kind: str = "fig4a", **changes: object) -> Machine:
+    """A test machine without a spindle to switch on."""
+    return machine(kind, **{"spindle": None, **changes})
+
+
+def trace(text: str, built: Machine | None = None, start: Joints = HOME) -> Path:
+    built = built or mill()
+    return path.trace(blocks.read(text.encode(), built, "part.ngc"), built, Kinematics(built), start)
+
+
+def stretches(traced: Path) -> list[Stretch]:
+    return [s for item in traced.items if isinstance(item, Chain) for s in item.stretches]
+
+
+def named(traced: Path, name: str) -> list[Stretch]:
+    return [s for s in stretches(traced) if s.name == name]
+
+
+def names(traced: Path) -> list[list[str]]:
+    """Names of the stretches of each chain."""
+    return [[s.name for s in item.stretches] for item in traced.items if isinstance(item, Chain)]
+
+
+def sentences(traced: Path) -> str:
+    return "\n".join(note.sentence for note in traced.notes)
+
+
+def assert_whole(traced: Path, built: Machine, start: Joints = HOME) -> None:
+    """Every stretch begins where the last one ended, stays in travel and is what the tick will follow."""
+    kinematics, here = Kinematics(built), start
+    for stretch in stretches(traced):
+        assert np.allclose(stretch.start, here, rtol=0.0, atol=2e-6), stretch.name
+        here = stretch.end
+        s = np.linspace(0.0, stretch.motion.end, 61)
+        joints = path.joints_along(stretch, s, kinematics)
+        assert np.allclose(joints[0], stretch.start, rtol=0.0, atol=1e-9), stretch.name
+        assert np.allclose(joints[-1], stretch.end, rtol=0.0, atol=1e-9), stretch.name
+        for i, axis in enumerate(built.axes):
+            assert axis.travel_min - 1e-6 <= joints[:, i].min(), (stretch.name, axis.name)
+            assert joints[:, i].max() <= axis.travel_max + 1e-6, (stretch.name, axis.name)
+        _assert_followed(stretch, s, joints, kinematics)
+    assert traced.end == here
+
+
+def _assert_followed(stretch: Stretch, s: np.ndarray, joints: np.ndarray, kinematics: Kinematics) -> None:
+    """Step by step as the tick goes, near the last rotaries, the same joints come out."""
+    near = rotaries_of(stretch.start, kinematics)
+    for at, expected in zip(s, joints, strict=True):
+        found = stretch.motion.joints(float(at), near, kinematics)
+        assert found is not None
+        assert np.allclose(found, expected, rtol=0.0, atol=1e-8), (stretch.name, float(at))
+        near = rotaries_of(found, kinematics)
+        if isinstance(stretch.motion, SurfaceCut):
+            _assert_pose(stretch.motion, float(at), found, kinematics)
+
+
+def _assert_pose(cut: SurfaceCut, s: float, joints: Joints, kinematics: Kinematics) -> None:
+    pose, wanted = kinematics.forward(joints, cut.length_mm), cut.pose(s)
+    assert norm(subtract(pose.tip, cut.part.to_parent(wanted.tip))) < 1e-6
+    assert angle_between(pose.axis, cut.part.turn(wanted.axis)) < math.radians(1e-6)

@@ -1,0 +1,41 @@
+"""What the drives were really told: a setpoint counts when a SYNC has them use it.
+
+After a long gap the tick takes back what no SYNC has latched and begins again from rest, for the
+drives have stood meanwhile. So a run is a row of parts, each of them smooth, and each after the
+first out of rest.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from support.machines.stepped_runs import shares
+
+from controller.handoff import COLUMN, STOOD
+from controller.machine import Machine
+
+REST = 3  # places in a row that are the same
+
+
+def parts(rows: np.ndarray, first: str = "joint_command_0") -> list[np.ndarray]:
+    """(N, 5) each: the commands of the recorder's ``rows`` as SYNCs latched them, gap to gap.
+
+    A part after a gap begins with the place of the last one before it, three times: at rest.
+    """
+    sent = rows[1:, COLUMN["sync_sent"]] != 0.0
+    used = rows[:-1, COLUMN[first] : COLUMN[first] + 5]
+    gaps = np.flatnonzero(rows[:, COLUMN["switches"]].astype(int) & STOOD)
+    found, begin = [], 0
+    for end in [*gaps, len(rows)]:
+        here = used[begin:end][sent[begin:end]]
+        if found and len(found[-1]):
+            here = np.concatenate([np.repeat(found[-1][-1:], REST, axis=0), here])
+        found.append(here)
+        begin = end
+    return found
+
+
+def most(rows: np.ndarray, machine: Machine) -> tuple[float, float, float]:
+    """Largest share of velocity, acceleration and jerk limits in any part."""
+    tables = [shares(part, machine) for part in parts(rows) if len(part) > REST]
+    first, second, third = (max(float(t[k].max(initial=0.0)) for t in tables) for k in range(3))
+    return first, second, third

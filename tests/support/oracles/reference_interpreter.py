@@ -1,0 +1,181 @@
+"""LinuxCNC's stand-alone interpreter as a judge: what ``rs274 -g`` makes of a program.
+
+It is found on the path, or where DIRECTRIX_RS274 says (then with LD_LIBRARY_PATH set, if it needs one).
+Its canonical calls are turned into positions of the machine's axes, so that offsets, shifts and turns of
+both interpreters are compared by what they do.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import shutil
+import subprocess
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from support.machines.traced_programs import mill
+
+from controller.geometry import Frame
+from controller.machine import OFFSETS, Machine
+from controller.plan.report import explained
+from controller.plan.text import blocks
+from controller.plan.text.position import homed
+from controller.plan.text.program import ProgramError
+
+ROUND = 3e-3  # rs274 prints four decimals, of inches where the program is in them
+_CALL = re.compile(r"N\S*\s+([A-Z0-9_]+)\((.*)\)$")
+_PLACES = ("STRAIGHT_TRAVERSE", "STRAIGHT_FEED")
+
+
+def program() -> str | None:
+    """Path of the interpreter; None where it is not installed."""
+    return os.environ.get("DIRECTRIX_RS274") or shutil.which("rs274")
+
+
+def machine(dialect: str = "rs274") -> Machine:
+    """X Y Z A C with all work offsets at zero and no limit that matters."""
+    tools = tuple(
+        replace(tool, length_mm=length) for tool, length in zip(mill().tools, (10.0, 25.4), strict=False)
+    )
+    nine = tuple(Frame() for _ in OFFSETS[:9])
+    return replace(mill(), offsets=nine, unset=(), tools=tools, dialect=dialect)
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """One canonical motion: kind and the axes at its end (mm, deg); of arcs the centre in the plane, too."""
+
+    kind: str
+    axes: tuple[float, ...]  # X Y Z A C
+    feed: float | None = None
+
+    def near(self, other: Move, within: float = ROUND) -> bool:
+        feeds = (
+            self.feed is None
+            or other.feed is None
+            or abs(self.feed - other.feed) < 1e-3 * max(1.0, self.feed)
+        )
+        apart = max(abs(a - b) for a, b in zip(self.axes, other.axes, strict=True))
+        return self.kind == other.kind and apart < within and feeds
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """The moves of a program that lead somewhere, and whether it was refused behind them."""
+
+    moves: list[Move]
+    refused: str
+
+
+def ours(text: str, on: Machine) -> Reading:
+    """The same by our reader."""
+    read = blocks.stream(text.encode(), on, "p.ngc")
+    made: list[Move] = []
+    try:
+        for step in explained.steps(read, on, "p.ngc", homed(on)):
+            if step.kind in ("rapid", "line", "arc"):
+                axes = tuple(
+                    math.nan if step.axes[name] is None else step.axes[name] or 0.0 for name in "XYZAC"
+                )
+                made.append(Move(step.kind, axes, step.facts.get("feed")))
+    except ProgramError as error:
+        return Reading(_moving(made), str(error))
+    return Reading(_moving(made), "")
+
+
+def reference(text: str, folder: Path, on: Machine) -> Reading:
+    """What the interpreter of LinuxCNC says of a program, run in ``folder``."""
+    found = program()
+    assert found is not None
+    (folder / "p.ngc").write_text(text)
+    (folder / "p.var").write_text("5161 0.0\n5162 0.0\n5163 0.0\n5220 1\n")
+    rows = [
+        f"T{t.number} P{t.number} D{t.radius_mm / 12.7:.8f} Z{t.length_mm / 25.4:.8f} ;\n"
+        for t in on.tools[:2]
+    ]
+    (folder / "p.tbl").write_text("".join(rows))
+    command = [found, "-v", "p.var", "-t", "p.tbl", "-g", "p.ngc"]
+    apart = {**os.environ, "HOME": str(folder)}  # it keeps its tool table there, and two runs would share it
+    told = subprocess.run(command, cwd=folder, env=apart, capture_output=True, text=True, timeout=60)
+    out = told.stdout.splitlines()
+    refused = "" if any("PROGRAM_END" in line for line in out) else (told.stderr + told.stdout)[-300:]
+    return Reading(_moving(list(_Canon().moves(out))), refused)
+
+
+def _moving(moves: list[Move]) -> list[Move]:
+    """Without those that end where they begin; arcs may."""
+    kept, here = [], (0.0,) * 5
+    for move in moves:
+        if move.kind == "arc" or max(abs(a - b) for a, b in zip(move.axes, here, strict=True)) > ROUND:
+            kept.append(move)
+        here = move.axes
+    return kept
+
+
+class _Canon:
+    """The state of canonical calls, as far as positions need it."""
+
+    def __init__(self) -> None:
+        self.unit, self.turn, self.feed = 1.0, 0.0, 0.0
+        self.offset, self.shift, self.length = [0.0] * 6, [0.0] * 6, 0.0
+        self.plane = "CANON_PLANE_XY"
+        self.place = [0.0] * 6  # program coordinates, canonical units
+
+    def moves(self, lines: list[str]) -> Iterator[Move]:
+        for line in lines:
+            call = _CALL.search(line.strip())
+            if call is None:
+                continue
+            name, told = call.groups()
+            numbers = [float(x) for x in re.findall(r"-?\d+\.?\d*", told)]
+            if name in _PLACES:
+                self.place = numbers
+                yield Move("line" if name == "STRAIGHT_FEED" else "rapid", self.axes(), self._feed(name))
+            elif name == "ARC_FEED":
+                self._arc(numbers)
+                yield Move("arc", self.axes(), self._feed("STRAIGHT_FEED"))
+            else:
+                self._set(name, told, numbers)
+
+    def _set(self, name: str, told: str, numbers: list[float]) -> None:
+        if name == "USE_LENGTH_UNITS":
+            self.unit = 25.4 if "INCH" in told else 1.0
+        elif name == "SET_G5X_OFFSET":
+            self.offset = [*(x * self.unit for x in numbers[1:4]), *numbers[4:]]
+        elif name == "SET_G92_OFFSET":
+            self.shift = [*(x * self.unit for x in numbers[:3]), *numbers[3:]]
+        elif name == "SET_XY_ROTATION":
+            self.turn = math.radians(numbers[0])
+        elif name == "USE_TOOL_LENGTH_OFFSET":
+            self.length = numbers[2] * self.unit
+        elif name == "SET_FEED_RATE":
+            self.feed = numbers[0] * self.unit
+        elif name == "SELECT_PLANE":
+            self.plane = told
+
+    def _feed(self, name: str) -> float | None:
+        return self.feed if name == "STRAIGHT_FEED" else None
+
+    def _arc(self, numbers: list[float]) -> None:
+        first, second, _, _, _, along = numbers[:6]
+        i, j, k = {"CANON_PLANE_XY": (0, 1, 2), "CANON_PLANE_XZ": (2, 0, 1), "CANON_PLANE_YZ": (1, 2, 0)}[
+            self.plane
+        ]
+        self.place[i], self.place[j], self.place[k] = first, second, along
+        self.place[3:] = [*numbers[6:], 0.0, 0.0, 0.0][:3] if len(numbers) > 6 else self.place[3:]
+
+    def axes(self) -> tuple[float, ...]:
+        x, y, z = (p * self.unit + s for p, s in zip(self.place[:3], self.shift[:3], strict=True))
+        c, s = math.cos(self.turn), math.sin(self.turn)
+        x, y = x * c - y * s, x * s + y * c
+        x, y, z = (p + o for p, o in zip((x, y, z), self.offset[:3], strict=True))
+        a, _, cc = (
+            p + s + o for p, s, o in zip(self.place[3:], self.shift[3:], self.offset[3:], strict=True)
+        )
+        return x, y, z + self.length, a, cc
+
+
+Counts = Mapping[str, int]
