@@ -7,20 +7,26 @@ no value, and a program that asks for one is refused.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from types import MappingProxyType
 
+from controller.geometry import Vector
 from controller.machine import Machine
 from controller.plan.text.modal import State
+from controller.plan.text.origins import NONE
 from controller.plan.text.parameters import Key, NoValue
 from controller.plan.text.position import Position
 from controller.plan.text.program import Tip
+from controller.plan.text.reference_words import reference
 
 LETTERS = "xyzabcuvw"  # of positions, in the order of their numbers
 FIRST_OFFSET, OFFSET_STEP = 5221, 20  # G54's X, and from one work offset to the next
 _OFFSETS = range(5221, 5391)
-_TOOL_OFFSETS, _POSITIONS = range(5401, 5410), range(5420, 5429)
-_TOOL, _DIAMETER, _SYSTEM = 5400, 5410, 5220
+_REFERENCES = {"G28": range(5161, 5170), "G30": range(5181, 5190)}
+_SHIFT, _TOOL_OFFSETS, _POSITIONS = range(5211, 5220), range(5401, 5410), range(5420, 5429)
+_TOOL, _DIAMETER, _SYSTEM, _SHIFTED = 5400, 5410, 5220, 5210
+_TURN = 9  # number of R behind the nine letters of a work offset
 _DEGREES = frozenset("abc")
 _UNKNOWN = (
     "{} is the position of {}, which is not known here: the reader is ahead of the machine and knows where "
@@ -92,29 +98,61 @@ class Given:
             return self._position(LETTERS[key - _POSITIONS.start], key)
         if key in _OFFSETS:
             return self._offset(*divmod(key - FIRST_OFFSET, OFFSET_STEP))
+        if key in _SHIFT:
+            shift = self.state.origins.shift
+            return self._of_offset(key - _SHIFT.start, shift.xyz, shift.turned_rad)
+        for code, numbers in _REFERENCES.items():
+            if key in numbers:
+                return self._reference(code, LETTERS[key - numbers.start], key)
         if key in _TOOL_OFFSETS:
             return self.length if key - _TOOL_OFFSETS.start == LETTERS.index("z") else 0.0
-        return {_TOOL: float(self.state.modal.tool), _DIAMETER: self.diameter, _SYSTEM: self.system}.get(key)
+        return {
+            _TOOL: float(self.state.modal.tool),
+            _DIAMETER: self.diameter,
+            _SYSTEM: self.system,
+            _SHIFTED: float(self.state.origins.shift != NONE and not self.state.origins.suspended),
+        }.get(key)
 
-    def _offset(self, system: int, letter: int) -> float:
-        """Of G54 to G59.3 and X Y Z; the turn of a part frame is not told by LinuxCNC's numbers."""
-        if system >= len(self._machine.offsets) or letter > 2:
-            return 0.0
-        modal = self.state.modal
-        frame = modal.frame(self._machine) if system == modal.offset else self._machine.offsets[system]
-        origin: tuple[float, ...] = frame.origin
-        return origin[letter] / self.state.mm_per_unit
+    # Offsets, reference points and tools are told in the unit of the machine file, as LinuxCNC does: mm.
+
+    def _offset(self, system: int, number: int) -> float:
+        """Of G54 to G59.3, as G10 has set it: nine letters and R, the turn about Z."""
+        offset = self.state.origins.offset(system, self._machine)
+        if number == _TURN:
+            return math.degrees(math.atan2(offset.frame.x[1], offset.frame.x[0]))
+        return self._of_offset(number, offset.frame.origin, offset.turned_rad)
+
+    def _of_offset(self, number: int, xyz: Vector, turned_rad: tuple[float, float]) -> float:
+        """A letter of a work offset or a shift; 0 of axes that the machine does not have."""
+        if number < len(xyz):
+            value: float = xyz[number]
+            return value
+        letter = LETTERS[number].upper() if number < len(LETTERS) else ""
+        for i, turned in zip(self._machine.rotary(), turned_rad, strict=True):
+            if self._machine.axes[i].name == letter:
+                return turned * self._machine.axes[i].shown_per_unit
+        return 0.0
+
+    def _reference(self, code: str, letter: str, key: Key) -> float:
+        """Of an axis, where G28 or G30 leads it."""
+        for axis, value in zip(self._machine.axes, reference(self.state, self._machine, code), strict=True):
+            if axis.name == letter.upper():
+                if value is None:
+                    raise NoValue(_UNKNOWN.format(_written(key), letter.upper()))
+                return value * axis.shown_per_unit
+        return 0.0
 
     @property
     def length(self) -> float:
-        """Of the tool in the spindle, as its table has it."""
+        """Of the tool in the spindle, as its table has it, mm."""
         tool = self.state.modal.tool_in(self._machine)
-        return tool.length_mm / self.state.mm_per_unit if tool is not None else 0.0
+        return tool.length_mm if tool is not None else 0.0
 
     @property
     def diameter(self) -> float:
+        """Likewise."""
         tool = self.state.modal.tool_in(self._machine)
-        return 2.0 * tool.radius_mm / self.state.mm_per_unit if tool is not None else 0.0
+        return 2.0 * tool.radius_mm if tool is not None else 0.0
 
     @property
     def system(self) -> float:
@@ -149,8 +187,8 @@ _NAMED: MappingProxyType[str, Callable[[Given], float]] = MappingProxyType(
         "_absolute": lambda g: float(g.state.absolute),
         "_incremental": lambda g: float(not g.state.absolute),
         "_inverse_time": lambda g: float(g.state.inverse),
-        "_units_per_minute": lambda g: float(not g.state.inverse),
-        "_units_per_rev": lambda g: 0.0,
+        "_units_per_minute": lambda g: float(not g.state.inverse and not g.state.per_turn),
+        "_units_per_rev": lambda g: float(g.state.per_turn),
         "_coord_system": lambda g: g.coordinate_code,
         "_plane": lambda g: _code(g.state.modal.plane),
         "_motion_mode": lambda g: _code(g.state.motion),
@@ -168,7 +206,9 @@ _NAMED: MappingProxyType[str, Callable[[Given], float]] = MappingProxyType(
         "_current_pocket": lambda g: float(g.state.modal.tool),
         "_selected_tool": lambda g: float(-1 if g.state.selected is None else g.state.selected),
         "_selected_pocket": lambda g: float(-1 if g.state.selected is None else g.state.selected),
-        "_ijk_absolute_mode": lambda g: 0.0,
+        "_ijk_absolute_mode": lambda g: float(g.state.centres_absolute),
+        "_retract_r_plane": lambda g: float(g.state.to_clearance),
+        "_retract_old_z": lambda g: float(not g.state.to_clearance),
         "_lathe_diameter_mode": lambda g: 0.0,
         "_lathe_radius_mode": lambda g: 0.0,
         "_feed_override": lambda g: 1.0,

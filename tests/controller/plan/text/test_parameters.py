@@ -84,6 +84,18 @@ def test_values_are_the_references(value: str, expected: float) -> None:
         ("M8\nG0X[#<_flood>*10+#<_mist>]", 10.0),
         ("G0X#5400", 1.0),  # T1 is in the spindle here
         ("G0X#5410", 6.0),
+        # In the unit of the machine file, whatever is active, as rs274 has them in the unit of its own.
+        ("G20\nG0X[#5410/25.4]", 6.0),
+        ("G20 G10 L2 P1 X1 C30\nG0X[#5221/25.4]", 25.4),
+        ("G10 L2 P1 X1 C30\nG0X#5226", 30.0),
+        ("G10 L2 P1 R30\nG0X#5230", 30.0),
+        ("G0X3\nG92 X0.5\nG0X[#5211+10*#5210]", 12.5),
+        ("G0X3\nG92 X0.5\nG92.2\nG0X[#5211+10*#5210]", 2.5),
+        ("G0X3\nG92 X0.5\nG92.1\nG0X[#5211+10*#5210]", 0.0),
+        ("G0X4\nG28.1\nG0X1\nX#5161", 4.0),
+        ("G95\nG0X#<_units_per_rev>", 1.0),
+        ("G90.1\nG0X#<_ijk_absolute_mode>", 1.0),
+        ("G99\nG0X#<_retract_r_plane>", 1.0),
         ("G0X3\nG0X[#5420+1]", 4.0),
         ("G0X3Z2\nG55\nG0X[#<_x>]", -7.0),
         ("G0X3Z2\nG55\nG0X[#5422]", -28.0),
