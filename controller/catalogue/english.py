@@ -398,5 +398,7 @@ REFUSALS = {
     "Free space on the disk, or confirm that it runs unrecorded.",
     "little_room": "{folder} has {free} MB free, and {needed} MB are needed",
     "not_recorded": "{program} runs, but no record of it is kept: {why}. Free space on the disk.",
+    "record_ended": "The record of {program} ends before the run: {why}. What came until now is kept; "
+    "free space on the disk.",
     "other_sum": "{path}: its sha256 is {found}, not {wanted}; upload the program again.",
 }

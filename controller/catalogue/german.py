@@ -413,5 +413,7 @@ REFUSALS = {
     "little_room": "{folder} hat {free} MB frei, und {needed} MB sind nötig",
     "not_recorded": "{program} läuft, wird aber nicht aufgezeichnet: {why}. "
     "Platz auf dem Datenträger schaffen.",
+    "record_ended": "Die Aufzeichnung von {program} endet vor dem Lauf: {why}. Was bis jetzt kam, ist "
+    "erhalten; Platz auf dem Datenträger schaffen.",
     "other_sum": "{path}: sha256 ist {found}, nicht {wanted}; das Programm noch einmal hochladen.",
 }

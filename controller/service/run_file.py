@@ -6,6 +6,7 @@ of yet: ``sync`` tells it, some twenty times a second. A reader counts whole row
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import threading
@@ -46,8 +47,11 @@ class RunFile:
         if not data or self.problem:
             return
         try:
-            file.write(data)
-        except (OSError, ValueError) as error:  # the latter: closed
+            if file.write(data) != len(data):  # the disk took a part: what came behind it would be torn
+                self.problem = os.strerror(errno.ENOSPC)
+        except OSError as error:
+            self.problem = error.strerror or str(error)
+        except ValueError as error:  # closed
             self.problem = str(error)
         self._is_new[file] = True
 

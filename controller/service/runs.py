@@ -86,14 +86,19 @@ class RunRecord:
         self._started_s = time.time()
         self._ticks = 0  # that sent a SYNC
         self._busy = (0, -1)  # how many of them belong to the run, and the last tick of it
-        self.problem = ""
+        self._problem = ""
         self.folder = state / FOLDER / _stem(str(what.get("name", "")))
         self._file: RunFile | None = None
         try:
             self.folder = new_folder(self.folder.parent, self.folder.name)
             self._file = RunFile(self.folder)
         except OSError as error:
-            self.problem = error.strerror or str(error)
+            self._problem = error.strerror or str(error)
+
+    @property
+    def problem(self) -> str:
+        """Why nothing is kept, or no more of it; empty where all is well."""
+        return self._problem or (self._file.problem if self._file is not None else "")
 
     @property
     def first_tick(self) -> int:

@@ -71,6 +71,7 @@ class Service:
         self.job: Job | None = None  # the loaded program
         self.running: Job | None = None  # it, or an MDI line, from start to end
         self.record: RunRecord | None = None
+        self._told_of_record: RunRecord | None = None  # whose disk is full
         self.commissioned = False
         self.homing: tuple[int, ...] = ()  # axes that were asked to, while they do
         self._asked_tool: int | None = None  # that a program waited for at the last look ...
@@ -261,9 +262,16 @@ class Service:
             while asked and now is not None and now.has_taken(asked[0].number):
                 asked.popleft()  # before this run
             self.record = RunRecord(self.state, self.machine, job.told())
-        if why := self.record.problem:
-            words = refused("not_recorded", program=job.program.name, why=why)
-            self.alarms.add("NOT_RECORDED", words.sentence, sentence_de=words.sentence_de)
+            self._tell_of_record(self.record)
+
+    def _tell_of_record(self, record: RunRecord) -> None:
+        """Once: nothing of a run is kept, or no more of it than until now."""
+        if not record.problem or record is self._told_of_record:
+            return
+        self._told_of_record = record
+        name, key = str(record.what.get("name", "")), "record_ended" if record.began else "not_recorded"
+        words = refused(key, program=name, why=record.problem)
+        self.alarms.add("NOT_RECORDED", words.sentence, sentence_de=words.sentence_de)
 
     def began(self, job: Job) -> bool:
         """Whether the tick has begun with what is being started; it may be over already."""
@@ -367,6 +375,7 @@ class Service:
             rows = recorder.drain()
             if self.record is not None:
                 self.record.take(rows, self.engine.asked, self.engine.snapshot())
+                self._tell_of_record(self.record)
 
     def _look_at_job(self, now: Snapshot) -> None:
         job, record = self.running, self.record

@@ -376,6 +376,20 @@ def test_a_start_on_a_full_disk_is_confirmed_costs_the_record_and_the_program_en
     done(desk, "start", unrecorded=True)
 
 
+def test_a_disk_that_fills_during_a_run_is_told_once(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    loaded(desk, service)
+    done(desk, "start")
+    assert service.record is not None and service.record._file is not None
+    service.record.began, service.record._file.problem = True, "No space left on device"
+    for _ in range(3):
+        service._look_at_rows()
+    (alarm,) = service.alarms.list()
+    assert alarm["sentence"].startswith("The record of part.ngc ends before the run: No space left on device")
+    ended(service, engine)
+
+
 def test_a_run_is_told_to_be_over_when_what_it_forbids_is_allowed_again_and_not_before(
     desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -167,3 +167,26 @@ def test_a_turn_that_is_told_late_is_of_the_tick_that_it_was_made_before(tmp_pat
         (40, 44, True),
         (50, 65, False),
     ]
+
+
+def test_what_a_full_disk_took_in_part_is_the_last_of_a_record(tmp_path: Path) -> None:
+    """Room that comes later is not written behind half a row: what there is stays whole."""
+    record = begun(tmp_path, 100)
+    assert record._file is not None and not record.problem
+    file, size = record._file._rows, 4 * len(runs.SETPOINTS)
+
+    class Short:
+        closed = False
+        fileno, close = file.fileno, file.close
+
+        def write(self, data: bytes) -> int:
+            return int(file.write(data[: len(data) // 2 + 1]))
+
+    record._file._rows = Short()  # type: ignore[assignment]
+    record._file._is_new[record._file._rows] = False
+    record.take(running(101)[100:])
+    assert record.problem == "No space left on device"
+    record._file._rows = file
+    record.take(running(200)[101:])
+    kept = (record.folder / "setpoints.part").stat().st_size
+    assert 100 * size < kept < 101 * size
