@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.faults import invariants, random_batches, random_scripts
+from support.faults import fault_scripts, invariants, random_batches
 from support.faults.random_batches import Came
-from support.faults.random_scripts import Batch
+from support.faults.fault_scripts import Batch
 from support.machines.stepped_runs import shipped
 from typer.testing import CliRunner
 
@@ -29,7 +29,7 @@ from controller.state import Fault, Mode
 IN_A_BATCH = 40
 SCRIPTS = int(os.environ.get("DIRECTRIX_FAULT_SCRIPTS", "10000"))
 HEALTHY = int(os.environ.get("DIRECTRIX_HEALTHY_RUNS", "1000"))
-FEW, FEW_HEALTHY = 2 * len(random_scripts.MACHINES), len(random_scripts.MACHINES)  # batches; CI takes some
+FEW, FEW_HEALTHY = 2 * len(fault_scripts.MACHINES), len(fault_scripts.MACHINES)  # batches; CI takes some
 
 
 def judge(of: Batch, came: list[Came], folder: Path) -> None:
@@ -37,19 +37,19 @@ def judge(of: Batch, came: list[Came], folder: Path) -> None:
     told = []
     for n, one in enumerate(came):
         if one.wrongs:
-            words = random_scripts.written(of, one.case, folder / f"case-{n}")
+            words = fault_scripts.written(of, one.case, folder / f"case-{n}")
             told += [*one.wrongs, f"  directrix {shlex.join(words)}"]
     assert not told, "\n".join([f"batch {of.number}, of {len(came)} cases:", *told])
 
 
 def random_scripts(number: int, folder: Path) -> None:
-    of = random_scripts.batch(number)
+    of = fault_scripts.batch(number)
     judge(of, random_batches.cases(of, IN_A_BATCH), folder)
 
 
 def healthy_runs(number: int, folder: Path) -> None:
-    of = random_scripts.healthy_batch(number)
-    came = random_batches.cases(of, IN_A_BATCH, draw=random_scripts.healthy_case)
+    of = fault_scripts.healthy_batch(number)
+    came = random_batches.cases(of, IN_A_BATCH, draw=fault_scripts.healthy_case)
     assert [one.fault for one in came] == ["NONE"] * (IN_A_BATCH + 1)
     judge(of, came, folder)
 
@@ -83,7 +83,7 @@ def test_a_thousand_healthy_runs(number: int, tmp_path: Path) -> None:
 
 def is_simulated_again(of: Batch, one: Came, trace: Path, folder: Path) -> None:
     """``directrix simulate`` makes the same run; it goes on longer where it records a fault."""
-    words = random_scripts.written(of, one.case, folder)
+    words = fault_scripts.written(of, one.case, folder)
     again = folder / "again.npz"
     result = CliRunner().invoke(command_line.app, [*words, "--trace", str(again)])
     assert (one.fault != "NONE") == (result.exit_code == 1), result.output
@@ -96,7 +96,7 @@ def is_simulated_again(of: Batch, one: Came, trace: Path, folder: Path) -> None:
 
 
 def again(number: int, count: int, folder: Path) -> None:
-    of = random_scripts.batch(number)
+    of = fault_scripts.batch(number)
     (folder / "traces").mkdir()
     came = random_batches.cases(of, count, folder / "traces")
     ours = [one for one in came if one.case.script]

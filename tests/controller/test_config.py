@@ -165,7 +165,6 @@ def test_dialect_offsets_and_reference_points_are_read_and_have_defaults() -> No
     assert made.offsets[6].origin == (1.0, 2.0, 3.0) and made.offsets[-1].origin == (4.0, 5.0, 6.0)
     assert "G59.1" not in made.unset and "G54.1 P47" in made.unset
     assert made.axes[3].second_reference == pytest.approx(math.radians(30.0))
-    assert config.with_dialect(made, "rs274").dialect == "rs274"
     for wrong in ('dialect = "siemens"', 'without_point = "inch"'):
         with pytest.raises(ConfigError, match="allowed"):
             config.read(COMPLETE.replace("gouge =", f"{wrong}\ngouge ="), "m.toml")

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from support.faults.invariants import wrongs
-from support.faults.random_scripts import Batch, Case, Draw, case
+from support.faults.fault_scripts import Batch, Case, Draw, case
 from support.machines.forked_machine import Forkable
 
 from controller.session import checked
