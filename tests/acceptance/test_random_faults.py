@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from support.faults import fault_scripts, invariants, random_batches
-from support.faults.random_batches import Came
 from support.faults.fault_scripts import Batch
+from support.faults.random_batches import Came
 from support.machines.stepped_runs import shipped
 from typer.testing import CliRunner
 

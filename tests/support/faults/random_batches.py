@@ -11,8 +11,8 @@ import random
 from pathlib import Path
 from typing import NamedTuple
 
-from support.faults.invariants import wrongs
 from support.faults.fault_scripts import Batch, Case, Draw, case
+from support.faults.invariants import wrongs
 from support.machines.forked_machine import Forkable
 
 from controller.session import checked
