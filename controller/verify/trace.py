@@ -347,7 +347,7 @@ class Summary:
     ticks: int
     duration_s: float
     cut_time_s: float
-    cut_length_mm: float  # of the contact's path, as the sum of its chords
+    cut_length_mm: float  # of the contact's path
     following_error: dict[str, float]  # largest, mm or degrees, per axis
     path_error_mm: float
     axis_error_deg: float
@@ -361,13 +361,27 @@ def summary(trace: Trace, machine: Machine, kinematics: Kinematics, length_mm: f
     rows = trace.cutting if trace.cutting.any() else np.ones(len(trace.time_s), dtype=bool)
     errors = path_errors(trace, machine, kinematics, length_mm)
     largest = np.abs(following_error(trace)[rows]).max(axis=0)
-    chords = np.linalg.norm(np.diff(trace.contact, axis=0), axis=1)
     return Summary(
         ticks=len(trace.time_s),
         duration_s=len(trace.time_s) * trace.period_s,
         cut_time_s=int(trace.cutting.sum()) * trace.period_s,
-        cut_length_mm=float(np.nansum(chords)),
+        cut_length_mm=cut_length_mm(trace),
         following_error={name: float(v) for name, v in zip(trace.axes, largest, strict=True)},
         path_error_mm=float(errors.path_mm[rows].max()),
         axis_error_deg=float(errors.axis_deg[rows].max()),
     )
+
+
+def cut_length_mm(trace: Trace) -> float:
+    """Length of the contact's path as the sum of its chords, with those of the ticks at both ends of a cut.
+
+    A cut that begins and ends at speed does so within a tick: its share of that tick's step is told by u.
+    """
+    steps, chords = np.diff(trace.u), np.linalg.norm(np.diff(trace.contact, axis=0), axis=1)
+    known = np.concatenate(([False], ~np.isnan(chords), [False])).astype(int)
+    first, behind = (np.flatnonzero(np.diff(known) == sign) for sign in (1, -1))
+    length = float(np.nansum(chords))
+    for step, short in ((first, trace.u[first]), (behind - 1, 1.0 - trace.u[behind])):
+        within = (steps[step] > 0.0) & (short <= steps[step])
+        length += float((chords[step] * short)[within] @ (1.0 / steps[step][within]))
+    return length

@@ -147,6 +147,20 @@ def test_a_lag_equal_on_all_axes_costs_little_path_error(ruled_run, cut):
     json.dumps(figures.to_dict())
 
 
+@pytest.mark.parametrize(("behind", "short"), [(0.3, 0.0), (0.0, 0.6), (0.25, 0.75)])
+def test_a_cut_that_begins_and_ends_within_a_tick_is_as_long_as_it_is(cut, behind, short):
+    u = np.concatenate(([np.nan], (np.arange(11) + behind) / (10.0 + behind + short), [np.nan]))
+    contact = np.column_stack((30.0 * u, 0.0 * u, 0.0 * u))
+    made = replace(cut, u=u, contact=contact)
+    assert traces.cut_length_mm(made) == pytest.approx(30.0, abs=1e-12)
+
+
+def test_a_cut_that_is_begun_within_is_only_as_long_as_what_was_cut(cut):
+    u = np.array([np.nan, 0.5, 0.6, 0.7, np.nan])
+    made = replace(cut, u=u, contact=np.column_stack((30.0 * u, 0.0 * u, 0.0 * u)))
+    assert traces.cut_length_mm(made) == pytest.approx(6.0)
+
+
 def test_speeds_are_shares_of_the_limits(ruled_run, cut):
     moved = np.zeros_like(cut.joint_command[:3])
     moved[1:, 4] = 0.72  # degrees in 2 ms are 360 deg/s
