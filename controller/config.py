@@ -129,6 +129,7 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
         joint_tolerance_mm=general.number("joint_tolerance_mm", 0.0, 1.0, default=JOINT_TOLERANCE_MM),
         joint_tolerance_deg=general.number("joint_tolerance_deg", 0.0, 5.0, default=JOINT_TOLERANCE_DEG),
         lead_feed_mm_s=general.positive_or_none("lead_feed", 1.0 / 60.0),
+        link_mm=general.number("link_mm", 0.0, 100.0, default=0.0),
         arc_tolerance_mm=general.number("arc_tolerance_mm", 0.001, 3.0, default=ARC_TOLERANCE_MM),
         call_levels=general.integer("call_levels", 1, MOST_CALL_LEVELS, CALL_LEVELS),
         program_passes=general.integer("program_passes", 1, MOST_PROGRAM_PASSES, PROGRAM_PASSES),

@@ -306,6 +306,8 @@ class Machine:
     joint_tolerance_mm: float = JOINT_TOLERANCE_MM
     joint_tolerance_deg: float = JOINT_TOLERANCE_DEG
     lead_feed_mm_s: float | None = None  # of the tip on leads; None: as fast as the limits allow
+    # From the end of a surface to the begin of the next: up to here the tool goes there without a retract.
+    link_mm: float = 0.0
     arc_tolerance_mm: float = ARC_TOLERANCE_MM  # most by which an arc's ends may differ in their radius
     call_levels: int = CALL_LEVELS  # subs of a program, one in the other
     program_passes: int = PROGRAM_PASSES  # rounds of loops and calls of subs, together, in one run

@@ -363,6 +363,7 @@ REFUSALS = {
     "at.way.plunge": "plunge",
     "at.way.lead in": "lead in",
     "at.way.lead out": "lead out",
+    "at.way.link": "link",
     # --- by who asks
     "control_held": "{holder} holds control; ask for it to be given back, or take it over by "
     '{{"take_over": true}}.',

@@ -376,6 +376,7 @@ REFUSALS = {
     "at.way.plunge": "Eintauchen",
     "at.way.lead in": "Einlauf",
     "at.way.lead out": "Auslauf",
+    "at.way.link": "Übergang",
     # --- by who asks
     "control_held": "{holder} hat die Bedienung; um Rückgabe bitten oder sie übernehmen durch "
     '{{"take_over": true}}.',

@@ -73,6 +73,7 @@ WORDS: Words = {
     "what.plunge": ("plunge", "Eintauchen"),
     "what.lead in": ("lead in", "Einlauf"),
     "what.lead out": ("lead out", "Auslauf"),
+    "what.link": ("link", "Übergang"),
     "run.reset_override": ("back to 100 %", "zurück auf 100 %"),
 }
 RAPIDS = (0, 25, 50, 100)

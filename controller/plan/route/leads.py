@@ -85,10 +85,10 @@ def lay(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinem
     Refuses (or tells, where the machine is to warn only) what would cut into them in any case.
     """
     leg = legs[0 if at_start else -1]
-    end = _End.of(leg, at_start, kinematics)
+    end = End.of(leg, at_start, kinematics)
     if machine.lead_mm <= 0.0:
         return end.standing(())
-    free = _Room.of(legs, at_start, machine, kinematics)
+    free = Room.of(legs, at_start, machine, kinematics)
     for one in end.joined(machine):
         if free.lets(one):
             return end.led(one)
@@ -116,7 +116,7 @@ def _off_mm(leg: Leg, machine: Machine) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class _End:
+class End:
     """One end of a cut: ``rows`` (3, 5) of the tip (table frame) and both rotaries, with two derivatives.
 
     ``rates`` (5,) are those of the joints and ``tilt`` that of the axis (rad), all per mm of s.
@@ -130,7 +130,7 @@ class _End:
     tilt: float
 
     @staticmethod
-    def of(leg: Leg, at_start: bool, kinematics: Kinematics) -> _End:
+    def of(leg: Leg, at_start: bool, kinematics: Kinematics) -> End:
         stretch = leg.stretch
         with np.errstate(all="ignore"):
             d = rates.derivatives(stretch, np.array([0.0 if at_start else stretch.motion.end]), kinematics)
@@ -144,7 +144,7 @@ class _End:
         rows = np.array([[jets.jet(one).derivative(k).item() for one in (*tip, *turns)] for k in range(3)])
         rows[1:, 3:][np.abs(rows[1:, 3:]) < STANDS_RAD] = 0.0
         tilt = math.hypot(*(jets.jet(one).derivative(1).item() for one in axis))
-        return _End(leg, at_start, kinematics, rows, np.abs(d.first[0]), tilt)
+        return End(leg, at_start, kinematics, rows, np.abs(d.first[0]), tilt)
 
     @property
     def edge(self) -> Edge:
@@ -159,13 +159,18 @@ class _End:
         stretch = self.leg.stretch
         return stretch.start if self.at_start else stretch.end
 
+    @property
+    def tip_rate(self) -> float:
+        """Millimetres of the tip per mm of s."""
+        return max(float(np.linalg.norm(self.rows[1, :3])), LEAST_RATE)
+
     def joined(self, machine: Machine) -> Iterator[Stretch]:
         """Leads that join the cut, the longest first; none where it has no rate."""
         if not np.isfinite(self.rows).all():
             return
-        tip_rate = max(float(np.linalg.norm(self.rows[1, :3])), LEAST_RATE)
-        most, feed = self._longest(), _lead_feed(self.leg, tip_rate, machine)
-        settling = self._settling(machine)
+        tip_rate = self.tip_rate
+        most, feed = self._longest(), lead_feed(self.leg, tip_rate, machine)
+        settling = self.settling(machine)
         ramp = min(ROOM * self._ramp(machine), LONGEST * machine.lead_mm)
         for k, (share, slender, holds) in enumerate(SHAPES):
             off = share * _off_mm(self.leg, machine)
@@ -190,7 +195,7 @@ class _End:
             return v * math.sqrt(v / jerk)
         return 0.5 * v * (v / acceleration + acceleration / jerk)
 
-    def _settling(self, machine: Machine) -> float:
+    def settling(self, machine: Machine) -> float:
         """The way at the cut's own feed beside the ruling.
 
         To brake late and dip below the feed saves time: there is room for it before the cut begins.
@@ -292,7 +297,7 @@ def _from(cubic: Array, x: float) -> Array:
     return np.array([a + x * (b + x * (c + x * d)), b + x * (2.0 * c + x * 3.0 * d), c + 3.0 * x * d, d])
 
 
-def _lead_feed(leg: Leg, tip_rate: float, machine: Machine) -> float:
+def lead_feed(leg: Leg, tip_rate: float, machine: Machine) -> float:
     """Feed of the tip (mm/s): never so low that the cut could not begin at its own."""
     fastest = min(machine.axes[i].limits.velocity for i in machine.linear())
     own = fastest if machine.lead_feed_mm_s is None else machine.lead_feed_mm_s
@@ -301,7 +306,7 @@ def _lead_feed(leg: Leg, tip_rate: float, machine: Machine) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class _Room:
+class Room:
     """Where a lead may be: points (3, N) of the train's surfaces, and how deep the cut gets into its own.
 
     On a twisted surface a cylinder overcuts a little even where it is placed right, so 0 would be
@@ -316,7 +321,7 @@ class _Room:
     kinematics: Kinematics
 
     @staticmethod
-    def of(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinematics) -> _Room:
+    def of(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinematics) -> Room:
         cut = legs[0 if at_start else -1].cut
         points, allowed = audit.surface_points([leg.cut for leg in legs]), 0.0
         if cut.tool.radius_mm > 0.0:
@@ -326,7 +331,7 @@ class _Room:
         most = tolerance_mm(cut.block.modal, cut.tool, machine)
         if most is not None and allowed < most:
             more = min(more, most - SPARE_MM - allowed)
-        return _Room(cut, points, allowed, more, machine, kinematics)
+        return Room(cut, points, allowed, more, machine, kinematics)
 
     def lets(self, lead: Stretch) -> bool:
         s = np.linspace(0.0, lead.motion.end, POSES)

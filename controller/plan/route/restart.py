@@ -21,7 +21,7 @@ from controller.geometry import Vector, norm, subtract
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.motions import JointMove, Rotaries, SurfaceCut, ToolSpline
-from controller.plan.route import clamps, dry_run, entry, tool_changes
+from controller.plan.route import clamps, dry_run, entry, links, tool_changes
 from controller.plan.route.leads import LEADS
 from controller.plan.route.path import Tracer, joints_along
 from controller.plan.route.spot import (
@@ -324,7 +324,7 @@ def _feed(stretch: Stretch, s: float, state: Modal) -> float:
     motion = stretch.motion
     if isinstance(motion, JointMove) and norm(subtract(motion.curve.at(1.0), motion.curve.at(0.0))) < 1e-6:
         return entry.TURNING_MM_S
-    if stretch.name in LEADS and state.feed_mm_s:
+    if stretch.name in (*LEADS, links.NAME) and state.feed_mm_s:
         return state.feed_mm_s
     return float(stretch.feed_at(np.array([s]))[0])
 
