@@ -16,10 +16,10 @@ from controller.curves import Arc
 from controller.geometry import norm, subtract
 from controller.kinematics import Kinematics
 from controller.machine import OFFSETS, Joints, Machine, five
-from controller.motions import JointMove
+from controller.motions import JointMove, Rotaries
 from controller.plan.route import moves
 from controller.plan.route.stretch import Voice
-from controller.plan.text.position import Known, Position
+from controller.plan.text.position import Known, Position, read_in
 from controller.plan.text.program import (
     Act,
     Action,
@@ -154,12 +154,12 @@ class _Explainer:
             return told
         found = moves.arc(block, self._machine, self._kinematics, five(here), self._voice)
         if found is not None and isinstance(found.motion, JointMove) and isinstance(found.motion.curve, Arc):
-            told["centre"] = self._centre(block, found.motion.curve)
+            told["centre"] = self._centre(block, found.motion.curve, found.motion.start_rotaries)
         return told
 
-    def _centre(self, block: JointArc, curve: Arc) -> dict[str, float]:
-        centre = subtract(curve.centre, (0.0, 0.0, block.modal.length_mm))
-        point = block.modal.frame(self._machine).from_parent(centre)
+    def _centre(self, block: JointArc, curve: Arc, rotaries: Rotaries) -> dict[str, float]:
+        frame, length_mm = read_in(block.modal, self._machine, self._kinematics, rotaries)
+        point = frame.from_parent(subtract(curve.centre, (0.0, 0.0, length_mm)))
         return {"XYZ"[i]: point[i] for i in sorted(block.plane[:2])}
 
 
