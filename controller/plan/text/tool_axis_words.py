@@ -121,7 +121,7 @@ def _way(pair: Pair, now: Pair, lead: int) -> tuple[float, ...]:
     order = (lead, 1 - lead)
     ways = [abs(pair[k] - now[k]) for k in order]
     angles = [abs(math.remainder(pair[k], 2.0 * HALF)) for k in order]
-    return (*(round(value, 9) for value in (*ways, *angles)), *pair)
+    return (*(round(value, 9) for value in (*ways, *angles)), -pair[lead], -pair[1 - lead])
 
 
 def _unreachable(machine: Machine, pairs: list[Pair], within: list[Pair], p: int, axis: Vector) -> str:
