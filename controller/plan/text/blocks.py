@@ -144,6 +144,7 @@ def _blocks(
 
 def _behind(line: Line, state: State, machine: Machine, lines: Iterator[Line], ahead: Upcoming) -> State:
     """The state behind a line that was refused and left out, so that what follows it is not refused, too."""
+    state = state._replace(begun=None)
     if (plain := line.plain) is not None:
         return state._replace(motion="G1") if plain.with_g1 else state
     named = [f"G{word.value:g}" for word in line.words if word.letter == "G"]

@@ -325,8 +325,8 @@ def _projected(said: Said) -> Frame:
     apart = math.degrees(angle_between(x, other))
     if not LEAST_DEG <= apart <= 180.0 - LEAST_DEG:
         raise said.refusal(
-            f"has projected axes {round(apart, 4):g} degrees apart, which tell no plane: they are {LEAST_DEG:g} to "
-            f"{180.0 - LEAST_DEG:g} degrees apart; correct I and J, or write Euler angles (P0)"
+            f"has projected axes {round(apart, 4):g} degrees apart, which tell no plane: they are "
+            f"{LEAST_DEG:g} to {180.0 - LEAST_DEG:g} apart; correct I and J, or write Euler angles (P0)"
         )
     z = unit(cross(x, other))
     return within(Frame(said.get("XYZ"), x, cross(z, x), z), _turned(ZERO, [(Z, k)]))

@@ -10,7 +10,7 @@ import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -26,11 +26,11 @@ CONFIG = Path(__file__).parents[3] / "config"
 
 
 def turned_about(direction: Array, point: Array, degrees: float) -> Array:
-    """4 x 4: the right-hand turn about a line."""
+    """4 x 4: the right-hand turn about a line, by Rodrigues' matrix."""
+    x, y, z = direction / np.linalg.norm(direction)
+    k, angle = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]]), math.radians(degrees)
     made = np.eye(4)
-    made[:3, :3] = Rotation.from_rotvec(
-        direction / np.linalg.norm(direction) * math.radians(degrees)
-    ).as_matrix()
+    made[:3, :3] += math.sin(angle) * k + (1.0 - math.cos(angle)) * k @ k
     made[:3, 3] = point - made[:3, :3] @ point
     return made
 
@@ -51,20 +51,21 @@ class Bench:
     def rotaries(self) -> list[dict[str, object]]:
         return [row for row in self.rows if row["kind"] != "linear"]
 
-    def chain(self, kind: str, places: Words) -> Array:
+    def chain(self, kind: str, angles: tuple[float, ...]) -> Array:
+        """4 x 4: from the work or from the tool to the base."""
         made = np.eye(4)
-        for row in self.rotaries:
+        for row, angle in zip(self.rotaries, angles, strict=True):
             if row["kind"] == kind:
                 line = np.array(row["direction"], dtype=float), np.array(row["point_mm"], dtype=float)
-                made = made @ turned_about(*line, places[str(row["name"])])
+                made = made @ turned_about(*line, angle)
         return made
 
     def tool(self, places: Words, length_mm: float) -> tuple[Array, Array]:
         """Tip and axis, table frame with the rotaries at zero, of axis positions in mm and degrees."""
-        head, table = self.chain("head", places), np.linalg.inv(self.chain("table", places))
+        head, table = _chains(self, tuple(places[str(row["name"])] for row in self.rotaries))
         gauge = np.array([places["X"], places["Y"], places["Z"]])
         tip = gauge + (head @ np.array([0.0, 0.0, -length_mm, 1.0]))[:3]
-        return (table @ np.append(tip, 1.0))[:3], table[:3, :3] @ head[:3, :3] @ np.array([0.0, 0.0, 1.0])
+        return (table @ np.append(tip, 1.0))[:3], table[:3, :3] @ head[:3, 2]
 
     def turns(self) -> list[tuple[float, float]]:
         """Travel of the two rotaries; one whole turn of each is all it has to say."""
@@ -91,6 +92,12 @@ class Bench:
 
         close = {"xatol": 1e-9, "fatol": 1e-9, "maxfev": 2000}
         return minimize(off, start, method="Nelder-Mead", bounds=self.turns(), options=close).fun > 1e-6
+
+
+@lru_cache(maxsize=64)
+def _chains(bench: Bench, angles: tuple[float, ...]) -> tuple[Array, Array]:
+    """Of the head, and of the table backwards; most moves stand on the same angles."""
+    return bench.chain("head", angles), np.linalg.inv(bench.chain("table", angles))
 
 
 @cache
