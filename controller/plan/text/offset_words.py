@@ -266,7 +266,8 @@ def rotation(here: Here) -> State:
     code, word = here.ask.codes["rotation"]
     origins = here.state.origins
     if code == "G69":
-        return here.state._replace(begun=None).with_origins(origins.outside(), here.machine)
+        cycle = here.state.cycle if origins.plane is None else None  # its heights were those of the plane
+        return here.state._replace(begun=None, cycle=cycle).with_origins(origins.outside(), here.machine)
     r = here.ask.words.get("R")
     if r is None:
         raise here.ask.refusal(word, "G68 does not say by how much: write R and the angle in degrees")

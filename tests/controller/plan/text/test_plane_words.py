@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 from dataclasses import replace
 
 import pytest
@@ -364,3 +365,33 @@ def test_words_without_a_point_count_as_the_machine_file_says() -> None:
 def test_a_plane_and_its_unfinished_lines_are_kept_and_given_back_with_nothing_else() -> None:
     """M70 keeps what LinuxCNC keeps; a plane is none of it."""
     assert place("M70\nG68.2 J90\nM72\nG0 X1 Y2 Z3\n") == pytest.approx((1, -3, 2), abs=1e-9)
+
+
+def test_a_cycle_does_not_outlive_its_plane() -> None:
+    text = "G68.2 J30\nG53.1\nG0 Z9\nG81 X1 Y2 Z-3 R4 F100\nG69\nX5\n"
+    assert "G81 has no Z" in refused(text).sentence
+
+
+WORDS = ("X", "Y", "Z", "I", "J", "K", "R", "Q", "P", "H", "A", "C", "F")
+LINES = ("G68.2", "G68.3", "G68.4", "G69", "G53.1", "G53.3", "G53.6", "G68", "G52", "G92", "G81", "G1", "G2")
+OTHERS = ("G0", "", "G17", "G18", "G43.4", "G49", "G91", "G90", "G10 L2", "G28", "G54", "G20", "M70", "M72")
+
+
+@pytest.mark.parametrize("dialect", ["fanuc", "rs274"])
+def test_lines_at_random_are_read_or_refused(dialect: str) -> None:
+    rng, machine = random.Random(17), on(dialect, "trunnion")
+    for number in range(250):
+        rows = []
+        for _ in range(rng.randint(2, 9)):
+            code = rng.choice(LINES if rng.random() < 0.7 else OTHERS)
+            said = rng.sample(WORDS, rng.randint(0, 6))
+            values = (0, 1, 2, 3, 90, 123, 313, 0.001, 17.5, -45)
+            rows.append(" ".join([code, *(f"{letter}{rng.choice(values)}" for letter in said)]))
+        refusals: list[ProgramError] = []
+        text = "\n".join(rows)
+        read = blocks.stream(text.encode(), machine, "p", refused=refusals)
+        try:
+            list(explained.steps(read, machine, "p", homed(machine)))
+        except ProgramError:
+            continue
+        assert all(error.sentence for error in refusals), (number, text)
