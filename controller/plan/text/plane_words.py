@@ -199,6 +199,18 @@ def _rows(here: Here, code: str, p: int, form: Form) -> Mapping[int, Mapping[str
         raise ask.refusal(
             word, f"{code} P{p} Q{q} stands here for the second time: each line once; remove one"
         )
+    _check_letters(ask, code, p, form, q)
+    points = form.points if q == 0 else "XYZ"
+    row = {
+        letter: given.value * (here.state.mm_per_unit if letter in points else 1.0)
+        for letter, given in ask.words.items()
+        if letter in form.letters[q] and letter != "Q"
+    }
+    return {**before, q: row}
+
+
+def _check_letters(ask: Ask, code: str, p: int, form: Form, q: int) -> None:
+    """Each line of each definition has its own words."""
     letters = form.letters[q] + "P" + ("Q" if form.rows else "")
     for letter in "XYZIJKRQ":
         if letter in ask.words and letter not in letters:
@@ -207,13 +219,6 @@ def _rows(here: Here, code: str, p: int, form: Form) -> Mapping[int, Mapping[str
                 f"{ask.words[letter].text} is not taken by {code} P{p}{f' Q{q}' if form.rows else ''}: that "
                 f"has {' '.join(form.letters[q])}; remove the word",
             )
-    points = form.points if q == 0 else "XYZ"
-    row = {
-        letter: given.value * (here.state.mm_per_unit if letter in points else 1.0)
-        for letter, given in ask.words.items()
-        if letter in form.letters[q] and letter != "Q"
-    }
-    return {**before, q: row}
 
 
 # ---- frames --------------------------------------------------------------------------
