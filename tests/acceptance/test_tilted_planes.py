@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import pytest
-from support.machines.stepped_runs import Cut, cut, shipped
+from support.machines.stepped_runs import SHIPPED, cut, shipped
+from support.machines.traced_programs import stretches, trace
 from support.oracles import tilted_planes
 from support.oracles.tilted_planes import Array, Bench
+
+from controller.kinematics import Kinematics
+from controller.machine import Machine
+from controller.plan.route.path import joints_along
+from controller.plan.text.position import homed
 
 LENGTH = 12.5
 COUNT_MM = 2e-5  # what counts of the drives leave of a position, at the lever of the rotaries
@@ -40,18 +48,38 @@ def plane_of(dialect: str) -> Array:
     return make(1, {0: words | PLANES[dialect][1]})
 
 
-def run(name: str, dialect: str, hole: str = "G98 G81", turn: str = "G53.6") -> Cut:
+class Gone(NamedTuple):
+    """Joints (N, 5) in mm and rad, and the line of each."""
+
+    machine: Machine
+    joints: Array
+    lines: Array
+
+
+def run(name: str, dialect: str, hole: str = "G98 G81", turn: str = "G53.6") -> Gone:
+    """What the drives were told at every tick."""
     machine = shipped(name, dialect=dialect, without_point="unit", spindle=None)
     done = cut(PART.format(plane=PLANES[dialect][0], turn=turn, hole=hole), machine)
     assert done.run.result == "completed", done.run.fault_text
-    return done
+    return Gone(machine, done.joints, done.trace.line)
 
 
-def seen(done: Cut, name: str, line: int) -> tuple[Array, Array]:
-    """Tips and axes of every tick of a line, table frame, of the positions that the drives were told."""
+def planned(name: str, dialect: str, hole: str) -> Gone:
+    """The path, sampled evenly."""
+    machine = shipped(name, dialect=dialect, without_point="unit", spindle=None)
+    made = trace(PART.format(plane=PLANES[dialect][0], turn="G53.6", hole=hole), machine, homed(machine))
+    rows, lines, kinematics = [], [], Kinematics(machine)
+    for stretch in stretches(made):
+        rows.append(joints_along(stretch, np.linspace(0.0, stretch.motion.end, 41), kinematics))
+        lines += [stretch.place.line] * 41
+    return Gone(machine, np.vstack(rows), np.array(lines))
+
+
+def seen(done: Gone, name: str, line: int) -> tuple[Array, Array]:
+    """Tips and axes on a line, table frame."""
     where, axes, machine = Bench.of(name), [], done.machine
     tips = []
-    for row in done.joints[np.flatnonzero(done.trace.line == line)]:
+    for row in done.joints[np.flatnonzero(done.lines == line)]:
         shown = zip(machine.axes, row, strict=True)
         tip, axis = where.tool({a.name: q * a.shown_per_unit for a, q in shown}, LENGTH)
         tips.append(tip)
@@ -67,7 +95,7 @@ def in_plane(tips: Array, name: str, dialect: str) -> Array:
     return (part - plane[:3, 3]) @ plane[:3, :3]
 
 
-def assert_part(done: Cut, name: str, dialect: str) -> None:
+def assert_part(done: Gone, name: str, dialect: str) -> None:
     tips, _ = seen(done, name, 7)
     assert np.abs(tips - tips[0]).max() < COUNT_MM  # the tip stands while the tool turns
     for line in range(8, 13):
@@ -87,10 +115,16 @@ def assert_part(done: Cut, name: str, dialect: str) -> None:
     for number, x in ((11, 3.0), (12, 5.0)):
         hole, _ = seen(done, name, number)
         place = in_plane(hole, name, dialect)
-        deep = place[place[:, 2] < 3.0 + COUNT_MM]
+        deep = place[place[:, 2] < 3.0 - COUNT_MM]
         assert len(deep) > 20
         assert np.abs(deep[:, :2] - [x, 4.0]).max() < COUNT_MM  # straight along the tool
         assert deep[:, 2].min() == pytest.approx(-2.0, abs=COUNT_MM)
+
+
+@pytest.mark.parametrize("dialect", ["fanuc", "rs274"])
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_path_is_the_one_of_the_plane(name: str, dialect: str) -> None:
+    assert_part(planned(name, dialect, "G99 G83 Q1.5"), name, dialect)
 
 
 @pytest.mark.parametrize(("name", "dialect"), [("trunnion", "fanuc"), ("head_head", "rs274")])
@@ -108,5 +142,5 @@ def test_on_every_kind_of_machine(name: str, dialect: str) -> None:
 
 def test_x_y_z_stand_while_g53_1_turns_the_tool() -> None:
     done = run("table_head", "fanuc", turn="G53.1")
-    rows = done.joints[np.flatnonzero(done.trace.line == 7)][:, list(done.machine.linear())]
+    rows = done.joints[np.flatnonzero(done.lines == 7)][:, list(done.machine.linear())]
     assert len(rows) > 10 and np.abs(rows - rows[0]).max() < 1e-9
