@@ -346,6 +346,7 @@ REFUSALS = {
     # --- where a program is entered: no refusal, but read before it is started from there
     "at.place": "Line {line}, {percent} % of its block ({what}).",
     "at.tool": "Tool T{tool}{size}, work offset {offset}, G43 length {length} mm.",
+    "at.tilted": "Tilted plane, seen from the table at zero: origin {origin}, X along {x}, Z along {z}.",
     "at.size": "(radius {radius} mm, length {length} mm)",
     "at.spindle": "Spindle {rev_min} 1/min, coolant {coolant}, feed {feed}.",
     "at.entry": "Entry along the tool axis to {joints}.",

@@ -359,6 +359,7 @@ REFUSALS = {
     # --- where a program is entered: no refusal, but read before it is started from there
     "at.place": "Zeile {line}, {percent} % des Satzes ({what}).",
     "at.tool": "Werkzeug T{tool}{size}, Nullpunkt {offset}, Länge nach G43 {length} mm.",
+    "at.tilted": "Geschwenkte Ebene, gesehen vom Tisch in Null: Ursprung {origin}, X längs {x}, Z längs {z}.",
     "at.size": "(Radius {radius} mm, Länge {length} mm)",
     "at.spindle": "Spindel {rev_min} 1/min, Kühlmittel {coolant}, Vorschub {feed}.",
     "at.entry": "Einfahrt entlang der Werkzeugachse nach {joints}.",

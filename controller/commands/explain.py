@@ -46,7 +46,7 @@ def explain(
 def line_of(step: Step) -> str:
     """A step for people."""
     words = [f"{step.line:6d} {step.kind:13s} {_places(step.program):42s} | {_places(step.axes):52s} |"]
-    told = [f"{step.offset} {step.plane}"]
+    told = [f"{step.offset} {step.plane}{' tilted' if step.tilted is not None else ''}"]
     told += [
         str(value) if name == "unit" else f"{name} {_plain(value)}" for name, value in step.facts.items()
     ]

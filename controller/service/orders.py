@@ -86,6 +86,9 @@ class Way:
     end_s: float = 0.0  # of the motion, in the unit of the snapshot's s
     arc: ArcLength | None = None  # of a surface: which u an s is
     feed_steps: tuple[tuple[float, float], ...] = ()  # (s, feed) where lines of a row have others
+    tilted_mm: float | None = (
+        None  # length with which X Y Z are places of the tip in ``part``, a tilted plane
+    )
 
 
 @dataclass(frozen=True, slots=True)

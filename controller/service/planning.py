@@ -95,7 +95,7 @@ class Planning:
         self._heard: deque[tuple[int, str]] = deque()  # order and text of messages that no motion has come to
         self._said: list[Said] = []  # until it is told
         # Order of the block from which on, which work offset, and the frame that G92 and others made of it.
-        self._offsets: list[tuple[int, int, Frame | None]] = []
+        self._offsets: list[tuple[int, int, Frame | None, float | None]] = []
         self._fitted = machine  # of what was armed
         self._carrying_out = False
         self._facts: dict[str, Any] = {}  # of what is being armed
@@ -187,7 +187,7 @@ class Planning:
         self._look()
         if isinstance(block, Message):
             self._heard.append((block.place.order, block.text))
-        now = (block.modal.offset, block.modal.part)
+        now = (block.modal.offset, block.modal.part, block.modal.length_mm if block.modal.tilted else None)
         if not self._offsets or self._offsets[-1][1:] != now:
             self._offsets.append((block.place.order, *now))
 
@@ -387,11 +387,12 @@ class Planning:
     def _way(self, stretch: Stretch) -> Way:
         motion, i = stretch.motion, bisect_right(self._offsets, (stretch.place.order, MOST_OFFSETS))
         length_mm, part = getattr(motion, "length_mm", 0.0), getattr(motion, "part", None)
-        tool, (offset, frame) = self._tools.get(id(stretch)), self._offsets[i - 1][1:] if i else (0, None)
+        offset, frame, tilted_mm = self._offsets[i - 1][1:] if i else (0, None, None)
+        tool = self._tools.get(id(stretch))
         part = frame if part is None else part
         told = (stretch.end, stretch.feed_mm_s, length_mm, part, stretch.name, tool, offset)
         arc = motion.arc if isinstance(motion, SurfaceCut) else None
-        return Way(*told, motion.end, arc, stretch.feed_steps)
+        return Way(*told, motion.end, arc, stretch.feed_steps, tilted_mm)
 
     def _forget_tools(self) -> None:
         """Those of stretches that were told long ago."""

@@ -152,6 +152,10 @@ def joints(machine: Machine, now: Snapshot, way: Way | None) -> dict[str, dict[s
     shown, actual = machine.shown(now.joints), machine.shown(now.actual)
     ends = machine.shown(way.end) if way is not None else shown
     work = _work(machine, shown, _frame(machine, way))
+    if way is not None and way.tilted_mm is not None:
+        place = Kinematics(machine).forward(five(now.joints), way.tilted_mm).tip
+        for i, value in zip(machine.linear(), _frame(machine, way).from_parent(place), strict=True):
+            work[i] = float(value)
     return {
         axis.name: {
             "machine": shown[i],

@@ -10,8 +10,8 @@ from controller.geometry import Frame, Vector, norm, scale, subtract, unit
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.motions import JointMove
-from controller.plan.route.stretch import Stretch, Voice, round_arc, straight
-from controller.plan.text.position import placed, shifted
+from controller.plan.route.stretch import Stretch, Voice, rotaries_of, round_arc, straight
+from controller.plan.text.position import placed, read_in, shifted
 from controller.plan.text.program import JointArc, JointLine
 
 ROUND_MM = 0.005  # by which R may be too small for its end (rounded words)
@@ -25,7 +25,7 @@ TANGENT_RAD = 1e-6
 
 def line(block: JointLine, machine: Machine, kinematics: Kinematics, now: Joints) -> Stretch | None:
     """The stretch of a G0 or G1; None where nothing moves."""
-    end = target(block, machine, now)
+    end = target(block, machine, kinematics, now)
     found = straight("line", block.place, now, end, block.feed_mm_s, kinematics, block.feed_deg_s)
     return found if found is None or block.time_s is None else timed(found, block.time_s)
 
@@ -35,12 +35,12 @@ def timed(stretch: Stretch, time_s: float) -> Stretch:
     return replace(stretch, feed_mm_s=stretch.motion.end / time_s)
 
 
-def target(block: JointLine | JointArc, machine: Machine, now: Joints) -> Joints:
+def target(block: JointLine | JointArc, machine: Machine, kinematics: Kinematics, now: Joints) -> Joints:
     """Joints at the end of a block: program values plus work offset and tool length (G43)."""
-    machine_frame = isinstance(block, JointLine) and block.machine_frame
-    frame, length = block.modal.frame(machine), block.modal.length_mm
-    if machine_frame:
+    if isinstance(block, JointLine) and block.machine_frame:
         frame, length = Frame(), 0.0
+    else:
+        frame, length = read_in(block.modal, machine, kinematics, rotaries_of(now, kinematics))
     end = [
         q if t is None else (q + t if block.relative else t) for q, t in zip(now, block.targets, strict=True)
     ]
@@ -66,8 +66,9 @@ def arc(
     block: JointArc, machine: Machine, kinematics: Kinematics, now: Joints, voice: Voice
 ) -> Stretch | None:
     """The stretch of a G2 or G3: arc or helix, full circles and turns included."""
-    end = target(block, machine, now)
-    frame, linear = block.modal.frame(machine), machine.linear()
+    end = target(block, machine, kinematics, now)
+    frame, _ = read_in(block.modal, machine, kinematics, rotaries_of(now, kinematics))
+    linear = machine.linear()
     # Distances only: the origin of the frame and the tool length cancel out.
     chord = frame.turn_back(subtract(_xyz(end, linear), _xyz(now, linear)))
     a, b, n = block.plane

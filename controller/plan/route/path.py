@@ -224,7 +224,7 @@ class Tracer:
         stand = self._standing(block.modal.length_mm)
         machine, kinematics = self._machine, self._kinematics
         made: list[Stretch] = []
-        if block.feed_mm_s is None:
+        if block.feed_mm_s is None and not block.stands:
             following = self._ahead.lines_like(block) if block.axis is not None else []
             wanted = self._chosen.get(block.place.order)
             one, stand = lines.rapid(block, stand, following, wanted, machine, kinematics, self._voice)

@@ -29,13 +29,15 @@ from controller.plan.text import (
     modal,
     nurbs_words,
     offset_words,
+    plane_words,
     points,
     reference_words,
     surface_words,
+    tool_axis_words,
     words,
 )
 from controller.plan.text.code_table import BY_DIALECT, Fate, takers_of
-from controller.plan.text.codes import CYCLES, PLACES, SIDES, SURFACES, Ask, letters_of
+from controller.plan.text.codes import CYCLES, PLACES, SIDES, SURFACES, TILTS, TO_PLANE, Ask, letters_of
 from controller.plan.text.flow import Limits
 from controller.plan.text.given import Given
 from controller.plan.text.line import Upcoming
@@ -142,6 +144,7 @@ def _blocks(
 
 def _behind(line: Line, state: State, machine: Machine, lines: Iterator[Line], ahead: Upcoming) -> State:
     """The state behind a line that was refused and left out, so that what follows it is not refused, too."""
+    state = state._replace(begun=None)
     if (plain := line.plain) is not None:
         return state._replace(motion="G1") if plain.with_g1 else state
     named = [f"G{word.value:g}" for word in line.words if word.letter == "G"]
@@ -193,6 +196,7 @@ class _Turn:
         self._motion = self._find_motion()
 
     def run(self) -> None:
+        plane_words.check_whole(self.ask, self.state)
         self._check_words()
         sides = [letters for code, letters in self._takers() if code in SIDES]
         self.state, self.made = modal.apply(self.ask, self._motion, self.state, self._machine, "".join(sides))
@@ -219,7 +223,7 @@ class _Turn:
         once, length = self.ask.code("one-line"), self.ask.code("length")
         if once == "G4":
             return "X" in self.ask.words and "X" in self._letters("G4")
-        if once in PLACES or self.ask.code("rotation") == "G68":
+        if once in PLACES or self.ask.code("rotation") in ("G68", *TILTS):
             return True
         return length == "G43.1"
 
@@ -335,12 +339,18 @@ class _Turn:
     def _origins(self) -> None:
         """What shifts, turns or stores positions, and the ways to the reference points."""
         once = self.ask.code("one-line")
-        if "rotation" in self.ask.codes:
+        if self.ask.code("rotation") in TILTS:
+            self.state, told = plane_words.defined(self._here())
+            self.made += told
+        elif "rotation" in self.ask.codes:
             self.state = offset_words.rotation(self._here())
         if self._shifts:
             self.state = offset_words.local_shift(self._here())
             self.made.append(surface_words.told_shift(self.ask, self.state))
-        if once in ("G28", "G30"):
+        if once in TO_PLANE:
+            self.state, turned = tool_axis_words.turned(self._here())
+            self.made += turned
+        elif once in ("G28", "G30"):
             self.made += reference_words.moves(self._here())
         elif once in ("G28.1", "G30.1"):
             self.state = reference_words.stored(self._here())

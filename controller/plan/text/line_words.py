@@ -14,6 +14,7 @@ SHORTEST_VECTOR = 1e-6  # of I J K; shorter ones have no sure direction
 
 def targets(here: Here) -> Targets:
     """A value per axis of the machine: mm, or radians of the carried body."""
+    check_rotaries(here)
     found: list[float | None] = []
     turned = iter(here.state.modal.turned_rad)
     shifts = here.state.absolute and here.ask.code("one-line") != "G53"
@@ -27,6 +28,22 @@ def targets(here: Here) -> Targets:
         else:
             found.append(word.value * here.state.mm_per_unit)
     return tuple(found)
+
+
+def check_rotaries(here: Here) -> None:
+    """In a tilted plane X Y Z are places on the part, to which no straight way leads while rotaries turn."""
+    ask, modal = here.ask, here.state.modal
+    if not modal.tilted or modal.tip is not Tip.OFF or ask.code("one-line") == "G53":
+        return
+    rotary = [here.machine.axes[i].name for i in here.machine.rotary()]
+    if ask.has("XYZUVW") and ask.has("".join(rotary)):
+        word = next(ask.words[name] for name in rotary if name in ask.words)
+        raise ask.refusal(
+            word,
+            f"{word.text} stands beside X Y Z in a tilted plane: these are places on the part, and the tool "
+            "would leave the straight way between them while it turns; write rotary words on a line of their "
+            "own, or G43.4 before it",
+        )
 
 
 def check_side(here: Here, motion: str, word: Word) -> None:

@@ -44,6 +44,16 @@ class Cycle:
     seconds: float | None = None  # P
 
 
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """A tilted plane whose definition takes several lines, as far as they have been read."""
+
+    code: str  # G68.2 or G68.4
+    p: int
+    line: int  # where it begins
+    rows: Mapping[int, Mapping[str, float]]  # words (mm, degrees) by Q
+
+
 class State(NamedTuple):
     """Everything one line leaves to the next."""
 
@@ -68,6 +78,7 @@ class State(NamedTuple):
     tools: Mapping[int, Tool] = MappingProxyType({})  # as G10 changed them
     references: Mapping[str, tuple[Known, ...]] = MappingProxyType({})
     noted: frozenset[str] = frozenset()  # codes that a remark has told of
+    begun: Begun | None = None  # a tilted plane that takes more lines
 
     def time(self, ask: Ask, code: str, word: Word) -> float | None:
         """Seconds that a feed motion takes under G93, None under G94; ProgramError for G93 without F."""
@@ -93,7 +104,8 @@ class State(NamedTuple):
         """The state in which positions are read by ``origins``."""
         part = None if origins.untouched(machine) else origins.frame(machine)
         turned = origins.turned_rad(machine)
-        modal = replace(self.modal, offset=origins.index, part=part, turned_rad=turned)
+        tilted = origins.plane is not None
+        modal = replace(self.modal, offset=origins.index, part=part, turned_rad=turned, tilted=tilted)
         return self._replace(origins=origins, modal=modal)
 
     def feed(self, ask: Ask, code: str, word: Word) -> float:

@@ -148,11 +148,22 @@ def _set_offset(here: Here, index: int, to_here: bool) -> State:
     r = here.ask.words.get("R")
     if r is not None and to_here:
         raise here.ask.refusal(r, f"{r.text} is not taken by G10 L20: R turns an offset with L2; correct it")
+    if to_here:
+        _check_untilted(here, "G10 L20")
     xyz, rotary = here.lengths_mm(), here.rotary_rad()
     offset = _offset_here(here, index, xyz, rotary) if to_here else _offset_said(here, before, xyz, rotary)
     if r is not None:
         offset = replace(offset, frame=turned_about_z(offset.frame, r.value))
     return here.state.with_origins(origins.with_offset(index, offset), here.machine)
+
+
+def _check_untilted(here: Here, code: str) -> None:
+    if here.state.origins.plane is not None:
+        raise here.ask.refusal(
+            here.ask.codes["one-line"][1],
+            f"{code} takes where the tool stands, which is told in a tilted plane here and not in the work "
+            "offset; write G69 before it",
+        )
 
 
 def _offset_said(here: Here, before: Offset, xyz: Sequence[Known], rotary: Sequence[Known]) -> Offset:
@@ -204,6 +215,7 @@ def _tool(here: Here, what: int, tool: Tool) -> Tool:
     """L1: length Z and radius R; L10, L11: the length with which Z reads as said, now or in G59.3."""
     z, r = here.length_mm("Z"), here.length_mm("R")
     if z is not None and what != 1:
+        _check_untilted(here, f"G10 L{what}")
         modal = here.state.modal
         if what == 11:
             index = OFFSETS.index("G59.3")
@@ -250,11 +262,12 @@ def _laid(before: Sequence[float], words: Sequence[Known], relative: bool) -> li
 
 
 def rotation(here: Here) -> State:
-    """G68: turned by R about the axis words of the plane, or about the position; G69 ends it."""
+    """G68: turned by R about the axis words of the plane, or about the position; G69 ends it and G68.2."""
     code, word = here.ask.codes["rotation"]
     origins = here.state.origins
     if code == "G69":
-        return here.state.with_origins(replace(origins, turn=None), here.machine)
+        cycle = here.state.cycle if origins.plane is None else None  # its heights were those of the plane
+        return here.state._replace(begun=None, cycle=cycle).with_origins(origins.outside(), here.machine)
     r = here.ask.words.get("R")
     if r is None:
         raise here.ask.refusal(word, "G68 does not say by how much: write R and the angle in degrees")

@@ -45,6 +45,8 @@ class PlainLines:
             return None
         if state.modal.turned_rad != STILL or (self._points_count and POINTLESS.search(line.text)):
             return None
+        if state.begun is not None:
+            return None
         words = dict(plain.pairs)
         tip = state.modal.tip
         if len(words) < len(plain.pairs) or not words.keys() <= self._allowed[tip]:
@@ -55,6 +57,8 @@ class PlainLines:
             return None
         feed = words.pop("F", None)
         if feed is not None and feed <= 0.0:
+            return None
+        if state.modal.tilted and tip is Tip.OFF and (self._first in words or self._second in words):
             return None
         found = self._with_feed(state, feed)
         if found is None:

@@ -91,11 +91,13 @@ class Modal:
     exact_joints: bool = False
     tolerance_mm: float | None = None  # R of the same: of their form; None as tool or machine has it
     # The frame of the program's positions where it is not the machine's work offset as it stands:
-    # set by G10, shifted by G92 or G52, turned by G68.
+    # set by G10, shifted by G92 or G52, turned by G68, tilted by G68.2.
     part: Frame | None = None
     turned_rad: tuple[float, float] = (0.0, 0.0)  # what the rotaries' words are shifted by, carried sense
     plane: str = "G17"  # of arcs and canned cycles
     cutter: Tool | None = None  # the tool in the spindle where G10 has changed it
+    # A tilted plane: X Y Z are places of the tool tip in it, fixed to the part, with or without G43.4.
+    tilted: bool = False
 
     def frame(self, machine: Machine) -> Frame:
         """The program's frame seen from the table frame at zero."""
@@ -184,6 +186,7 @@ class TipLine:
     feed_mm_s: float | None
     feed_deg_s: float | None
     time_s: float | None = None  # G93
+    stands: bool = False  # a rapid on which the tip keeps its place on the part: G53.6
 
 
 @dataclass(frozen=True, slots=True)

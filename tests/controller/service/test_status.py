@@ -8,7 +8,7 @@ import pytest
 from support.machines.stepped_runs import SHIPPED, shipped
 
 from controller import jog_frames
-from controller.geometry import Frame, Y, Z
+from controller.geometry import Frame, X, Y, Z
 from controller.handoff import SNAPSHOT_VALUES, Snapshot, SnapshotBoard
 from controller.kinematics import Kinematics
 from controller.machine import Machine, five
@@ -115,3 +115,13 @@ def test_the_programmed_feed_of_a_row_is_that_of_the_line_the_tool_is_on(machine
     for s, feed in at.items():
         told = status.machine_values(machine, snapshot(s=s), row, None)
         assert told["feed_mm_min"]["programmed"] == feed
+
+
+def test_in_a_tilted_plane_the_positions_are_those_of_its_words(machine: Machine) -> None:
+    """Places of the tip in the plane, not of the axes."""
+    plane = Frame((13.0, 102.0, 127.0), X, Z, (0.0, -1.0, 0.0))
+    joints = five([20.0, 30.0, 110.0, 0.4, -0.3])
+    tip = Kinematics(machine).forward(joints, 40.0).tip
+    told = status.joints(machine, snapshot(joints=joints), replace(way(0), part=plane, tilted_mm=40.0))
+    assert [told[name]["work"] for name in "XYZ"] == pytest.approx(plane.from_parent(tip))
+    assert told["X"]["machine"] == 20.0 and told["C"]["work"] == told["C"]["machine"]
