@@ -18,7 +18,6 @@ from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
-from operator import itemgetter
 
 import numpy as np
 import numpy.typing as npt
@@ -345,7 +344,7 @@ class _Room:
         return _Room(cut, points, allowed, more, max(more, most), machine, kinematics)
 
     def best(self, leads: Iterator[Stretch]) -> Stretch | None:
-        """The first that hardly reaches deeper than the cut, else the one that does so least.
+        """The first that hardly reaches deeper than the cut, else the first that does so within bounds.
 
         Those at the feed come before all others.
         """
@@ -356,9 +355,9 @@ class _Room:
                 if reached <= self.more_mm:
                     return one
                 tried.append((reached, one))
-            least, found = min(tried, key=itemgetter(0), default=(math.inf, None))
-            if least <= self.most_mm:
-                return found
+            for reached, one in tried:
+                if reached <= self.most_mm:
+                    return one
         return None
 
     def _in_travel(self, lead: Stretch) -> bool:
