@@ -82,6 +82,7 @@ def _environment(tree: Path, folder: str) -> dict[str, str]:
 
 def inside(marks: str, words: list[str]) -> None:
     """The command itself; processor seconds of its parts go into the file ``marks``."""
+    from controller.__main__ import leave
     from controller.__main__ import main as command_line
     from controller.commands import programs
     from controller.session.stepped import SteppedMachine
@@ -101,9 +102,10 @@ def inside(marks: str, words: list[str]) -> None:
     sys.argv[1:] = words
     try:
         command_line()
-    finally:
+    except SystemExit as ended:
         ends("trace")
         Path(marks).write_text(json.dumps(parts_s))
+        leave(int(ended.code or 0))
 
 
 def _ends_before(
