@@ -85,8 +85,7 @@ def _environment(tree: Path, folder: str) -> dict[str, str]:
 
 def inside(marks: str, words: list[str]) -> None:
     """The command itself; processor seconds of its parts go into the file ``marks``."""
-    from controller.__main__ import leave
-    from controller.__main__ import main as command_line
+    from controller import __main__ as command_line
     from controller.commands import programs
     from controller.session.stepped import SteppedMachine
 
@@ -104,11 +103,11 @@ def inside(marks: str, words: list[str]) -> None:
     _ends_before(SteppedMachine, "run", lambda: ends("come up"), lambda: ends("ticks"))
     sys.argv[1:] = words
     try:
-        command_line()
+        command_line.main()
     except SystemExit as ended:
         ends("trace")
         Path(marks).write_text(json.dumps(parts_s))
-        leave(int(ended.code or 0))
+        getattr(command_line, "leave", sys.exit)(int(ended.code or 0))  # another tree may have none
 
 
 def _ends_before(
