@@ -83,7 +83,7 @@ ARROWS: dict[str, set[str]] = {
 }
 
 # Parts of drives that are values and tables, for all.
-VALUES = {"settings", "arranged", "profile", "scale", "pdo", "cia402", "emergency_codes"}
+VALUES = {"settings", "arranged", "profile", "scale", "pdo", "cia402", "emergency_codes", "sheet_text"}
 
 # Room of a folder -> rooms of it that it may import; files beside the rooms may import all.
 ROOMS: dict[str, dict[str, set[str]]] = {

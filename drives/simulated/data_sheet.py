@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
+from drives import sheet_text
+
 EDS = Path(__file__).parents[2] / "config" / "eds" / "simulated_drive.eds"
 
 # CiA 301 data types: size in bytes and sign; all else is a string of bytes.
@@ -57,26 +59,17 @@ def key(index: int, sub: int = 0) -> int:
 
 
 @lru_cache(maxsize=1)
-def _sections(path: Path) -> dict[str, dict[str, str]]:
-    """The sheet that is being read; keys in small letters, as CiA 306-1 does not care for case.
-
-    By hand, for each start of a simulation reads one: configparser takes five times as long.
-    """
-    found: dict[str, dict[str, str]] = {}
-    values: dict[str, str] = {}  # what stands before the first section is nobody's
-    for line in path.read_text(encoding="latin-1").splitlines():
-        line = line.strip()
-        if line.startswith("[") and line.endswith("]"):
-            values = found.setdefault(line[1:-1], {})
-        elif line and line[0] not in ";#":
-            name, _, value = line.partition("=")
-            values[name.rstrip().lower()] = value.lstrip()
-    return found
+def _sections(path: Path) -> sheet_text.Sections:
+    """The sheet that is being read; keys in small letters, for CiA 306-1 does not care for case."""
+    found = sheet_text.sections(path.read_text(encoding="latin-1"))
+    return {
+        section: {name.lower(): value for name, value in values.items()} for section, values in found.items()
+    }
 
 
 @lru_cache(maxsize=8)
 def load(path: Path = EDS) -> dict[int, Variable]:
-    """Read a data sheet: variables by key. Raises OSError."""
+    """Read a data sheet: variables by key. Raises OSError, or ValueError for what is none."""
     sections = _sections(path)
     variables = {}
     for section, values in sections.items():
