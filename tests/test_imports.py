@@ -25,6 +25,7 @@ ARROWS: dict[str, set[str]] = {
     "state": {"faults", "fault_table", "catalogue"},
     "jets": set(),
     "arrays": set(),  # components as tables
+    "banded": set(),  # linear systems
     "curves": {"geometry", "jets"},
     "splines": {"geometry", "jets", "curves"},
     "rulings": {"geometry", "curves", "splines"},
@@ -52,7 +53,7 @@ ARROWS: dict[str, set[str]] = {
         "profiles",
     },  # the machine as the bus side knows it; config hands it on
     "config": {"machine", "geometry", "toml_table", "equipment", "drive_objects", "profiles", "nodes"},
-    "plan": LEAVES | SHAPES | {"arrays", "handoff"},
+    "plan": LEAVES | SHAPES | {"arrays", "banded", "handoff"},
     "arranged": {"machine", "geometry", "whole"},  # how drives were found, on disk
     "times": LEAVES | {"handoff"},  # what a machine's faults take
     "tick": LEAVES | (SHAPES - {"jets"}) | {"handoff", "times"},
@@ -82,7 +83,7 @@ ARROWS: dict[str, set[str]] = {
 }
 
 # Parts of drives that are values and tables, for all.
-VALUES = {"settings", "arranged", "profile", "scale", "pdo", "cia402", "emergency_codes"}
+VALUES = {"settings", "arranged", "profile", "scale", "pdo", "cia402", "emergency_codes", "sheet_text"}
 
 # Room of a folder -> rooms of it that it may import; files beside the rooms may import all.
 ROOMS: dict[str, dict[str, set[str]]] = {

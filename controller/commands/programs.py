@@ -247,12 +247,14 @@ def simulate(
     as_json: Json = False,
 ) -> None:
     """Run a program on the stepped clock, with bus and simulated drives, as fast as it can."""
-    from controller.commands import fault_runs, memory, recorded_runs
-    from controller.session.stepped import SteppedMachine
-    from controller.verify import trace as traces
+    from controller.commands import memory
 
     memory.keep_freed()
     memory.collect_rarely()
+    from controller.commands import fault_runs, recorded_runs
+    from controller.session.stepped import SteppedMachine
+    from controller.verify import trace as traces
+
     with _refusals(as_json):
         made = _machine(machine, gouge, period_ms, dialect)
         script = fault_runs.read(faults, faults_from, made)
