@@ -6,6 +6,8 @@ A folder per run in the state folder:
         begun.json       what and when, while it is under way
         run.json         the same with result, duration, cut time, largest following errors
         events.jsonl     what came to the tick, as ``simulate --events`` reads it (``session.events``)
+        program.ngc      what was run, with the subs of other files
+        machine.toml     the machine file, with its tool table
         setpoints.part   tick and the five setpoints of every tick (int32), while it is under way or lost
         setpoints.npz    the same rows of a run that was ended
 
@@ -49,7 +51,7 @@ from controller.service.run_events import RunEvents
 from controller.service.run_file import PART, RunFile
 from controller.session import events
 from controller.session.recording import forget_oldest, new_folder
-from controller.session.replay import SETPOINTS, WHOLE
+from controller.session.replay import MACHINE, PROGRAM, SETPOINTS, WHOLE
 from controller.session.starts import Start
 from controller.state import Fault, Mode
 
@@ -148,7 +150,7 @@ class RunRecord:
             _write_facts(self.folder / BEGUN, self._facts())
             if self._file is not None:
                 self._file.events([{"tick": -1, "request": events.BEGIN, "value": value}])
-                self._file.begin()
+                self._file.begin({PROGRAM: program.text, MACHINE: program.machine.text.encode()})
             whole.sync(self.folder.parent)
 
     def planned(self, turns: tuple[Turn, ...], fitted: dict[str, Any]) -> None:
