@@ -16,8 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from controller import whole
+from controller.session import events
 
-EVENTS, PART = "events.jsonl", "setpoints.part"
+PART = "setpoints.part"
 MOST_BYTES = 256 << 20  # of setpoints in one run: six hours at 2 ms
 LOOKED_AT = 3  # records before, whose files may be the same
 
@@ -29,7 +30,7 @@ class RunFile:
         """Raises OSError."""
         self._folder = folder
         self._rows = open(folder / PART, "wb", buffering=0)  # noqa: SIM115
-        self._events = open(folder / EVENTS, "wb", buffering=0)  # noqa: SIM115
+        self._events = open(folder / events.FILE, "wb", buffering=0)  # noqa: SIM115
         self._lock = threading.Lock()  # nobody closes what is just being told to the disk
         self._kept_bytes = 0
         self._is_new = {self._rows: False, self._events: False}

@@ -51,7 +51,7 @@ from controller.service.run_events import RunEvents
 from controller.service.run_file import PART, RunFile
 from controller.session import events
 from controller.session.recording import forget_oldest, new_folder
-from controller.session.replay import MACHINE, PROGRAM, SETPOINTS, WHOLE
+from controller.session.replay import SETPOINTS, WHOLE
 from controller.session.starts import Start
 from controller.state import Fault, Mode
 
@@ -141,16 +141,14 @@ class RunRecord:
 
         From here on the disk knows of the run, so that it is told even if nobody lives to end it.
         """
-        sums = {
-            "program_sha256": sha256(program.text),
-            "machine_sha256": sha256(program.machine.text.encode()),
-        }
+        machine_text = program.machine.text.encode()
+        sums = {"program_sha256": sha256(program.text), "machine_sha256": sha256(machine_text)}
         value = {**start.to_dict(), "fitted": fitted, **sums, "period_s": program.machine.period_s}
         with contextlib.suppress(OSError):
             _write_facts(self.folder / BEGUN, self._facts())
             if self._file is not None:
                 self._file.events([{"tick": -1, "request": events.BEGIN, "value": value}])
-                self._file.begin({PROGRAM: program.text, MACHINE: program.machine.text.encode()})
+                self._file.begin({events.PROGRAM: program.text, events.MACHINE: machine_text})
             whole.sync(self.folder.parent)
 
     def planned(self, turns: tuple[Turn, ...], fitted: dict[str, Any]) -> None:

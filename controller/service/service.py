@@ -77,7 +77,6 @@ class Service:
         self._asked_tool: int | None = None  # that a program waited for at the last look ...
         self._asked_line = 0  # ... and on which line
         self.tool = fitting.in_spindle(state)  # number of the one in the spindle; 0 = not known
-        self.stops = 0  # asked for so far: a start that was under way is given up
         self.lock = threading.RLock()  # of jobs and records; the door's thread never takes it
         self.fitting = threading.Lock()  # of what is fitted and what begins with it; taken before ``lock``
         self._records = ThreadPoolExecutor(1, "records")  # writes what runs leave behind
@@ -220,8 +219,8 @@ class Service:
 
     # -- jobs
 
-    def begin(self, job: Job, facts: dict[str, Any]) -> int:
-        """The start goes out with this; the request's number."""
+    def begin(self, job: Job, facts: dict[str, Any]) -> None:
+        """The start goes out next."""
         with self.lock:
             start: Start = facts["start"]
             job.duration_s, job.blocks = facts["duration_s"], facts["blocks"]
@@ -232,7 +231,6 @@ class Service:
             if self.record is not None:
                 self.record.begins(start, job.program, self.fitted)
             self.running = job
-            return self.engine.request(Request.START)
 
     def refit(self, job: Job) -> None:
         """Other tools were fitted while the program was held; the rest of it is as they cut it."""
@@ -272,10 +270,6 @@ class Service:
         name, key = str(record.what.get("name", "")), "record_ended" if record.began else "not_recorded"
         words = refused(key, program=name, why=record.problem)
         self.alarms.add("NOT_RECORDED", words.sentence, sentence_de=words.sentence_de)
-
-    def began(self, job: Job) -> bool:
-        """Whether the tick has begun with what is being started; it may be over already."""
-        return self.running is not job or (self.record is not None and self.record.began)
 
     def not_started(self, job: Job, sentence: str) -> None:
         with self.lock:

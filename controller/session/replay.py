@@ -34,7 +34,6 @@ from controller.tick.cycle import Again
 
 SETPOINTS = ("tick", *(f"setpoint_{i}" for i in range(5)))
 WHOLE, PART = "setpoints.npz", "setpoints.part"
-EVENTS, PROGRAM, MACHINE = "events.jsonl", "program.ngc", "machine.toml"  # beside them
 ROW_BYTES = 4 * len(SETPOINTS)
 ENDING = 5  # ticks after the last one that is recorded: the mode follows the standstill
 MOST_TICKS = 50_000_000
