@@ -112,9 +112,10 @@ class Desk:
         way = job.way(now.motion_id) if job is not None and job.active else None
         asked = job.asked_tool(now, service.tool) if job is not None else None
         age_s, recorder = service.pulse.age_s(now.tick), service.engine.recorder
+        ends_s = service.last_second.left_s
         return {
             "time_s": now.tick * service.machine.period_s,
-            **status.machine_values(service.machine, now, way, recorder, service.tool, age_s),
+            **status.machine_values(service.machine, now, way, recorder, service.tool, age_s, ends_s),
             "aside": service.aside,
             "retract_room_mm": self._retract_room_mm(now),
             "tool": service.tool or None,

@@ -30,7 +30,7 @@ from controller.service.engine import Engine
 from controller.service.hearing import LastFrames
 from controller.service.jobs import Job
 from controller.service.orders import News
-from controller.service.pulse import STANDS_S, Pulse
+from controller.service.pulse import STANDS_S, LastSecond, Pulse
 from controller.service.refused import refused
 from controller.service.runs import RunRecord
 from controller.service.sequencer import Sequencer
@@ -87,7 +87,7 @@ class Service:
         self.engine = Engine(machine, Path(self._folder.name), state / CHECKS, self._hear)
         self._listener: Listener | None = None
         self.troubles = Troubles(self.machine, self.alarms, self._records)
-        self.pulse = Pulse()
+        self.pulse, self.last_second = Pulse(), LastSecond()
         self._tick_died = self._plan_died = False
 
     # -- beginning and end
@@ -317,6 +317,7 @@ class Service:
             self.lock.release()
         if self.engine.tick_alive:
             self._feel_pulse(now)
+            self.last_second.look(self._queue_left_s(now))
             self.troubles.look(now)
         self._write_journal(now)
         self._look_at_job(now)
@@ -327,6 +328,13 @@ class Service:
         if self.pulse.stands_now(now.tick):
             english, german = catalogue.in_both("tick_stands", seconds=STANDS_S)
             self.alarms.add("TICK_STANDS", english, sentence_de=german, **alarm_values.where(now))
+
+    def _queue_left_s(self, now: Snapshot) -> float | None:
+        """Of a program that moves, and of which the plan has more to send; None otherwise."""
+        job = self.running
+        more = job is not None and job.taken and not job.news.finished
+        moves = now.mode is Mode.RUNNING and not (now.at_rest or now.stopping)
+        return now.queue_end_s - now.plan_time_s if more and moves else None
 
     def _write_journal(self, now: Snapshot) -> None:
         """Once a second and at every standstill; a line typed by hand is no part of a program."""

@@ -185,6 +185,7 @@ class Modes:
         if self.mode is Mode.OFF:  # homing given up
             self._end_homing()
         self.dropped = self.mode is not Mode.STOPPING  # STOPPING drops it at standstill
+        self.plan_lost = False
         self._go_on(0.0)
 
     def _go_on(self, _: float) -> None:
@@ -221,7 +222,7 @@ class Modes:
             self.untrusted |= self._homing_mask  # given up: they have no zero
         if self.mode is not Mode.FAULT:
             self.fault, self.fault_axis, self.mode = fault, axis, Mode.FAULT
-            self.enabling = self.ending = False
+            self.enabling = self.ending = self.plan_lost = self._switching_off = False
             self.reaction, self._stopping = Reaction.NONE, 0
         self._distrust(fault, axis)
         self._name_more(fault, axis)
@@ -385,7 +386,7 @@ class Modes:
             if self._homing_mask >> i & 1:
                 drive.homing(False)
         self._group.want(Wanted.OFF)
-        self.mode = Mode.OFF
+        self.mode, self._switching_off = Mode.OFF, False
 
 
 _ACTS = {

@@ -23,7 +23,7 @@ from controller.plan.route.spot import FORMER, Spot
 from controller.requests import Outcome, answer
 from controller.service import acknowledged, jobs
 from controller.service.desk import Desk
-from controller.service.pulse import Pulse
+from controller.service.pulse import LastSecond, Pulse
 from controller.service.service import JOURNAL, Service
 from controller.state import Fault, Mode, Request, sentence
 
@@ -365,6 +365,40 @@ def test_a_tick_that_stands_is_told_in_every_status_and_once_as_an_alarm(
     seconds[0] = 2.0
     service.look()
     assert len(service.alarms.list()) == 2, "it stands once more"
+
+
+def test_in_the_last_second_of_the_queue_the_operator_is_told_and_not_before(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    """The plan has more to send, and does not: the path goes on, and rests where the queue ends."""
+    seconds = [0.0]
+    service.last_second = LastSecond(lambda: seconds[0])
+    loaded(desk, service)
+    done(desk, "start")
+    heard(service, finished=False)
+
+    def told(left_s: float, **more: Any) -> list[dict[str, Any]]:
+        now_s = engine.now.plan_time_s
+        engine.now = engine.now._replace(queue_end_s=now_s + left_s, at_rest=False, **more)
+        seconds[0] += 0.15
+        service.look()
+        notices: list[dict[str, Any]] = done(desk, "status")["notices"]
+        return notices
+
+    assert not told(2.5) and not told(1.01)
+    assert not told(0.9), "where a program begins that is nothing"
+    assert not told(0.8)
+    (notice,) = told(0.7)
+    assert (
+        notice["name"] == "PLAN_SILENT" and "0.7 s" in notice["sentence"] and "0.7 s" in notice["sentence_de"]
+    )
+    assert not told(2.0), "it has sent again"
+    assert not service.alarms.list()
+    for _ in range(3):
+        told(0.5)
+    assert told(0.4)
+    heard(service, finished=True, whole=True)
+    assert not told(0.3) and not told(0.2), "it is the program's own end"
 
 
 def test_a_plan_that_is_killed_in_a_hold_is_a_fault_with_one_alarm(
