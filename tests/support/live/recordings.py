@@ -77,10 +77,6 @@ def ruled() -> str:
 # -- live: processes of their own, in real time
 
 
-def moving(service: Serving, feed_mm_min: float = 500.0) -> None:
-    service.until(lambda now: now["mode"] == "RUNNING" and now["feed_mm_min"]["actual"] > feed_mm_min)
-
-
 def cutting(service: Serving, line: int) -> None:
     service.until(lambda now: now["mode"] == "RUNNING" and now["job"]["line"] >= line)
 
@@ -206,9 +202,8 @@ def single_block_and_stop(service: Serving) -> None:
     for _ in range(3):
         held(service)
         service.ask("resume")
-        moving(service)
-    service.ask("single_block", on=False)
     held(service)
+    service.ask("single_block", on=False)
     service.ask("resume")
     cutting(service, 6)
     service.ask("stop")
