@@ -248,7 +248,6 @@ class Cycle:
             self.answers.give(self._homing_number, Outcome.SUPERSEDED)
         if request is Request.HOME and modes.mode is Mode.OFF and value in MASKS:
             self._homing_asked, self._homing_number = int(value), number
-            modes.homed &= ~int(value)
             return  # answered when it begins
         if request is Request.JOG:
             taken = self.jogging.ask(self._requests.jog)
@@ -277,9 +276,12 @@ class Cycle:
         return True
 
     def _home(self) -> None:
-        """Homing begins when the clamps of its axes are open, which may take some ticks."""
+        """Homing begins when the clamps of its axes are open, which may take some ticks.
+
+        A machine that came up meanwhile, or has a fault, is answered as the table has it.
+        """
         axes, axis = self._homing_asked, -1
-        if not self.peripherals.opens_for(axes):
+        if self.modes.mode is Mode.OFF and not self.peripherals.opens_for(axes):
             axis = self.peripherals.late_to_open()
             if axis < 0:
                 return
