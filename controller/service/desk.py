@@ -194,10 +194,12 @@ class Desk:
 
     def _hold(self, _: Values) -> Answer:
         """Also of what is only being prepared: it does not go out, which is what was asked for."""
-        return self._ask(Request.HOLD, instead=_given_up(self._service.sequencer.give_up()))
+        sequencer = self._service.sequencer
+        given_up = "" if sequencer.busy == "home" else sequencer.give_up()  # drives home by themselves
+        return self._ask(Request.HOLD, instead=_given_up(given_up))
 
     def _stop(self, _: Values) -> Answer:
-        """Also of what is only being prepared: a check, a start."""
+        """Also of what is only being prepared: a check, a start, the next axes that home."""
         service = self._service
         loads = "load" if service.sequencer.busy == "load" else ""
         if given_up := service.sequencer.give_up() or loads:
@@ -254,7 +256,8 @@ class Desk:
         if now.mode is not Mode.READY:  # there the drives are switched off first
             self._permitted(Request.HOME)
         self._not_running("HOME")
-        return self._sequence("home", lambda: sequences.home(service, axes))
+        going = Going()
+        return self._sequence("home", lambda: sequences.home(service, axes, going), going)
 
     def _reset(self, _: Values) -> Answer:
         service = self._service

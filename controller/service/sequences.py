@@ -59,8 +59,8 @@ def _commissioned(service: Service) -> None:
         service.commission()
 
 
-def home(service: Service, axes: tuple[int, ...]) -> Values:
-    """Home axes, group by group, and enable. Raises DoorError."""
+def home(service: Service, axes: tuple[int, ...], going: Going) -> Values:
+    """Home axes, group by group, and enable; a stop ends it also between two groups. Raises DoorError."""
     machine = service.machine
     _disable(service)
     _commissioned(service)
@@ -77,6 +77,8 @@ def home(service: Service, axes: tuple[int, ...]) -> Values:
     missing = [axis.name for i, axis in enumerate(machine.axes) if i in axes and not homed >> i & 1]
     if missing:
         raise refused("not_all_homed", "OFF", "HOME", axes=" ".join(missing))
+    if going.given_up:
+        raise refused("stopped", service.now().mode.name, "HOME")
     return {**enable(service), "homed": [axis.name for i, axis in enumerate(machine.axes) if homed >> i & 1]}
 
 

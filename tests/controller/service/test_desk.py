@@ -150,6 +150,31 @@ def test_a_stop_while_a_start_is_planned_is_the_end_of_it_and_nothing_goes_out(
     assert Request.START not in engine.requests and service.running is None
 
 
+def test_a_stop_between_two_groups_that_home_ends_the_homing_and_nothing_is_enabled(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    """The machine is off just then, and would move again within a moment."""
+    homing, go = threading.Event(), threading.Event()
+
+    def home(**_: Any) -> dict[str, Any]:
+        homing.set()
+        go.wait(HANGS_S)
+        return {}
+
+    engine.answers["home"] = home
+    engine.now = engine.now._replace(mode=Mode.OFF)
+    asked = desk("home", {})
+    assert homing.wait(HANGS_S) and isinstance(asked, Future)
+    with pytest.raises(DoorError, match="HOLD is refused in OFF"):
+        done(desk, "hold")
+    told = done(desk, "stop")
+    assert (told["outcome"], told["what"], engine.given_up) == ("given_up", "home", 1)
+    go.set()
+    with pytest.raises(DoorError, match="stopped"):
+        asked.result(HANGS_S)
+    assert Request.ENABLE not in engine.requests and engine.now.mode is Mode.OFF
+
+
 def test_a_refusal_is_of_the_request_that_was_refused_and_of_no_later_one(
     desk: Desk, service: Service, engine: FakeEngine
 ) -> None:
