@@ -106,12 +106,12 @@ def override_before_the_start(service: Serving) -> None:
 
 def hold_and_resume_on_ruled_surfaces(service: Serving) -> None:
     begun(service, ruled(), 2)
-    cutting(service, 11)
+    cutting(service, 10)
     service.ask("hold")
     held(service)
     service.ask("override", share=0.8)
     service.ask("resume")
-    cutting(service, 21)
+    cutting(service, 19)
     service.ask("hold")
     service.ask("resume")
     ended(service)

@@ -302,7 +302,7 @@ class Site:
 
     def _as_it_came(self, number: int, came: Outcome, why: Fault) -> None:
         one = self.taken[number]
-        if one.request is Request.HOME:
+        if one.request is Request.HOME and one.before is Mode.OFF and one.sound:
             return  # answered later, when other things hold
         refused = bool(one.refusal) or not one.sound
         if (came is Outcome.REFUSED) is not refused:
