@@ -78,22 +78,24 @@ class Acknowledged:
 
     def _answered(self, asked: _Asked) -> bool:
         """Whether its promise is fulfilled by now."""
-        engine = self._engine()
-        now = engine.snapshot()
         try:
+            now = self._engine().snapshot()
             answer = self._answer(asked, now)
             if answer is None:
-                if not engine.tick_alive:
-                    raise refused("no_tick", code="gone", request=asked.request.name)
-                if time.monotonic() > asked.give_up_s:
-                    mode = now.mode.name if now is not None else ""
-                    what = catalogue.Key("answer")
-                    raise refused("waited", mode, asked.request.name, "silent", seconds=LONGEST_S, what=what)
+                self._see_whether_it_comes(asked, now)
                 return False
             asked.promise.set_result(answer)
         except Exception as error:  # whatever it is, somebody waits for it
             asked.promise.set_exception(error)
         return True
+
+    def _see_whether_it_comes(self, asked: _Asked, now: Snapshot | None) -> None:
+        """Raises DoorError where nobody will answer any more."""
+        if not self._engine().tick_alive:
+            raise refused("no_tick", code="gone", request=asked.request.name)
+        if time.monotonic() > asked.give_up_s:
+            mode, what = now.mode.name if now is not None else "", catalogue.Key("answer")
+            raise refused("waited", mode, asked.request.name, "silent", seconds=LONGEST_S, what=what)
 
     def _answer(self, asked: _Asked, now: Snapshot | None) -> Values | None:
         """None: there is none yet. Raises DoorError where the tick refused it."""
