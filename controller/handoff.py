@@ -259,7 +259,6 @@ class Snapshot(NamedTuple):
     rejected: int  # sequence of the last message refused
     spindle_rev_min: float  # as told now, signed
     coolant: int  # 1 mist, 2 flood, 3 both
-    refused_request: int  # the last request taken, where the table refused it; 0 = it did not
     at_rest: bool
     epoch: int  # queues given up so far
     stopping: bool  # leaving the plan by a stop; at its end ``epoch`` counts up
@@ -294,10 +293,10 @@ class Snapshot(NamedTuple):
         return any(asked >= number and (asked >= PLAN_IDS) is of_plan for asked in taken)
 
 
-_SNAPSHOT = struct.Struct(f"<q3i7d4i5d5d5iid2Idii?I?i??id??QQii??d{ANSWERS}Q")
-SNAPSHOT_VALUES = 54 + ANSWERS  # that ``SnapshotBoard.write`` takes
+_SNAPSHOT = struct.Struct(f"<q3i7d4i5d5d5iid2Idi?I?i??id??QQii??d{ANSWERS}Q")
+SNAPSHOT_VALUES = 53 + ANSWERS  # that ``SnapshotBoard.write`` takes
 _MODES, _FAULTS = ({one.value: one for one in kind} for kind in (Mode, Fault))
-_INTERLOCK, _WARNING, _ANSWERS = 43, 49, 54  # their places in the flat values
+_INTERLOCK, _WARNING, _ANSWERS = 42, 48, 53  # their places in the flat values
 _COUNTER = struct.Struct("<Q")
 _SLOT = (_SNAPSHOT.size + 7) // 8 * 8
 

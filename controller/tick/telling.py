@@ -76,7 +76,6 @@ class Telling:
             rejected,
             peripherals.rev_min,
             peripherals.coolant,
-            modes.refused,
             follow.at_rest,
             follow.epoch,
             follow.stopping,

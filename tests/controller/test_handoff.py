@@ -73,7 +73,6 @@ def snapshot_values(tick: int) -> tuple[object, ...]:
         6,
         1200.0,
         1,
-        Request.START,
         False,
         *tail,
         *ANSWERED,
