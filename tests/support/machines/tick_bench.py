@@ -159,10 +159,13 @@ class Bench:
         machine: Machine | None = None,
         start: Joints = (0.0, 0.0, 0.0, 0.0, 0.0),
         lateness: Callable[[int], float] | None = None,
+        spindle: Any = None,
+        io: Sequence[Any] = (),
     ) -> None:
         self.machine = machine or make_machine()
         counts = [round(q * a.counts_per_unit) for q, a in zip(start, self.machine.axes, strict=True)]
         self.group = FakeGroup(counts)
+        self.group.spindle, self.group.io = spindle, io
         plan_end, tick_end = piece_pair()
         self.requests, request_end = request_pair()
         self.outbox = PieceOutbox(plan_end)
