@@ -135,6 +135,7 @@ class Snapshot(NamedTuple):
     homed: int = _value("modes", "axes that have their zero, bit mask")
     untrusted: int = _value("modes", "axes that must be homed before a start, bit mask")
     drive_states: tuple[int, ...] = _value("telling", "of CiA 402", many=AXES)
+    malformed: tuple[int, ...] = _value("telling", "frames of a wrong length from each drive", many=AXES)
     skips: int = _value("cycle", "ticks that sent no SYNC", status="tick.skips")
     late_max_s: float = _value("cycle", "the latest tick so far", "s", status="tick.late_max_ms ms 1e3")
     accepted: int = _value("cycle", "sequence of the last message taken")
@@ -191,6 +192,7 @@ class DriveRow(NamedTuple):
     emcy: Annotated[int | None, "code of its last emergency"]
     homing: Annotated[bool, "it was asked to home and has not done it yet"]
     heard: Annotated[bool, "within the time after which the bus takes a node for dead"]
+    malformed: Annotated[int, "frames of a wrong length that came from it so far"]
     temperature_c: Annotated[float | None, "only of drives that tell it; as told last"]
 
 

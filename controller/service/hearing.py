@@ -49,7 +49,7 @@ def drives(
     found = []
     for i, (node, axis) in enumerate(zip(nodes, machine.axes, strict=True)):
         log = logs.get(node.bus)
-        row = _drive(node, State(now.drive_states[i]), log, i in moving, silent_s)._asdict()
+        row = _drive(node, now, i, log, i in moving, silent_s)._asdict()
         if axis.temperature is None:
             del row["temperature_c"]
         else:
@@ -76,7 +76,10 @@ def _temperature(told: Temperature, node: int, log: FrameLog | None) -> float | 
     return int.from_bytes(last[1][:size], "little", signed=True) / told.per_degree
 
 
-def _drive(node: NodeSettings, state: State, log: FrameLog | None, homing: bool, silent_s: float) -> DriveRow:
+def _drive(
+    node: NodeSettings, now: Snapshot, i: int, log: FrameLog | None, homing: bool, silent_s: float
+) -> DriveRow:
+    """Of axis ``i``; after ``silent_s`` without a sign of life it is not heard."""
     heard = log if isinstance(log, LastFrames) else LastFrames()
     feedback = heard.of(pdo.tpdo(node.profile.tpdo, node.node))
     alive = heard.of(pdo.HEARTBEAT + node.node)
@@ -88,7 +91,7 @@ def _drive(node: NodeSettings, state: State, log: FrameLog | None, homing: bool,
         axis=node.name,
         node=node.node,
         bus=node.bus,
-        state=state.name,
+        state=State(now.drive_states[i]).name,
         cyclic_mode=node.profile.mode.name,
         statusword=word,
         error=emergency_codes.text(code) if code else None,
@@ -96,5 +99,6 @@ def _drive(node: NodeSettings, state: State, log: FrameLog | None, homing: bool,
         emcy=code or None,
         homing=homing,
         heard=age_s is not None and age_s <= silent_s,
+        malformed=now.malformed[i],
         temperature_c=None,
     )

@@ -46,6 +46,7 @@ class Telling:
         self.motion_id = STANDSTILL
         self.cutting = False
         self.drive_states = [0] * len(group.drives)
+        self.malformed = [0] * len(group.drives)
         self.fault_off = 0.0
         self.bus_share = 0.0
 
@@ -63,11 +64,11 @@ class Telling:
         self._recorder.write(*values[:_COLUMNS])
 
     def _look(self) -> None:
-        piece, states = self._follow.piece, self.drive_states
+        piece, states, malformed = self._follow.piece, self.drive_states, self.malformed
         self.motion_id = piece.motion_id if piece else STANDSTILL
         self.cutting = piece is not None and piece.cutting and not self._jogging.active
         for i, drive in enumerate(self._group.drives):
-            states[i] = drive.state
+            states[i], malformed[i] = drive.state, drive.malformed
         self.fault_off = self._off()
 
     def _off(self) -> float:
