@@ -21,6 +21,7 @@ from typer.core import TyperGroup
 # name, or a Typer called ``app`` or like the command; or ``register(app)`` where there is more to say.
 FILES = {
     "programs": ("check", "simulate", "demo", "paper"),
+    "replay": ("replay",),
     "explain": ("explain",),
     "verify": ("verify",),
     "fit": ("fit",),

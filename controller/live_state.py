@@ -140,9 +140,6 @@ class Snapshot(NamedTuple):
     late_max_s: float = _value("cycle", "the latest tick so far", "s", status="tick.late_max_ms ms 1e3")
     accepted: int = _value("cycle", "sequence of the last message taken")
     rejected: int = _value("cycle", "sequence of the last message refused")
-    refused_request: int = _value(
-        "modes.refused", "the last request, where the table refused it; 0 = it did not"
-    )
     single_block: bool = _value("modes", "stop after every block", status="single_block")
     optional_stop: bool = _value("modes", "M1 stops", status="optional_stop")
     spindle_rev_min: float = _value(

@@ -324,6 +324,8 @@ REFUSALS = {
     "end_of_fault": "the end of the fault",
     "start_taken": "the start to be taken",
     "end_of_way": "the end of the way off the path or back",
+    "plan_silent": "The planner sends no more of the program: the tool comes to rest on the path in "
+    "{seconds:.1f} s unless it sends again.",
     "tick_stands": "The tick's process has stood still for {seconds:.1f} s: what is shown is as old as that, "
     "and drives that do not hear it stop by themselves; look what holds it up.",
     "no_tick": "The tick process is not running; ask for a reset.",

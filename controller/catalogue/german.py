@@ -338,6 +338,8 @@ REFUSALS = {
     "end_of_fault": "auf das Ende der Störung",
     "start_taken": "darauf, dass der Start angenommen wird",
     "end_of_way": "auf das Ende des Weges von der Bahn oder zurück",
+    "plan_silent": "Der Planer schickt nichts mehr vom Programm: das Werkzeug kommt in {seconds:.1f} s "
+    "auf der Bahn zur Ruhe, wenn er nicht wieder schickt.",
     "tick_stands": "Der Prozess des Takts steht seit {seconds:.1f} s still: so alt ist, was gezeigt wird, "
     "und Antriebe, die ihn nicht hören, halten von selbst; nachsehen, was ihn aufhält.",
     "no_tick": "Der Prozess des Takts läuft nicht; Zurücksetzen anfordern.",

@@ -149,7 +149,11 @@ class Rename(Sent):
 
 
 class Done(Told):
-    """It was done, or is being done; the status shows how it goes on."""
+    """It was done, or is being done; the status shows how it goes on.
+
+    Of a request that the tick itself answers, the result has its outcome: done, superseded by another one, or
+    given_up: what was being prepared does not begin; with the mode and the tick of that answer.
+    """
 
     request: str
     result: dict[str, Any] = {}

@@ -157,7 +157,7 @@ class Planning:
         return {}
 
     def _home(self, order: Order) -> dict[str, Any]:
-        self._end.start_up.home(order.axes)
+        self._end.start_up.home(order.axes, self._look)
         return {}
 
     def _drop(self, _: Order) -> dict[str, Any]:

@@ -30,7 +30,7 @@ from controller.service.engine import Engine
 from controller.service.hearing import LastFrames
 from controller.service.jobs import Job
 from controller.service.orders import News
-from controller.service.pulse import STANDS_S, Pulse
+from controller.service.pulse import STANDS_S, LastSecond, Pulse
 from controller.service.refused import refused
 from controller.service.runs import RunRecord
 from controller.service.sequencer import Sequencer
@@ -77,7 +77,6 @@ class Service:
         self._asked_tool: int | None = None  # that a program waited for at the last look ...
         self._asked_line = 0  # ... and on which line
         self.tool = fitting.in_spindle(state)  # number of the one in the spindle; 0 = not known
-        self.stops = 0  # asked for so far: a start that was under way is given up
         self.lock = threading.RLock()  # of jobs and records; the door's thread never takes it
         self.fitting = threading.Lock()  # of what is fitted and what begins with it; taken before ``lock``
         self._records = ThreadPoolExecutor(1, "records")  # writes what runs leave behind
@@ -88,7 +87,7 @@ class Service:
         self.engine = Engine(machine, Path(self._folder.name), state / CHECKS, self._hear)
         self._listener: Listener | None = None
         self.troubles = Troubles(self.machine, self.alarms, self._records)
-        self.pulse = Pulse()
+        self.pulse, self.last_second = Pulse(), LastSecond()
         self._tick_died = self._plan_died = False
 
     # -- beginning and end
@@ -220,8 +219,8 @@ class Service:
 
     # -- jobs
 
-    def begin(self, job: Job, facts: dict[str, Any]) -> int:
-        """The start goes out with this; the request's number."""
+    def begin(self, job: Job, facts: dict[str, Any]) -> None:
+        """The start goes out next."""
         with self.lock:
             start: Start = facts["start"]
             job.duration_s, job.blocks = facts["duration_s"], facts["blocks"]
@@ -232,7 +231,6 @@ class Service:
             if self.record is not None:
                 self.record.begins(start, job.program, self.fitted)
             self.running = job
-            return self.engine.request(Request.START)
 
     def refit(self, job: Job) -> None:
         """Other tools were fitted while the program was held; the rest of it is as they cut it."""
@@ -272,10 +270,6 @@ class Service:
         name, key = str(record.what.get("name", "")), "record_ended" if record.began else "not_recorded"
         words = refused(key, program=name, why=record.problem)
         self.alarms.add("NOT_RECORDED", words.sentence, sentence_de=words.sentence_de)
-
-    def began(self, job: Job) -> bool:
-        """Whether the tick has begun with what is being started; it may be over already."""
-        return self.running is not job or (self.record is not None and self.record.began)
 
     def not_started(self, job: Job, sentence: str) -> None:
         with self.lock:
@@ -323,6 +317,7 @@ class Service:
             self.lock.release()
         if self.engine.tick_alive:
             self._feel_pulse(now)
+            self.last_second.look(self._queue_left_s(now))
             self.troubles.look(now)
         self._write_journal(now)
         self._look_at_job(now)
@@ -333,6 +328,13 @@ class Service:
         if self.pulse.stands_now(now.tick):
             english, german = catalogue.in_both("tick_stands", seconds=STANDS_S)
             self.alarms.add("TICK_STANDS", english, sentence_de=german, **alarm_values.where(now))
+
+    def _queue_left_s(self, now: Snapshot) -> float | None:
+        """Of a program that moves, and of which the plan has more to send; None otherwise."""
+        job = self.running
+        more = job is not None and job.taken and not job.news.finished
+        moves = now.mode is Mode.RUNNING and not (now.at_rest or now.stopping)
+        return now.queue_end_s - now.plan_time_s if more and moves else None
 
     def _write_journal(self, now: Snapshot) -> None:
         """Once a second and at every standstill; a line typed by hand is no part of a program."""

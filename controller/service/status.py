@@ -29,11 +29,13 @@ def machine_values(
     way: Way | None,
     in_spindle: int = 1,
     age_s: float = 0.0,
+    ends_s: float | None = None,
 ) -> dict[str, Any]:
     """All of ``status`` that a snapshot tells, with the motion under way.
 
-    ``in_spindle``: a tool's number; ``age_s``: since the snapshot was new. What is a value of the snapshot
-    comes as ``live_state`` declares it; the rest is what the machine file or the plan makes of one.
+    ``in_spindle``: a tool's number; ``age_s``: since the snapshot was new; ``ends_s``: in so long the queue
+    ends though the program does not. What is a value of the snapshot comes as ``live_state`` declares it;
+    the rest is what the machine file or the plan makes of one.
     """
     told = told_by_tick(now)
     return {
@@ -49,7 +51,11 @@ def machine_values(
         "inputs": _bits(machine.io.inputs if machine.io else (), now.inputs),
         "outputs": _bits(machine.io.outputs if machine.io else (), now.outputs),
         "tick": {**told["tick"], "period_ms": machine.period_s * 1e3, "age_s": age_s},
-        "notices": [*_notices(now), *([_stands(age_s)] if age_s >= STANDS_S else [])],
+        "notices": [
+            *_notices(now),
+            *([_notice("TICK_STANDS", "tick_stands", age_s)] if age_s >= STANDS_S else []),
+            *([_notice("PLAN_SILENT", "plan_silent", ends_s)] if ends_s is not None else []),
+        ],
     }
 
 
@@ -101,9 +107,9 @@ def _notices(now: Snapshot) -> list[dict[str, str]]:
     return [_told(fault) for fault in (now.interlock, now.warning) if fault is not Fault.NONE]
 
 
-def _stands(age_s: float) -> dict[str, str]:
-    english, german = catalogue.in_both("tick_stands", seconds=age_s)
-    return {"name": "TICK_STANDS", "sentence": english, "sentence_de": german}
+def _notice(name: str, key: str, seconds: float) -> dict[str, str]:
+    english, german = catalogue.in_both(key, seconds=seconds)
+    return {"name": name, "sentence": english, "sentence_de": german}
 
 
 def tool_change(machine: Machine, number: int) -> dict[str, Any]:

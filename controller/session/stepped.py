@@ -234,11 +234,12 @@ class SteppedMachine:
         self.tick()
         modes, mask = self.cycle.modes, homing_mask(request, value)
         for _ in range(LONGEST_WAIT):
-            if modes.mode is Mode.FAULT or (modes.mode is wanted and modes.homed & mask == mask):
-                break
             came, why = self._came_of(number)
             if came is Outcome.REFUSED and why is not Fault.NONE:
                 return modes.mode, why
+            arrived = modes.mode is wanted and modes.homed & mask == mask
+            if modes.mode is Mode.FAULT or (came is not Outcome.NONE and arrived):
+                break
             self.tick()
         return modes.mode, modes.fault
 

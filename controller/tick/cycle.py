@@ -29,7 +29,7 @@ from controller.handoff import (
 )
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
-from controller.state import ALWAYS, Fault, Mode, Request, bars
+from controller.state import ALL_AXES, ALWAYS, Fault, Mode, Request, bars
 from controller.tick.check import Check
 from controller.tick.drives import Drives
 from controller.tick.follow import Follow, Step
@@ -44,6 +44,7 @@ LATE_SHARE = 0.25  # of the period: a later tick sends nothing
 NEAREST_SHARE = 0.75  # of the period: no two SYNCs are closer
 ROUNDING_S = 1e-9
 MOST_REQUESTS = 8  # taken in one tick
+MASKS = range(1, ALL_AXES + 1)  # of axes
 LOST_ECHOES = 3  # of the kernel's SYNC, in a row
 # SYNCs in a row that did not come: drives that hold their last setpoint have stopped meanwhile, and
 # to go on at full feed would be a step for them. Fewer are a dip that a servo smooths.
@@ -79,7 +80,7 @@ class Cycle:
         self.jogging = Jogging(machine, self.modes, self.follow)
         self.modes.absolute = sum(1 << i for i, axis in enumerate(machine.axes) if axis.homing.absolute)
         self.modes.homed = self.modes.absolute
-        self._homing_asked = 0.0  # axes whose clamps must open before they home
+        self._homing_asked = 0  # axes (bit mask) whose clamps must open before they home
         self._homing_number = 0  # of that request
         self.answers = Answers()
         self._pieces = pieces
@@ -250,59 +251,58 @@ class Cycle:
             self._home()
 
     def _request(self, request: Request, value: float) -> None:
-        """What a request asks for, and the answer to it: a refusal is that of this one alone."""
+        """What a request asks for, and the answer to it."""
         modes, number = self.modes, self._requests.number
-        modes.refused = 0
         if self._homing_asked and request not in ALWAYS and request is not Request.JOG:
-            self._homing_asked = 0.0
+            self._homing_asked = 0
             self.peripherals.opens_for(0)
             self.answers.give(self._homing_number, Outcome.SUPERSEDED)
-        if request is Request.HOME and modes.mode is Mode.OFF:
-            self._homing_asked, self._homing_number = value, number
-            modes.homed &= ~int(value)
+        if request is Request.HOME and modes.mode is Mode.OFF and value in MASKS:
+            self._homing_asked, self._homing_number = int(value), number
             return  # answered when it begins
         if request is Request.JOG:
-            self.jogging.ask(self._requests.jog)
+            taken = self.jogging.ask(self._requests.jog)
         elif request is Request.ARRANGED:
-            self._arrange(self._requests.arranged)
+            taken = self._arrange(self._requests.arranged)
         else:
-            modes.request(request, value, self.follow.at_rest)
-        self._answer(request, number)
+            taken = request is not Request.HOME and modes.request(request, value, self.follow.at_rest)
+        self._answer(request, number, taken)
 
-    def _answer(self, request: Request, number: int) -> None:
-        modes = self.modes
-        if modes.refused:
-            why = modes.interlock if bars(modes.interlock, request) else Fault.NONE
-            self.answers.give(number, Outcome.REFUSED, why)
-        else:
+    def _answer(self, request: Request, number: int, taken: bool) -> None:
+        if taken:
             self.answers.give(number, Outcome.DONE)
+            return
+        why = self.modes.interlock if bars(self.modes.interlock, request) else Fault.NONE
+        self.answers.give(number, Outcome.REFUSED, why)
 
-    def _arrange(self, found: Arrangement | None) -> None:
+    def _arrange(self, found: Arrangement | None) -> bool:
         """The drives have been commissioned: how long their own stops take, and in what they take speeds."""
         if found is None:
-            return
+            return False
         self.modes.quick_stop_takes(found.quick_stop_s)
         for drive, units in zip(self.group.drives, found.axis_units, strict=False):
             drive.set_velocity_units(units)
         if self.group.spindle is not None:
             self.group.spindle.set_velocity_units(found.spindle_units)
+        return True
 
     def _home(self) -> None:
-        """Homing begins when the clamps of its axes are open, which may take some ticks."""
+        """Homing begins when the clamps of its axes are open, which may take some ticks.
+
+        A machine that came up meanwhile, or has a fault, is answered as the table has it.
+        """
         axes, axis = self._homing_asked, -1
-        if not self.peripherals.opens_for(int(axes)):
+        if self.modes.mode is Mode.OFF and not self.peripherals.opens_for(axes):
             axis = self.peripherals.late_to_open()
             if axis < 0:
                 return
-        self._homing_asked = 0.0
+        self._homing_asked = 0
         if axis >= 0:
             self.modes.fail(Fault.CLAMP, axis)
-        else:
-            self.modes.refused = 0
-            self.modes.request(Request.HOME, axes, self.follow.at_rest)
-            if self.modes.mode is not Mode.HOMING:
-                self.peripherals.opens_for(0)
-        self._answer(Request.HOME, self._homing_number)
+        taken = axis < 0 and self.modes.request(Request.HOME, axes, self.follow.at_rest)
+        if not taken:
+            self.peripherals.opens_for(0)
+        self._answer(Request.HOME, self._homing_number, taken)
 
     def _take_pieces(self) -> None:
         """At most one message, whole or not at all; and how long the plan has been silent.

@@ -30,7 +30,6 @@ ROOT = Path(__file__).resolve().parents[2]
 OTHERWISE = {
     "plan_time_s": "follow.tau",
     "feed_mm_s": "follow.feed",
-    "refused_request": "modes.refused",
     "spindle_rev_min": "peripherals.rev_min",
     "spindle_actual_rev_min": "peripherals.actual_rev_min",
     "spindle_at_speed": "peripherals.at_speed",

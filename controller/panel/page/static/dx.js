@@ -411,7 +411,7 @@
       next: trusted ? dx.word(fault.position_trusted ? "frame.trusted" : "frame.not_trusted") : "",
       under_way: running ? dx.word("sequence." + sequence.name) : tool_change ? dx.sentence(tool_change) : waiting ? dx.word(waits) : "",
       interlock: told(interlock),
-      warning: told(warning),
+      warning: told(warning) || told("PLAN_SILENT"),
       failed: sequence?.state === "failed" ? dx.sentence(sequence) : "",
     };
   }
