@@ -121,7 +121,6 @@ def waits_s(wait: Wait, times: Times) -> float:
         Wait.NONE: 0.0,
         Wait.CONSUMER: times.consumer_s,
         Wait.QUEUE: 0.0,
-        Wait.UNSENT: times.unsent_s,
         Wait.ENABLE: times.enable_s,
         Wait.HOMING: times.homing_s,
         Wait.ANSWER: times.answer_s,

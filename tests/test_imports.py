@@ -37,7 +37,8 @@ ARROWS: dict[str, set[str]] = {
     "motions": LEAVES | {"curves", "surfaces", "touches", "kinematics"},
     "pieces": {"motions"},  # values of the hand-over
     "requests": {"state", "pieces"},  # how they travel, for the hand-over
-    "handoff": LEAVES | {"pieces", "requests", "motions", "curves", "surfaces"},
+    "live_state": {"requests", "state"},  # what every tick leaves for others, declared
+    "handoff": LEAVES | {"pieces", "requests", "live_state", "motions", "curves", "surfaces"},
     "jog_frames": LEAVES | {"kinematics", "pieces", "catalogue"},  # what is jogged, as a line of the joints
     "whole": set(),  # files replaced whole
     "internal_error": set(),  # a mistake of our own, in words
@@ -56,7 +57,7 @@ ARROWS: dict[str, set[str]] = {
     "plan": LEAVES | SHAPES | {"arrays", "banded", "handoff"},
     "arranged": {"machine", "geometry", "whole"},  # how drives were found, on disk
     "times": LEAVES | {"handoff"},  # what a machine's faults take
-    "tick": LEAVES | (SHAPES - {"jets"}) | {"handoff", "times"},
+    "tick": LEAVES | (SHAPES - {"jets"}) | {"handoff", "live_state", "times"},
     "journal": LEAVES | {"handoff", "plan", "catalogue", "whole"},  # where the running program is, on disk
     "verify": LEAVES | SHAPES | {"arrays", "plan", "handoff", "catalogue"},
     # Puts the parts together, as the command line does; nothing but that imports it.
@@ -68,9 +69,9 @@ ARROWS: dict[str, set[str]] = {
     "service": LEAVES
     | SHAPES
     | {"config", "toml_table", "fitting", "jog_frames", "door", "journal", "catalogue", "whole"}
-    | {"handoff", "plan", "session", "tick", "times", "arranged"},
+    | {"handoff", "live_state", "plan", "session", "tick", "times", "arranged"},
     "panel": LEAVES
-    | {"handoff", "config", "toml_table", "fitting", "door", "plan", "verify"}
+    | {"handoff", "live_state", "config", "toml_table", "fitting", "door", "plan", "verify"}
     | {"faults", "catalogue", "whole"},
     "cad": LEAVES | SHAPES | {"plan"},  # faces of a CAD file as a program
     "post": LEAVES | SHAPES | {"plan"},  # a planned path as lines

@@ -10,6 +10,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from controller.panel.models_of_tick import DriveFacts, OfTick
+
 Axis = Annotated[str, Field(pattern=r"^[XYZABC]$", description="Name of an axis of the machine file.")]
 Frame = Literal["joint", "part", "tool"]
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
@@ -217,13 +219,8 @@ class JointFacts(Told):
     limit: Any = None
 
 
-class Feed(Told):
-    programmed: Number = None
-    actual: Number = None
-
-
-class Status(Told):
-    """What the machine is doing, at most 50 ms ago."""
+class Status(OfTick, Told):
+    """What the machine is doing, at most 50 ms ago; null: not known."""
 
     time_s: Number = None
     mode: str = Field(description="FAULT where the tick is gone; OFF before its first one.")
@@ -232,33 +229,26 @@ class Status(Told):
     not_homed: Any = None
     control: str | None = Field(None, description="Who holds the control token; null: nobody.")
     fault: FaultFacts | None = None
-    warning: Any = None
     job: JobFacts | None = None
     joints: dict[str, JointFacts] = {}
+    work_offset: str | None = Field(None, description="In which the joints' work positions are.")
     aside: bool | None = Field(None, description="The tool stands off the path of a held program.")
     retract_room_mm: Number = Field(
         None, description="So far the tool can go off along its axis from here; null: not now."
     )
     tip: Any = None
     axis: Any = None
-    feed_mm_min: Feed | None = None
+    on_table: Any = Field(None, description="Tip and axis seen from the table with its rotaries at zero.")
     limited_by: Any = Field(None, description="What holds the feed down now, in words.")
     in_block: Any = Field(None, description="What the motion is, the share of it that is done, and u.")
-    override: Number = None
-    rapid_override: Number = None
-    single_block: bool | None = None
-    optional_stop: bool | None = None
-    spindle: Any = None
     coolant: Any = None
     inputs: Any = None
     outputs: Any = None
-    drives: list[dict[str, Any]] = []
-    tick: dict[str, Any] | None = Field(
-        None, description="Its number, how late it was, and age_s: how old this status is."
-    )
-    waiting: Any = None
+    drives: list[DriveFacts] = []
+    commissioned: bool | None = Field(None, description="The drives' settings were written and read back.")
+    tool: int | None = Field(None, description="In the spindle; null: not known.")
+    notices: Any = Field(None, description="What forbids motion, and what stopped nothing, as sentences.")
     tool_change: Any = Field(None, description="The tool that the program waits for: number, sentence.")
-    interlock: Any = None
     jogging: Any = None
     sequence: Any = None
 
@@ -365,7 +355,7 @@ class RecordingList(Told):
 
 
 class DriveList(Told):
-    drives: list[dict[str, Any]]
+    drives: list[DriveFacts]
 
 
 class OffsetList(Told):

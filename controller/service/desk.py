@@ -15,7 +15,7 @@ from typing import Any
 from controller import catalogue, fitting
 from controller.door import Answer, DoorError, Values
 from controller.geometry import Frame
-from controller.handoff import Snapshot
+from controller.handoff import Snapshot, blank
 from controller.plan.aside import RETRACT_MM_S
 from controller.service import hearing, jobs, looks, offer, runs, sequences, status
 from controller.service.acknowledged import Acknowledged, refusal
@@ -100,7 +100,7 @@ class Desk:
             "commissioned": service.commissioned,
         }
         if found is None or found.tick < 0:
-            return {**status.not_begun(self._told(status.blank())), **kept}
+            return {**status.not_begun(self._told(blank())), **kept}
         if not alive:
             return {**status.unseen(self._told(status.ended(found))), **kept}
         return {**self._told(found), **kept}
@@ -111,11 +111,11 @@ class Desk:
         job = service.running or service.job
         way = job.way(now.motion_id) if job is not None and job.active else None
         asked = job.asked_tool(now, service.tool) if job is not None else None
-        age_s, recorder = service.pulse.age_s(now.tick), service.engine.recorder
+        age_s = service.pulse.age_s(now.tick)
         ends_s = service.last_second.left_s
         return {
             "time_s": now.tick * service.machine.period_s,
-            **status.machine_values(service.machine, now, way, recorder, service.tool, age_s, ends_s),
+            **status.machine_values(service.machine, now, way, service.tool, age_s, ends_s),
             "aside": service.aside,
             "retract_room_mm": self._retract_room_mm(now),
             "tool": service.tool or None,

@@ -14,7 +14,9 @@ from typing import NamedTuple
 from controller import times
 from controller.handoff import (
     OFF_PATH,
+    OPTIONAL_STOP,
     PLANNER_SILENCE_S,
+    SINGLE_BLOCK,
     STOOD,
     WAITED,
     Answers,
@@ -95,6 +97,9 @@ class Cycle:
             self._encoder,
             snapshot,
             recorder,
+            cycle=self,
+            peripherals=self.peripherals,
+            answers=self.answers,
         )
         self._period_s = machine.period_s
         self._latest_s = LATE_SHARE * machine.period_s - ROUNDING_S
@@ -120,8 +125,12 @@ class Cycle:
         self.late_max_s = 0.0
         self.accepted = 0  # sequence of the last message taken
         self.rejected = 0
-        self._accepted_now = 0  # sequence taken in this tick; negative: refused
-        self._taken = 0  # number of the last request taken in this tick
+        # What is of this tick alone, for ``live_state``.
+        self.accepted_now = 0
+        self.taken = 0
+        self.lateness_s = 0.0
+        self.sync_sent = False
+        self.switches = 0
 
     # -- the tick
 
@@ -137,7 +146,8 @@ class Cycle:
         """
         ticks = 1 + missed
         self.tick += ticks
-        sent = self._sync(now_s, lateness_s)
+        self.lateness_s = lateness_s
+        self.sync_sent = sent = self._sync(now_s, lateness_s)
         self._count(sent, ticks, lateness_s)
         self._look_for_our_silence(now_s, missed)
         self._take_requests()
@@ -147,14 +157,15 @@ class Cycle:
             self._move()
         if sent or self._stood:
             self.group.command(self._encoder.setpoints, now_s)
-        self.publish()
-        self._telling.record(self.tick, lateness_s, sent, self._accepted_now, self._flags(), self._taken)
+        self.switches = self._switches()
+        self._telling.record()
         self._stood_before = False
         return sent
 
-    def _flags(self) -> int:
-        stood = self._stood or self._stood_before
-        return STOOD * stood + WAITED * self._waits + OFF_PATH * (not self.modes.on_path)
+    def _switches(self) -> int:
+        modes, stood = self.modes, self._stood or self._stood_before
+        asked = SINGLE_BLOCK * modes.single_block + OPTIONAL_STOP * modes.optional_stop
+        return asked + STOOD * stood + WAITED * self._waits + OFF_PATH * (not modes.on_path)
 
     # -- its steps
 
@@ -229,12 +240,12 @@ class Cycle:
                 self.modes.fail(Fault.TOO_MANY_SKIPS, -1)
 
     def _take_requests(self) -> None:
-        self._taken = 0
+        self.taken = 0
         for _ in range(MOST_REQUESTS):
             request = self._requests.take()
             if request is None:
                 break
-            self._taken = self._requests.number or self._taken
+            self.taken = self._requests.number or self.taken
             self._request(request[0], request[1])
         if self._homing_asked:
             self._home()
@@ -298,7 +309,7 @@ class Cycle:
 
         Ticks that were missed do not count: what kept this process waiting kept the plan, too.
         """
-        self._accepted_now = 0
+        self.accepted_now = 0
         message = self._pieces.take()
         if self._pieces.heard:
             self._pieces.heard = False
@@ -309,12 +320,12 @@ class Cycle:
             return
         newer = message.sequence > self.accepted and not self.modes.dropped
         if newer and self.modes.takes_pieces and self.follow.accept(message):
-            self.accepted = self._accepted_now = message.sequence
+            self.accepted = self.accepted_now = message.sequence
             if self.modes.away:
                 self.modes.away = not self.follow.begins_here(message)
         else:
             self.rejected = message.sequence
-            self._accepted_now = -message.sequence
+            self.accepted_now = -message.sequence
 
     def _planner_gone(self) -> bool:
         return self._pieces.closed or self._silent > self._silence_ticks
@@ -429,13 +440,5 @@ class Cycle:
         )
 
     def publish(self) -> None:
-        """What others see of it."""
-        self._telling.publish(
-            self.tick,
-            self.skips,
-            self.late_max_s,
-            self.accepted,
-            self.rejected,
-            self.peripherals,
-            self.answers.ring,
-        )
+        """What others see of it, where no tick was run."""
+        self._telling.publish()

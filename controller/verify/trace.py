@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from controller.arrays import columns
 from controller.geometry import Frame, Pose, Vector, angle_between, scale, subtract
-from controller.handoff import COLUMN, ROW
+from controller.handoff import AXES, COLUMN, rows_of
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import Motion, SurfaceCut
@@ -37,6 +37,10 @@ Array = NDArray[np.float64]
 # A servo of 40 Hz with two ticks of transport is some 15 ms behind.
 LOOK_BACK_S = 0.100
 LOOK_AHEAD_TICKS = 2
+
+_NEEDED = {"tick", "mode", "motion_id", "line", "cutting", "s", "feed_mm_s"} | {  # of a recording
+    *(f"{name}_{i}" for name in ("joint_command", "setpoint", "actual") for i in range(AXES)),
+}
 
 
 class HasMotion(Protocol):
@@ -100,16 +104,17 @@ def of_recording(path: str | Path, machine: Machine, kinematics: Kinematics) -> 
     """The trace of what was kept of a fault (``trace.npz`` in its folder), from its first row on.
 
     It holds rows of the recorder and no path, so ``contact`` and ``u`` are NaN. Raises ValueError
-    for another file, for rows of another version and for a machine with another period.
+    for another file, for rows of a version that kept too little and for a machine with another period.
     """
     with np.load(path, allow_pickle=False) as file:
         if missing := sorted({"columns", "rows", "period_s"} - set(file.files)):
             raise ValueError(f"{path} is no recording: it has no {', '.join(missing)}.")
         columns, rows, period_s = tuple(map(str, file["columns"])), file["rows"], float(file["period_s"])
-    if columns != ROW:
+    if not set(columns) >= _NEEDED:
         raise ValueError(f"{path} was recorded by another version of Directrix")
     if period_s != machine.period_s:
         raise ValueError(f"{path} has a period of {period_s:g} s, the machine {machine.period_s:g} s")
+    rows = rows_of(columns, rows)
     first_tick = int(rows[0, COLUMN["tick"]]) if len(rows) else 0
     return from_rows(rows, machine, kinematics, {}, first_tick=first_tick)
 

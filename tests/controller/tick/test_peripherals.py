@@ -12,7 +12,6 @@ from support.machines.tick_bench import Bench, s_curve, straight
 from controller.handoff import COLUMN, Jog, Outcome, Piece, dwell, send_jog, send_request
 from controller.machine import Clamp, Io, Joints, Machine, Spindle
 from controller.state import Fault, Mode, Request
-from controller.tick.peripherals import Peripherals
 
 HERE: Joints = (0.0, 0.0, 0.0, 0.0, 0.0)
 THERE: Joints = (40.0, 0.0, 0.0, 0.0, 0.0)
@@ -70,10 +69,8 @@ class Shop(Bench):
     """A bench with a spindle and a node."""
 
     def __init__(self, machine: Machine | None = None) -> None:
-        super().__init__(machine or equipped())
         self.spindle, self.node = FakeSpindle(), FakeNode()
-        self.group.spindle, self.group.io = self.spindle, (self.node,)
-        self.cycle.peripherals = Peripherals(self.machine, self.spindle, [self.node])
+        super().__init__(machine or equipped(), spindle=self.spindle, io=(self.node,))
 
     def cut(self, rev_min: float = 6000.0, coolant: int = 2, clamps: int = 0) -> None:
         """Started: it is told, and then moves; the tick in which it is told is over."""

@@ -199,8 +199,17 @@ def test_the_recording_of_a_fault_is_a_trace_from_its_first_row_on(ruled_run, tm
         assert np.array_equal(getattr(read, name)[late:], getattr(whole, name)), name
 
 
+def test_a_recording_of_a_version_that_kept_less_or_in_another_order_is_the_same_trace(ruled_run, tmp_path):
+    wanted = traces.of_recording(recorded(ruled_run, tmp_path), ruled_run.machine, ruled_run.kinematics)
+    less = {"columns": np.array([*ROW[-2::-1], "newer"]), "rows": ruled_run.rows[:, ::-1].copy()}
+    less["rows"] = np.roll(less["rows"], -1, axis=1)
+    read = traces.of_recording(recorded(ruled_run, tmp_path, **less), ruled_run.machine, ruled_run.kinematics)
+    for name in ("time_s", "joint_command", "joint_setpoint", "joint_actual", "feed_mm_s", "line", "cutting"):
+        assert np.array_equal(getattr(read, name), getattr(wanted, name)), name
+
+
 def test_a_recording_of_another_version_or_period_is_refused_in_a_sentence(ruled_run, tmp_path):
-    file = recorded(ruled_run, tmp_path, columns=np.array(ROW[:-1]))
+    file = recorded(ruled_run, tmp_path, columns=np.array(ROW[1:]), rows=ruled_run.rows[:, 1:])
     with pytest.raises(ValueError, match="another version of Directrix"):
         traces.of_recording(file, ruled_run.machine, ruled_run.kinematics)
     file = recorded(ruled_run, tmp_path, period_s=0.004)

@@ -77,7 +77,7 @@ class SteppedDoor(MovingDoor):
         drives = hearing.drives(self.warm, now, self.logs)
         return {
             **super().status(),
-            **status.machine_values(self.machine, now, None, self.bench.recorder, TOOL),
+            **status.machine_values(self.machine, now, None, TOOL),
             "time_s": now.tick * self.machine.period_s,
             "fault": None,
             "job": {**job, "sha256": self.sha256, "fraction": 0.3, "duration_s": 67.0},

@@ -66,6 +66,7 @@ class FakeDrive:
         self.homing_to = 0
         self.following_error = FakeFollowingError()
         self.in_position = True
+        self.malformed = 0
         self.next = position
         self.velocity_units = 1.0
         self._homing = -1
@@ -162,10 +163,13 @@ class Bench:
         machine: Machine | None = None,
         start: Joints = (0.0, 0.0, 0.0, 0.0, 0.0),
         lateness: Callable[[int], float] | None = None,
+        spindle: Any = None,
+        io: Sequence[Any] = (),
     ) -> None:
         self.machine = machine or make_machine()
         counts = [round(q * a.counts_per_unit) for q, a in zip(start, self.machine.axes, strict=True)]
         self.group = FakeGroup(counts)
+        self.group.spindle, self.group.io = spindle, io
         plan_end, tick_end = piece_pair()
         self.requests, request_end = request_pair()
         self.outbox = PieceOutbox(plan_end)
