@@ -306,6 +306,7 @@ REFUSALS = {
     "retract_room": "The tool cannot retract by {mm:g} mm: from here up to {room:.3f} mm along its axis are "
     "inside the travel; ask for more than 0 and no more than that.",
     "ended_short": "{request} ended after {gone:.3f} of {mm:.3f} mm; look why, then ask for the rest.",
+    "not_set_here": "{name}: was set neither at the machine nor by a program; see directrix offsets.",
     "not_fitted": "The {what} are not changed while the machine is in {mode}; stop first.",
     "tool_change": "Put T{number}{name} into the spindle, then let the program go on.",
     "offsets": "offsets",

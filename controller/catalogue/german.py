@@ -320,6 +320,7 @@ REFUSALS = {
     "{room:.3f} mm im Verfahrweg; mehr als 0 und höchstens so viel verlangen.",
     "ended_short": "{request} endete nach {gone:.3f} von {mm:.3f} mm; die Ursache suchen, dann den Rest "
     "verlangen.",
+    "not_set_here": "{name}: weder an der Maschine noch von einem Programm gesetzt; siehe directrix offsets.",
     "not_fitted": "Die {what} werden in {mode} nicht geändert; zuerst stoppen.",
     "tool_change": "T{number}{name} in die Spindel einsetzen, dann das Programm fortsetzen.",
     "offsets": "Nullpunkte",

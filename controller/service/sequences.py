@@ -9,7 +9,7 @@ import contextlib
 from dataclasses import replace
 from functools import partial
 
-from controller import state, times
+from controller import fitting, state, times
 from controller.door import DoorError, Values
 from controller.handoff import Jog, Outcome, Snapshot
 from controller.machine import Machine
@@ -146,7 +146,7 @@ def _arm(service: Service, job: Job) -> None:
     if now.queue_end_s > now.plan_time_s + service.machine.period_s:
         _drop(service)
     with service.fitting:
-        job.program = replace(job.program, machine=service.machine)
+        job.program, job.fitted = replace(job.program, machine=service.machine), service.fitted
         if job.entry is not None:
             offer.look_again(service, job)
         service.arming(job)
@@ -177,11 +177,11 @@ def aside(service: Service, verb: str, distance_mm: float, stops: int) -> Values
     """
     job, program = service.running, None
     with service.fitting:
-        if verb == "return" and job is not None and job.program.machine.tools != service.machine.tools:
-            program = _refitted(job, service.machine)
+        if verb == "return" and job is not None and job.tools != service.machine.tools:
+            program = _refitted(job, fitting.applied(service.file, service.with_tools(job)))
     service.engine.line.order(verb, program=program, distance_mm=distance_mm)
     if program is not None and job is not None:
-        service.refit(job)
+        service.refit(job, program)
     asked = 0
     if service.stops == stops:
         asked = service.engine.request(Request.RESUME)

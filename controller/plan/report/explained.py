@@ -33,6 +33,7 @@ from controller.plan.text.program import (
     Message,
     Modal,
     Remark,
+    Setting,
     TipLine,
 )
 
@@ -127,6 +128,8 @@ class _Explainer:
             return {"kind": "dwell", "seconds": block.seconds}
         if isinstance(block, Remark | Message):
             return {"kind": "message", "text": block.sentence if isinstance(block, Remark) else block.text}
+        if isinstance(block, Setting):
+            return {"kind": "setting", "sets": [change.key for change in block.changes]}
         if isinstance(block, Action):
             return {"kind": _KINDS[block.act], **_function(block)}
         return {"kind": "surface", "feed": block.feed_mm_s * 60.0, "unit": "mm/min"}

@@ -40,6 +40,7 @@ from controller.plan.route.stretch import Chain, Note, Path, Pause, Stretch, Voi
 from controller.plan.text.ahead import Ahead
 from controller.plan.text.program import (
     Action,
+    Aside,
     Block,
     CutBlock,
     CutCone,
@@ -47,11 +48,11 @@ from controller.plan.text.program import (
     Dwell,
     JointArc,
     JointLine,
-    Message,
     Place,
     Program,
     ProgramError,
     Remark,
+    Setting,
     TipLine,
 )
 
@@ -159,10 +160,12 @@ class Tracer:
         yield from self._made()
 
     def _heard(self, blocks: Iterable[Block]) -> Iterator[Block]:
-        """All but what is said to the operator, which is noted; it neither moves nor stops anything."""
+        """All but what stands aside; of it what is said to the operator is noted."""
         for block in blocks:
-            if not isinstance(block, Message):
+            if not isinstance(block, Aside):
                 yield block
+            elif isinstance(block, Setting):
+                continue
             elif (said := (block.place.line, block.text)) not in self._said and len(self._said) < MOST_SAID:
                 self._said.add(said)
                 self._note(block.place, SAYS.format(block.text))

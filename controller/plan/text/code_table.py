@@ -92,7 +92,7 @@ ROWS: tuple[Code, ...] = (
     *_done(
         "one-line",
         NIST,
-        ("G10", AXES + "LPR", "sets work offsets (L2, L20) and tools (L1, L10, L11)"),
+        ("G10", AXES + "LPR", "sets work offsets (L2, L20) and tools (L1, L10, L11), for good"),
         (
             "G28",
             AXES + "UVW",
@@ -100,7 +100,7 @@ ROWS: tuple[Code, ...] = (
         ),
         ("G30", AXES + "UVWP", "rapid to the second reference point, likewise"),
         ("G53", "", "this line's G0 or G1 in machine positions"),
-        ("G92", AXES, "shifts all work offsets so that the position reads as said"),
+        ("G92", AXES, "shifts all work offsets so that the position reads as said, for good"),
         ("G92.1", "", "cancels the shift of G92"),
         ("G92.2", "", "suspends the shift of G92"),
         ("G92.3", "", "takes the shift of G92 up again"),
@@ -110,8 +110,8 @@ ROWS: tuple[Code, ...] = (
     *_done(
         "one-line",
         LINUXCNC,
-        ("G28.1", "", "the position becomes the reference point, for this program"),
-        ("G30.1", "", "the position becomes the second reference point, for this program"),
+        ("G28.1", "", "the position becomes the reference point, for good"),
+        ("G30.1", "", "the position becomes the second reference point, for good"),
     ),
     *_done("plane", NIST, ("G17", "", "plane XY"), ("G18", "", "plane ZX"), ("G19", "", "plane YZ")),
     *_done("unit", NIST, ("G20", "", "inches"), ("G21", "", "millimetres")),

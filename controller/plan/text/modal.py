@@ -65,7 +65,7 @@ class State(NamedTuple):
     to_clearance: bool = False  # G99: canned cycles end at R
     cycle: Cycle | None = None  # the canned cycle that is modal
     origins: Origins = Origins()
-    tools: Mapping[int, Tool] = MappingProxyType({})  # as G10 changed them
+    tools: Mapping[int, Tool] = MappingProxyType({})  # as G10 changed them, their wear beside their size
     references: Mapping[str, tuple[Known, ...]] = MappingProxyType({})
     noted: frozenset[str] = frozenset()  # codes that a remark has told of
 
@@ -81,13 +81,19 @@ class State(NamedTuple):
             )
         return 60.0 / ask.words["F"].value
 
+    def tool_as_told(self, number: int, machine: Machine) -> Tool | None:
+        """A tool of the table, as G10 has changed it, its wear beside its size."""
+        return self.tools.get(number) or machine.tool_as_told(number)
+
     def tool(self, number: int, machine: Machine) -> Tool | None:
-        """A tool of the table, as G10 has changed it."""
-        return self.tools.get(number) or machine.tool(number)
+        """The same as it is cut with: worn."""
+        found = self.tool_as_told(number, machine)
+        return None if found is None else found.worn
 
     def with_tool(self, number: int, machine: Machine) -> Modal:
         """The modal state with another tool in the spindle."""
-        return replace(self.modal, tool=number, cutter=self.tools.get(number))
+        cutter = self.tool(number, machine) if number in self.tools else None
+        return replace(self.modal, tool=number, cutter=cutter)
 
     def with_origins(self, origins: Origins, machine: Machine) -> State:
         """The state in which positions are read by ``origins``."""
@@ -119,6 +125,11 @@ class State(NamedTuple):
 def power_on() -> State:
     """T1 in the spindle, G17 G21 G40 G49 G54 G61 G90 G94, spindle and coolant off (DESIGN 1)."""
     return State(Modal(TOOL_AT_POWER_ON, 0, Side.RIGHT, 0.0, True, 0.0, 0.0, None, 0.0, 0))
+
+
+def begun(machine: Machine) -> State:
+    """The same on a machine: under the offsets that it has at the start of a program."""
+    return power_on().with_origins(Origins.begun(machine), machine)
 
 
 def apply(

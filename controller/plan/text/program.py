@@ -8,6 +8,7 @@ from enum import Enum
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+from controller.changes import Change
 from controller.geometry import Frame, Vector
 from controller.machine import Machine, Tool
 from controller.splines import BSpline
@@ -251,8 +252,18 @@ class Message:
     text: str
 
 
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What the program changes for good, from its place in the run on; nothing moves or stops."""
+
+    place: Place
+    modal: Modal
+    changes: tuple[Change, ...]
+
+
 CutBlock = CutCone | CutRuled | CutNurbs
-Block = CutBlock | JointLine | TipLine | JointArc | Dwell | Action | Remark | Message
+Aside = Message | Setting  # parts no motions
+Block = CutBlock | JointLine | TipLine | JointArc | Dwell | Action | Remark | Aside
 
 
 @dataclass(frozen=True, slots=True)

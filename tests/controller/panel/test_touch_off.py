@@ -7,6 +7,7 @@ import random
 import pytest
 
 from controller import config, fitting
+from controller.changes import turned_deg
 from controller.panel import touch_off
 
 MACHINE = config.load("trunnion")
@@ -35,13 +36,13 @@ def test_the_tip_reads_what_was_wanted_and_other_axes_stay() -> None:
 def test_the_turns_that_are_told_make_the_same_axes_again(about_y: float) -> None:
     first = turned([25.0, about_y, -140.0], [1.0, 2.0, 3.0])
     frame = touch_off.frame(first)
-    again = touch_off.frame(turned(list(touch_off.turned_deg(frame)), [1.0, 2.0, 3.0]))
+    again = touch_off.frame(turned(list(turned_deg(frame)), [1.0, 2.0, 3.0]))
     for old, new in zip(frame, again, strict=True):
         assert new == pytest.approx(old, abs=1e-9)
 
 
 def test_an_offset_that_is_not_turned_has_no_turns() -> None:
-    assert touch_off.turned_deg(touch_off.frame(turned([0.0] * 3, [8.0, 96.0, 120.0]))) == (0.0, 0.0, 0.0)
+    assert turned_deg(touch_off.frame(turned([0.0] * 3, [8.0, 96.0, 120.0]))) == (0.0, 0.0, 0.0)
 
 
 def test_a_longer_tool_reaches_further_against_its_axis() -> None:
