@@ -265,10 +265,14 @@ class Io:
     node: int
     eds: str  # path of its data sheet; "" = the shipped simulated one
     inputs: tuple[tuple[str, int], ...]  # (name, bit): "estop", "door" ... and those of clamps
-    outputs: tuple[tuple[str, int], ...]  # "coolant", "mist", and those of clamps
+    outputs: tuple[tuple[str, int], ...]  # "coolant", "mist", those of clamps and of programs
     inverted: tuple[str, ...] = ()  # names whose wire is 0 when they are on
     unsupervised: bool = False  # as of an axis
     overrides: tuple[Override, ...] = ()
+    digital_in: tuple[str, ...] = ()  # names of inputs that programs wait for: P0, P1 ... of M66
+    digital_out: tuple[str, ...] = ()  # names of outputs that they switch: P0, P1 ... of M62 to M65
+    held: tuple[str, ...] = ()  # of them those that stay as they are at a program's end, a stop and a fault
+    m_codes: tuple[tuple[str, str, bool], ...] = ()  # ("M10", name of a digital_out, on)
 
     def input(self, name: str) -> int | None:
         """The bit of an input; None where the machine has none of that name."""

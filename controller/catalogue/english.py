@@ -253,6 +253,11 @@ FAULTS: dict[Fault, Words] = {
         "An empty tank, a blocked filter, a pump that is off, or a loose flow switch.",
         "Fill up or clear the coolant, then resume.",
     ),
+    Fault.INPUT_MISSING: Words(
+        "The input that M66 waits for did not come in time.",
+        "What it reports has not happened, a loose wire, or too short a Q.",
+        "See to what the input reports; resume waits once more, stop ends the program.",
+    ),
     Fault.IO_LOST: Words(
         "The node with door and emergency-stop inputs is silent, restarted or in error.",
         "Its supply dipped, its cable is loose, or its firmware hangs.",
@@ -349,6 +354,7 @@ REFUSALS = {
     "at.tool": "Tool T{tool}{size}, work offset {offset}, G43 length {length} mm.",
     "at.size": "(radius {radius} mm, length {length} mm)",
     "at.spindle": "Spindle {rev_min} 1/min, coolant {coolant}, feed {feed}.",
+    "at.outputs": "Outputs {outputs}.",
     "at.entry": "Entry along the tool axis to {joints}.",
     "at.none": "none",
     "at.off": "off",

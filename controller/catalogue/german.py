@@ -266,6 +266,11 @@ FAULTS: dict[Fault, Words] = {
         "Ein leerer Tank, ein verstopfter Filter, eine Pumpe, die steht, oder ein loser Strömungswächter.",
         "Kühlmittel auffüllen oder frei machen, dann fortsetzen.",
     ),
+    Fault.INPUT_MISSING: Words(
+        "Der Eingang, auf den M66 wartet, kam nicht rechtzeitig.",
+        "Was er meldet, ist nicht geschehen, eine Ader ist lose, oder Q ist zu kurz.",
+        "Nach dem sehen, was der Eingang meldet; Fortsetzen wartet noch einmal, Stopp beendet das Programm.",
+    ),
     Fault.IO_LOST: Words(
         "Der Knoten mit den Eingängen für Tür und Not-Halt schweigt, startete neu oder hat einen Fehler.",
         "Seine Versorgung brach ein, sein Kabel ist lose, oder seine Firmware hängt.",
@@ -362,6 +367,7 @@ REFUSALS = {
     "at.tool": "Werkzeug T{tool}{size}, Nullpunkt {offset}, Länge nach G43 {length} mm.",
     "at.size": "(Radius {radius} mm, Länge {length} mm)",
     "at.spindle": "Spindel {rev_min} 1/min, Kühlmittel {coolant}, Vorschub {feed}.",
+    "at.outputs": "Ausgänge {outputs}.",
     "at.entry": "Einfahrt entlang der Werkzeugachse nach {joints}.",
     "at.none": "keiner",
     "at.off": "aus",

@@ -35,12 +35,15 @@ from controller.plan.route.branch import BranchLost, joints_along
 from controller.plan.route.corners import Feed
 from controller.plan.route.leads import Lead
 from controller.plan.route.lines import Stand
+from controller.plan.route.outputs import Switched
 from controller.plan.route.rows import LineRow
 from controller.plan.route.stretch import Chain, Note, Path, Pause, Stretch, Voice, rotaries_of
 from controller.plan.text.ahead import Ahead
 from controller.plan.text.program import (
+    Act,
     Action,
     Aside,
+    Await,
     Block,
     CutBlock,
     CutCone,
@@ -134,7 +137,9 @@ class Tracer:
 
     def items(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
         """The path of all blocks, as it is made; before a block that is refused comes all that is sound."""
-        return clamps.opened(self._sound_items(blocks), self._machine, self._kinematics)
+        switched = Switched()
+        items = switched.laid(self._sound_items(switched.read(blocks)))
+        return clamps.opened(items, self._machine, self._kinematics)
 
     def _sound_items(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
         try:
@@ -185,6 +190,8 @@ class Tracer:
         self._end_row()
         if isinstance(block, Dwell):
             self._pause(Pause(block.place, block.modal, seconds=block.seconds))
+        elif isinstance(block, Await):
+            self._pause(Pause(block.place, block.modal, act=Act.INPUT, awaits=block))
         elif isinstance(block, Action):
             self._pause(Pause(block.place, block.modal, act=block.act))
         elif isinstance(block, TipLine):

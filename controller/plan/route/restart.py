@@ -36,7 +36,7 @@ from controller.plan.route.spot import (
 )
 from controller.plan.route.stretch import Chain, Pause, Stretch, rotaries_of
 from controller.plan.text import modal
-from controller.plan.text.program import Act, Action, Aside, Block, Dwell, Modal, ProgramError
+from controller.plan.text.program import Act, Action, Aside, Await, Block, Dwell, Modal, ProgramError
 
 Array = npt.NDArray[np.float64]
 
@@ -139,7 +139,7 @@ class _Lines:
     def __iter__(self) -> Iterator[Block]:
         for block in self._blocks:
             line = self._seen.setdefault(block.place.order, _Line(self._now, None))
-            if not isinstance(block, Action | Dwell | Aside):
+            if not isinstance(block, Action | Await | Dwell | Aside):
                 self._seen[block.place.order] = line._replace(moving=block.modal)
             self._now = block.modal
             yield block

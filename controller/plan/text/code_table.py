@@ -189,6 +189,15 @@ ROWS: tuple[Code, ...] = (
         ("M73", "", "keeps the state until the sub ends"),
     ),
     *_done("call", FANUC, ("M98", "PL", "calls sub P, L times"), ("M99", "", "ends a sub")),
+    *_done(
+        "output",
+        LINUXCNC,
+        ("M62", "P", "output P on, with the motion that comes next"),
+        ("M63", "P", "output P off, with the motion that comes next"),
+        ("M64", "P", "output P on, at rest"),
+        ("M65", "P", "output P off, at rest"),
+        ("M66", "PLQ", "waits at most Q seconds for input P: L1 rise, L2 fall, L3 on, L4 off"),
+    ),
     *_done("coolant", NIST, ("M7", "", "mist"), ("M8", "", "flood"), ("M9", "", "both off")),
     # --- what needs no action here
     *_noted(
@@ -210,8 +219,8 @@ ROWS: tuple[Code, ...] = (
         ),
         ("G50", "", "scaling off", "It is never on here."),
         ("G67", "", "modal macro off", "It is never on here."),
-        ("M10", "", "clamp on", "Clamps of the machine file close by themselves where their axis stands."),
-        ("M11", "", "clamp off", "Clamps of the machine file open by themselves before their axis moves."),
+        ("M10", "", "clamp on", "m_codes in [io] has no output for it; clamps of axes close by themselves."),
+        ("M11", "", "clamp off", "m_codes in [io] has no output for it; clamps of axes open by themselves."),
     ),
     *_noted(
         HAAS,
@@ -264,11 +273,6 @@ ROWS: tuple[Code, ...] = (
         ("G88", "boring with retraction by hand", "write G86, or M0 at the bottom"),
         ("G96", "constant surface speed", f"{_LATHE}; write G97 and S"),
         ("M19", "spindle stop at an angle", "no spindle here stops at an angle; write M5"),
-        ("M62", "output on, with motion", "name what it switches in the machine file, M7 and M8"),
-        ("M63", "output off, with motion", "name what it switches in the machine file, M9"),
-        ("M64", "output on", "name what it switches in the machine file, M7 and M8"),
-        ("M65", "output off", "name what it switches in the machine file, M9"),
-        ("M66", "wait for an input", "write M0 or M1 to wait for the operator"),
         ("M67", "analogue output, with motion", "this control has none; leave it out"),
         ("M68", "analogue output", "this control has none; leave it out"),
     ),

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from controller.machine import OFFSETS, TOOL_AT_POWER_ON, Machine, Tool
-from controller.plan.text import side_words
+from controller.plan.text import output_words, side_words
 from controller.plan.text.codes import SURFACES, Ask
 from controller.plan.text.origins import Origins
 from controller.plan.text.position import Known
@@ -163,6 +163,7 @@ class _Settings:
         self._feed()
         self._speed()
         self._select_tool()
+        self._outputs()
         self._change_tool()
         self._spindle()
         self._turn_feed()
@@ -243,6 +244,24 @@ class _Settings:
         if word is not None:
             self._known_tool(word)
             self.state = self.state._replace(selected=int(word.value))
+
+    def _outputs(self) -> None:
+        """M62 and M63 count with the next motion, M64, M65 and the machine's own codes here and now."""
+        if "output" in self.ask.codes:
+            code, word = self.ask.codes["output"]
+            if code == "M66":
+                self.made += output_words.awaited(self.ask, word, self.state.modal, self._machine)
+                return
+            self._switch(output_words.number(self.ask, code, word, self._machine), code in ("M62", "M64"))
+            if code in ("M64", "M65"):
+                self._act(word, Act.OUTPUT)
+        for word, number, on in self.ask.switches:
+            self._switch(number, on)
+            self._act(word, Act.OUTPUT)
+
+    def _switch(self, number: int, on: bool) -> None:
+        modal = self.state.modal
+        self._set_modal(replace(modal, outputs=modal.outputs.switched(number, on)))
 
     def _known_tool(self, word: Word) -> float:
         """Length of the tool that a T or H word names."""

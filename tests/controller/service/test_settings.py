@@ -80,7 +80,7 @@ def test_an_offset_is_set_at_its_line_and_outlives_the_service(service: Serving,
         tool = next(row for row in facts["tools"] if row["number"] == 2)
         assert (tool["length_mm"], tool["radius_mm"], tool["source"]) == (12.5, 1.4, "machine")
         assert facts["parameters"] == {"#500": 1.0}
-        assert again.status()["joints"]["X"]["work"] == pytest.approx(1.0)
+        assert again.status()["joints"]["X"]["work"] == pytest.approx(-7.0)
         assert again.status()["joints"]["C"]["work"] == pytest.approx(10.0)
         again.load(WAITS)
         again.done("start")
