@@ -58,7 +58,7 @@ def table(found: Mapping[str, Any]) -> Table:
 
 
 def _numbers(values: list[float]) -> str:
-    return " ".join(f"{value:.3f}" for value in values)
+    return " ".join(f"{round(value, 3) + 0.0:.3f}" for value in values)  # no -0.000
 
 
 def _rotary(row: Mapping[str, Any]) -> str:

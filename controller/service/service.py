@@ -42,6 +42,7 @@ from controller.session.recording import Keeper
 from controller.session.starts import Start
 from controller.session.startup import SessionError
 from controller.state import Mode, Request
+from controller.toml_table import ConfigError
 from drives.bus import BusError
 
 CHECKS = "checks"  # folders of the state folder
@@ -420,7 +421,11 @@ class Service:
             return
         with self.fitting:
             values = laid(self.fitted, self.machine, changes)
-            machine = fitting.applied(self.file, values)
+            try:
+                machine = fitting.applied(self.file, values)
+            except ConfigError as error:  # what the reader takes the table should, too
+                self.alarms.add("NOT_KEPT", str(error))
+                return
             if not job.is_mdi:
                 self.journal.fitted(machine, now)
             with self.lock:
