@@ -39,6 +39,7 @@ FILES = {
         *("enable", "disable", "home", "mdi", "override", "jog"),
     ),
     "client_lists": ("status", "upload", "runs", "alarms"),
+    "offsets": ("offsets",),
     "drives": ("drives",),
     "dnc": ("dnc",),
     "backup": ("backup",),

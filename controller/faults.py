@@ -53,6 +53,7 @@ class Fault(IntEnum):
     MODE_LOST = 38
     FOREIGN_FRAMES = 39
     SETPOINTS_LOST = 40
+    INPUT_MISSING = 41
 
 
 class Reaction(IntEnum):

@@ -23,6 +23,7 @@ ARROWS: dict[str, set[str]] = {
     "catalogue": {"faults"},  # texts of the faults, by language
     "fault_table": {"faults", "catalogue"},
     "state": {"faults", "fault_table", "catalogue"},
+    "changes": LEAVES,  # what programs change for good
     "jets": set(),
     "arrays": set(),  # components as tables
     "banded": set(),  # linear systems
@@ -53,8 +54,10 @@ ARROWS: dict[str, set[str]] = {
         "toml_table",
         "profiles",
     },  # the machine as the bus side knows it; config hands it on
-    "config": {"machine", "geometry", "toml_table", "equipment", "drive_objects", "profiles", "nodes"},
-    "plan": LEAVES | SHAPES | {"arrays", "banded", "handoff"},
+    "offset_table": {"machine", "geometry", "toml_table"},  # config's: work offsets and kept parameters
+    "config": {"machine", "geometry", "toml_table", "equipment", "offset_table"}
+    | {"drive_objects", "profiles", "nodes"},
+    "plan": LEAVES | SHAPES | {"arrays", "banded", "handoff", "changes"},
     "arranged": {"machine", "geometry", "whole"},  # how drives were found, on disk
     "times": LEAVES | {"handoff"},  # what a machine's faults take
     "tick": LEAVES | (SHAPES - {"jets"}) | {"handoff", "live_state", "times"},
@@ -64,14 +67,15 @@ ARROWS: dict[str, set[str]] = {
     "session": LEAVES
     | SHAPES
     | {"config", "handoff", "plan", "tick", "verify", "times", "arranged", "internal_error"},
-    "fitting": LEAVES | {"config", "toml_table", "whole"},  # what the operator changed, laid over the machine
+    # What was changed at the machine, laid over its file.
+    "fitting": LEAVES | {"changes", "config", "offset_table", "toml_table", "whole"},
     # The process of `serve`: parent of tick and plan, and the far side of the door.
     "service": LEAVES
     | SHAPES
-    | {"config", "toml_table", "fitting", "jog_frames", "door", "journal", "catalogue", "whole"}
+    | {"config", "toml_table", "changes", "fitting", "jog_frames", "door", "journal", "catalogue", "whole"}
     | {"handoff", "live_state", "plan", "session", "tick", "times", "arranged"},
     "panel": LEAVES
-    | {"handoff", "live_state", "config", "toml_table", "fitting", "door", "plan", "verify"}
+    | {"handoff", "live_state", "config", "toml_table", "changes", "fitting", "door", "plan", "verify"}
     | {"faults", "catalogue", "whole"},
     "cad": LEAVES | SHAPES | {"plan"},  # faces of a CAD file as a program
     "post": LEAVES | SHAPES | {"plan"},  # a planned path as lines

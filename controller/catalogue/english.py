@@ -253,6 +253,11 @@ FAULTS: dict[Fault, Words] = {
         "An empty tank, a blocked filter, a pump that is off, or a loose flow switch.",
         "Fill up or clear the coolant, then resume.",
     ),
+    Fault.INPUT_MISSING: Words(
+        "The input that M66 waits for did not come in time.",
+        "What it reports has not happened, a loose wire, or too short a Q.",
+        "See to what the input reports; resume waits once more, stop ends the program.",
+    ),
     Fault.IO_LOST: Words(
         "The node with door and emergency-stop inputs is silent, restarted or in error.",
         "Its supply dipped, its cable is loose, or its firmware hangs.",
@@ -306,6 +311,7 @@ REFUSALS = {
     "retract_room": "The tool cannot retract by {mm:g} mm: from here up to {room:.3f} mm along its axis are "
     "inside the travel; ask for more than 0 and no more than that.",
     "ended_short": "{request} ended after {gone:.3f} of {mm:.3f} mm; look why, then ask for the rest.",
+    "not_set_here": "{name}: was set neither at the machine nor by a program; see directrix offsets.",
     "not_fitted": "The {what} are not changed while the machine is in {mode}; stop first.",
     "tool_change": "Put T{number}{name} into the spindle, then let the program go on.",
     "offsets": "offsets",
@@ -351,6 +357,7 @@ REFUSALS = {
     "at.tilted": "Tilted plane, seen from the table at zero: origin {origin}, X along {x}, Z along {z}.",
     "at.size": "(radius {radius} mm, length {length} mm)",
     "at.spindle": "Spindle {rev_min} 1/min, coolant {coolant}, feed {feed}.",
+    "at.outputs": "Outputs {outputs}.",
     "at.entry": "Entry along the tool axis to {joints}.",
     "at.none": "none",
     "at.off": "off",

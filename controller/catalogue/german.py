@@ -266,6 +266,11 @@ FAULTS: dict[Fault, Words] = {
         "Ein leerer Tank, ein verstopfter Filter, eine Pumpe, die steht, oder ein loser Strömungswächter.",
         "Kühlmittel auffüllen oder frei machen, dann fortsetzen.",
     ),
+    Fault.INPUT_MISSING: Words(
+        "Der Eingang, auf den M66 wartet, kam nicht rechtzeitig.",
+        "Was er meldet, ist nicht geschehen, eine Ader ist lose, oder Q ist zu kurz.",
+        "Nach dem sehen, was der Eingang meldet; Fortsetzen wartet noch einmal, Stopp beendet das Programm.",
+    ),
     Fault.IO_LOST: Words(
         "Der Knoten mit den Eingängen für Tür und Not-Halt schweigt, startete neu oder hat einen Fehler.",
         "Seine Versorgung brach ein, sein Kabel ist lose, oder seine Firmware hängt.",
@@ -320,6 +325,7 @@ REFUSALS = {
     "{room:.3f} mm im Verfahrweg; mehr als 0 und höchstens so viel verlangen.",
     "ended_short": "{request} endete nach {gone:.3f} von {mm:.3f} mm; die Ursache suchen, dann den Rest "
     "verlangen.",
+    "not_set_here": "{name}: weder an der Maschine noch von einem Programm gesetzt; siehe directrix offsets.",
     "not_fitted": "Die {what} werden in {mode} nicht geändert; zuerst stoppen.",
     "tool_change": "T{number}{name} in die Spindel einsetzen, dann das Programm fortsetzen.",
     "offsets": "Nullpunkte",
@@ -364,6 +370,7 @@ REFUSALS = {
     "at.tilted": "Geschwenkte Ebene, gesehen vom Tisch in Null: Ursprung {origin}, X längs {x}, Z längs {z}.",
     "at.size": "(Radius {radius} mm, Länge {length} mm)",
     "at.spindle": "Spindel {rev_min} 1/min, Kühlmittel {coolant}, Vorschub {feed}.",
+    "at.outputs": "Ausgänge {outputs}.",
     "at.entry": "Einfahrt entlang der Werkzeugachse nach {joints}.",
     "at.none": "keiner",
     "at.off": "aus",

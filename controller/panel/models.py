@@ -124,6 +124,10 @@ class OffsetValues(Sent):
         list[Annotated[float, Field(ge=-360.0, le=360.0)]],
         Field(min_length=3, max_length=3, description="About X, then Y, then Z of the table."),
     ] = [0.0, 0.0, 0.0]
+    rotary_deg: Annotated[
+        dict[str, Annotated[float, Field(ge=-36000.0, le=36000.0)]] | None,
+        Field(description="What words of rotary axes are shifted by; left out: as it is."),
+    ] = None
 
 
 class ToolValues(Sent):
@@ -359,7 +363,12 @@ class DriveList(Told):
 
 
 class OffsetList(Told):
+    """``source`` of each: "file", or "machine" where it was set at the machine or by a program."""
+
     offsets: dict[str, Any]
+    shift: dict[str, Any]  # of G92
+    references: dict[str, Any]  # of G28 and G30
+    parameters: dict[str, float]  # that outlive a program
 
 
 class ToolList(Told):

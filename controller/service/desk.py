@@ -7,7 +7,7 @@ now, in the door's thread; what takes long goes to the sequencer.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
@@ -16,6 +16,7 @@ from controller import catalogue, fitting
 from controller.door import Answer, DoorError, Values
 from controller.geometry import Frame
 from controller.handoff import Snapshot, blank
+from controller.machine import Machine
 from controller.plan.aside import RETRACT_MM_S
 from controller.service import hearing, jobs, looks, offer, runs, sequences, status
 from controller.service.acknowledged import Acknowledged, refusal
@@ -69,6 +70,7 @@ class Desk:
             "jog_stop": lambda _: self._ask(Request.JOG_STOP),
             "set_offset": lambda args: self._errands.submit(self._set_offset, args),
             "set_tool": lambda args: self._errands.submit(self._set_tool, args),
+            "forget": lambda args: self._errands.submit(self._forget, args),
             "drives": self._drives,
             "alarms": lambda _: {"alarms": self._service.alarms.list()},
             "acknowledge": lambda args: self._errands.submit(self._acknowledge, args),
@@ -128,9 +130,8 @@ class Desk:
 
     def _facts(self, _: Values) -> Values:
         service = self._service
-        fitted = {"offsets": fitting.offsets_of(service.machine), "tools": fitting.tools_of(service.machine)}
         return {
-            **status.facts(service.engine.machine, fitted),
+            **status.facts(service.engine.machine, fitting.told(service.machine, service.fitted)),
             "state": str(service.state),
             "pids": service.engine.pids,
         }
@@ -189,8 +190,8 @@ class Desk:
         found = service.engine.snapshot()
         way = service.running.way(found.motion_id) if service.running is not None and found else None
         if way is None:
-            return service.machine.offsets[0]
-        return way.part if way.part is not None else service.machine.offsets[way.offset]
+            return service.machine.part()
+        return way.part if way.part is not None else service.machine.offset(way.offset).frame
 
     def _hold(self, _: Values) -> Answer:
         """Also of what is only being prepared: it does not go out, which is what was asked for."""
@@ -362,7 +363,7 @@ class Desk:
 
     def _set_offset(self, args: Values) -> Values:
         name, values = str(args.get("name", "")), args.get("values")
-        return self._fit("offsets", name, values, lambda m: fitting.with_offset(m, name, values))
+        return self._fit("offsets", name, values, partial(fitting.with_offset, name=name, values=values))
 
     def _set_tool(self, args: Values) -> Values:
         values = dict(args)
@@ -370,9 +371,33 @@ class Desk:
         if not isinstance(number, int) or isinstance(number, bool):
             raise refused("not_whole", code="bad", name="number", value=number)
         tool = None if values.pop("remove", False) else values
-        return self._fit("tools", str(number), tool, lambda m: fitting.with_tool(m, number, tool))
+        return self._fit("tools", str(number), tool, partial(fitting.with_tool, number=number, values=tool))
 
-    def _fit(self, what: str, key: str, values: Any, change: Callable[[Any], Any]) -> Values:
+    def _fit(self, what: str, key: str, values: Any, change: Callable[[Machine], Machine]) -> Values:
+        """One value of the store, which then counts instead of the machine file's."""
+        service = self._service
+        with self._fitting(what, f"SET {what.upper()}"):
+            machine = change(service.machine)
+            rotary = fitting.rotary_deg(machine, key) if what == "offsets" else {}
+            if rotary:  # though it was not said
+                values = {**(values if isinstance(values, dict) else {"origin_mm": values}), **rotary}
+            service.fit(machine, {**service.fitted, what: {**service.fitted.get(what, {}), key: values}})
+        return fitting.told(service.machine, service.fitted)
+
+    def _forget(self, args: Values) -> Values:
+        """What was set at the machine, or by a program, is the machine file's again."""
+        service, name = self._service, str(args.get("name", ""))
+        what = "tools" if name.startswith("T") else "offsets"
+        with self._fitting(what, "FORGET"):
+            try:
+                values = fitting.without(service.fitted, name)
+            except KeyError:
+                raise refused("not_set_here", code="bad", name=name) from None
+            service.fit(fitting.applied(service.file, values), values)
+        return fitting.told(service.machine, service.fitted)
+
+    @contextlib.contextmanager
+    def _fitting(self, what: str, request: str) -> Iterator[None]:
         """At rest only: a program under way was planned with what was fitted when it began.
 
         But a tool that was led off the path of a held program may be changed for another.
@@ -381,13 +406,11 @@ class Desk:
         with service.fitting:  # one change at a time, and no start in the middle of one
             now = service.engine.snapshot()
             if now is not None and not self._may_fit(what, now):
-                raise refused("not_fitted", now.mode.name, f"SET {what.upper()}", what=catalogue.Key(what))
+                raise refused("not_fitted", now.mode.name, request, what=catalogue.Key(what))
             try:
-                machine = change(service.machine)
+                yield
             except ConfigError as error:
                 raise DoorError("bad", str(error)) from error
-            service.fit(machine, {**service.fitted, what: {**service.fitted.get(what, {}), key: values}})
-        return {"offsets": fitting.offsets_of(machine), "tools": fitting.tools_of(machine)}
 
     def _may_fit(self, what: str, now: Snapshot) -> bool:
         service = self._service

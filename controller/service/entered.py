@@ -7,6 +7,7 @@ from controller.catalogue import Key
 from controller.geometry import Frame
 from controller.machine import OFFSETS, Machine
 from controller.plan.route.restart import Rest
+from controller.plan.text.program import Modal
 
 COOLANT = (Key("at.off"), Key("at.mist"), Key("at.flood"), Key("at.mist_and_flood"))
 
@@ -30,6 +31,7 @@ def told(rest: Rest, language: str = "en") -> list[str]:
         said("at.tool", tool=at.tool, size=fitted, offset=offset, length=length),
         *tilted,
         said("at.spindle", **spindle),
+        *([said("at.outputs", outputs=names)] if (names := _on(machine, at)) else []),
         said("at.entry", joints=_joints(rest)),
     ]
 
@@ -41,6 +43,13 @@ def _plane(frame: Frame) -> dict[str, str]:
         what: " ".join(f"{letter}{q + 0.0:.4f}" for letter, q in zip(names[what], vector, strict=True))
         for what, vector in (("origin", frame.origin), ("x", frame.x), ("z", frame.z))
     }
+
+
+def _on(machine: Machine, at: Modal) -> str:
+    """The outputs that the program has switched on, and off, before there."""
+    names = machine.io.digital_out if machine.io is not None else ()
+    told = [f"{name} 1" for i, name in enumerate(names) if at.outputs.on >> i & 1]
+    return ", ".join(told + [f"{name} 0" for i, name in enumerate(names) if at.outputs.off >> i & 1])
 
 
 def _size(machine: Machine, number: int) -> dict[str, str]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 from dataclasses import replace
 
-from controller import times
+from controller import fitting, times
 from controller.door import DoorError, Values
 from controller.handoff import Jog, Outcome, Snapshot
 from controller.machine import Machine
@@ -148,7 +148,7 @@ def _arm(service: Service, job: Job) -> None:
     if now.queue_end_s > now.plan_time_s + service.machine.period_s:
         _drop(service)
     with service.fitting:
-        job.program = replace(job.program, machine=service.machine)
+        job.program, job.fitted = replace(job.program, machine=service.machine), service.fitted
         if job.entry is not None:
             offer.look_again(service, job)
         service.arming(job)
@@ -175,11 +175,11 @@ def aside(service: Service, verb: str, distance_mm: float, going: Going) -> Valu
     """
     job, program = service.running, None
     with service.fitting:
-        if verb == "return" and job is not None and job.program.machine.tools != service.machine.tools:
-            program = _refitted(job, service.machine)
+        if verb == "return" and job is not None and job.tools != service.machine.tools:
+            program = _refitted(job, fitting.applied(service.file, service.with_tools(job)))
     service.engine.line.order(verb, program=program, distance_mm=distance_mm)
     if program is not None and job is not None:
-        service.refit(job)
+        service.refit(job, program)
     asked = going.send(lambda: service.engine.request(Request.RESUME))
     if asked is not None:
         _see_taken(service, asked, Request.RESUME)

@@ -12,7 +12,7 @@ from controller.geometry import Frame
 from controller.handoff import Snapshot
 from controller.kinematics import Kinematics
 from controller.live_state import told as told_by_tick
-from controller.machine import OFFSETS, Machine, five
+from controller.machine import OFFSETS, Machine, Pair, five
 from controller.plan.route.entry import room_along_axis
 from controller.service.jobs import UNDER_WAY
 from controller.service.orders import Way
@@ -131,7 +131,8 @@ def joints(machine: Machine, now: Snapshot, way: Way | None) -> dict[str, dict[s
     """
     shown, actual = machine.shown(now.joints), machine.shown(now.actual)
     ends = machine.shown(way.end) if way is not None else shown
-    work = _work(machine, shown, _frame(machine, way))
+    turned_rad = way.turned_rad if way is not None else machine.turned()
+    work = _work(machine, shown, _frame(machine, way), turned_rad)
     if way is not None and way.tilted_mm is not None:
         place = Kinematics(machine).forward(five(now.joints), way.tilted_mm).tip
         for i, value in zip(machine.linear(), _frame(machine, way).from_parent(place), strict=True):
@@ -151,17 +152,19 @@ def joints(machine: Machine, now: Snapshot, way: Way | None) -> dict[str, dict[s
 
 
 def _frame(machine: Machine, way: Way | None) -> Frame:
-    """In which a motion's words are read; G54 without one."""
+    """In which a motion's words are read; without one that in which a program begins."""
     if way is None:
-        return machine.offsets[0]
-    return way.part if way.part is not None else machine.offsets[way.offset]
+        return machine.part()
+    return way.part if way.part is not None else machine.offset(way.offset).frame
 
 
-def _work(machine: Machine, shown: tuple[float, ...], frame: Frame) -> list[float]:
+def _work(machine: Machine, shown: tuple[float, ...], frame: Frame, turned_rad: Pair) -> list[float]:
     """As words of a program read in that frame."""
     x, y, z = machine.linear()
     work = list(shown)
     work[x], work[y], work[z] = frame.from_parent((shown[x], shown[y], shown[z]))
+    for i, turned in zip(machine.rotary(), turned_rad, strict=True):
+        work[i] -= turned * machine.axes[i].shown_per_unit
     return work
 
 
@@ -175,7 +178,7 @@ def tip(machine: Machine, now: Snapshot, way: Way | None, in_spindle: int = 1) -
     """Tip and axis of the tool in the part frame; in G54 where no motion under way says otherwise."""
     tool = machine.tool(in_spindle)
     length_mm = way.length_mm if way is not None else tool.length_mm if tool is not None else 0.0
-    frame = way.part if way is not None and way.part is not None else machine.offsets[0]
+    frame = way.part if way is not None and way.part is not None else machine.part()
     pose = Kinematics(machine).forward(five(now.joints), length_mm)
     return {
         "tip": dict(zip("XYZ", map(float, frame.from_parent(pose.tip)), strict=True)),

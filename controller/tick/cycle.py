@@ -49,6 +49,7 @@ LOST_ECHOES = 3  # of the kernel's SYNC, in a row
 # SYNCs in a row that did not come: drives that hold their last setpoint have stopped meanwhile, and
 # to go on at full feed would be a step for them. Fewer are a dip that a servo smooths.
 LONG_GAP = 4
+FOLLOWING = (Mode.RUNNING, Mode.HOLD, Mode.STOPPING)  # the path, with its outputs
 BLAMED_TICKS = 3  # the silence may have begun after the buses were drained
 
 
@@ -375,6 +376,8 @@ class Cycle:
         self._waits = modes.running and self._must_wait()
         running = modes.running and not self._waits
         step = follow.step(follow.goes(running, modes.override, modes.rapid_override))
+        if follow.piece is not None and not follow.piece.sets and modes.mode in FOLLOWING:
+            self.peripherals.switch(follow.piece.outputs)
         fault, axis = self._judge(step, self._check)
         if fault is not Fault.NONE:
             self._refuse(fault, axis, step)

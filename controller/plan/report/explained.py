@@ -23,6 +23,7 @@ from controller.plan.text.position import Known, Position, read_in
 from controller.plan.text.program import (
     Act,
     Action,
+    Await,
     Block,
     CutCone,
     CutNurbs,
@@ -33,6 +34,7 @@ from controller.plan.text.program import (
     Message,
     Modal,
     Remark,
+    Setting,
     TipLine,
 )
 
@@ -41,6 +43,7 @@ _KINDS = {
     Act.SPINDLE: "spindle",
     Act.TOOL: "tool",
     Act.COOLANT: "coolant",
+    Act.OUTPUT: "output",
     Act.STOP: "stop",
     Act.OPTIONAL_STOP: "optional stop",
     Act.END: "end",
@@ -132,6 +135,11 @@ class _Explainer:
             return {"kind": "dwell", "seconds": block.seconds}
         if isinstance(block, Remark | Message):
             return {"kind": "message", "text": block.sentence if isinstance(block, Remark) else block.text}
+        if isinstance(block, Await):
+            what = {"input": block.number, "for": block.level.name.lower()}
+            return {"kind": "wait", **what, "seconds": block.seconds}
+        if isinstance(block, Setting):
+            return {"kind": "setting", "sets": [change.key for change in block.changes]}
         if isinstance(block, Action):
             return {"kind": _KINDS[block.act], **_function(block)}
         return {"kind": "surface", "feed": block.feed_mm_s * 60.0, "unit": "mm/min"}
@@ -177,6 +185,8 @@ def _function(block: Action) -> dict[str, Any]:
         return {"rev_min": block.modal.spindle_rev_min}
     if block.act is Act.TOOL:
         return {"tool": block.modal.tool}
+    if block.act is Act.OUTPUT:
+        return {"on": block.modal.outputs.on, "off": block.modal.outputs.off}
     if block.act is Act.COOLANT:
         return {"mist": bool(block.modal.coolant & 1), "flood": bool(block.modal.coolant & 2)}
     return {}

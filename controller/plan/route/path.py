@@ -36,12 +36,16 @@ from controller.plan.route import (
 from controller.plan.route.branch import BranchLost, joints_along
 from controller.plan.route.corners import Feed
 from controller.plan.route.lines import Stand
+from controller.plan.route.outputs import Switched
 from controller.plan.route.rows import LineRow
 from controller.plan.route.stretch import Chain, Note, Path, Pause, Stretch, Voice, rotaries_of
 from controller.plan.route.train import Leg
 from controller.plan.text.ahead import Ahead
 from controller.plan.text.program import (
+    Act,
     Action,
+    Aside,
+    Await,
     Block,
     CutBlock,
     CutCone,
@@ -49,11 +53,11 @@ from controller.plan.text.program import (
     Dwell,
     JointArc,
     JointLine,
-    Message,
     Place,
     Program,
     ProgramError,
     Remark,
+    Setting,
     TipLine,
 )
 
@@ -143,7 +147,9 @@ class Tracer:
 
     def items(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
         """The path of all blocks, as it is made; before a block that is refused comes all that is sound."""
-        return clamps.opened(self._sound_items(blocks), self._machine, self._kinematics)
+        switched = Switched()
+        items = switched.laid(self._sound_items(switched.read(blocks)))
+        return clamps.opened(items, self._machine, self._kinematics)
 
     def _sound_items(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
         try:
@@ -170,10 +176,12 @@ class Tracer:
         yield from self._made()
 
     def _heard(self, blocks: Iterable[Block]) -> Iterator[Block]:
-        """All but what is said to the operator, which is noted; it neither moves nor stops anything."""
+        """All but what stands aside; of it what is said to the operator is noted."""
         for block in blocks:
-            if not isinstance(block, Message):
+            if not isinstance(block, Aside):
                 yield block
+            elif isinstance(block, Setting):
+                continue
             elif (said := (block.place.line, block.text)) not in self._said and len(self._said) < MOST_SAID:
                 self._said.add(said)
                 self._note(block.place, SAYS.format(block.text))
@@ -193,6 +201,8 @@ class Tracer:
         self._end_row()
         if isinstance(block, Dwell):
             self._pause(Pause(block.place, block.modal, seconds=block.seconds))
+        elif isinstance(block, Await):
+            self._pause(Pause(block.place, block.modal, act=Act.INPUT, awaits=block))
         elif isinstance(block, Action):
             self._pause(Pause(block.place, block.modal, act=block.act))
         elif isinstance(block, TipLine):

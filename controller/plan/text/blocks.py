@@ -24,6 +24,7 @@ from controller.plan.text import (
     codes,
     cycles,
     decoding,
+    kept,
     line_words,
     linked,
     modal,
@@ -54,6 +55,7 @@ from controller.plan.text.program import (
     Program,
     ProgramError,
     Remark,
+    Setting,
     Tip,
 )
 from controller.plan.text.saved import Saved
@@ -98,9 +100,10 @@ def stream(
     program, behind = linked.parts(data)
     text, remark = decoding.text_of(program, name)
     files = {label: (file, decoding.text_of(content, file)[0]) for label, (file, content) in behind.items()}
-    given = Given(machine, modal.power_on(), Position(machine, start or homed(machine)))
+    given = Given(machine, modal.begun(machine), Position(machine, start or homed(machine)))
+    parameters = Parameters(given, machine.parameters, machine.kept)
     limits = Limits(machine.call_levels, machine.program_passes)
-    lines = words.read(text, name, block_delete, Parameters(given), limits, files, refused)
+    lines = words.read(text, name, block_delete, parameters, limits, files, refused)
     if remark is not None:
         yield Remark(remark[0], given.state.modal, remark[1])
     for block in _blocks(lines, machine, given, refused):
@@ -159,14 +162,19 @@ def _behind(line: Line, state: State, machine: Machine, lines: Iterator[Line], a
 def _heard(read: Iterator[Line], told: list[Line]) -> Iterator[Line]:
     """The lines with words; those that say something are noted."""
     for line in read:
-        if line.message:
+        if line.says:
             told.append(line)
         if line.is_plain or line.words:
             yield line
 
 
 def _said(told: list[Line], state: State) -> list[Block]:
-    said: list[Block] = [Message(line.place(1), state.modal, line.message) for line in told]
+    said: list[Block] = []
+    for line in told:
+        if line.message:
+            said.append(Message(line.place(1), state.modal, line.message))
+        if line.kept:
+            said.append(Setting(line.place(1), state.modal, kept.of_parameters(line.kept)))
     told.clear()
     return said
 
@@ -338,7 +346,7 @@ class _Turn:
 
     def _origins(self) -> None:
         """What shifts, turns or stores positions, and the ways to the reference points."""
-        once = self.ask.code("one-line")
+        once, before = self.ask.code("one-line"), self.state
         if self.ask.code("rotation") in TILTS:
             self.state, told = plane_words.defined(self._here())
             self.made += told
@@ -356,6 +364,8 @@ class _Turn:
             self.state = reference_words.stored(self._here())
         elif once == "G10" or once.startswith("G92"):
             self.state = offset_words.applied(self._here(), once)
+        if changes := kept.between(before, self.state):
+            self.made.append(Setting(self.ask.line.place(1), self.state.modal, changes))
 
     def _move(self) -> list[Block]:
         motion = self._motion

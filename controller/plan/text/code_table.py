@@ -92,7 +92,7 @@ ROWS: tuple[Code, ...] = (
     *_done(
         "one-line",
         NIST,
-        ("G10", AXES + "LPR", "sets work offsets (L2, L20) and tools (L1, L10, L11)"),
+        ("G10", AXES + "LPR", "sets work offsets (L2, L20) and tools (L1, L10, L11), for good"),
         (
             "G28",
             AXES + "UVW",
@@ -100,7 +100,7 @@ ROWS: tuple[Code, ...] = (
         ),
         ("G30", AXES + "UVWP", "rapid to the second reference point, likewise"),
         ("G53", "", "this line's G0 or G1 in machine positions"),
-        ("G92", AXES, "shifts all work offsets so that the position reads as said"),
+        ("G92", AXES, "shifts all work offsets so that the position reads as said, for good"),
         ("G92.1", "", "cancels the shift of G92"),
         ("G92.2", "", "suspends the shift of G92"),
         ("G92.3", "", "takes the shift of G92 up again"),
@@ -110,8 +110,8 @@ ROWS: tuple[Code, ...] = (
     *_done(
         "one-line",
         LINUXCNC,
-        ("G28.1", "", "the position becomes the reference point, for this program"),
-        ("G30.1", "", "the position becomes the second reference point, for this program"),
+        ("G28.1", "", "the position becomes the reference point, for good"),
+        ("G30.1", "", "the position becomes the second reference point, for good"),
     ),
     *_done("plane", NIST, ("G17", "", "plane XY"), ("G18", "", "plane ZX"), ("G19", "", "plane YZ")),
     *_done("unit", NIST, ("G20", "", "inches"), ("G21", "", "millimetres")),
@@ -201,6 +201,15 @@ ROWS: tuple[Code, ...] = (
         ("M73", "", "keeps the state until the sub ends"),
     ),
     *_done("call", FANUC, ("M98", "PL", "calls sub P, L times"), ("M99", "", "ends a sub")),
+    *_done(
+        "output",
+        LINUXCNC,
+        ("M62", "P", "output P on, with the motion that comes next"),
+        ("M63", "P", "output P off, with the motion that comes next"),
+        ("M64", "P", "output P on, at rest"),
+        ("M65", "P", "output P off, at rest"),
+        ("M66", "PLQ", "waits at most Q seconds for input P: L1 rise, L2 fall, L3 on, L4 off"),
+    ),
     *_done("coolant", NIST, ("M7", "", "mist"), ("M8", "", "flood"), ("M9", "", "both off")),
     # --- what needs no action here
     *_noted(
@@ -222,8 +231,8 @@ ROWS: tuple[Code, ...] = (
         ),
         ("G50", "", "scaling off", "It is never on here."),
         ("G67", "", "modal macro off", "It is never on here."),
-        ("M10", "", "clamp on", "Clamps of the machine file close by themselves where their axis stands."),
-        ("M11", "", "clamp off", "Clamps of the machine file open by themselves before their axis moves."),
+        ("M10", "", "clamp on", "m_codes in [io] has no output for it; clamps of axes close by themselves."),
+        ("M11", "", "clamp off", "m_codes in [io] has no output for it; clamps of axes open by themselves."),
     ),
     *_noted(
         HAAS,
@@ -277,11 +286,6 @@ ROWS: tuple[Code, ...] = (
         ("G88", "boring with retraction by hand", "write G86, or M0 at the bottom"),
         ("G96", "constant surface speed", f"{_LATHE}; write G97 and S"),
         ("M19", "spindle stop at an angle", "no spindle here stops at an angle; write M5"),
-        ("M62", "output on, with motion", "name what it switches in the machine file, M7 and M8"),
-        ("M63", "output off, with motion", "name what it switches in the machine file, M9"),
-        ("M64", "output on", "name what it switches in the machine file, M7 and M8"),
-        ("M65", "output off", "name what it switches in the machine file, M9"),
-        ("M66", "wait for an input", "write M0 or M1 to wait for the operator"),
         ("M67", "analogue output, with motion", "this control has none; leave it out"),
         ("M68", "analogue output", "this control has none; leave it out"),
     ),

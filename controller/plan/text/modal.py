@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from controller.machine import OFFSETS, TOOL_AT_POWER_ON, Machine, Tool
-from controller.plan.text import side_words
+from controller.plan.text import output_words, side_words
 from controller.plan.text.codes import SURFACES, Ask
 from controller.plan.text.origins import Origins
 from controller.plan.text.position import Known
@@ -75,7 +75,7 @@ class State(NamedTuple):
     to_clearance: bool = False  # G99: canned cycles end at R
     cycle: Cycle | None = None  # the canned cycle that is modal
     origins: Origins = Origins()
-    tools: Mapping[int, Tool] = MappingProxyType({})  # as G10 changed them
+    tools: Mapping[int, Tool] = MappingProxyType({})  # as G10 changed them, their wear beside their size
     references: Mapping[str, tuple[Known, ...]] = MappingProxyType({})
     noted: frozenset[str] = frozenset()  # codes that a remark has told of
     begun: Begun | None = None  # a tilted plane that takes more lines
@@ -92,13 +92,19 @@ class State(NamedTuple):
             )
         return 60.0 / ask.words["F"].value
 
+    def tool_as_told(self, number: int, machine: Machine) -> Tool | None:
+        """A tool of the table, as G10 has changed it, its wear beside its size."""
+        return self.tools.get(number) or machine.tool_as_told(number)
+
     def tool(self, number: int, machine: Machine) -> Tool | None:
-        """A tool of the table, as G10 has changed it."""
-        return self.tools.get(number) or machine.tool(number)
+        """The same as it is cut with: worn."""
+        found = self.tool_as_told(number, machine)
+        return None if found is None else found.worn
 
     def with_tool(self, number: int, machine: Machine) -> Modal:
         """The modal state with another tool in the spindle."""
-        return replace(self.modal, tool=number, cutter=self.tools.get(number))
+        cutter = self.tool(number, machine) if number in self.tools else None
+        return replace(self.modal, tool=number, cutter=cutter)
 
     def with_origins(self, origins: Origins, machine: Machine) -> State:
         """The state in which positions are read by ``origins``."""
@@ -133,6 +139,11 @@ def power_on() -> State:
     return State(Modal(TOOL_AT_POWER_ON, 0, Side.RIGHT, 0.0, True, 0.0, 0.0, None, 0.0, 0))
 
 
+def begun(machine: Machine) -> State:
+    """The same on a machine: under the offsets that it has at the start of a program."""
+    return power_on().with_origins(Origins.begun(machine), machine)
+
+
 def apply(
     ask: Ask, motion: str, state: State, machine: Machine, side_letters: str = ""
 ) -> tuple[State, list[Block]]:
@@ -164,6 +175,7 @@ class _Settings:
         self._feed()
         self._speed()
         self._select_tool()
+        self._outputs()
         self._change_tool()
         self._spindle()
         self._turn_feed()
@@ -244,6 +256,24 @@ class _Settings:
         if word is not None:
             self._known_tool(word)
             self.state = self.state._replace(selected=int(word.value))
+
+    def _outputs(self) -> None:
+        """M62 and M63 count with the next motion, M64, M65 and the machine's own codes here and now."""
+        if "output" in self.ask.codes:
+            code, word = self.ask.codes["output"]
+            if code == "M66":
+                self.made += output_words.awaited(self.ask, word, self.state.modal, self._machine)
+                return
+            self._switch(output_words.number(self.ask, code, word, self._machine), code in ("M62", "M64"))
+            if code in ("M64", "M65"):
+                self._act(word, Act.OUTPUT)
+        for word, number, on in self.ask.switches:
+            self._switch(number, on)
+            self._act(word, Act.OUTPUT)
+
+    def _switch(self, number: int, on: bool) -> None:
+        modal = self.state.modal
+        self._set_modal(replace(modal, outputs=modal.outputs.switched(number, on)))
 
     def _known_tool(self, word: Word) -> float:
         """Length of the tool that a T or H word names."""

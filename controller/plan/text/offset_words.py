@@ -13,10 +13,10 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from controller.geometry import ZERO, Frame, Vector, X, Y, Z
-from controller.machine import OFFSETS, Machine, Tool
+from controller.machine import MOST_WEAR_MM, OFFSETS, Machine, Offset, Shift, Tool
 from controller.plan.text.codes import Ask
 from controller.plan.text.modal import State, tool_list
-from controller.plan.text.origins import NONE, Offset, Origins, Shift, about, turned_about_z
+from controller.plan.text.origins import NONE, Origins, about, turned_about_z
 from controller.plan.text.position import Known, Position
 from controller.plan.text.words import Word
 
@@ -193,26 +193,42 @@ def _offset_here(here: Here, index: int, xyz: Sequence[Known], rotary: Sequence[
 
 
 def _set_tool(here: Here, what: int, number: int) -> State:
-    tool = here.state.tool(number, here.machine)
+    tool = here.state.tool_as_told(number, here.machine)
     if tool is None:
         word = here.ask.words["P"]
         raise here.ask.refusal(
             word, f"{word.text} names no tool: the tool table has {tool_list(here.machine)}; use one of these"
         )
     changed = _fanuc_tool(here, what, tool) if here.machine.dialect == "fanuc" else _tool(here, what, tool)
-    if changed.radius_mm <= 0.0:
-        word = here.ask.words["R"]
-        raise here.ask.refusal(
-            word, f"{word.text} leaves no tool: its radius must be greater than 0; correct it"
-        )
+    _check_tool(here, changed)
     state = here.state._replace(tools=MappingProxyType({**here.state.tools, number: changed}))
     if state.modal.tool == number:
         state = state._replace(modal=state.with_tool(number, here.machine))
     return state
 
 
+def _check_tool(here: Here, tool: Tool) -> None:
+    """As the tool table would."""
+    word = here.ask.words.get("R", here.ask.words["P"])
+    if tool.radius_mm <= 0.0:
+        raise here.ask.refusal(
+            word, f"{word.text} leaves no tool: its radius must be greater than 0; correct it"
+        )
+    least_mm = min(MOST_WEAR_MM, 0.5 * tool.radius_mm)
+    worn = -least_mm <= tool.wear_radius_mm <= MOST_WEAR_MM and abs(tool.wear_length_mm) <= MOST_WEAR_MM
+    if not worn:
+        raise here.ask.refusal(
+            word,
+            f"{word.text} is no wear: {-MOST_WEAR_MM:g} to {MOST_WEAR_MM:g} mm are, and half of the radius "
+            "at most; what is worn more is another tool, so correct it, or set length and radius",
+        )
+
+
 def _tool(here: Here, what: int, tool: Tool) -> Tool:
-    """L1: length Z and radius R; L10, L11: the length with which Z reads as said, now or in G59.3."""
+    """L1: length Z and radius R; L10, L11: the length with which Z reads as said, now or in G59.3.
+
+    What is measured anew is worn no more.
+    """
     z, r = here.length_mm("Z"), here.length_mm("R")
     if z is not None and what != 1:
         _check_untilted(here, f"G10 L{what}")
@@ -222,12 +238,14 @@ def _tool(here: Here, what: int, tool: Tool) -> Tool:
             modal = here.state.with_origins(Origins(index, here.state.origins.written), here.machine).modal
         (height,) = here.known(here.ask.words["Z"], here.position.in_frame(modal)[2:], "G10")
         z = height + modal.length_mm - z
-    return replace(
-        tool,
-        length_mm=tool.length_mm if z is None else z,
-        radius_mm=tool.radius_mm if r is None else r,
-        corner_mm=min(tool.corner_mm, tool.radius_mm if r is None else r),
-    )
+    if z is not None:
+        tool = replace(tool, length_mm=z, wear_length_mm=0.0)
+    return tool if r is None else _with_radius(replace(tool, wear_radius_mm=0.0), r)
+
+
+def _with_radius(tool: Tool, radius_mm: float) -> Tool:
+    """With another radius; a corner is never more than that."""
+    return replace(tool, radius_mm=radius_mm, corner_mm=min(tool.corner_mm, radius_mm))
 
 
 def _fanuc_tool(here: Here, what: int, tool: Tool) -> Tool:
@@ -236,9 +254,11 @@ def _fanuc_tool(here: Here, what: int, tool: Tool) -> Tool:
     if r is None:
         raise _not_set(here, here.ask.words["L"])
     name = _FANUC_TOOL[what]
-    base = getattr(tool, name) if not here.state.absolute else 0.0
-    changed: dict[str, Any] = {name: base + r}
-    return replace(tool, **changed).worn
+    value = r + (getattr(tool, name) if not here.state.absolute else 0.0)
+    if name == "radius_mm":
+        return _with_radius(tool, value)
+    changed: dict[str, Any] = {name: value}
+    return replace(tool, **changed)
 
 
 # ---- G52, G68 ----------------------------------------------------------------------

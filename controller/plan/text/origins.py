@@ -1,6 +1,6 @@
 """What stands between the machine's positions and the program's: work offset, shifts and turns.
 
-    table frame -> work offset (file, or as G10 set it) -> shift of G92 -> local shift of G52
+    table frame -> work offset (the machine's or of G10) -> shift of G92 -> local shift of G52
                 -> tilted plane of G68.2 -> shifts made inside of it -> turn of G68
 
 All of it is one frame for X Y Z and one shift for each rotary. State is replaced, never edited.
@@ -14,27 +14,7 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from controller.geometry import ZERO, Frame, Vector, X, Y, Z, add, rotate
-from controller.machine import OFFSETS, Machine
-
-Pair = tuple[float, float]
-STILL: Pair = (0.0, 0.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Offset:
-    """A work offset as a program has set it: of X Y Z, and of the two rotaries (rad, carried)."""
-
-    frame: Frame
-    turned_rad: Pair = STILL
-
-
-@dataclass(frozen=True, slots=True)
-class Shift:
-    """A shift of coordinates: X Y Z (mm, along the axes of the frame it stands in) and the two rotaries."""
-
-    xyz: Vector = ZERO
-    turned_rad: Pair = STILL
-
+from controller.machine import OFFSETS, Machine, Offset, Pair, Shift
 
 NONE = Shift()
 
@@ -62,11 +42,14 @@ class Origins:
     plane: Plane | None = None  # G68.2 to G68.4
     waiting: Frame | None = None  # as ``Plane.frame``; under rs274 it counts from G53.1 on
 
+    @classmethod
+    def begun(cls, machine: Machine) -> Origins:
+        """With which a program begins: G54, and the shift that an earlier one has left."""
+        return cls(shift=machine.shift, suspended=machine.suspended)
+
     def offset(self, index: int, machine: Machine) -> Offset:
         """A work offset as it is now; an unset one is that of the machine's zero."""
-        if index in self.written:
-            return self.written[index]
-        return Offset(machine.offsets[index] if index < len(machine.offsets) else Frame())
+        return self.written[index] if index in self.written else machine.offset(index)
 
     def is_set(self, index: int, machine: Machine) -> bool:
         """Whether the machine file, the operator or the program has set a work offset."""

@@ -9,11 +9,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from controller.machine import Machine
+from controller.machine import STILL, Machine
 from controller.plan.text import points
 from controller.plan.text.line import Line
 from controller.plan.text.modal import State
-from controller.plan.text.origins import STILL
 from controller.plan.text.points import POINTLESS
 from controller.plan.text.program import Block, JointLine, Place, Tip, TipLine
 

@@ -8,6 +8,7 @@ from enum import Enum
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+from controller.changes import Change
 from controller.geometry import Frame, Vector
 from controller.machine import Machine, Tool
 from controller.splines import BSpline
@@ -67,6 +68,20 @@ class Tip(Enum):
     VECTORS = 2  # G43.5: the tool tip in the part frame; I J K along the tool axis
 
 
+class Outputs(NamedTuple):
+    """What the program has said of outputs so far: bit n is P of M62 to M65."""
+
+    on: int = 0
+    off: int = 0
+
+    def switched(self, number: int, on: bool) -> Outputs:
+        bit = 1 << number
+        return Outputs(self.on | bit, self.off & ~bit) if on else Outputs(self.on & ~bit, self.off | bit)
+
+
+UNSAID = Outputs()
+
+
 @dataclass(frozen=True, slots=True)
 class Modal:
     """The modal state in which a block runs."""
@@ -98,6 +113,7 @@ class Modal:
     cutter: Tool | None = None  # the tool in the spindle where G10 has changed it
     # A tilted plane: X Y Z are places of the tool tip in it, fixed to the part, with or without G43.4.
     tilted: bool = False
+    outputs: Outputs = UNSAID  # of M62 to M65 and of the machine's own codes
 
     def frame(self, machine: Machine) -> Frame:
         """The program's frame seen from the table frame at zero."""
@@ -224,6 +240,8 @@ class Act(Enum):
     SPINDLE = "M3/M4/M5"
     TOOL = "M6"
     COOLANT = "M7/M8/M9"
+    OUTPUT = "M64/M65"
+    INPUT = "M66"
     CLAMP = "clamp"  # no word of a program: the path asks for it between motions
 
 
@@ -234,6 +252,26 @@ class Action:
     place: Place
     modal: Modal
     act: Act
+
+
+class Level(Enum):
+    """What M66 waits for, by its L."""
+
+    RISE = 1
+    FALL = 2
+    HIGH = 3
+    LOW = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Await:
+    """M66: standstill until an input is as asked; the program is held where it is not in time."""
+
+    place: Place
+    modal: Modal
+    number: int  # P
+    level: Level
+    seconds: float  # Q, at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,8 +292,18 @@ class Message:
     text: str
 
 
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What the program changes for good, from its place in the run on; nothing moves or stops."""
+
+    place: Place
+    modal: Modal
+    changes: tuple[Change, ...]
+
+
 CutBlock = CutCone | CutRuled | CutNurbs
-Block = CutBlock | JointLine | TipLine | JointArc | Dwell | Action | Remark | Message
+Aside = Message | Setting  # parts no motions
+Block = CutBlock | JointLine | TipLine | JointArc | Dwell | Await | Action | Remark | Aside
 
 
 @dataclass(frozen=True, slots=True)

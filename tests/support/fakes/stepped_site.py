@@ -98,7 +98,7 @@ class SteppedDoor(MovingDoor):
 
     def facts(self) -> dict[str, Any]:
         made = self.machine
-        return status.facts(made, {"offsets": fitting.offsets_of(made), "tools": fitting.tools_of(made)})
+        return status.facts(made, fitting.told(made, {}))
 
     def buses(self) -> dict[str, Any]:
         return looks.buses(self.machine, self.logs, self.bench.recorder)
