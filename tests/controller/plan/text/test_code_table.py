@@ -16,6 +16,7 @@ from controller.plan.text.program import ProgramError, Remark
 
 README = Path(__file__).parents[4] / "config/programs/README.md"
 SAYS = {"G52": "X0", "G4": "P0", "G43.1": "Z1", "G43.2": "H1", "G53": "G0 X0", "G54.1": "P1", "G68": "R1"}
+SAYS |= {"G41.1": "D6", "G42.1": "D6"}
 SAYS |= {"M6": "T1", "M61": "Q1", "G10": "L2 P1 X0", "G92": "X0", "G95": "", "M3": "S0", "M4": "S0"}
 
 
