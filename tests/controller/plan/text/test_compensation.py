@@ -5,11 +5,17 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
-from support.machines.traced_programs import mill
+import shapely
+from support.machines.traced_programs import mill, stretches
 
+from controller import config
+from controller.kinematics import Kinematics
 from controller.machine import Machine
+from controller.plan.route import path
 from controller.plan.text import blocks
+from controller.plan.text.position import homed
 from controller.plan.text.program import (
     Action,
     Block,
@@ -300,3 +306,32 @@ def test_nothing_is_held_without_bound() -> None:
     many = "G41 D1 G1 X0 Y0;" + "Z1;Z2;" * 600
     assert "more than 1000 lines move nothing in the plane" in refusal(START + many).sentence
     assert sum(isinstance(block, Action) for block in read("G41;" + "M8;" * 1200)) == 1200
+
+
+# ---- a whole program -----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dialect", ["rs274", "fanuc"])
+def test_the_shipped_contour_keeps_its_distance_from_the_plate_on_the_machine(dialect: str) -> None:
+    """Traced as it runs: 1.5 mm from the plate's edge all around, and on the edge's outside."""
+    on = replace(config.load("trunnion"), dialect=dialect)
+    read = blocks.read(config.shipped_program("contour").read_bytes(), on, "contour.ngc")
+    traced = path.trace(read, on, Kinematics(on), homed(on))
+    frame, kinematics, away = on.offsets[0], Kinematics(on), []
+    for stretch in stretches(traced):
+        if stretch.feed_mm_s is not None and 11 <= stretch.place.line <= 24:
+            joints = path.joints_along(stretch, np.linspace(0.0, stretch.motion.end, 50), kinematics)
+            for row in joints:
+                x, y, _ = frame.from_parent((row[0], row[1], row[2]))
+                away.append(_PLATE.exterior.distance(shapely.Point(x, y)))
+                assert not _PLATE.contains(shapely.Point(x, y))
+    assert len(away) > 600 and max(abs(d - 1.5) for d in away) < 1e-3
+
+
+def _plate() -> shapely.Polygon:
+    whole = shapely.box(6.0, 6.0, 54.0, 34.0).buffer(6.0, quad_segs=720)
+    slot = shapely.box(40.0, 14.0, 70.0, 26.0).union(shapely.Point(40.0, 20.0).buffer(6.0, quad_segs=720))
+    return whole.difference(slot)
+
+
+_PLATE = _plate()
