@@ -26,14 +26,14 @@ class Gone:
     low: float  # along the normal of the plane
     high: float
     line: int  # of the program
-    box: tuple[float, float, float, float]
 
 
 class Cut:
     """The ways of one cut, as far back as they are looked at."""
 
     def __init__(self) -> None:
-        self._gone: deque[Gone] = deque(maxlen=LOOKED_BACK)
+        # With the box that each stays within: most lie apart, and this is asked for every way.
+        self._gone: deque[tuple[float, float, float, float, Gone]] = deque(maxlen=LOOKED_BACK)
         self._contour: deque[tuple[int, Way]] = deque(maxlen=LOOKED_BACK)
 
     def lift(self) -> None:
@@ -47,15 +47,13 @@ class Cut:
 
     def goes(self, number: int, way: Way, low: float, high: float, line: int) -> Gone | None:
         """Go a way; the one it crosses, if the contour does not cross itself there, too."""
-        new = Gone(number, way, low, high, line, way.box())
-        found = next((old for old in self._gone if self._crossed(old, new)), None)
-        self._gone.append(new)
-        return found
+        new = Gone(number, way, low, high, line)
+        x, y, to_x, to_y = way.box()
+        near = [g for a, b, c, d, g in self._gone if a <= to_x and x <= c and b <= to_y and y <= d]
+        self._gone.append((x, y, to_x, to_y, new))
+        return next((old for old in near if self._crossed(old, new)), None)
 
     def _crossed(self, old: Gone, new: Gone) -> bool:
-        a, b = old.box, new.box
-        if a[0] > b[2] or b[0] > a[2] or a[1] > b[3] or b[1] > a[3]:
-            return False
         if old.high < new.low or new.high < old.low or not cross(old.way, new.way):
             return False
         return not self._meant(old.number, new.number)

@@ -8,12 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
+from support.machines.interrupted_runs import rest_of
 from support.machines.traced_programs import mill, stretches
 
 from controller import config
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.plan.route import path
+from controller.plan.route.spot import Spot
 from controller.plan.text import blocks
 from controller.plan.text.position import homed
 from controller.plan.text.program import (
@@ -335,3 +337,13 @@ def _plate() -> shapely.Polygon:
 
 
 _PLATE = _plate()
+
+
+@pytest.mark.parametrize(("line", "at"), [(13, (30.0, 41.5)), (17, None), (23, None)])
+def test_a_restart_enters_beside_the_contour(line: int, at: tuple[float, float] | None) -> None:
+    on = config.load("trunnion")
+    text = config.shipped_program("contour").read_text(encoding="utf-8")
+    rest = rest_of(text, Spot(line, 0.5), on)
+    x, y, _ = on.offsets[0].from_parent((rest.target.joints[0], rest.target.joints[1], rest.target.joints[2]))
+    assert _PLATE.exterior.distance(shapely.Point(x, y)) == pytest.approx(1.5, abs=1e-4)
+    assert at is None or (x, y) == pytest.approx(at)
