@@ -4,8 +4,8 @@ Blocks go in as programmed and come out as they are cut, each with the line that
 or arc is held back until the next one says where its way ends (``contour.corners``), and with it what
 stands between the two: functions, dwells, messages, moves along the normal of the plane. All else passes.
 
-The position of the reader follows the program, not the cutter, as LinuxCNC's does: distances (G91) and
-parameters count from there. So the first move after G40 names all axes of the plane.
+The position of the reader follows the program, not the cutter: distances (G91) count from there, as in
+LinuxCNC, and so do parameters. So the first move after G40 is given all axes of the plane.
 """
 
 from __future__ import annotations

@@ -42,8 +42,10 @@ def said(ask: Ask, code: str, letters: str, state: State, machine: Machine) -> P
     number = ask.words.get("D") if "D" in letters or code in WRITTEN else None
     for_surfaces = [ask.words[letter] for letter in "PQR" if letter in letters and letter in ask.words]
     if before is not None and before.lines:
-        if machine.dialect == "fanuc" and code == before.code and not for_surfaces and number is None:
-            return before
+        if machine.dialect == "fanuc" and code == before.code and not for_surfaces:
+            again = before if number is None else _beside(ask, code, number, state, machine)
+            if again is not None and again.off_mm == before.off_mm:
+                return before
         raise ask.refusal(
             word,
             f"{word.text} stands under the {before.code} of line {before.place.line}, which is on until G40; "

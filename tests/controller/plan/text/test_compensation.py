@@ -301,7 +301,9 @@ def test_fanucs_d_stays_and_g41_may_be_said_again() -> None:
     text = "G21 G90 F100.;G0 X0. Y-20. D2;G41 G1 X0. Y0.;G41 Y30.;G40 X-9."
     assert ends(text, bench("fanuc"))[1:3] == [("line", (-5.0, 0.0, None)), ("line", (-5.0, 30.0, None))]
     assert ends(text.replace("D2", "D0"), bench("fanuc"))[2] == ("line", (0.0, 30.0, None))
-    assert "which is on until G40" in refusal(text.replace("G41 Y30", "G42 Y30"), bench("fanuc")).sentence
+    assert ends(text.replace("G41 Y30", "G41 D2 Y30"), bench("fanuc")) == ends(text, bench("fanuc"))
+    for other in ("G42 Y30", "G41 D1 Y30"):
+        assert "which is on until G40" in refusal(text.replace("G41 Y30", other), bench("fanuc")).sentence
 
 
 def test_nothing_is_held_without_bound() -> None:
