@@ -24,12 +24,13 @@ from controller.plan.text.program import (
     CutRuled,
     JointArc,
     Modal,
+    Place,
     Planar,
     ProgramError,
     TipLine,
 )
 
-MOST_HELD = 1000  # blocks between two moves in the plane
+MOST_HELD = 1000  # blocks behind a G41 before it is decided
 
 
 def beside(
@@ -69,6 +70,7 @@ class _Path:
         self._undecided: list[Held] = []
         self._cutter: Cutter | None = None
         self._left_out: Planar | None = None  # a G41 that was refused
+        self._passed: Place | None = None  # of a G41 behind which too much came before it was decided
         self._last: tuple[Modal, Modal] | None = None  # with compensation, and without
         self._owed: str = ""  # the plane in which the cutter still stands beside its programmed place
 
@@ -88,10 +90,10 @@ class _Path:
             yield from self._without(held)
         elif planar.lines:
             yield from self._along(held, planar)
-        elif len(self._undecided) < MOST_HELD:
+        elif len(self._undecided) < MOST_HELD and planar.place != self._passed:
             self._undecided.append(held)
         else:
-            self._left_out = planar
+            self._passed = planar.place
             yield from self._without(held)
 
     def finish(self) -> Iterator[Block]:
@@ -122,19 +124,33 @@ class _Path:
     def _along(self, held: Held, planar: Planar) -> Iterator[Block]:
         if self._cutter is None or self._cutter.planar.place != planar.place:
             yield from self._ended()
+            self._check_begin(held, planar)
             self._cutter = Cutter(planar, held.block.modal, self._machine)
-            self._owed = ""
         waiting, self._undecided = self._undecided, []
         for one in (*waiting, held):
             for block in self._cutter.take(one):
                 yield self._plain(block)
+
+    def _check_begin(self, held: Held, planar: Planar) -> None:
+        if planar.place == self._passed:
+            raise NotBesideError(
+                held.block.place,
+                f"{planar.code} on line {planar.place.line} has no D, and more than {MOST_HELD} lines stand "
+                "between it and the first line or arc; write D beside it",
+            )
+        if self._owed not in ("", held.block.modal.plane):
+            raise NotBesideError(
+                held.block.place,
+                f"{planar.code} on line {planar.place.line} is for {held.block.modal.plane}, and the cutter "
+                f"still stands beside a contour in {self._owed}; move it in that plane behind G40 first",
+            )
 
     def _ended(self) -> Iterator[Block]:
         """The last way, as far as its own end."""
         if self._cutter is not None:
             cutter, self._cutter = self._cutter, None
             yield from (self._plain(block) for block in cutter.finish())
-            self._owed = cutter.plane if cutter.begun else ""
+            self._owed = cutter.plane if cutter.begun else self._owed
 
     def _plain(self, block: Block) -> Block:
         """A block without the compensation that has been done; blocks share their modal state."""

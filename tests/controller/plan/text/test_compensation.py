@@ -310,6 +310,18 @@ def test_nothing_is_held_without_bound() -> None:
     many = "G41 D1 G1 X0 Y0;" + "Z1;Z2;" * 600
     assert "more than 1000 lines move nothing in the plane" in refusal(START + many).sentence
     assert sum(isinstance(block, Action) for block in read("G41;" + "M8;" * 1200)) == 1200
+    assert (
+        "has no D, and more than 1000 lines" in refusal(START + "G41;" + "M8;" * 1200 + "G1 X0 Y0").sentence
+    )
+    surface = read("G41;" + "M8;" * 1200 + SURFACE.replace("\n", ";"))
+    assert isinstance(surface[-1], CutRuled) and len(surface) == 1201
+
+
+def test_a_g41_that_moves_nothing_leaves_the_way_home_as_it_was() -> None:
+    beside = START + "G41 D1 G1 X0 Y0;Y30;G40;"
+    assert ends(beside + "G41 D1;G40;G0 X9")[-1] == ("rapid", (9.0, 30.0, None))
+    error = refusal(beside + "G18;G41 D1;G1 X9 Z9")
+    assert error.line == 8 and "still stands beside a contour in G17" in error.sentence
 
 
 # ---- a whole program -----------------------------------------------------------------
