@@ -93,8 +93,9 @@ VALUES = {"settings", "arranged", "profile", "scale", "pdo", "cia402", "emergenc
 # Room of a folder -> rooms of it that it may import; files beside the rooms may import all.
 ROOMS: dict[str, dict[str, set[str]]] = {
     "controller/plan": {
-        "text": set(),
-        "route": {"text"},
+        "contour": set(),  # lines and arcs in a plane, as numbers
+        "text": {"contour"},
+        "route": {"contour", "text"},
         "feed": {"text", "route"},
         "stops": {"feed"},
     },

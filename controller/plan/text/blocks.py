@@ -22,6 +22,7 @@ from controller.machine import Joints, Machine
 from controller.plan.text import (
     arc_words,
     codes,
+    compensation,
     cycles,
     decoding,
     kept,
@@ -30,6 +31,7 @@ from controller.plan.text import (
     modal,
     nurbs_words,
     offset_words,
+    planar_words,
     plane_words,
     points,
     reference_words,
@@ -106,9 +108,8 @@ def stream(
     lines = words.read(text, name, block_delete, parameters, limits, files, refused)
     if remark is not None:
         yield Remark(remark[0], given.state.modal, remark[1])
-    for block in _blocks(lines, machine, given, refused):
-        given.position.take(block)
-        yield block
+    read = _blocks(lines, machine, given, refused)
+    yield from compensation.beside(read, given.position, machine, name, refused)
 
 
 def _blocks(
@@ -192,7 +193,7 @@ class _Turn:
         ahead: Upcoming,
     ) -> None:
         self.ask = ask
-        self.state = state
+        self.state = self._before = state
         self.made: list[Block] = []
         self.ended = False
         self._machine, self._position = machine, position
@@ -203,18 +204,31 @@ class _Turn:
         )
         self._motion = self._find_motion()
 
+    @property
+    def _free(self) -> str:
+        """Letters that need no code."""
+        return "FSTD" if self._machine.dialect == "fanuc" else "FST"
+
     def run(self) -> None:
         plane_words.check_whole(self.ask, self.state)
         self._check_words()
+        self._keep_number()
         sides = [letters for code, letters in self._takers() if code in SIDES]
         self.state, self.made = modal.apply(self.ask, self._motion, self.state, self._machine, "".join(sides))
         self._check_frame()
         self._notes()
         self._origins()
+        planar_words.check(self.ask, self._before.modal, self.state.modal)
         if self._motion:
             self.made += self._move()
         self._keep_motion()
         self._stop()
+
+    def _keep_number(self) -> None:
+        """D of Fanuc's, which stays for the next G41 or G42 without one."""
+        taken = any("D" in letters for code, letters in self._takers() if code not in SIDES)
+        if "D" in self.ask.words and self._machine.dialect == "fanuc" and not taken:
+            self.state = self.state._replace(offset_number=self.ask.words["D"])
 
     def _find_motion(self) -> str:
         """The motion this line makes: named, or modal where words for one stand."""
@@ -254,9 +268,10 @@ class _Turn:
         return letters_of(code, self._machine.dialect, self._axes)
 
     def _side_letters(self, takers: list[tuple[str, str]]) -> str:
-        """P, Q and R of G40 to G42: those that no other code of the line takes."""
+        """P, Q, R, and D but for G40, of G40 to G42: those that no other code of the line takes."""
         others = "".join(letters for _, letters in takers)
-        return "".join(letter for letter in "PQR" if letter not in others)
+        mine = "PQR" if "G40" in (code for code, _ in takers) else "DPQR"
+        return "".join(letter for letter in mine if letter not in others)
 
     def _vectors(self) -> bool:
         """Whether G0 and G1 of this line take tool vectors: G43.5, but for machine positions."""
@@ -269,7 +284,7 @@ class _Turn:
         takers = self._takers()
         for letter, word in self.ask.words.items():
             owners = [code for code, letters in takers if letter in letters]
-            if not owners and letter not in "FST":
+            if not owners and letter not in self._free:
                 raise self._unowned(word)
             if len(owners) > 1:
                 raise self.ask.refusal(
@@ -369,6 +384,7 @@ class _Turn:
 
     def _move(self) -> list[Block]:
         motion = self._motion
+        self._for_side()
         if motion == "G51":
             return [surface_words.cone(self.ask, self.state, self._machine)]
         if motion == "G52":
@@ -384,6 +400,14 @@ class _Turn:
             if motion in ("G0", "G1")
             else [arc_words.arc(here, motion, word)]
         )
+
+    def _for_side(self) -> None:
+        """Whether the side of the cutter that is on is for this motion."""
+        word = self._word_of_motion()
+        if self._motion in SURFACES:
+            self.state = planar_words.for_surfaces(self.ask, self._motion, word, self.state)
+        elif self._motion in ("G1", "G2", "G3"):
+            self.state = planar_words.for_lines(self.ask, self._motion, word, self.state)
 
     def _keep_motion(self) -> None:
         """G0 to G3 and cycles stay; G51, G52, G6.2 and G80 leave no motion mode."""

@@ -119,9 +119,15 @@ ROWS: tuple[Code, ...] = (
     *_done(
         "side",
         PAPER,
-        ("G40", "", "cutter on the right of surfaces; no offset"),
-        ("G41", "", "cutter on the left of surfaces"),
-        ("G42", "", "cutter on the right of surfaces"),
+        ("G40", "", "ends G41 and G42; cutter on the right of surfaces"),
+        ("G41", "", "cutter on the left: of lines and arcs in the plane with D, of surfaces"),
+        ("G42", "", "cutter on the right: of lines and arcs in the plane with D, of surfaces"),
+    ),
+    *_done(
+        "side",
+        LINUXCNC,
+        ("G41.1", "DL", "cutter with the diameter D on the left of lines and arcs in the plane"),
+        ("G42.1", "DL", "cutter with the diameter D on the right of lines and arcs in the plane"),
     ),
     *_done(
         "length",
@@ -280,8 +286,6 @@ ROWS: tuple[Code, ...] = (
         ("G38.3", "probing", _PROBE),
         ("G38.4", "probing", _PROBE),
         ("G38.5", "probing", _PROBE),
-        ("G41.1", "compensation by D in the plane", "let the CAM system offset lines and arcs"),
-        ("G42.1", "compensation by D in the plane", "let the CAM system offset lines and arcs"),
         ("G87", "back boring", "no spindle here stops at an angle; write the moves themselves"),
         ("G88", "boring with retraction by hand", "write G86, or M0 at the bottom"),
         ("G96", "constant surface speed", f"{_LATHE}; write G97 and S"),
@@ -317,7 +321,7 @@ def of(dialect: str) -> dict[str, Code]:
 def takers_of(letter: str, dialect: str) -> str:
     """The codes of a dialect that take a letter, for sentences."""
     letters = {"U": "U", "V": "V", "W": "W"}.get(letter, letter)
-    sides = ("G40", "G41", "G42") if letter in "PQR" else ()
+    sides = {"D": ("G41", "G42")}.get(letter, ("G40", "G41", "G42") if letter in "PQR" else ())
     axes = AXES if letter in "XYZABC" else letters
     rows = of(dialect).values()
     found = [row.name for row in rows if row.name in sides or letters in row.letters or axes in row.letters]

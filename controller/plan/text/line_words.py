@@ -46,22 +46,11 @@ def check_rotaries(here: Here) -> None:
         )
 
 
-def check_side(here: Here, motion: str, word: Word) -> None:
-    """G1 to G3 have no side of the cutter."""
-    if here.state.side != "G40":
-        raise here.ask.refusal(
-            word,
-            f"{motion} runs under {here.state.side}: G41 and G42 choose the side of the cutter on "
-            "G51, G52 and G6.2 only, and G1 to G3 are not offset for now; write G40 before it",
-        )
-
-
 def line(here: Here, motion: str, word: Word) -> JointLine | TipLine:
     """The line of G0 or G1 (``motion``, or the first word that it takes)."""
     ask, state = here.ask, here.state
     mm = degrees = time = None
     if motion == "G1":
-        check_side(here, motion, word)
         time = state.time(ask, "G1", word)
         mm = 0.0 if time else state.feed(ask, "G1", word)
         degrees = 0.0 if time else state.feed_deg_s

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from controller.machine import OFFSETS, TOOL_AT_POWER_ON, Machine, Tool
-from controller.plan.text import output_words, side_words
+from controller.plan.text import output_words, planar_words, side_words
 from controller.plan.text.codes import SURFACES, Ask
 from controller.plan.text.origins import Origins
 from controller.plan.text.position import Known
@@ -77,6 +77,7 @@ class State(NamedTuple):
     origins: Origins = Origins()
     tools: Mapping[int, Tool] = MappingProxyType({})  # as G10 changed them, their wear beside their size
     references: Mapping[str, tuple[Known, ...]] = MappingProxyType({})
+    offset_number: Word | None = None  # D of a line without G41 (Fanuc), for the next one without D
     noted: frozenset[str] = frozenset()  # codes that a remark has told of
     begun: Begun | None = None  # a tilted plane that takes more lines
 
@@ -343,7 +344,9 @@ class _Settings:
             modal = side_words.applied(
                 self.ask, code, self.side_letters, self.state.mm_per_unit, self.state.modal
             )
-            self.state = self.state._replace(side=code, modal=modal)
+            self.state = self.state._replace(modal=modal)
+            planar = planar_words.said(self.ask, code, self.side_letters, self.state, self._machine)
+            self.state = self.state._replace(side=code, modal=replace(modal, planar=planar))
 
     def _length(self) -> None:
         """G43 adds the length of the tool in the spindle, or of tool H; H0 is none.

@@ -40,7 +40,7 @@ class PlainLines:
 
     def read(self, line: Line, state: State) -> tuple[Block, State] | None:
         """The block of a plain G1 line and the state after it; None where the general way is needed."""
-        if state.motion != "G1" or state.side != "G40" or state.per_turn or (plain := line.plain) is None:
+        if state.motion != "G1" or _for_surfaces(state) or state.per_turn or (plain := line.plain) is None:
             return None
         if state.modal.turned_rad != STILL or (self._points_count and POINTLESS.search(line.text)):
             return None
@@ -128,3 +128,9 @@ class PlainLines:
         )
         mm, degrees = (0.0, 0.0) if time else (state.modal.feed_mm_s, state.feed_deg_s)
         return TipLine(place, state.modal, tip, rotaries, axis, not state.absolute, mm, degrees, time)
+
+
+def _for_surfaces(state: State) -> bool:
+    """Whether a side of the cutter is on that is not, or not yet, for lines."""
+    planar = state.modal.planar
+    return state.side != "G40" and (planar is None or not planar.lines or state.modal.tip is not Tip.OFF)

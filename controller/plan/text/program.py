@@ -60,6 +60,16 @@ class Side(Enum):
     LEFT = -1.0  # G41
 
 
+class Planar(NamedTuple):
+    """G41 or G42 for lines and arcs: the cutter beside the contour in the active plane."""
+
+    place: Place  # of the code
+    code: str
+    off_mm: float  # so far left of the travel: the radius, negative on the right
+    lines: bool  # D stands beside it, or a line came first; else what comes first decides
+    joins: bool  # the first move ends beside what follows it (Fanuc), not beside its own end (RS-274/NGC)
+
+
 class Tip(Enum):
     """What X Y Z of G0 and G1 mean, and how the tool axis is given."""
 
@@ -114,6 +124,7 @@ class Modal:
     # A tilted plane: X Y Z are places of the tool tip in it, fixed to the part, with or without G43.4.
     tilted: bool = False
     outputs: Outputs = UNSAID  # of M62 to M65 and of the machine's own codes
+    planar: Planar | None = None  # cutter compensation of lines and arcs
 
     def frame(self, machine: Machine) -> Frame:
         """The program's frame seen from the table frame at zero."""
