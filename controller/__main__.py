@@ -6,16 +6,13 @@ not wait for what plans and simulates.
 
 from __future__ import annotations
 
-import atexit
 import gc
 import importlib
 import inspect
 import json
-import os
 import sys
-import threading
 from types import ModuleType
-from typing import Annotated, Any, NoReturn, TextIO
+from typing import Annotated, Any, TextIO
 
 import typer
 from typer.core import TyperGroup
@@ -149,26 +146,5 @@ def _spoken(as_json: bool) -> TextIO:
     return sys.stdout if as_json else sys.stderr
 
 
-def entry() -> None:
-    """``main``, and the end of the process at once, without its memory being tidied up object by object."""
-    try:
-        main()
-    except SystemExit as ended:
-        if threading.active_count() > 1 or not isinstance(ended.code, int | None):
-            raise  # Python waits for threads, and prints a sentence
-        leave(ended.code or 0)
-
-
-def leave(code: int) -> NoReturn:
-    """Does what was registered for the end of the process, says what is left to be said, and ends it."""
-    atexit._run_exitfuncs()
-    try:
-        sys.stdout.flush()
-        sys.stderr.flush()
-    except OSError:
-        sys.exit(code)  # nobody listens any more; Python has its own way for that
-    os._exit(code)
-
-
 if __name__ == "__main__":
-    entry()
+    main()
