@@ -5,7 +5,9 @@ And for those marked ``live``: a computer that was not there fails none of them,
 
 from __future__ import annotations
 
+import gc
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import hypothesis
@@ -28,6 +30,15 @@ def own_state_folder(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pyte
     folder = tmp_path_factory.mktemp("state")
     monkeypatch.setenv("XDG_STATE_HOME", str(folder))
     return folder
+
+
+@pytest.fixture(autouse=True)
+def own_collector() -> Iterator[None]:
+    """A command lets dead objects wait for the rest of its process, with the files that they hold open."""
+    before = gc.get_threshold()
+    yield
+    gc.set_threshold(*before)
+    gc.unfreeze()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

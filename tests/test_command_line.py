@@ -243,22 +243,6 @@ def test_an_error_of_our_own_is_one_sentence_and_a_file_to_send_in(at_work, monk
     assert "Traceback" in kept and " ".join(words) in kept
 
 
-@pytest.mark.parametrize("words, code", [(["--version"], 0), (["frob"], 2), (["check", "nowhere.ngc"], 1)])
-def test_the_process_ends_at_once_with_its_code_and_all_that_it_had_to_say(words, code):
-    script = (
-        "import atexit, sys\n"
-        "from controller.__main__ import entry\n"
-        "atexit.register(print, 'registered')\n"
-        f"sys.argv = ['directrix', *{words!r}]\n"
-        "print('before')\n"
-        "entry()\n"
-    )
-    found = subprocess.run((sys.executable, "-c", script), capture_output=True, text=True)
-    lines = found.stdout.splitlines()
-    assert (found.returncode, lines[0], lines[-1]) == (code, "before", "registered")
-    assert "Traceback" not in found.stderr
-
-
 # ---- runs ------------------------------------------------------------------------------
 
 
