@@ -36,7 +36,7 @@ def own_state_folder(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pyte
 
 @pytest.fixture(autouse=True)
 def own_collector() -> Iterator[None]:
-    """Dead objects wait for the collector, with the files they hold open; commands let them wait for longer."""
+    """Dead objects wait for the collector, with their open files; commands let them wait for longer."""
     before = gc.get_threshold()
     yield
     gc.set_threshold(*before)
