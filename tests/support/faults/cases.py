@@ -132,7 +132,7 @@ CASES: tuple[Case, ...] = (
     Case("drive tells FF01h of its maker", emcy(0xFF01), of(F.EMCY)),
     # At rest nothing is harmed, nor is a search for the zero that goes on when the motor is free again.
     Case("motor jammed", script("jam Y for 250 ms"), NOT_THERE, AT_REST),
-    Case("motor weak", script("weak Y to 2 % for 250 ms"), NOT_THERE, AT_REST),
+    Case("motor weak", script("weak Y to 1 % for 500 ms"), NOT_THERE, AT_REST),
     Case(
         "RPDO lost for 250 ms",
         script("drop rpdo Y for 250 ms"),
@@ -208,6 +208,6 @@ CASES: tuple[Case, ...] = (
         planner_killed,
         of(F.PLANNER_GONE),
         # What is queued whole comes to its end.
-        only(("jog", "resume"), of(N, F.PLANNER_GONE)) | only(("homing", "idle", "hold"), NOTHING),
+        only(("jog",), of(N, F.PLANNER_GONE)) | only(("homing", "idle", "hold"), NOTHING),
     ),
 )

@@ -21,7 +21,7 @@ import numpy as np
 from support.faults.scene import RETRACT
 from support.live.live_machines import Listener as Client
 from support.live.live_machines import until
-from support.machines.stepped_runs import program, shipped
+from support.machines.stepped_runs import shipped, three_times_example_2
 
 from controller import config
 from controller.handoff import (
@@ -42,7 +42,7 @@ from controller.session.recording import Keeper
 from controller.state import Mode, Request
 from drives import pdo
 
-EXAMPLE_2 = program("example2_ready", "1500.")
+CUTS = three_times_example_2("1500.")
 JOG_MM, JOG_MM_S = 120.0, 150.0
 AXIS = 1  # Y is jogged
 STANDS = 0.01  # mm or degrees: less is a servo's last creeping
@@ -113,7 +113,7 @@ class ProcessScene:
             self.plan_end.fileno(),
             self.operator.fileno(),
             *self._paths,
-            EXAMPLE_2.encode(),
+            CUTS.encode(),
             "part.ngc",
             None,
             True,

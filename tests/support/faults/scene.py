@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from support.machines.stepped_runs import program, shipped
+from support.machines.stepped_runs import shipped, three_times_example_2
 
 from controller.handoff import COLUMN, STOOD
 from controller.machine import Homing, Machine
@@ -32,7 +32,7 @@ from drives.simulated.drive import SimulatedDrive
 INDEX_SEARCH = 34  # homing on the next index pulse: it moves, and needs no switch
 SLOW = 0.2  # mm/s or rad/s
 RETRACT = 140.0  # low, for short ways to the cut
-EXAMPLE_2 = program("example2_ready", "3000.")
+CUTS = three_times_example_2("3000.")
 JOG = "G21 G90 G54 G0 Y{y}\nM30\n"
 STANDS = 0.5  # mm/s or degrees/s: below this an axis stands
 GOES_ON_S = 0.5  # so long after the fault a machine that goes on is stopped
@@ -250,7 +250,7 @@ def _cuts(scene: Scene) -> bool:
 
 
 def cutting(scene: Scene, strike: Strike) -> None:
-    _running(scene, EXAMPLE_2, strike, lambda: _cuts(scene))
+    _running(scene, CUTS, strike, lambda: _cuts(scene))
 
 
 def hold(scene: Scene, strike: Strike) -> None:
@@ -263,7 +263,7 @@ def hold(scene: Scene, strike: Strike) -> None:
             scene.request(Request.HOLD)
         return bool(asked) and scene.cycle.tick == asked[0] + 12
 
-    _running(scene, EXAMPLE_2, strike, when)
+    _running(scene, CUTS, strike, when)
 
 
 def resume(scene: Scene, strike: Strike) -> None:
@@ -280,7 +280,7 @@ def resume(scene: Scene, strike: Strike) -> None:
         begun = asked and scene.cycle.tick > asked[0] + 110 and scene.cycle.modes.running
         return bool(begun) and scene.cycle.follow.feed > 5.0
 
-    _running(scene, EXAMPLE_2, strike, when)
+    _running(scene, CUTS, strike, when)
 
 
 MODES = {"homing": homing, "idle": idle, "jog": jog, "cutting": cutting, "hold": hold, "resume": resume}

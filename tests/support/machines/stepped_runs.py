@@ -41,6 +41,12 @@ def program(name: str, feed: str | None = None) -> str:
     return text
 
 
+def three_times_example_2(feed: str) -> str:
+    """Cut after cut, so that the plan is still at work while the first one is cut."""
+    text = program("example2_ready", feed)
+    return text.replace("N40 ", "O1 REPEAT [3]\nN40 ").replace("N210 G40", "N210 G40\nO1 ENDREPEAT")
+
+
 @dataclass(frozen=True, eq=False)
 class Cut:
     """A finished run with everything to judge it."""
