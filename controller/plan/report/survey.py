@@ -30,6 +30,7 @@ from controller.plan.report import moments
 from controller.plan.report.planned import Planned, planned
 from controller.plan.report.tally import Bound, Part, Tally, bounds
 from controller.plan.report.waits import Waits
+from controller.plan.route import rates
 from controller.plan.route.path import Chain, Pause, Stretch, joints_along
 from controller.plan.route.spot import BESIDE
 from controller.plan.text.program import Act
@@ -156,9 +157,7 @@ class _Look:
 
     def __init__(self, machine: Machine, kinematics: Kinematics, tell: Callable[[BlockUse], None]) -> None:
         self._machine, self._kinematics, self._tell = machine, kinematics, tell
-        self._limits = np.array(
-            [[a.limits.velocity, a.limits.acceleration, a.limits.jerk] for a in machine.axes]
-        )
+        self._limits = rates.limits(machine)
         self._open: _Open | None = None
         self._waits = Waits(machine)
         self._blocks = self._ticks = 0

@@ -190,8 +190,8 @@ class End:
 
     def _along(self, machine: Machine) -> tuple[float, float, float]:
         """Largest speed, acceleration and jerk along s that the joints allow at the ruling."""
-        limits = np.array([(a.limits.velocity, a.limits.acceleration, a.limits.jerk) for a in machine.axes])
-        velocity, acceleration, jerk = (limits / (self.rates[:, None] + 1e-12)).min(axis=0).tolist()
+        least = (rates.limits(machine) / (self.rates[:, None] + 1e-12)).min(axis=0)
+        velocity, acceleration, jerk = least.tolist()
         return min(self.leg.cut.block.feed_mm_s, velocity), acceleration, jerk
 
     def _ramp(self, machine: Machine) -> float:
@@ -228,14 +228,7 @@ class End:
         if self.at_start:
             spans = [_from(cubic, d) for cubic, d in zip(spans, np.diff(x), strict=True)][::-1]
         block = self.leg.cut.block
-        spline = ToolSpline(
-            array("d", np.sort(x - x.min()).tolist()),
-            array("d", np.array([cubic.T for cubic in spans]).ravel().tolist()),
-            True,
-            self.leg.cut.motion.length_mm,
-            array("l", [block.place.line]),
-            array("d", [0.0]),
-        )
+        spline = spline_of(np.sort(x - x.min()), np.array([cubic.T for cubic in spans]), self.leg.cut)
         outer = spline.joints(0.0 if self.at_start else length, self._rotaries, self.kinematics)
         assert outer is not None
         ends = (outer, self._joints) if self.at_start else (self._joints, outer)
@@ -303,6 +296,13 @@ class End:
         return Lead((stretch,), pose.tip, pose.axis, (first, second))
 
 
+def spline_of(knots: Array, cubics: Array, cut: Cut) -> ToolSpline:
+    """``cubics`` (n, 5, 4) of tip and rotaries between n + 1 ``knots``, with a cut's tool and line."""
+    flat = array("d", cubics.ravel().tolist())
+    line = array("l", [cut.block.place.line])
+    return ToolSpline(array("d", knots.tolist()), flat, True, cut.motion.length_mm, line, array("d", [0.0]))
+
+
 def _from(cubic: Array, x: float) -> Array:
     """Coefficients (4, n) of the same cubics in powers of what lies behind ``x``."""
     a, b, c, d = cubic
@@ -350,7 +350,7 @@ class Room:
 
     def lets(self, one: Stretch) -> bool:
         """Whether it stays in travel and hardly reaches deeper than the cut."""
-        return self._in_travel(one) and self.reached(one) <= self.more_mm
+        return self._reached_in_travel(one) <= self.more_mm
 
     def best(self, leads: Iterator[Stretch]) -> Stretch | None:
         """The first that hardly reaches deeper than the cut, else the first that does so within bounds.
@@ -360,7 +360,7 @@ class Room:
         for count in (AT_FEED, None):
             tried = list[tuple[float, Stretch]]()
             for one in islice(leads, count):
-                reached = self.reached(one) if self._in_travel(one) else math.inf
+                reached = self._reached_in_travel(one)
                 if reached <= self.more_mm:
                     return one
                 tried.append((reached, one))
@@ -369,17 +369,25 @@ class Room:
                     return one
         return None
 
-    def _in_travel(self, lead: Stretch) -> bool:
-        s = np.linspace(0.0, lead.motion.end, POSES)
-        return audit.outside(self.machine, s, joints_along(lead, s, self.kinematics)) is None
-
     def reached(self, lead: Stretch) -> float:
         """How much deeper (mm) a lead gets into the surfaces than the cut does beside it."""
+        return self._reached(self._along(lead)[1])
+
+    def _reached_in_travel(self, lead: Stretch) -> float:
+        """Likewise; infinite where it leaves an axis' travel."""
+        s, joints = self._along(lead)
+        outside = audit.outside(self.machine, s, joints) is not None
+        return math.inf if outside else self._reached(joints)
+
+    def _along(self, lead: Stretch) -> tuple[Array, Array]:
+        """Where it is looked at, and the joints (N, 5) there."""
+        s = np.linspace(0.0, lead.motion.end, POSES)
+        return s, joints_along(lead, s, self.kinematics)
+
+    def _reached(self, joints: Array) -> float:
         if self.cut.tool.radius_mm <= 0.0:
             return 0.0
-        s = np.linspace(0.0, lead.motion.end, POSES)
-        joints = joints_along(lead, s, self.kinematics)
         pose = self.kinematics.forward(tuple(joints.T), self.cut.motion.length_mm, np)
-        tips, axes = (np.array([np.broadcast_to(c, s.shape) for c in v]) for v in pose)
+        tips, axes = (np.array([np.broadcast_to(c, joints.shape[:1]) for c in v]) for v in pose)
         depth = audit.depth(self.points, tips, axes, self.cut.tool.radius_mm, self.cut.tool.taper_rad)
         return depth - self.allowed_mm

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from array import array
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -22,9 +21,9 @@ import numpy.typing as npt
 from controller.geometry import norm, subtract
 from controller.kinematics import Kinematics
 from controller.machine import Machine, five
-from controller.motions import ToolSpline
 from controller.plan.route import rates
-from controller.plan.route.leads import MOST_TURN_RAD, POSES, End, Room, lead_feed
+from controller.plan.route.cuts import Cut
+from controller.plan.route.leads import MOST_TURN_RAD, POSES, End, Room, lead_feed, spline_of
 from controller.plan.route.stretch import Stretch
 from controller.plan.route.train import Leg
 
@@ -36,17 +35,15 @@ STRETCHES = (1.0, 1.6, 2.5, 4.0)  # its length over the way that the tip has to 
 SPANS = 4
 
 
-def reaches(before: Sequence[Leg], after: Sequence[Leg], machine: Machine) -> bool:
-    """Whether the next train begins so near, with the tool turned so little, that a link is tried."""
-    a, b = before[-1], after[0]
-    turned = max(abs(p - q) for p, q in zip(a.end, b.start, strict=True))
-    gap = norm(subtract(a.cut.end.tip, b.cut.start.tip))
-    return gap <= machine.link_mm and turned <= MOST_TURN_RAD and _alike(a, b) and machine.lead_mm > 0.0
+def reaches(before: Cut, after: Cut, machine: Machine) -> bool:
+    """Whether the next train begins so near, and with nothing else changed, that a link is tried."""
+    gap = norm(subtract(before.end.tip, after.start.tip))
+    return machine.lead_mm > 0.0 and gap <= machine.link_mm and _alike(before, after)
 
 
-def _alike(a: Leg, b: Leg) -> bool:
+def _alike(before: Cut, after: Cut) -> bool:
     """Whether nothing but the place changes: tool, its length, work offset and side; and no G61."""
-    one, other = a.cut.block.modal, b.cut.block.modal
+    one, other = before.block.modal, after.block.modal
     same = (one.tool, one.offset, one.side, one.length_mm) == (
         other.tool,
         other.offset,
@@ -61,8 +58,11 @@ def lay(
 ) -> Stretch | None:
     """The link furthest off the straight way that stays out of both trains and in travel, if there is one.
 
-    Of those the first at the feed of the cuts, else the one that is the least slower.
+    Of those the first at the feed of the cuts, else the one that is the least slower. None where a rotary
+    has to turn far: the tool would sweep over the part.
     """
+    if max(abs(p - q) for p, q in zip(before[-1].end, after[0].start, strict=True)) > MOST_TURN_RAD:
+        return None
     ends = End.of(before[-1], False, kinematics), End.of(after[0], True, kinematics)
     if not all(np.isfinite(end.rows).all() for end in ends):
         return None
@@ -74,12 +74,9 @@ def lay(
 
 def _strain(link: Stretch, feed_mm_s: float, machine: Machine, kinematics: Kinematics) -> float:
     """The largest share of the joints' limits that the link takes at a feed; above 1 it is to be slower."""
-    limits = np.array([(a.limits.velocity, a.limits.acceleration, a.limits.jerk) for a in machine.axes]).T
     d = rates.derivatives(link, np.linspace(0.0, link.motion.end, POSES), kinematics)
-    roots = (
-        (np.abs(q) / most).max() ** (1.0 / order)
-        for order, (q, most) in enumerate(zip((d.first, d.second, d.third), limits, strict=True), 1)
-    )
+    shares = zip((d.first, d.second, d.third), rates.limits(machine).T, strict=True)
+    roots = ((np.abs(q) / most).max() ** (1.0 / order) for order, (q, most) in enumerate(shares, 1))
     return float(feed_mm_s * max(roots))
 
 
@@ -100,14 +97,7 @@ def _link(one: End, other: End, off_mm: float, stretched: float, machine: Machin
     length = stretched * max(way / rate, 2.0 * off_mm / rate, _to_turn(a, b))
     cubics = _cubics(a, middle, b, length)
     block = other.leg.cut.block
-    spline = ToolSpline(
-        array("d", np.linspace(0.0, length, SPANS + 1).tolist()),
-        array("d", cubics.ravel().tolist()),
-        True,
-        other.leg.cut.motion.length_mm,
-        array("l", [block.place.line]),
-        array("d", [0.0]),
-    )
+    spline = spline_of(np.linspace(0.0, length, SPANS + 1), cubics, other.leg.cut)
     start, end = five(one.leg.joints[-1].tolist()), five(other.leg.joints[0].tolist())
     feed, steps, turning = _feeds(one, other, length, machine)
     return Stretch(spline, block.place, feed, False, start, end, True, NAME, steps, turning)

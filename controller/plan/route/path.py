@@ -316,11 +316,11 @@ class Tracer:
         if self._way is None:
             return None
         before, run = self._way
+        if not links.reaches(before[-1].cut, members[0], self._machine):
+            return None
         try:
             legs = self._legs(members, before[-1].end)
         except ProgramError:  # it may be cut from where a departure leads
-            return None
-        if not links.reaches(before, legs, self._machine):
             return None
         link = links.lay(before, legs, self._machine, self._kinematics)
         return (legs, [*run, link]) if link is not None else None
@@ -344,6 +344,7 @@ class Tracer:
             for stretch in approach.between(before, after, meeting, self._kinematics):
                 if stretch.name == "swivel":
                     self._note(stretch.place, SWIVEL)
+                    self._way = None  # of a train before that is linked: here it is
                     self._chain(Chain(tuple(run)))
                     self._chain(Chain((stretch,)))
                     run = []

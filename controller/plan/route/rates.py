@@ -23,6 +23,7 @@ from controller import jets
 from controller.curves import Bezier, Curve
 from controller.geometry import Number, Vector, norm
 from controller.kinematics import Kinematics
+from controller.machine import Machine
 from controller.motions import JointMove, SurfaceCut, ToolLine, ToolSpline
 from controller.placement import Blend, Blended, Placed
 from controller.plan.route import tool_paths
@@ -70,6 +71,11 @@ class Derivatives:
         x = way[:, None]
         second = self.second + x * self.third
         return Derivatives(self.first + 0.5 * x * (self.second + second), second, self.third)
+
+
+def limits(machine: Machine) -> Array:
+    """Largest velocity, acceleration and jerk of each joint: (5, 3), in mm or rad, per s, s^2 and s^3."""
+    return np.array([(a.limits.velocity, a.limits.acceleration, a.limits.jerk) for a in machine.axes])
 
 
 def derivatives(stretch: Stretch, s: Array, kinematics: Kinematics) -> Derivatives:

@@ -12,7 +12,7 @@ from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.motions import SurfaceCut
 from controller.plan.route import path
-from controller.plan.route.path import Chain, Path, Stretch
+from controller.plan.route.path import Chain, Path, Stretch, joints_along
 from controller.plan.route.stretch import rotaries_of
 from controller.plan.text import blocks
 
@@ -79,3 +79,19 @@ def _assert_pose(cut: SurfaceCut, s: float, joints: Joints, kinematics: Kinemati
     pose, wanted = kinematics.forward(joints, cut.length_mm), cut.pose(s)
     assert norm(subtract(pose.tip, cut.part.to_parent(wanted.tip))) < 1e-6
     assert angle_between(pose.axis, cut.part.turn(wanted.axis)) < math.radians(1e-6)
+
+
+def differences(stretch: Stretch, at: float, into: float, built: Machine) -> np.ndarray:
+    """q, q' and q'' (3, 5) at one end of a stretch by one-sided differences of the fourth order."""
+    h = into * 2e-3
+    q = joints_along(stretch, at + h * np.arange(6), Kinematics(built))
+    first = np.array([-137.0, 300.0, -300.0, 200.0, -75.0, 12.0]) / 60.0 / h
+    second = np.array([45.0, -154.0, 214.0, -156.0, 61.0, -10.0]) / 12.0 / h**2
+    return np.stack([q[0], first @ q, second @ q])
+
+
+def assert_goes_on(before: Stretch, after: Stretch, built: Machine) -> None:
+    """That one stretch goes on with the place, the rate and the bend of the one before."""
+    a, b = differences(before, before.motion.end, -1.0, built), differences(after, 0.0, 1.0, built)
+    for order, within in enumerate((1e-9, 1e-6, 1e-4)):
+        assert np.abs(a[order] - b[order]).max() <= within * max(1.0, np.abs(b[order]).max())
