@@ -7,9 +7,8 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from support.live.browser import Site, until
+from support.live.browser import VIEWS, Site, until
 
-from controller.panel.page.views import VIEWS
 
 pytestmark = pytest.mark.slow
 
@@ -32,7 +31,7 @@ STATES: dict[str, Callable[[Any], object]] = {
         "box.style = 'position:fixed;inset:0;z-index:6000'; document.body.append(box)"
     ),
     "an upload runs": lambda page: page.evaluate(SLOW_UPLOAD),
-    "the socket of the page's structure is gone": lambda page: page.evaluate("window.socket.disconnect()"),
+    "the socket of the events is gone": lambda page: page.evaluate("dx.socket.close()"),
     "text is being typed": lambda page: (page.evaluate("dx.show('jog')"), page.fill("#mdi-text", "G0 X")),
 }
 
@@ -79,10 +78,8 @@ def test_figures_are_greyed_while_the_panel_is_away_and_the_page_comes_back(page
     page.wait_for_selector("body[data-stale='1']")
     assert page.is_visible(".line.stale")
     assert float(page.eval_on_selector(".dro .figures", "(e) => getComputedStyle(e).opacity")) < 1.0
-    page.evaluate("window.before = true")
     site.start()
-    # NiceGUI loads it anew, for the new panel has no page of its own for it.
-    page.wait_for_function("() => !window.before && window.dx && !dx.stale && document.querySelector('.dro')")
+    page.wait_for_function("() => !dx.stale && document.querySelector('.dro')")
     assert not page.is_visible(".line.stale")
     page.wait_for_selector("body[data-control=free]")  # a panel that was started anew knows of nobody
 
@@ -116,7 +113,7 @@ def test_figures_of_a_machine_whose_clock_hangs_are_old_but_it_can_be_reset(page
     page.wait_for_selector("body[data-stale='']")
     assert page.eval_on_selector(".mode", "(e) => getComputedStyle(e).backgroundColor") != green
     site.tell(tick=STANDS, mode="FAULT", fault={"name": "CONTROLLER_GONE", "sentence": "Gone."})
-    page.wait_for_selector("body[data-stale='1'] .line.alarm button:not([disabled])")
+    page.wait_for_selector("body[data-stale='1'] .line.alarm button:not([aria-disabled=true])")
 
 
 def test_a_line_above_the_view_pushes_nothing_of_it_off_the_screen(page: Any, site: Site) -> None:
@@ -142,7 +139,7 @@ def test_a_key_that_is_held_answers_no_question_and_starts_nothing(page: Any, si
 REACHABLE = "header button, nav button, section[data-shown] :is(button, input, textarea, select)"
 
 
-@pytest.mark.parametrize("view", [view.NAME for view in VIEWS])
+@pytest.mark.parametrize("view", [VIEWS])
 def test_all_that_can_be_pressed_is_reached_by_the_tab_key(view: str, page: Any) -> None:
     page.evaluate("(name) => dx.show(name)", view)
     page.wait_for_selector(f"section[data-view={view}] .card")

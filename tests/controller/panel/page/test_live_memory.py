@@ -14,7 +14,6 @@ from typing import Any
 import pytest
 from support.live import live_page, shop
 
-from controller.panel.page.views import VIEWS
 
 pytestmark = pytest.mark.soak
 
@@ -46,7 +45,7 @@ def looked_at(page: Any, running: shop.Shop, seconds: float) -> dict[str, float]
     """What page and panel hold after all views have been looked at for a while."""
     end_s, turn = time.monotonic() + seconds, 0
     while time.monotonic() < end_s:
-        page.evaluate(f"dx.show('{VIEWS[turn % len(VIEWS)].NAME}')")
+        page.evaluate(f"dx.show('{browser.VIEWS[turn % len(browser.VIEWS)]}')")
         turn += 1
         page.wait_for_timeout(min(EVERY_S, seconds / len(VIEWS)) * 1000.0)
         keep_running(running)

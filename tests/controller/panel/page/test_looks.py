@@ -11,7 +11,6 @@ import pytest
 from support.live import browser
 from support.live.browser import Site
 
-from controller.panel.page.views import VIEWS
 
 pytestmark = pytest.mark.slow
 
@@ -83,14 +82,14 @@ def findings(page: Any, name: str, tmp_path: Path) -> list[str]:
     """What is wrong in any view, with its name."""
     axe = browser.needed("axe_playwright_python.sync_playwright", "needs axe-playwright-python")
     found: list[str] = []
-    for view in VIEWS:
-        page.evaluate("(name) => dx.show(name)", view.NAME)
-        page.wait_for_selector(f"section[data-view={view.NAME}] .card")
-        for part in PARTS.get(view.NAME, ("",)):
+    for view in browser.VIEWS:
+        page.evaluate("(name) => dx.show(name)", view)
+        page.wait_for_selector(f"section[data-view={view}] .card")
+        for part in PARTS.get(view, ("",)):
             if part:
                 page.click(f"[data-setup={part}]")
             page.wait_for_timeout(200)
-            where = f"{view.NAME}{part and '-' + part} {name}"
+            where = f"{view}{part and '-' + part} {name}"
             picture = page.screenshot(path=str(tmp_path / f"{where}.png"))
             assert len(picture) > 5000, "an empty picture"
             for what, script in (("clipped", CLIPPED), ("overlapping", OVERLAPS), ("small", SMALL)):
