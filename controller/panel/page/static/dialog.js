@@ -36,7 +36,8 @@ export function say(sentence, tone = "info", stay = false) {
 export const Notice = () =>
   html`<div class="said" id="dx-said" role="status" hidden=${!dx.notice} data-tone=${dx.notice?.tone}>
     <span>${dx.notice?.sentence}</span>
-    <button class="close" type="button" aria-label=${word("frame.close")} title=${word("frame.close")} onclick=${() => say("")}><${Icon} name="close" /></button>
+    <button class="close" type="button" aria-label=${word("frame.close")} title=${word("frame.close")} onclick=${() => say("")}>
+      <${Icon} name="close" /></button>
   </div>`;
 
 export class Question extends Component {

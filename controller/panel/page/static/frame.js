@@ -83,8 +83,10 @@ function Choices() {
   const out = `${word("frame.log_out")}: ${dx.user?.name}`;
   return html`<div class="choices">
     <button class="small" id="dx-language" type="button" title=${word("frame.language")} aria-label=${word("frame.language")} onclick=${speak}>${dx.language === "en" ? "DE" : "EN"}</button>
-    <button class="small" id="dx-theme" type="button" title=${word("frame.theme")} aria-label=${word("frame.theme")} onclick=${theme}><${Icon} name="contrast" /></button>
-    ${dx.user?.csrf && html`<button class="small" id="dx-log-out" type="button" title=${out} aria-label=${out} onclick=${log_out}><span class="user-name">${dx.user.name}</span><${Icon} name="leave" /></button>`}
+    <button class="small" id="dx-theme" type="button" title=${word("frame.theme")} aria-label=${word("frame.theme")} onclick=${theme}>
+      <${Icon} name="contrast" /></button>
+    ${dx.user?.csrf && html`<button class="small" id="dx-log-out" type="button" title=${out} aria-label=${out} onclick=${log_out}>
+      <span class="user-name">${dx.user.name}</span><${Icon} name="leave" /></button>`}
   </div>`;
 }
 
@@ -104,13 +106,15 @@ function theme() {
 
 const KEYS = { hold: "F8", stop: "F9", estop: "" };
 const Stops = () =>
-  html`<div class="stops">${Object.entries(KEYS).map(([name, key]) => html`<button class=${name} id=${`dx-${name}`} type="button" title=${word(`frame.${name}_title`)}><span>${word(`frame.${name}`)}</span>${key && html`<kbd>${key}</kbd>`}</button>`)}</div>`;
+  html`<div class="stops">${Object.entries(KEYS).map(([name, key]) => html`<button class=${name} id=${`dx-${name}`} type="button" title=${word(`frame.${name}_title`)}>
+    <span>${word(`frame.${name}`)}</span>${key && html`<kbd>${key}</kbd>`}</button>`)}</div>`;
 
 // What must not be overlooked: that figures are old, and what is wrong.
 function Lines() {
   const shown = dx.status?.shown ?? {};
   return html`<div class="lines">
-    <div class="line stale" role="alert"><${Icon} name="no_link" /><strong>${word("frame.stale")}</strong><span id="dx-stale-text" title=${dx.why}>${dx.stale && old()}</span></div>
+    <div class="line stale" role="alert"><${Icon} name="no_link" /><strong>${word("frame.stale")}</strong>
+      <span id="dx-stale-text" title=${dx.why}>${dx.stale && old()}</span></div>
     <div class="line alarm" role="alert"><${Icon} name="error" />
       <span class="alarm-words"><${Figure} class="strong">${shown.fault}<//> <${Figure}>${shown.next}<//></span>
       ${shown.fault && html`<${Act} text=${word("frame.reset")} call="POST machine/reset" kind="warn" icon="reset" />`}

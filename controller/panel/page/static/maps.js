@@ -66,5 +66,6 @@ function Surface({ one, full_um, tolerance_um }) {
 // What the colours stand for.
 function Scale({ full_um }) {
   const steps = Array.from({ length: 21 }, (_, i) => (i / 10 - 1) * full_um);
-  return html`<div class="map-scale figures note"><span>−${full_um.toFixed(0)} µm</span><div style=${{ backgroundImage: colours(steps, full_um) }}></div><span>+${full_um.toFixed(0)} µm</span></div>`;
+  return html`<div class="map-scale figures note"><span>−${full_um.toFixed(0)} µm</span>
+    <div style=${{ backgroundImage: colours(steps, full_um) }}></div><span>+${full_um.toFixed(0)} µm</span></div>`;
 }

@@ -67,13 +67,15 @@ export const Meter = ({ label, share, most = 1, tone }) =>
 export const Choice = ({ label, name, values, chosen, choose }) =>
   html`<div class="choice" role="group" aria-label=${label}>
     <span class="dim">${label}</span>
-    ${values.map(([value, text]) => html`<button key=${value} class="act" type="button" data-choice=${name} data-value=${value} aria-pressed=${String(value === chosen)} onclick=${() => choose(value)}><span>${text}</span></button>`)}
+    ${values.map(([value, text]) => html`<button key=${value} class="act" type="button" data-choice=${name} data-value=${value} aria-pressed=${String(value === chosen)} onclick=${() => choose(value)}>
+      <span>${text}</span></button>`)}
   </div>`;
 
 // Terms and what they are; rows whose value is not known are left out.
 export const Facts = ({ rows, ...more }) =>
   html`<dl ...${more} class=${`facts ${more.class ?? ""}`}>
-    ${rows.filter(([, value]) => value !== undefined && value !== null && value !== "").map(([term, value]) => html`<dt>${term}</dt><dd class="figures">${value}</dd>`)}
+    ${rows.filter(([, value]) => value !== undefined && value !== null && value !== "").map(([term, value]) => html`<dt>${term}</dt>
+      <dd class="figures">${value}</dd>`)}
   </dl>`;
 
 export const Link = ({ text, path, ...more }) => html`<a class="act" href=${`/api/v1/${path}`} download="" ...${more}>${text}</a>`;

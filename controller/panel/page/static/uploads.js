@@ -91,6 +91,8 @@ export function Uploads() {
       <label class="act"><span>${word("programs.choose")}</span><input type="file" multiple id="programs-file" onchange=${take} /></label>
     </div>
     <div class="uploads" id="programs-uploads" aria-live="polite">${uploads.map(
-      (one) => html`<div class="upload" key=${one} data-tone=${one.said ? "stop" : undefined}><span class="upload-name">${one.name}</span><${Bar} share=${one.share} /><span class="figures upload-share">${one.said || (one.share === null ? "" : `${Math.round(one.share * 100)} %`)}</span></div>`,
+      (one) => html`<div class="upload" key=${one} data-tone=${one.said ? "stop" : undefined}><span class="upload-name">${one.name}</span>
+        <${Bar} share=${one.share} />
+        <span class="figures upload-share">${one.said || (one.share === null ? "" : `${Math.round(one.share * 100)} %`)}</span></div>`,
     )}</div>`;
 }

@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 from support.live.browser import VIEWS, Site, until
 
-
 pytestmark = pytest.mark.slow
 
 SLOW_UPLOAD = """
@@ -214,3 +213,70 @@ def test_nothing_is_loaded_from_other_computers(page: Any, site: Site) -> None:
     page.wait_for_function("() => !dx.stale")
     assert asked
     assert [url for url in asked if not url.startswith((site.url, "data:", "blob:"))] == []
+
+
+@pytest.mark.parametrize("press", ["#dx-stop", "#dx-hold", "#dx-estop"])
+def test_a_stop_that_is_not_sent_is_said_at_once_with_what_to_press_instead(
+    press: str, page: Any, site: Site
+) -> None:
+    page.context.set_offline(True)
+    page.click(press)
+    page.wait_for_selector("#dx-said:has-text('NOT SENT'):has-text('emergency stop on the machine')")
+    page.wait_for_timeout(500)
+    assert page.is_visible("#dx-said"), "it stays until it is closed"
+    page.click("#dx-said button")
+    assert page.is_hidden("#dx-said")
+    page.context.set_offline(False)
+    page.wait_for_function("() => !dx.stale")
+
+
+def test_a_stop_that_hangs_is_said_by_the_pages_own_clock(page: Any, site: Site) -> None:
+    site.process.send_signal(signal.SIGSTOP)
+    try:
+        page.click("#dx-stop")
+        page.wait_for_selector("#dx-said:has-text('NOT SENT')")
+    finally:
+        site.process.send_signal(signal.SIGCONT)
+    page.wait_for_selector("body[data-stale='']")
+
+
+def test_hold_is_on_every_view_and_has_a_key(page: Any, site: Site) -> None:
+    for view in VIEWS:
+        page.evaluate("(view) => dx.show(view)", view)
+        assert page.is_visible("#dx-hold") and page.is_visible("#dx-stop") and page.is_visible("#dx-estop")
+    before = len(site.asked("hold"))
+    page.click("#dx-hold")
+    until(lambda: len(site.asked("hold")) == before + 1, "the hold")
+    page.keyboard.press("F8")
+    until(lambda: len(site.asked("hold")) == before + 2, "the hold")
+
+
+def test_keys_start_and_resume_as_their_buttons_do(page: Any, site: Site) -> None:
+    before = len(site.asked("start")), len(site.asked("resume"))
+    page.keyboard.press("F4")
+    page.wait_for_selector(".dx-ask")
+    assert len(site.asked("start")) == before[0]
+    page.keyboard.press("Enter")
+    until(lambda: len(site.asked("start")) > before[0], "the start")
+    page.wait_for_selector("body[data-mode=RUNNING]")
+    page.keyboard.press("F6")
+    page.wait_for_selector("#dx-said:has-text('Possible in: Hold.')")
+    page.keyboard.press("F8")
+    page.wait_for_selector("body[data-mode=HOLD]")
+    page.keyboard.press("F6")
+    until(lambda: len(site.asked("resume")) > before[1], "going on")
+    page.keyboard.press("F9")
+    page.wait_for_selector("body[data-mode=READY]")
+
+
+def test_a_notice_is_closed_by_hand(page: Any, site: Site) -> None:
+    page.evaluate("dx.say('Something was done.')")
+    page.click("#dx-said button")
+    assert page.is_hidden("#dx-said")
+
+
+def test_every_view_has_one_heading_of_the_first_rank(page: Any) -> None:
+    for view in VIEWS:
+        page.evaluate("(view) => dx.show(view)", view)
+        heads = page.locator("h1").filter(visible=True).all_inner_texts()
+        assert len(heads) == 1 and heads[0], view

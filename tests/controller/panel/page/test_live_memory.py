@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.live import live_page, shop
-
+from support.live import browser, live_page, shop
 
 pytestmark = pytest.mark.soak
 
@@ -47,7 +46,7 @@ def looked_at(page: Any, running: shop.Shop, seconds: float) -> dict[str, float]
     while time.monotonic() < end_s:
         page.evaluate(f"dx.show('{browser.VIEWS[turn % len(browser.VIEWS)]}')")
         turn += 1
-        page.wait_for_timeout(min(EVERY_S, seconds / len(VIEWS)) * 1000.0)
+        page.wait_for_timeout(min(EVERY_S, seconds / len(browser.VIEWS)) * 1000.0)
         keep_running(running)
     page.evaluate("dx.show('run')")
     found = memory(page, running.processes["panel"].pid)

@@ -11,7 +11,6 @@ import pytest
 from support.live import browser
 from support.live.browser import Site
 
-
 pytestmark = pytest.mark.slow
 
 SIZES = {"wide": (1920, 1080), "touch": (1280, 720), "phone": (390, 844)}

@@ -205,6 +205,7 @@ def test_without_control_nothing_of_it_can_be_pressed(setup: Any, site: Site) ->
     for name in ("homing", "offsets", "tools"):
         part(setup, name)
         setup.wait_for_function(
-            "(part) => [...document.querySelectorAll(part + ' button')].every((one) => one.ariaDisabled === 'true')",
+            "(part) => [...document.querySelectorAll(part + ' button')]"
+            ".every((one) => one.ariaDisabled === 'true')",
             arg=f".part[data-part={name}]",
         )

@@ -76,9 +76,12 @@ function Bus({ bus, limits: { max_share: most, near_share: near } }) {
     <${Figure}>${percent(share)}<//>`;
   const known = typeof bus.transmit_errors === "number";
   return html`<div class="bus">
-    <div class="row spread"><strong>${bus.name}</strong><span class="dim">${bus.interface} · ${bus.bit_rate ? `${bus.bit_rate / 1000} kbit/s` : word("untimed")}</span></div>
+    <div class="row spread"><strong>${bus.name}</strong>
+      <span class="dim">${bus.interface} · ${bus.bit_rate ? `${bus.bit_rate / 1000} kbit/s` : word("untimed")}</span></div>
     <div class="meters">${row("budget", bus.budget_share)}${row("fullest", bus.fullest_share)}${row("measured", bus.measured_share)}</div>
-    <div class="row spread"><span class="dim">${bus.frames_per_s} ${word("frames")}</span><span class=${bus.error_frames ? "wrong" : "dim"}>${bus.error_frames} ${word("error_frames")}${known && `  TEC ${bus.transmit_errors}  REC ${bus.receive_errors}`}</span></div>
+    <div class="row spread"><span class="dim">${bus.frames_per_s} ${word("frames")}</span>
+      <span class=${bus.error_frames ? "wrong" : "dim"}>${bus.error_frames} ${word("error_frames")}${known && `  TEC ${bus.transmit_errors}  REC ${bus.receive_errors}`}</span>
+      </div>
   </div>`;
 }
 

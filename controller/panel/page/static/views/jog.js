@@ -111,7 +111,8 @@ function Mdi() {
   };
   return html`<${Card} title=${word("mdi")} class="mdi-card">
     <form class="mdi" id="mdi" autocomplete="off" onsubmit=${(event) => event.preventDefault()}>
-      <textarea id="mdi-text" rows="2" maxlength="1000" spellcheck=${false} aria-label=${word("mdi")} placeholder="G0 X10." ref=${field} onkeydown=${typed}></textarea>
+      <textarea id="mdi-text" rows="2" maxlength="1000" spellcheck=${false} aria-label=${word("mdi")} placeholder="G0 X10." ref=${field} onkeydown=${typed}>
+        </textarea>
       <${Act} id="mdi-run" text=${word("run")} kind="go" icon="play" ...${rules} press=${run} />
     </form>
     <h2>${word("history")}</h2>

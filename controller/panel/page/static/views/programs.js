@@ -78,7 +78,8 @@ function Row({ row }) {
     </td>
     <td class="p-check"><${State} check=${check} /></td>
     <td class="figures p-time">${forms.time(check.result.duration_s)}</td>
-    <td class="p-last">${run && html`<${Chip} tone=${RESULTS[run.result] ?? "dim"}>${known(`result.${run.result}`, run.result)}<//><div class="dim when"><${Moment} at=${run.began_s} /></div>`}</td>
+    <td class="p-last">${run && html`<${Chip} tone=${RESULTS[run.result] ?? "dim"}>${known(`result.${run.result}`, run.result)}<//>
+      <div class="dim when"><${Moment} at=${run.began_s} /></div>`}</td>
     <td class="figures p-size">${forms.size(row.size)}</td>
   </tr>`;
 }
@@ -149,7 +150,9 @@ function Found({ check }) {
 
 // What each axis does; a share of more than its limit is said in colour.
 const Box = ({ joints }) => html`<div class="scroll" tabindex="0"><table class="list box">
-  <thead><tr>${["run.axis", "programs.from", "programs.to", ...SHARES.map((one) => `programs.${one}`)].map((key) => html`<th scope="col">${text(key)}</th>`)}</tr></thead>
+  <thead>
+    <tr>${["run.axis", "programs.from", "programs.to", ...SHARES.map((one) => `programs.${one}`)].map((key) => html`<th scope="col">${text(key)}</th>`)}</tr>
+    </thead>
   <tbody>${joints.map((joint) => html`<tr key=${joint.name}>
     <th scope="row">${joint.name}</th>
     <td class="figures">${joint.lowest.toFixed(2)}</td><td class="figures">${joint.highest.toFixed(2)}</td>
@@ -171,7 +174,8 @@ function Places({ name, lines }) {
     return call("POST", "job", body);
   }
   return html`<form class="row places" data-program=${name} ref=${form} onsubmit=${(event) => event.preventDefault()}>
-    ${FIELDS.map(([field, most, step]) => html`<label><span class="dim">${word(field)}</span><input type="number" name=${field} min="0" max=${most} step=${step} /></label>`)}
+    ${FIELDS.map(([field, most, step]) => html`<label><span class="dim">${word(field)}</span>
+      <input type="number" name=${field} min="0" max=${most} step=${step} /></label>`)}
     <label><span class="dim">${word("block_delete")}</span><input type="checkbox" name="block_delete" /></label>
     <${Act} text=${word("load_there")} kind="go" icon="from" modes="OFF READY" press=${load} />
   </form>`;

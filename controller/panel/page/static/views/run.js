@@ -54,14 +54,16 @@ function Axis({ axis: { name, unit, following_error: most }, joint }) {
     <${Figure} tag="td" class="big c-work">${forms[unit](joint.work)}<//>
     ${["machine", "to_go", "actual"].map((column) => html`<${Figure} tag="td" class=${`c-${column}`}>${forms[unit](joint[column])}<//>`)}
     <td class="c-error"><div class="error">
-      <div class="error-bar" data-error=${name} data-tone=${size > 0.8 ? "stop" : size > 0.5 ? "hold" : "go"} style=${{ "--size": String(size), "--side": share < 0 ? "1" : "0" }}></div>
+      <div class="error-bar" data-error=${name} data-tone=${size > 0.8 ? "stop" : size > 0.5 ? "hold" : "go"} style=${{ "--size": String(size), "--side": share < 0 ? "1" : "0" }}>
+        </div>
       <${Figure} class="error-figure">${forms.um(joint.error)}<//>
     </div></td>
   </tr>`;
 }
 
 function Tool() {
-  const letters = (values, names, form) => [...names].map((one) => html`<span class="pair"><span class="dim">${one}</span><${Figure}>${form(values?.[one])}<//></span>`);
+  const letters = (values, names, form) => [...names].map((one) => html`<span class="pair"><span class="dim">${one}</span>
+    <${Figure}>${form(values?.[one])}<//></span>`);
   return html`<${Card} title=${word("run.tool")} class="run-tool">
     <div class="triple"><span class="dim">${word("run.tip")}</span>${letters(dx.status?.tip, "XYZ", forms.mm)}</div>
     <div class="triple"><span class="dim">${word("run.vector")}</span>${letters(dx.status?.axis, "IJK", forms.unit)}</div>
@@ -129,7 +131,8 @@ const Rapid = () => html`<div class="override">
 function Cycle() {
   const job = dx.status?.job;
   const tall = (key, path, more) => html`<${Act} text=${word(`run.${key}`)} call=${`POST cycle/${path}`} class="tall" ...${more} />`;
-  const time = (key) => html`<div class="time"><span class="dim">${word(`run.${key}`)}</span><${Figure} class="strong">${forms.time(job?.[`${key}_s`])}<//></div>`;
+  const time = (key) => html`<div class="time"><span class="dim">${word(`run.${key}`)}</span>
+    <${Figure} class="strong">${forms.time(job?.[`${key}_s`])}<//></div>`;
   return html`<${Card} title=${word("run.cycle")} class="run-cycle">
     <div class="cycle">
       ${tall("start", "start", { kind: "go", ask: word("run.start_ask"), modes: "READY", icon: "play", keys: "F4", given: Boolean(job), why: "why.no_program" })}

@@ -49,7 +49,8 @@ function Sums() {
   const { runs, results = {}, failed, cut_time_s, duration_s } = sums ?? {};
   const shown = { all: runs, completed: sums && (results.completed ?? 0), stopped: sums && (results.stopped ?? 0), failed };
   const figures = { ...shown, cut: forms.seconds(cut_time_s), time: forms.seconds(duration_s) };
-  return Object.entries(figures).map(([key, value]) => html`<div class="sum"><span class="figures big" id=${`runs-${key}`}>${value ?? "–"}</span><span class="dim">${word(key)}</span></div>`);
+  return Object.entries(figures).map(([key, value]) => html`<div class="sum">
+    <span class="figures big" id=${`runs-${key}`}>${value ?? "–"}</span><span class="dim">${word(key)}</span></div>`);
 }
 
 // The axis that was off most, of those in mm and of those in degrees: the two do not compare.

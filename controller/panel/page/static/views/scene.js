@@ -33,18 +33,21 @@ function View() {
     picture?.look(frame === "machine" ? "machine" : "iso");
     changed();
   };
-  const look = (from) => html`<button key=${from} class="act" type="button" data-scene=${`look ${from}`} onclick=${() => picture?.look(from)}><span>${word(from)}</span></button>`;
+  const look = (from) => html`<button key=${from} class="act" type="button" data-scene=${`look ${from}`} onclick=${() => picture?.look(from)}>
+    <span>${word(from)}</span></button>`;
   return html`<div class="looks scene"><div class="card scene-card">
     <div class="scene-place" role="img" aria-label=${word("picture")} ref=${place}></div>
     <div class="row scene-tools">
-      ${["part", "machine"].map((frame) => html`<button key=${frame} class="act" type="button" data-scene=${`frame ${frame}`} aria-pressed=${String((picture?.frame ?? "part") === frame)} onclick=${() => see(frame)}><span>${word(frame)}</span></button>`)}
+      ${["part", "machine"].map((frame) => html`<button key=${frame} class="act" type="button" data-scene=${`frame ${frame}`} aria-pressed=${String((picture?.frame ?? "part") === frame)} onclick=${() => see(frame)}>
+        <span>${word(frame)}</span></button>`)}
       ${LOOKS.map(look)}
       <button class="act" type="button" data-scene="fit" onclick=${() => picture?.fit()}><${Icon} name="fit" /><span>${word("fit")}</span></button>
       <button class="act" type="button" data-scene="clear" onclick=${() => picture?.clear()}><span>${word("clear")}</span></button>
     </div>
     <div class="scene-said">
       ${[..."XYZ"].map((axis) => html`<span><span class="dim">${axis} </span><${Figure}>${forms.mm(dx.status?.tip?.[axis])}<//></span>`)}
-      ${Object.entries(KEYS).map(([key, colour]) => html`<span class="key dim"><i style=${{ "--colour": `var(${colour})` }}></i><span>${word(key)}</span></span>`)}
+      ${Object.entries(KEYS).map(([key, colour]) => html`<span class="key dim"><i style=${{ "--colour": `var(${colour})` }}></i>
+        <span>${word(key)}</span></span>`)}
       <span class="key dim" id="scene-scale"><i class="ruler"></i><span></span></span>
       <span class="dim" id="scene-said">${shown.wrong}</span>
     </div>

@@ -27,14 +27,16 @@ function View() {
     <${Card} class="scope-screen">
       <${Tools} />
       <${Plot} label=${word("screen")} />
-      <div class="row spread"><span class="figures" id="scope-cursors">${cursors() || word("cursor_hint")}</span><${Wrong} id="scope-said" text=${state.wrong} /></div>
+      <div class="row spread"><span class="figures" id="scope-cursors">${cursors() || word("cursor_hint")}</span>
+        <${Wrong} id="scope-said" text=${state.wrong} /></div>
     <//>
     <${Card} title=${word("signals")} class="scope-side">
       <div class="stack" id="scope-signals">${state.names.map((name, i) => html`<${Signal} key=${name} name=${name} i=${i} />`)}</div>
       <label><span>${word("add")}</span><${Signals} id="scope-add" value="" empty=${true} pick=${add} /></label>
       <${Trigger} />
       <h2>${word("export")}</h2>
-      <div class="row">${["csv", "npz"].map((kind) => html`<a class="act" id=${`scope-${kind}`} href=${exported(kind)} download=""><span>${kind.toUpperCase()}</span></a>`)}</div>
+      <div class="row">${["csv", "npz"].map((kind) => html`<a class="act" id=${`scope-${kind}`} href=${exported(kind)} download="">
+        <span>${kind.toUpperCase()}</span></a>`)}</div>
     <//>
   </div>`;
 }
@@ -114,15 +116,22 @@ const Signals = ({ id, value, empty, pick }) => html`<select id=${id} value=${va
 </select>`;
 
 function Trigger() {
-  const number = (key) => html`<label><span>${word(key)}</span><input id=${`scope-${key}`} type="number" step="any" value=${state[key]} oninput=${(event) => (state[key] = event.target.value)} /></label>`;
+  const number = (key) => html`<label><span>${word(key)}</span>
+    <input id=${`scope-${key}`} type="number" step="any" value=${state[key]} oninput=${(event) => (state[key] = event.target.value)} />
+    </label>`;
   return html`
     <h2>${word("trigger")}</h2>
-    <label><span>${word("trigger_signal")}</span><${Signals} id="scope-trigger-signal" value=${state.trigger_signal} pick=${(name) => (state.trigger_signal = name)} /></label>
+    <label><span>${word("trigger_signal")}</span>
+      <${Signals} id="scope-trigger-signal" value=${state.trigger_signal} pick=${(name) => (state.trigger_signal = name)} /></label>
     <div class="grid2">
-      <label><span>${word("edge")}</span><select id="scope-edge" onchange=${(event) => (state.edge = event.target.value)}>${EDGES.map((edge) => html`<option key=${edge} value=${edge} selected=${edge === state.edge}>${word(edge)}</option>`)}</select></label>
+      <label><span>${word("edge")}</span>
+        <select id="scope-edge" onchange=${(event) => (state.edge = event.target.value)}>${EDGES.map((edge) => html`<option key=${edge} value=${edge} selected=${edge === state.edge}>${word(edge)}</option>`)}</select>
+        </label>
       ${number("level")}${number("before")}
     </div>
-    <label class="row"><input id="scope-freeze" type="checkbox" checked=${state.freeze} onchange=${(event) => (state.freeze = event.target.checked)} /><span>${word("freeze")}</span></label>`;
+    <label class="row">
+      <input id="scope-freeze" type="checkbox" checked=${state.freeze} onchange=${(event) => (state.freeze = event.target.checked)} />
+      <span>${word("freeze")}</span></label>`;
 }
 
 function cursors() {

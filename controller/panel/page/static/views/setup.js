@@ -18,7 +18,8 @@ function View() {
     changed();
   };
   return html`<div class="looks setup">
-    <div class="pages">${Object.keys(PARTS).map((part) => html`<button key=${part} class="act" type="button" data-setup=${part} aria-pressed=${String(part === at.part)} onclick=${() => turn(part)}><span>${word(part)}</span></button>`)}</div>
+    <div class="pages">${Object.keys(PARTS).map((part) => html`<button key=${part} class="act" type="button" data-setup=${part} aria-pressed=${String(part === at.part)} onclick=${() => turn(part)}>
+      <span>${word(part)}</span></button>`)}</div>
     <${Wrong} id="setup-said" text=${wrong()} />
     <div class="part" key=${at.part} data-part=${at.part} data-shown="1"><${Card} title=${word(at.part)} tabindex="0"><${Part} /><//></div>
   </div>`;
@@ -35,7 +36,9 @@ function Homing() {
   const joints = Object.entries(dx.status?.joints ?? {});
   return html`
     <table class="list">
-      <thead><tr><th scope="col">${word("axis")}</th><th scope="col">${word("state")}</th><th scope="col" class="figures hide-narrow">${word("home_at")}</th><th scope="col" class="figures hide-narrow">${word("travel")}</th><td></td></tr></thead>
+      <thead><tr><th scope="col">${word("axis")}</th><th scope="col">${word("state")}</th>
+        <th scope="col" class="figures hide-narrow">${word("home_at")}</th>
+        <th scope="col" class="figures hide-narrow">${word("travel")}</th><td></td></tr></thead>
       <tbody id="setup-homing">${joints.map(([name, joint]) => html`<${Axis} key=${name} name=${name} joint=${joint} />`)}</tbody>
     </table>
     <div class="row"><${Act} text=${word("home_all")} call="POST machine/home" body=${{}} ask=${word("home_all_ask")} ...${FREE} icon="home" /></div>`;
@@ -45,10 +48,14 @@ function Axis({ name, joint: { homed, limit } }) {
   const { home, unit = "", travel = [] } = dx.axis(name);
   return html`<tr>
     <th scope="row"><${AxisName} name=${name} /></th>
-    <td><div class="row"><${Chip} tone=${homed ? "go" : "hold"}>${word(homed ? "homed" : "not_homed")}<//>${limit && html`<${Chip} tone="stop">${word("limit")} ${limit}<//>`}</div></td>
+    <td><div class="row">
+      <${Chip} tone=${homed ? "go" : "hold"}>${word(homed ? "homed" : "not_homed")}<//>${limit && html`<${Chip} tone="stop">${word("limit")} ${limit}<//>`}</div>
+      </td>
     <td class="figures hide-narrow">${figure(home)} ${unit}</td>
     <td class="figures hide-narrow">${travel.map(figure).join(" … ")}</td>
-    <td><${Act} text=${word("home")} aria-label=${`${word("home")} ${name}`} ask=${word("home_ask", name)} call="POST machine/home" body=${{ axes: [name] }} ...${FREE} /></td>
+    <td>
+      <${Act} text=${word("home")} aria-label=${`${word("home")} ${name}`} ask=${word("home_ask", name)} call="POST machine/home" body=${{ axes: [name] }} ...${FREE} />
+      </td>
   </tr>`;
 }
 

@@ -32,11 +32,13 @@ export function File() {
     </div>
     <p class="dim">${word("read_only")}</p>
     <table class="list file-table">
-      <thead><tr><th scope="col" class="figures">${word("line")}</th><th scope="col">${word("key")}</th><th scope="col">${word("value")}</th><th scope="col" class="hide-narrow">${word("comment")}</th></tr></thead>
+      <thead><tr><th scope="col" class="figures">${word("line")}</th><th scope="col">${word("key")}</th>
+        <th scope="col">${word("value")}</th><th scope="col" class="hide-narrow">${word("comment")}</th></tr></thead>
       <tbody id="setup-file">${found.map((row, i) => html`<${Row} key=${row.line} row=${row} first=${row.table !== found[i - 1]?.table} />`)}</tbody>
     </table>`;
 }
 
 const Row = ({ row, first }) => html`
   ${first && html`<tr class="group"><td colspan="4">${row.table}</td></tr>`}
-  <tr><td class="figures dim">${row.line}</td><td class="key">${row.key}</td><td class="value">${row.value}</td><td class="dim hide-narrow">${row.comment}</td></tr>`;
+  <tr><td class="figures dim">${row.line}</td><td class="key">${row.key}</td><td class="value">${row.value}</td>
+    <td class="dim hide-narrow">${row.comment}</td></tr>`;

@@ -124,7 +124,9 @@ export function Offsets() {
       </label>
     </div>
     <table class="list">
-      <thead><tr><th scope="col">${word("offset")}</th>${AXES.map((axis) => html`<th scope="col">${axis} mm</th>`)}${AXES.map((axis) => html`<th scope="col" class="hide-narrow">${word("turned")} ${axis} °</th>`)}<td></td></tr></thead>
+      <thead><tr>
+        <th scope="col">${word("offset")}</th>${AXES.map((axis) => html`<th scope="col">${axis} mm</th>`)}${AXES.map((axis) => html`<th scope="col" class="hide-narrow">${word("turned")} ${axis} °</th>`)}<td>
+        </td></tr></thead>
       <tbody id="setup-offsets">${Object.entries(told.offsets).map(([name, values]) => html`<${Offset} key=${name} name=${name} values=${values} />`)}</tbody>
     </table>`;
 }
@@ -137,8 +139,11 @@ function Offset({ name, values }) {
   return html`<tr data-row=${name}>
     <th scope="row"><${AxisName} name=${name} /><span class="dim" data-unset="" hidden=${!values.unset}> ${word("unset")}</span></th>
     ${AXES.map(at)}
-    ${AXES.map((axis) => html`<td class="hide-narrow"><${Field} name=${`r${axis}`} label=${`${name} ${word("turned")} ${axis}`} value=${of_offset(values, `r${axis}`)} /></td>`)}
-    <td><${Act} text=${word("save")} aria-label=${`${word("save")} ${name}`} modes="OFF READY FAULT" press=${(event) => save(event, "offsets", name, of_offset, offset_body)} /></td>
+    ${AXES.map((axis) => html`<td class="hide-narrow">
+      <${Field} name=${`r${axis}`} label=${`${name} ${word("turned")} ${axis}`} value=${of_offset(values, `r${axis}`)} /></td>`)}
+    <td>
+      <${Act} text=${word("save")} aria-label=${`${word("save")} ${name}`} modes="OFF READY FAULT" press=${(event) => save(event, "offsets", name, of_offset, offset_body)} />
+      </td>
   </tr>`;
 }
 
