@@ -110,7 +110,7 @@ def starts(page: Any) -> None:
 
 
 def holds(page: Any) -> None:
-    page.click("[data-call='POST cycle/hold']:not([aria-disabled=true])")
+    page.click("#dx-hold")
     live_page.wait(page, "dx.status.mode === 'HOLD' && dx.status.at_rest")
     assert 0.0 < page.evaluate("dx.status.job.left_s") < page.evaluate("dx.status.job.duration_s")
 

@@ -45,10 +45,13 @@ OVERLAPS = """() => {
   }
   return bad;
 }"""
+# A glove on a machine's screen, a thumb on a phone.
 SMALL = """() => {
   const all = document.querySelectorAll("header button, nav button, section[data-shown] button:not(.plain)");
-  const small = (box) => box.width && (box.width < 43.5 || box.height < 43.5);
-  return [...all].filter((one) => small(one.getBoundingClientRect())).map((one) => one.textContent);
+  const least = innerWidth > 900 ? 59.5 : 43.5;
+  const small = (one, box) => box.height < least || box.width < (one.closest("nav") ? 43.5 : least);
+  const seen = [...all].filter((one) => one.checkVisibility());
+  return seen.filter((one) => small(one, one.getBoundingClientRect())).map((one) => one.textContent || one.id);
 }"""
 
 
