@@ -5,7 +5,7 @@ import { changed, dx } from "./store.js";
 import { word } from "./texts.js";
 
 // true or false; with a ``field`` (attributes of an input) what was typed, or null.
-export const ask = (sentence, yes = "frame.yes", field = null) =>
+export const ask = (sentence, yes = "frame.yes", field = null, start = "") =>
   new Promise((resolve) => {
     dx.question?.end(false); // who asked it must not wait for ever
     const before = document.activeElement;
@@ -16,13 +16,13 @@ export const ask = (sentence, yes = "frame.yes", field = null) =>
       before?.focus?.({ preventScroll: true });
       resolve(said);
     };
-    const question = { sentence, yes, field, end };
+    const question = { sentence, yes, field, start, end };
     dx.question = question;
     dx.draw();
   });
 
 export const ask_for = async (sentence, yes, start, attributes = {}) =>
-  (await ask(sentence, yes, { value: start, ...attributes })) || null;
+  (await ask(sentence, yes, attributes, start)) || null;
 
 // What was refused, or done: one sentence at the bottom, which goes by itself; ``stay``: until it is closed.
 let fading = 0;
@@ -45,6 +45,7 @@ export class Question extends Component {
 
   componentDidMount() {
     const field = this.box.current.querySelector("input");
+    if (field) field.value = this.props.asked.start; // once: what is typed stays
     field?.select();
     (field ?? this.box.current.querySelector("[data-kind=go]")).focus();
   }

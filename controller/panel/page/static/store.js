@@ -14,7 +14,7 @@ export const dx = {
   holder: null, // of the control token: a name
   token: "", // "" = this page does not hold it
   view: "",
-  question: null, // { sentence, yes, field, end }
+  question: null, // { sentence, yes, field, start, end }
   notice: null, // { sentence, tone }
 };
 

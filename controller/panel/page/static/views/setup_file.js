@@ -20,9 +20,9 @@ export function File() {
   useEffect(() => {
     if (!told) read();
   });
-  const found = (told?.rows ?? []).filter((row) => `${row.table} ${row.key} ${row.value} ${row.comment}`.toLowerCase().includes(wanted));
+  const found = (told?.rows ?? []).filter((row) => `${row.table} ${row.key} ${row.value} ${row.comment}`.toLowerCase().includes(wanted.toLowerCase()));
   const search = (event) => {
-    wanted = event.target.value.toLowerCase();
+    wanted = event.target.value;
     changed();
   };
   return html`
