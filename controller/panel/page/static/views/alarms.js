@@ -3,7 +3,7 @@ import { call, history } from "../api.js";
 import { html } from "../dom.js";
 import { forms } from "../forms.js";
 import { Act, Card, Chip, Link, Wrong } from "../parts.js";
-import { changed, dx } from "../store.js";
+import { dx } from "../store.js";
 import { known, sentence, word as text } from "../texts.js";
 import { open_scope } from "./scope.js";
 
@@ -16,7 +16,7 @@ dx.on("alarms", list.look);
 
 function switch_open() {
   only_open = !only_open;
-  changed();
+  dx.draw();
   list.anew();
 }
 

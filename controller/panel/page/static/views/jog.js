@@ -5,7 +5,7 @@ import { ask } from "../dialog.js";
 import { html, useRef, useState } from "../dom.js";
 import { forms } from "../forms.js";
 import { Act, AxisName, Card, Choice, Figure, reason } from "../parts.js";
-import { changed, dx, keep, kept } from "../store.js";
+import { dx, keep, kept } from "../store.js";
 import { word as text } from "../texts.js";
 
 const word = (key, ...values) => text(`jog.${key}`, ...values);
@@ -18,7 +18,7 @@ export default { name: "jog", View };
 function choose(name, value) {
   end();
   chosen[name] = value;
-  changed();
+  dx.draw();
 }
 
 function Jog() {
@@ -55,7 +55,7 @@ function Speed() {
   const percent = Math.round(chosen.speed * 100);
   const drag = (event) => {
     chosen.speed = event.target.valueAsNumber / 100;
-    changed();
+    dx.draw();
   };
   return html`<label class="jog-speed">
     <span class="dim">${word("speed")}</span>
@@ -67,7 +67,7 @@ function Speed() {
 function Keyboard() {
   async function turn() {
     chosen.keyboard = !chosen.keyboard && (await ask(word("keyboard_ask")));
-    changed();
+    dx.draw();
   }
   return html`<${Act} id="jog-keyboard" text=${word("keyboard")} icon="keyboard" class="toggle" aria-pressed=${String(chosen.keyboard)} press=${turn} />`;
 }

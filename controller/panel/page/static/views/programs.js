@@ -7,7 +7,7 @@ import { Icon } from "../icons.js";
 import { Maps, Verdict } from "../maps.js";
 import { Act, Card, Chip, Wrong } from "../parts.js";
 import { Offer, StateThere } from "../restart.js";
-import { changed, dx } from "../store.js";
+import { dx } from "../store.js";
 import { known, sentence, word as text } from "../texts.js";
 import { Uploads } from "../uploads.js";
 
@@ -40,14 +40,14 @@ async function detail({ name }) {
   const place = line ? await call("GET", `${path_of(name)}/around?line=${line}&column=${column ?? 0}`, null, true) : null;
   if (name !== told.chosen) return;
   Object.assign(told, { one: said.body, around: place?.body.lines ?? [] });
-  changed();
+  dx.draw();
 }
 
 function choose(row) {
   told.chosen = row.name;
   if (told.one?.name !== row.name) told.one = null;
   detail(row);
-  changed();
+  dx.draw();
 }
 
 // ---- the list

@@ -3,7 +3,7 @@ import { call, every, history } from "../api.js";
 import { html } from "../dom.js";
 import { forms } from "../forms.js";
 import { Act, Card, Chip, Facts, Link, Wrong } from "../parts.js";
-import { changed, dx } from "../store.js";
+import { dx } from "../store.js";
 import { known, sentence, word as text } from "../texts.js";
 import { open_scope } from "./scope.js";
 
@@ -19,10 +19,10 @@ every("runs", 5, "statistics/runs", (body) => (sums = body));
 
 async function choose(id) {
   chosen = { id };
-  changed();
+  dx.draw();
   const said = await call("GET", `runs/${id}`);
   if (said.ok && chosen.id === id) chosen = said.body;
-  changed();
+  dx.draw();
 }
 
 function View() {

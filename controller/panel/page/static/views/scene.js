@@ -3,7 +3,7 @@ import { html, useEffect, useRef } from "../dom.js";
 import { forms } from "../forms.js";
 import { Icon } from "../icons.js";
 import { Figure } from "../parts.js";
-import { changed, dx } from "../store.js";
+import { dx } from "../store.js";
 import { word as text } from "../texts.js";
 
 const word = (key) => text(`scene.${key}`);
@@ -17,9 +17,9 @@ async function come(place) {
   window.dxScene = shown.picture = new MachinePicture(dx.facts);
   shown.picture.show_in(place, (wrong) => {
     shown.wrong = wrong;
-    changed();
+    dx.draw();
   });
-  changed();
+  dx.draw();
 }
 
 function View() {
@@ -31,7 +31,7 @@ function View() {
   const see = (frame) => {
     picture?.see(frame);
     picture?.look(frame === "machine" ? "machine" : "iso");
-    changed();
+    dx.draw();
   };
   const look = (from) => html`<button key=${from} class="act" type="button" data-scene=${`look ${from}`} onclick=${() => picture?.look(from)}>
     <span>${word(from)}</span></button>`;

@@ -5,7 +5,7 @@ import { show } from "../frame.js";
 import { Act, Card, Wrong } from "../parts.js";
 import { Plot, colour, figure, values_at } from "../scope/plot.js";
 import { choose, exported, look, move, period, press_run, press_single, redraw, shown, sources, state, still_at, zoom } from "../scope/ticks.js";
-import { changed, dx, keep } from "../store.js";
+import { dx, keep } from "../store.js";
 import { word as text } from "../texts.js";
 
 const word = (key, ...values) => text(`scope.${key}`, ...values);

@@ -1,7 +1,7 @@
 // Set-up: homing, work offsets, tools, the machine file, and what the drives were told.
 import { html } from "../dom.js";
 import { Act, AxisName, Card, Chip, Wrong } from "../parts.js";
-import { changed, dx } from "../store.js";
+import { dx } from "../store.js";
 import { known, word as text } from "../texts.js";
 import { File, read_anew } from "./setup_file.js";
 import { Offsets, Tools, figure, forget_pick, wrong } from "./setup_tables.js";
@@ -15,7 +15,7 @@ function View() {
   const turn = (part) => {
     at.part = part;
     dx.tell("setup", part);
-    changed();
+    dx.draw();
   };
   return html`<div class="looks setup">
     <div class="pages">${Object.keys(PARTS).map((part) => html`<button key=${part} class="act" type="button" data-setup=${part} aria-pressed=${String(part === at.part)} onclick=${() => turn(part)}>

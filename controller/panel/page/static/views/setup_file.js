@@ -1,7 +1,7 @@
 // The machine file, value by value with its lines: to be read and searched.
 import { call } from "../api.js";
 import { html, useEffect } from "../dom.js";
-import { changed } from "../store.js";
+import { dx } from "../store.js";
 import { word as text } from "../texts.js";
 
 const word = (key) => text(`setup.${key}`);
@@ -13,7 +13,7 @@ export const read_anew = () => (told = null);
 async function read() {
   const said = await call("GET", "machine/file");
   if (said.ok) told = said.body;
-  changed();
+  dx.draw();
 }
 
 export function File() {
@@ -23,7 +23,7 @@ export function File() {
   const found = (told?.rows ?? []).filter((row) => `${row.table} ${row.key} ${row.value} ${row.comment}`.toLowerCase().includes(wanted.toLowerCase()));
   const search = (event) => {
     wanted = event.target.value;
-    changed();
+    dx.draw();
   };
   return html`
     <div class="row spread">

@@ -4,7 +4,7 @@ import { ask, ask_for, say } from "../dialog.js";
 import { Component, createRef, html } from "../dom.js";
 import { forms } from "../forms.js";
 import { Act, AxisName } from "../parts.js";
-import { changed, dx } from "../store.js";
+import { dx } from "../store.js";
 import { word as text } from "../texts.js";
 
 const word = (key, ...values) => text(`setup.${key}`, ...values);
@@ -114,7 +114,7 @@ function tip({ tool: number_, on_table } = {}) {
 export function Offsets() {
   const pick = (event) => {
     tool = Number(event.target.value);
-    changed();
+    dx.draw();
   };
   return html`
     <div class="row">
