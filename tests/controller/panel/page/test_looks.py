@@ -51,7 +51,7 @@ SMALL = """() => {
   const least = innerWidth > 900 ? 59.5 : 43.5;
   const small = (one, box) => box.height < least || box.width < (one.closest("nav") ? 43.5 : least);
   const seen = [...all].filter((one) => one.checkVisibility());
-  return seen.filter((one) => small(one, one.getBoundingClientRect())).map((one) => one.textContent || one.id);
+  return seen.filter((one) => small(one, one.getBoundingClientRect())).map((one) => one.textContent);
 }"""
 
 
