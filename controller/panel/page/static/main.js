@@ -72,4 +72,4 @@ async function begin() {
   show(wanted());
   listen();
 }
-begin();
+begin().catch(() => setTimeout(() => location.reload(), 1000)); // the panel went away meanwhile

@@ -138,7 +138,7 @@ def test_a_key_that_is_held_answers_no_question_and_starts_nothing(page: Any, si
 REACHABLE = "header button, nav button, section[data-shown] :is(button, input, textarea, select)"
 
 
-@pytest.mark.parametrize("view", [VIEWS])
+@pytest.mark.parametrize("view", VIEWS)
 def test_all_that_can_be_pressed_is_reached_by_the_tab_key(view: str, page: Any) -> None:
     page.evaluate("(name) => dx.show(name)", view)
     page.wait_for_selector(f"section[data-view={view}] .card")

@@ -200,7 +200,7 @@ function Program() {
     ${!job && html`<div class="empty" id="run-empty">
       <p class="dim">${word("frame.no_program")}</p>
       <${Act} text=${word("run.choose")} needs="" icon="programs" press=${() => show("programs")} />
-      <${Offer} view="run" />
+      <${Offer} />
     </div>`}
   <//>`;
 }

@@ -13,7 +13,9 @@ const shown = { picture: null, coming: false, wrong: "" };
 
 async function come(place) {
   shown.coming = true;
-  const { MachinePicture } = await import("../scene/picture.js");
+  const found = await import("../scene/picture.js").catch(() => null);
+  if (!found) return setTimeout(() => (shown.coming = false), 1000); // the panel is away: asked for again
+  const { MachinePicture } = found;
   window.dxScene = shown.picture = new MachinePicture(dx.facts);
   shown.picture.show_in(place, (wrong) => {
     shown.wrong = wrong;

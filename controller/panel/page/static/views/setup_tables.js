@@ -36,10 +36,9 @@ class Field extends Component {
     const { name, value } = this.props;
     const shown = typeof value === "string" ? value : figure(value);
     const typed = !same(name, input.value, input.defaultValue);
-    if (typed || input !== document.activeElement || same(name, input.defaultValue, shown)) {
-      if (!typed || same(name, input.value, shown)) input.value = shown;
-      input.defaultValue = shown;
-    }
+    if (!typed && input === document.activeElement) return; // a half typed figure may be worth as much as the old one
+    input.defaultValue = shown;
+    if (!typed || same(name, input.value, shown)) input.value = shown;
     this.mark();
   }
 
