@@ -57,9 +57,14 @@ def test_stop_has_a_key_and_the_e_stop_asks_nothing(page: Any, site: Site) -> No
     page.wait_for_selector("body[data-mode=READY]")
 
 
+LOADED = {"name": "part.ngc", "sha256": "0" * 64, "state": "loaded"}
+START = "[data-call='POST cycle/start']:not([aria-disabled=true])"
+
+
 def test_a_start_asks_first(page: Any, site: Site) -> None:
+    site.tell(job=LOADED)
     before = len(site.asked("start"))
-    page.click(".cycle button[data-kind=go] >> nth=0")
+    page.click(START)
     page.wait_for_selector(".dx-ask")
     page.keyboard.press("Escape")
     page.wait_for_selector(".dx-ask", state="detached")
@@ -122,8 +127,10 @@ def test_a_line_above_the_view_pushes_nothing_of_it_off_the_screen(page: Any, si
 
 
 def test_a_key_that_is_held_answers_no_question_and_starts_nothing(page: Any, site: Site) -> None:
+    site.tell(job=LOADED)
     before = len(site.asked("start"))
-    page.focus(".cycle button[data-kind=go] >> nth=0")
+    page.wait_for_selector(START)
+    page.focus(START)
     for _ in range(4):  # without an up between them: the first is the press, the others its repeats
         page.keyboard.down("Enter")
     page.wait_for_selector(".dx-ask")
@@ -131,6 +138,7 @@ def test_a_key_that_is_held_answers_no_question_and_starts_nothing(page: Any, si
     assert len(site.asked("start")) == before
     page.keyboard.press("Enter")
     until(lambda: len(site.asked("start")) > before, "the start")
+    site.tell()
     page.evaluate("dx.stop()")
     page.wait_for_selector("body[data-mode=READY]")
 
