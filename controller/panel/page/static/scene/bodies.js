@@ -20,7 +20,9 @@ export function letter(text, height_mm, colour) {
   const pen = canvas.getContext("2d");
   Object.assign(pen, { font: "700 52px sans-serif", textAlign: "center", textBaseline: "middle", fillStyle: colour });
   pen.fillText(text, 32, 34);
-  const made = new THREE.Sprite(new THREE.SpriteMaterial({ map: new THREE.CanvasTexture(canvas), depthTest: false, transparent: true }));
+  const map = new THREE.CanvasTexture(canvas);
+  map.colorSpace = THREE.SRGBColorSpace;
+  const made = new THREE.Sprite(new THREE.SpriteMaterial({ map, depthTest: false, transparent: true }));
   made.scale.setScalar(height_mm);
   return made;
 }
