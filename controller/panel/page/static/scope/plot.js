@@ -43,8 +43,9 @@ export function values_at(name) {
 
 function range(name) {
   let [low, high] = [Infinity, -Infinity];
-  for (const v of state.data.low[name] ?? []) if (v !== null && v < low) low = v;
-  for (const v of state.data.high[name] ?? []) if (v !== null && v > high) high = v;
+  // Drawn a little later than it is asked for: by then another source may be chosen, of which nothing has come.
+  for (const v of state.data?.low[name] ?? []) if (v !== null && v < low) low = v;
+  for (const v of state.data?.high[name] ?? []) if (v !== null && v > high) high = v;
   return low <= high ? [low, high] : [0, 0];
 }
 
