@@ -21,6 +21,7 @@ from typer.core import TyperGroup
 # name, or a Typer called ``app`` or like the command; or ``register(app)`` where there is more to say.
 FILES = {
     "programs": ("check", "simulate", "demo", "paper"),
+    "replay": ("replay",),
     "explain": ("explain",),
     "verify": ("verify",),
     "fit": ("fit",),
@@ -35,6 +36,7 @@ FILES = {
         *("enable", "disable", "home", "mdi", "override", "jog"),
     ),
     "client_lists": ("status", "upload", "runs", "alarms"),
+    "offsets": ("offsets",),
     "drives": ("drives",),
     "dnc": ("dnc",),
     "backup": ("backup",),

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from controller import drive_objects, equipment, profiles
-from controller.geometry import ZERO, Frame, Vector, X, Y, Z, cross, norm, rotate, scale, subtract
+from controller import drive_objects, equipment, offset_table, profiles
+from controller.geometry import ZERO, Vector, X, Y, Z, cross, norm, scale, subtract
 from controller.machine import (
     ARC_TOLERANCE_MM,
     CALL_LEVELS,
@@ -96,6 +96,9 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
     tools.text("file", default=TOOL_TABLE)  # its entries are in the text by now
     buses = _buses(top)
     axes = tuple(_axis(table, buses, folder) for table in top.tables("axis"))
+    offsets = top.table("offsets", "[offsets]", optional=True)
+    found = offset_table.offsets(offsets, axes)
+    dialect = general.text("dialect", DIALECTS, DIALECTS[0])
     machine = Machine(
         name=general.text("name"),
         period_s=general.number("period_s", *PERIODS_S, default=0.002),
@@ -112,7 +115,8 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
         axes=axes,
         buses=buses,
         tools=_tools(top),
-        offsets=_offsets(offsets := top.table("offsets", "[offsets]", optional=True)),
+        offsets=tuple(one.frame for one in found),
+        turned_rad=tuple(one.turned_rad for one in found),
         unset=tuple(name for name in OFFSETS[1:] if not offsets.has(name)),
         spindle=_spindle(top, buses, folder),
         text=text,
@@ -129,10 +133,12 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
         joint_tolerance_mm=general.number("joint_tolerance_mm", 0.0, 1.0, default=JOINT_TOLERANCE_MM),
         joint_tolerance_deg=general.number("joint_tolerance_deg", 0.0, 5.0, default=JOINT_TOLERANCE_DEG),
         lead_feed_mm_s=general.positive_or_none("lead_feed", 1.0 / 60.0),
+        link_mm=general.number("link_mm", 0.0, 100.0, default=0.0),
         arc_tolerance_mm=general.number("arc_tolerance_mm", 0.001, 3.0, default=ARC_TOLERANCE_MM),
         call_levels=general.integer("call_levels", 1, MOST_CALL_LEVELS, CALL_LEVELS),
         program_passes=general.integer("program_passes", 1, MOST_PROGRAM_PASSES, PROGRAM_PASSES),
-        dialect=general.text("dialect", DIALECTS, DIALECTS[0]),
+        dialect=dialect,
+        kept=offset_table.kept(general, dialect),
         without_point=general.text("without_point", WITHOUT_POINT, ""),
     )
     for table in (general, tools, top):
@@ -313,7 +319,7 @@ def _tools(top: Table) -> tuple[Tool, ...]:
     return tuple(found)
 
 
-def tool(table: Table, name: str | None = None, before: Tool | None = None) -> Tool:
+def tool(table: Table, name: str | None = None, before: Tool | None = None, shortest_mm: float = 0.0) -> Tool:
     """A tool of the tool table; its shape, where the table has none, is that of ``before``."""
     shape = before or Tool(1, "", 1.0, 0.0, 1.0)
     radius = table.positive("radius_mm")
@@ -321,7 +327,7 @@ def tool(table: Table, name: str | None = None, before: Tool | None = None) -> T
         number=table.integer("number", 1, 99999),
         name=table.text("name", default=name),
         radius_mm=radius,
-        length_mm=table.number("length_mm", 0.0),
+        length_mm=table.number("length_mm", shortest_mm),
         flute_mm=table.positive("flute_mm"),
         corner_mm=table.number("corner_mm", 0.0, radius, default=min(shape.corner_mm, radius)),
         taper_rad=math.radians(table.number("taper_deg", 0.0, 45.0, default=math.degrees(shape.taper_rad))),
@@ -351,30 +357,6 @@ def _holder(table: Table, before: Tool) -> tuple[tuple[float, float, float], ...
         found.append((start, start + row.positive("length_mm"), row.positive("radius_mm")))
         row.finish()
     return tuple(found)
-
-
-def _offsets(table: Table) -> tuple[Frame, ...]:
-    """The work offsets: each three numbers (mm), or a table with ``origin_mm`` and ``turned_deg``."""
-    frames = tuple(offset(table, name) for name in OFFSETS)
-    table.finish()
-    return frames
-
-
-def offset(table: Table, name: str) -> Frame:
-    """One work offset of a table: three numbers, or a table of origin and turns. Raises ConfigError."""
-    if not isinstance(table.get(name, "", ZERO), dict):
-        return Frame(table.vector(name, ZERO))
-    entry = table.table(name, f"[offsets.{name}]")
-    origin, turned = entry.vector("origin_mm", ZERO), entry.vector("turned_deg", ZERO)
-    entry.finish()
-
-    def turn(v: Vector) -> Vector:
-        """About X, then Y, then Z of the table, all standing still."""
-        for direction, angle_deg in zip((X, Y, Z), turned, strict=True):
-            v = rotate(direction, math.radians(angle_deg), v)
-        return v
-
-    return Frame(origin, turn(X), turn(Y), turn(Z))
 
 
 def _spindle(top: Table, buses: tuple[Bus, ...], folder: Path | None) -> Spindle | None:

@@ -5,6 +5,7 @@ Every refusal is a ``ConfigError`` in the form of ``toml_table``.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -29,6 +30,8 @@ OUTPUTS = ("coolant", "mist")
 # Of the drive's own window (following_error): what the controller allows at rest, and of that in position.
 REST_SHARE = IN_POSITION_SHARE = 0.1
 MOST_BITS = 64  # of a PDO
+M_CODE = re.compile(r"M(1[01]|2[0-8]|1[0-9][0-9])")  # that programs have for what is the machine's own
+M_CODES = "M10, M11, M20 to M28, M100 to M199"
 MODES = {"csv": 9, "pv": 3}
 
 FindProfile = Callable[[Table], str]  # the profile that a table names
@@ -160,8 +163,12 @@ def temperature(table: Table) -> Temperature | None:
 def io(table: Table, buses: Sequence[Bus], axes: Sequence[Axis], folder: Path | None) -> Io:
     """``[io]``; every bit has a name that something uses."""
     clamps = [axis.clamp for axis in axes if axis.clamp is not None]
-    inputs = _bits(table, "inputs", (*INPUTS, *(c.input for c in clamps if c.input)))
-    outputs = _bits(table, "outputs", (*OUTPUTS, *(c.output for c in clamps)))
+    digital_in, digital_out = table.names("digital_in"), table.names("digital_out")
+    known = (*OUTPUTS, *(c.output for c in clamps))
+    inputs = _bits(table, "inputs", (*INPUTS, *(c.input for c in clamps if c.input), *digital_in))
+    outputs = _bits(table, "outputs", (*known, *digital_out))
+    _of_programs(table, "digital_in", digital_in, inputs, ())
+    _of_programs(table, "digital_out", digital_out, outputs, known)
     found = Io(
         bus=table.text("bus", [bus.name for bus in buses], buses[0].name),
         node=table.integer("node", 1, 126),
@@ -171,9 +178,47 @@ def io(table: Table, buses: Sequence[Bus], axes: Sequence[Axis], folder: Path | 
         inverted=_inverted(table, [name for name, _ in (*inputs, *outputs)]),
         unsupervised=table.flag("unsupervised", False),
         overrides=drive_objects.overrides(table),
+        digital_in=digital_in,
+        digital_out=digital_out,
+        held=_held(table, digital_out),
+        m_codes=_m_codes(table, digital_out),
     )
     table.finish()
     return found
+
+
+def _of_programs(
+    table: Table, key: str, names: Sequence[str], bits: Sequence[tuple[str, int]], taken: Sequence[str]
+) -> None:
+    """What programs switch or wait for has a bit, and is nobody else's."""
+    known = [name for name, _ in bits if name not in taken]
+    for name in names:
+        if name not in known:
+            problem = f"{name} is no {'input' if key == 'digital_in' else 'output'} that programs may have"
+            allowed = ", ".join(known) or "none, for no bit has such a name"
+            table.refuse(key, problem, allowed, "name a bit in inputs or outputs, not of coolant and clamps")
+
+
+def _held(table: Table, digital_out: Sequence[str]) -> tuple[str, ...]:
+    """``held``: outputs that stay as the program left them."""
+    names = table.names("held")
+    if any(name not in digital_out for name in names):
+        allowed = ", ".join(digital_out) or "none, for there is no digital_out"
+        table.refuse("held", "names what is no output of programs", allowed, "add it to digital_out")
+    return names
+
+
+def _m_codes(table: Table, digital_out: Sequence[str]) -> tuple[tuple[str, str, bool], ...]:
+    """``m_codes = { M10 = { output = "vise", on = true } }``."""
+    codes = table.table("m_codes", f"{table.name} m_codes", optional=True)
+    found: list[tuple[str, str, bool]] = []
+    for code in codes.written:
+        if not M_CODE.fullmatch(code):
+            codes.refuse(code, "is no code that a machine may have", M_CODES, "choose one of these")
+        entry = codes.table(code, f"{codes.name}.{code}")
+        found.append((code, entry.text("output", digital_out), entry.flag("on", True)))
+        entry.finish()
+    return tuple(found)
 
 
 def _data_sheet(table: Table, folder: Path | None) -> str:

@@ -83,6 +83,7 @@ _ROWS = (
     _row(Fault.SPINDLE_LOST, True, Reaction.PATH_STOP, Recovery.RESET, wait=Wait.CONSUMER),
     _row(Fault.CLAMP, True, Reaction.PATH_STOP, Recovery.RESET, wait=Wait.ANSWER),
     _row(Fault.COOLANT_LOST, True, Reaction.END_OF_BLOCK, Recovery.RESUME),
+    _row(Fault.INPUT_MISSING, True, Reaction.HOLD, Recovery.RESUME),
     _row(Fault.IO_LOST, True, Reaction.PATH_STOP, Recovery.RESET, wait=Wait.CONSUMER),
 )
 FAULTS: dict[Fault, FaultRow] = dict(_ROWS)
@@ -121,7 +122,6 @@ def waits_s(wait: Wait, times: Times) -> float:
         Wait.NONE: 0.0,
         Wait.CONSUMER: times.consumer_s,
         Wait.QUEUE: 0.0,
-        Wait.UNSENT: times.unsent_s,
         Wait.ENABLE: times.enable_s,
         Wait.HOMING: times.homing_s,
         Wait.ANSWER: times.answer_s,

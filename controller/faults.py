@@ -53,6 +53,7 @@ class Fault(IntEnum):
     MODE_LOST = 38
     FOREIGN_FRAMES = 39
     SETPOINTS_LOST = 40
+    INPUT_MISSING = 41
 
 
 class Reaction(IntEnum):
@@ -85,11 +86,10 @@ class Wait(IntEnum):
     NONE = 0
     CONSUMER = 1  # heartbeat or node guarding
     QUEUE = 2  # what is queued comes to its end first; it has no time of its own
-    UNSENT = 3  # nothing that is commanded reaches a drive
-    ENABLE = 4
-    HOMING = 5
-    ANSWER = 6  # of a spindle or a clamp; the machine file's time
-    STOP = 7  # a coordinated stop has taken longer than any should
+    ENABLE = 3
+    HOMING = 4
+    ANSWER = 5  # of a spindle or a clamp; the machine file's time
+    STOP = 6  # a coordinated stop has taken longer than any should
 
 
 class Times(NamedTuple):
@@ -97,7 +97,6 @@ class Times(NamedTuple):
 
     period_s: float
     consumer_s: float  # silence after which either side takes the other for dead
-    unsent_s: float
     enable_s: float
     homing_s: float
     answer_s: float

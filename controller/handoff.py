@@ -29,12 +29,30 @@ import pickle
 import select
 import socket
 import struct
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
+from controller.live_state import (
+    AXES,
+    COLUMN,
+    LAYOUT,
+    OFF_PATH,
+    OPTIONAL_STOP,
+    ROW,
+    SINGLE_BLOCK,
+    STOOD,
+    WAITED,
+    Flat,
+    Snapshot,
+    blank,
+    flat,
+    snapshot_of,
+)
 from controller.pieces import (
     DEAD_MAN_S,
     STANDSTILL,
     STILL,
+    Awaited,
     Jog,
     Law,
     Piece,
@@ -44,20 +62,17 @@ from controller.pieces import (
     dwell,
 )
 from controller.requests import (
-    ANSWERS,
     PLAN_IDS,
     Answers,
     Arrangement,
     Outcome,
     RequestInbox,
-    outcome,
     plan_ids,
     request_pair,
     send_arrangement,
     send_jog,
     send_request,
 )
-from controller.state import Fault, Mode
 
 if TYPE_CHECKING:
     import numpy as np
@@ -74,13 +89,13 @@ __all__ = [
     "PLAN_IDS",
     "ROW",
     "SINGLE_BLOCK",
-    "SNAPSHOT_VALUES",
     "STANDSTILL",
     "STILL",
     "STOOD",
     "WAITED",
     "Answers",
     "Arrangement",
+    "Awaited",
     "Jog",
     "Law",
     "Outcome",
@@ -95,18 +110,20 @@ __all__ = [
     "Snapshot",
     "SnapshotBoard",
     "StopTable",
+    "blank",
     "commit_lead_s",
     "dwell",
     "encode",
+    "flat",
     "piece_pair",
     "plan_ids",
     "request_pair",
+    "rows_of",
     "send_arrangement",
     "send_jog",
     "send_request",
 ]
 
-AXES = 5
 COMMIT_LEAD_S = 0.020  # the commit point is at least this far ahead of the path clock ...
 COMMIT_LEAD_TICKS = 3  # ... and at least this many ticks
 PLANNER_SILENCE_S = 2.0  # a plan that hangs; the queue ends at rest by itself, so a pause is no danger
@@ -232,74 +249,8 @@ class SharedBlock:
             os.close(descriptor)
 
 
-class Snapshot(NamedTuple):
-    """The state of the machine at the end of one tick; mm, radians, seconds."""
-
-    tick: int
-    mode: Mode
-    fault: Fault
-    fault_axis: int  # index of the axis, -1 = none
-    plan_time_s: float
-    commit_s: float
-    queue_end_s: float
-    rate: float  # 1 on the plan, 0 standing; while stopping ds/dt over that of the plan where it was left
-    override: float
-    rapid_override: float
-    s: float
-    motion_id: int
-    line: int
-    cutting: bool
-    homed: int  # bit mask
-    joints: tuple[float, ...]
-    actual: tuple[float, ...]
-    drive_states: tuple[int, ...]
-    skips: int
-    late_max_s: float
-    accepted: int  # sequence of the last message taken
-    rejected: int  # sequence of the last message refused
-    spindle_rev_min: float  # as told now, signed
-    coolant: int  # 1 mist, 2 flood, 3 both
-    refused_request: int  # the last request taken, where the table refused it; 0 = it did not
-    at_rest: bool
-    epoch: int  # queues given up so far
-    stopping: bool  # leaving the plan by a stop; at its end ``epoch`` counts up
-    limited_by: int  # what binds: see state.Binding
-    single_block: bool
-    optional_stop: bool
-    interlock: Fault = Fault.NONE  # what forbids motion at present
-    spindle_actual_rev_min: float = 0.0  # signed; what is wanted where no drive reports
-    spindle_at_speed: bool = True
-    waiting: bool = False  # motion stands until spindle, coolant and clamps are as told
-    inputs: int = 0  # bit n of the machine file's [io], 1 = on
-    outputs: int = 0
-    warning: Fault = Fault.NONE  # the last fault that stopped nothing
-    untrusted: int = 0  # bit mask of the axes that must be homed before a start
-    jogging: bool = False  # a jog moves, or is coming to rest
-    away: bool = False  # jogged off the place of the hold; RESUME must wait for the way back
-    fault_off: float = 0.0  # of a following error: commanded less actual of its axis, mm or rad
-    answers: tuple[int, ...] = (0,) * ANSWERS  # to the last requests, in a ring; see ``came_of``
-
-    def came_of(self, number: int) -> tuple[Outcome, Fault]:
-        """What came of the request of that number, and the interlock that forbade it; see ``Outcome``."""
-        for one in self.answers:
-            asked, came, why = outcome(one)
-            if asked == number:
-                return came, Fault(why)
-        return Outcome.NONE, Fault.NONE
-
-    def has_taken(self, number: int) -> bool:
-        """Whether the request of that number has come to the tick; numbers of one sender rise."""
-        of_plan = number >= PLAN_IDS
-        taken = (one >> 16 for one in self.answers)
-        return any(asked >= number and (asked >= PLAN_IDS) is of_plan for asked in taken)
-
-
-_SNAPSHOT = struct.Struct(f"<q3i7d4i5d5d5iid2Idii?I?i??id??QQii??d{ANSWERS}Q")
-SNAPSHOT_VALUES = 54 + ANSWERS  # that ``SnapshotBoard.write`` takes
-_MODES, _FAULTS = ({one.value: one for one in kind} for kind in (Mode, Fault))
-_INTERLOCK, _WARNING, _ANSWERS = 43, 49, 54  # their places in the flat values
 _COUNTER = struct.Struct("<Q")
-_SLOT = (_SNAPSHOT.size + 7) // 8 * 8
+_SLOT = (LAYOUT.size + 7) // 8 * 8
 
 
 class SnapshotBoard:
@@ -314,10 +265,10 @@ class SnapshotBoard:
         self._memory = self.block.memory
         self._count = 0
 
-    def write(self, *values: Any) -> None:
-        """Publish one snapshot: the flat values in the order of ``Snapshot``."""
+    def write(self, values: Flat) -> None:
+        """Publish one snapshot: its flat values, see ``live_state.gather``."""
         self._count += 1
-        _SNAPSHOT.pack_into(self._memory, _COUNTER.size + (self._count & 1) * _SLOT, *values)
+        LAYOUT.pack_into(self._memory, _COUNTER.size + (self._count & 1) * _SLOT, *values)
         _COUNTER.pack_into(self._memory, 0, self._count)
 
     def read(self) -> Snapshot | None:
@@ -326,50 +277,28 @@ class SnapshotBoard:
             (count,) = _COUNTER.unpack_from(self._memory, 0)
             if count == 0:
                 return None
-            values = _SNAPSHOT.unpack_from(self._memory, _COUNTER.size + (count & 1) * _SLOT)
+            values = LAYOUT.unpack_from(self._memory, _COUNTER.size + (count & 1) * _SLOT)
             if _COUNTER.unpack_from(self._memory, 0)[0] == count:
-                return _snapshot(values)
-
-
-def _snapshot(v: tuple[Any, ...]) -> Snapshot:
-    named = (v[0], _MODES[v[1]], _FAULTS[v[2]], *v[3:13], bool(v[13]), v[14])
-    after = (*v[30:_INTERLOCK], _FAULTS[v[_INTERLOCK]], *v[_INTERLOCK + 1 : _WARNING], _FAULTS[v[_WARNING]])
-    last = (*v[_WARNING + 1 : _ANSWERS], v[_ANSWERS:])
-    return Snapshot._make((*named, v[15:20], v[20:25], v[25:30], *after, *last))
+                return snapshot_of(values)
 
 
 # ---- flight recorder: one row of float64 per tick
-ROW: tuple[str, ...] = (
-    "tick",
-    "mode",
-    "fault",
-    "motion_id",
-    "line",
-    "cutting",
-    "plan_time_s",
-    "s",
-    "rate",
-    "feed_mm_s",
-    *(f"joint_command_{i}" for i in range(AXES)),
-    *(f"setpoint_{i}" for i in range(AXES)),
-    *(f"actual_{i}" for i in range(AXES)),
-    "lateness_s",
-    "sync_sent",
-    "accepted",
-    "limited_by",
-    "override",
-    "rapid_override",
-    "switches",  # bits, as below
-    "request",  # number of the last one that was taken in this tick, 0 = none
-    "bus_share",  # of the period that the frames heard and sent in this tick take at most, fullest bus
-)
-SINGLE_BLOCK, OPTIONAL_STOP = 1, 2  # bits of "switches", and what else a run is made again by:
-STOOD = 4  # stood still in this tick, after a long gap
-WAITED = 8  # motion waited for spindle, coolant or clamps
-OFF_PATH = 16  # the setpoints are where the drives were
-COLUMN = {name: i for i, name in enumerate(ROW)}
 _ROW = struct.Struct(f"<{len(ROW)}d")
 RECORDER_ROWS = 1 << 15  # 65 s at 2 ms; of three quarters of it 12 s are left at 0.5 ms
+
+
+def rows_of(columns: Sequence[str], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rows (N, len(ROW)) of what was kept under these columns, in whatever order; NaN where there is none.
+
+    So what an older version kept can be read, and what a newer one did.
+    """
+    import numpy as np
+
+    rows = np.full((len(values), len(ROW)), np.nan)
+    for i, name in enumerate(columns):
+        if name in COLUMN:
+            rows[:, COLUMN[name]] = values[:, i]
+    return rows
 
 
 class Recorder:
@@ -384,7 +313,7 @@ class Recorder:
         self.lost = 0  # rows overwritten before this reader saw them
 
     def write(self, *values: float) -> None:
-        """Append one row: the values in the order of ``ROW``."""
+        """Append one row: the values in the order of ``ROW``, with which a tick's values begin."""
         _ROW.pack_into(self._memory, _COUNTER.size + self._written % self.rows * _ROW.size, *values)
         self._written += 1
         _COUNTER.pack_into(self._memory, 0, self._written)

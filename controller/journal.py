@@ -20,7 +20,7 @@ import json
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,7 @@ import numpy.typing as npt
 
 from controller import catalogue, whole
 from controller.handoff import COLUMN, Snapshot
-from controller.machine import Joints, Machine, five
+from controller.machine import REFERENCES, Joints, Machine, five
 from controller.plan.route.spot import ENTRY_ID, FORMER, Spot
 from controller.state import FAULTS, Mode, Reaction
 
@@ -52,15 +52,24 @@ class Job:
     tools_sha256: str
     start: Joints  # mm, rad; where a whole run starts
     dry_run_mm: float = 0.0
+    # With which the run was begun: its lines set anew what they set since, from the first one on.
+    fitted: dict[str, Any] | None = None  # None: not known
+    before_sha256: str = ""  # of the offsets before the program changed them last
 
     @classmethod
-    def of(cls, name: str, program: bytes, machine: Machine, start: Joints, dry_run_mm: float = 0.0) -> Job:
+    def of(
+        cls,
+        name: str,
+        program: bytes,
+        machine: Machine,
+        start: Joints,
+        dry_run_mm: float = 0.0,
+        fitted: dict[str, Any] | None = None,
+    ) -> Job:
         """Of a program on a machine with its offsets and tools as they are now."""
-        offsets = f"{machine.offsets!r} {machine.unset!r}"
-        file, offsets, tools = (
-            sha256(text.encode()) for text in (machine.text, offsets, repr(machine.tools))
-        )
-        return cls(name, sha256(program), file, offsets, tools, start, dry_run_mm)
+        offsets, tools = fitted_sha256(machine)
+        sums = sha256(program), sha256(machine.text.encode()), offsets, tools
+        return cls(name, *sums, start, dry_run_mm, fitted)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +89,14 @@ class Entry:
 
 def sha256(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
+
+
+def fitted_sha256(machine: Machine) -> tuple[str, str]:
+    """Of all offsets, reference points and kept parameters, and of the tools."""
+    points = [machine.reference(code) for code in REFERENCES]
+    shifts = machine.turned_rad, machine.shift, machine.suspended, points, machine.parameters
+    offsets = f"{machine.offsets!r} {machine.unset!r} {shifts!r}"
+    return sha256(offsets.encode()), sha256(repr(machine.tools).encode())
 
 
 # --- the file
@@ -134,7 +151,7 @@ def refusal(
         for name, same in (
             ("the_program", then.program_sha256 == now.program_sha256),
             ("the_machine_file", then.machine_sha256 == now.machine_sha256),
-            ("a_work_offset", then.offsets_sha256 == now.offsets_sha256),
+            ("a_work_offset", now.offsets_sha256 in (then.offsets_sha256, then.before_sha256)),
         )
         if not same
     ]
@@ -185,6 +202,16 @@ class Journal:
         if self._seen is not None:
             self._seen = Spot(self._seen.line, self._seen.fraction, FORMER)
         self._recent.clear()
+
+    def fitted(self, machine: Machine, now: Snapshot) -> None:
+        """The program sets offsets or tools: written before they are, so that a loss of power finds both."""
+        if self._job is None:
+            return
+        offsets, tools = fitted_sha256(machine)
+        before = self._job.offsets_sha256
+        self._job = replace(self._job, offsets_sha256=offsets, tools_sha256=tools, before_sha256=before)
+        if self._recent:
+            self._write(now, self._recent[0][1], False, False)
 
     def in_spindle(self, tool: int) -> None:
         """The program, or an operator, has changed the tool."""

@@ -24,7 +24,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.geometry import ZERO, Number, Pose, Vector, Z, add, cross, dot, norm, scale, subtract, unit
+from controller.geometry import (
+    ZERO,
+    Frame,
+    Number,
+    Pose,
+    Vector,
+    Z,
+    add,
+    angle_between,
+    cross,
+    dot,
+    norm,
+    rotate,
+    scale,
+    subtract,
+    unit,
+)
 from controller.machine import Joints, Kind, Machine
 from controller.touches import Seen
 
@@ -138,6 +154,19 @@ class Kinematics:
     def is_bounded(self) -> bool:
         """Whether some tool axes are out of reach, as beyond what an oblique rotary tilts the tool."""
         return any(self._left) or abs(self._cosine) > STILL
+
+    def nearest_reached(self, axis: Vector, most_rad: float) -> Vector:
+        """``axis`` (floats), or the nearest one in reach where that is no further off than ``most_rad``.
+
+        The tool is as far from w2 as two sides of a triangle of angles let it be: those between w1, w2 and z.
+        """
+        one, two = math.acos(self._cosine), math.acos(self._height)
+        off, across = angle_between(self._w2, axis), cross(self._w2, axis)
+        last = one + two if one + two <= math.pi else TURN - one - two
+        missed = min(max(off, abs(one - two)), last) - off
+        if missed == 0.0 or abs(missed) > most_rad or norm(across) < NEAR_POLE:
+            return axis
+        return rotate(unit(across), missed, axis)
 
     def off_limit(self, axis: Vector) -> Number:
         """Sine of the angle from where both branches are one, of axes whose components are (N,).
@@ -289,6 +318,23 @@ class Kinematics:
             tip = _turned(line, rotaries[i], tip, m)
         (x, y, z), (hx, hy, hz) = tip, self._head_vector(rotaries, length_mm, m)
         return x - hx, y - hy, z - hz
+
+    def tool_axis(self, rotaries: Pair) -> Vector:
+        """From tip to spindle, in the table frame, with the rotaries there (floats, rad)."""
+        values = (0.0, 0.0, 0.0, *rotaries)
+        return self.forward([values[i] for i in self.order], 0.0).axis
+
+    def of_axes(self, frame: Frame, rotaries: Pair, length_mm: float) -> Frame:
+        """A frame of the table in which X Y Z of a tip are read, as the linear axes see it.
+
+        While the rotaries stand (floats, rad), positions of X Y Z are places of that frame.
+        """
+        found = []
+        for v in (frame.x, frame.y, frame.z):
+            for i, line in self._tables_inward:
+                v = _spun(line.direction, rotaries[i], v, math)
+            found.append(v)
+        return Frame(self.linear(frame.origin, rotaries, length_mm), *found)
 
     def _head_vector(self, rotaries: tuple[Number, Number], length_mm: float, m: ModuleType) -> Vector:
         """From the gauge point, where the heads' lines are given from, to the tip."""

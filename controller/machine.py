@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
-from controller.geometry import Frame, Vector
+from controller.geometry import ZERO, Frame, Vector
 from drives.profile import Override
 
 MAX_QUICK_STOP_S = 3.0  # where the machine file says nothing
@@ -35,8 +35,12 @@ OFFSETS = (
     *(f"G54.1 P{number}" for number in range(1, 49)),
 )
 USUAL_OFFSETS = OFFSETS[:6]  # that every machine shows, set or not
+REFERENCES = ("G28", "G30")  # the reference points, as programs name them
+KEPT_NUMBERS = (31, 5000)  # parameters that a machine may keep from program to program
 
 Joints = tuple[float, float, float, float, float]
+Pair = tuple[float, float]
+STILL: Pair = (0.0, 0.0)
 
 
 def five(values: Sequence[float]) -> Joints:
@@ -179,6 +183,22 @@ class Bus:
 
 
 @dataclass(frozen=True, slots=True)
+class Offset:
+    """A work offset: of X Y Z, seen from the table frame at zero, and of the two rotaries (rad, carried)."""
+
+    frame: Frame
+    turned_rad: Pair = STILL
+
+
+@dataclass(frozen=True, slots=True)
+class Shift:
+    """A shift of coordinates: X Y Z (mm, along the axes of the frame it stands in) and the two rotaries."""
+
+    xyz: Vector = ZERO
+    turned_rad: Pair = STILL
+
+
+@dataclass(frozen=True, slots=True)
 class Tool:
     """A cutter; length is from the gauge line to the tip."""
 
@@ -245,10 +265,14 @@ class Io:
     node: int
     eds: str  # path of its data sheet; "" = the shipped simulated one
     inputs: tuple[tuple[str, int], ...]  # (name, bit): "estop", "door" ... and those of clamps
-    outputs: tuple[tuple[str, int], ...]  # "coolant", "mist", and those of clamps
+    outputs: tuple[tuple[str, int], ...]  # "coolant", "mist", those of clamps and of programs
     inverted: tuple[str, ...] = ()  # names whose wire is 0 when they are on
     unsupervised: bool = False  # as of an axis
     overrides: tuple[Override, ...] = ()
+    digital_in: tuple[str, ...] = ()  # names of inputs that programs wait for: P0, P1 ... of M66
+    digital_out: tuple[str, ...] = ()  # names of outputs that they switch: P0, P1 ... of M62 to M65
+    held: tuple[str, ...] = ()  # of them those that stay as they are at a program's end, a stop and a fault
+    m_codes: tuple[tuple[str, str, bool], ...] = ()  # ("M10", name of a digital_out, on)
 
     def input(self, name: str) -> int | None:
         """The bit of an input; None where the machine has none of that name."""
@@ -306,16 +330,44 @@ class Machine:
     joint_tolerance_mm: float = JOINT_TOLERANCE_MM
     joint_tolerance_deg: float = JOINT_TOLERANCE_DEG
     lead_feed_mm_s: float | None = None  # of the tip on leads; None: as fast as the limits allow
+    # From the end of a surface to the begin of the next: up to here the tool goes there without a retract.
+    link_mm: float = 0.0
     arc_tolerance_mm: float = ARC_TOLERANCE_MM  # most by which an arc's ends may differ in their radius
     call_levels: int = CALL_LEVELS  # subs of a program, one in the other
     program_passes: int = PROGRAM_PASSES  # rounds of loops and calls of subs, together, in one run
     dialect: str = "rs274"  # or "fanuc": how what differs between controls is read
     without_point: str = ""  # under fanuc: "unit", "thousandth", or "" where such lengths are refused
+    turned_rad: tuple[Pair, ...] = ()  # of the work offsets, in their order; one that is missing stands still
+    shift: Shift = Shift()  # of G92, from one program to the next ...
+    suspended: bool = False  # ... but for G92.2
+    kept: tuple[tuple[int, int], ...] = ()  # numbered parameters, from to, that outlive a program ...
+    parameters: tuple[tuple[int, float], ...] = ()  # ... and their values, where one has set them
+
+    def offset(self, index: int) -> Offset:
+        """A work offset, as ``OFFSETS`` counts; one that nobody has set is the machine's zero."""
+        frame = self.offsets[index] if index < len(self.offsets) else Frame()
+        return Offset(frame, self.turned_rad[index] if index < len(self.turned_rad) else STILL)
+
+    def reference(self, code: str) -> Joints:
+        """Where G28 or G30 leads: as set, else where the axes are homed to (mm, rad)."""
+        return five([_reference(axis, code == REFERENCES[1]) for axis in self.axes])
+
+    def part(self, index: int = 0) -> Frame:
+        """The frame in which a program begins to read positions: a work offset under the shift of G92."""
+        frame = self.offset(index).frame
+        if self.suspended or self.shift.xyz == ZERO:
+            return frame
+        return frame._replace(origin=frame.to_parent(self.shift.xyz))
 
     @property
     def has_peripherals(self) -> bool:
         """Whether anything but the axes is driven: what M3 to M9 ask for is then waited for."""
         return self.io is not None or (self.spindle is not None and self.spindle.is_driven)
+
+    def turned(self) -> Pair:
+        """Likewise what the words of the rotaries are shifted by (rad, carried)."""
+        (a, b), (c, d) = self.offset(0).turned_rad, STILL if self.suspended else self.shift.turned_rad
+        return a + c, b + d
 
     def linear(self) -> tuple[int, int, int]:
         """Indices of X, Y and Z in ``axes``."""
@@ -329,7 +381,12 @@ class Machine:
 
     def tool(self, number: int) -> Tool | None:
         """A tool of the table as it is cut with: worn."""
-        return next((tool.worn for tool in self.tools if tool.number == number), None)
+        found = self.tool_as_told(number)
+        return None if found is None else found.worn
+
+    def tool_as_told(self, number: int) -> Tool | None:
+        """A tool of the table with its wear beside its size."""
+        return next((tool for tool in self.tools if tool.number == number), None)
 
     def axis_off(self, index: int, off: float = 0.0) -> str:
         """An axis by name, with how far it is from its command (mm, rad) where it is; "" for index -1."""
@@ -342,3 +399,8 @@ class Machine:
     def shown(self, joints: Sequence[float]) -> tuple[float, ...]:
         """Joints as programs, page and trace show them: mm and degrees in the configured sense."""
         return tuple(q * axis.shown_per_unit for q, axis in zip(joints, self.axes, strict=True))
+
+
+def _reference(axis: Axis, second: bool) -> float:
+    first = axis.homing.position if axis.reference is None else axis.reference
+    return first if not second or axis.second_reference is None else axis.second_reference

@@ -72,6 +72,15 @@ class Jog(NamedTuple):
         return finite and any(self.direction) and self.speed > 0.0 and self.length >= 0.0
 
 
+class Awaited(NamedTuple):
+    """An input that motion waits for."""
+
+    mask: int  # of the node's inputs
+    on: bool
+    edge: bool  # it must change to that while it is waited for
+    ticks: int  # at most
+
+
 class Piece(NamedTuple):
     """A stretch of one motion with its law; starts where the piece before it ends.
 
@@ -96,6 +105,8 @@ class Piece(NamedTuple):
     spindle_rev_min: float = 0.0  # signed
     coolant: int = 0  # 0 off, 1 mist, 2 flood, 3 both
     open_clamps: int = 0  # bit i: the clamp of the i-th axis is to be open
+    outputs: tuple[int, int] = (0, 0)  # of programs, on and off, from its beginning on (sets: its end)
+    awaits: Awaited | None = None  # where it sets: motion goes on when it is so
     binds: tuple[tuple[float, int], ...] = ()  # (time within the piece, code from then on): see state.Binding
 
 

@@ -24,15 +24,14 @@ def of(machine: Machine, arranged: Sequence[Arranged] = ()) -> Times:
     """The times of a machine: its axes' limits, the master's settings, and its drives as they were read."""
     master = MasterSettings(period_s=machine.period_s)
     return Times(
-        machine.period_s,
-        master.consumer_s,
-        LOST_BUS_S,
-        ENABLE_S,
-        HOMING_S,
-        _answer_s(machine),
-        path_stop_s(machine),
-        quick_stop_s(machine, arranged),
-        max(axis.feedback_every for axis in machine.axes),
+        period_s=machine.period_s,
+        consumer_s=master.consumer_s,
+        enable_s=ENABLE_S,
+        homing_s=HOMING_S,
+        answer_s=_answer_s(machine),
+        path_stop_s=path_stop_s(machine),
+        quick_stop_s=quick_stop_s(machine, arranged),
+        feedback_every=max(axis.feedback_every for axis in machine.axes),
     )
 
 
@@ -46,12 +45,6 @@ def _answer_s(machine: Machine) -> float:
     """What the machine file gives its spindle and its clamps."""
     spindle_s = [machine.spindle.spin_up_s] if machine.spindle is not None else []
     return max([*spindle_s, *(axis.clamp.open_s for axis in machine.axes if axis.clamp)], default=0.0)
-
-
-def answer_s(machine: Machine) -> float:
-    """The longest that a spindle or a clamp is waited for; 0 where there is none."""
-    clamps = [axis.clamp.open_s for axis in machine.axes if axis.clamp is not None]
-    return max([*clamps, machine.spindle.spin_up_s if machine.spindle is not None else 0.0])
 
 
 def quick_stop_s(machine: Machine, arranged: Sequence[Arranged] = ()) -> float:

@@ -105,6 +105,20 @@ class Table:
         x, y, z = self.numbers(key, 3, default)
         return (x, y, z)
 
+    def names(self, key: str) -> tuple[str, ...]:
+        """A list of texts, each once; none where the key is absent."""
+        value, allowed = self.get(key, "a list of names", []), "a list of names in quotes, each once"
+        if not isinstance(value, list) or not all(isinstance(v, str) and v for v in value):
+            self.refuse(key, "is no list of names", allowed, "put each into quotes")
+        if len(set(value)) < len(value):
+            self.refuse(key, "has a name twice", allowed, "remove one")
+        return tuple(value)
+
+    @property
+    def written(self) -> list[str]:
+        """The keys of a table whose keys are the file's own names."""
+        return list(self._values)
+
     def table(self, key: str, name: str, optional: bool = False) -> Table:
         value = self.get(key, "a table", {} if optional else None)
         if not isinstance(value, dict):

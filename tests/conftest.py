@@ -5,12 +5,16 @@ And for those marked ``live``: a computer that was not there fails none of them,
 
 from __future__ import annotations
 
+import gc
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import hypothesis
 import pytest
 from support.suite import absent_computer, case_shares, seed
+
+MOST_OPEN = 200  # files; select, which the simulated bus waits with, takes 1024
 
 # The workers of xdist must choose the same.
 os.environ["DIRECTRIX_TEST_SEED"] = str(seed.SEED)
@@ -28,6 +32,17 @@ def own_state_folder(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pyte
     folder = tmp_path_factory.mktemp("state")
     monkeypatch.setenv("XDG_STATE_HOME", str(folder))
     return folder
+
+
+@pytest.fixture(autouse=True)
+def own_collector() -> Iterator[None]:
+    """Dead objects wait for the collector, with their open files; commands let them wait for longer."""
+    before = gc.get_threshold()
+    yield
+    gc.set_threshold(*before)
+    gc.unfreeze()
+    if len(os.listdir("/proc/self/fd")) > MOST_OPEN:
+        gc.collect()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

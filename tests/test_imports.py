@@ -23,8 +23,10 @@ ARROWS: dict[str, set[str]] = {
     "catalogue": {"faults"},  # texts of the faults, by language
     "fault_table": {"faults", "catalogue"},
     "state": {"faults", "fault_table", "catalogue"},
+    "changes": LEAVES,  # what programs change for good
     "jets": set(),
     "arrays": set(),  # components as tables
+    "banded": set(),  # linear systems
     "curves": {"geometry", "jets"},
     "splines": {"geometry", "jets", "curves"},
     "rulings": {"geometry", "curves", "splines"},
@@ -36,7 +38,8 @@ ARROWS: dict[str, set[str]] = {
     "motions": LEAVES | {"curves", "surfaces", "touches", "kinematics"},
     "pieces": {"motions"},  # values of the hand-over
     "requests": {"state", "pieces"},  # how they travel, for the hand-over
-    "handoff": LEAVES | {"pieces", "requests", "motions", "curves", "surfaces"},
+    "live_state": {"requests", "state"},  # what every tick leaves for others, declared
+    "handoff": LEAVES | {"pieces", "requests", "live_state", "motions", "curves", "surfaces"},
     "jog_frames": LEAVES | {"kinematics", "pieces", "catalogue"},  # what is jogged, as a line of the joints
     "whole": set(),  # files replaced whole
     "internal_error": set(),  # a mistake of our own, in words
@@ -51,25 +54,28 @@ ARROWS: dict[str, set[str]] = {
         "toml_table",
         "profiles",
     },  # the machine as the bus side knows it; config hands it on
-    "config": {"machine", "geometry", "toml_table", "equipment", "drive_objects", "profiles", "nodes"},
-    "plan": LEAVES | SHAPES | {"arrays", "handoff"},
+    "offset_table": {"machine", "geometry", "toml_table"},  # config's: work offsets and kept parameters
+    "config": {"machine", "geometry", "toml_table", "equipment", "offset_table"}
+    | {"drive_objects", "profiles", "nodes"},
+    "plan": LEAVES | SHAPES | {"arrays", "banded", "handoff", "changes"},
     "arranged": {"machine", "geometry", "whole"},  # how drives were found, on disk
     "times": LEAVES | {"handoff"},  # what a machine's faults take
-    "tick": LEAVES | (SHAPES - {"jets"}) | {"handoff", "times"},
+    "tick": LEAVES | (SHAPES - {"jets"}) | {"handoff", "live_state", "times"},
     "journal": LEAVES | {"handoff", "plan", "catalogue", "whole"},  # where the running program is, on disk
     "verify": LEAVES | SHAPES | {"arrays", "plan", "handoff", "catalogue"},
     # Puts the parts together, as the command line does; nothing but that imports it.
     "session": LEAVES
     | SHAPES
     | {"config", "handoff", "plan", "tick", "verify", "times", "arranged", "internal_error"},
-    "fitting": LEAVES | {"config", "toml_table", "whole"},  # what the operator changed, laid over the machine
+    # What was changed at the machine, laid over its file.
+    "fitting": LEAVES | {"changes", "config", "offset_table", "toml_table", "whole"},
     # The process of `serve`: parent of tick and plan, and the far side of the door.
     "service": LEAVES
     | SHAPES
-    | {"config", "toml_table", "fitting", "jog_frames", "door", "journal", "catalogue", "whole"}
-    | {"handoff", "plan", "session", "tick", "times", "arranged"},
+    | {"config", "toml_table", "changes", "fitting", "jog_frames", "door", "journal", "catalogue", "whole"}
+    | {"handoff", "live_state", "plan", "session", "tick", "times", "arranged"},
     "panel": LEAVES
-    | {"handoff", "config", "toml_table", "fitting", "door", "plan", "verify"}
+    | {"handoff", "live_state", "config", "toml_table", "changes", "fitting", "door", "plan", "verify"}
     | {"faults", "catalogue", "whole"},
     "cad": LEAVES | SHAPES | {"plan"},  # faces of a CAD file as a program
     "post": LEAVES | SHAPES | {"plan"},  # a planned path as lines
@@ -82,13 +88,14 @@ ARROWS: dict[str, set[str]] = {
 }
 
 # Parts of drives that are values and tables, for all.
-VALUES = {"settings", "arranged", "profile", "scale", "pdo", "cia402", "emergency_codes"}
+VALUES = {"settings", "arranged", "profile", "scale", "pdo", "cia402", "emergency_codes", "sheet_text"}
 
 # Room of a folder -> rooms of it that it may import; files beside the rooms may import all.
 ROOMS: dict[str, dict[str, set[str]]] = {
     "controller/plan": {
-        "text": set(),
-        "route": {"text"},
+        "contour": set(),  # lines and arcs in a plane, as numbers
+        "text": {"contour"},
+        "route": {"contour", "text"},
         "feed": {"text", "route"},
         "stops": {"feed"},
     },

@@ -253,6 +253,11 @@ FAULTS: dict[Fault, Words] = {
         "An empty tank, a blocked filter, a pump that is off, or a loose flow switch.",
         "Fill up or clear the coolant, then resume.",
     ),
+    Fault.INPUT_MISSING: Words(
+        "The input that M66 waits for did not come in time.",
+        "What it reports has not happened, a loose wire, or too short a Q.",
+        "See to what the input reports; resume waits once more, stop ends the program.",
+    ),
     Fault.IO_LOST: Words(
         "The node with door and emergency-stop inputs is silent, restarted or in error.",
         "Its supply dipped, its cable is loose, or its firmware hangs.",
@@ -306,6 +311,7 @@ REFUSALS = {
     "retract_room": "The tool cannot retract by {mm:g} mm: from here up to {room:.3f} mm along its axis are "
     "inside the travel; ask for more than 0 and no more than that.",
     "ended_short": "{request} ended after {gone:.3f} of {mm:.3f} mm; look why, then ask for the rest.",
+    "not_set_here": "{name}: was set neither at the machine nor by a program; see directrix offsets.",
     "not_fitted": "The {what} are not changed while the machine is in {mode}; stop first.",
     "tool_change": "Put T{number}{name} into the spindle, then let the program go on.",
     "offsets": "offsets",
@@ -324,6 +330,8 @@ REFUSALS = {
     "end_of_fault": "the end of the fault",
     "start_taken": "the start to be taken",
     "end_of_way": "the end of the way off the path or back",
+    "plan_silent": "The planner sends no more of the program: the tool comes to rest on the path in "
+    "{seconds:.1f} s unless it sends again.",
     "tick_stands": "The tick's process has stood still for {seconds:.1f} s: what is shown is as old as that, "
     "and drives that do not hear it stop by themselves; look what holds it up.",
     "no_tick": "The tick process is not running; ask for a reset.",
@@ -346,8 +354,10 @@ REFUSALS = {
     # --- where a program is entered: no refusal, but read before it is started from there
     "at.place": "Line {line}, {percent} % of its block ({what}).",
     "at.tool": "Tool T{tool}{size}, work offset {offset}, G43 length {length} mm.",
+    "at.tilted": "Tilted plane, seen from the table at zero: origin {origin}, X along {x}, Z along {z}.",
     "at.size": "(radius {radius} mm, length {length} mm)",
     "at.spindle": "Spindle {rev_min} 1/min, coolant {coolant}, feed {feed}.",
+    "at.outputs": "Outputs {outputs}.",
     "at.entry": "Entry along the tool axis to {joints}.",
     "at.none": "none",
     "at.off": "off",
@@ -363,6 +373,7 @@ REFUSALS = {
     "at.way.plunge": "plunge",
     "at.way.lead in": "lead in",
     "at.way.lead out": "lead out",
+    "at.way.link": "link",
     # --- by who asks
     "control_held": "{holder} holds control; ask for it to be given back, or take it over by "
     '{{"take_over": true}}.',

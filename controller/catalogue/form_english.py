@@ -22,6 +22,7 @@ REFUSALS = {
     "form.motion.cut": "cut",
     "form.motion.lead in": "lead in",
     "form.motion.lead out": "lead out",
+    "form.motion.link": "link",
     "form.motion.pivot": "pivot",
     "form.motion.plunge": "plunge",
     "form.motion.lift": "lift",

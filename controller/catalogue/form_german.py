@@ -22,6 +22,7 @@ REFUSALS = {
     "form.motion.cut": "Schnitt",
     "form.motion.lead in": "Einlauf",
     "form.motion.lead out": "Auslauf",
+    "form.motion.link": "Übergang",
     "form.motion.pivot": "Schwenk",
     "form.motion.plunge": "Eintauchen",
     "form.motion.lift": "Abheben",

@@ -266,6 +266,11 @@ FAULTS: dict[Fault, Words] = {
         "Ein leerer Tank, ein verstopfter Filter, eine Pumpe, die steht, oder ein loser Strömungswächter.",
         "Kühlmittel auffüllen oder frei machen, dann fortsetzen.",
     ),
+    Fault.INPUT_MISSING: Words(
+        "Der Eingang, auf den M66 wartet, kam nicht rechtzeitig.",
+        "Was er meldet, ist nicht geschehen, eine Ader ist lose, oder Q ist zu kurz.",
+        "Nach dem sehen, was der Eingang meldet; Fortsetzen wartet noch einmal, Stopp beendet das Programm.",
+    ),
     Fault.IO_LOST: Words(
         "Der Knoten mit den Eingängen für Tür und Not-Halt schweigt, startete neu oder hat einen Fehler.",
         "Seine Versorgung brach ein, sein Kabel ist lose, oder seine Firmware hängt.",
@@ -320,6 +325,7 @@ REFUSALS = {
     "{room:.3f} mm im Verfahrweg; mehr als 0 und höchstens so viel verlangen.",
     "ended_short": "{request} endete nach {gone:.3f} von {mm:.3f} mm; die Ursache suchen, dann den Rest "
     "verlangen.",
+    "not_set_here": "{name}: weder an der Maschine noch von einem Programm gesetzt; siehe directrix offsets.",
     "not_fitted": "Die {what} werden in {mode} nicht geändert; zuerst stoppen.",
     "tool_change": "T{number}{name} in die Spindel einsetzen, dann das Programm fortsetzen.",
     "offsets": "Nullpunkte",
@@ -338,6 +344,8 @@ REFUSALS = {
     "end_of_fault": "auf das Ende der Störung",
     "start_taken": "darauf, dass der Start angenommen wird",
     "end_of_way": "auf das Ende des Weges von der Bahn oder zurück",
+    "plan_silent": "Der Planer schickt nichts mehr vom Programm: das Werkzeug kommt in {seconds:.1f} s "
+    "auf der Bahn zur Ruhe, wenn er nicht wieder schickt.",
     "tick_stands": "Der Prozess des Takts steht seit {seconds:.1f} s still: so alt ist, was gezeigt wird, "
     "und Antriebe, die ihn nicht hören, halten von selbst; nachsehen, was ihn aufhält.",
     "no_tick": "Der Prozess des Takts läuft nicht; Zurücksetzen anfordern.",
@@ -359,8 +367,10 @@ REFUSALS = {
     # --- where a program is entered: no refusal, but read before it is started from there
     "at.place": "Zeile {line}, {percent} % des Satzes ({what}).",
     "at.tool": "Werkzeug T{tool}{size}, Nullpunkt {offset}, Länge nach G43 {length} mm.",
+    "at.tilted": "Geschwenkte Ebene, gesehen vom Tisch in Null: Ursprung {origin}, X längs {x}, Z längs {z}.",
     "at.size": "(Radius {radius} mm, Länge {length} mm)",
     "at.spindle": "Spindel {rev_min} 1/min, Kühlmittel {coolant}, Vorschub {feed}.",
+    "at.outputs": "Ausgänge {outputs}.",
     "at.entry": "Einfahrt entlang der Werkzeugachse nach {joints}.",
     "at.none": "keiner",
     "at.off": "aus",
@@ -376,6 +386,7 @@ REFUSALS = {
     "at.way.plunge": "Eintauchen",
     "at.way.lead in": "Einlauf",
     "at.way.lead out": "Auslauf",
+    "at.way.link": "Übergang",
     # --- by who asks
     "control_held": "{holder} hat die Bedienung; um Rückgabe bitten oder sie übernehmen durch "
     '{{"take_over": true}}.',

@@ -150,6 +150,7 @@ TEXTS: dict[str, str] = {
     "what.plunge": "plunge",
     "what.lead in": "lead in",
     "what.lead out": "lead out",
+    "what.link": "link",
     "run.reset_override": "back to 100 %",
     # 3-D
     "scene.fit": "Fit",

@@ -154,6 +154,7 @@ TEXTS: dict[str, str] = {
     "what.plunge": "Eintauchen",
     "what.lead in": "Einlauf",
     "what.lead out": "Auslauf",
+    "what.link": "Übergang",
     "run.reset_override": "zurück auf 100 %",
     # 3-D
     "scene.fit": "Einpassen",

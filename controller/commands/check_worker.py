@@ -89,6 +89,7 @@ def check(
     figures["cuts_mm"] = figures["cuts_mm"][:MOST_CUTS]
     notes = [{"line": note.place.line, "note": note.sentence} for note in kept.notes[:MOST_CUTS]]
     figures["verdict"] = checked.verdict_of(kept)
+    figures["fitted"] = fitting.names(fitting.load(state))  # what counts instead of the machine file
     return "passed", {**figures, "notes": notes, "warning": warning, "stored": task.key}
 
 

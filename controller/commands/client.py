@@ -31,7 +31,6 @@ PANEL = "A machine in production, by its panel"  # headline in --help
 REFRESH_S = 0.08  # of a jog: it comes to rest 200 ms after the last one
 LOOK_S = 0.2  # between two looks at what takes long
 LONGEST_JOG_S = 600.0
-BEGINS_S = 0.5  # a step that has not begun by then is at its end already
 
 
 @contextlib.contextmanager
@@ -71,19 +70,26 @@ def tell_done(sentence: str, facts: Any, as_json: bool) -> None:
 def hold(url: Url = remote.URL, as_json: Json = False) -> None:
     """Stop on the path at once; resume goes on from there."""
     with asked(url, as_json) as machine:
-        tell_done("Held.", machine.post("cycle/hold"), as_json)
+        _halted(machine.post("cycle/hold"), "Held.", as_json)
 
 
 def stop(url: Url = remote.URL, as_json: Json = False) -> None:
     """Stop on the path at once, and drop the rest of the program."""
     with asked(url, as_json) as machine:
-        tell_done("Stopped.", machine.post("cycle/stop"), as_json)
+        _halted(machine.post("cycle/stop"), "Stopped.", as_json)
 
 
 def estop(url: Url = remote.URL, as_json: Json = False) -> None:
     """Ask every drive for a quick stop. This is software: the button on the machine is the safe one."""
     with asked(url, as_json) as machine:
         tell_done("Emergency stop asked for.", machine.post("machine/estop"), as_json)
+
+
+def _halted(answer: Any, sentence: str, as_json: bool) -> None:
+    """What came of a hold or a stop: the tick has taken it, or what was being prepared is given up."""
+    result = answer.get("result") or {}
+    given_up = result.get("outcome") == "given_up"
+    tell_done(f"Given up before it began: {result['what']}." if given_up else sentence, answer, as_json)
 
 
 # --- cycle
@@ -265,7 +271,7 @@ def jog(
         with machine.control(take_over):
             if distance is not None:
                 done = machine.post("jog/step", {**where, "distance": distance})
-                _until_rest(machine)
+                _until_rest(machine, (done.get("result") or {}).get("tick", 0))
                 tell_done(f"Moved {axis.upper()} by {distance:g}.", done, as_json)
             else:
                 _pressed(machine, {**where, "speed": speed}, seconds or 0.0)
@@ -280,15 +286,13 @@ def _one_of(distance: float | None, speed: float | None, seconds: float | None) 
         raise Refused(f"--seconds {seconds:g}: allowed are numbers above 0 up to {LONGEST_JOG_S:g}.")
 
 
-def _until_rest(machine: Machine) -> None:
-    """Whoever gives control back ends his jog, so wait; a step may begin a little after its answer."""
-    began_s, seen = time.monotonic(), False
+def _until_rest(machine: Machine, tick: int) -> None:
+    """Whoever gives control back ends his jog, so wait; ``tick``: in which it was taken, older is no news."""
     try:
         while True:
-            jogging = bool(machine.get("status").get("jogging"))
-            if not jogging and (seen or time.monotonic() - began_s > BEGINS_S):
+            now = machine.get("status")
+            if not now.get("jogging") and ((now.get("tick") or {}).get("number") or 0) >= tick:
                 return
-            seen = seen or jogging
             time.sleep(REFRESH_S)
     except BaseException:
         machine.post("jog/stop", {})

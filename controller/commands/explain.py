@@ -10,6 +10,8 @@ from typing import Annotated, Literal
 import typer
 
 from controller import config
+from controller.commands import fitted as fittings
+from controller.commands.fitted import Fitted
 from controller.plan.report import explained
 from controller.plan.report.explained import Step
 from controller.plan.text import blocks, linked, position
@@ -25,6 +27,7 @@ def explain(
     dialect: Annotated[
         Literal["rs274", "fanuc"] | None, typer.Option("--dialect", help="Default: the machine file's.")
     ] = None,
+    fitted: Fitted = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a line.")] = False,
 ) -> None:
     """Print the canonical motions of a program, one per line; nothing is planned and nothing moves.
@@ -32,7 +35,7 @@ def explain(
     Positions are those at the end of each, from the homed position on: of the program, then of the axes.
     """
     with refusals(as_json, lambda: (ConfigError, OSError)):
-        made = config.load(machine)
+        made = fittings.laid(config.load(machine), fitted)
         made = replace(made, dialect=dialect) if dialect else made
         if not program.is_file():
             raise Refused(f"{program}: there is no such file; give the path of a part program.")
@@ -46,7 +49,7 @@ def explain(
 def line_of(step: Step) -> str:
     """A step for people."""
     words = [f"{step.line:6d} {step.kind:13s} {_places(step.program):42s} | {_places(step.axes):52s} |"]
-    told = [f"{step.offset} {step.plane}"]
+    told = [f"{step.offset} {step.plane}{' tilted' if step.tilted is not None else ''}"]
     told += [
         str(value) if name == "unit" else f"{name} {_plain(value)}" for name, value in step.facts.items()
     ]

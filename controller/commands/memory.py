@@ -1,12 +1,12 @@
 """Memory for one long computation: freed arrays stay with the process, and the collector comes seldom.
 
-What an array gives back is asked for again within the same millisecond. And what a run makes in thousands
-and keeps (frames, rows) is no rubbish: to look through it every 700 objects costs and finds nothing.
+What an array gives back is asked for again within the same millisecond. And what imports and runs make in
+thousands and keep (classes, frames, rows) is no rubbish: to look through it every 700 objects costs and
+finds nothing.
 """
 
 from __future__ import annotations
 
-import ctypes
 import gc
 
 # glibc's malloc.h. By default an array of 128 kB and more is a mapping of its own, and what is free at the
@@ -19,6 +19,8 @@ COLLECT_EVERY = 50_000  # objects more than before; Python's default is 700
 
 def keep_freed() -> None:
     """For the rest of this process; without glibc nothing is changed."""
+    import ctypes
+
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is not None:
         mallopt(_MMAP_THRESHOLD, LARGEST_BYTES)

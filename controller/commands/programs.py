@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from controller import config
+from controller.commands import fitted as fittings
 from controller.commands import machine_check
+from controller.commands.fitted import Fitted
 from controller.machine import Machine, five
 from controller.motions import SurfaceCut
 from controller.plan.report import stored
@@ -78,9 +80,13 @@ def _expected() -> tuple[type[Exception], ...]:
 
 
 def _machine(
-    file: str, gouge: str | None = None, period_ms: float | None = None, dialect: str | None = None
+    file: str,
+    gouge: str | None = None,
+    period_ms: float | None = None,
+    dialect: str | None = None,
+    fitted: Path | None = None,
 ) -> Machine:
-    machine = config.load(file)
+    machine = fittings.laid(config.load(file), fitted)
     machine = replace(machine, dialect=dialect) if dialect else machine
     machine = replace(machine, gouge=gouge) if gouge else machine
     return machine if period_ms is None else config.with_period(machine, period_ms / 1e3)
@@ -151,6 +157,7 @@ def check(
     gouge: Gouge = None,
     block_delete: BlockDelete = False,
     dialect: Dialect = None,
+    fitted: Fitted = None,
     store: Store = None,
     as_json: Json = False,
 ) -> None:
@@ -161,7 +168,7 @@ def check(
     if program is None and not machine:
         raise typer.BadParameter("name a part program, or a machine alone with --machine")
     with _refusals(as_json):
-        made = _machine(machine or "trunnion", gouge, dialect=dialect)
+        made = _machine(machine or "trunnion", gouge, dialect=dialect, fitted=fitted)
         sheets = machine_check.sheets(made, as_json)
         if program is None:
             machine_check.alone(made, sheets, as_json)
@@ -175,10 +182,15 @@ def check(
             overcuts = {"overcuts": [asdict(one) for one in kept.overcuts]}
             verdict = {"verdict": checked.verdict_of(kept)}
             rows.write(
-                {**facts, **overcuts, **verdict, **_notes(kept.notes, task.machine), "stored": key},
+                {
+                    **{**facts, **overcuts, **verdict, "fitted": fittings.said(fitted)},
+                    **{**_notes(kept.notes, task.machine), "stored": key},
+                },
                 sys.stdout,
             )
             return
+        if names := fittings.said(fitted):
+            tell.print(fittings.sentence(names), markup=False)
         _show_notes(kept.notes, task)
         if rows.longest:
             show.print(tables.blocks(rows))
@@ -235,6 +247,7 @@ def simulate(
     gouge: Gouge = None,
     block_delete: BlockDelete = False,
     dialect: Dialect = None,
+    fitted: Fitted = None,
     trace_file: Annotated[Path | None, typer.Option("--trace", help="Write every tick (.npz).")] = None,
     events: Annotated[Path | None, typer.Option("--events", help="Requests at ticks (JSON lines).")] = None,
     faults: Annotated[Path | None, typer.Option("--faults", help="Script of faults.")] = None,
@@ -247,14 +260,16 @@ def simulate(
     as_json: Json = False,
 ) -> None:
     """Run a program on the stepped clock, with bus and simulated drives, as fast as it can."""
-    from controller.commands import fault_runs, memory, recorded_runs
-    from controller.session.stepped import SteppedMachine
-    from controller.verify import trace as traces
+    from controller.commands import memory
 
     memory.keep_freed()
     memory.collect_rarely()
+    from controller.commands import fault_runs, recorded_runs
+    from controller.session.stepped import SteppedMachine
+    from controller.verify import trace as traces
+
     with _refusals(as_json):
-        made = _machine(machine, gouge, period_ms, dialect)
+        made = _machine(machine, gouge, period_ms, dialect, fitted)
         script = fault_runs.read(faults, faults_from, made)
         _budget_or_refuse(made)
         record = recorded_runs.read(events, made, _text(program, block_delete)) if events else None

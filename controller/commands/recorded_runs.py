@@ -1,16 +1,20 @@
-"""The record of a run in production, made again by ``directrix simulate --events``, and compared."""
+"""The record of a run in production, made again by ``directrix replay``, or ``simulate --events``."""
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from controller import config, fitting
 from controller.handoff import COLUMN
 from controller.machine import Kind, Machine
+from controller.plan.text import linked
 from controller.session import events
 from controller.session.checked import Task, Walk
 from controller.session.events import Recorded
@@ -20,7 +24,7 @@ if TYPE_CHECKING:
     from controller.session.replay import Difference
     from controller.session.stepped import Run, SteppedMachine
 
-RUN = "run.json"  # beside the events of a run that was ended in order
+RUN, BEGUN = "run.json", "begun.json"  # beside the events of a run that was ended in order, or was not
 CAUSES = (
     "Another version of this program, another computer's mathematics or a changed record make that; "
     "use what the run was recorded with."
@@ -28,15 +32,16 @@ CAUSES = (
 
 
 class RecordedRun:
-    """``machine`` is fitted as it was then; ``recorded`` says how it began."""
+    """``machine`` is fitted as it was then, ``text`` was run; ``recorded`` says how it began."""
 
-    def __init__(self, file: Path, recorded: Recorded, built: Machine) -> None:
+    def __init__(self, file: Path, recorded: Recorded, built: Machine, text: bytes) -> None:
         """Raises Refused where its setpoints cannot be read, and ConfigError for a period that is none."""
         from controller.session import replay
 
         period_s = recorded.begin.period_s
         self._built = built if period_s is None else config.with_period(built, period_s)
-        self.recorded, self._file = recorded, file
+        self.recorded, self._file, self.text = recorded, file, text
+        self.name = str(_facts(file.parent).get("name") or events.PROGRAM)
         self.machine = fitting.applied(self._built, recorded.begin.fitted)
         try:
             self._wanted = replay.setpoints(file.parent)
@@ -44,6 +49,11 @@ class RecordedRun:
             raise Refused(
                 f"{file.parent}: its setpoints cannot be read ({error}); give the record as it was written."
             ) from error
+
+    @property
+    def duration_s(self) -> float:
+        """Of what was recorded."""
+        return 0.0 if self._wanted is None else len(self._wanted) * self.machine.period_s
 
     def stand(self, bench: SteppedMachine) -> None:
         """Where the run began."""
@@ -61,33 +71,52 @@ class RecordedRun:
         from controller.session import replay
 
         if self._wanted is None:
-            return {"recorded_ticks": 0}
+            return {"recorded_ticks": 0, "compared_ticks": 0}
         found = replay.difference(self.recorded, self._wanted, run.rows)
         if found is not None:
-            name = self.machine.axes[found.axis].name
-            raise Refused(f"{self._file}: {self._otherwise(found, name, run)}", tick=found.tick, axis=name)
+            raise self._otherwise(found, run)
         if run.result != "completed" and self._ended_as() == "completed":
             raise Refused(
                 f"{self._file}: the recorded run came to the program's end after {len(self._wanted)} ticks; "
                 f"made again it did not ({run.result}). {CAUSES}"
             )
-        return {"recorded_ticks": len(self._wanted)}
+        wanted = min(len(self._wanted), replay.off_path(self.recorded))
+        if (made := int(np.count_nonzero(run.rows[:, COLUMN["sync_sent"]]))) < wanted:
+            raise Refused(
+                f"{self._file}: made again the run ends after {made} ticks, and the recorded one went on "
+                f"to {wanted}. {CAUSES}"
+            )
+        return {"recorded_ticks": len(self._wanted), "compared_ticks": wanted}
 
-    def _otherwise(self, found: Difference, name: str, run: Run) -> str:
+    def _otherwise(self, found: Difference, run: Run) -> Refused:
+        """Where, when and by how much."""
         sent = run.rows[run.rows[:, COLUMN["sync_sent"]] != 0.0]
         line, axis = int(sent[found.tick, COLUMN["line"]]), self.machine.axes[found.axis]
         apart = abs((found.again - found.recorded) / axis.counts_per_unit * axis.shown_per_unit)
-        unit = "mm" if axis.kind is Kind.LINEAR else "degrees"
-        return (
-            f"made again the run differs from the recorded one in tick {found.tick} (line {line}): {name} "
-            f"was told {found.recorded} counts, and {found.again} now, {apart:.6f} {unit} apart. {CAUSES}"
+        unit, at_s = "mm" if axis.kind is Kind.LINEAR else "degrees", found.tick * self.machine.period_s
+        return Refused(
+            f"{self._file}: made again the run differs from the recorded one in tick {found.tick} (line "
+            f"{line}, at {at_s:.3f} s): {axis.name} was told {found.recorded} counts, and {found.again} now, "
+            f"{apart:.6f} {unit} apart. {CAUSES}",
+            tick=found.tick,
+            time_s=at_s,
+            line=line,
+            axis=axis.name,
+            difference=apart,
+            unit=unit,
         )
 
     def _ended_as(self) -> str:
-        try:
-            return str(json.loads((self._file.parent / RUN).read_text(encoding="utf-8"))["result"])
-        except (OSError, ValueError, KeyError, TypeError):
-            return ""  # nobody lived to write it
+        """ "" where nobody lived to write it."""
+        return str(_facts(self._file.parent).get("result", ""))
+
+
+def _facts(folder: Path) -> dict[str, Any]:
+    """What is known of a run: of one that was killed only how it began."""
+    for name in (RUN, BEGUN):
+        with contextlib.suppress(OSError, ValueError, TypeError):
+            return dict(json.loads((folder / name).read_text(encoding="utf-8")))
+    return {}
 
 
 def read(file: Path, machine: Machine, program: bytes) -> RecordedRun | None:
@@ -103,4 +132,35 @@ def read(file: Path, machine: Machine, program: bytes) -> RecordedRun | None:
     ):
         if wanted != hashlib.sha256(given).hexdigest():
             raise Refused(f"{file}: is the record of a run with another {what}; give the one that was run.")
-    return RecordedRun(file, found, machine)
+    return RecordedRun(file, found, machine, program)
+
+
+def whole(folder: Path, machine: str | None, program: Path | None) -> RecordedRun:
+    """A record with what was run in it; ``machine`` and ``program`` name files to be taken in their place.
+
+    Raises EventError, ConfigError, OSError, and Refused where something of it is missing or of another run.
+    """
+    file = folder / events.FILE
+    if not file.is_file():
+        raise Refused(f"{folder}: there is no {events.FILE} in it; give the folder of a run's record.")
+    text = _part(folder, events.PROGRAM, "--program") if program is None else _linked(program)
+    if machine is not None:
+        built = config.load(machine)
+    else:
+        built = config.read(_part(folder, events.MACHINE, "--machine").decode(), events.MACHINE)
+    found = read(file, built, text)
+    if found is None or not found.duration_s:
+        raise Refused(f"{folder}: nothing of a run was recorded in it that could be compared; give another.")
+    return found
+
+
+def _part(folder: Path, name: str, option: str) -> bytes:
+    """Raises Refused, and OSError."""
+    if not (folder / name).is_file():
+        raise Refused(f"{folder}: has no {name}, as records of older versions; name the file with {option}.")
+    return (folder / name).read_bytes()
+
+
+def _linked(program: Path) -> bytes:
+    """With the subs of other files, as the service runs it."""
+    return linked.linked(program.read_bytes(), linked.beside(program))

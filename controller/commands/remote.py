@@ -53,6 +53,9 @@ class Machine:
     def put(self, path: str, values: Mapping[str, Any]) -> Any:
         return self._ask("PUT", path, json=dict(values))
 
+    def delete(self, path: str) -> Any:
+        return self._ask("DELETE", path)
+
     @contextlib.contextmanager
     def control(self, take_over: bool = False) -> Iterator[None]:
         """Hold the control token meanwhile."""

@@ -135,8 +135,10 @@ def _bits(status: Status) -> Iterator[Text]:
                 told.append(f"  {name} {'1' if on else '0'}", "bold" if on else "")
             yield told
     for drive in status.get("drives") or ():
-        if said := drive.get("error"):
-            yield Text(f"drive of {drive.get('axis', '-')}: {said}", "yellow")
+        malformed = drive.get("malformed")
+        for said in (drive.get("error"), f"{malformed} frames of a wrong length" if malformed else None):
+            if said:
+                yield Text(f"drive of {drive.get('axis', '-')}: {said}", "yellow")
 
 
 def done(job: Mapping[str, Any]) -> float | None:

@@ -165,10 +165,9 @@ def _programs(archive: zipfile.ZipFile, wanted: set[str]) -> None:
 def _fitted(data: bytes, machine: Machine) -> dict[str, Any]:
     fitted = _object(FITTING, data)
     for name, rows in fitted.items():
-        if name not in ("offsets", "tools") or not isinstance(rows, dict):
-            raise BackupError(
-                f"{FITTING}: {names.shown(name)} is {_short(rows)}; allowed are offsets and tools"
-            )
+        if name not in fitting.KINDS or not isinstance(rows, dict):
+            allowed = ", ".join(fitting.KINDS)
+            raise BackupError(f"{FITTING}: {names.shown(name)} is {_short(rows)}; allowed are {allowed}")
     fitting.applied(machine, fitted)
     return fitted
 

@@ -29,7 +29,19 @@ SLOW_S = 600.0  # a whole program may have to be read
 LOOKS = frozenset({"facts", "drives", "alarms", "runs", "rows", "buses", "restart", "acknowledge"})
 STOPS = frozenset({"stop", "hold", "estop", "jog_stop", "disable"})
 SLOW = frozenset(
-    {"load", "unload", "mdi", "enable", "home", "reset", "retract", "return", "set_offset", "set_tool"}
+    {
+        "load",
+        "unload",
+        "mdi",
+        "enable",
+        "home",
+        "reset",
+        "retract",
+        "return",
+        "set_offset",
+        "set_tool",
+        "forget",
+    }
 )
 UNANSWERED = {"gone": "no_service", "silent": "silent_service"}  # texts of the catalogue
 # "bad" is no 422: what the schema cannot say (a word of a program, an axis that this machine

@@ -132,8 +132,14 @@ class _Figures(Collector):
         yield _gauge("mode", "1 for the present mode, 0 for the others.", "mode", modes)
         fault = _at(status, ("fault", "name"))
         yield _gauge("fault", "1 for the present fault.", "fault", {str(fault): 1.0} if fault else {})
-        ages = {str(row.get("axis")): row.get("heartbeat_age_s") for row in status.get("drives") or ()}
+        yield from self._drives()
+
+    def _drives(self) -> Iterator[Family]:
+        rows = {str(row.get("axis")): row for row in self._status.get("drives") or ()}
+        ages = {axis: row.get("heartbeat_age_s") for axis, row in rows.items()}
         yield _gauge("drive_heartbeat_age_seconds", "Age of the last heartbeat.", "axis", ages)
+        frames = {axis: row.get("malformed") for axis, row in rows.items()}
+        yield _counter("drive_malformed_frames", "Frames of a wrong length from a drive.", "axis", frames)
 
     def _joints(self) -> Iterator[Family]:
         joints: Mapping[str, Any] = self._status.get("joints") or {}

@@ -10,6 +10,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from controller.panel.models_of_tick import DriveFacts, OfTick
+
 Axis = Annotated[str, Field(pattern=r"^[XYZABC]$", description="Name of an axis of the machine file.")]
 Frame = Literal["joint", "part", "tool"]
 Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
@@ -122,6 +124,10 @@ class OffsetValues(Sent):
         list[Annotated[float, Field(ge=-360.0, le=360.0)]],
         Field(min_length=3, max_length=3, description="About X, then Y, then Z of the table."),
     ] = [0.0, 0.0, 0.0]
+    rotary_deg: Annotated[
+        dict[str, Annotated[float, Field(ge=-36000.0, le=36000.0)]] | None,
+        Field(description="What words of rotary axes are shifted by; left out: as it is."),
+    ] = None
 
 
 class ToolValues(Sent):
@@ -147,7 +153,11 @@ class Rename(Sent):
 
 
 class Done(Told):
-    """It was done, or is being done; the status shows how it goes on."""
+    """It was done, or is being done; the status shows how it goes on.
+
+    Of a request that the tick itself answers, the result has its outcome: done, superseded by another one, or
+    given_up: what was being prepared does not begin; with the mode and the tick of that answer.
+    """
 
     request: str
     result: dict[str, Any] = {}
@@ -213,13 +223,8 @@ class JointFacts(Told):
     limit: Any = None
 
 
-class Feed(Told):
-    programmed: Number = None
-    actual: Number = None
-
-
-class Status(Told):
-    """What the machine is doing, at most 50 ms ago."""
+class Status(OfTick, Told):
+    """What the machine is doing, at most 50 ms ago; null: not known."""
 
     time_s: Number = None
     mode: str = Field(description="FAULT where the tick is gone; OFF before its first one.")
@@ -228,33 +233,26 @@ class Status(Told):
     not_homed: Any = None
     control: str | None = Field(None, description="Who holds the control token; null: nobody.")
     fault: FaultFacts | None = None
-    warning: Any = None
     job: JobFacts | None = None
     joints: dict[str, JointFacts] = {}
+    work_offset: str | None = Field(None, description="In which the joints' work positions are.")
     aside: bool | None = Field(None, description="The tool stands off the path of a held program.")
     retract_room_mm: Number = Field(
         None, description="So far the tool can go off along its axis from here; null: not now."
     )
     tip: Any = None
     axis: Any = None
-    feed_mm_min: Feed | None = None
+    on_table: Any = Field(None, description="Tip and axis seen from the table with its rotaries at zero.")
     limited_by: Any = Field(None, description="What holds the feed down now, in words.")
     in_block: Any = Field(None, description="What the motion is, the share of it that is done, and u.")
-    override: Number = None
-    rapid_override: Number = None
-    single_block: bool | None = None
-    optional_stop: bool | None = None
-    spindle: Any = None
     coolant: Any = None
     inputs: Any = None
     outputs: Any = None
-    drives: list[dict[str, Any]] = []
-    tick: dict[str, Any] | None = Field(
-        None, description="Its number, how late it was, and age_s: how old this status is."
-    )
-    waiting: Any = None
+    drives: list[DriveFacts] = []
+    commissioned: bool | None = Field(None, description="The drives' settings were written and read back.")
+    tool: int | None = Field(None, description="In the spindle; null: not known.")
+    notices: Any = Field(None, description="What forbids motion, and what stopped nothing, as sentences.")
     tool_change: Any = Field(None, description="The tool that the program waits for: number, sentence.")
-    interlock: Any = None
     jogging: Any = None
     sequence: Any = None
 
@@ -365,11 +363,16 @@ class RecordingList(Told):
 
 
 class DriveList(Told):
-    drives: list[dict[str, Any]]
+    drives: list[DriveFacts]
 
 
 class OffsetList(Told):
+    """``source`` of each: "file", or "machine" where it was set at the machine or by a program."""
+
     offsets: dict[str, Any]
+    shift: dict[str, Any]  # of G92
+    references: dict[str, Any]  # of G28 and G30
+    parameters: dict[str, float]  # that outlive a program
 
 
 class ToolList(Told):

@@ -1,6 +1,6 @@
 """What a scope shows: signals by name out of the tick's rows, triggers, thinning, and files.
 
-A row is one tick as the recorder keeps it (``handoff.ROW``). Signals are in shown units (mm,
+A row is one tick as the recorder keeps it (``live_state.ROW``). Signals are in shown units (mm,
 degrees, their configured sense); what is not in a row is made from it: errors, velocities,
 accelerations and jerks as differences of neighbouring ticks.
 """
@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.handoff import COLUMN, ROW
+from controller.handoff import rows_of
+from controller.live_state import COLUMN, SIGNALS
 from controller.machine import Machine
 
 Array = NDArray[np.float64]
@@ -27,22 +28,6 @@ MOST_DIGITS = 9
 
 _OF_AXIS = (("command", ""), ("actual", ""), ("error", ""), ("setpoint", "counts"))
 _CHANGES = (("velocity", "/s"), ("acceleration", "/s²"), ("jerk", "/s³"))
-_PLAIN = {  # name -> unit, column, factor
-    "feed": ("mm/min", "feed_mm_s", 60.0),
-    "lateness": ("µs", "lateness_s", 1e6),
-    "override": ("%", "override", 100.0),
-    "rapid_override": ("%", "rapid_override", 100.0),
-    "path_clock": ("%", "rate", 100.0),
-    "path_time": ("s", "plan_time_s", 1.0),
-    "s": ("mm", "s", 1.0),
-    "line": ("", "line", 1.0),
-    "mode": ("", "mode", 1.0),
-    "fault": ("", "fault", 1.0),
-    "cutting": ("", "cutting", 1.0),
-    "limited_by": ("", "limited_by", 1.0),
-    "sync_sent": ("", "sync_sent", 1.0),
-    "bus_load": ("%", "bus_share", 100.0),
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,13 +64,13 @@ def names(machine: Machine) -> dict[str, str]:
         unit = "°" if axis.is_rotary else "mm"
         found.update({f"{axis.name}.{name}": fixed or unit for name, fixed in _OF_AXIS})
         found.update({f"{axis.name}.{name}": unit + per for name, per in _CHANGES})
-    return {**found, **{name: unit for name, (unit, _, _) in _PLAIN.items()}}
+    return {**found, **{name: unit for name, (unit, *_) in SIGNALS.items()}}
 
 
 def _maker(name: str, machine: Machine) -> Callable[[Array], Array]:
     """How a signal is made of rows. Raises KeyError."""
-    if name in _PLAIN:
-        _, column, factor = _PLAIN[name]
+    if name in SIGNALS:
+        _, column, factor = SIGNALS[name]
         return lambda rows: rows[:, COLUMN[column]] * factor
     axis, _, what = name.partition(".")
     axes = [one.name for one in machine.axes]
@@ -203,9 +188,7 @@ def npz(found: Signals, wanted: Sequence[str], where: slice) -> bytes:
 
 def rows_of_setpoints(columns: Sequence[str], values: Array, machine: Machine) -> Array:
     """Rows out of a run's record, which holds setpoints alone: what it does not hold is NaN."""
-    rows = np.full((len(values), len(ROW)), np.nan)
-    for i, name in enumerate(columns):
-        rows[:, COLUMN[name]] = values[:, i]
+    rows = rows_of(columns, values)
     for i, axis in enumerate(machine.axes):
         rows[:, COLUMN[f"joint_command_{i}"]] = rows[:, COLUMN[f"setpoint_{i}"]] / axis.counts_per_unit
     return rows

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from controller import config, fitting
-from controller.handoff import COLUMN, ROW
+from controller.handoff import COLUMN, ROW, rows_of
 from controller.machine import Machine
 from controller.panel import signals
 from controller.panel.answers import Refusal
@@ -109,11 +109,7 @@ def _recording(file: Path, *_: int) -> Signals:
     with np.load(file, allow_pickle=False) as kept:
         columns, found = [str(name) for name in kept["columns"]], np.asarray(kept["rows"], dtype=float)
         machine = config.read(str(kept["machine"]), "machine.toml")
-    rows = np.full((len(found), len(ROW)), np.nan)  # also of a version that kept other columns
-    for i, name in enumerate(columns):
-        if name in COLUMN:
-            rows[:, COLUMN[name]] = found[:, i]
-    return Signals(rows, machine)
+    return Signals(rows_of(columns, found), machine)
 
 
 def of_run(folder: Path, machine: Machine) -> Signals:

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from controller.geometry import Frame, Vector
 
 NAMES = "XYZ"
-LEVEL = 1e-9
 
 
 def frame(offset: Mapping[str, object]) -> Frame:
@@ -30,6 +28,13 @@ def origin_for(offset: Frame, tip_on_table: Vector, wanted: Mapping[str, float])
     return (a, b, c)
 
 
+def under(shift: Mapping[str, Any] | None, wanted: Mapping[str, float]) -> dict[str, float]:
+    """What the tip must read in the offset for it to read ``wanted`` under the shift of G92."""
+    if not shift or shift["suspended"]:
+        return dict(wanted)
+    return {name: value + float(shift["origin_mm"][NAMES.index(name)]) for name, value in wanted.items()}
+
+
 def tip_with(on_table: Mapping[str, Any], length_mm: float) -> Vector:
     """The tip of a tool of another length, where the status tells that of ``length_mm`` in it."""
     longer_mm = length_mm - float(on_table["length_mm"])
@@ -43,17 +48,3 @@ def _three(values: object) -> Vector:
         raise ValueError(f"{values!r} are no three numbers")
     x, y, z = (float(value) for value in values)
     return (x, y, z)
-
-
-def turned_deg(offset: Frame) -> Vector:
-    """The turns about X, then Y, then Z of the table that make the frame's axes (deg); as ``config.offset``.
-
-    Where Y is at a quarter turn X and Z turn about the same line: all of it is told as Z's.
-    """
-    (xx, xy, xz), y, z = offset.x, offset.y, offset.z
-    level = math.hypot(xx, xy)
-    about_y = math.atan2(-xz, level)
-    if level < LEVEL:
-        return (0.0, math.degrees(about_y), math.degrees(math.atan2(-y[0], y[1])))
-    about_x, about_z = math.atan2(y[2], z[2]), math.atan2(xy, xx)
-    return (math.degrees(about_x), math.degrees(about_y), math.degrees(about_z))

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.handoff import STILL, Law, Piece, StopTable, dwell
+from controller.handoff import STILL, Awaited, Law, Piece, StopTable, dwell
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.plan.feed import binding, pace, profile
@@ -22,7 +22,7 @@ from controller.plan.feed.course import REMEMBERED, Course
 from controller.plan.feed.profile import Profile, State
 from controller.plan.route.path import Pause, Stretch
 from controller.plan.stops import table as stops
-from controller.plan.text.program import Act
+from controller.plan.text.program import UNSAID, Act, Await, Level
 from controller.plan.track import Track, Unit
 
 FIRST_S = 2.5  # of motion in a window that must be ready soon ...
@@ -34,7 +34,8 @@ NEXT_TO_NOTHING = 1e-9  # of s left: the place is the end
 BLOCKS_TO_STOP_IN = 4  # program blocks within which single block must have stopped a motion
 LONG_STOP_S = 0.3  # where no stop is known
 BRAKING_SHARE = 2.0  # of the length to brake in, for a window from motion
-SETTING = (Act.SPINDLE, Act.COOLANT, Act.TOOL, Act.CLAMP)  # what is waited for, at rest
+# What is waited for, at rest.
+SETTING = (Act.SPINDLE, Act.COOLANT, Act.OUTPUT, Act.INPUT, Act.TOOL, Act.CLAMP)
 SHORTENED = (1.0, 0.5, 0.25, 0.1)  # shares of a window that are tried where it cannot be planned
 
 
@@ -300,6 +301,7 @@ class Windows:
                     rapid=rapid,
                     override=orders.rapid_override if rapid else orders.override,
                     binds=binds,
+                    outputs=stretch.outputs,
                 )
             )
         rest_s = made.end_s - made.start_s - sum(piece.duration_s for piece in pieces)
@@ -323,7 +325,17 @@ class Windows:
 
     # --- pauses
 
+    def _awaited(self, asked: Await) -> Awaited | None:
+        """The input by its bit of the node, and the ticks that it may take."""
+        io = self._machine.io
+        bit = None if io is None else io.input(io.digital_in[asked.number])
+        if bit is None:
+            return None
+        on, edge = asked.level in (Level.RISE, Level.HIGH), asked.level in (Level.RISE, Level.FALL)
+        return Awaited(1 << bit, on, edge, round(asked.seconds / self._period_s))
+
     def _pause(self, unit: Unit, pause: Pause, place: Place, start_s: float, orders: Orders) -> Sent:
+        sets = self._machine.has_peripherals and pause.act in SETTING
         piece = Piece(
             unit.motion_id,
             unit.line,
@@ -333,10 +345,12 @@ class Windows:
             optional_stop=pause.act is Act.OPTIONAL_STOP,
             block_end=unit.block_end,
             end=unit.last,
-            sets=self._machine.has_peripherals and pause.act in SETTING,
+            sets=sets,
             spindle_rev_min=pause.modal.spindle_rev_min,
             coolant=pause.modal.coolant,
+            outputs=pause.modal.outputs if sets and pause.act is Act.OUTPUT else UNSAID,
             open_clamps=pause.open_clamps,
+            awaits=self._awaited(pause.awaits) if pause.awaits is not None else None,
         )
         end_s, after = start_s + piece.duration_s, Place(place.unit + 1, 0.0)
         return Sent(place.unit, start_s, end_s, None, after, orders, (piece,))

@@ -7,7 +7,7 @@ now, in the door's thread; what takes long goes to the sequencer.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
@@ -15,21 +15,23 @@ from typing import Any
 from controller import catalogue, fitting
 from controller.door import Answer, DoorError, Values
 from controller.geometry import Frame
-from controller.handoff import Snapshot
+from controller.handoff import Snapshot, blank
+from controller.machine import Machine
 from controller.plan.aside import RETRACT_MM_S
 from controller.service import hearing, jobs, looks, offer, runs, sequences, status
+from controller.service.acknowledged import Acknowledged, refusal
 from controller.service.arguments import number, whole
 from controller.service.jobs import Job
 from controller.service.jogging import ENDS, Jogging, Presses
-from controller.service.refused import in_both, refused
+from controller.service.refused import by_fault, in_both, refused
+from controller.service.sequencer import Going
 from controller.service.service import Service
-from controller.state import Mode, Request
+from controller.state import Mode, Request, bars
 from controller.tick.mode import MOST_OVERRIDE
 from controller.toml_table import ConfigError
 
 MOST_DISTANCE = 1e5  # mm or degrees of one step; the travel is the tick's own limit
 MOST_MDI = 10_000  # characters
-PREPARES = ("start", "mdi", "retract", "return")  # sequences at whose end the tool moves
 AT_REST = (Mode.OFF, Mode.READY, Mode.FAULT)
 
 
@@ -39,7 +41,7 @@ class Desk:
     def __init__(self, service: Service) -> None:
         self._service = service
         self._jogging, self._presses = Jogging(), Presses()
-        self._resumed = 0  # number of the last resume
+        self._answers = Acknowledged(service.machine, lambda: service.engine)
         self._errands = ThreadPoolExecutor(2, "errands")  # what waits for a disk
         self._verbs: dict[str, Callable[[Values], Answer]] = {
             "status": self._status,
@@ -68,6 +70,7 @@ class Desk:
             "jog_stop": lambda _: self._ask(Request.JOG_STOP),
             "set_offset": lambda args: self._errands.submit(self._set_offset, args),
             "set_tool": lambda args: self._errands.submit(self._set_tool, args),
+            "forget": lambda args: self._errands.submit(self._forget, args),
             "drives": self._drives,
             "alarms": lambda _: {"alarms": self._service.alarms.list()},
             "acknowledge": lambda args: self._errands.submit(self._acknowledge, args),
@@ -99,7 +102,7 @@ class Desk:
             "commissioned": service.commissioned,
         }
         if found is None or found.tick < 0:
-            return {**status.not_begun(self._told(status.blank())), **kept}
+            return {**status.not_begun(self._told(blank())), **kept}
         if not alive:
             return {**status.unseen(self._told(status.ended(found))), **kept}
         return {**self._told(found), **kept}
@@ -110,10 +113,11 @@ class Desk:
         job = service.running or service.job
         way = job.way(now.motion_id) if job is not None and job.active else None
         asked = job.asked_tool(now, service.tool) if job is not None else None
-        age_s, recorder = service.pulse.age_s(now.tick), service.engine.recorder
+        age_s = service.pulse.age_s(now.tick)
+        ends_s = service.last_second.left_s
         return {
             "time_s": now.tick * service.machine.period_s,
-            **status.machine_values(service.machine, now, way, recorder, service.tool, age_s),
+            **status.machine_values(service.machine, now, way, service.tool, age_s, ends_s),
             "aside": service.aside,
             "retract_room_mm": self._retract_room_mm(now),
             "tool": service.tool or None,
@@ -126,9 +130,8 @@ class Desk:
 
     def _facts(self, _: Values) -> Values:
         service = self._service
-        fitted = {"offsets": fitting.offsets_of(service.machine), "tools": fitting.tools_of(service.machine)}
         return {
-            **status.facts(service.engine.machine, fitted),
+            **status.facts(service.engine.machine, fitting.told(service.machine, service.fitted)),
             "state": str(service.state),
             "pids": service.engine.pids,
         }
@@ -147,21 +150,22 @@ class Desk:
 
     # -- at once
 
-    def _ask(self, request: Request, value: float = 0.0) -> Values:
-        """A datagram to the tick, where its table has a place for it. Raises DoorError."""
-        now = self._permitted(request)
-        self._service.engine.request(request, value)
-        return {"mode": now.mode.name}
+    def _ask(
+        self, request: Request, value: float = 0.0, instead: Values | None = None, **told: Any
+    ) -> Answer:
+        """A datagram to the tick, and what it answers; see ``Acknowledged``. Raises DoorError."""
+        self._service.now()
+        return self._answers.of(self._service.engine.request(request, value), request, told, instead)
 
     def _permitted(self, request: Request) -> Snapshot:
         """The newest snapshot. Raises DoorError where it refuses the request."""
         now = self._service.now()
-        if sequences.refusal(self._service.machine, now, request):
-            words = partial(sequences.refusal, self._service.machine, now, request)
+        words = partial(refusal, self._service.machine, now, request)
+        if words():
             raise in_both(words, now.mode.name, request.name)
         return now
 
-    def _jog(self, args: Values) -> Values:
+    def _jog(self, args: Values) -> Answer:
         """Dead-man: without the next one within 200 ms the axes come to rest."""
         share = number(args, "speed", -1.0, 1.0)
         if share == 0.0:
@@ -171,15 +175,14 @@ class Desk:
         line = self._jogging.continuous(service.machine, now, part, frame, axis, share)
         if not self._presses.may_move(str(args.get("press", ""))):
             raise refused("press_ended", now.mode.name, "JOG")
-        service.engine.jog(line)
-        return {"mode": now.mode.name}
+        return self._answers.of(service.engine.jog(line), Request.JOG, {})
 
-    def _jog_step(self, args: Values) -> Values:
+    def _jog_step(self, args: Values) -> Answer:
         distance = number(args, "distance", -MOST_DISTANCE, MOST_DISTANCE)
         now, part = self._permitted(Request.JOG), self._part()
         service, frame, axis = self._service, str(args.get("frame", "joint")), str(args.get("axis", ""))
-        service.engine.jog(self._jogging.step(service.machine, now, part, frame, axis, distance))
-        return {"mode": now.mode.name}
+        line = self._jogging.step(service.machine, now, part, frame, axis, distance)
+        return self._answers.of(service.engine.jog(line), Request.JOG, {})
 
     def _part(self) -> Frame:
         """The work offset that is active: of the motion that is held, else G54."""
@@ -187,72 +190,55 @@ class Desk:
         found = service.engine.snapshot()
         way = service.running.way(found.motion_id) if service.running is not None and found else None
         if way is None:
-            return service.machine.offsets[0]
-        return way.part if way.part is not None else service.machine.offsets[way.offset]
+            return service.machine.part()
+        return way.part if way.part is not None else service.machine.offset(way.offset).frame
 
-    def _hold(self, _: Values) -> Values:
-        """Also of what is only being prepared, or on its way to the tick: it takes the hold behind that."""
-        service = self._service
-        service.stops += 1
-        if service.sequencer.busy in PREPARES or self._resumes(service.now()):
-            service.engine.request(Request.HOLD)
-            return {"mode": service.now().mode.name}
-        return self._ask(Request.HOLD)
+    def _hold(self, _: Values) -> Answer:
+        """Also of what is only being prepared: it does not go out, which is what was asked for."""
+        sequencer = self._service.sequencer
+        given_up = "" if sequencer.busy == "home" else sequencer.give_up()  # drives home by themselves
+        return self._ask(Request.HOLD, instead=_given_up(given_up))
 
-    def _stop(self, _: Values) -> Values:
-        """Also of what is only being prepared: a check, a start."""
+    def _stop(self, _: Values) -> Answer:
+        """Also of what is only being prepared: a check, a start, the next axes that home."""
         service = self._service
-        service.stops += 1
-        under_way = service.sequencer.busy
-        if under_way in ("load", *PREPARES):
+        loads = "load" if service.sequencer.busy == "load" else ""
+        if given_up := service.sequencer.give_up() or loads:
             with contextlib.suppress(DoorError):  # a plan that is gone has given it up
                 service.engine.line.give_up()
-        try:
-            return self._ask(Request.STOP)
-        except DoorError:
-            if under_way:
-                return {"mode": service.now().mode.name}
-            raise
+        return self._ask(Request.STOP, instead=_given_up(given_up))
 
-    def _estop(self, _: Values) -> Values:
-        self._service.stops += 1
-        self._service.engine.request(Request.ESTOP)
-        return {"mode": self._service.now().mode.name}
+    def _estop(self, _: Values) -> Answer:
+        self._service.sequencer.give_up()
+        return self._ask(Request.ESTOP)
 
-    def _resume(self, _: Values) -> Values:
+    def _resume(self, _: Values) -> Answer:
         """Along the program only from where it was held: off it the tool must return first."""
         service = self._service
         if not service.sequencer.busy and (why := service.no_resume):
             raise refused("refused", service.now().mode.name, "RESUME", why=catalogue.Key(why))
-        now = self._permitted(Request.RESUME)
-        self._resumed = service.engine.request(Request.RESUME)
-        return {"mode": now.mode.name}
+        return self._ask(Request.RESUME)
 
-    def _resumes(self, now: Snapshot) -> bool:
-        """Whether a resume is on its way to the tick, so that what is shown is from before."""
-        return self._resumed != 0 and not now.has_taken(self._resumed)
-
-    def _switch(self, request: Request, args: Values) -> Values:
+    def _switch(self, request: Request, args: Values) -> Answer:
         on = args.get("on")
         if not isinstance(on, bool):
             raise refused("not_switch", code="bad", name="on", value=on)
-        self._ask(request, float(on))
-        return {"on": on}
+        return self._ask(request, float(on), on=on)
 
-    def _override(self, request: Request, args: Values) -> Values:
+    def _override(self, request: Request, args: Values) -> Answer:
         share = number(args, "share", 0.0, MOST_OVERRIDE)
-        self._ask(request, share)
-        return {"share": share}
+        return self._ask(request, share, share=share)
 
-    def _disable(self, _: Values) -> Values:
-        self._service.stops += 1
+    def _disable(self, _: Values) -> Answer:
+        self._service.sequencer.give_up()
         return self._ask(Request.DISABLE)
 
     # -- what takes long
 
-    def _sequence(self, name: str, work: Callable[[], Values]) -> Answer:
+    def _sequence(self, name: str, work: Callable[[], Values], going: Going | None = None) -> Answer:
         found = self._service.engine.snapshot()
-        return self._service.sequencer.do(name, work, found.mode.name if found is not None else "OFF")
+        mode = found.mode.name if found is not None else "OFF"
+        return self._service.sequencer.do(name, work, mode, going)
 
     def _enable(self, _: Values) -> Answer:
         now = self._service.now()
@@ -271,7 +257,8 @@ class Desk:
         if now.mode is not Mode.READY:  # there the drives are switched off first
             self._permitted(Request.HOME)
         self._not_running("HOME")
-        return self._sequence("home", lambda: sequences.home(service, axes))
+        going = Going()
+        return self._sequence("home", lambda: sequences.home(service, axes, going), going)
 
     def _reset(self, _: Values) -> Answer:
         service = self._service
@@ -331,8 +318,8 @@ class Desk:
         service = self._service
         self._permitted(Request.START)
         self._not_running(name.upper())
-        stops = service.stops
-        return self._sequence(name, lambda: sequences.start(service, job, stops, unrecorded))
+        going = Going()
+        return self._sequence(name, lambda: sequences.start(service, job, going, unrecorded), going)
 
     def _mdi(self, args: Values) -> Answer:
         text = args.get("text")
@@ -353,8 +340,8 @@ class Desk:
         self._not_running("RETRACT")
         self._permitted(Request.JOG)
         line = self._jogging.step(service.machine, now, self._part(), "tool", "Z", mm)
-        line, stops = line._replace(speed=min(line.speed, RETRACT_MM_S)), service.stops
-        return self._sequence("retract", lambda: sequences.retract(service, line, stops))
+        line, going = line._replace(speed=min(line.speed, RETRACT_MM_S)), Going()
+        return self._sequence("retract", lambda: sequences.retract(service, line, going), going)
 
     def _retract_room_mm(self, now: Snapshot) -> float | None:
         """As ``status.retract_room_mm``; None while the tool is aside, or a run is just ending."""
@@ -367,14 +354,16 @@ class Desk:
         service, now = self._service, self._service.now()
         if now.mode is not Mode.HOLD or not now.at_rest:
             raise refused("not_held", now.mode.name, verb.upper())
-        stops = service.stops
-        return self._sequence(verb, lambda: sequences.aside(service, verb, distance_mm, stops))
+        if bars(now.interlock, Request.RESUME):
+            raise by_fault(now.interlock, now.mode.name, verb.upper())
+        going = Going()
+        return self._sequence(verb, lambda: sequences.aside(service, verb, distance_mm, going), going)
 
     # -- what is fitted
 
     def _set_offset(self, args: Values) -> Values:
         name, values = str(args.get("name", "")), args.get("values")
-        return self._fit("offsets", name, values, lambda m: fitting.with_offset(m, name, values))
+        return self._fit("offsets", name, values, partial(fitting.with_offset, name=name, values=values))
 
     def _set_tool(self, args: Values) -> Values:
         values = dict(args)
@@ -382,9 +371,33 @@ class Desk:
         if not isinstance(number, int) or isinstance(number, bool):
             raise refused("not_whole", code="bad", name="number", value=number)
         tool = None if values.pop("remove", False) else values
-        return self._fit("tools", str(number), tool, lambda m: fitting.with_tool(m, number, tool))
+        return self._fit("tools", str(number), tool, partial(fitting.with_tool, number=number, values=tool))
 
-    def _fit(self, what: str, key: str, values: Any, change: Callable[[Any], Any]) -> Values:
+    def _fit(self, what: str, key: str, values: Any, change: Callable[[Machine], Machine]) -> Values:
+        """One value of the store, which then counts instead of the machine file's."""
+        service = self._service
+        with self._fitting(what, f"SET {what.upper()}"):
+            machine = change(service.machine)
+            rotary = fitting.rotary_deg(machine, key) if what == "offsets" else {}
+            if rotary:  # though it was not said
+                values = {**(values if isinstance(values, dict) else {"origin_mm": values}), **rotary}
+            service.fit(machine, {**service.fitted, what: {**service.fitted.get(what, {}), key: values}})
+        return fitting.told(service.machine, service.fitted)
+
+    def _forget(self, args: Values) -> Values:
+        """What was set at the machine, or by a program, is the machine file's again."""
+        service, name = self._service, str(args.get("name", ""))
+        what = "tools" if name.startswith("T") else "offsets"
+        with self._fitting(what, "FORGET"):
+            try:
+                values = fitting.without(service.fitted, name)
+            except KeyError:
+                raise refused("not_set_here", code="bad", name=name) from None
+            service.fit(fitting.applied(service.file, values), values)
+        return fitting.told(service.machine, service.fitted)
+
+    @contextlib.contextmanager
+    def _fitting(self, what: str, request: str) -> Iterator[None]:
         """At rest only: a program under way was planned with what was fitted when it began.
 
         But a tool that was led off the path of a held program may be changed for another.
@@ -393,19 +406,22 @@ class Desk:
         with service.fitting:  # one change at a time, and no start in the middle of one
             now = service.engine.snapshot()
             if now is not None and not self._may_fit(what, now):
-                raise refused("not_fitted", now.mode.name, f"SET {what.upper()}", what=catalogue.Key(what))
+                raise refused("not_fitted", now.mode.name, request, what=catalogue.Key(what))
             try:
-                machine = change(service.machine)
+                yield
             except ConfigError as error:
                 raise DoorError("bad", str(error)) from error
-            service.fit(machine, {**service.fitted, what: {**service.fitted.get(what, {}), key: values}})
-        return {"offsets": fitting.offsets_of(machine), "tools": fitting.tools_of(machine)}
 
     def _may_fit(self, what: str, now: Snapshot) -> bool:
         service = self._service
         if what == "tools" and service.aside and now.mode is Mode.HOLD:
             return service.sequencer.busy != "return"  # which is planned with those that are fitted
         return now.mode in AT_REST and service.running is None
+
+
+def _given_up(name: str) -> Values | None:
+    """What a hold or stop has done of which the tick itself had nothing to do; None: nothing."""
+    return {"outcome": "given_up", "what": name} if name else None
 
 
 def _not_ready(job: Job, language: str) -> str:

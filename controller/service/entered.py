@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from controller import catalogue
 from controller.catalogue import Key
+from controller.geometry import Frame
 from controller.machine import OFFSETS, Machine
 from controller.plan.route.restart import Rest
+from controller.plan.text.program import Modal
 
 COOLANT = (Key("at.off"), Key("at.mist"), Key("at.flood"), Key("at.mist_and_flood"))
 
@@ -23,12 +25,31 @@ def told(rest: Rest, language: str = "en") -> list[str]:
     what = catalogue.of(language).refusals.get(f"at.way.{rest.what}", rest.what)
     size = _size(machine, at.tool)
     fitted = " " + said("at.size", **size) if size else ""
+    tilted = [said("at.tilted", **_plane(at.frame(machine)))] if at.tilted else []
     return [
         said("at.place", line=spot.line, percent=f"{spot.fraction * 100.0:.1f}", what=what),
         said("at.tool", tool=at.tool, size=fitted, offset=offset, length=length),
+        *tilted,
         said("at.spindle", **spindle),
+        *([said("at.outputs", outputs=names)] if (names := _on(machine, at)) else []),
         said("at.entry", joints=_joints(rest)),
     ]
+
+
+def _plane(frame: Frame) -> dict[str, str]:
+    """A tilted plane in words, seen from the table with its rotaries at zero."""
+    names = {"origin": "XYZ", "x": "IJK", "z": "IJK"}
+    return {
+        what: " ".join(f"{letter}{q + 0.0:.4f}" for letter, q in zip(names[what], vector, strict=True))
+        for what, vector in (("origin", frame.origin), ("x", frame.x), ("z", frame.z))
+    }
+
+
+def _on(machine: Machine, at: Modal) -> str:
+    """The outputs that the program has switched on, and off, before there."""
+    names = machine.io.digital_out if machine.io is not None else ()
+    told = [f"{name} 1" for i, name in enumerate(names) if at.outputs.on >> i & 1]
+    return ", ".join(told + [f"{name} 0" for i, name in enumerate(names) if at.outputs.off >> i & 1])
 
 
 def _size(machine: Machine, number: int) -> dict[str, str]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from controller import config
-from controller.handoff import Snapshot
+from controller.live_state import DriveRow, Snapshot
 from controller.machine import Machine, Temperature
 from controller.state import Mode
 from drives import emergency_codes, pdo
@@ -45,16 +45,16 @@ def drives(
     after which the bus takes a node for dead.
     """
     nodes = config.node_settings(machine)
-    found = [
-        _drive(node, State(state), logs.get(node.bus))
-        for node, state in zip(nodes, now.drive_states, strict=True)
-    ]
     moving, silent_s = _homing_now(machine, now, homing), config.master_settings(machine).consumer_s
-    for i, (row, axis) in enumerate(zip(found, machine.axes, strict=True)):
-        row["homing"] = i in moving
-        row["heard"] = row["heartbeat_age_s"] is not None and row["heartbeat_age_s"] <= silent_s
-        if axis.temperature is not None:
-            row["temperature_c"] = _temperature(axis.temperature, axis.node, logs.get(axis.bus))
+    found = []
+    for i, (node, axis) in enumerate(zip(nodes, machine.axes, strict=True)):
+        log = logs.get(node.bus)
+        row = _drive(node, now, i, log, i in moving, silent_s)._asdict()
+        if axis.temperature is None:
+            del row["temperature_c"]
+        else:
+            row["temperature_c"] = _temperature(axis.temperature, axis.node, log)
+        found.append(row)
     return found
 
 
@@ -76,21 +76,29 @@ def _temperature(told: Temperature, node: int, log: FrameLog | None) -> float | 
     return int.from_bytes(last[1][:size], "little", signed=True) / told.per_degree
 
 
-def _drive(node: NodeSettings, state: State, log: FrameLog | None) -> dict[str, Any]:
+def _drive(
+    node: NodeSettings, now: Snapshot, i: int, log: FrameLog | None, homing: bool, silent_s: float
+) -> DriveRow:
+    """Of axis ``i``; after ``silent_s`` without a sign of life it is not heard."""
     heard = log if isinstance(log, LastFrames) else LastFrames()
     feedback = heard.of(pdo.tpdo(node.profile.tpdo, node.node))
     alive = heard.of(pdo.HEARTBEAT + node.node)
     emergency = heard.of(pdo.EMCY + node.node)
     code = int.from_bytes(emergency[1][:2], "little") if emergency else 0
     word = int.from_bytes(feedback[1][:2], "little") if feedback else None
-    return {
-        "axis": node.name,
-        "node": node.node,
-        "bus": node.bus,
-        "state": state.name,
-        "cyclic_mode": node.profile.mode.name,
-        "statusword": word,
-        "error": emergency_codes.text(code) if code else None,
-        "heartbeat_age_s": max(0.0, time.time() - alive[0]) if alive else None,
-        "emcy": code or None,
-    }
+    age_s = max(0.0, time.time() - alive[0]) if alive else None
+    return DriveRow(
+        axis=node.name,
+        node=node.node,
+        bus=node.bus,
+        state=State(now.drive_states[i]).name,
+        cyclic_mode=node.profile.mode.name,
+        statusword=word,
+        error=emergency_codes.text(code) if code else None,
+        heartbeat_age_s=age_s,
+        emcy=code or None,
+        homing=homing,
+        heard=age_s is not None and age_s <= silent_s,
+        malformed=now.malformed[i],
+        temperature_c=None,
+    )

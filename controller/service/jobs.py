@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import hashlib
 from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from controller import journal
+from controller.changes import Change
 from controller.handoff import Snapshot
-from controller.machine import Joints, Machine, five
+from controller.machine import Joints, Machine, Tool, five
 from controller.plan.detour import FIRST_ID
 from controller.plan.route.spot import ENTRY_ID, Spot
 from controller.plan.text import linked
@@ -64,6 +66,8 @@ class Job:
     armed_tick: int = -1  # what was seen of the machine before it tells nothing of this run
     nominal_s: float = 0.0  # of its duration at 100 % that has passed
     messages: list[str] = field(default_factory=list)  # what the program said last
+    fitted: dict[str, Any] = field(default_factory=dict)  # with which it was started ...
+    tools: tuple[Tool, ...] = ()  # ... and the tool table as it has made it since
     _due: deque[Said] = field(default_factory=deque)  # what it will say
     _reached: int = -1  # the last motion that was under way
     _seen_s: float | None = None  # plan time of the last look
@@ -96,11 +100,11 @@ class Job:
         line = spot.line if spot is not None else None
         return {"name": self.program.name, "sha256": self.sha256, "line": line}
 
-    def journalled(self) -> journal.Job:
-        """What is run, with where a whole run of it starts."""
+    def journalled(self, now: Machine) -> journal.Job:
+        """What is run, with where a whole run of it starts; ``now``: with what it has set since."""
         program = self.program
         joints = whole_from(self.start) or homed_position(program.machine)
-        return journal.Job.of(program.name, program.text, program.machine, joints, program.dry_run_mm)
+        return journal.Job.of(program.name, program.text, now, joints, program.dry_run_mm, self.fitted)
 
     def state_at(self, now: Snapshot) -> str:
         """The state by this very snapshot, though nobody has drawn conclusions yet."""
@@ -133,12 +137,24 @@ class Job:
         self._due.extend(news.messages)
         self.news = news
 
-    def say(self, now: Snapshot, ended: bool = False) -> None:
-        """What the program says up to here, and has not said before; ``ended``: all that is left."""
+    def pass_rows(self, motion_ids: Iterable[int]) -> None:
+        """The motions of the ticks since: of short ones, and of the last before a stop, no snapshot tells."""
+        self._reached = max(self._reached, *(number for number in motion_ids if number < ENTRY_ID), -1)
+
+    def say(self, now: Snapshot, ended: bool = False) -> list[Change]:
+        """What the program says and sets up to here and has not before; ``ended``: all that is left.
+
+        What it says is noted, what it sets is given back.
+        """
         if now.motion_id < ENTRY_ID:
             self._reached = max(self._reached, now.motion_id)
+        changes: list[Change] = []
         while self._due and (ended or self._is_due(self._due[0], now)):
-            self.messages = [*self.messages, self._due.popleft().text][-MOST_MESSAGES:]
+            said = self._due.popleft()
+            changes += said.changes
+            if said.text:
+                self.messages = [*self.messages, said.text][-MOST_MESSAGES:]
+        return changes
 
     def _is_due(self, said: Said, now: Snapshot) -> bool:
         at_pause = said.line == now.line and now.at_rest and self._reached >= said.motion_id - 1

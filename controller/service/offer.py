@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from controller import catalogue, journal
+from controller import catalogue, fitting, journal
 from controller.door import DoorError
 from controller.service.jobs import Job
 from controller.service.refused import in_both, refused
@@ -82,7 +82,12 @@ def look_again(service: Service, job: Job, request: str = "START") -> None:
     changed = partial(journal.refusal, entry, here, now.homed, now.untrusted, len(service.machine.axes))
     if changed():
         raise in_both(changed, now.mode.name, request)
-    job.program = replace(program, spot=journal.spot_of(entry, here))
+    # Its lines set anew what they had set, so it is begun with what was fitted then, but for other tools.
+    job.fitted = service.fitted if entry.job.fitted is None else entry.job.fitted
+    if here.tools_sha256 != entry.job.tools_sha256:
+        job.fitted = {**job.fitted, "tools": service.fitted.get("tools", {})}
+    machine = fitting.applied(service.file, job.fitted)
+    job.program = replace(program, machine=machine, spot=journal.spot_of(entry, here))
 
 
 def tell_beside(service: Service) -> None:

@@ -16,10 +16,11 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Any
 
+from controller.changes import Change
 from controller.curves import ArcLength
 from controller.door import DoorError
 from controller.geometry import Frame
-from controller.machine import Joints, Machine
+from controller.machine import STILL, Joints, Machine, Pair
 from controller.plan.route.spot import Spot
 from controller.service.refused import refused
 
@@ -86,15 +87,21 @@ class Way:
     end_s: float = 0.0  # of the motion, in the unit of the snapshot's s
     arc: ArcLength | None = None  # of a surface: which u an s is
     feed_steps: tuple[tuple[float, float], ...] = ()  # (s, feed) where lines of a row have others
+    turned_rad: Pair = STILL  # what the words of the rotaries are shifted by
+    tilted_mm: float | None = None  # in a tilted plane: length with which X Y Z are the tip's in ``part``
 
 
 @dataclass(frozen=True, slots=True)
 class Said:
-    """What a program says, due when a motion begins, or when the pause of ``line`` before it holds."""
+    """What a program says, or sets for good.
+
+    Due when a motion begins, or when the pause of ``line`` before it holds.
+    """
 
     text: str
     motion_id: int
     line: int | None = None
+    changes: tuple[Change, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

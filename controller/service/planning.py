@@ -22,7 +22,7 @@ from controller import arranged
 from controller.geometry import Frame
 from controller.handoff import Snapshot
 from controller.kinematics import Kinematics
-from controller.machine import Machine, five
+from controller.machine import STILL, Machine, Pair, five
 from controller.motions import SurfaceCut
 from controller.plan.aside import NotPossible
 from controller.plan.report.stored import Stored
@@ -30,7 +30,7 @@ from controller.plan.route.beside import beside
 from controller.plan.route.restart import Rest
 from controller.plan.route.spot import ENTRY_ID, FORMER, Spot, order_of
 from controller.plan.route.stretch import Chain, Pause, Stretch
-from controller.plan.text.program import Act, Block, Message, ProgramError
+from controller.plan.text.program import Act, Aside, Block, Message, ProgramError, Setting
 from controller.service import entered
 from controller.service.awaited import Awaited
 from controller.service.orders import Answer, News, Order, Program, Said, Turn, Way
@@ -92,10 +92,11 @@ class Planning:
         self._tool: int | None = None
         self._tools: dict[int, int | None] = {}  # by identity of a stretch: with which tool it is moved
         self._changes: dict[int, tuple[int, ...]] = {}  # to which tools, by line; until it is told
-        self._heard: deque[tuple[int, str]] = deque()  # order and text of messages that no motion has come to
+        self._heard: deque[Aside] = deque()  # messages and settings that no motion has come to
         self._said: list[Said] = []  # until it is told
-        # Order of the block from which on, which work offset, and the frame that G92 and others made of it.
-        self._offsets: list[tuple[int, int, Frame | None]] = []
+        # Order of the block from which on, which work offset, the frame that G92 and others made of it,
+        # what the rotaries are shifted by, and the length with which a tilted plane's places are the tip's.
+        self._offsets: list[tuple[int, int, Frame | None, Pair, float | None]] = []
         self._fitted = machine  # of what was armed
         self._carrying_out = False
         self._facts: dict[str, Any] = {}  # of what is being armed
@@ -157,7 +158,7 @@ class Planning:
         return {}
 
     def _home(self, order: Order) -> dict[str, Any]:
-        self._end.start_up.home(order.axes)
+        self._end.start_up.home(order.axes, self._look)
         return {}
 
     def _drop(self, _: Order) -> dict[str, Any]:
@@ -185,9 +186,10 @@ class Planning:
     def _read(self, block: Block) -> None:
         """Work offsets are noted where they change."""
         self._look()
-        if isinstance(block, Message):
-            self._heard.append((block.place.order, block.text))
-        now = (block.modal.offset, block.modal.part)
+        if isinstance(block, Aside):
+            self._heard.append(block)
+        modal = block.modal
+        now = (modal.offset, modal.part, modal.turned_rad, modal.length_mm if modal.tilted else None)
         if not self._offsets or self._offsets[-1][1:] != now:
             self._offsets.append((block.place.order, *now))
 
@@ -255,17 +257,18 @@ class Planning:
     def _watched(self, items: Iterable[Chain | Pause], inside: bool) -> Iterator[Chain | Pause]:
         """The same path; what it changes the tool to and says is noted as it is read.
 
-        ``inside``: it begins inside of the program; what was said before that is not said again.
+        ``inside``: it begins inside of the program; what was said before that is not said again, but what
+        was set before it is in force.
         """
         number = 0  # of the motion that comes next, as the planner counts
         for item in items:
             if inside:
-                self._heard.clear()
+                self._heard = deque(one for one in self._heard if isinstance(one, Setting))
                 inside = isinstance(item, Pause) or (item.first_id or 0) >= ENTRY_ID
             if isinstance(item, Chain):
                 number = number if item.first_id is None else item.first_id
                 for stretch in item.stretches:
-                    self._say(order_of(stretch, stretch.motion.end), number, None)
+                    self._say(order_of(stretch, stretch.motion.end), number, None, stretch.place.order)
                     number += 1
                 self._tools.update((id(stretch), self._tool) for stretch in item.stretches)
             else:
@@ -276,10 +279,18 @@ class Planning:
             yield item
         self._say(sys.maxsize, number, None)
 
-    def _say(self, order: int, motion_id: int, line: int | None) -> None:
-        """What the program says up to that order is due at that motion, or at the pause before it."""
-        while self._heard and self._heard[0][0] <= order:
-            self._said.append(Said(self._heard.popleft()[1], motion_id, line))
+    def _say(self, order: int, motion_id: int, line: int | None, first: int = sys.maxsize) -> None:
+        """What the program says up to that order is due at that motion, or at the pause before it.
+
+        What it sets behind the ``first`` of the motion's blocks is due when the motion is over.
+        """
+        while self._heard and self._heard[0].place.order <= order:
+            one = self._heard.popleft()
+            if isinstance(one, Message):
+                self._said.append(Said(one.text, motion_id, line))
+            else:
+                due = motion_id + (one.place.order > first)
+                self._said.append(Said("", due, line, one.changes))
 
     def _retract(self, order: Order) -> None:
         now = self._end.snapshot()
@@ -387,11 +398,12 @@ class Planning:
     def _way(self, stretch: Stretch) -> Way:
         motion, i = stretch.motion, bisect_right(self._offsets, (stretch.place.order, MOST_OFFSETS))
         length_mm, part = getattr(motion, "length_mm", 0.0), getattr(motion, "part", None)
-        tool, (offset, frame) = self._tools.get(id(stretch)), self._offsets[i - 1][1:] if i else (0, None)
+        tool = self._tools.get(id(stretch))
+        offset, frame, turned_rad, tilted_mm = self._offsets[i - 1][1:] if i else (0, None, STILL, None)
         part = frame if part is None else part
         told = (stretch.end, stretch.feed_mm_s, length_mm, part, stretch.name, tool, offset)
         arc = motion.arc if isinstance(motion, SurfaceCut) else None
-        return Way(*told, motion.end, arc, stretch.feed_steps)
+        return Way(*told, motion.end, arc, stretch.feed_steps, turned_rad, tilted_mm)
 
     def _forget_tools(self) -> None:
         """Those of stretches that were told long ago."""

@@ -27,7 +27,8 @@ def check(state: Path, job: Job) -> None:
     """Raises DoorError "unrecorded" where a run of ``job`` could not be kept."""
     period_s = job.program.machine.period_s
     ticks = (job.duration_s or 0.0) / period_s
-    if reason := lacking(state, min(MOST_ROWS_BYTES, round(ticks * ROW_BYTES)) + SPARE_BYTES):
+    rows = min(MOST_ROWS_BYTES, round(ticks * ROW_BYTES))
+    if reason := lacking(state, rows + len(job.program.text) + SPARE_BYTES):
         raise refused("unrecorded", "READY", "START", "unrecorded", program=job.program.name, **reason)
 
 

@@ -7,17 +7,20 @@ of yet: ``sync`` tells it, some twenty times a second. A reader counts whole row
 from __future__ import annotations
 
 import errno
+import filecmp
 import json
 import os
 import threading
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from controller import whole
+from controller.session import events
 
-EVENTS, PART = "events.jsonl", "setpoints.part"
+PART = "setpoints.part"
 MOST_BYTES = 256 << 20  # of setpoints in one run: six hours at 2 ms
+LOOKED_AT = 3  # records before, whose files may be the same
 
 
 class RunFile:
@@ -27,7 +30,7 @@ class RunFile:
         """Raises OSError."""
         self._folder = folder
         self._rows = open(folder / PART, "wb", buffering=0)  # noqa: SIM115
-        self._events = open(folder / EVENTS, "wb", buffering=0)  # noqa: SIM115
+        self._events = open(folder / events.FILE, "wb", buffering=0)  # noqa: SIM115
         self._lock = threading.Lock()  # nobody closes what is just being told to the disk
         self._kept_bytes = 0
         self._is_new = {self._rows: False, self._events: False}
@@ -66,8 +69,13 @@ class RunFile:
                     except OSError as error:
                         self.problem = error.strerror or str(error)
 
-    def begin(self) -> None:
-        """The disk has the beginning, and that there is such a run. Raises OSError."""
+    def begin(self, sources: Mapping[str, bytes]) -> None:
+        """The disk has the beginning, that there is such a run, and what is run. Raises OSError.
+
+        ``sources``: what files beside have. One that a record before has, too, takes no room again.
+        """
+        for name, data in sources.items():
+            _keep(self._folder / name, data)
         self.sync()
         whole.sync(self._folder)
         whole.sync(self._folder.parent)
@@ -78,3 +86,26 @@ class RunFile:
         with self._lock:
             self._rows.close()
             self._events.close()
+
+
+def _keep(file: Path, data: bytes) -> None:
+    """Raises OSError."""
+    with open(file, "wb") as out:
+        out.write(data)
+        out.flush()
+        os.fsync(out.fileno())
+    others = sorted(file.parent.parent.glob(f"*/{file.name}"), reverse=True)
+    for other in [one for one in others if one != file][:LOOKED_AT]:
+        if filecmp.cmp(other, file, shallow=False):
+            _share(other, file)
+            return
+
+
+def _share(other: Path, file: Path) -> None:
+    """One file under two names, where the file system has that."""
+    link = file.with_name(f"{file.name}.link")
+    try:
+        os.link(other, link)
+        os.replace(link, file)
+    except OSError:
+        link.unlink(missing_ok=True)

@@ -6,6 +6,8 @@ A folder per run in the state folder:
         begun.json       what and when, while it is under way
         run.json         the same with result, duration, cut time, largest following errors
         events.jsonl     what came to the tick, as ``simulate --events`` reads it (``session.events``)
+        program.ngc      what was run, with the subs of other files
+        machine.toml     the machine file, with its tool table
         setpoints.part   tick and the five setpoints of every tick (int32), while it is under way or lost
         setpoints.npz    the same rows of a run that was ended
 
@@ -139,16 +141,14 @@ class RunRecord:
 
         From here on the disk knows of the run, so that it is told even if nobody lives to end it.
         """
-        sums = {
-            "program_sha256": sha256(program.text),
-            "machine_sha256": sha256(program.machine.text.encode()),
-        }
+        machine_text = program.machine.text.encode()
+        sums = {"program_sha256": sha256(program.text), "machine_sha256": sha256(machine_text)}
         value = {**start.to_dict(), "fitted": fitted, **sums, "period_s": program.machine.period_s}
         with contextlib.suppress(OSError):
             _write_facts(self.folder / BEGUN, self._facts())
             if self._file is not None:
                 self._file.events([{"tick": -1, "request": events.BEGIN, "value": value}])
-                self._file.begin()
+                self._file.begin({events.PROGRAM: program.text, events.MACHINE: machine_text})
             whole.sync(self.folder.parent)
 
     def planned(self, turns: tuple[Turn, ...], fitted: dict[str, Any]) -> None:

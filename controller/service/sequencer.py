@@ -31,12 +31,31 @@ class Sequence:
         return {"name": self.name, "state": self.state, **words}
 
 
+class Going:
+    """What is prepared goes out once, or is given up before: one of them comes first, whoever asks when."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()  # nobody waits behind it for more than a datagram
+        self.given_up = False
+
+    def give_up(self) -> None:
+        """It does not go out any more; what is asked of the tick from here on comes behind what did."""
+        with self._lock:
+            self.given_up = True
+
+    def send(self, out: Callable[[], int]) -> int | None:
+        """The number of the request that sets it going; None where it was given up."""
+        with self._lock:
+            return None if self.given_up else out()
+
+
 class Sequencer:
     """One piece of work at a time."""
 
     def __init__(self, failed: Callable[[str, DoorError], None]) -> None:
         """``failed`` is told of work that came to nothing, by name."""
         self.now: Sequence | None = None
+        self._going: Going | None = None  # of what is under way, where it moves the tool at its end
         self._failed = failed
         self._lock = threading.Lock()
         self._thread = ThreadPoolExecutor(1, "sequencer")
@@ -47,19 +66,35 @@ class Sequencer:
         now = self.now
         return now.name if now is not None and now.state == "running" else ""
 
-    def do(self, name: str, work: Callable[[], Values], mode: str = "") -> Future[Values]:
-        """Begin; the future gives the result, or {"done": false} after a while. Raises DoorError if busy."""
-        return _patient(self._begin(name, work, mode))
+    def do(
+        self, name: str, work: Callable[[], Values], mode: str = "", going: Going | None = None
+    ) -> Future[Values]:
+        """Begin; the future gives the result, or {"done": false} after a while. Raises DoorError if busy.
+
+        ``going``: by what it can be given up before it moves anything.
+        """
+        return _patient(self._begin(name, work, mode, going))
+
+    def give_up(self) -> str:
+        """What is under way moves nothing any more, if it has not begun to; its name, "" = nothing was."""
+        with self._lock:
+            name, going = self.busy, self._going
+        if not name or going is None:
+            return ""
+        going.give_up()
+        return name
 
     def to_its_end(self, name: str, work: Callable[[], Values]) -> Values:
         """Begin, and wait for the result, however long it takes. Raises DoorError."""
         return self._begin(name, work, "").result()
 
-    def _begin(self, name: str, work: Callable[[], Values], mode: str) -> Future[Values]:
+    def _begin(
+        self, name: str, work: Callable[[], Values], mode: str, going: Going | None = None
+    ) -> Future[Values]:
         with self._lock:
             if self.busy:
                 raise refused("under_way", mode, name.upper(), "busy", other=self.busy)
-            self.now = Sequence(name, "running")
+            self.now, self._going = Sequence(name, "running"), going
         return self._thread.submit(self._run, name, work)
 
     def later(self, work: Callable[[], None]) -> None:

@@ -7,18 +7,19 @@ from __future__ import annotations
 
 import contextlib
 from dataclasses import replace
-from functools import partial
 
-from controller import state, times
+from controller import fitting, times
 from controller.door import DoorError, Values
 from controller.handoff import Jog, Outcome, Snapshot
 from controller.machine import Machine
 from controller.service import offer, room
+from controller.service.acknowledged import why_refused
 from controller.service.jobs import Job, whole_from
 from controller.service.orders import Program
-from controller.service.refused import by_fault, in_both, refused
+from controller.service.refused import by_fault, refused
+from controller.service.sequencer import Going
 from controller.service.service import Service
-from controller.state import FAULTS, Fault, Mode, Recovery, Request
+from controller.state import FAULTS, Mode, Recovery, Request
 from drives.cia402 import State
 
 MARGIN_S = 2.0  # on top of what the tick itself waits
@@ -31,8 +32,7 @@ SHORT_MM = 1e-3  # less is no shorter way
 def enable(service: Service) -> Values:
     """From OFF to READY; nothing moves. Raises DoorError."""
     _commissioned(service)
-    asked = service.engine.request(Request.ENABLE)
-    _see_taken(service, asked, Request.ENABLE)
+    _asked(service, Request.ENABLE)
     now = service.wait_for(
         lambda now: now.mode in (Mode.READY, Mode.FAULT), times.ENABLE_S + MARGIN_S, "enabled"
     )
@@ -44,13 +44,14 @@ def enable(service: Service) -> Values:
 def _see_taken(service: Service, number: int, request: Request) -> Snapshot:
     """The first snapshot in which the tick has answered a request. Raises DoorError where it refused it."""
     now = service.wait_for(lambda now: now.has_taken(number), TAKEN_S, "answer")
-    came, why = now.came_of(number)
-    if came is not Outcome.REFUSED:
-        return now
-    if why is not Fault.NONE:
-        raise by_fault(why, now.mode.name, request.name)
-    words = partial(refusal, service.machine, now, request)
-    raise in_both(words, now.mode.name, request.name) if words() else refused("by_now", now.mode.name)
+    if now.came_of(number)[0] is Outcome.REFUSED:
+        raise why_refused(service.machine, now, number, request)
+    return now
+
+
+def _asked(service: Service, request: Request) -> Snapshot:
+    """Ask the tick, and see that it takes it. Raises DoorError."""
+    return _see_taken(service, service.engine.request(request), request)
 
 
 def _commissioned(service: Service) -> None:
@@ -58,8 +59,8 @@ def _commissioned(service: Service) -> None:
         service.commission()
 
 
-def home(service: Service, axes: tuple[int, ...]) -> Values:
-    """Home axes, group by group, and enable. Raises DoorError."""
+def home(service: Service, axes: tuple[int, ...], going: Going) -> Values:
+    """Home axes, group by group, and enable; a stop ends it also between two groups. Raises DoorError."""
     machine = service.machine
     _disable(service)
     _commissioned(service)
@@ -76,13 +77,15 @@ def home(service: Service, axes: tuple[int, ...]) -> Values:
     missing = [axis.name for i, axis in enumerate(machine.axes) if i in axes and not homed >> i & 1]
     if missing:
         raise refused("not_all_homed", "OFF", "HOME", axes=" ".join(missing))
+    if going.given_up:
+        raise refused("stopped", service.now().mode.name, "HOME")
     return {**enable(service), "homed": [axis.name for i, axis in enumerate(machine.axes) if homed >> i & 1]}
 
 
 def _disable(service: Service) -> None:
     """A drive changes its mode of operation without torque."""
     if service.now().mode is not Mode.OFF:
-        service.engine.request(Request.DISABLE)
+        _asked(service, Request.DISABLE)
     service.wait_for(_off, times.ENABLE_S, "switched_off")
 
 
@@ -101,8 +104,7 @@ def reset(service: Service) -> Values:
     if now.mode is Mode.FAULT:
         now = service.wait_for(lambda now: now.at_rest, STAND_S, "standstill")
         needs = max(FAULTS[now.fault].recovery, FAULTS[now.warning].recovery)
-        service.engine.request(Request.RESET)
-        service.wait_for(lambda now: now.mode is not Mode.FAULT, TAKEN_S, "end_of_fault")
+        _asked(service, Request.RESET)
         if needs >= Recovery.COMMISSION:
             service.commissioned = False
     _commissioned(service)
@@ -119,17 +121,17 @@ def load(service: Service, job: Job) -> Values:
     return {"sha256": job.sha256, "name": job.program.name, **facts}
 
 
-def start(service: Service, job: Job, stops: int, unrecorded: bool = False) -> Values:
+def start(service: Service, job: Job, going: Going, unrecorded: bool = False) -> Values:
     """Plan from where the machine stands, and cycle start; a stop meanwhile is the end of it.
 
-    ``stops``: how many had been asked for when the start was; ``unrecorded``: though it cannot be kept.
+    ``unrecorded``: though it cannot be kept.
     """
     try:
         if not (unrecorded or job.is_mdi):
             room.check(service.state, job)
         _arm(service, job)
         facts = service.engine.line.order("arm", program=replace(job.program, in_spindle=service.tool))
-        _go(service, job, facts, stops)
+        _go(service, job, facts, going)
     except Exception as error:  # whatever it was: what did not start must not bar the next start
         service.not_started(job, str(error))
         _drop(service)
@@ -146,48 +148,41 @@ def _arm(service: Service, job: Job) -> None:
     if now.queue_end_s > now.plan_time_s + service.machine.period_s:
         _drop(service)
     with service.fitting:
-        job.program = replace(job.program, machine=service.machine)
+        job.program, job.fitted = replace(job.program, machine=service.machine), service.fitted
         if job.entry is not None:
             offer.look_again(service, job)
         service.arming(job)
 
 
-def _go(service: Service, job: Job, facts: Values, stops: int) -> None:
+def _go(service: Service, job: Job, facts: Values, going: Going) -> None:
     with service.lock:
         now = service.now()
-        if service.stops != stops:
-            raise refused("stopped", now.mode.name, "START")
         if now.mode is not Mode.READY:
             raise refused("by_now", now.mode.name, "START")
-        asked = service.begin(job, facts)
-    if service.stops != stops:  # counted before it was sent, and so perhaps sent before the start
-        service.engine.request(Request.STOP)
+        service.begin(job, facts)
+        asked = going.send(lambda: service.engine.request(Request.START))
+    if asked is None:
         raise refused("stopped", now.mode.name, "START")
     _see_taken(service, asked, Request.START)
-    service.wait_for(lambda now: now.mode is not Mode.READY or service.began(job), TAKEN_S, "start_taken")
     job.taken = True
 
 
-def aside(service: Service, verb: str, distance_mm: float, stops: int) -> Values:
+def aside(service: Service, verb: str, distance_mm: float, going: Going) -> Values:
     """Off the path along the tool axis, or back to it by the same way; held before and after.
 
     Held on the way it stays there: a resume then goes on along the way. That is also what a hold
     does that comes while the way is planned, which with another tool takes as long as a check.
-    ``stops`` as for a start.
     """
     job, program = service.running, None
     with service.fitting:
-        if verb == "return" and job is not None and job.program.machine.tools != service.machine.tools:
-            program = _refitted(job, service.machine)
+        if verb == "return" and job is not None and job.tools != service.machine.tools:
+            program = _refitted(job, fitting.applied(service.file, service.with_tools(job)))
     service.engine.line.order(verb, program=program, distance_mm=distance_mm)
     if program is not None and job is not None:
-        service.refit(job)
-    asked = 0
-    if service.stops == stops:
-        asked = service.engine.request(Request.RESUME)
-    if service.stops != stops:  # counted before it was sent, and so perhaps sent before the resume
-        asked = service.engine.request(Request.HOLD)
-    service.wait_for(lambda now: now.has_taken(asked), TAKEN_S, "answer")
+        service.refit(job, program)
+    asked = going.send(lambda: service.engine.request(Request.RESUME))
+    if asked is not None:
+        _see_taken(service, asked, Request.RESUME)
 
     def over(now: Snapshot) -> bool:
         if now.mode is Mode.RUNNING:
@@ -195,7 +190,7 @@ def aside(service: Service, verb: str, distance_mm: float, stops: int) -> Values
         if now.mode is not Mode.HOLD:
             return True
         led = service.aside if verb == "retract" else not (service.aside or service.returning)
-        return now.at_rest and (led or service.stops != stops)
+        return now.at_rest and (led or going.given_up)
 
     now = service.wait_for(over, ASIDE_S, "end_of_way")
     if now.mode is not Mode.HOLD:
@@ -203,20 +198,18 @@ def aside(service: Service, verb: str, distance_mm: float, stops: int) -> Values
     return {"mode": now.mode.name}
 
 
-def retract(service: Service, line: Jog, stops: int) -> Values:
-    """From READY by the length of a line along the tool axis. ``stops`` as for a start."""
+def retract(service: Service, line: Jog, going: Going) -> Values:
+    """From READY by the length of a line along the tool axis."""
     before = service.now()
-    if service.stops != stops:
+    asked = going.send(lambda: service.engine.jog(line))
+    if asked is None:
         raise refused("stopped", before.mode.name, "RETRACT")
-    asked = service.engine.jog(line)
-    if service.stops != stops:  # counted before it was sent, and so perhaps sent before the jog
-        asked = service.engine.request(Request.JOG_STOP)
-    service.wait_for(lambda now: now.has_taken(asked), TAKEN_S, "answer")
+    _see_taken(service, asked, Request.JOG)
     now = service.wait_for(lambda now: now.mode is not Mode.JOG, ASIDE_S, "end_of_way")
     if now.mode is not Mode.READY:
         raise refused("ended_in", now.mode.name, "RETRACT")
     gone_mm = _along(line, before, now)
-    if service.stops == stops and gone_mm < line.length - SHORT_MM:
+    if not going.given_up and gone_mm < line.length - SHORT_MM:
         raise refused("ended_short", now.mode.name, "RETRACT", gone=gone_mm, mm=line.length)
     return {"mode": now.mode.name, "mm": gone_mm}
 
@@ -246,18 +239,3 @@ def _drop(service: Service) -> None:
             service.engine.line.order("drop")
         asked = service.engine.request(Request.STOP)
         service.wait_for(lambda later: later.has_taken(asked), TAKEN_S, "standstill")
-
-
-def refusal(machine: Machine, now: Snapshot, request: Request, language: str = "en") -> str:
-    """Why the machine as it is refuses a request; "" where it does not."""
-    return state.refusal(
-        now.mode,
-        request,
-        standing=now.at_rest,
-        homed=now.homed,
-        untrusted=now.untrusted,
-        interlock=now.interlock,
-        away=now.away,
-        axes=[axis.name for axis in machine.axes],
-        language=language,
-    )

@@ -19,8 +19,9 @@ from pathlib import Path
 from typing import Any
 
 from controller import catalogue, config, fitting
+from controller.changes import Change, laid
 from controller.door import DoorError
-from controller.handoff import Snapshot
+from controller.handoff import COLUMN, Snapshot
 from controller.journal import Journal
 from controller.machine import Machine
 from controller.service import alarms as alarm_values
@@ -29,8 +30,8 @@ from controller.service.alarms import Alarms
 from controller.service.engine import Engine
 from controller.service.hearing import LastFrames
 from controller.service.jobs import Job
-from controller.service.orders import News
-from controller.service.pulse import STANDS_S, Pulse
+from controller.service.orders import News, Program
+from controller.service.pulse import STANDS_S, LastSecond, Pulse
 from controller.service.refused import refused
 from controller.service.runs import RunRecord
 from controller.service.sequencer import Sequencer
@@ -41,6 +42,7 @@ from controller.session.recording import Keeper
 from controller.session.starts import Start
 from controller.session.startup import SessionError
 from controller.state import Mode, Request
+from controller.toml_table import ConfigError
 from drives.bus import BusError
 
 CHECKS = "checks"  # folders of the state folder
@@ -77,7 +79,6 @@ class Service:
         self._asked_tool: int | None = None  # that a program waited for at the last look ...
         self._asked_line = 0  # ... and on which line
         self.tool = fitting.in_spindle(state)  # number of the one in the spindle; 0 = not known
-        self.stops = 0  # asked for so far: a start that was under way is given up
         self.lock = threading.RLock()  # of jobs and records; the door's thread never takes it
         self.fitting = threading.Lock()  # of what is fitted and what begins with it; taken before ``lock``
         self._records = ThreadPoolExecutor(1, "records")  # writes what runs leave behind
@@ -88,7 +89,7 @@ class Service:
         self.engine = Engine(machine, Path(self._folder.name), state / CHECKS, self._hear)
         self._listener: Listener | None = None
         self.troubles = Troubles(self.machine, self.alarms, self._records)
-        self.pulse = Pulse()
+        self.pulse, self.last_second = Pulse(), LastSecond()
         self._tick_died = self._plan_died = False
 
     # -- beginning and end
@@ -170,7 +171,7 @@ class Service:
         if self.aside:
             return "aside"
         job = self.running
-        if job is not None and job.program.machine.tools != self.machine.tools:
+        if job is not None and job.tools != self.machine.tools:
             return "other_tools"
         return ""
 
@@ -220,26 +221,32 @@ class Service:
 
     # -- jobs
 
-    def begin(self, job: Job, facts: dict[str, Any]) -> int:
-        """The start goes out with this; the request's number."""
+    def begin(self, job: Job, facts: dict[str, Any]) -> None:
+        """The start goes out next."""
         with self.lock:
             start: Start = facts["start"]
             job.duration_s, job.blocks = facts["duration_s"], facts["blocks"]
             job.origin_s, job.sentence = start.plan_time_s, ""
             job.start = start
             if not job.is_mdi:
-                self.journal.begin(job.journalled(), self.tool, job.program.spot)
+                self.journal.begin(job.journalled(self.machine), self.tool, job.program.spot)
             if self.record is not None:
-                self.record.begins(start, job.program, self.fitted)
+                self.record.begins(start, job.program, job.fitted)
             self.running = job
-            return self.engine.request(Request.START)
 
-    def refit(self, job: Job) -> None:
+    def with_tools(self, job: Job) -> dict[str, Any]:
+        """What the program was started with, and the tools that the operator has changed since."""
+        theirs = {str(tool.number) for tool in set(job.tools) ^ set(self.machine.tools)}
+        tools = {key: row for key, row in self.fitted.get("tools", {}).items() if key in theirs}
+        return {**job.fitted, "tools": {**job.fitted.get("tools", {}), **tools}} if tools else job.fitted
+
+    def refit(self, job: Job, program: Program) -> None:
         """Other tools were fitted while the program was held; the rest of it is as they cut it."""
         with self.lock:
-            job.program = replace(job.program, machine=self.machine)
+            job.fitted, job.tools = self.with_tools(job), self.machine.tools
+            job.program = replace(job.program, machine=program.machine)
             if not job.is_mdi:
-                self.journal.go_on_as(job.journalled())
+                self.journal.go_on_as(job.journalled(self.machine))
 
     def _hear(self, news: News) -> None:
         """From the plan's thread."""
@@ -248,13 +255,14 @@ class Service:
             if job is not None:
                 job.hear(news)
             if self.record is not None and news.turns and not (job is not None and job.lost):
-                self.record.planned(news.turns, self.fitted)
+                self.record.planned(news.turns, self.with_tools(job) if job is not None else self.fitted)
 
     def arming(self, job: Job) -> None:
         """What the plan tells from now on is of this job."""
         with self.lock:
             now = self.engine.snapshot()
             job.arm(now.tick if now is not None else -1)
+            job.tools = self.machine.tools
             self.running = job
             if (recorder := self.engine.recorder) is not None:
                 recorder.drain()
@@ -272,10 +280,6 @@ class Service:
         name, key = str(record.what.get("name", "")), "record_ended" if record.began else "not_recorded"
         words = refused(key, program=name, why=record.problem)
         self.alarms.add("NOT_RECORDED", words.sentence, sentence_de=words.sentence_de)
-
-    def began(self, job: Job) -> bool:
-        """Whether the tick has begun with what is being started; it may be over already."""
-        return self.running is not job or (self.record is not None and self.record.began)
 
     def not_started(self, job: Job, sentence: str) -> None:
         with self.lock:
@@ -323,6 +327,7 @@ class Service:
             self.lock.release()
         if self.engine.tick_alive:
             self._feel_pulse(now)
+            self.last_second.look(self._queue_left_s(now))
             self.troubles.look(now)
         self._write_journal(now)
         self._look_at_job(now)
@@ -333,6 +338,13 @@ class Service:
         if self.pulse.stands_now(now.tick):
             english, german = catalogue.in_both("tick_stands", seconds=STANDS_S)
             self.alarms.add("TICK_STANDS", english, sentence_de=german, **alarm_values.where(now))
+
+    def _queue_left_s(self, now: Snapshot) -> float | None:
+        """Of a program that moves, and of which the plan has more to send; None otherwise."""
+        job = self.running
+        more = job is not None and job.taken and not job.news.finished
+        moves = now.mode is Mode.RUNNING and not (now.at_rest or now.stopping)
+        return now.queue_end_s - now.plan_time_s if more and moves else None
 
     def _write_journal(self, now: Snapshot) -> None:
         """Once a second and at every standstill; a line typed by hand is no part of a program."""
@@ -373,6 +385,9 @@ class Service:
             return
         with self.lock:
             rows = recorder.drain()
+            if self.running is not None:
+                under_way = rows[:, COLUMN["mode"]] != Mode.READY
+                self.running.pass_rows(rows[under_way, COLUMN["motion_id"]].astype(int).tolist())
             if self.record is not None:
                 self.record.take(rows, self.engine.asked, self.engine.snapshot())
                 self._tell_of_record(self.record)
@@ -385,21 +400,47 @@ class Service:
             return  # it took long to tell a fault, and meanwhile somebody has begun anew
         if now.mode is Mode.FAULT:
             if now.at_rest or now.stopping is False:
+                self._set(job, job.say(now), now)
                 shown = self.troubles.shown
                 self._end_job("fault", str(shown["sentence"]) if shown else "")
         elif now.mode in (Mode.RUNNING, Mode.HOLD, Mode.STOPPING, Mode.JOG):
             job.state = job.state_at(now) if job.taken else job.state
             job.pass_time(now)
-            job.say(now)
+            self._set(job, job.say(now), now)
             self._see_tool(now, job)
             self._see_refused(now, job)
             self._see_lost(now, job)
         elif record.began and now.tick > record.last_tick - 1:
-            job.say(now, ended=not record.stopped and not job.refused)
+            self._set(job, job.say(now, ended=not record.stopped and not job.refused), now)
             whole = job.news.whole and not record.stopped and not job.refused
             if whole and not job.is_mdi:
                 self.journal.completed(now)
             self._end_job("completed" if whole else "refused" if job.refused else "stopped", job.sentence)
+
+    def _set(self, job: Job, changes: list[Change], now: Snapshot) -> None:
+        """What the program has set by now is so from now on, for whatever comes after it."""
+        if not changes:
+            return
+        with self.fitting:
+            values = laid(self.fitted, self.machine, changes)
+            try:
+                machine = fitting.applied(self.file, values)
+            except ConfigError as error:  # what the reader takes the table should, too
+                self.alarms.add("NOT_KEPT", str(error))
+                return
+            if not job.is_mdi:
+                self.journal.fitted(machine, now)
+            with self.lock:
+                job.tools = machine.tools
+                self.fitted, self.machine = values, machine
+            try:
+                fitting.save(self.state, values)
+            except OSError as error:
+                self._not_written("NOT_KEPT", error)
+
+    def _not_written(self, what: str, error: OSError) -> None:
+        words = refused("not_written", code="busy", path=self.state, why=error.strerror)
+        self.alarms.add(what, words.sentence, sentence_de=words.sentence_de)
 
     def _see_tool(self, now: Snapshot, job: Job) -> None:
         """The one in the spindle: the program goes on from where it asked for it, or moves with it."""
@@ -418,8 +459,7 @@ class Service:
         try:
             fitting.put_in(self.state, tool)
         except OSError as error:
-            words = refused("not_written", code="busy", path=self.state, why=error.strerror)
-            self.alarms.add("TOOL", words.sentence, sentence_de=words.sentence_de)
+            self._not_written("TOOL", error)
 
     def _see_lost(self, now: Snapshot, job: Job) -> None:
         """A program whose plan is gone does not go on: where it moves the tick stops it by itself.

@@ -9,9 +9,10 @@ from typing import Any
 
 from controller import catalogue, config
 from controller.geometry import Frame
-from controller.handoff import COLUMN, SNAPSHOT_VALUES, Recorder, Snapshot, SnapshotBoard
+from controller.handoff import Snapshot
 from controller.kinematics import Kinematics
-from controller.machine import OFFSETS, Machine, five
+from controller.live_state import told as told_by_tick
+from controller.machine import OFFSETS, Machine, Pair, five
 from controller.plan.route.entry import room_along_axis
 from controller.service.jobs import UNDER_WAY
 from controller.service.orders import Way
@@ -26,62 +27,41 @@ def machine_values(
     machine: Machine,
     now: Snapshot,
     way: Way | None,
-    recorder: Recorder | None,
     in_spindle: int = 1,
     age_s: float = 0.0,
+    ends_s: float | None = None,
 ) -> dict[str, Any]:
     """All of ``status`` that a snapshot tells, with the motion under way.
 
-    ``in_spindle``: a tool's number; ``age_s``: since the snapshot was new.
+    ``in_spindle``: a tool's number; ``age_s``: since the snapshot was new; ``ends_s``: in so long the queue
+    ends though the program does not. What is a value of the snapshot comes as ``live_state`` declares it;
+    the rest is what the machine file or the plan makes of one.
     """
+    told = told_by_tick(now)
     return {
-        "mode": now.mode.name,
+        **told,
         "not_homed": [axis.name for i, axis in enumerate(machine.axes) if not now.homed >> i & 1],
-        "warning": now.warning.name if now.warning is not Fault.NONE else None,
         "joints": joints(machine, now, way),
         "work_offset": OFFSETS[way.offset if way is not None else 0],
         **tip(machine, now, way, in_spindle),
-        "feed_mm_min": {"programmed": _programmed(now, way), "actual": _feed(now, recorder)},
+        "feed_mm_min": {"programmed": _programmed(now, way), **told["feed_mm_min"]},
         "limited_by": _limited_by(machine, now),
         "in_block": in_block(now, way),
-        "override": now.override,
-        "rapid_override": now.rapid_override,
-        "single_block": now.single_block,
-        "optional_stop": now.optional_stop,
-        "spindle": {
-            "rev_min": now.spindle_rev_min,
-            "actual_rev_min": now.spindle_actual_rev_min,
-            "at_speed": now.spindle_at_speed,
-        },
         "coolant": {"mist": bool(now.coolant & 1), "flood": bool(now.coolant & 2)},
         "inputs": _bits(machine.io.inputs if machine.io else (), now.inputs),
         "outputs": _bits(machine.io.outputs if machine.io else (), now.outputs),
-        "tick": {
-            "number": now.tick,
-            "skips": now.skips,
-            "late_max_ms": now.late_max_s * 1e3,
-            "period_ms": machine.period_s * 1e3,
-            "age_s": age_s,
-        },
-        "waiting": now.waiting,
-        "interlock": now.interlock.name if now.interlock is not Fault.NONE else None,
-        "notices": [*_notices(now), *([_stands(age_s)] if age_s >= STANDS_S else [])],
-        "at_rest": now.at_rest,
+        "tick": {**told["tick"], "period_ms": machine.period_s * 1e3, "age_s": age_s},
+        "notices": [
+            *_notices(now),
+            *([_notice("TICK_STANDS", "tick_stands", age_s)] if age_s >= STANDS_S else []),
+            *([_notice("PLAN_SILENT", "plan_silent", ends_s)] if ends_s is not None else []),
+        ],
     }
 
 
 # What nobody tells any more once the tick's process is gone: the drives stop by themselves, unseen.
 _UNSEEN = ("at_rest", "feed_mm_min", "limited_by", "in_block", "spindle", "coolant", "inputs", "outputs")
 _NAMES = ("axis", "node", "bus")  # of a drive: known whatever it does
-
-
-def blank() -> Snapshot:
-    """In place of the first snapshot: nothing is on, and no axis has found its zero."""
-    board = SnapshotBoard()
-    board.write(*bytes(SNAPSHOT_VALUES))
-    now = board.read()
-    assert now is not None
-    return now
 
 
 def ended(now: Snapshot) -> Snapshot:
@@ -127,9 +107,9 @@ def _notices(now: Snapshot) -> list[dict[str, str]]:
     return [_told(fault) for fault in (now.interlock, now.warning) if fault is not Fault.NONE]
 
 
-def _stands(age_s: float) -> dict[str, str]:
-    english, german = catalogue.in_both("tick_stands", seconds=age_s)
-    return {"name": "TICK_STANDS", "sentence": english, "sentence_de": german}
+def _notice(name: str, key: str, seconds: float) -> dict[str, str]:
+    english, german = catalogue.in_both(key, seconds=seconds)
+    return {"name": name, "sentence": english, "sentence_de": german}
 
 
 def tool_change(machine: Machine, number: int) -> dict[str, Any]:
@@ -151,7 +131,12 @@ def joints(machine: Machine, now: Snapshot, way: Way | None) -> dict[str, dict[s
     """
     shown, actual = machine.shown(now.joints), machine.shown(now.actual)
     ends = machine.shown(way.end) if way is not None else shown
-    work = _work(machine, shown, _frame(machine, way))
+    turned_rad = way.turned_rad if way is not None else machine.turned()
+    work = _work(machine, shown, _frame(machine, way), turned_rad)
+    if way is not None and way.tilted_mm is not None:
+        place = Kinematics(machine).forward(five(now.joints), way.tilted_mm).tip
+        for i, value in zip(machine.linear(), _frame(machine, way).from_parent(place), strict=True):
+            work[i] = float(value)
     return {
         axis.name: {
             "machine": shown[i],
@@ -167,17 +152,19 @@ def joints(machine: Machine, now: Snapshot, way: Way | None) -> dict[str, dict[s
 
 
 def _frame(machine: Machine, way: Way | None) -> Frame:
-    """In which a motion's words are read; G54 without one."""
+    """In which a motion's words are read; without one that in which a program begins."""
     if way is None:
-        return machine.offsets[0]
-    return way.part if way.part is not None else machine.offsets[way.offset]
+        return machine.part()
+    return way.part if way.part is not None else machine.offset(way.offset).frame
 
 
-def _work(machine: Machine, shown: tuple[float, ...], frame: Frame) -> list[float]:
+def _work(machine: Machine, shown: tuple[float, ...], frame: Frame, turned_rad: Pair) -> list[float]:
     """As words of a program read in that frame."""
     x, y, z = machine.linear()
     work = list(shown)
     work[x], work[y], work[z] = frame.from_parent((shown[x], shown[y], shown[z]))
+    for i, turned in zip(machine.rotary(), turned_rad, strict=True):
+        work[i] -= turned * machine.axes[i].shown_per_unit
     return work
 
 
@@ -191,7 +178,7 @@ def tip(machine: Machine, now: Snapshot, way: Way | None, in_spindle: int = 1) -
     """Tip and axis of the tool in the part frame; in G54 where no motion under way says otherwise."""
     tool = machine.tool(in_spindle)
     length_mm = way.length_mm if way is not None else tool.length_mm if tool is not None else 0.0
-    frame = way.part if way is not None and way.part is not None else machine.offsets[0]
+    frame = way.part if way is not None and way.part is not None else machine.part()
     pose = Kinematics(machine).forward(five(now.joints), length_mm)
     return {
         "tip": dict(zip("XYZ", map(float, frame.from_parent(pose.tip)), strict=True)),
@@ -232,14 +219,6 @@ def _programmed(now: Snapshot, way: Way | None) -> float | None:
         return None
     begun = [feed for s, feed in way.feed_steps if s <= now.s]
     return (begun[-1] if begun else way.feed_mm_s) * PER_MIN
-
-
-def _feed(now: Snapshot, recorder: Recorder | None) -> float:
-    """The speed along the path in the last tick."""
-    if recorder is None or now.at_rest:
-        return 0.0
-    row = recorder.last(1)
-    return float(row[-1, COLUMN["feed_mm_s"]]) * PER_MIN if len(row) else 0.0
 
 
 def _limited_by(machine: Machine, now: Snapshot) -> str | None:

@@ -44,6 +44,7 @@ RECORDED = {  # by a live run alone
     "jog": Request.JOG,
     "jog_stop": Request.JOG_STOP,
 }
+FILE, PROGRAM, MACHINE = "events.jsonl", "program.ngc", "machine.toml"  # of a record
 OVERRIDES = ("override", "rapid_override")
 SWITCHES = ("single_block", "optional_stop")
 STAND, PLAN, RETRACT, RETURN, ASIDE = "stand", "plan", "retract", "return", "aside"

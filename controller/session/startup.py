@@ -90,13 +90,15 @@ class StartUp:
         self.home([i for i, axis in enumerate(axes) if not homed >> i & 1 and not axis.homing.absolute])
         self._reach(Request.ENABLE, 0.0, Mode.READY)
 
-    def home(self, wanted: Sequence[int]) -> None:
+    def home(self, wanted: Sequence[int], look: Callable[[], None] = lambda: None) -> None:
         """Home the axes of these numbers, group by group; they are off before and after it.
 
-        Raises SessionError, CommissionError.
+        ``look`` is called before each group, and may raise: then no other one moves. Raises SessionError,
+        CommissionError.
         """
         axes = self._machine.axes
         for group in sorted({axes[i].homing.group for i in wanted}):
+            look()
             self._home([i for i in wanted if axes[i].homing.group == group])
 
     def _home(self, axes: Sequence[int]) -> None:

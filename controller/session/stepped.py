@@ -53,6 +53,7 @@ from drives.simulated.parameters import LostSync
 from drives.simulated.rig import rig
 
 PLAN_EVERY_S = 0.008  # between two turns of the planner, in whole ticks: an override shows soon
+KEEPALIVE_EVERY = 16  # turns of it
 IDLE_TICKS = 100  # at rest with nothing to do, while the planner has had many turns: nothing will come
 DRAIN_EVERY = 4096  # ticks between two looks at the recorder
 STANDING_WORDS = (Request.HOLD, Request.RESUME, Request.STOP)
@@ -154,6 +155,7 @@ class SteppedMachine:
         self._keeper = None if recordings is None else self._keeping(recordings)
         self._observer: Observer | None = None
         self._rows: list[Rows] = []
+        self._turns = 0  # of the planner
         self._idle = 0  # ticks in which nothing moved, and nothing was there that would
         self._skips_before = 0  # while coming up
 
@@ -234,11 +236,12 @@ class SteppedMachine:
         self.tick()
         modes, mask = self.cycle.modes, homing_mask(request, value)
         for _ in range(LONGEST_WAIT):
-            if modes.mode is Mode.FAULT or (modes.mode is wanted and modes.homed & mask == mask):
-                break
             came, why = self._came_of(number)
             if came is Outcome.REFUSED and why is not Fault.NONE:
                 return modes.mode, why
+            arrived = modes.mode is wanted and modes.homed & mask == mask
+            if modes.mode is Mode.FAULT or (came is not Outcome.NONE and arrived):
+                break
             self.tick()
         return modes.mode, modes.fault
 
@@ -350,10 +353,12 @@ class SteppedMachine:
         if modes.mode is not Mode.RUNNING:
             # READY comes a tick after the standstill.
             return follow.at_rest and not follow.stopping and modes.mode is not Mode.STOPPING
+        if not follow.at_rest or follow.stopping or self.cycle.peripherals.waiting:
+            self._idle = 0
+            return False
         # An override of 0, or a program that was refused on the way: only a request can change that.
-        waits = self.cycle.peripherals.waiting
         goes = follow.pending and follow.goes(True, modes.override, modes.rapid_override)
-        self._idle = 0 if goes or waits or follow.stopping or not follow.at_rest else self._idle + 1
+        self._idle = 0 if goes else self._idle + 1
         return self._idle > IDLE_TICKS and not waiting
 
     def _at_program_stop(self, events: Sequence[Event], n: int) -> bool:
@@ -370,7 +375,11 @@ class SteppedMachine:
         now = self.board.read()
         if now is not None:
             self.planner.work(now)
-        self.planner.keepalive()
+        self._turns += 1
+        if self._turns % KEEPALIVE_EVERY:
+            self.outbox.flush()
+        else:
+            self.planner.keepalive()
 
     def send(self, event: Event) -> None:
         """What an operator asks for."""

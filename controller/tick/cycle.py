@@ -14,7 +14,9 @@ from typing import NamedTuple
 from controller import times
 from controller.handoff import (
     OFF_PATH,
+    OPTIONAL_STOP,
     PLANNER_SILENCE_S,
+    SINGLE_BLOCK,
     STOOD,
     WAITED,
     Answers,
@@ -27,7 +29,7 @@ from controller.handoff import (
 )
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
-from controller.state import ALWAYS, Fault, Mode, Request, bars
+from controller.state import ALL_AXES, ALWAYS, Fault, Mode, Request, bars
 from controller.tick.check import Check
 from controller.tick.drives import Drives
 from controller.tick.follow import Follow, Step
@@ -42,10 +44,12 @@ LATE_SHARE = 0.25  # of the period: a later tick sends nothing
 NEAREST_SHARE = 0.75  # of the period: no two SYNCs are closer
 ROUNDING_S = 1e-9
 MOST_REQUESTS = 8  # taken in one tick
+MASKS = range(1, ALL_AXES + 1)  # of axes
 LOST_ECHOES = 3  # of the kernel's SYNC, in a row
 # SYNCs in a row that did not come: drives that hold their last setpoint have stopped meanwhile, and
 # to go on at full feed would be a step for them. Fewer are a dip that a servo smooths.
 LONG_GAP = 4
+FOLLOWING = (Mode.RUNNING, Mode.HOLD, Mode.STOPPING)  # the path, with its outputs
 BLAMED_TICKS = 3  # the silence may have begun after the buses were drained
 
 
@@ -77,7 +81,7 @@ class Cycle:
         self.jogging = Jogging(machine, self.modes, self.follow)
         self.modes.absolute = sum(1 << i for i, axis in enumerate(machine.axes) if axis.homing.absolute)
         self.modes.homed = self.modes.absolute
-        self._homing_asked = 0.0  # axes whose clamps must open before they home
+        self._homing_asked = 0  # axes (bit mask) whose clamps must open before they home
         self._homing_number = 0  # of that request
         self.answers = Answers()
         self._pieces = pieces
@@ -94,6 +98,9 @@ class Cycle:
             self._encoder,
             snapshot,
             recorder,
+            cycle=self,
+            peripherals=self.peripherals,
+            answers=self.answers,
         )
         self._period_s = machine.period_s
         self._latest_s = LATE_SHARE * machine.period_s - ROUNDING_S
@@ -119,8 +126,12 @@ class Cycle:
         self.late_max_s = 0.0
         self.accepted = 0  # sequence of the last message taken
         self.rejected = 0
-        self._accepted_now = 0  # sequence taken in this tick; negative: refused
-        self._taken = 0  # number of the last request taken in this tick
+        # What is of this tick alone, for ``live_state``.
+        self.accepted_now = 0
+        self.taken = 0
+        self.lateness_s = 0.0
+        self.sync_sent = False
+        self.switches = 0
 
     # -- the tick
 
@@ -136,7 +147,8 @@ class Cycle:
         """
         ticks = 1 + missed
         self.tick += ticks
-        sent = self._sync(now_s, lateness_s)
+        self.lateness_s = lateness_s
+        self.sync_sent = sent = self._sync(now_s, lateness_s)
         self._count(sent, ticks, lateness_s)
         self._look_for_our_silence(now_s, missed)
         self._take_requests()
@@ -146,14 +158,15 @@ class Cycle:
             self._move()
         if sent or self._stood:
             self.group.command(self._encoder.setpoints, now_s)
-        self.publish()
-        self._telling.record(self.tick, lateness_s, sent, self._accepted_now, self._flags(), self._taken)
+        self.switches = self._switches()
+        self._telling.record()
         self._stood_before = False
         return sent
 
-    def _flags(self) -> int:
-        stood = self._stood or self._stood_before
-        return STOOD * stood + WAITED * self._waits + OFF_PATH * (not self.modes.on_path)
+    def _switches(self) -> int:
+        modes, stood = self.modes, self._stood or self._stood_before
+        asked = SINGLE_BLOCK * modes.single_block + OPTIONAL_STOP * modes.optional_stop
+        return asked + STOOD * stood + WAITED * self._waits + OFF_PATH * (not modes.on_path)
 
     # -- its steps
 
@@ -228,77 +241,76 @@ class Cycle:
                 self.modes.fail(Fault.TOO_MANY_SKIPS, -1)
 
     def _take_requests(self) -> None:
-        self._taken = 0
+        self.taken = 0
         for _ in range(MOST_REQUESTS):
             request = self._requests.take()
             if request is None:
                 break
-            self._taken = self._requests.number or self._taken
+            self.taken = self._requests.number or self.taken
             self._request(request[0], request[1])
         if self._homing_asked:
             self._home()
 
     def _request(self, request: Request, value: float) -> None:
-        """What a request asks for, and the answer to it: a refusal is that of this one alone."""
+        """What a request asks for, and the answer to it."""
         modes, number = self.modes, self._requests.number
-        modes.refused = 0
         if self._homing_asked and request not in ALWAYS and request is not Request.JOG:
-            self._homing_asked = 0.0
+            self._homing_asked = 0
             self.peripherals.opens_for(0)
             self.answers.give(self._homing_number, Outcome.SUPERSEDED)
-        if request is Request.HOME and modes.mode is Mode.OFF:
-            self._homing_asked, self._homing_number = value, number
-            modes.homed &= ~int(value)
+        if request is Request.HOME and modes.mode is Mode.OFF and value in MASKS:
+            self._homing_asked, self._homing_number = int(value), number
             return  # answered when it begins
         if request is Request.JOG:
-            self.jogging.ask(self._requests.jog)
+            taken = self.jogging.ask(self._requests.jog)
         elif request is Request.ARRANGED:
-            self._arrange(self._requests.arranged)
+            taken = self._arrange(self._requests.arranged)
         else:
-            modes.request(request, value, self.follow.at_rest)
-        self._answer(request, number)
+            taken = request is not Request.HOME and modes.request(request, value, self.follow.at_rest)
+        self._answer(request, number, taken)
 
-    def _answer(self, request: Request, number: int) -> None:
-        modes = self.modes
-        if modes.refused:
-            why = modes.interlock if bars(modes.interlock, request) else Fault.NONE
-            self.answers.give(number, Outcome.REFUSED, why)
-        else:
+    def _answer(self, request: Request, number: int, taken: bool) -> None:
+        if taken:
             self.answers.give(number, Outcome.DONE)
+            return
+        why = self.modes.interlock if bars(self.modes.interlock, request) else Fault.NONE
+        self.answers.give(number, Outcome.REFUSED, why)
 
-    def _arrange(self, found: Arrangement | None) -> None:
+    def _arrange(self, found: Arrangement | None) -> bool:
         """The drives have been commissioned: how long their own stops take, and in what they take speeds."""
         if found is None:
-            return
+            return False
         self.modes.quick_stop_takes(found.quick_stop_s)
         for drive, units in zip(self.group.drives, found.axis_units, strict=False):
             drive.set_velocity_units(units)
         if self.group.spindle is not None:
             self.group.spindle.set_velocity_units(found.spindle_units)
+        return True
 
     def _home(self) -> None:
-        """Homing begins when the clamps of its axes are open, which may take some ticks."""
+        """Homing begins when the clamps of its axes are open, which may take some ticks.
+
+        A machine that came up meanwhile, or has a fault, is answered as the table has it.
+        """
         axes, axis = self._homing_asked, -1
-        if not self.peripherals.opens_for(int(axes)):
+        if self.modes.mode is Mode.OFF and not self.peripherals.opens_for(axes):
             axis = self.peripherals.late_to_open()
             if axis < 0:
                 return
-        self._homing_asked = 0.0
+        self._homing_asked = 0
         if axis >= 0:
             self.modes.fail(Fault.CLAMP, axis)
-        else:
-            self.modes.refused = 0
-            self.modes.request(Request.HOME, axes, self.follow.at_rest)
-            if self.modes.mode is not Mode.HOMING:
-                self.peripherals.opens_for(0)
-        self._answer(Request.HOME, self._homing_number)
+        taken = axis < 0 and self.modes.request(Request.HOME, axes, self.follow.at_rest)
+        if not taken:
+            self.peripherals.opens_for(0)
+        self._answer(Request.HOME, self._homing_number, taken)
 
     def _take_pieces(self) -> None:
         """At most one message, whole or not at all; and how long the plan has been silent.
 
         Ticks that were missed do not count: what kept this process waiting kept the plan, too.
         """
-        self._accepted_now = 0
+        self.accepted_now = 0
         message = self._pieces.take()
         if self._pieces.heard:
             self._pieces.heard = False
@@ -309,12 +321,12 @@ class Cycle:
             return
         newer = message.sequence > self.accepted and not self.modes.dropped
         if newer and self.modes.takes_pieces and self.follow.accept(message):
-            self.accepted = self._accepted_now = message.sequence
+            self.accepted = self.accepted_now = message.sequence
             if self.modes.away:
                 self.modes.away = not self.follow.begins_here(message)
         else:
             self.rejected = message.sequence
-            self._accepted_now = -message.sequence
+            self.accepted_now = -message.sequence
 
     def _planner_gone(self) -> bool:
         return self._pieces.closed or self._silent > self._silence_ticks
@@ -364,6 +376,8 @@ class Cycle:
         self._waits = modes.running and self._must_wait()
         running = modes.running and not self._waits
         step = follow.step(follow.goes(running, modes.override, modes.rapid_override))
+        if follow.piece is not None and not follow.piece.sets and modes.mode in FOLLOWING:
+            self.peripherals.switch(follow.piece.outputs)
         fault, axis = self._judge(step, self._check)
         if fault is not Fault.NONE:
             self._refuse(fault, axis, step)
@@ -429,13 +443,5 @@ class Cycle:
         )
 
     def publish(self) -> None:
-        """What others see of it."""
-        self._telling.publish(
-            self.tick,
-            self.skips,
-            self.late_max_s,
-            self.accepted,
-            self.rejected,
-            self.peripherals,
-            self.answers.ring,
-        )
+        """What others see of it, where no tick was run."""
+        self._telling.publish()

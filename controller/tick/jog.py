@@ -50,14 +50,13 @@ class Jogging:
 
     # -- orders
 
-    def ask(self, order: Jog | None) -> None:
-        """A new order, or the old one again. What cannot be is refused."""
+    def ask(self, order: Jog | None) -> bool:
+        """A new order, or the old one again; False for what cannot be."""
         modes, before = self._modes, self._modes.mode
         if order is None or not self._is_possible(order, before):
-            modes.refused = Request.JOG
-            return
+            return False
         if not modes.request(Request.JOG, 0.0, self._follow.at_rest and not self._follow.stopping):
-            return
+            return False
         self._age = 0
         if before is not Mode.JOG:
             self._enter(before)
@@ -67,6 +66,7 @@ class Jogging:
             self._speed = self._speed_of(order)
         else:
             self._next = order
+        return True
 
     def _is_possible(self, order: Jog, before: Mode) -> bool:
         """A length is measured from rest; axes without a zero do not go together."""

@@ -71,7 +71,6 @@ class Modes:
         self.jog_ends = False  # the jog comes to rest; its owner then leaves the mode
         self.away = False  # jogged off the place of the hold; its owner tells
         self.plan_lost = False  # nobody knows the program beyond what is queued
-        self.refused = 0  # the last request, where the table refused it; 0 = it did not
         self.dropped = False  # the queue is void: its owner clears it and this flag
 
     def quick_stop_takes(self, seconds: float) -> None:
@@ -95,13 +94,11 @@ class Modes:
     # -- requests
 
     def request(self, request: Request, value: float, standing: bool) -> bool:
-        """Does what the table allows; remembers what it refuses. False if that refuses it."""
+        """Does what the table allows; False where it refuses it."""
         if request in ALWAYS:
-            self._always(request, value)
-            return True
+            return self._always(request, value)
         after = TRANSITIONS.get((self.mode, request))
         if after is None or not self._permitted(request, standing):
-            self.refused = request
             return False
         self.mode = after
         act = _ACTS.get(request)
@@ -119,29 +116,37 @@ class Modes:
             return False
         return not bars(self.interlock, request)
 
-    def _always(self, request: Request, value: float) -> None:
+    def _always(self, request: Request, value: float) -> bool:
+        """What every mode takes; False for a value that is none."""
+        if request in (Request.OVERRIDE, Request.RAPID_OVERRIDE):
+            return self._set_override(request, value)
+        if request in (Request.SINGLE_BLOCK, Request.OPTIONAL_STOP):
+            return self._switch(request, value)
         if request is Request.ESTOP:
             self.fail(Fault.EMERGENCY_STOP, -1)
-        elif request in (Request.OVERRIDE, Request.RAPID_OVERRIDE):
-            self._set_override(request, value)
         elif request is Request.PLAN_LOST:
             self.plan_lost = self.mode in (Mode.RUNNING, Mode.HOLD, Mode.JOG)
         elif request is Request.JOG_STOP:
             self.jog_ends = True
-        elif value not in (0.0, 1.0):
-            self.refused = request
-        elif request is Request.SINGLE_BLOCK:
+        return True
+
+    def _switch(self, request: Request, value: float) -> bool:
+        if value not in (0.0, 1.0):
+            return False
+        if request is Request.SINGLE_BLOCK:
             self.single_block = value == 1.0
         else:
             self.optional_stop = value == 1.0
+        return True
 
-    def _set_override(self, request: Request, value: float) -> None:
+    def _set_override(self, request: Request, value: float) -> bool:
         if not 0.0 <= value <= MOST_OVERRIDE:
-            self.refused = request
-        elif request is Request.OVERRIDE:
+            return False
+        if request is Request.OVERRIDE:
             self.override = value
         else:
             self.rapid_override = value
+        return True
 
     def _start(self, _: float) -> None:
         self.plan_lost = False
@@ -180,6 +185,7 @@ class Modes:
         if self.mode is Mode.OFF:  # homing given up
             self._end_homing()
         self.dropped = self.mode is not Mode.STOPPING  # STOPPING drops it at standstill
+        self.plan_lost = False
         self._go_on(0.0)
 
     def _go_on(self, _: float) -> None:
@@ -216,7 +222,7 @@ class Modes:
             self.untrusted |= self._homing_mask  # given up: they have no zero
         if self.mode is not Mode.FAULT:
             self.fault, self.fault_axis, self.mode = fault, axis, Mode.FAULT
-            self.enabling = self.ending = False
+            self.enabling = self.ending = self.plan_lost = self._switching_off = False
             self.reaction, self._stopping = Reaction.NONE, 0
         self._distrust(fault, axis)
         self._name_more(fault, axis)
@@ -380,7 +386,7 @@ class Modes:
             if self._homing_mask >> i & 1:
                 drive.homing(False)
         self._group.want(Wanted.OFF)
-        self.mode = Mode.OFF
+        self.mode, self._switching_off = Mode.OFF, False
 
 
 _ACTS = {

@@ -5,7 +5,7 @@ of them are as told. What an operator's hand can reach is off outside of a progr
 
 ```
    mode          spindle, coolant                    clamps
-   OFF, READY    off                                 closed as soon as the axes stand
+   OFF, READY    off; of outputs all but those held  closed as soon as the axes stand
    HOMING        off                                 open for the axes that home
    JOG           as before                           open for the axes that move, too
    RUNNING, HOLD as the program says; off while the  as the program says
@@ -23,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from controller.handoff import Piece
+from controller.handoff import Awaited, Piece
 from controller.machine import Axis, Clamp, Io, Machine
 from controller.state import Fault, Mode
 from controller.tick.mode import Modes
@@ -128,11 +128,15 @@ class Peripherals:
         self._spin_up_ticks = round(spin_up_s / period_s)
         self._sag_ticks = round(SPEED_LOST_S / period_s)
         self._flow_ticks = round(FLOW_S / period_s)
+        self._switches, self._held = _switches(io)
+        self._switched = self._lines = 0  # outputs of programs: as numbered there, and their bits of the node
         self._wanted = (0.0, 0, 0)  # rev/min, coolant, open clamps: what the program says
         self._homing = 0  # clamps to be open for an axis that homes, or is jogged
         self._was_running = self._was_homing = False
         self._told: Piece | None = None  # what the program says, until the axes are in position
         self._arriving = 0  # ticks since
+        self._awaited: Awaited | None = None  # an input that the program waits for ...
+        self._was_other = False  # ... and whether it has been seen to be otherwise
         self._most_arriving = round(IN_POSITION_S / period_s)
         self._waited = self._sagged = self._dry = 0  # ticks
         self.waiting = False
@@ -157,6 +161,19 @@ class Peripherals:
         if self.present:
             self._told, self._arriving = piece, 0
             self._wait()
+
+    def switch(self, outputs: tuple[int, int]) -> None:
+        """Outputs of the program, on and off from now on: at their place in the path."""
+        on, off = outputs
+        self._switch_to(self._switched & ~off | on)
+
+    def _switch_to(self, switched: int) -> None:
+        if switched == self._switched:
+            return
+        self._switched, self._lines = switched, 0
+        for i, line in enumerate(self._switches):
+            if switched >> i & 1:
+                self._lines |= line
 
     def opens_for(self, axes: int) -> bool:
         """Opens the clamps of axes (bit mask) that home or are jogged next; True when they are open."""
@@ -230,7 +247,8 @@ class Peripherals:
         mode = modes.mode
         given_up = mode is Mode.FAULT and (standing or not modes.on_path)
         if mode not in _PROGRAM or given_up:
-            self._wanted, self.waiting = (0.0, 0, 0), False
+            self._wanted, self.waiting, self._awaited = (0.0, 0, 0), False, None
+            self._switch_to(self._switched & self._held)
         if mode in (Mode.HOMING, Mode.JOG):
             self._was_homing = True
         elif self._was_homing or mode is not Mode.OFF:
@@ -255,6 +273,8 @@ class Peripherals:
         self._arriving += ticks
         if late < 0:
             self._wanted = (told.spindle_rev_min, told.coolant, told.open_clamps)
+            self.switch(told.outputs)
+            self._awaited, self._was_other = told.awaits, False
             self._told = None
             self._wait()
         elif self._arriving > self._most_arriving:
@@ -263,6 +283,7 @@ class Peripherals:
 
     def _put_out(self, is_open: int, actual: Sequence[float], ticks: int) -> None:
         outputs = (self._mist if self.coolant & MIST else 0) | (self._flood if self.coolant & FLOOD else 0)
+        outputs |= self._lines
         for clamp in self._clamps:
             outputs |= clamp.turn(bool(clamp.bit & is_open), actual[clamp.index], ticks)
         self.outputs = outputs
@@ -299,7 +320,17 @@ class Peripherals:
         for clamp in self._clamps:
             if clamp.is_open is not bool(clamp.bit & wanted) or not clamp.is_done(self.inputs):
                 return
-        self.waiting = False
+        if self._awaited is not None and not self._has_come(self._awaited):
+            if self._waited > self._awaited.ticks:
+                modes.fail(Fault.INPUT_MISSING, -1)
+            return
+        self.waiting, self._awaited = False, None
+
+    def _has_come(self, awaited: Awaited) -> bool:
+        if bool(self.inputs & awaited.mask) is not awaited.on:
+            self._was_other = True
+            return False
+        return self._was_other or not awaited.edge
 
     def _look_for_flow(self, modes: Modes, ticks: int) -> None:
         if not self._flow or not self.coolant or self.inputs & self._flow:
@@ -334,6 +365,14 @@ def _masks(io: Io | None) -> tuple[int, int, int]:
     if io is None:
         return 0, 0, 0
     return _mask(io.inputs, ["coolant_flow"]), _mask(io.outputs, ["mist"]), _mask(io.outputs, ["coolant"])
+
+
+def _switches(io: Io | None) -> tuple[tuple[int, ...], int]:
+    """Of each output of programs its bit of the node; and which of them stay as they are."""
+    if io is None:
+        return (), 0
+    lines = tuple(_mask(io.outputs, [name]) for name in io.digital_out)
+    return lines, sum(1 << i for i, name in enumerate(io.digital_out) if name in io.held)
 
 
 def _clamps(machine: Machine, io: Io | None) -> tuple[Clamped, ...]:

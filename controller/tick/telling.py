@@ -1,11 +1,15 @@
-"""What a tick leaves for others: the snapshot of the machine, and a row of the flight recorder."""
+"""What a tick leaves for others: the snapshot of the machine, and a row of the flight recorder.
+
+What they hold is declared in ``live_state``; here is what no other part of the tick has as an attribute.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
-from controller.handoff import OPTIONAL_STOP, SINGLE_BLOCK, STANDSTILL, Recorder, SnapshotBoard
+from controller.handoff import ROW, STANDSTILL, Recorder, SnapshotBoard
+from controller.live_state import PARTS, gather
 from controller.machine import Machine
 from controller.state import Fault
 from controller.tick.drives import Drives
@@ -13,7 +17,8 @@ from controller.tick.follow import Follow
 from controller.tick.jog import Jogging
 from controller.tick.joints import Encoder
 from controller.tick.mode import Modes
-from controller.tick.peripherals import Peripherals
+
+_COLUMNS = len(ROW)
 
 
 class Telling:
@@ -29,113 +34,51 @@ class Telling:
         encoder: Encoder,
         snapshot: SnapshotBoard,
         recorder: Recorder,
+        **others: Any,
     ) -> None:
+        """``others``: the parts of the tick that ``live_state`` names besides these."""
         self._group, self._modes, self._follow, self._jogging = group, modes, follow, jogging
         self._encoder = encoder
+        others |= {"modes": modes, "follow": follow, "jogging": jogging, "encoder": encoder, "telling": self}
+        self._parts = tuple(others[name] for name in PARTS)
         self._snapshot, self._recorder = snapshot, recorder
-        self._states = [0] * len(group.drives)
         self._buses = _timed(machine, group.lines)
+        self.motion_id = STANDSTILL
+        self.cutting = False
+        self.drive_states = [0] * len(group.drives)
+        self.malformed = [0] * len(group.drives)
+        self.fault_off = 0.0
+        self.bus_share = 0.0
 
-    def publish(
-        self,
-        tick: int,
-        skips: int,
-        late_max_s: float,
-        accepted: int,
-        rejected: int,
-        peripherals: Peripherals,
-        answers: Sequence[int],
-    ) -> None:
+    def publish(self) -> None:
         """The snapshot of this tick."""
-        follow, modes, states = self._follow, self._modes, self._states
-        piece = follow.piece
-        for i, drive in enumerate(self._group.drives):
-            states[i] = drive.state
-        self._snapshot.write(
-            tick,
-            modes.mode,
-            modes.fault,
-            modes.fault_axis,
-            follow.tau,
-            follow.commit_s,
-            follow.queue_end_s,
-            follow.rate,
-            modes.override,
-            modes.rapid_override,
-            follow.s,
-            piece.motion_id if piece else STANDSTILL,
-            follow.line,
-            piece is not None and piece.cutting and not self._jogging.active,
-            modes.homed,
-            *follow.joints,
-            *self._encoder.actual,
-            *states,
-            skips,
-            late_max_s,
-            accepted,
-            rejected,
-            peripherals.rev_min,
-            peripherals.coolant,
-            modes.refused,
-            follow.at_rest,
-            follow.epoch,
-            follow.stopping,
-            follow.limited_by,
-            modes.single_block,
-            modes.optional_stop,
-            modes.interlock,
-            peripherals.actual_rev_min,
-            peripherals.at_speed,
-            peripherals.waiting,
-            peripherals.inputs,
-            peripherals.outputs,
-            modes.warning,
-            modes.untrusted,
-            self._jogging.active,
-            modes.away,
-            self._fault_off(),
-            *answers,
-        )
+        self._look()
+        self._snapshot.write(gather(*self._parts))
 
-    def _fault_off(self) -> float:
+    def record(self) -> None:
+        """The snapshot of this tick and its row, which are the same values."""
+        self._look()
+        self._count_bits()
+        values = gather(*self._parts)
+        self._snapshot.write(values)
+        self._recorder.write(*values[:_COLUMNS])
+
+    def _look(self) -> None:
+        piece, states, malformed = self._follow.piece, self.drive_states, self.malformed
+        self.motion_id = piece.motion_id if piece else STANDSTILL
+        self.cutting = piece is not None and piece.cutting and not self._jogging.active
+        for i, drive in enumerate(self._group.drives):
+            states[i], malformed[i] = drive.state, drive.malformed
+        self.fault_off = self._off()
+
+    def _off(self) -> float:
         """How far the axis is from its command that stopped for that reason."""
         i = self._modes.fault_axis
         if self._modes.fault is not Fault.FOLLOWING_ERROR or i < 0:
             return 0.0
         return float(self._encoder.to_units(i, self._group.drives[i].following_error.actual))
 
-    def record(
-        self, tick: int, lateness_s: float, sent: bool, accepted: int, flags: int, request: int
-    ) -> None:
-        """The row of this tick; ``flags``: those of "switches" that are not the operator's."""
-        follow, modes, encoder = self._follow, self._modes, self._encoder
-        piece = follow.piece
-        self._recorder.write(
-            tick,
-            modes.mode,
-            modes.fault,
-            piece.motion_id if piece else STANDSTILL,
-            follow.line,
-            piece is not None and piece.cutting and not self._jogging.active,
-            follow.tau,
-            follow.s,
-            follow.rate,
-            follow.feed,
-            *follow.joints,
-            *encoder.setpoints,
-            *encoder.actual,
-            lateness_s,
-            sent,
-            accepted,
-            follow.limited_by,
-            modes.override,
-            modes.rapid_override,
-            SINGLE_BLOCK * modes.single_block + OPTIONAL_STOP * modes.optional_stop + flags,
-            request,
-            self._bus_share(),
-        )
-
-    def _bus_share(self) -> float:
+    def _count_bits(self) -> None:
         """How full the fullest bus was since the last row; counted anew from here on."""
         fullest = 0.0
         for line, share_per_bit in self._buses:
@@ -143,7 +86,7 @@ class Telling:
             line.bits = 0
             if share > fullest:
                 fullest = share
-        return fullest
+        self.bus_share = fullest
 
 
 def _timed(machine: Machine, lines: Sequence[Any]) -> tuple[tuple[Any, float], ...]:

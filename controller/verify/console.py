@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 if TYPE_CHECKING:
     from controller.plan.text.program import ProgramError
@@ -23,6 +22,11 @@ Told = Callable[..., None]  # (share done, what is going on now)
 @contextlib.contextmanager
 def bar(title: str, quiet: bool) -> Iterator[Told]:
     """A progress bar on stderr; the block gets a function of the share done and of a few live words."""
+    if quiet or not tell.is_terminal:
+        yield lambda share, live="": None
+        return
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
     columns = (
         TextColumn("{task.description}"),
         BarColumn(24),
@@ -30,7 +34,7 @@ def bar(title: str, quiet: bool) -> Iterator[Told]:
         TimeElapsedColumn(),
         TextColumn("{task.fields[live]}"),
     )
-    with Progress(*columns, console=tell, disable=quiet or not tell.is_terminal, transient=True) as shown:
+    with Progress(*columns, console=tell, transient=True) as shown:
         task = shown.add_task(title, total=1.0, live="")
         yield lambda share, live="": shown.update(task, completed=min(share, 1.0), live=live)
 

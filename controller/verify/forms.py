@@ -25,7 +25,7 @@ SURELY = 0.5  # of the tolerance: what is off by less on the grid is not zoomed 
 ZOOMED = 3  # places of each sign
 STEPS, POINTS = 6, 5  # of a zoom
 FEWEST, SETTLED_MM = 2, 1e-6  # it ends where a step after these gains less
-BESIDE_UP = ("lead in", "lead out", "plunge", "lift")
+BESIDE_UP = ("lead in", "lead out", "link", "plunge", "lift")
 LEAST_RADIUS_MM = 0.05  # a smaller cutter is no advice
 
 

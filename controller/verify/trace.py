@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from controller.arrays import columns
 from controller.geometry import Frame, Pose, Vector, angle_between, scale, subtract
-from controller.handoff import COLUMN, ROW
+from controller.handoff import AXES, COLUMN, rows_of
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import Motion, SurfaceCut
@@ -37,6 +37,10 @@ Array = NDArray[np.float64]
 # A servo of 40 Hz with two ticks of transport is some 15 ms behind.
 LOOK_BACK_S = 0.100
 LOOK_AHEAD_TICKS = 2
+
+_NEEDED = {"tick", "mode", "motion_id", "line", "cutting", "s", "feed_mm_s"} | {  # of a recording
+    *(f"{name}_{i}" for name in ("joint_command", "setpoint", "actual") for i in range(AXES)),
+}
 
 
 class HasMotion(Protocol):
@@ -100,16 +104,17 @@ def of_recording(path: str | Path, machine: Machine, kinematics: Kinematics) -> 
     """The trace of what was kept of a fault (``trace.npz`` in its folder), from its first row on.
 
     It holds rows of the recorder and no path, so ``contact`` and ``u`` are NaN. Raises ValueError
-    for another file, for rows of another version and for a machine with another period.
+    for another file, for rows of a version that kept too little and for a machine with another period.
     """
     with np.load(path, allow_pickle=False) as file:
         if missing := sorted({"columns", "rows", "period_s"} - set(file.files)):
             raise ValueError(f"{path} is no recording: it has no {', '.join(missing)}.")
         columns, rows, period_s = tuple(map(str, file["columns"])), file["rows"], float(file["period_s"])
-    if columns != ROW:
+    if not set(columns) >= _NEEDED:
         raise ValueError(f"{path} was recorded by another version of Directrix")
     if period_s != machine.period_s:
         raise ValueError(f"{path} has a period of {period_s:g} s, the machine {machine.period_s:g} s")
+    rows = rows_of(columns, rows)
     first_tick = int(rows[0, COLUMN["tick"]]) if len(rows) else 0
     return from_rows(rows, machine, kinematics, {}, first_tick=first_tick)
 
@@ -347,7 +352,7 @@ class Summary:
     ticks: int
     duration_s: float
     cut_time_s: float
-    cut_length_mm: float  # of the contact's path, as the sum of its chords
+    cut_length_mm: float  # of the contact's path
     following_error: dict[str, float]  # largest, mm or degrees, per axis
     path_error_mm: float
     axis_error_deg: float
@@ -361,13 +366,27 @@ def summary(trace: Trace, machine: Machine, kinematics: Kinematics, length_mm: f
     rows = trace.cutting if trace.cutting.any() else np.ones(len(trace.time_s), dtype=bool)
     errors = path_errors(trace, machine, kinematics, length_mm)
     largest = np.abs(following_error(trace)[rows]).max(axis=0)
-    chords = np.linalg.norm(np.diff(trace.contact, axis=0), axis=1)
     return Summary(
         ticks=len(trace.time_s),
         duration_s=len(trace.time_s) * trace.period_s,
         cut_time_s=int(trace.cutting.sum()) * trace.period_s,
-        cut_length_mm=float(np.nansum(chords)),
+        cut_length_mm=cut_length_mm(trace),
         following_error={name: float(v) for name, v in zip(trace.axes, largest, strict=True)},
         path_error_mm=float(errors.path_mm[rows].max()),
         axis_error_deg=float(errors.axis_deg[rows].max()),
     )
+
+
+def cut_length_mm(trace: Trace) -> float:
+    """Length of the contact's path as the sum of its chords, with those of the ticks at both ends of a cut.
+
+    A cut that begins and ends at speed does so within a tick: its share of that tick's step is told by u.
+    """
+    steps, chords = np.diff(trace.u), np.linalg.norm(np.diff(trace.contact, axis=0), axis=1)
+    known = np.concatenate(([False], ~np.isnan(chords), [False])).astype(int)
+    first, behind = (np.flatnonzero(np.diff(known) == sign) for sign in (1, -1))
+    length = float(np.nansum(chords))
+    for step, short in ((first, trace.u[first]), (behind - 1, 1.0 - trace.u[behind])):
+        within = (steps[step] > 0.0) & (short <= steps[step])
+        length += float((chords[step] * short)[within] @ (1.0 / steps[step][within]))
+    return length

@@ -20,6 +20,7 @@ from typing import Protocol
 import canopen
 from canopen.objectdictionary import ObjectDictionary, ODVariable
 
+from drives import sheet_text
 from drives.commissioning import overrides
 from drives.profile import Override
 
@@ -220,35 +221,18 @@ def _refusals(name: str) -> Iterator[None]:
 
 
 def cleaned(text: str) -> str:
-    """The text without what canopen cannot read. Raises configparser.Error."""
-    parser = _parser(strict=False)
-    parser.read_string(text.removeprefix("\xef\xbb\xbf"))
-    kept = _parser(strict=True)
-    for section in parser.sections():
-        values = {
-            KEYS.get(key.lower(), key): value.strip()
-            for key, value in parser.items(section)
-            if value and value.strip()
-        }
-        _keep(kept, KEYS.get(section.lower(), section), values)
-    if not kept.has_section("DeviceInfo"):
-        kept["DeviceInfo"] = {}
-    written = io.StringIO()
-    kept.write(written)
-    if not any(SECTION.fullmatch(section) for section in kept.sections()):
+    """The text without what canopen cannot read. Raises ValueError."""
+    kept: sheet_text.Sections = {}
+    for section, values in sheet_text.sections(text).items():
+        said = {KEYS.get(key.lower(), key): value for key, value in values.items() if value}
+        _keep(kept, KEYS.get(section.lower(), section), said)
+    kept.setdefault("DeviceInfo", {})
+    if not any(SECTION.fullmatch(section) for section in kept):
         raise ValueError("it has no objects")
-    return written.getvalue()
+    return sheet_text.written(kept)
 
 
-def _parser(strict: bool) -> configparser.RawConfigParser:
-    parser = configparser.RawConfigParser(
-        strict=strict, inline_comment_prefixes=(";",), allow_no_value=True, delimiters=("=",)
-    )
-    parser.optionxform = str  # type: ignore[assignment,method-assign]
-    return parser
-
-
-def _keep(kept: configparser.RawConfigParser, section: str, values: dict[str, str]) -> None:
+def _keep(kept: sheet_text.Sections, section: str, values: dict[str, str]) -> None:
     """One section, as canopen wants it; nothing of a section that says too little."""
     match = SECTION.fullmatch(section)
     if match is not None:
@@ -276,13 +260,11 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _keep_object(
-    kept: configparser.RawConfigParser, index: str, sub: str | None, values: dict[str, str]
-) -> None:
+def _keep_object(kept: sheet_text.Sections, index: str, sub: str | None, values: dict[str, str]) -> None:
     section = index if sub is None else f"{index}sub{int(sub, 16):X}"
     values.setdefault("ParameterName", section)
     kind = values.get("ObjectType", "0x7")
-    if not _is_number(kind) or (sub is not None and not kept.has_section(index)):
+    if not _is_number(kind) or (sub is not None and index not in kept):
         return
     single = sub is not None or int(kind, 0) in (VARIABLE, DOMAIN)
     if single and not _is_number(values.get("DataType", "")):
@@ -298,7 +280,7 @@ def _keep_object(
     kept[section] = values
 
 
-def _expand(kept: configparser.RawConfigParser, index: str, values: dict[str, str], count: int) -> None:
+def _expand(kept: sheet_text.Sections, index: str, values: dict[str, str], count: int) -> None:
     """An object that says ``CompactSubObj``: so many members like this one, and their number in sub 0."""
     kept[index] = {"ParameterName": values["ParameterName"], "ObjectType": values["ObjectType"]}
     number = {"DataType": UNSIGNED8, "AccessType": "ro", "DefaultValue": str(count)}

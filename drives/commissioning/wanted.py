@@ -236,8 +236,9 @@ def _process_data(used: Iterable[Pdo], node: int, sheet: Sheet) -> Iterator[Step
     taken = {each.parameters for each in used}
     for kind in (RPDO, TPDO):
         for number in range(1, 0x201):
-            unused = Pdo(kind, number, 0, (), "process data that nobody uses would take bus time")
-            if sheet.holds(unused.parameters) and unused.parameters not in taken:
+            parameters = kind[0] + number - 1
+            if sheet.holds(parameters) and parameters not in taken:
+                unused = Pdo(kind, number, 0, (), "process data that nobody uses would take bus time")
                 yield _switched_off(unused, node, sheet)
     for each in used:
         yield _mapped(each, node, sheet)

@@ -92,13 +92,14 @@ class Line:
         self.syncs = 0
         receive_into, handlers = self._receive_into, self._handlers
         buffer, data, off = self._buffer, self._data, self.off
+        bits = 0
         for _ in range(MOST_FRAMES):
             if not receive_into(buffer):
                 break
             can_id, length = _HEADER(buffer)
             if length > 8:
                 length = 8
-            self.bits += BITS[length]
+            bits += BITS[length]
             handler = handlers.get(can_id)
             if handler is not None:
                 handler(data[length], now_s)
@@ -110,6 +111,7 @@ class Line:
                 self._heard_error(can_id & _CLASSES)
             elif can_id in self._own:
                 self._fail(DriveFault.FOREIGN_FRAMES)
+        self.bits += bits
         overflows = self.port.overflows
         if overflows != self._overflows:
             self._overflows = overflows

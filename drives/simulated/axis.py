@@ -268,7 +268,7 @@ class Axis(Setpoints):
         self.target = self.actual()
         self.guesses = NO_TARGET_YET
         self._lagging_s = None
-        self._clamped = self._saturated = 0
+        self.clamped = self._saturated = 0
         self.generator = None
         if self.power is Power.ENABLED:
             self.resume()
@@ -291,7 +291,7 @@ class Axis(Setpoints):
 
     def refresh(self) -> None:
         """The statusword, which changes with events only."""
-        word = self.power.value | self.limit | self._clamped | self._deviates
+        word = self.power.value | self.limit | self.clamped | self._deviates
         word |= 0 if self.sto else VOLTAGE
         word |= 0 if self.dictionary.local_control else REMOTE
         if self.power is Power.ENABLED and self.stops.leaving is None:
@@ -302,7 +302,7 @@ class Axis(Setpoints):
 
     def _mode_bits(self) -> int:
         """Statusword bits of the mode; a cyclic target that a limit cuts short is not followed."""
-        cut_short = self._law.cyclic and (self.limit or self._clamped)
+        cut_short = self._law.cyclic and (self.limit or self.clamped)
         return self._law.bits & ~BIT_12 if cut_short else self._law.bits
 
     def switch_off(self) -> None:

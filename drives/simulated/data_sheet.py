@@ -5,10 +5,11 @@ The key of an entry is index * 256 + sub-index.
 
 from __future__ import annotations
 
-import configparser
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+
+from drives import sheet_text
 
 EDS = Path(__file__).parents[2] / "config" / "eds" / "simulated_drive.eds"
 
@@ -58,26 +59,26 @@ def key(index: int, sub: int = 0) -> int:
 
 
 @lru_cache(maxsize=1)
-def _parsed(path: Path) -> configparser.ConfigParser:
-    """The sections of the sheet that is being read."""
-    parser = configparser.ConfigParser(interpolation=None, strict=False)
-    with open(path, encoding="latin-1") as file:
-        parser.read_file(file)
-    return parser
+def _sections(path: Path) -> sheet_text.Sections:
+    """The sheet that is being read; keys in small letters, for CiA 306-1 does not care for case."""
+    found = sheet_text.sections(path.read_text(encoding="latin-1"))
+    return {
+        section: {name.lower(): value for name, value in values.items()} for section, values in found.items()
+    }
 
 
 @lru_cache(maxsize=8)
 def load(path: Path = EDS) -> dict[int, Variable]:
-    """Read a data sheet: variables by key. Raises OSError or configparser.Error."""
-    parser = _parsed(path)
+    """Read a data sheet: variables by key. Raises OSError, or ValueError for what is none."""
+    sections = _sections(path)
     variables = {}
-    for section in parser.sections():
+    for section, values in sections.items():
         index, _, sub = section.partition("sub")
-        if len(index) == 4 and set(index) <= HEXADECIMAL and "DataType" in parser[section]:
-            variables[key(int(index, 16), int(sub or "0", 16))] = _variable(parser[section])
-    if "DeviceInfo" in parser:
-        for sub_index, name in IDENTITY.items():
-            _identify(variables, key(0x1018, sub_index), parser["DeviceInfo"].get(name, ""))
+        if len(index) == 4 and set(index) <= HEXADECIMAL and "datatype" in values:
+            variables[key(int(index, 16), int(sub or "0", 16))] = _variable(values)
+    about = sections.get("DeviceInfo", {})
+    for sub_index, name in IDENTITY.items():
+        _identify(variables, key(0x1018, sub_index), about.get(name.lower(), ""))
     return variables
 
 
@@ -91,24 +92,21 @@ def _identify(variables: dict[int, Variable], where: int, said: str) -> None:
 @lru_cache(maxsize=8)
 def dummies(path: Path = EDS) -> frozenset[int]:
     """Data types that an RPDO may map to skip bits (CiA 306-1, DummyUsage)."""
-    parser = _parsed(path)
-    if "DummyUsage" not in parser:
-        return frozenset()
-    return frozenset(int(name[-4:], 16) for name, used in parser["DummyUsage"].items() if used.strip() == "1")
+    usage = _sections(path).get("DummyUsage", {})
+    return frozenset(int(name[-4:], 16) for name, used in usage.items() if used == "1")
 
 
-def _variable(section: configparser.SectionProxy) -> Variable:
-    size, signed = INTEGERS.get(int(section["DataType"], 0), (0, False))
-    default = section.get("ParameterValue", "") or section.get("DefaultValue", "")  # the former in a DCF
+def _variable(values: dict[str, str]) -> Variable:
+    size, signed = INTEGERS.get(int(values["datatype"], 0), (0, False))
     return Variable(
-        name=section["ParameterName"],
+        name=values["parametername"],
         size=size,
         signed=signed,
-        access=section.get("AccessType", "ro").lower(),
-        default=default.strip(),
-        low=section.get("LowLimit", ""),
-        high=section.get("HighLimit", ""),
-        mappable=section.get("PDOMapping", "").strip() in ("1", "0x1", "0x01"),
+        access=values.get("accesstype", "ro").lower(),
+        default=values.get("parametervalue", "") or values.get("defaultvalue", ""),  # the former in a DCF
+        low=values.get("lowlimit", ""),
+        high=values.get("highlimit", ""),
+        mappable=values.get("pdomapping", "") in ("1", "0x1", "0x01"),
     )
 
 

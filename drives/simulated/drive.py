@@ -171,7 +171,8 @@ class SimulatedDrive(Device):
         slow_in = [r for r in rpdos if r not in self._fast_in]
         self._deadline = next((r for r in self._fast_in if r.event_s > 0.0), None)
         self.process.configure(rpdos, tpdos, fast[0] if fast else None, slow_in)
-        self._slow_out = len(tpdos) > len(fast) or not plain
+        others = [t for t in tpdos if t not in fast]
+        self._slow_out = not plain or any(t.looks_at_sync or t.may_change_by_itself for t in others)
 
     def _may_store(self) -> bool:
         return self.axis.power not in POWERED

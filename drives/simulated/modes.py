@@ -140,7 +140,8 @@ class CyclicPosition(Mode):
         speed = distance / period_s
         own, self._before = (wanted - self._before) / period_s, wanted
         reached = self._speed.after(speed, own, distance, self._profile)
-        axis.say_limit(reached != speed or wanted != aim)
+        if reached != speed or wanted != aim or axis.clamped:
+            axis.say_limit(reached != speed or wanted != aim)
         return wanted if reached == speed else axis.servo.end + reached * period_s
 
 

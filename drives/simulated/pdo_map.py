@@ -24,6 +24,7 @@ RPDO_AT, RPDO_MAP_AT = 0x1400, 0x1600
 TPDO_AT, TPDO_MAP_AT = 0x1800, 0x1A00
 FAST_IN = (0x6040_0010, 0x607A_0020)
 FAST_OUT = (0x6041_0010, 0x6064_0020)
+TOLD = frozenset({key(0x6060), key(0x6061)})  # mode of operation
 ENTRIES = 8
 LONGEST = 8  # bytes
 LAST_SYNCHRONOUS = 240  # transmission types 0 .. 240 act on SYNC
@@ -60,6 +61,11 @@ class Pdo:
     @property
     def event_driven(self) -> bool:
         return self.kind >= 254
+
+    @property
+    def may_change_by_itself(self) -> bool:
+        """With a period, and not only by what a device is told or by an alarm: those look for changes."""
+        return any(where not in TOLD for where, _, _ in self.fields)
 
     def take(self, dictionary: Dictionary, frame: bytes) -> None:
         """Write a received frame's objects; a value that the device refuses changes nothing."""

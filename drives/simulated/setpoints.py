@@ -30,7 +30,7 @@ class Setpoints(ABC):
         self.target: float = nature.position_counts
         self.low: float = -math.inf
         self.high: float = math.inf
-        self.limit = self._clamped = 0  # statusword bit 11, for the target and for the demand
+        self.limit = self.clamped = 0  # statusword bit 11, for the target and for the demand
         self.guesses = NO_TARGET_YET  # periods in a row without a target
 
     @abstractmethod
@@ -71,8 +71,8 @@ class Setpoints(ABC):
     def say_limit(self, active: bool) -> None:
         """Statusword bit 11 for a limit that the demand, not the target, meets."""
         clamped = LIMIT if active else 0
-        if clamped != self._clamped:
-            self._clamped = clamped
+        if clamped != self.clamped:
+            self.clamped = clamped
             self.refresh()
 
     def guess(self, now_s: float) -> None:

@@ -263,12 +263,12 @@ class SteppedBus:
         """
         pending, ready, waiting, bit_s = self._pending, self._ready, self._waiting, self._bit_s
         bits_of, all_routes = self._bits, self._routes
+        start_s, flying = self._free_s, self._flying
         while True:
-            start_s = self._free_s
-            if self._flying is not None:
+            if flying is not None:
                 if start_s > until_s or start_s > self.due_s:
                     return
-                can_id, source, frame = self._flying
+                can_id, source, frame = flying
                 self._flying = None
                 self.now_s = start_s
                 routes = all_routes[source].get(can_id)
@@ -293,6 +293,7 @@ class SteppedBus:
             if self.faults is not None or self.errors.troubled:
                 fate = self._judged(start_s, can_id, sequence, source, frame)
                 if fate is Fate.WITHHELD:
+                    start_s, flying = self._free_s, None
                     continue
                 if fate is Fate.SPOILT:
                     taken_s += self._error_s
@@ -302,8 +303,8 @@ class SteppedBus:
                     frame = fate
             self.busy_s += taken_s
             self.frames += 1
-            self._free_s = start_s + taken_s
-            self._flying = (can_id, source, frame)
+            self._free_s = start_s = start_s + taken_s
+            self._flying = flying = can_id, source, frame
 
     def _run_timers(self, now_s: float) -> None:
         self.now_s = now_s

@@ -94,6 +94,22 @@ def test_random_surfaces_on_other_machines_begin_and_end_at_their_feed(machine: 
     assert_in_limits(done, (machine, seed))
 
 
+def test_a_lead_is_as_long_as_its_own_bend_needs_at_the_feed() -> None:
+    """The way to the feed alone would be shorter: there the lead's third derivative was in the way."""
+    done = cut(text(compound(5038, 1), 3039.0, "G41 P2 R0.5"), shipped("fig4d"))
+    i, stretch = cuts(done)[0]
+    assert speeds(done, stretch, i)[:3] == pytest.approx(np.full(3, stretch.feed_mm_s), rel=0.01)
+    assert_in_limits(done, "bend")
+
+
+def test_a_cut_does_not_rest_at_its_end_for_some_micrometres_within_its_tolerance() -> None:
+    """Every lead that joins its twisted end reaches 1.5 um deeper than the cut, of 490 um that are left."""
+    done = cut(text(compound(5011, 3), 175.0, "G41 P2 R0.5"), shipped("table_head"))
+    i, stretch = cuts(done)[-1]
+    assert speeds(done, stretch, i)[-3:] == pytest.approx(np.full(3, stretch.feed_mm_s), rel=0.01)
+    assert_in_limits(done, "end")
+
+
 def test_under_an_override_the_cut_begins_at_its_share_of_the_feed() -> None:
     source = (
         config.shipped_program("example1_ready")

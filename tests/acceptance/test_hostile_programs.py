@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,6 @@ from support.parts.hostile_programs import MACHINES, outcome, program
 
 from controller import config
 from controller.machine import Machine
-from controller.session.checked import NO_LAW
 
 FEW, MANY = 12, 40
 
@@ -38,12 +38,14 @@ def test_hostile_programs_are_planned_or_refused_with_a_place(
     assert len(set(found)) > FEW / 3, "they are refused for many reasons"
 
 
-@pytest.mark.slow
-def test_a_way_that_no_law_can_take_is_refused_with_its_place(
+def test_a_placed_ruling_that_passes_by_the_pole_is_judged_by_its_surface(
     machines: dict[str, Machine], tmp_path: Path
 ) -> None:
-    """A rotary would have to turn all but at once, where a ruling of P2 passes by the pole."""
-    assert checked(range(331, 332), machines, tmp_path) == [NO_LAW]
+    """A rotary turns all but at once where a ruling of P2 passes 40 nm by the pole: slow, but a way."""
+    (found,) = checked(range(331, 332), machines, tmp_path)
+    assert "line 5 exceeds its form tolerance of 0.05 mm" in found
+    name, text = program(331)
+    assert outcome(replace(machines[name], gouge="warn"), text, tmp_path) == "planned"
 
 
 def test_rulings_that_lie_down_under_a_nutating_head(machines: dict[str, Machine], tmp_path: Path) -> None:

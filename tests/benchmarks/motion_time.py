@@ -3,10 +3,10 @@
     python tests/benchmarks/motion_time.py [--surfaces N] [--machines N] [--json]
 
 The time of the cutting stretches in the planned program against velocity, acceleration and feed
-limits alone (no jerk), each smooth stretch from rest to rest: Example 2 at three feeds, both parts of
-the paper with the limits that LinuxCNC ships for its xyzac simulation, and random compound
-surfaces at feeds that bind. The planner's processor time stands beside it. Random paths on machines with
-limits drawn over four decades stand beside the jerk-limited optimum of their cuts.
+limits alone (no jerk), each smooth stretch at any speed where it joins another: Example 2 at three
+feeds, both parts of the paper with the limits that LinuxCNC ships for its xyzac simulation, and random
+compound surfaces at feeds that bind. The planner's processor time stands beside it. Random paths on
+machines with limits drawn over four decades stand beside the jerk-limited optimum of their cuts.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ def measured(name: str, source: str, machine: Machine) -> Figure:
             motion += planned.duration_s
             for k, law in planned.laws(course):
                 cut += law.duration_s * run[k].cutting
-        bound += time_bound.seconds([s for s in chain.stretches if s.cutting], machine)
+            bound += time_bound.seconds_of_cuts(run, machine)
     return Figure(name, cut, bound, cpu, motion)
 
 

@@ -180,8 +180,7 @@ class Watches:
         self._watch(cycle.follow, "step", "follow + joints")
         self._watch(cycle, "_judge", "check + encode")
         self._watch(cycle.group, "command", "send")
-        self._watch(cycle, "publish", "snapshot")
-        self._watch(cycle._telling, "record", "recorder")
+        self._watch(cycle._telling, "record", "snapshot + recorder")
         for half in ("receive", "run"):
             self._watch(cycle, half, WHOLE)
 

@@ -22,7 +22,7 @@ from controller.state import (
 )
 from drives.arranged import Arranged
 
-TIMES = Times(0.002, 0.2, 0.1, 5.0, 120.0, 10.0, path_stop_s=0.5, quick_stop_s=0.1)
+TIMES = Times(0.002, 0.2, 5.0, 120.0, 10.0, path_stop_s=0.5, quick_stop_s=0.1)
 
 
 @pytest.mark.parametrize(

@@ -22,15 +22,18 @@ from controller.handoff import (
     Recorder,
     RequestInbox,
     SnapshotBoard,
+    blank,
     commit_lead_s,
     dwell,
     encode,
+    flat,
     piece_pair,
     request_pair,
     send_arrangement,
     send_jog,
     send_request,
 )
+from controller.live_state import Flat
 from controller.requests import Outcome, answer
 from controller.state import Fault, Mode, Request
 
@@ -41,48 +44,22 @@ THERE = (100.0, 0.0, 0.0, 0.0, 0.0)
 ANSWERED = tuple(answer(1 << 31 | n, Outcome.REFUSED, Fault.DOOR_OPEN) for n in range(16))
 
 
-def snapshot_values(tick: int) -> tuple[object, ...]:
-    head = (tick, Mode.HOLD, Fault.NONE, -1, 1.5, 1.6, 9.0, 0.25, 1.0, 0.5, 12.0, 7, 42, True, 3)
-    tail = (
-        4,
-        True,
-        17,
-        True,
-        False,
-        Fault.DOOR_OPEN,
-        1198.5,
-        False,
-        True,
-        5,
-        1 << 63,
-        Fault.DRIVE_WARNING,
-        4,
-        True,
-        False,
-        0.25,
-    )
-    joints, actual, states = (1.0, 2.0, 3.0, 4.0, 5.0), (0.1,) * 5, (5,) * 5
-    return (
-        *head,
-        *joints,
-        *actual,
-        *states,
-        2,
-        1e-4,
-        8,
-        6,
-        1200.0,
-        1,
-        Request.START,
-        False,
-        *tail,
-        *ANSWERED,
-    )
+def written(tick: int) -> Flat:
+    """As a tick leaves it; of what is not named, nothing."""
+    faults = {"interlock": Fault.DOOR_OPEN, "warning": Fault.DRIVE_WARNING}
+    numbers = {
+        "motion_id": 7,
+        "line": 42,
+        "fault_axis": -1,
+        "inputs": 1 << 63,
+        "joints": (1.0, 2.0, 3.0, 4.0, 5.0),
+    }
+    return flat(blank()._replace(tick=tick, mode=Mode.HOLD, answers=ANSWERED, **faults, **numbers))
 
 
 def test_an_answer_is_found_by_its_number_as_long_as_it_is_remembered() -> None:
     board = SnapshotBoard()
-    board.write(*snapshot_values(1))
+    board.write(written(1))
     now = board.read()
     assert now is not None
     assert now.came_of(1 << 31 | 3) == (Outcome.REFUSED, Fault.DOOR_OPEN)
@@ -200,21 +177,20 @@ def test_a_snapshot_reads_back_every_field(tmp_path: object) -> None:
     board = SnapshotBoard(path)
     reader = SnapshotBoard(path, create=False)
     assert reader.read() is None
-    board.write(*snapshot_values(5))
-    board.write(*snapshot_values(6))
+    board.write(written(5))
+    board.write(written(6))
     found = reader.read()
     assert found is not None
-    flat = [x for value in found for x in (value if isinstance(value, tuple) else (value,))]
-    assert flat == list(snapshot_values(6))
+    assert flat(found) == written(6)
     assert found.warning is Fault.DRIVE_WARNING and found.interlock is Fault.DOOR_OPEN
     assert found.mode is Mode.HOLD and found.line == 42 and found.joints[4] == 5.0
 
 
 def test_a_reader_interrupted_by_two_writes_reads_again() -> None:
     board = SnapshotBoard()
-    board.write(*snapshot_values(1))
+    board.write(written(1))
     for tick in range(2, 50):
-        board.write(*snapshot_values(tick))
+        board.write(written(tick))
         found = board.read()
         assert found is not None and found.tick == tick
 

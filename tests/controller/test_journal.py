@@ -12,7 +12,7 @@ import pytest
 from support.machines.stepped_runs import shipped
 
 from controller import journal, whole
-from controller.handoff import SNAPSHOT_VALUES, SnapshotBoard
+from controller.handoff import blank
 from controller.journal import Entry, Job
 from controller.plan.route.spot import FORMER, Spot
 from controller.state import Fault, Mode
@@ -116,11 +116,7 @@ class Looked:
         self.file, self.now_s = folder / "journal.json", 0.0
         self.journal = journal.Journal(self.file, lambda: self.now_s)
         self.journal.begin(job())
-        block = SnapshotBoard()
-        block.write(*[0] * SNAPSHOT_VALUES)
-        found = block.read()
-        assert found is not None
-        self.snapshot = found._replace(at_rest=False, homed=ALL, motion_id=5, line=19)
+        self.snapshot = blank()._replace(at_rest=False, homed=ALL, motion_id=5, line=19)
 
     def look(self, fraction: float = 0.0, **changes: object) -> Entry | None:
         self.snapshot = self.snapshot._replace(**changes)  # type: ignore[arg-type]

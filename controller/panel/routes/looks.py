@@ -10,6 +10,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Header, Request, Response
 from pydantic import Field
 
+from controller.changes import turned_deg
 from controller.panel import machine_table, models, models_of_looks, ticks, touch_off
 from controller.panel.access import moves, needs, panel_of
 from controller.panel.answers import Refusal, documented
@@ -124,11 +125,11 @@ async def touch(request: Request, name: OffsetName, body: TouchOff) -> models.Do
     if homeless := now.get("not_homed"):
         mode, axes = str(now.get("mode")), ", ".join(homeless)
         raise Refusal.told(409, "refused", "tip_not_homed", mode=mode, request="TOUCH OFF", axes=axes)
-    frame = touch_off.frame(offset)
+    frame, wanted = touch_off.frame(offset), touch_off.under(facts.get("shift"), wanted)
     tip = touch_off.tip_with(dict(now["on_table"]), _length_mm(facts, body.tool))
     values = {
         "origin_mm": list(touch_off.origin_for(frame, tip, wanted)),
-        "turned_deg": list(touch_off.turned_deg(frame)),
+        "turned_deg": list(turned_deg(frame)),
     }
     return await ask(request, "set_offset", name=name, values=values)
 

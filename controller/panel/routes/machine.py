@@ -42,7 +42,7 @@ async def facts(request: Request) -> dict[str, Any]:
     return await panel_of(request).door.ask("facts")
 
 
-@router.get("/drives", dependencies=[needs(Role.VIEW)], responses=LOOKS)
+@router.get("/drives", dependencies=[needs(Role.VIEW)], responses=LOOKS, response_model_exclude_unset=True)
 async def drives(request: Request) -> models.DriveList:
     """State, statusword, error and age of the heartbeat of every drive."""
     found = await panel_of(request).door.ask("drives")

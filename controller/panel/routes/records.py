@@ -105,7 +105,7 @@ async def run(request: Request, number: Number) -> models.RunFacts:
     responses=FILE,
 )
 async def run_file(request: Request, number: Number, file: FileName) -> Opened:
-    """One file of a run's record: run.json, events.jsonl for ``simulate --events``, setpoints.npz."""
+    """One file of a run's record: run.json, setpoints.npz, and what ``directrix replay`` needs."""
     panel = panel_of(request)
     return await _sent(panel.run_records, _record(await _run(panel, number)), file)
 

@@ -6,28 +6,41 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Path, Request
 
+from controller.changes import turned_deg
 from controller.panel import models, touch_off
 from controller.panel.access import moves, needs, panel_of
 from controller.panel.roles import Role
 from controller.panel.routes.machine import LOOKS, MOVES, ask
 
 router = APIRouter(tags=["offsets and tools"])
-OffsetName = Annotated[str, Path(pattern=r"^G5[4-9]$")]
+NUMBERED = r"G54\.1 P([1-9]|[1-3][0-9]|4[0-8])"
+OffsetName = Annotated[str, Path(pattern=rf"^(G5[4-9]|G59\.[1-3]|{NUMBERED})$")]
+SetName = Annotated[
+    str, Path(pattern=rf"^(G5[4-9]|G59\.[1-3]|{NUMBERED}|G92|G28|G30|T[0-9]{{1,5}}|#[0-9]{{1,4}}|all)$")
+]
 ToolNumber = Annotated[int, Path(ge=1, le=99999)]
 
 
 @router.get("/offsets", dependencies=[needs(Role.VIEW)], responses=LOOKS)
 async def offsets(request: Request) -> models.OffsetList:
-    """The work offsets as they are in force."""
-    found = rows_by(await panel_of(request).door.ask("facts"), "offsets", "name")
-    turned = {name: {"turned_deg": touch_off.turned_deg(touch_off.frame(one))} for name, one in found.items()}
-    return models.OffsetList(offsets={name: {**turned[name], **one} for name, one in found.items()})
+    """Work offsets, G92's shift, reference points and kept parameters as they are in force, and whence."""
+    facts = await panel_of(request).door.ask("facts")
+    found = rows_by(facts, "offsets", "name")
+    turned = {name: {"turned_deg": turned_deg(touch_off.frame(one))} for name, one in found.items()}
+    others = {name: dict(facts.get(name) or {}) for name in ("shift", "references", "parameters")}
+    return models.OffsetList(offsets={name: {**turned[name], **one} for name, one in found.items()}, **others)
 
 
 @router.put("/offsets/{name}", dependencies=[moves()], responses=MOVES)
 async def set_offset(request: Request, name: OffsetName, body: models.OffsetValues) -> models.Done:
     """Change a work offset; refused while the machine moves or a program is on."""
-    return await ask(request, "set_offset", name=name, values=body.model_dump())
+    return await ask(request, "set_offset", name=name, values=body.model_dump(exclude_none=True))
+
+
+@router.delete("/offsets/{name}", dependencies=[moves()], responses=MOVES)
+async def forget(request: Request, name: SetName) -> models.Done:
+    """Back to the machine file's: an offset, G92, G28, G30, a tool (T3), a parameter (#500), or all."""
+    return await ask(request, "forget", name=name)
 
 
 @router.get("/tools", dependencies=[needs(Role.VIEW)], responses=LOOKS)

@@ -23,7 +23,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import solveh_banded
+
+from controller import banded
 
 Array = npt.NDArray[np.float64]
 
@@ -228,7 +229,7 @@ class _Solver:
         band[1, 1:] *= scale[1:] * scale[:-1]
         band[0, 2:] *= scale[2:] * scale[:-2]
         band[2] += 1e-13
-        dc = scale * solveh_banded(band, scale * right, overwrite_ab=True, check_finite=False)
+        dc = scale * banded.solve(band, scale * right)
         if first is not None:
             dc[0] = first * dc[1]
         dc[-1] = last * dc[-2]

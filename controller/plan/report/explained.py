@@ -13,16 +13,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from controller.curves import Arc
-from controller.geometry import norm, subtract
+from controller.geometry import Frame, norm, subtract
 from controller.kinematics import Kinematics
 from controller.machine import OFFSETS, Joints, Machine, five
-from controller.motions import JointMove
+from controller.motions import JointMove, Rotaries
 from controller.plan.route import moves
 from controller.plan.route.stretch import Voice
-from controller.plan.text.position import Known, Position
+from controller.plan.text.position import Known, Position, read_in
 from controller.plan.text.program import (
     Act,
     Action,
+    Await,
     Block,
     CutCone,
     CutNurbs,
@@ -33,6 +34,7 @@ from controller.plan.text.program import (
     Message,
     Modal,
     Remark,
+    Setting,
     TipLine,
 )
 
@@ -41,6 +43,7 @@ _KINDS = {
     Act.SPINDLE: "spindle",
     Act.TOOL: "tool",
     Act.COOLANT: "coolant",
+    Act.OUTPUT: "output",
     Act.STOP: "stop",
     Act.OPTIONAL_STOP: "optional stop",
     Act.END: "end",
@@ -59,6 +62,9 @@ class Step:
     offset: str  # work offset
     plane: str
     facts: dict[str, Any]  # what else belongs to its kind: feed and its unit, centre, turns, seconds ...
+    tilted: Frame | None = (
+        None  # the tilted plane that is active, seen from the table with its rotaries at zero
+    )
 
     def to_dict(self) -> dict[str, Any]:
         """As one object of JSON."""
@@ -69,6 +75,7 @@ class Step:
             "axes": self.axes,
             "offset": self.offset,
             "plane": self.plane,
+            "tilted": self.tilted._asdict() if self.tilted is not None else None,
             **self.facts,
         }
 
@@ -95,8 +102,9 @@ class _Explainer:
         if isinstance(block, CutCone | CutRuled | CutNurbs):
             program = dict(zip("XYZ", _contact_end(block), strict=True))
         place, modal = block.place, block.modal
-        axes = self._axes()
-        return Step(place.line, place.column, kind, program, axes, OFFSETS[modal.offset], modal.plane, facts)
+        tilted = modal.frame(self._machine) if modal.tilted else None
+        offset, axes = OFFSETS[modal.offset], self._axes()
+        return Step(place.line, place.column, kind, program, axes, offset, modal.plane, facts, tilted)
 
     # ---- positions -------------------------------------------------------------------
 
@@ -127,6 +135,11 @@ class _Explainer:
             return {"kind": "dwell", "seconds": block.seconds}
         if isinstance(block, Remark | Message):
             return {"kind": "message", "text": block.sentence if isinstance(block, Remark) else block.text}
+        if isinstance(block, Await):
+            what = {"input": block.number, "for": block.level.name.lower()}
+            return {"kind": "wait", **what, "seconds": block.seconds}
+        if isinstance(block, Setting):
+            return {"kind": "setting", "sets": [change.key for change in block.changes]}
         if isinstance(block, Action):
             return {"kind": _KINDS[block.act], **_function(block)}
         return {"kind": "surface", "feed": block.feed_mm_s * 60.0, "unit": "mm/min"}
@@ -154,12 +167,12 @@ class _Explainer:
             return told
         found = moves.arc(block, self._machine, self._kinematics, five(here), self._voice)
         if found is not None and isinstance(found.motion, JointMove) and isinstance(found.motion.curve, Arc):
-            told["centre"] = self._centre(block, found.motion.curve)
+            told["centre"] = self._centre(block, found.motion.curve, found.motion.start_rotaries)
         return told
 
-    def _centre(self, block: JointArc, curve: Arc) -> dict[str, float]:
-        centre = subtract(curve.centre, (0.0, 0.0, block.modal.length_mm))
-        point = block.modal.frame(self._machine).from_parent(centre)
+    def _centre(self, block: JointArc, curve: Arc, rotaries: Rotaries) -> dict[str, float]:
+        frame, length_mm = read_in(block.modal, self._machine, self._kinematics, rotaries)
+        point = frame.from_parent(subtract(curve.centre, (0.0, 0.0, length_mm)))
         return {"XYZ"[i]: point[i] for i in sorted(block.plane[:2])}
 
 
@@ -172,6 +185,8 @@ def _function(block: Action) -> dict[str, Any]:
         return {"rev_min": block.modal.spindle_rev_min}
     if block.act is Act.TOOL:
         return {"tool": block.modal.tool}
+    if block.act is Act.OUTPUT:
+        return {"on": block.modal.outputs.on, "off": block.modal.outputs.off}
     if block.act is Act.COOLANT:
         return {"mist": bool(block.modal.coolant & 1), "flood": bool(block.modal.coolant & 2)}
     return {}

@@ -31,12 +31,11 @@ from controller.plan.report.planned import Planned, planned
 from controller.plan.report.tally import Bound, Part, Tally, bounds
 from controller.plan.report.waits import Waits
 from controller.plan.route.path import Chain, Pause, Stretch, joints_along
+from controller.plan.route.spot import BESIDE
 from controller.plan.text.program import Act
 from controller.surfaces import Cone
 
 Array = npt.NDArray[np.float64]
-
-WAYS = frozenset({"retract", "position", "down", "plunge", "lead in", "lead out", "lift", "pivot", "swivel"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +130,7 @@ class _Open:
 
     def tally(self, stretch: Stretch) -> Tally:
         """Where a stretch counts: ways before the block's own motion are its approach."""
-        if stretch.cutting or stretch.name not in WAYS:
+        if stretch.cutting or stretch.name not in BESIDE:
             name, self.what = "own", self.what or _kind_of(stretch)
         else:
             name = "departure" if "own" in self.parts else "approach"

@@ -199,9 +199,14 @@ def _sought(
 
 
 def _blends(one: _End, other: _End, reaches_mm: tuple[float, float]) -> tuple[Blend, Blend]:
-    """Each of both ends is led over by half of what they differ by."""
-    half = 0.5 * (other.rows - one.rows)
-    return one.blend(half, reaches_mm[0]), other.blend(-half, reaches_mm[1])
+    """Each of both ends is led over by half of what they differ by.
+
+    Where their rates differ the way is rounded as a corner is, (1 - x)^4 on either side: to come back
+    to the joint itself would bend it to and fro, with four times the third derivative for as much deviation.
+    """
+    half, reach = 0.5 * (other.rows - one.rows), min(reaches_mm)
+    rounded = np.outer((0.25 * reach, 0.0, 3.0 / reach), half[1])
+    return one.blend(rounded + half, reaches_mm[0]), other.blend(rounded - half, reaches_mm[1])
 
 
 def _led_over(

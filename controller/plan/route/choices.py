@@ -15,7 +15,7 @@ from controller.motions import Rotaries
 from controller.plan.route import cuts, train, winding
 from controller.plan.route.stretch import Voice, rotaries_of
 from controller.plan.route.winding import Row, Turned, Way
-from controller.plan.text.program import Block, CutBlock, JointArc, JointLine, Message, ProgramError, TipLine
+from controller.plan.text.program import Aside, Block, CutBlock, JointArc, JointLine, ProgramError, TipLine
 
 
 def choices(
@@ -45,8 +45,8 @@ def _steps(
 
 
 def _moving(blocks: Iterable[Block]) -> Iterator[Block]:
-    """Messages part no surfaces."""
-    return (block for block in blocks if not isinstance(block, Message))
+    """What stands aside parts no surfaces."""
+    return (block for block in blocks if not isinstance(block, Aside))
 
 
 def _rows(

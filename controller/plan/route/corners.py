@@ -176,10 +176,10 @@ class CornerMaker:
     def _joint_way(self, block: JointLine | JointArc, now: Joints) -> tuple[Joints, list[Row]]:
         """Where a block ends, and its corners on the way there: an arc is cut into chords."""
         if isinstance(block, JointLine):
-            return moves.target(block, self._machine, now), []
+            return moves.target(block, self._machine, self._kinematics, now), []
         bow = moves.arc(block, self._machine, self._kinematics, now, self._voice)
         if bow is None or not isinstance(bow.motion, JointMove) or not isinstance(bow.motion.curve, Arc):
-            return moves.target(block, self._machine, now), []
+            return moves.target(block, self._machine, self._kinematics, now), []
         arc, first, last = (
             bow.motion.curve,
             *(np.array(r) for r in (bow.motion.start_rotaries, bow.motion.end_rotaries)),

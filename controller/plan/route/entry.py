@@ -28,7 +28,7 @@ from controller.plan.route.stretch import (
     straight,
     xyz_of,
 )
-from controller.plan.text.program import Act, Modal, Place, ProgramError
+from controller.plan.text.program import UNSAID, Act, Modal, Place, ProgramError
 
 FAR_MM = 100.0  # along a tool axis that lies so flat that Z gains nothing
 FLAT = 0.1  # of Z per mm along the axis
@@ -102,13 +102,15 @@ def enter(
 
 
 def _settings(target: Target, in_spindle: int) -> Iterator[Pause]:
-    """Another tool is changed by hand at a stop; then spindle and coolant."""
+    """Another tool is changed by hand at a stop; then spindle, coolant and outputs."""
     modal, still = target.modal, replace(target.modal, spindle_rev_min=0.0, coolant=0)
     if modal.tool != in_spindle:
         yield Pause(target.place, still, act=Act.TOOL)
         yield Pause(target.place, still, act=Act.STOP)
     if modal.spindle_rev_min or modal.coolant:
         yield Pause(target.place, modal, act=Act.SPINDLE)
+    if modal.outputs != UNSAID:
+        yield Pause(target.place, modal, act=Act.OUTPUT)
 
 
 def _audit(stretch: Stretch | None, machine: Machine, name: str) -> None:

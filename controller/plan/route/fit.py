@@ -22,7 +22,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import solveh_banded
+
+from controller import banded
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
@@ -266,7 +267,7 @@ class _Fit:
                     right[i] -= band[3 - abs(d), max(i, j)] * out[j]
         inner = slice(known, n - 1)
         if n - 1 > known:
-            out[inner] = solveh_banded(band[:, inner], right[inner], check_finite=False)
+            out[inner] = banded.solve(band[:, inner], right[inner])
         return out
 
     def spans(self) -> Array:

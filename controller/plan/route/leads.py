@@ -17,6 +17,7 @@ import math
 from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 import numpy.typing as npt
@@ -40,10 +41,13 @@ POSES = 33  # of a lead that are looked at
 OVERCUT_MM = 1e-3  # by which a lead may reach deeper into the surface than the cut itself does ...
 SPARE_MM = 1e-3  # of the form tolerance, for what is not looked at
 CLEAR_MM, MORE = 2e-4, 0.1  # ... and one that joins it; or such a share more, within the form tolerance
+# Where none does: as much again as the cut, or this, but no more than so much of what is left of that
+# tolerance. A micron does the part less harm than a cut that rests, or slows down, at its ruling.
+AGAIN_MM, OF_REST = 1e-3, 0.5
 SLENDER = 1.5  # length of a lead over how far off it leads: it bends no more than an arc of that radius
 # What is tried in turn: share of ``lead_mm``, how slender, over what part the rotaries come to stand; the
-# first two are as long as the feed needs. Past the end of a twisted surface the flank goes on to reach
-# into it: what leaves sooner, or turns on less, reaches less.
+# first ``AT_FEED`` are as long as the feed needs. Past the end of a twisted surface the flank goes on to
+# reach into it: what leaves sooner, or turns on less, reaches less.
 SHAPES = (
     (1.0, SLENDER, 0.0),
     (1.0, SLENDER, 0.2),
@@ -54,6 +58,7 @@ SHAPES = (
     (0.5, 1.0, 0.2),
     (0.25, 1.0, 0.2),
 )
+AT_FEED = 2
 ROOM = 1.2  # times the way in which the feed is reached: the lead bends meanwhile
 LONGEST = 5.0  # times ``lead_mm``, however long a machine needs to its feed
 FADING, FADING_RAD = 1.0, math.radians(10.0)  # by so much of itself, and so far, a bend may turn the way
@@ -85,13 +90,13 @@ def lay(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinem
     Refuses (or tells, where the machine is to warn only) what would cut into them in any case.
     """
     leg = legs[0 if at_start else -1]
-    end = _End.of(leg, at_start, kinematics)
+    end = End.of(leg, at_start, kinematics)
     if machine.lead_mm <= 0.0:
         return end.standing(())
-    free = _Room.of(legs, at_start, machine, kinematics)
-    for one in end.joined(machine):
-        if free.lets(one):
-            return end.led(one)
+    free = Room.of(legs, at_start, machine, kinematics)
+    found = free.best(end.joined(machine))
+    if found is not None:
+        return end.led(found)
     off = end.straight_off(_off_mm(leg, machine), leg.cut.block.feed_mm_s)
     if off is None:
         return end.standing(())
@@ -116,7 +121,7 @@ def _off_mm(leg: Leg, machine: Machine) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class _End:
+class End:
     """One end of a cut: ``rows`` (3, 5) of the tip (table frame) and both rotaries, with two derivatives.
 
     ``rates`` (5,) are those of the joints and ``tilt`` that of the axis (rad), all per mm of s.
@@ -130,7 +135,7 @@ class _End:
     tilt: float
 
     @staticmethod
-    def of(leg: Leg, at_start: bool, kinematics: Kinematics) -> _End:
+    def of(leg: Leg, at_start: bool, kinematics: Kinematics) -> End:
         stretch = leg.stretch
         with np.errstate(all="ignore"):
             d = rates.derivatives(stretch, np.array([0.0 if at_start else stretch.motion.end]), kinematics)
@@ -144,7 +149,7 @@ class _End:
         rows = np.array([[jets.jet(one).derivative(k).item() for one in (*tip, *turns)] for k in range(3)])
         rows[1:, 3:][np.abs(rows[1:, 3:]) < STANDS_RAD] = 0.0
         tilt = math.hypot(*(jets.jet(one).derivative(1).item() for one in axis))
-        return _End(leg, at_start, kinematics, rows, np.abs(d.first[0]), tilt)
+        return End(leg, at_start, kinematics, rows, np.abs(d.first[0]), tilt)
 
     @property
     def edge(self) -> Edge:
@@ -159,17 +164,23 @@ class _End:
         stretch = self.leg.stretch
         return stretch.start if self.at_start else stretch.end
 
+    @property
+    def tip_rate(self) -> float:
+        """Millimetres of the tip per mm of s."""
+        return max(float(np.linalg.norm(self.rows[1, :3])), LEAST_RATE)
+
     def joined(self, machine: Machine) -> Iterator[Stretch]:
         """Leads that join the cut, the longest first; none where it has no rate."""
         if not np.isfinite(self.rows).all():
             return
-        tip_rate = max(float(np.linalg.norm(self.rows[1, :3])), LEAST_RATE)
-        most, feed = self._longest(), _lead_feed(self.leg, tip_rate, machine)
-        settling = self._settling(machine)
-        ramp = min(ROOM * self._ramp(machine), LONGEST * machine.lead_mm)
+        tip_rate = self.tip_rate
+        most, feed = self._longest(), lead_feed(self.leg, tip_rate, machine)
+        settling = self.settling(machine)
+        way = max(self._ramp(machine), self._bending(_off_mm(self.leg, machine), machine))
+        ramp = min(ROOM * way, LONGEST * machine.lead_mm)
         for k, (share, slender, holds) in enumerate(SHAPES):
             off = share * _off_mm(self.leg, machine)
-            length = max(min(slender * off / tip_rate, EASY * most), min(ramp, most) if k < 2 else 0.0)
+            length = max(min(slender * off / tip_rate, EASY * most), min(ramp, most) if k < AT_FEED else 0.0)
             yield self._lead(length, off, feed, settling, holds)
 
     def _longest(self) -> float:
@@ -190,7 +201,13 @@ class _End:
             return v * math.sqrt(v / jerk)
         return 0.5 * v * (v / acceleration + acceleration / jerk)
 
-    def _settling(self, machine: Machine) -> float:
+    def _bending(self, off_mm: float, machine: Machine) -> float:
+        """The way over which a cubic leads so far off that no linear axis' jerk is in the way of the feed."""
+        least = min(machine.axes[i].limits.jerk for i in machine.linear())
+        speed, _, _ = self._along(machine)
+        return float(speed * np.cbrt(6.0 * off_mm / least))
+
+    def settling(self, machine: Machine) -> float:
         """The way at the cut's own feed beside the ruling.
 
         To brake late and dip below the feed saves time: there is room for it before the cut begins.
@@ -292,7 +309,7 @@ def _from(cubic: Array, x: float) -> Array:
     return np.array([a + x * (b + x * (c + x * d)), b + x * (2.0 * c + x * 3.0 * d), c + 3.0 * x * d, d])
 
 
-def _lead_feed(leg: Leg, tip_rate: float, machine: Machine) -> float:
+def lead_feed(leg: Leg, tip_rate: float, machine: Machine) -> float:
     """Feed of the tip (mm/s): never so low that the cut could not begin at its own."""
     fastest = min(machine.axes[i].limits.velocity for i in machine.linear())
     own = fastest if machine.lead_feed_mm_s is None else machine.lead_feed_mm_s
@@ -301,7 +318,7 @@ def _lead_feed(leg: Leg, tip_rate: float, machine: Machine) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class _Room:
+class Room:
     """Where a lead may be: points (3, N) of the train's surfaces, and how deep the cut gets into its own.
 
     On a twisted surface a cylinder overcuts a little even where it is placed right, so 0 would be
@@ -312,26 +329,49 @@ class _Room:
     points: Array
     allowed_mm: float
     more_mm: float  # than that: where going on costs what the twist does, within the form tolerance
+    most_mm: float  # likewise, where no lead keeps to that
     machine: Machine
     kinematics: Kinematics
 
     @staticmethod
-    def of(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinematics) -> _Room:
+    def of(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinematics) -> Room:
         cut = legs[0 if at_start else -1].cut
         points, allowed = audit.surface_points([leg.cut for leg in legs]), 0.0
         if cut.tool.radius_mm > 0.0:
             reach = machine.lead_mm + 2.0 * cut.tool.radius_mm
             allowed = audit.depth_near(cut, audit.surface_points([cut]), at_start, reach)
-        more = MORE * allowed
-        most = tolerance_mm(cut.block.modal, cut.tool, machine)
-        if most is not None and allowed < most:
-            more = min(more, most - SPARE_MM - allowed)
-        return _Room(cut, points, allowed, more, machine, kinematics)
+        more = most = MORE * allowed
+        tolerance = tolerance_mm(cut.block.modal, cut.tool, machine)
+        if tolerance is not None and allowed < tolerance:
+            left = tolerance - SPARE_MM - allowed
+            more, most = min(more, left), min(max(allowed, AGAIN_MM), OF_REST * left)
+        more = max(CLEAR_MM, more)
+        return Room(cut, points, allowed, more, max(more, most), machine, kinematics)
 
-    def lets(self, lead: Stretch) -> bool:
+    def lets(self, one: Stretch) -> bool:
+        """Whether it stays in travel and hardly reaches deeper than the cut."""
+        return self._in_travel(one) and self.reached(one) <= self.more_mm
+
+    def best(self, leads: Iterator[Stretch]) -> Stretch | None:
+        """The first that hardly reaches deeper than the cut, else the first that does so within bounds.
+
+        Those at the feed come before all others.
+        """
+        for count in (AT_FEED, None):
+            tried = list[tuple[float, Stretch]]()
+            for one in islice(leads, count):
+                reached = self.reached(one) if self._in_travel(one) else math.inf
+                if reached <= self.more_mm:
+                    return one
+                tried.append((reached, one))
+            for reached, one in tried:
+                if reached <= self.most_mm:
+                    return one
+        return None
+
+    def _in_travel(self, lead: Stretch) -> bool:
         s = np.linspace(0.0, lead.motion.end, POSES)
-        inside = audit.outside(self.machine, s, joints_along(lead, s, self.kinematics)) is None
-        return inside and self.reached(lead) <= max(CLEAR_MM, self.more_mm)
+        return audit.outside(self.machine, s, joints_along(lead, s, self.kinematics)) is None
 
     def reached(self, lead: Stretch) -> float:
         """How much deeper (mm) a lead gets into the surfaces than the cut does beside it."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from controller.plan.route import (
     cuts,
     leads,
     lines,
+    links,
     moves,
     rows,
     train,
@@ -33,13 +35,17 @@ from controller.plan.route import (
 )
 from controller.plan.route.branch import BranchLost, joints_along
 from controller.plan.route.corners import Feed
-from controller.plan.route.leads import Lead
 from controller.plan.route.lines import Stand
+from controller.plan.route.outputs import Switched
 from controller.plan.route.rows import LineRow
 from controller.plan.route.stretch import Chain, Note, Path, Pause, Stretch, Voice, rotaries_of
+from controller.plan.route.train import Leg
 from controller.plan.text.ahead import Ahead
 from controller.plan.text.program import (
+    Act,
     Action,
+    Aside,
+    Await,
     Block,
     CutBlock,
     CutCone,
@@ -47,11 +53,11 @@ from controller.plan.text.program import (
     Dwell,
     JointArc,
     JointLine,
-    Message,
     Place,
     Program,
     ProgramError,
     Remark,
+    Setting,
     TipLine,
 )
 
@@ -107,6 +113,13 @@ def stream(
     return Tracer(name, machine, kinematics, start, chosen or {}).items(blocks)
 
 
+class _Way(NamedTuple):
+    """Cuts under way: the next train may follow without a retract."""
+
+    legs: Sequence[Leg]
+    run: list[Stretch]  # of the chain that they end in
+
+
 class Tracer:
     """Makes the path block by block; ``now`` are the joints where it has come to, ``notes`` what to tell."""
 
@@ -128,17 +141,21 @@ class Tracer:
         self._stand: Stand | None = None  # of the tool after the last block of G43.4 or G43.5
         self._run: list[Stretch] = []  # feed moves that still run through
         self._blends_noted = False
+        self._way: _Way | None = None  # cuts that are not left yet
         self._said: set[tuple[int, str]] = set()  # line and message that were noted
         self.now = start
 
     def items(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
         """The path of all blocks, as it is made; before a block that is refused comes all that is sound."""
-        return clamps.opened(self._sound_items(blocks), self._machine, self._kinematics)
+        switched = Switched()
+        items = switched.laid(self._sound_items(switched.read(blocks)))
+        return clamps.opened(items, self._machine, self._kinematics)
 
     def _sound_items(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
         try:
             yield from self._items_of(blocks)
         except ProgramError:
+            self._leave()
             self._rest()
             yield from self._made()
             raise
@@ -159,10 +176,12 @@ class Tracer:
         yield from self._made()
 
     def _heard(self, blocks: Iterable[Block]) -> Iterator[Block]:
-        """All but what is said to the operator, which is noted; it neither moves nor stops anything."""
+        """All but what stands aside; of it what is said to the operator is noted."""
         for block in blocks:
-            if not isinstance(block, Message):
+            if not isinstance(block, Aside):
                 yield block
+            elif isinstance(block, Setting):
+                continue
             elif (said := (block.place.line, block.text)) not in self._said and len(self._said) < MOST_SAID:
                 self._said.add(said)
                 self._note(block.place, SAYS.format(block.text))
@@ -182,6 +201,8 @@ class Tracer:
         self._end_row()
         if isinstance(block, Dwell):
             self._pause(Pause(block.place, block.modal, seconds=block.seconds))
+        elif isinstance(block, Await):
+            self._pause(Pause(block.place, block.modal, act=Act.INPUT, awaits=block))
         elif isinstance(block, Action):
             self._pause(Pause(block.place, block.modal, act=block.act))
         elif isinstance(block, TipLine):
@@ -213,7 +234,7 @@ class Tracer:
         stand = self._standing(block.modal.length_mm)
         machine, kinematics = self._machine, self._kinematics
         made: list[Stretch] = []
-        if block.feed_mm_s is None:
+        if block.feed_mm_s is None and not block.stands:
             following = self._ahead.lines_like(block) if block.axis is not None else []
             wanted = self._chosen.get(block.place.order)
             one, stand = lines.rapid(block, stand, following, wanted, machine, kinematics, self._voice)
@@ -268,40 +289,68 @@ class Tracer:
             ready += cuts.build(block, self._machine, self._voice)
         for members, meetings in train.trains(ready, self._machine, self._kinematics, self._voice):
             self._train(members, meetings)
+            if self._machine.link_mm <= 0.0:
+                self._leave()
+        self._leave()
 
     def _train(self, members: Sequence[cuts.Cut], meetings: Sequence[train.Meeting]) -> None:
-        machine, kinematics = self._machine, self._kinematics
-        near = rotaries_of(self.now, kinematics)
+        """The cuts of a train behind its lead in, or behind a link from the train before."""
+        linked = self._linked(members)
+        if linked is not None:
+            legs, run = linked
+        else:
+            self._leave()
+            legs = self._legs(members, rotaries_of(self.now, self._kinematics))
+            onto = leads.lay(legs, True, self._machine, self._kinematics, self._voice)
+            for chain in approach.arrive(legs, onto, self.now, self._machine, self._kinematics):
+                self._chain(chain)
+            run = list(onto.stretches)
+        self._way = _Way(legs, self._cut(legs, meetings, run))
+
+    def _legs(self, members: Sequence[cuts.Cut], near: Rotaries) -> list[Leg]:
         wanted = self._chosen.get(members[0].block.place.order)
-        legs = train.choose(members, machine, kinematics, near, self._voice, wanted)
-        onto, off = (leads.lay(legs, first, machine, kinematics, self._voice) for first in (True, False))
-        for chain in approach.arrive(legs, onto, self.now, machine, kinematics):
-            self._chain(chain)
-        for chain in self._cutting(legs, meetings, onto, off):
-            self._chain(chain)
-        for chain in approach.depart(legs, off, machine, kinematics):
+        return train.choose(members, self._machine, self._kinematics, near, self._voice, wanted)
+
+    def _linked(self, members: Sequence[cuts.Cut]) -> tuple[list[Leg], list[Stretch]] | None:
+        """The next train and the run with the link to it; None where the tool goes up between them."""
+        if self._way is None:
+            return None
+        before, run = self._way
+        try:
+            legs = self._legs(members, before[-1].end)
+        except ProgramError:  # it may be cut from where a departure leads
+            return None
+        if not links.reaches(before, legs, self._machine):
+            return None
+        link = links.lay(before, legs, self._machine, self._kinematics)
+        return (legs, [*run, link]) if link is not None else None
+
+    def _leave(self) -> None:
+        """The end of the cuts that are under way, lead out and departure."""
+        if self._way is None:
+            return
+        (legs, run), self._way = self._way, None
+        off = leads.lay(legs, False, self._machine, self._kinematics, self._voice)
+        self._chain(Chain((*run, *off.stretches)))
+        for chain in approach.depart(legs, off, self._machine, self._kinematics):
             self._chain(chain)
 
-    def _cutting(
-        self,
-        legs: Sequence[train.Leg],
-        meetings: Sequence[train.Meeting],
-        onto: Lead,
-        off: Lead,
-    ) -> Iterator[Chain]:
-        """Lead in, cuts with the pivots between them, lead out; a swivel at a pole stands alone."""
-        run = [*onto.stretches, legs[0].stretch]
+    def _cut(
+        self, legs: Sequence[Leg], meetings: Sequence[train.Meeting], run: list[Stretch]
+    ) -> list[Stretch]:
+        """``run`` with the cuts and the pivots between them; a swivel at a pole stands alone."""
+        run.append(legs[0].stretch)
         for (before, after), meeting in zip(itertools.pairwise(legs), meetings, strict=True):
             for stretch in approach.between(before, after, meeting, self._kinematics):
                 if stretch.name == "swivel":
                     self._note(stretch.place, SWIVEL)
-                    yield Chain(tuple(run))
-                    yield Chain((stretch,))
+                    self._chain(Chain(tuple(run)))
+                    self._chain(Chain((stretch,)))
                     run = []
                 else:
                     run.append(stretch)
             run.append(after.stretch)
-        yield Chain((*run, *off.stretches))
+        return run
 
     # ---- collecting --------------------------------------------------------------
 

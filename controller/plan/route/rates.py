@@ -37,8 +37,9 @@ Index = npt.NDArray[np.intp]
 Pair = tuple[Number, Number]  # of the rotaries
 Terms = tuple[Vector, Vector, Vector]
 
-# Exact derivatives of the rotaries are 0/0 at a pole and lose 1/distance^3 digits
-# beside it; a micron inside they are those of the limit. A touch tells them at the pole itself.
+# Exact derivatives of the rotaries are 0/0 at a pole and lose 1/distance^3 digits beside it. They are
+# taken a micron inside and carried on from there: a lead whose begin had the rate of a micron before
+# would jump by what the path bends meanwhile. A touch tells them at the pole itself.
 # Away from it they are taken where they are asked for: two cuts that join smoothly would seem to
 # turn by what the path bends within two microns, and a slow machine would creep over the joint.
 POLE_MARGIN_MM = 1e-3
@@ -63,6 +64,12 @@ class Derivatives:
     def jerk(self, v: Array, a: Array, j: Array) -> Array:
         cubic = self.third * (v**3)[:, None] + 3.0 * self.second * (v * a)[:, None]
         return cubic + self.first * j[:, None]
+
+    def beyond(self, way: Array) -> Derivatives:
+        """By Taylor's series at places that lie ``way`` (N,), in mm, further along."""
+        x = way[:, None]
+        second = self.second + x * self.third
+        return Derivatives(self.first + 0.5 * x * (self.second + second), second, self.third)
 
 
 def derivatives(stretch: Stretch, s: Array, kinematics: Kinematics) -> Derivatives:
@@ -111,7 +118,7 @@ def _derivatives_of_cut(stretch: Stretch, cut: SurfaceCut, s: Array, kinematics:
             return pairs[branch]
         return _matching(pairs, joints_along(stretch, inside, kinematics), kinematics)
 
-    return _derived(cut, cut.surface, cut.arc.u_along(inside), kinematics, own)
+    return _derived(cut, cut.surface, cut.arc.u_along(inside), kinematics, own).beyond(s - inside)
 
 
 def _derived(
@@ -212,7 +219,7 @@ def together(stretches: Sequence[Stretch], s: Array, of: Index, kinematics: Kine
         u[here] = cuts[k].arc.u_along(inside[here])
     branch = one_branch(stretches[0], cuts[0], kinematics) or 0
     row = _row([cut.surface for cut in cuts], of)
-    return _derived(cuts[0], row, u, kinematics, lambda pairs: pairs[branch])
+    return _derived(cuts[0], row, u, kinematics, lambda pairs: pairs[branch]).beyond(s - inside)
 
 
 def _coefficient(q: Number, k: int, s: Array) -> Array:

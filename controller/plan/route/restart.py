@@ -21,7 +21,7 @@ from controller.geometry import Vector, norm, subtract
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.motions import JointMove, Rotaries, SurfaceCut, ToolSpline
-from controller.plan.route import clamps, dry_run, entry, tool_changes
+from controller.plan.route import clamps, dry_run, entry, links, tool_changes
 from controller.plan.route.leads import LEADS
 from controller.plan.route.path import Tracer, joints_along
 from controller.plan.route.spot import (
@@ -36,7 +36,7 @@ from controller.plan.route.spot import (
 )
 from controller.plan.route.stretch import Chain, Pause, Stretch, rotaries_of
 from controller.plan.text import modal
-from controller.plan.text.program import Act, Action, Block, Dwell, Message, Modal, ProgramError
+from controller.plan.text.program import Act, Action, Aside, Await, Block, Dwell, Modal, ProgramError
 
 Array = npt.NDArray[np.float64]
 
@@ -131,15 +131,15 @@ class _Line(NamedTuple):
 class _Lines:
     """Blocks as they are read; of each line the state is remembered until it is passed."""
 
-    def __init__(self, blocks: Iterable[Block]) -> None:
+    def __init__(self, blocks: Iterable[Block], machine: Machine) -> None:
         self._blocks = blocks
         self._seen: dict[int, _Line] = {}  # by ``Place.order``
-        self._now = modal.power_on().modal
+        self._now = modal.begun(machine).modal
 
     def __iter__(self) -> Iterator[Block]:
         for block in self._blocks:
             line = self._seen.setdefault(block.place.order, _Line(self._now, None))
-            if not isinstance(block, Action | Dwell | Message):
+            if not isinstance(block, Action | Await | Dwell | Aside):
                 self._seen[block.place.order] = line._replace(moving=block.modal)
             self._now = block.modal
             yield block
@@ -157,7 +157,7 @@ class _Search:
 
     def __init__(self, source: Source, spot: Spot) -> None:
         self._source, self._spot = source, spot
-        self._lines = _Lines(source.blocks)
+        self._lines = _Lines(source.blocks, source.machine)
         tracer = Tracer(source.name, source.machine, source.kinematics, source.start, source.chosen or {})
         self._items = _unclamped(tracer.items(self._lines))
         self._stands = source.start
@@ -324,7 +324,7 @@ def _feed(stretch: Stretch, s: float, state: Modal) -> float:
     motion = stretch.motion
     if isinstance(motion, JointMove) and norm(subtract(motion.curve.at(1.0), motion.curve.at(0.0))) < 1e-6:
         return entry.TURNING_MM_S
-    if stretch.name in LEADS and state.feed_mm_s:
+    if stretch.name in (*LEADS, links.NAME) and state.feed_mm_s:
         return state.feed_mm_s
     return float(stretch.feed_at(np.array([s]))[0])
 

@@ -59,7 +59,8 @@ def blends(block: Feed) -> bool:
 
 def _key(modal: Modal) -> tuple[object, ...]:
     """What must not change inside a row."""
-    return modal.tip, modal.offset, modal.part, modal.length_mm, modal.blend_mm, modal.blend_deg
+    where = modal.tip, modal.offset, modal.part, modal.tilted
+    return *where, modal.length_mm, modal.blend_mm, modal.blend_deg, modal.outputs
 
 
 class LineRow:

@@ -15,7 +15,7 @@ from controller.plan.route.stretch import Chain, Stretch
 
 # What stands beside the blocks of a program: to a surface and off it, and turns between two.
 BESIDE = frozenset(
-    ("retract", "position", "down", "plunge", "lead in", "pivot", "swivel", "lead out", "lift")
+    ("retract", "position", "down", "plunge", "lead in", "pivot", "swivel", "link", "lead out", "lift")
 )
 FORMER = -2  # the id of a motion under way that is not known any more: which time a line ran is not told
 ENTRY_ID = 1 << 24  # motion ids of an entry, and of other ways that are no part of the program

@@ -20,7 +20,7 @@ from controller.geometry import Vector, norm, subtract
 from controller.kinematics import Kinematics
 from controller.machine import Joints
 from controller.motions import JointMove, Motion, Rotaries, ToolLine, ToolSpline
-from controller.plan.text.program import Act, Modal, Place, ProgramError
+from controller.plan.text.program import UNSAID, Act, Await, Modal, Outputs, Place, ProgramError
 
 Array = npt.NDArray[np.float64]
 
@@ -64,6 +64,7 @@ class Stretch:
     turning: tuple[tuple[float, float], ...] = ()
     # ``Place.order`` of the lines of a spline, in a program with subs or loops; empty: the lines themselves.
     orders: tuple[int, ...] = ()
+    outputs: Outputs = UNSAID  # that are switched where it begins
 
     def feed_at(self, s: Array) -> Array:
         """Programmed speed in the unit of s per second at the places ``s`` (N,); inf on rapids.
@@ -112,6 +113,7 @@ class Pause:
     seconds: float = 0.0
     act: Act | None = None
     open_clamps: int = 0  # bit i: the clamp of the i-th axis is open from here on
+    awaits: Await | None = None  # an input
 
 
 @dataclass(frozen=True, slots=True)

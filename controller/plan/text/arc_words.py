@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import MappingProxyType
 
 from controller.plan.text.codes import Ask
-from controller.plan.text.line_words import check_side, targets
+from controller.plan.text.line_words import targets
 from controller.plan.text.offset_words import Here
 from controller.plan.text.program import JointArc, Tip
 from controller.plan.text.words import Word
@@ -19,7 +19,6 @@ PLANES = MappingProxyType({"G17": (0, 1, 2), "G18": (2, 0, 1), "G19": (1, 2, 0)}
 def arc(here: Here, motion: str, word: Word) -> JointArc:
     """The arc of a line under G2 or G3 (``motion``, or the first word that it takes)."""
     ask, state = here.ask, here.state
-    check_side(here, motion, word)
     if state.modal.tip is not Tip.OFF:
         code = "G43.4" if state.modal.tip is Tip.ROTARIES else "G43.5"
         raise ask.refusal(

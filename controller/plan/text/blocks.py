@@ -22,20 +22,25 @@ from controller.machine import Joints, Machine
 from controller.plan.text import (
     arc_words,
     codes,
+    compensation,
     cycles,
     decoding,
+    kept,
     line_words,
     linked,
     modal,
     nurbs_words,
     offset_words,
+    planar_words,
+    plane_words,
     points,
     reference_words,
     surface_words,
+    tool_axis_words,
     words,
 )
 from controller.plan.text.code_table import BY_DIALECT, Fate, takers_of
-from controller.plan.text.codes import CYCLES, PLACES, SIDES, SURFACES, Ask, letters_of
+from controller.plan.text.codes import CYCLES, PLACES, SIDES, SURFACES, TILTS, TO_PLANE, Ask, letters_of
 from controller.plan.text.flow import Limits
 from controller.plan.text.given import Given
 from controller.plan.text.line import Upcoming
@@ -52,6 +57,7 @@ from controller.plan.text.program import (
     Program,
     ProgramError,
     Remark,
+    Setting,
     Tip,
 )
 from controller.plan.text.saved import Saved
@@ -96,14 +102,14 @@ def stream(
     program, behind = linked.parts(data)
     text, remark = decoding.text_of(program, name)
     files = {label: (file, decoding.text_of(content, file)[0]) for label, (file, content) in behind.items()}
-    given = Given(machine, modal.power_on(), Position(machine, start or homed(machine)))
+    given = Given(machine, modal.begun(machine), Position(machine, start or homed(machine)))
+    parameters = Parameters(given, machine.parameters, machine.kept)
     limits = Limits(machine.call_levels, machine.program_passes)
-    lines = words.read(text, name, block_delete, Parameters(given), limits, files, refused)
+    lines = words.read(text, name, block_delete, parameters, limits, files, refused)
     if remark is not None:
         yield Remark(remark[0], given.state.modal, remark[1])
-    for block in _blocks(lines, machine, given, refused):
-        given.position.take(block)
-        yield block
+    read = _blocks(lines, machine, given, refused)
+    yield from compensation.beside(read, given.position, machine, name, refused)
 
 
 def _blocks(
@@ -142,6 +148,7 @@ def _blocks(
 
 def _behind(line: Line, state: State, machine: Machine, lines: Iterator[Line], ahead: Upcoming) -> State:
     """The state behind a line that was refused and left out, so that what follows it is not refused, too."""
+    state = state._replace(begun=None)
     if (plain := line.plain) is not None:
         return state._replace(motion="G1") if plain.with_g1 else state
     named = [f"G{word.value:g}" for word in line.words if word.letter == "G"]
@@ -156,14 +163,19 @@ def _behind(line: Line, state: State, machine: Machine, lines: Iterator[Line], a
 def _heard(read: Iterator[Line], told: list[Line]) -> Iterator[Line]:
     """The lines with words; those that say something are noted."""
     for line in read:
-        if line.message:
+        if line.says:
             told.append(line)
         if line.is_plain or line.words:
             yield line
 
 
 def _said(told: list[Line], state: State) -> list[Block]:
-    said: list[Block] = [Message(line.place(1), state.modal, line.message) for line in told]
+    said: list[Block] = []
+    for line in told:
+        if line.message:
+            said.append(Message(line.place(1), state.modal, line.message))
+        if line.kept:
+            said.append(Setting(line.place(1), state.modal, kept.of_parameters(line.kept)))
     told.clear()
     return said
 
@@ -181,7 +193,7 @@ class _Turn:
         ahead: Upcoming,
     ) -> None:
         self.ask = ask
-        self.state = state
+        self.state = self._before = state
         self.made: list[Block] = []
         self.ended = False
         self._machine, self._position = machine, position
@@ -192,17 +204,31 @@ class _Turn:
         )
         self._motion = self._find_motion()
 
+    @property
+    def _free(self) -> str:
+        """Letters that need no code."""
+        return "FSTD" if self._machine.dialect == "fanuc" else "FST"
+
     def run(self) -> None:
+        plane_words.check_whole(self.ask, self.state)
         self._check_words()
+        self._keep_number()
         sides = [letters for code, letters in self._takers() if code in SIDES]
         self.state, self.made = modal.apply(self.ask, self._motion, self.state, self._machine, "".join(sides))
         self._check_frame()
         self._notes()
         self._origins()
+        planar_words.check(self.ask, self._before.modal, self.state.modal)
         if self._motion:
             self.made += self._move()
         self._keep_motion()
         self._stop()
+
+    def _keep_number(self) -> None:
+        """D of Fanuc's, which stays for the next G41 or G42 without one."""
+        taken = any("D" in letters for code, letters in self._takers() if code not in SIDES)
+        if "D" in self.ask.words and self._machine.dialect == "fanuc" and not taken:
+            self.state = self.state._replace(offset_number=self.ask.words["D"])
 
     def _find_motion(self) -> str:
         """The motion this line makes: named, or modal where words for one stand."""
@@ -219,7 +245,7 @@ class _Turn:
         once, length = self.ask.code("one-line"), self.ask.code("length")
         if once == "G4":
             return "X" in self.ask.words and "X" in self._letters("G4")
-        if once in PLACES or self.ask.code("rotation") == "G68":
+        if once in PLACES or self.ask.code("rotation") in ("G68", *TILTS):
             return True
         return length == "G43.1"
 
@@ -242,9 +268,10 @@ class _Turn:
         return letters_of(code, self._machine.dialect, self._axes)
 
     def _side_letters(self, takers: list[tuple[str, str]]) -> str:
-        """P, Q and R of G40 to G42: those that no other code of the line takes."""
+        """P, Q, R, and D but for G40, of G40 to G42: those that no other code of the line takes."""
         others = "".join(letters for _, letters in takers)
-        return "".join(letter for letter in "PQR" if letter not in others)
+        mine = "PQR" if "G40" in (code for code, _ in takers) else "DPQR"
+        return "".join(letter for letter in mine if letter not in others)
 
     def _vectors(self) -> bool:
         """Whether G0 and G1 of this line take tool vectors: G43.5, but for machine positions."""
@@ -257,7 +284,7 @@ class _Turn:
         takers = self._takers()
         for letter, word in self.ask.words.items():
             owners = [code for code, letters in takers if letter in letters]
-            if not owners and letter not in "FST":
+            if not owners and letter not in self._free:
                 raise self._unowned(word)
             if len(owners) > 1:
                 raise self.ask.refusal(
@@ -334,21 +361,30 @@ class _Turn:
 
     def _origins(self) -> None:
         """What shifts, turns or stores positions, and the ways to the reference points."""
-        once = self.ask.code("one-line")
-        if "rotation" in self.ask.codes:
+        once, before = self.ask.code("one-line"), self.state
+        if self.ask.code("rotation") in TILTS:
+            self.state, told = plane_words.defined(self._here())
+            self.made += told
+        elif "rotation" in self.ask.codes:
             self.state = offset_words.rotation(self._here())
         if self._shifts:
             self.state = offset_words.local_shift(self._here())
             self.made.append(surface_words.told_shift(self.ask, self.state))
-        if once in ("G28", "G30"):
+        if once in TO_PLANE:
+            self.state, turned = tool_axis_words.turned(self._here())
+            self.made += turned
+        elif once in ("G28", "G30"):
             self.made += reference_words.moves(self._here())
         elif once in ("G28.1", "G30.1"):
             self.state = reference_words.stored(self._here())
         elif once == "G10" or once.startswith("G92"):
             self.state = offset_words.applied(self._here(), once)
+        if changes := kept.between(before, self.state):
+            self.made.append(Setting(self.ask.line.place(1), self.state.modal, changes))
 
     def _move(self) -> list[Block]:
         motion = self._motion
+        self._for_side()
         if motion == "G51":
             return [surface_words.cone(self.ask, self.state, self._machine)]
         if motion == "G52":
@@ -364,6 +400,14 @@ class _Turn:
             if motion in ("G0", "G1")
             else [arc_words.arc(here, motion, word)]
         )
+
+    def _for_side(self) -> None:
+        """Whether the side of the cutter that is on is for this motion."""
+        word = self._word_of_motion()
+        if self._motion in SURFACES:
+            self.state = planar_words.for_surfaces(self.ask, self._motion, word, self.state)
+        elif self._motion in ("G1", "G2", "G3"):
+            self.state = planar_words.for_lines(self.ask, self._motion, word, self.state)
 
     def _keep_motion(self) -> None:
         """G0 to G3 and cycles stay; G51, G52, G6.2 and G80 leave no motion mode."""

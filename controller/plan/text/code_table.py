@@ -92,7 +92,7 @@ ROWS: tuple[Code, ...] = (
     *_done(
         "one-line",
         NIST,
-        ("G10", AXES + "LPR", "sets work offsets (L2, L20) and tools (L1, L10, L11)"),
+        ("G10", AXES + "LPR", "sets work offsets (L2, L20) and tools (L1, L10, L11), for good"),
         (
             "G28",
             AXES + "UVW",
@@ -100,7 +100,7 @@ ROWS: tuple[Code, ...] = (
         ),
         ("G30", AXES + "UVWP", "rapid to the second reference point, likewise"),
         ("G53", "", "this line's G0 or G1 in machine positions"),
-        ("G92", AXES, "shifts all work offsets so that the position reads as said"),
+        ("G92", AXES, "shifts all work offsets so that the position reads as said, for good"),
         ("G92.1", "", "cancels the shift of G92"),
         ("G92.2", "", "suspends the shift of G92"),
         ("G92.3", "", "takes the shift of G92 up again"),
@@ -110,8 +110,8 @@ ROWS: tuple[Code, ...] = (
     *_done(
         "one-line",
         LINUXCNC,
-        ("G28.1", "", "the position becomes the reference point, for this program"),
-        ("G30.1", "", "the position becomes the second reference point, for this program"),
+        ("G28.1", "", "the position becomes the reference point, for good"),
+        ("G30.1", "", "the position becomes the second reference point, for good"),
     ),
     *_done("plane", NIST, ("G17", "", "plane XY"), ("G18", "", "plane ZX"), ("G19", "", "plane YZ")),
     *_done("unit", NIST, ("G20", "", "inches"), ("G21", "", "millimetres")),
@@ -119,9 +119,15 @@ ROWS: tuple[Code, ...] = (
     *_done(
         "side",
         PAPER,
-        ("G40", "", "cutter on the right of surfaces; no offset"),
-        ("G41", "", "cutter on the left of surfaces"),
-        ("G42", "", "cutter on the right of surfaces"),
+        ("G40", "", "ends G41 and G42; cutter on the right of surfaces"),
+        ("G41", "", "cutter on the left: of lines and arcs in the plane with D, of surfaces"),
+        ("G42", "", "cutter on the right: of lines and arcs in the plane with D, of surfaces"),
+    ),
+    *_done(
+        "side",
+        LINUXCNC,
+        ("G41.1", "DL", "cutter with the diameter D on the left of lines and arcs in the plane"),
+        ("G42.1", "DL", "cutter with the diameter D on the right of lines and arcs in the plane"),
     ),
     *_done(
         "length",
@@ -164,7 +170,19 @@ ROWS: tuple[Code, ...] = (
         "rotation",
         FANUC,
         ("G68", AXES + "R", "turns the coordinates by R in the plane"),
-        ("G69", "", "ends G68"),
+        ("G68.2", "XYZIJKPQR", "tilted plane, defined as P says (above)"),
+        ("G68.3", "XYZR", "tilted plane across the tool as it stands"),
+        ("G68.4", "XYZIJKPQR", "tilted plane seen from the active one"),
+        ("G69", "", "ends G68 and the tilted plane"),
+    ),
+    *_done("one-line", FANUC, ("G53.1", "P", "turns the tool along the tilted plane's Z, X Y Z stand")),
+    *_done("one-line", FANUC, ("G53.6", "PH", "the same, the tip stands on the part"), dialect="fanuc"),
+    *_done(
+        "one-line",
+        LINUXCNC,
+        ("G53.3", "XYZP", "the same, and to X Y Z of the plane meanwhile"),
+        ("G53.6", "P", "the same, the tip stands on the part"),
+        dialect="rs274",
     ),
     *_done(
         "stop",
@@ -189,6 +207,15 @@ ROWS: tuple[Code, ...] = (
         ("M73", "", "keeps the state until the sub ends"),
     ),
     *_done("call", FANUC, ("M98", "PL", "calls sub P, L times"), ("M99", "", "ends a sub")),
+    *_done(
+        "output",
+        LINUXCNC,
+        ("M62", "P", "output P on, with the motion that comes next"),
+        ("M63", "P", "output P off, with the motion that comes next"),
+        ("M64", "P", "output P on, at rest"),
+        ("M65", "P", "output P off, at rest"),
+        ("M66", "PLQ", "waits at most Q seconds for input P: L1 rise, L2 fall, L3 on, L4 off"),
+    ),
     *_done("coolant", NIST, ("M7", "", "mist"), ("M8", "", "flood"), ("M9", "", "both off")),
     # --- what needs no action here
     *_noted(
@@ -210,8 +237,8 @@ ROWS: tuple[Code, ...] = (
         ),
         ("G50", "", "scaling off", "It is never on here."),
         ("G67", "", "modal macro off", "It is never on here."),
-        ("M10", "", "clamp on", "Clamps of the machine file close by themselves where their axis stands."),
-        ("M11", "", "clamp off", "Clamps of the machine file open by themselves before their axis moves."),
+        ("M10", "", "clamp on", "m_codes in [io] has no output for it; clamps of axes close by themselves."),
+        ("M11", "", "clamp off", "m_codes in [io] has no output for it; clamps of axes open by themselves."),
     ),
     *_noted(
         HAAS,
@@ -241,6 +268,7 @@ ROWS: tuple[Code, ...] = (
     ),
     *_refused(
         FANUC,
+        ("G53.3", "tool along the tilted plane's Z with a move", "write G53.1, and G0 on the next line"),
         ("G7", "imaginary axis", "write the moves themselves"),
         ("G76", "fine boring with a shift", "no spindle here stops at an angle; write G85, G86 or G89"),
         dialect="fanuc",
@@ -258,17 +286,10 @@ ROWS: tuple[Code, ...] = (
         ("G38.3", "probing", _PROBE),
         ("G38.4", "probing", _PROBE),
         ("G38.5", "probing", _PROBE),
-        ("G41.1", "compensation by D in the plane", "let the CAM system offset lines and arcs"),
-        ("G42.1", "compensation by D in the plane", "let the CAM system offset lines and arcs"),
         ("G87", "back boring", "no spindle here stops at an angle; write the moves themselves"),
         ("G88", "boring with retraction by hand", "write G86, or M0 at the bottom"),
         ("G96", "constant surface speed", f"{_LATHE}; write G97 and S"),
         ("M19", "spindle stop at an angle", "no spindle here stops at an angle; write M5"),
-        ("M62", "output on, with motion", "name what it switches in the machine file, M7 and M8"),
-        ("M63", "output off, with motion", "name what it switches in the machine file, M9"),
-        ("M64", "output on", "name what it switches in the machine file, M7 and M8"),
-        ("M65", "output off", "name what it switches in the machine file, M9"),
-        ("M66", "wait for an input", "write M0 or M1 to wait for the operator"),
         ("M67", "analogue output, with motion", "this control has none; leave it out"),
         ("M68", "analogue output", "this control has none; leave it out"),
     ),
@@ -280,14 +301,9 @@ ROWS: tuple[Code, ...] = (
         ("G27", "reference point check", "write G28"),
         ("G29", "return from the reference point", "write G0 and the position"),
         ("G31", "skip", _PROBE),
-        ("G53.1", "tool along the tilted plane's Z", "write G43.4 and the rotary words"),
-        ("G53.6", "tool along the tilted plane's Z", "write G43.4 and the rotary words"),
         ("G54.2", "offset that follows the table", "write G43.4, which follows the turned part"),
         ("G65", "macro call", "write M98 and its number"),
         ("G66", "modal macro", "write M98 and its number on every line"),
-        ("G68.2", "tilted plane", "write G43.4 or G43.5 and positions in the part's own frame"),
-        ("G68.3", "tilted plane", "write G43.4 or G43.5 and positions in the part's own frame"),
-        ("G68.4", "tilted plane", "write G43.4 or G43.5 and positions in the part's own frame"),
         ("M29", "rigid tapping", f"{_NO_SYNC}; write G84 with a floating holder"),
     ),
     *_refused(
@@ -305,7 +321,7 @@ def of(dialect: str) -> dict[str, Code]:
 def takers_of(letter: str, dialect: str) -> str:
     """The codes of a dialect that take a letter, for sentences."""
     letters = {"U": "U", "V": "V", "W": "W"}.get(letter, letter)
-    sides = ("G40", "G41", "G42") if letter in "PQR" else ()
+    sides = {"D": ("G41", "G42")}.get(letter, ("G40", "G41", "G42") if letter in "PQR" else ())
     axes = AXES if letter in "XYZABC" else letters
     rows = of(dialect).values()
     found = [row.name for row in rows if row.name in sides or letters in row.letters or axes in row.letters]

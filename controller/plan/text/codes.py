@@ -17,7 +17,9 @@ from controller.plan.text.words import Line, Word
 SIDES = ("G40", "G41", "G42")
 SURFACES = ("G51", "G52", "G6.2")
 CYCLES = ("G73", "G74", "G81", "G82", "G83", "G84", "G85", "G86", "G89")
-PLACES = ("G10", "G28", "G30", "G92")  # of the codes for one line those that take the axis words
+PLACES = ("G10", "G28", "G30", "G53.3", "G92")  # of the codes for one line those that take the axis words
+TILTS = ("G68.2", "G68.3", "G68.4")
+TO_PLANE = ("G53.1", "G53.3", "G53.6")  # turn the tool to it
 CONE_WORDS = "XYZIJKHRD"
 
 
@@ -43,6 +45,7 @@ class Ask:
     line: Line
     codes: dict[str, tuple[str, Word]]  # modal group -> code as named in the table, and its word
     words: dict[str, Word]  # letter -> word, without G M N
+    switches: tuple[tuple[Word, int, bool], ...] = ()  # the machine's own codes: number of an output, on
 
     def code(self, group: str) -> str:
         return self.codes[group][0] if group in self.codes else ""
@@ -73,14 +76,26 @@ def sort(line: Line, machine: Machine) -> Ask:
     """The line by groups and letters; ProgramError on unknown or doubled words."""
     codes: dict[str, tuple[str, Word]] = {}
     others: dict[str, Word] = {}
+    switches = tuple(found for word in line.words if (found := _switch(word, machine)) is not None)
+    own = [word for word, _, _ in switches]
     for word in line.words:  # codes first: they are to blame before the letters that they take
-        if word.letter in "GM":
+        if word.letter in "GM" and word not in own:
             _take_code(line, word, codes, machine.dialect)
     for word in line.words:
         if word.letter not in "GM":
             _check_letter(line, word, others, machine)
             others[word.letter] = word
-    return Ask(line, codes, others)
+    return Ask(line, codes, others, switches)
+
+
+def _switch(word: Word, machine: Machine) -> tuple[Word, int, bool] | None:
+    """What a code of ``[io] m_codes`` switches; None of any other word."""
+    if word.letter != "M" or machine.io is None:
+        return None
+    for code, name, on in machine.io.m_codes:
+        if word.value == float(code[1:]):
+            return word, machine.io.digital_out.index(name), on
+    return None
 
 
 def _take_code(line: Line, word: Word, codes: dict[str, tuple[str, Word]], dialect: str) -> None:

@@ -11,10 +11,12 @@ R counts from the level and Z from R.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from types import MappingProxyType
 
+from controller.geometry import angle_between
 from controller.plan.text import line_words
 from controller.plan.text.codes import Ask
 from controller.plan.text.modal import Cycle, State, dwell_s
@@ -34,6 +36,8 @@ from controller.plan.text.program import (
 from controller.plan.text.words import Word
 
 BREAK_MM = 0.254  # what G73 draws back, and where G83 ends its rapid above the last depth, as LinuxCNC
+SAME_MM = 1e-9  # of two heights: in a tilted plane they come by way of the axes, and are rounded
+ALONG_DEG = 0.01  # by which the axis of a cycle may miss the tool: rotary words of two decimals
 MOST_REPEATS = 1000  # of one line ...
 MOST_PECKS = 10_000  # ... in all of them
 FLOATING = (
@@ -52,6 +56,8 @@ def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
     if code in ("G74", "G84"):
         state = _told_floating(way, state, code)
     clearance, bottom = _heights(here, cycle)
+    if abs(start - clearance) < SAME_MM:
+        start = clearance
     if start < clearance:
         way.rapid(None, None, start := clearance)
     way.end = clearance if here.state.to_clearance else max(start, clearance)
@@ -85,6 +91,24 @@ def _check(here: Here, code: str, word: Word) -> None:
         why = "while the spindle stands; write S and M3 or M4 before it"
     if why:
         raise ask.refusal(word, f"{code} stands {why}")
+    _check_along(here, code, word)
+
+
+def _check_along(here: Here, code: str, word: Word) -> None:
+    """In a tilted plane a cycle goes along the tool. Raises ProgramError."""
+    modal, position = here.state.modal, here.position
+    if not modal.tilted:
+        return
+    first, second = here.known(word, position.rotaries, code)
+    normal = PLANES[modal.plane][2]
+    along = modal.frame(here.machine)[1 + normal]
+    off = math.degrees(angle_between(position.chain().tool_axis((first, second)), along))
+    if off > ALONG_DEG:
+        raise here.ask.refusal(
+            word,
+            f"{code} would go along {'XYZ'[normal]} of the tilted plane, {off:.4g} degrees off the tool: "
+            f"a cycle goes along the tool, within {ALONG_DEG:g} degrees; write G53.1 before it",
+        )
 
 
 def _cycle(here: Here, code: str, word: Word) -> tuple[Cycle, float]:

@@ -152,7 +152,7 @@ class Run:
         rest = tuple(
             w for w in line.words if w is not turn and not (w.letter in "PL" and turn.value == CALLS)
         )
-        if rest:
+        if rest or line.says:
             yield line.with_words(rest)
         if turn.value == CALLS:
             self._call_by_number(line, turn)

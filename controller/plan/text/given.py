@@ -26,6 +26,11 @@ _OFFSETS = range(5221, 5391)
 _REFERENCES = {"G28": range(5161, 5170), "G30": range(5181, 5190)}
 _SHIFT, _TOOL_OFFSETS, _POSITIONS = range(5211, 5220), range(5401, 5410), range(5420, 5429)
 _TOOL, _DIAMETER, _SYSTEM, _SHIFTED = 5400, 5410, 5220, 5210
+_ANSWER = 5399
+_AT_RUN = (
+    "#5399 is what M66 finds when the program runs, and the whole program is read before: write M66 with "
+    "L1 to L4 and Q, which waits, and holds the program where nothing comes"
+)
 _TURN = 9  # number of R behind the nine letters of a work offset
 _DEGREES = frozenset("abc")
 _UNKNOWN = (
@@ -96,6 +101,8 @@ class Given:
     def _numbered(self, key: int) -> float | None:
         if key in _POSITIONS:
             return self._position(LETTERS[key - _POSITIONS.start], key)
+        if key == _ANSWER:
+            raise NoValue(_AT_RUN)
         if key in _OFFSETS:
             return self._offset(*divmod(key - FIRST_OFFSET, OFFSET_STEP))
         if key in _SHIFT:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -68,7 +68,7 @@ class Line:
     for, by ``scan`` from text, name and number: ``plain`` is all that a G1 line needs.
     """
 
-    __slots__ = ("_match", "_scan", "_words", "message", "name", "number", "where")
+    __slots__ = ("_match", "_scan", "_words", "kept", "message", "name", "number", "where")
 
     def __init__(
         self,
@@ -81,6 +81,7 @@ class Line:
         self.name, self.number = name, number
         self.where: Where | None = None  # None: lines are carried out as they stand
         self.message = ""  # to the operator, before the words
+        self.kept: Mapping[int, float] = {}  # parameters that it sets for good
         self._words, self._match, self._scan = words, match, scan
 
     @property
@@ -109,6 +110,11 @@ class Line:
         return self._match is not None
 
     @property
+    def says(self) -> bool:
+        """Whether something stands aside of its words."""
+        return bool(self.message or self.kept)
+
+    @property
     def sub(self) -> int:
         """Number of the call that it belongs to, counted over the run; 0: of the program itself."""
         return self.where.sub if self.where is not None else 0
@@ -116,7 +122,7 @@ class Line:
     def with_words(self, words: tuple[Word, ...]) -> Line:
         """The same line with other words."""
         made = Line(self.name, self.number, words)
-        made.where, made.message = self.where, self.message
+        made.where, made.message, made.kept = self.where, self.message, self.kept
         return made
 
     def place(self, column: int) -> Place:

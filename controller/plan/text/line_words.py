@@ -14,6 +14,7 @@ SHORTEST_VECTOR = 1e-6  # of I J K; shorter ones have no sure direction
 
 def targets(here: Here) -> Targets:
     """A value per axis of the machine: mm, or radians of the carried body."""
+    check_rotaries(here)
     found: list[float | None] = []
     turned = iter(here.state.modal.turned_rad)
     shifts = here.state.absolute and here.ask.code("one-line") != "G53"
@@ -29,13 +30,19 @@ def targets(here: Here) -> Targets:
     return tuple(found)
 
 
-def check_side(here: Here, motion: str, word: Word) -> None:
-    """G1 to G3 have no side of the cutter."""
-    if here.state.side != "G40":
-        raise here.ask.refusal(
+def check_rotaries(here: Here) -> None:
+    """In a tilted plane X Y Z are places on the part, to which no straight way leads while rotaries turn."""
+    ask, modal = here.ask, here.state.modal
+    if not modal.tilted or modal.tip is not Tip.OFF or ask.code("one-line") == "G53":
+        return
+    rotary = [here.machine.axes[i].name for i in here.machine.rotary()]
+    if ask.has("XYZUVW") and ask.has("".join(rotary)):
+        word = next(ask.words[name] for name in rotary if name in ask.words)
+        raise ask.refusal(
             word,
-            f"{motion} runs under {here.state.side}: G41 and G42 choose the side of the cutter on "
-            "G51, G52 and G6.2 only, and G1 to G3 are not offset for now; write G40 before it",
+            f"{word.text} stands beside X Y Z in a tilted plane: these are places on the part, and the tool "
+            "would leave the straight way between them while it turns; write rotary words on a line of their "
+            "own, or G43.4 before it",
         )
 
 
@@ -44,7 +51,6 @@ def line(here: Here, motion: str, word: Word) -> JointLine | TipLine:
     ask, state = here.ask, here.state
     mm = degrees = time = None
     if motion == "G1":
-        check_side(here, motion, word)
         time = state.time(ask, "G1", word)
         mm = 0.0 if time else state.feed(ask, "G1", word)
         degrees = 0.0 if time else state.feed_deg_s

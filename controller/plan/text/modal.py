@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from controller.machine import OFFSETS, TOOL_AT_POWER_ON, Machine, Tool
-from controller.plan.text import side_words
+from controller.plan.text import output_words, planar_words, side_words
 from controller.plan.text.codes import SURFACES, Ask
 from controller.plan.text.origins import Origins
 from controller.plan.text.position import Known
@@ -44,6 +44,16 @@ class Cycle:
     seconds: float | None = None  # P
 
 
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """A tilted plane whose definition takes several lines, as far as they have been read."""
+
+    code: str  # G68.2 or G68.4
+    p: int
+    line: int  # where it begins
+    rows: Mapping[int, Mapping[str, float]]  # words (mm, degrees) by Q
+
+
 class State(NamedTuple):
     """Everything one line leaves to the next."""
 
@@ -65,9 +75,11 @@ class State(NamedTuple):
     to_clearance: bool = False  # G99: canned cycles end at R
     cycle: Cycle | None = None  # the canned cycle that is modal
     origins: Origins = Origins()
-    tools: Mapping[int, Tool] = MappingProxyType({})  # as G10 changed them
+    tools: Mapping[int, Tool] = MappingProxyType({})  # as G10 changed them, their wear beside their size
     references: Mapping[str, tuple[Known, ...]] = MappingProxyType({})
+    offset_number: Word | None = None  # D of a line without G41 (Fanuc), for the next one without D
     noted: frozenset[str] = frozenset()  # codes that a remark has told of
+    begun: Begun | None = None  # a tilted plane that takes more lines
 
     def time(self, ask: Ask, code: str, word: Word) -> float | None:
         """Seconds that a feed motion takes under G93, None under G94; ProgramError for G93 without F."""
@@ -81,19 +93,26 @@ class State(NamedTuple):
             )
         return 60.0 / ask.words["F"].value
 
+    def tool_as_told(self, number: int, machine: Machine) -> Tool | None:
+        """A tool of the table, as G10 has changed it, its wear beside its size."""
+        return self.tools.get(number) or machine.tool_as_told(number)
+
     def tool(self, number: int, machine: Machine) -> Tool | None:
-        """A tool of the table, as G10 has changed it."""
-        return self.tools.get(number) or machine.tool(number)
+        """The same as it is cut with: worn."""
+        found = self.tool_as_told(number, machine)
+        return None if found is None else found.worn
 
     def with_tool(self, number: int, machine: Machine) -> Modal:
         """The modal state with another tool in the spindle."""
-        return replace(self.modal, tool=number, cutter=self.tools.get(number))
+        cutter = self.tool(number, machine) if number in self.tools else None
+        return replace(self.modal, tool=number, cutter=cutter)
 
     def with_origins(self, origins: Origins, machine: Machine) -> State:
         """The state in which positions are read by ``origins``."""
         part = None if origins.untouched(machine) else origins.frame(machine)
         turned = origins.turned_rad(machine)
-        modal = replace(self.modal, offset=origins.index, part=part, turned_rad=turned)
+        tilted = origins.plane is not None
+        modal = replace(self.modal, offset=origins.index, part=part, turned_rad=turned, tilted=tilted)
         return self._replace(origins=origins, modal=modal)
 
     def feed(self, ask: Ask, code: str, word: Word) -> float:
@@ -119,6 +138,11 @@ class State(NamedTuple):
 def power_on() -> State:
     """T1 in the spindle, G17 G21 G40 G49 G54 G61 G90 G94, spindle and coolant off (DESIGN 1)."""
     return State(Modal(TOOL_AT_POWER_ON, 0, Side.RIGHT, 0.0, True, 0.0, 0.0, None, 0.0, 0))
+
+
+def begun(machine: Machine) -> State:
+    """The same on a machine: under the offsets that it has at the start of a program."""
+    return power_on().with_origins(Origins.begun(machine), machine)
 
 
 def apply(
@@ -152,6 +176,7 @@ class _Settings:
         self._feed()
         self._speed()
         self._select_tool()
+        self._outputs()
         self._change_tool()
         self._spindle()
         self._turn_feed()
@@ -233,6 +258,24 @@ class _Settings:
             self._known_tool(word)
             self.state = self.state._replace(selected=int(word.value))
 
+    def _outputs(self) -> None:
+        """M62 and M63 count with the next motion, M64, M65 and the machine's own codes here and now."""
+        if "output" in self.ask.codes:
+            code, word = self.ask.codes["output"]
+            if code == "M66":
+                self.made += output_words.awaited(self.ask, word, self.state.modal, self._machine)
+                return
+            self._switch(output_words.number(self.ask, code, word, self._machine), code in ("M62", "M64"))
+            if code in ("M64", "M65"):
+                self._act(word, Act.OUTPUT)
+        for word, number, on in self.ask.switches:
+            self._switch(number, on)
+            self._act(word, Act.OUTPUT)
+
+    def _switch(self, number: int, on: bool) -> None:
+        modal = self.state.modal
+        self._set_modal(replace(modal, outputs=modal.outputs.switched(number, on)))
+
     def _known_tool(self, word: Word) -> float:
         """Length of the tool that a T or H word names."""
         tool = self.state.tool(self.ask.whole(word), self._machine)
@@ -301,7 +344,9 @@ class _Settings:
             modal = side_words.applied(
                 self.ask, code, self.side_letters, self.state.mm_per_unit, self.state.modal
             )
-            self.state = self.state._replace(side=code, modal=modal)
+            self.state = self.state._replace(modal=modal)
+            planar = planar_words.said(self.ask, code, self.side_letters, self.state, self._machine)
+            self.state = self.state._replace(side=code, modal=replace(modal, planar=planar))
 
     def _length(self) -> None:
         """G43 adds the length of the tool in the spindle, or of tool H; H0 is none.

@@ -13,10 +13,10 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from controller.geometry import ZERO, Frame, Vector, X, Y, Z
-from controller.machine import OFFSETS, Machine, Tool
+from controller.machine import MOST_WEAR_MM, OFFSETS, Machine, Offset, Shift, Tool
 from controller.plan.text.codes import Ask
 from controller.plan.text.modal import State, tool_list
-from controller.plan.text.origins import NONE, Offset, Origins, Shift, about, turned_about_z
+from controller.plan.text.origins import NONE, Origins, about, turned_about_z
 from controller.plan.text.position import Known, Position
 from controller.plan.text.words import Word
 
@@ -148,11 +148,22 @@ def _set_offset(here: Here, index: int, to_here: bool) -> State:
     r = here.ask.words.get("R")
     if r is not None and to_here:
         raise here.ask.refusal(r, f"{r.text} is not taken by G10 L20: R turns an offset with L2; correct it")
+    if to_here:
+        _check_untilted(here, "G10 L20")
     xyz, rotary = here.lengths_mm(), here.rotary_rad()
     offset = _offset_here(here, index, xyz, rotary) if to_here else _offset_said(here, before, xyz, rotary)
     if r is not None:
         offset = replace(offset, frame=turned_about_z(offset.frame, r.value))
     return here.state.with_origins(origins.with_offset(index, offset), here.machine)
+
+
+def _check_untilted(here: Here, code: str) -> None:
+    if here.state.origins.plane is not None:
+        raise here.ask.refusal(
+            here.ask.codes["one-line"][1],
+            f"{code} takes where the tool stands, which is told in a tilted plane here and not in the work "
+            "offset; write G69 before it",
+        )
 
 
 def _offset_said(here: Here, before: Offset, xyz: Sequence[Known], rotary: Sequence[Known]) -> Offset:
@@ -182,40 +193,59 @@ def _offset_here(here: Here, index: int, xyz: Sequence[Known], rotary: Sequence[
 
 
 def _set_tool(here: Here, what: int, number: int) -> State:
-    tool = here.state.tool(number, here.machine)
+    tool = here.state.tool_as_told(number, here.machine)
     if tool is None:
         word = here.ask.words["P"]
         raise here.ask.refusal(
             word, f"{word.text} names no tool: the tool table has {tool_list(here.machine)}; use one of these"
         )
     changed = _fanuc_tool(here, what, tool) if here.machine.dialect == "fanuc" else _tool(here, what, tool)
-    if changed.radius_mm <= 0.0:
-        word = here.ask.words["R"]
-        raise here.ask.refusal(
-            word, f"{word.text} leaves no tool: its radius must be greater than 0; correct it"
-        )
+    _check_tool(here, changed)
     state = here.state._replace(tools=MappingProxyType({**here.state.tools, number: changed}))
     if state.modal.tool == number:
         state = state._replace(modal=state.with_tool(number, here.machine))
     return state
 
 
+def _check_tool(here: Here, tool: Tool) -> None:
+    """As the tool table would."""
+    word = here.ask.words.get("R", here.ask.words["P"])
+    if tool.radius_mm <= 0.0:
+        raise here.ask.refusal(
+            word, f"{word.text} leaves no tool: its radius must be greater than 0; correct it"
+        )
+    least_mm = min(MOST_WEAR_MM, 0.5 * tool.radius_mm)
+    worn = -least_mm <= tool.wear_radius_mm <= MOST_WEAR_MM and abs(tool.wear_length_mm) <= MOST_WEAR_MM
+    if not worn:
+        raise here.ask.refusal(
+            word,
+            f"{word.text} is no wear: {-MOST_WEAR_MM:g} to {MOST_WEAR_MM:g} mm are, and half of the radius "
+            "at most; what is worn more is another tool, so correct it, or set length and radius",
+        )
+
+
 def _tool(here: Here, what: int, tool: Tool) -> Tool:
-    """L1: length Z and radius R; L10, L11: the length with which Z reads as said, now or in G59.3."""
+    """L1: length Z and radius R; L10, L11: the length with which Z reads as said, now or in G59.3.
+
+    What is measured anew is worn no more.
+    """
     z, r = here.length_mm("Z"), here.length_mm("R")
     if z is not None and what != 1:
+        _check_untilted(here, f"G10 L{what}")
         modal = here.state.modal
         if what == 11:
             index = OFFSETS.index("G59.3")
             modal = here.state.with_origins(Origins(index, here.state.origins.written), here.machine).modal
         (height,) = here.known(here.ask.words["Z"], here.position.in_frame(modal)[2:], "G10")
         z = height + modal.length_mm - z
-    return replace(
-        tool,
-        length_mm=tool.length_mm if z is None else z,
-        radius_mm=tool.radius_mm if r is None else r,
-        corner_mm=min(tool.corner_mm, tool.radius_mm if r is None else r),
-    )
+    if z is not None:
+        tool = replace(tool, length_mm=z, wear_length_mm=0.0)
+    return tool if r is None else _with_radius(replace(tool, wear_radius_mm=0.0), r)
+
+
+def _with_radius(tool: Tool, radius_mm: float) -> Tool:
+    """With another radius; a corner is never more than that."""
+    return replace(tool, radius_mm=radius_mm, corner_mm=min(tool.corner_mm, radius_mm))
 
 
 def _fanuc_tool(here: Here, what: int, tool: Tool) -> Tool:
@@ -224,9 +254,11 @@ def _fanuc_tool(here: Here, what: int, tool: Tool) -> Tool:
     if r is None:
         raise _not_set(here, here.ask.words["L"])
     name = _FANUC_TOOL[what]
-    base = getattr(tool, name) if not here.state.absolute else 0.0
-    changed: dict[str, Any] = {name: base + r}
-    return replace(tool, **changed).worn
+    value = r + (getattr(tool, name) if not here.state.absolute else 0.0)
+    if name == "radius_mm":
+        return _with_radius(tool, value)
+    changed: dict[str, Any] = {name: value}
+    return replace(tool, **changed)
 
 
 # ---- G52, G68 ----------------------------------------------------------------------
@@ -250,11 +282,12 @@ def _laid(before: Sequence[float], words: Sequence[Known], relative: bool) -> li
 
 
 def rotation(here: Here) -> State:
-    """G68: turned by R about the axis words of the plane, or about the position; G69 ends it."""
+    """G68: turned by R about the axis words of the plane, or about the position; G69 ends it and G68.2."""
     code, word = here.ask.codes["rotation"]
     origins = here.state.origins
     if code == "G69":
-        return here.state.with_origins(replace(origins, turn=None), here.machine)
+        cycle = here.state.cycle if origins.plane is None else None  # its heights were those of the plane
+        return here.state._replace(begun=None, cycle=cycle).with_origins(origins.outside(), here.machine)
     r = here.ask.words.get("R")
     if r is None:
         raise here.ask.refusal(word, "G68 does not say by how much: write R and the angle in degrees")

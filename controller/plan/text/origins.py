@@ -1,6 +1,7 @@
 """What stands between the machine's positions and the program's: work offset, shifts and turns.
 
-    table frame -> work offset (file, or as G10 set it) -> shift of G92 -> local shift of G52 -> turn of G68
+    table frame -> work offset (the machine's or of G10) -> shift of G92 -> local shift of G52
+                -> tilted plane of G68.2 -> shifts made inside of it -> turn of G68
 
 All of it is one frame for X Y Z and one shift for each rotary. State is replaced, never edited.
 """
@@ -13,29 +14,19 @@ from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from controller.geometry import ZERO, Frame, Vector, X, Y, Z, add, rotate
-from controller.machine import OFFSETS, Machine
-
-Pair = tuple[float, float]
-STILL: Pair = (0.0, 0.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Offset:
-    """A work offset as a program has set it: of X Y Z, and of the two rotaries (rad, carried)."""
-
-    frame: Frame
-    turned_rad: Pair = STILL
-
-
-@dataclass(frozen=True, slots=True)
-class Shift:
-    """A shift of coordinates: X Y Z (mm, along the axes of the frame it stands in) and the two rotaries."""
-
-    xyz: Vector = ZERO
-    turned_rad: Pair = STILL
-
+from controller.machine import OFFSETS, Machine, Offset, Pair, Shift
 
 NONE = Shift()
+
+
+@dataclass(frozen=True, slots=True)
+class Plane:
+    """A tilted work plane; the shifts that it stands in rest here until G69 takes them up again."""
+
+    frame: Frame  # seen from the work offset as these shifts have moved it
+    shift: Shift
+    suspended: bool
+    local: Shift
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +39,17 @@ class Origins:
     suspended: bool = False  # G92.2
     local: Shift = NONE  # G52
     turn: Frame | None = None  # G68, seen from the shifted frame
+    plane: Plane | None = None  # G68.2 to G68.4
+    waiting: Frame | None = None  # as ``Plane.frame``; under rs274 it counts from G53.1 on
+
+    @classmethod
+    def begun(cls, machine: Machine) -> Origins:
+        """With which a program begins: G54, and the shift that an earlier one has left."""
+        return cls(shift=machine.shift, suspended=machine.suspended)
 
     def offset(self, index: int, machine: Machine) -> Offset:
         """A work offset as it is now; an unset one is that of the machine's zero."""
-        if index in self.written:
-            return self.written[index]
-        return Offset(machine.offsets[index] if index < len(machine.offsets) else Frame())
+        return self.written[index] if index in self.written else machine.offset(index)
 
     def is_set(self, index: int, machine: Machine) -> bool:
         """Whether the machine file, the operator or the program has set a work offset."""
@@ -67,19 +63,43 @@ class Origins:
     def untouched(self, machine: Machine) -> bool:
         """Whether positions are read in the work offset exactly as the machine has it."""
         plain = self.index not in self.written and self.index < len(machine.offsets) and self.turn is None
-        return plain and self.local == NONE and (self.suspended or self.shift == NONE)
+        shifted = self.local != NONE or (not self.suspended and self.shift != NONE)
+        return plain and not shifted and self.plane is None
 
     def frame(self, machine: Machine) -> Frame:
         """The program's frame seen from the table frame at zero."""
-        frame = self.offset(self.index, machine).frame
+        if self.plane is None:
+            return self._moved(self.offset(self.index, machine).frame)
+        return within(self.outside().frame(machine), self._moved(self.plane.frame))
+
+    def _moved(self, frame: Frame) -> Frame:
+        """A frame shifted and turned by what stands in it."""
         shift = ZERO if self.suspended else self.shift.xyz
         frame = frame._replace(origin=frame.to_parent(add(shift, self.local.xyz)))
         return frame if self.turn is None else within(frame, self.turn)
 
+    def outside(self) -> Origins:
+        """As G69 leaves them: no turn and no tilted plane, but the shifts that it stood in."""
+        if self.plane is None:
+            return replace(self, turn=None, waiting=None)
+        shift, suspended, local = self.plane.shift, self.plane.suspended, self.plane.local
+        return Origins(self.index, self.written, shift, suspended, local)
+
+    def tilted(self, frame: Frame) -> Origins:
+        """With a tilted plane, as seen from ``outside``, and nothing that shifts inside of it."""
+        out = self.outside()
+        plane = Plane(frame, out.shift, out.suspended, out.local)
+        return Origins(self.index, self.written, plane=plane)
+
+    def inside(self) -> Frame:
+        """The program's frame as seen from ``outside``: the tilted plane and what stands in it."""
+        return self._moved(self.plane.frame if self.plane is not None else Frame())
+
     def turned_rad(self, machine: Machine) -> Pair:
         """What is added to the words of the rotaries (carried sense)."""
-        shifts = (self.offset(self.index, machine).turned_rad, self.local.turned_rad)
-        a, b = (sum(pair) for pair in zip(*shifts, strict=True))
+        of = self.offset(self.index, machine).turned_rad
+        under = of if self.plane is None else self.outside().turned_rad(machine)
+        a, b = (sum(pair) for pair in zip(under, self.local.turned_rad, strict=True))
         return (a, b) if self.suspended else (a + self.shift.turned_rad[0], b + self.shift.turned_rad[1])
 
 

@@ -37,9 +37,16 @@ class Nothing:
 class Parameters:
     """The values of one run of a program."""
 
-    def __init__(self, given: Given | None = None) -> None:
+    def __init__(
+        self,
+        given: Given | None = None,
+        begun: Sequence[tuple[int, float]] = (),
+        kept: Sequence[tuple[int, int]] = (),
+    ) -> None:
+        """``begun``: what earlier programs have left; ``kept``: numbers, from to, that later ones find."""
         self._given = given or Nothing()
-        self._global: dict[Key, float] = dict.fromkeys(RETURNED, 0.0)
+        self._global: dict[Key, float] = {**dict.fromkeys(RETURNED, 0.0), **dict(begun)}
+        self._kept, self._fresh = kept, dict[int, float]()
         self._locals: list[dict[Key, float]] = [{}]  # of the program, and of each sub that runs in it
 
     @property
@@ -71,7 +78,7 @@ class Parameters:
             raise NoValue(
                 f"#{key} cannot be set: parameters {OF_THE_MACHINE.start} to {OF_THE_MACHINE.stop - 1} are "
                 "positions, offsets and tools of the machine and can only be read; use another number, and "
-                "set offsets and tools in the machine file"
+                "G10, G92 and G28.1 to set offsets, tools and reference points"
             )
         if key in RETURNED or (isinstance(key, str) and self._is_given(key)):
             raise NoValue(f"#<{key}> is given by the control and can only be read; use another name")
@@ -80,6 +87,13 @@ class Parameters:
         """The settings of a line, which take effect together."""
         for key, value in settings.items():
             self._room(key)[key] = value
+            if self._kept and isinstance(key, int) and any(low <= key <= high for low, high in self._kept):
+                self._fresh[key] = value
+
+    def fresh(self) -> dict[int, float]:
+        """Those that later programs find and that were set since this was asked last."""
+        found, self._fresh = self._fresh, {}
+        return found
 
     def enter(self, arguments: Sequence[float]) -> None:
         """A sub begins: its #1 to #30 are its arguments, those that are missing 0."""

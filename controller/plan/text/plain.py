@@ -9,11 +9,10 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from controller.machine import Machine
+from controller.machine import STILL, Machine
 from controller.plan.text import points
 from controller.plan.text.line import Line
 from controller.plan.text.modal import State
-from controller.plan.text.origins import STILL
 from controller.plan.text.points import POINTLESS
 from controller.plan.text.program import Block, JointLine, Place, Tip, TipLine
 
@@ -41,9 +40,11 @@ class PlainLines:
 
     def read(self, line: Line, state: State) -> tuple[Block, State] | None:
         """The block of a plain G1 line and the state after it; None where the general way is needed."""
-        if state.motion != "G1" or state.side != "G40" or state.per_turn or (plain := line.plain) is None:
+        if state.motion != "G1" or _for_surfaces(state) or state.per_turn or (plain := line.plain) is None:
             return None
         if state.modal.turned_rad != STILL or (self._points_count and POINTLESS.search(line.text)):
+            return None
+        if state.begun is not None:
             return None
         words = dict(plain.pairs)
         tip = state.modal.tip
@@ -55,6 +56,8 @@ class PlainLines:
             return None
         feed = words.pop("F", None)
         if feed is not None and feed <= 0.0:
+            return None
+        if state.modal.tilted and tip is Tip.OFF and (self._first in words or self._second in words):
             return None
         found = self._with_feed(state, feed)
         if found is None:
@@ -125,3 +128,9 @@ class PlainLines:
         )
         mm, degrees = (0.0, 0.0) if time else (state.modal.feed_mm_s, state.feed_deg_s)
         return TipLine(place, state.modal, tip, rotaries, axis, not state.absolute, mm, degrees, time)
+
+
+def _for_surfaces(state: State) -> bool:
+    """Whether a side of the cutter is on that is not, or not yet, for lines."""
+    planar = state.modal.planar
+    return state.side != "G40" and (planar is None or not planar.lines or state.modal.tip is not Tip.OFF)

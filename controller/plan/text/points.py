@@ -10,7 +10,7 @@ import re
 from dataclasses import replace
 
 from controller.machine import Machine
-from controller.plan.text.codes import CYCLES, SIDES, SURFACES, Ask
+from controller.plan.text.codes import CYCLES, SIDES, SURFACES, TILTS, TO_PLANE, Ask
 from controller.plan.text.modal import INCHES, State
 from controller.plan.text.words import Word
 
@@ -29,10 +29,17 @@ def counted(ask: Ask, state: State, machine: Machine) -> Ask:
     if not count(machine) or _has_its_own(ask):
         return ask
     inches = ask.code("unit") in INCHES if "unit" in ask.codes else state.mm_per_unit != 1.0
-    lengths = LENGTHS.replace("K", "") if _in_cycle(ask, state) else LENGTHS
-    lengths = lengths.replace("Q", "") if "tool change" in ask.codes else lengths
-    words = {letter: _word(ask, word, lengths, inches, machine) for letter, word in ask.words.items()}
+    lengths, angles = _letters(ask, state)
+    words = {letter: _word(ask, word, lengths, angles, inches, machine) for letter, word in ask.words.items()}
     return replace(ask, words=words)
+
+
+def _letters(ask: Ask, state: State) -> tuple[str, str]:
+    """The words of the line that are lengths, and those that are angles."""
+    if ask.code("rotation") in TILTS or ask.code("one-line") in TO_PLANE:
+        return "XYZ", "IJKR"
+    lengths = LENGTHS.replace("K", "") if _in_cycle(ask, state) else LENGTHS
+    return lengths.replace("Q", "") if "tool change" in ask.codes else lengths, ANGLES
 
 
 def _has_its_own(ask: Ask) -> bool:
@@ -46,8 +53,8 @@ def _in_cycle(ask: Ask, state: State) -> bool:
     return (ask.code("motion") or state.motion) in CYCLES and ask.code("side") not in SIDES[1:]
 
 
-def _word(ask: Ask, word: Word, lengths: str, inches: bool, machine: Machine) -> Word:
-    if word.point or word.value == 0.0 or word.letter not in lengths + ANGLES:
+def _word(ask: Ask, word: Word, lengths: str, angles: str, inches: bool, machine: Machine) -> Word:
+    if word.point or word.value == 0.0 or word.letter not in lengths + angles:
         return word
     if machine.without_point == "thousandth":
         tenth = 0.1 if inches and word.letter in lengths else 1.0

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from controller.geometry import Frame, Vector, add, subtract
-from controller.kinematics import Kinematics
+from controller.kinematics import Kinematics, Pair
 from controller.machine import Joints, Machine
 from controller.plan.text.program import (
     Block,
@@ -59,6 +59,17 @@ def shifted(words: Sequence[Known], here: Vector, frame: Frame) -> Vector:
     return add(here, frame.turn((x, y, z)))
 
 
+def read_in(modal: Modal, machine: Machine, kinematics: Kinematics, rotaries: Pair) -> tuple[Frame, float]:
+    """The frame in which X Y Z of joint moves are positions of the axes, and what G43 adds to Z there.
+
+    In a tilted plane it depends on where the rotaries (rad) stand, and holds the tool's length.
+    """
+    frame = modal.frame(machine)
+    if not modal.tilted:
+        return frame, modal.length_mm
+    return kinematics.of_axes(frame, rotaries, modal.length_mm), 0.0
+
+
 class Position:
     """Follows the blocks of a program as they are read; never wrong, at most not known."""
 
@@ -85,7 +96,7 @@ class Position:
 
     def take(self, block: Block) -> None:
         """Go where a block leads."""
-        if type(block) is JointLine and not block.relative and not block.machine_frame:
+        if type(block) is JointLine and not (block.relative or block.machine_frame or block.modal.tilted):
             self._pending.append(block)
             if len(self._pending) > MOST_PENDING:
                 self._go()
@@ -127,7 +138,7 @@ class Position:
     def in_frame(self, modal: Modal) -> Place3:
         """X Y Z as words under G90 would lead here (mm)."""
         self._go()
-        if modal.tip is Tip.OFF:
+        if modal.tip is Tip.OFF and not modal.tilted:
             self._as_axes()
             lifted = (0.0, 0.0, modal.length_mm)
         else:
@@ -154,10 +165,16 @@ class Position:
         words = tuple([block.targets[i] for i in self._linear])
         if words == (None, None, None):
             return
-        frame, length = block.modal.frame(self._machine), block.modal.length_mm
+        here, (a, b) = self._xyz, self._rotaries
         if isinstance(block, JointLine) and block.machine_frame:
             frame, length = Frame(), 0.0
-        here = self._xyz
+        elif not block.modal.tilted:
+            frame, length = block.modal.frame(self._machine), block.modal.length_mm
+        elif a is None or b is None:
+            self._xyz = [None] * 3
+            return
+        else:
+            frame, length = read_in(block.modal, self._machine, self.chain(), (a, b))
         x, y, z = (q or 0.0 for q in here)
         if block.relative:
             there = shifted(words, (x, y, z), frame)
@@ -191,7 +208,7 @@ class Position:
         if x is None or y is None or z is None or a is None or b is None:
             self._xyz = [None] * 3
             return
-        self._xyz = [*self._chain().linear((x, y, z), (a, b), self._length_mm)]
+        self._xyz = [*self.chain().linear((x, y, z), (a, b), self._length_mm)]
 
     def _as_tip(self, length_mm: float) -> None:
         """The same place as that of the tip of a tool so long, in the table frame."""
@@ -203,9 +220,10 @@ class Position:
         if a is None or b is None or c is None or d is None or e is None:
             self._xyz = [None] * 3
             return
-        self._xyz = [float(q) for q in self._chain().forward((a, b, c, d, e), length_mm).tip]
+        self._xyz = [float(q) for q in self.chain().forward((a, b, c, d, e), length_mm).tip]
 
-    def _chain(self) -> Kinematics:
+    def chain(self) -> Kinematics:
+        """The machine's, made when it is first asked for."""
         if self._kinematics is None:
             self._kinematics = Kinematics(self._machine)
         return self._kinematics

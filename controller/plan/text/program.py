@@ -8,6 +8,7 @@ from enum import Enum
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+from controller.changes import Change
 from controller.geometry import Frame, Vector
 from controller.machine import Machine, Tool
 from controller.splines import BSpline
@@ -59,12 +60,36 @@ class Side(Enum):
     LEFT = -1.0  # G41
 
 
+class Planar(NamedTuple):
+    """G41 or G42 for lines and arcs: the cutter beside the contour in the active plane."""
+
+    place: Place  # of the code
+    code: str
+    off_mm: float  # so far left of the travel: the radius, negative on the right
+    lines: bool  # D stands beside it, or a line came first; else what comes first decides
+    joins: bool  # the first move ends beside what follows it (Fanuc), not beside its own end (RS-274/NGC)
+
+
 class Tip(Enum):
     """What X Y Z of G0 and G1 mean, and how the tool axis is given."""
 
     OFF = 0  # positions of the machine's axes plus work offset
     ROTARIES = 1  # G43.4: the tool tip in the part frame; words of the rotary axes
     VECTORS = 2  # G43.5: the tool tip in the part frame; I J K along the tool axis
+
+
+class Outputs(NamedTuple):
+    """What the program has said of outputs so far: bit n is P of M62 to M65."""
+
+    on: int = 0
+    off: int = 0
+
+    def switched(self, number: int, on: bool) -> Outputs:
+        bit = 1 << number
+        return Outputs(self.on | bit, self.off & ~bit) if on else Outputs(self.on & ~bit, self.off | bit)
+
+
+UNSAID = Outputs()
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,11 +116,15 @@ class Modal:
     exact_joints: bool = False
     tolerance_mm: float | None = None  # R of the same: of their form; None as tool or machine has it
     # The frame of the program's positions where it is not the machine's work offset as it stands:
-    # set by G10, shifted by G92 or G52, turned by G68.
+    # set by G10, shifted by G92 or G52, turned by G68, tilted by G68.2.
     part: Frame | None = None
     turned_rad: tuple[float, float] = (0.0, 0.0)  # what the rotaries' words are shifted by, carried sense
     plane: str = "G17"  # of arcs and canned cycles
     cutter: Tool | None = None  # the tool in the spindle where G10 has changed it
+    # A tilted plane: X Y Z are places of the tool tip in it, fixed to the part, with or without G43.4.
+    tilted: bool = False
+    outputs: Outputs = UNSAID  # of M62 to M65 and of the machine's own codes
+    planar: Planar | None = None  # cutter compensation of lines and arcs
 
     def frame(self, machine: Machine) -> Frame:
         """The program's frame seen from the table frame at zero."""
@@ -184,6 +213,7 @@ class TipLine:
     feed_mm_s: float | None
     feed_deg_s: float | None
     time_s: float | None = None  # G93
+    stands: bool = False  # a rapid on which the tip keeps its place on the part: G53.6
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,6 +251,8 @@ class Act(Enum):
     SPINDLE = "M3/M4/M5"
     TOOL = "M6"
     COOLANT = "M7/M8/M9"
+    OUTPUT = "M64/M65"
+    INPUT = "M66"
     CLAMP = "clamp"  # no word of a program: the path asks for it between motions
 
 
@@ -231,6 +263,26 @@ class Action:
     place: Place
     modal: Modal
     act: Act
+
+
+class Level(Enum):
+    """What M66 waits for, by its L."""
+
+    RISE = 1
+    FALL = 2
+    HIGH = 3
+    LOW = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Await:
+    """M66: standstill until an input is as asked; the program is held where it is not in time."""
+
+    place: Place
+    modal: Modal
+    number: int  # P
+    level: Level
+    seconds: float  # Q, at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,8 +303,18 @@ class Message:
     text: str
 
 
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What the program changes for good, from its place in the run on; nothing moves or stops."""
+
+    place: Place
+    modal: Modal
+    changes: tuple[Change, ...]
+
+
 CutBlock = CutCone | CutRuled | CutNurbs
-Block = CutBlock | JointLine | TipLine | JointArc | Dwell | Action | Remark | Message
+Aside = Message | Setting  # parts no motions
+Block = CutBlock | JointLine | TipLine | JointArc | Dwell | Await | Action | Remark | Aside
 
 
 @dataclass(frozen=True, slots=True)

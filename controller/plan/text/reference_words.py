@@ -1,10 +1,10 @@
-"""G28, G28.1, G30 and G30.1: to the reference points of the machine, and setting them for a program."""
+"""G28, G28.1, G30 and G30.1: to the reference points of the machine, and setting them."""
 
 from __future__ import annotations
 
 from types import MappingProxyType
 
-from controller.machine import Axis, Machine
+from controller.machine import Machine
 from controller.plan.text import line_words
 from controller.plan.text.codes import Ask
 from controller.plan.text.modal import State
@@ -17,7 +17,7 @@ INCREMENTS = {"U": "X", "V": "Y", "W": "Z"}
 
 
 def stored(here: Here) -> State:
-    """G28.1 and G30.1: the position becomes the point, until the program ends."""
+    """G28.1 and G30.1: the position becomes the point, from now on."""
     code, word = here.ask.codes["one-line"]
     joints = here.known(word, here.position.joints(), code)
     points = MappingProxyType({**here.state.references, code[:3]: joints})
@@ -70,12 +70,5 @@ def _mixed(ask: Ask, word: Word) -> Exception:
 
 
 def reference(state: State, machine: Machine, code: str) -> tuple[Known, ...]:
-    """The joints of a point: as the program stored it, as the machine file has it, else where it is homed."""
-    if code in state.references:
-        return state.references[code]
-    return tuple(_of_axis(axis, code) for axis in machine.axes)
-
-
-def _of_axis(axis: Axis, code: str) -> float:
-    first = axis.homing.position if axis.reference is None else axis.reference
-    return first if code == "G28" or axis.second_reference is None else axis.second_reference
+    """The joints of a point: as the program stored it, else as the machine has it."""
+    return state.references[code] if code in state.references else machine.reference(code)

@@ -59,7 +59,7 @@ def _given_back(
     line: Line, word: Word, now: State, kept: State, machine: Machine
 ) -> tuple[State, list[Block]]:
     """Of the kept state what LinuxCNC keeps: neither the motion mode nor what stands behind the offsets."""
-    modal = replace(kept.modal, tool=now.modal.tool, cutter=now.modal.cutter)
+    modal = replace(kept.modal, tool=now.modal.tool, cutter=now.modal.cutter, outputs=now.modal.outputs)
     state = now._replace(modal=modal, **{name: getattr(kept, name) for name in GIVEN_BACK})
     state = state.with_origins(replace(now.origins, index=kept.origins.index), machine)
     place, made = line.place(word.column), list[Block]()

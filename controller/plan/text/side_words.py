@@ -15,7 +15,7 @@ def applied(ask: Ask, code: str, letters: str, mm_per_unit: float, modal: Modal)
     words = {letter: ask.words[letter] for letter in letters if letter in ask.words}
     return replace(
         modal,
-        side=Side.LEFT if code == "G41" else Side.RIGHT,
+        side=Side.LEFT if code.startswith("G41") else Side.RIGHT,
         placement=_placement(ask, code, words),
         allowance_mm=_allowance_mm(ask, code, words, mm_per_unit),
         tolerance_mm=_tolerance_mm(ask, code, words, mm_per_unit),

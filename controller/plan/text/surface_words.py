@@ -86,7 +86,8 @@ def told_shift(ask: Ask, state: State) -> Remark:
     origins = state.origins
     sentence = "G52 with zeros cancels a shift of coordinates; none is in force here."
     if origins.local != NONE or (origins.shift != NONE and not origins.suspended):
-        sentence = "G52 without F shifts the coordinates of all work offsets from here on."
+        of = "all work offsets" if origins.plane is None else "this tilted plane"
+        sentence = f"G52 without F shifts the coordinates of {of} from here on."
     return Remark(ask.place(ask.codes["motion"][1]), state.modal, sentence)
 
 

@@ -118,8 +118,11 @@ class _Scan:
             self._opened = True
             words = _Words(text, name, number, self.parameters).words()
             self.found |= bool(words)
-        line = self._saying(Line(name, number, words), raw) if words or "," in raw else None
-        return line if line is not None and (words or line.message) else None
+        kept = self.parameters.fresh() if "#" in text else {}
+        line = self._saying(Line(name, number, words), raw) if words or kept or "," in raw else None
+        if line is not None:
+            line.kept = kept
+        return line if line is not None and (words or line.says) else None
 
     def _saying(self, line: Line, raw: str) -> Line:
         """The line with what its comments say."""

@@ -92,7 +92,6 @@ def panel(
     monkeypatch.delenv("DIRECTRIX_TOKEN", raising=False)
     monkeypatch.delenv("DIRECTRIX_URL", raising=False)
     monkeypatch.setattr(remote, "client", client)
-    monkeypatch.setattr(verbs, "BEGINS_S", 0.0)
     yield made
     store.close()
 
@@ -112,6 +111,13 @@ def program(tmp_path: Path) -> Path:
     file = tmp_path / "part.ngc"
     file.write_bytes(PROGRAM)
     return file
+
+
+@pytest.mark.parametrize("verb", ["hold", "stop"])
+def test_a_hold_of_what_was_only_being_prepared_says_so(panel: Panel, door: NotingDoor, verb: str) -> None:
+    door.results[verb] = {"outcome": "given_up", "what": "start", "mode": "READY", "tick": 7}
+    assert done(verb).strip() == "Given up before it began: start."
+    assert json.loads(done(verb, "--json"))["result"]["outcome"] == "given_up"
 
 
 REQUESTS = [

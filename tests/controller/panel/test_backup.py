@@ -372,7 +372,11 @@ def test_a_strange_part_is_one_sentence_and_never_a_traceback(archive: Path, par
         ("manifest.json", '{"format": 1, "made_s": 1, "parts": []}', "parts is a list"),
         ("settings.json", '{"Upload MB": 1}', "'Upload MB' is no name of a setting"),
         ("settings.json", '{"upload_mb": {"a": 1}}', "upload_mb is an object"),
-        ("fitting.json", '{"axes": {}}', "'axes' is an object; allowed are offsets and tools"),
+        (
+            "fitting.json",
+            '{"axes": {}}',
+            "'axes' is an object; allowed are offsets, tools, shift, references, parameters",
+        ),
         ("fitting.json", '{"tools": [1]}', "'tools' is a list"),
     ],
 )

@@ -7,6 +7,7 @@ import random
 import pytest
 
 from controller import config, fitting
+from controller.changes import turned_deg
 from controller.panel import touch_off
 
 MACHINE = config.load("trunnion")
@@ -35,15 +36,27 @@ def test_the_tip_reads_what_was_wanted_and_other_axes_stay() -> None:
 def test_the_turns_that_are_told_make_the_same_axes_again(about_y: float) -> None:
     first = turned([25.0, about_y, -140.0], [1.0, 2.0, 3.0])
     frame = touch_off.frame(first)
-    again = touch_off.frame(turned(list(touch_off.turned_deg(frame)), [1.0, 2.0, 3.0]))
+    again = touch_off.frame(turned(list(turned_deg(frame)), [1.0, 2.0, 3.0]))
     for old, new in zip(frame, again, strict=True):
         assert new == pytest.approx(old, abs=1e-9)
 
 
 def test_an_offset_that_is_not_turned_has_no_turns() -> None:
-    assert touch_off.turned_deg(touch_off.frame(turned([0.0] * 3, [8.0, 96.0, 120.0]))) == (0.0, 0.0, 0.0)
+    assert turned_deg(touch_off.frame(turned([0.0] * 3, [8.0, 96.0, 120.0]))) == (0.0, 0.0, 0.0)
 
 
 def test_a_longer_tool_reaches_further_against_its_axis() -> None:
     told = {"tip": [1.0, 2.0, 3.0], "axis": [0.0, 0.6, 0.8], "length_mm": 10.0}
     assert touch_off.tip_with(told, 20.0) == pytest.approx((1.0, -4.0, -5.0))
+
+
+def test_under_a_shift_of_g92_the_tip_reads_what_is_wanted() -> None:
+    """As G10 L20 does: the offset takes up what the shift leaves."""
+    shift = {"origin_mm": [2.0, 0.0, -1.0], "suspended": False}
+    made = fitting.applied(MACHINE, {"shift": {"G92": shift}})
+    frame, tip = touch_off.frame(turned([0.0, 0.0, 30.0], [5.0, 6.0, 7.0])), (50.0, 60.0, 70.0)
+    origin = touch_off.origin_for(frame, tip, touch_off.under(shift, {"X": 3.0, "Z": 0.0}))
+    laid = fitting.with_offset(made, "G54", {"origin_mm": list(origin), "turned_deg": [0.0, 0.0, 30.0]})
+    x, _, z = laid.part().from_parent(tip)
+    assert (x, z) == pytest.approx((3.0, 0.0))
+    assert touch_off.under({**shift, "suspended": True}, {"X": 3.0}) == touch_off.under(None, {"X": 3.0})

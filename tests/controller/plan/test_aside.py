@@ -11,7 +11,7 @@ import pytest
 from support.machines.interrupted_runs import LONG
 from support.machines.stepped_runs import shipped
 
-from controller.handoff import Snapshot
+from controller.handoff import Snapshot, blank
 from controller.kinematics import Kinematics
 from controller.machine import Joints
 from controller.plan import aside
@@ -21,7 +21,7 @@ from controller.plan.route.entry import along_axis, room_along_axis
 from controller.plan.route.spot import Spot
 from controller.plan.route.stretch import Chain, Pause
 from controller.plan.text.program import Act, Place
-from controller.state import Fault, Mode
+from controller.state import Mode
 
 MACHINES = ("trunnion", "table_head", "head_head", "oblique45")
 HELD = (10.0, 60.0, 100.0, 0.3, 0.4)
@@ -40,10 +40,7 @@ def corners(items: Iterable[Chain | Pause]) -> list[Joints]:
 
 
 def snapshot(joints: Joints, at_rest: bool = True, mode: Mode = Mode.HOLD) -> Snapshot:
-    five = (0.0,) * 5
-    numbers = (0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 0.0, -1, 10, False, 31)
-    states = ((39,) * 5, 0, 0.0, 1, 0, 0.0, 0, 0, at_rest, 0, False, 0, False, False)
-    return Snapshot(LONG, mode, Fault.NONE, -1, *numbers, joints, five, *states)
+    return blank()._replace(tick=LONG, mode=mode, joints=joints, at_rest=at_rest)
 
 
 @pytest.mark.parametrize("name", MACHINES)

@@ -16,15 +16,16 @@ from support.fakes.fake_engine import FakeEngine, engine_of, heard, served
 
 from controller import fitting, journal
 from controller.door import DoorError
-from controller.handoff import Jog, Snapshot
+from controller.handoff import Snapshot
 from controller.kinematics import Kinematics
 from controller.machine import five
 from controller.plan.route.spot import FORMER, Spot
-from controller.service import jobs
+from controller.requests import Outcome, answer
+from controller.service import acknowledged, jobs
 from controller.service.desk import Desk
-from controller.service.pulse import Pulse
+from controller.service.pulse import LastSecond, Pulse
 from controller.service.service import JOURNAL, Service
-from controller.state import Fault, Mode, Request
+from controller.state import Fault, Mode, Request, sentence
 
 TEXT = "G21 G90 G54\nG1 X10. F3000\nG1 X20.\nM30\n"
 HANGS_S = 60.0  # no test is meant to come near
@@ -89,32 +90,146 @@ def test_a_hold_while_a_way_is_planned_is_done_and_nothing_moves(
     heard(service, aside=verb == "return")
     way = desk(verb, {"mm": 5.0})
     assert planning.wait(HANGS_S)
-    assert done(desk, "hold") == {"mode": "HOLD"}
+    told = done(desk, "hold")
+    assert (told["mode"], told["outcome"], told["what"]) == ("HOLD", "given_up", verb)
     go.set()
     assert isinstance(way, Future)
     way.result(HANGS_S)
     assert Request.RESUME not in engine.requests and engine.now.mode is Mode.HOLD
 
 
-@pytest.mark.parametrize(("verb", "after"), [("retract", Mode.HOLD), ("start", Mode.READY)])
-def test_a_hold_that_overtakes_what_it_is_to_stop_is_sent_again_behind_it(
-    desk: Desk, service: Service, engine: FakeEngine, verb: str, after: Mode
+@pytest.mark.parametrize("word", ["hold", "stop"])
+@pytest.mark.parametrize("verb", ["retract", "start"])
+def test_a_hold_or_stop_at_the_last_moment_comes_behind_what_it_is_to_stop(
+    desk: Desk, service: Service, engine: FakeEngine, verb: str, word: str
 ) -> None:
-    """Asked for at the last moment: its own datagram comes too early for the tick to take it."""
+    """What goes out and what gives it up cannot pass each other: the tick takes both, in that order."""
     if verb == "start":
         loaded(desk, service)
     else:
         held(desk, service, engine)
+    others: list[threading.Thread] = []
 
     def at_the_last_moment(request: Request) -> None:
         if request in (Request.START, Request.RESUME):
             engine.before_request = lambda _: None
-            done(desk, "hold")
+            others.append(threading.Thread(target=done, args=(desk, word)))
+            others[0].start()
+            others[0].join(0.05)
+            assert others[0].is_alive(), "it waits until that is out"
 
     engine.before_request = at_the_last_moment
+    asked = desk(verb, {"mm": 5.0} if verb == "retract" else {})
+    assert isinstance(asked, Future)
     with contextlib.suppress(DoorError):
-        done(desk, verb, **({"mm": 5.0} if verb == "retract" else {}))
-    assert engine.now.mode is after and (service.running is None) is (verb == "start")
+        asked.result(HANGS_S)
+    others[0].join(HANGS_S)
+    assert engine.now.mode is (Mode.HOLD if word == "hold" else Mode.READY)
+    first = Request.START if verb == "start" else Request.RESUME
+    assert engine.requests[-2:] == [first, Request[word.upper()]]
+
+
+def test_a_stop_while_a_start_is_planned_is_the_end_of_it_and_nothing_goes_out(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    loaded(desk, service)
+    arm, planning, go = engine.answers["arm"], threading.Event(), threading.Event()
+
+    def plan(**more: Any) -> dict[str, Any]:
+        planning.set()
+        go.wait(HANGS_S)
+        return arm(**more)
+
+    engine.answers["arm"] = plan
+    start = desk("start", {})
+    assert planning.wait(HANGS_S) and isinstance(start, Future)
+    assert done(desk, "hold")["outcome"] == "given_up"
+    go.set()
+    with pytest.raises(DoorError, match="stopped before it began"):
+        start.result(HANGS_S)
+    assert Request.START not in engine.requests and service.running is None
+
+
+def test_a_stop_between_two_groups_that_home_ends_the_homing_and_nothing_is_enabled(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    """The machine is off just then, and would move again within a moment."""
+    homing, go = threading.Event(), threading.Event()
+
+    def home(**_: Any) -> dict[str, Any]:
+        homing.set()
+        go.wait(HANGS_S)
+        return {}
+
+    engine.answers["home"] = home
+    engine.now = engine.now._replace(mode=Mode.OFF)
+    asked = desk("home", {})
+    assert homing.wait(HANGS_S) and isinstance(asked, Future)
+    with pytest.raises(DoorError, match="HOLD is refused in OFF"):
+        done(desk, "hold")
+    told = done(desk, "stop")
+    assert (told["outcome"], told["what"], engine.given_up) == ("given_up", "home", 1)
+    go.set()
+    with pytest.raises(DoorError, match="stopped"):
+        asked.result(HANGS_S)
+    assert Request.ENABLE not in engine.requests and engine.now.mode is Mode.OFF
+
+
+def test_a_refusal_is_of_the_request_that_was_refused_and_of_no_later_one(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    """Seen on a bench: the second ENABLE answered with the door of the first, while the drives came up."""
+    engine.now = engine.now._replace(mode=Mode.OFF)
+    request, open_door = engine.request, Fault.ESTOP_INPUT
+
+    def refusing(asked: Request, value: float = 0.0) -> int:
+        if asked is not Request.ENABLE:
+            return request(asked, value)
+        engine.number += 1
+        came = answer(engine.number, Outcome.REFUSED, open_door)
+        engine.now = engine.now._replace(answers=(*engine.now.answers[1:], came))
+        return engine.number
+
+    engine.request = refusing  # type: ignore[method-assign]
+    with pytest.raises(DoorError) as error:
+        done(desk, "enable")
+    assert (error.value.mode, error.value.request) == ("OFF", "ENABLE")
+    assert error.value.sentence == sentence(Fault.ESTOP_INPUT)
+    engine.request = request  # type: ignore[method-assign]
+    number = request(Request.ENABLE)
+    engine.now = engine.now._replace(mode=Mode.READY)
+    assert engine.now.came_of(number)[0] is Outcome.DONE and done(desk, "enable")["done"]
+
+
+def test_every_request_is_answered_as_what_came_of_it_and_not_as_the_mode_suggests(
+    desk: Desk, engine: FakeEngine
+) -> None:
+    """The tick refuses what its table would take: it knows more than the snapshot that was seen last."""
+    engine.now = engine.now._replace(mode=Mode.RUNNING)
+    told = done(desk, "override", share=0.5)
+    assert (told["outcome"], told["share"], told["mode"]) == ("done", 0.5, "RUNNING")
+    engine._answer, take = lambda came: take(Outcome.REFUSED), engine._answer  # type: ignore[method-assign]
+    for verb in ("hold", "resume", "jog_stop", "disable"):
+        with pytest.raises(DoorError) as error:
+            done(desk, verb)
+        assert error.value.request
+
+
+def test_a_tick_that_answers_nothing_is_told_and_keeps_nobody_waiting(
+    desk: Desk, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(acknowledged, "LONGEST_S", 0.02)
+    monkeypatch.setattr(engine, "request", lambda request, value=0.0: 77)
+    asked = desk("hold", {})
+    assert isinstance(asked, Future), "the door's thread goes on"
+    with pytest.raises(DoorError) as error:
+        asked.result(HANGS_S)
+    assert error.value.code == "silent" and error.value.request == "HOLD" and error.value.sentence_de
+    asked = desk("stop", {})
+    engine.tick_alive = False
+    assert isinstance(asked, Future)
+    with pytest.raises(DoorError):
+        asked.result(HANGS_S)
 
 
 def at(engine: FakeEngine, **degrees: float) -> None:
@@ -192,21 +307,6 @@ def test_a_retract_that_something_ends_too_early_is_no_success(
     engine.jog_ends_mm = 3.0
     with pytest.raises(DoorError, match=r"after 3\.000 of 8\.000 mm"):
         done(desk, "retract", mm=8.0)
-
-
-def test_a_stop_at_the_last_moment_ends_a_retract_from_ready(
-    desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    at(engine)
-    jog = engine.jog
-
-    def at_the_last_moment(line: Jog) -> None:
-        done(desk, "hold")
-        jog(line)
-
-    monkeypatch.setattr(engine, "jog", at_the_last_moment)
-    done(desk, "retract", mm=8.0)
-    assert engine.requests[-1] is Request.JOG_STOP
 
 
 def leaves(value: Any) -> list[Any]:
@@ -292,6 +392,40 @@ def test_a_tick_that_stands_is_told_in_every_status_and_once_as_an_alarm(
     assert len(service.alarms.list()) == 2, "it stands once more"
 
 
+def test_in_the_last_second_of_the_queue_the_operator_is_told_and_not_before(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    """The plan has more to send, and does not: the path goes on, and rests where the queue ends."""
+    seconds = [0.0]
+    service.last_second = LastSecond(lambda: seconds[0])
+    loaded(desk, service)
+    done(desk, "start")
+    heard(service, finished=False)
+
+    def told(left_s: float, **more: Any) -> list[dict[str, Any]]:
+        now_s = engine.now.plan_time_s
+        engine.now = engine.now._replace(queue_end_s=now_s + left_s, at_rest=False, **more)
+        seconds[0] += 0.15
+        service.look()
+        notices: list[dict[str, Any]] = done(desk, "status")["notices"]
+        return notices
+
+    assert not told(2.5) and not told(1.01)
+    assert not told(0.9), "where a program begins that is nothing"
+    assert not told(0.8)
+    (notice,) = told(0.7)
+    assert (
+        notice["name"] == "PLAN_SILENT" and "0.7 s" in notice["sentence"] and "0.7 s" in notice["sentence_de"]
+    )
+    assert not told(2.0), "it has sent again"
+    assert not service.alarms.list()
+    for _ in range(3):
+        told(0.5)
+    assert told(0.4)
+    heard(service, finished=True, whole=True)
+    assert not told(0.3) and not told(0.2), "it is the program's own end"
+
+
 def test_a_plan_that_is_killed_in_a_hold_is_a_fault_with_one_alarm(
     desk: Desk, service: Service, engine: FakeEngine
 ) -> None:
@@ -328,13 +462,8 @@ def test_a_hold_right_behind_a_resume_is_sent_although_no_snapshot_shows_that_it
     desk: Desk, service: Service, engine: FakeEngine
 ) -> None:
     held(desk, service, engine)
-    engine.before_request = lambda _: None
-    shown = engine.now
-    done(desk, "resume")
-    engine.now, running = shown, engine.now
-    assert running.mode is Mode.RUNNING
-    assert done(desk, "hold") and engine.requests[-1] is Request.HOLD
-    engine.now = shown._replace(answers=running.answers)
+    assert done(desk, "resume")["outcome"] == done(desk, "hold")["outcome"] == "done"
+    assert engine.requests[-2:] == [Request.RESUME, Request.HOLD] and engine.now.mode is Mode.HOLD
     with pytest.raises(DoorError, match="HOLD is refused in HOLD"):
         done(desk, "hold")
 
@@ -427,7 +556,7 @@ def test_a_line_that_is_over_before_anybody_looks_has_been_run(
     engine.answers["arm"] = arm
     started = desk("mdi", {"text": "M5"})
     assert isinstance(started, Future)
-    while not started.done():
+    while not started.done() or service.running is not None:
         service.look()
     assert started.result() == {"done": True, "mode": "READY"} and service.running is None
 

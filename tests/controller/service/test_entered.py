@@ -6,6 +6,7 @@ import pytest
 from support.machines.interrupted_runs import EXAMPLE_2, rest_of
 from support.machines.stepped_runs import shipped
 
+from controller.kinematics import Kinematics
 from controller.plan.route.spot import Spot
 from controller.service import entered
 
@@ -32,3 +33,35 @@ def test_the_state_at_a_place_inside_of_a_surface_is_told(language: str, starts:
         assert sentence.startswith(start) and sentence.endswith(".")
     assert "{" not in "".join(told)
     assert ("coolant off, feed " if language == "en" else "Kühlmittel aus, Vorschub ") in told[2]
+
+
+TILTED = """G21 G90 G54 G61 T1 M6
+S8000 M3
+G0 X0. Y0. Z60.
+G68.2 X5. Y6. Z7. J20.
+G53.1
+G0 X1. Y2. Z20.
+G1 X10. Y-3. Z5. F1500.
+G69
+M30
+"""
+
+
+@pytest.mark.parametrize(
+    ("language", "sentence"),
+    [
+        (
+            "en",
+            "Tilted plane, seen from the table at zero: origin X13.0000 Y102.0000 Z127.0000, X along I1.0000",
+        ),
+        ("de", "Geschwenkte Ebene, gesehen vom Tisch in Null: Ursprung X13.0000 Y102.0000 Z127.0000, X"),
+    ],
+)
+def test_a_tilted_plane_is_told_and_entered(language: str, sentence: str) -> None:
+    rest = rest_of(TILTED, Spot(7, 0.5), shipped(dialect="fanuc", without_point="unit"))
+    told = entered.told(rest, language)
+    assert len(told) == 5 and told[2].startswith(sentence) and told[2].endswith("K0.9397.")
+    kinematics = Kinematics(rest.source.machine)
+    tip, axis = kinematics.forward(rest.target.joints, 0.0)
+    plane = rest.target.modal.frame(rest.source.machine)
+    assert plane.from_parent(tip) == pytest.approx((5.5, -0.5, 12.5)) and axis == pytest.approx(plane.z)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
-
 import pytest
 from support.machines.spindle_machine import mill
 
 from controller import config
 from controller.config import ConfigError
+from controller.live_state import blank
 from controller.machine import Machine, Temperature
 from controller.service import hearing
 from controller.service.hearing import LastFrames
@@ -19,7 +17,7 @@ from drives import pdo
 from drives.commissioning.wanted import TPDO, axis_pdos
 
 TOLD = "temperature = { index = 0x2035, bits = 16, tpdo = 4, per_degree = 10 }"
-NOW: Any = SimpleNamespace(drive_states=(0, 0, 0, 0, 0))
+NOW = blank()
 
 
 def warm(line: str = TOLD) -> Machine:
@@ -48,6 +46,11 @@ def test_a_drive_is_heard_until_the_bus_takes_it_for_dead(
     assert [row["heard"] for row in rows] == [heard, False, False, False, False]
 
 
+def test_frames_of_a_wrong_length_are_told_of_the_drive_that_sent_them() -> None:
+    rows = hearing.drives(warm(), NOW._replace(malformed=(0, 0, 3, 0, 0)), {})
+    assert [row["malformed"] for row in rows] == [0, 0, 3, 0, 0]
+
+
 def test_a_drive_that_was_not_heard_yet_has_no_temperature() -> None:
     machine = warm()
     assert hearing.drives(machine, NOW, {})[0]["temperature_c"] is None
@@ -71,8 +74,7 @@ def test_only_the_drives_that_home_are_told_to_be_homing(
     mode: Mode, homed: int, asked: tuple[int, ...], homes: str
 ) -> None:
     machine = config.load("trunnion")
-    now: Any = SimpleNamespace(drive_states=NOW.drive_states, mode=mode, homed=homed)
-    rows = hearing.drives(machine, now, {}, asked)
+    rows = hearing.drives(machine, NOW._replace(mode=mode, homed=homed), {}, asked)
     assert "".join(row["axis"] for row in rows if row["homing"]) == homes
 
 

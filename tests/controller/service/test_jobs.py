@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from support.machines.stepped_runs import shipped
 
-from controller.handoff import SNAPSHOT_VALUES, Snapshot, SnapshotBoard
+from controller.handoff import Snapshot, blank
 from controller.plan.detour import FIRST_ID
 from controller.plan.route.spot import ENTRY_ID, Spot
 from controller.plan.text import linked
@@ -19,11 +19,7 @@ from controller.state import Mode
 
 
 def snapshot(**values: object) -> Snapshot:
-    board = SnapshotBoard()
-    board.write(*[0] * SNAPSHOT_VALUES)
-    found = board.read()
-    assert found is not None
-    return found._replace(**{"mode": Mode.RUNNING, "override": 1.0, "rapid_override": 1.0, **values})  # type: ignore[arg-type]
+    return blank()._replace(**{"mode": Mode.RUNNING, "override": 1.0, "rapid_override": 1.0, **values})  # type: ignore[arg-type]
 
 
 @pytest.fixture

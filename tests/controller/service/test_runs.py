@@ -120,6 +120,8 @@ def test_a_run_under_way_is_told_from_one_that_has_ended_by_its_files(tmp_path: 
     record.end("completed")
     assert sorted(file.name for file in record.folder.iterdir()) == [
         "events.jsonl",
+        "machine.toml",
+        "program.ngc",
         "run.json",
         "setpoints.npz",
     ]

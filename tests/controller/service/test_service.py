@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 from support.machines.stepped_runs import shipped
 
-from controller import handoff
 from controller.door import DoorError
-from controller.handoff import Snapshot
+from controller.handoff import Snapshot, blank
 from controller.service import jobs
 from controller.service.service import Service
 from controller.state import Fault, Mode
@@ -46,8 +45,7 @@ class _KilledTick:
 
 
 def _snapshot(**values: object) -> Snapshot:
-    found = handoff._snapshot(handoff._SNAPSHOT.unpack(bytes(handoff._SNAPSHOT.size)))
-    return found._replace(**values)  # type: ignore[arg-type]
+    return blank()._replace(**values)  # type: ignore[arg-type]
 
 
 def test_a_fault_that_took_long_to_tell_does_not_end_what_was_started_meanwhile(tmp_path: Path) -> None:

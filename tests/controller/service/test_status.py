@@ -8,8 +8,8 @@ import pytest
 from support.machines.stepped_runs import SHIPPED, shipped
 
 from controller import jog_frames
-from controller.geometry import Frame, Y, Z
-from controller.handoff import SNAPSHOT_VALUES, Snapshot, SnapshotBoard
+from controller.geometry import Frame, X, Y, Z
+from controller.handoff import Snapshot, blank
 from controller.kinematics import Kinematics
 from controller.machine import Machine, five
 from controller.service import status
@@ -18,11 +18,7 @@ from controller.state import ALL_AXES, Fault, Mode, sentence
 
 
 def snapshot(**values: object) -> Snapshot:
-    board = SnapshotBoard()
-    board.write(*[0] * SNAPSHOT_VALUES)
-    found = board.read()
-    assert found is not None
-    return found._replace(**{"mode": Mode.READY, **values})  # type: ignore[arg-type]
+    return blank()._replace(**{"mode": Mode.READY, **values})  # type: ignore[arg-type]
 
 
 @pytest.fixture
@@ -86,14 +82,14 @@ def test_the_work_position_is_told_with_the_offset_that_it_is_in(
     offset: int | None, name: str, work: float, machine: Machine
 ) -> None:
     under_way = None if offset is None else way(offset)
-    told = status.machine_values(machine, snapshot(), under_way, None)
+    told = status.machine_values(machine, snapshot(), under_way)
     assert told["work_offset"] == name
     assert told["joints"]["X"]["work"] == pytest.approx(work)
 
 
 def test_the_work_position_follows_what_shifts_and_turns_the_coordinates(machine: Machine) -> None:
     turned = Frame((10.0, 0.0, 0.0), Y, (-1.0, 0.0, 0.0), Z)
-    told = status.machine_values(machine, snapshot(), replace(way(0), part=turned), None)
+    told = status.machine_values(machine, snapshot(), replace(way(0), part=turned))
     joints = {name: told["joints"][name] for name in "XYZ"}
     assert joints["X"]["work"] == pytest.approx(joints["Y"]["machine"])
     assert joints["Y"]["work"] == pytest.approx(10.0 - joints["X"]["machine"])
@@ -101,17 +97,27 @@ def test_the_work_position_follows_what_shifts_and_turns_the_coordinates(machine
 
 def test_what_stands_in_the_way_and_what_stopped_nothing_is_told_in_both_languages(machine: Machine) -> None:
     now = snapshot(interlock=Fault.DOOR_OPEN, warning=Fault.DRIVE_WARNING)
-    told = status.machine_values(machine, now, None, None)["notices"]
+    told = status.machine_values(machine, now, None)["notices"]
     assert told == [
         {"name": fault.name, "sentence": sentence(fault), "sentence_de": sentence(fault, language="de")}
         for fault in (Fault.DOOR_OPEN, Fault.DRIVE_WARNING)
     ]
-    assert status.machine_values(machine, snapshot(), None, None)["notices"] == []
+    assert status.machine_values(machine, snapshot(), None)["notices"] == []
 
 
 def test_the_programmed_feed_of_a_row_is_that_of_the_line_the_tool_is_on(machine: Machine) -> None:
     row = replace(way(0), feed_mm_s=10.0, feed_steps=((0.0, 10.0), (30.0, 25.0), (42.0, 5.0)))
     at = {0.0: 600.0, 29.9: 600.0, 30.0: 1500.0, 50.0: 300.0}
     for s, feed in at.items():
-        told = status.machine_values(machine, snapshot(s=s), row, None)
+        told = status.machine_values(machine, snapshot(s=s), row)
         assert told["feed_mm_min"]["programmed"] == feed
+
+
+def test_in_a_tilted_plane_the_positions_are_those_of_its_words(machine: Machine) -> None:
+    """Places of the tip in the plane, not of the axes."""
+    plane = Frame((13.0, 102.0, 127.0), X, Z, (0.0, -1.0, 0.0))
+    joints = five([20.0, 30.0, 110.0, 0.4, -0.3])
+    tip = Kinematics(machine).forward(joints, 40.0).tip
+    told = status.joints(machine, snapshot(joints=joints), replace(way(0), part=plane, tilted_mm=40.0))
+    assert [told[name]["work"] for name in "XYZ"] == pytest.approx(plane.from_parent(tip))
+    assert told["X"]["machine"] == 20.0 and told["C"]["work"] == told["C"]["machine"]

@@ -12,15 +12,14 @@ import numpy as np
 import pytest
 from support.machines.stepped_runs import shipped
 
-from controller import handoff
-from controller.handoff import COLUMN, ROW, Recorder, Snapshot
+from controller.handoff import COLUMN, ROW, Recorder, Snapshot, blank
 from controller.service.alarms import Alarms
 from controller.service.troubles import Troubles
 from controller.session.recording import CAUSE_S, KEPT_S, STOP_S, Keeper
 from controller.state import FAULTS, Fault, Mode, Reaction
 
 MACHINE = shipped()
-IDLE = handoff._snapshot(handoff._SNAPSHOT.unpack(bytes(handoff._SNAPSHOT.size)))
+IDLE = blank()
 BEFORE = round(KEPT_S / MACHINE.period_s)
 SETTLED = round((CAUSE_S + 0.1) / MACHINE.period_s)
 LONG = round((STOP_S + 0.1) / MACHINE.period_s)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from support.machines.stepped_runs import shipped
 
-from controller.handoff import SNAPSHOT_VALUES, PieceMessage, SnapshotBoard, piece_pair, request_pair
+from controller.handoff import PieceMessage, SnapshotBoard, blank, flat, piece_pair, request_pair
 from controller.session.plan_end import PlanEnd
 
 
@@ -19,7 +19,7 @@ from controller.session.plan_end import PlanEnd
 def alone(folder: Path) -> Iterator[PlanEnd]:
     path = str(folder / "snapshot")
     board, (plan, tick), (operator, requests) = SnapshotBoard(path), piece_pair(), request_pair()
-    board.write(*[0] * SNAPSHOT_VALUES)  # the tick has answered none
+    board.write(flat(blank()))  # the tick has answered none
     with plan, tick, operator, requests:
         yield PlanEnd(shipped(), os.dup(plan.fileno()), os.dup(operator.fileno()), path)
 

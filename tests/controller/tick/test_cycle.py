@@ -51,6 +51,15 @@ def on_the_line(joints: np.ndarray) -> bool:
     return bool(np.ptp(share, axis=1).max() < 1e-12)
 
 
+def test_frames_of_a_wrong_length_are_counted_by_drive_in_the_snapshot() -> None:
+    bench = Bench()
+    bench.enable()
+    bench.group.drives[3].malformed = 2
+    bench.tick()
+    assert bench.snapshot.malformed == (0, 0, 0, 2, 0)
+    bench.close()
+
+
 def test_enabling_takes_the_drives_positions_over_without_a_jump() -> None:
     start = (12.3456, -7.0, 250.0, 0.3, -1.0)
     bench = Bench(start=start)

@@ -12,7 +12,7 @@ import pytest
 from support.machines.shipped_kinds import machine
 from support.machines.tick_bench import Bench, commands, excess, rapid_law, s_curve, stops, straight
 
-from controller.handoff import DEAD_MAN_S, PLANNER_SILENCE_S, Jog, dwell, send_jog
+from controller.handoff import DEAD_MAN_S, PLANNER_SILENCE_S, Jog, dwell
 from controller.machine import Joints, Machine
 from controller.state import ALL_AXES, Fault, Mode, Request
 from controller.tick.jog import UNHOMED_SHARE
@@ -42,7 +42,7 @@ def ready(homed: int = ALL_AXES, built: Machine | None = None, start: Joints = H
 
 
 def jog(bench: Bench, line: Joints = X_PLUS, speed: float = 100.0, length: float = math.inf) -> None:
-    send_jog(bench.requests, Jog(line, speed, length))
+    bench.jog(Jog(line, speed, length))
 
 
 def press(bench: Bench, ticks: int, line: Joints = X_PLUS, speed: float = 100.0) -> None:
@@ -112,7 +112,7 @@ def test_hold_and_stop_end_a_jog_as_the_key_does(request_: Request) -> None:
     press(bench, 60)
     bench.ask(request_)
     settle(bench)
-    assert bench.snapshot.refused_request == 0
+    assert not bench.refused
     bench.close()
 
 
@@ -217,7 +217,7 @@ def test_a_second_step_waits_until_the_first_one_is_done() -> None:
     bench.tick(3)
     jog(bench, length=5.0)
     bench.tick()
-    assert bench.snapshot.refused_request == Request.JOG
+    assert bench.refused
     settle(bench)
     assert bench.snapshot.joints[0] == pytest.approx(5.0)
     bench.close()
@@ -252,7 +252,7 @@ def test_axes_without_a_zero_do_not_go_together() -> None:
     bench = ready(homed=ALL_AXES & ~1)
     jog(bench, (0.6, 0.8, 0.0, 0.0, 0.0))
     bench.tick(2)
-    assert bench.snapshot.mode is Mode.READY and bench.snapshot.refused_request == Request.JOG
+    assert bench.snapshot.mode is Mode.READY and bench.refused
     bench.close()
 
 
@@ -272,9 +272,9 @@ def test_axes_without_a_zero_do_not_go_together() -> None:
 )
 def test_an_order_without_sense_moves_nothing(order: Jog) -> None:
     bench = ready()
-    send_jog(bench.requests, order)
+    bench.jog(order)
     bench.tick(5)
-    assert bench.snapshot.mode is Mode.READY and bench.snapshot.refused_request == Request.JOG
+    assert bench.snapshot.mode is Mode.READY and bench.refused
     assert bench.snapshot.joints == HOME
     bench.close()
 
@@ -285,7 +285,7 @@ def test_a_jog_is_refused_in_every_mode_but_ready_hold_and_jog(mode: Mode) -> No
     bench.cycle.modes.mode = mode
     jog(bench)
     bench.tick()
-    assert bench.snapshot.refused_request == Request.JOG and not bench.snapshot.jogging
+    assert bench.refused and not bench.snapshot.jogging
     bench.close()
 
 
@@ -340,7 +340,7 @@ def test_a_jog_out_of_a_hold_goes_back_to_it_and_the_program_on_from_where_it_wa
     assert bench.snapshot.away
     bench.ask(Request.RESUME)
     bench.tick(2)
-    assert bench.snapshot.mode is Mode.HOLD and bench.snapshot.refused_request == Request.RESUME
+    assert bench.snapshot.mode is Mode.HOLD and bench.refused
     jog(bench, down, length=20.0)
     bench.tick()
     settle(bench, Mode.HOLD)
@@ -393,7 +393,7 @@ def test_a_jog_waits_for_the_standstill_of_a_hold() -> None:
     bench.tick()
     jog(bench)
     bench.tick()
-    assert bench.snapshot.mode is Mode.HOLD and bench.snapshot.refused_request == Request.JOG
+    assert bench.snapshot.mode is Mode.HOLD and bench.refused
     bench.close()
 
 
@@ -435,7 +435,7 @@ def test_a_door_that_opens_ends_a_jog_and_forbids_the_next() -> None:
     bench.cycle.modes.fail(Fault.DOOR_OPEN, -1)
     press(bench, 200)
     assert bench.snapshot.mode is Mode.READY and bench.snapshot.warning is Fault.DOOR_OPEN
-    assert bench.snapshot.refused_request == Request.JOG
+    assert bench.refused
     assert_within_limits(bench)
     bench.close()
 

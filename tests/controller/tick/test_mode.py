@@ -2,10 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import product
+
 import pytest
 from support.machines.tick_bench import FakeGroup
 
-from controller.state import ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Reaction, Request, follows
+from controller.state import (
+    ALL_AXES,
+    ALWAYS,
+    FAULTS,
+    TRANSITIONS,
+    Fault,
+    Mode,
+    Reaction,
+    Request,
+    follows,
+    refusal,
+)
 from controller.tick.mode import DRIVE_FAULTS, Modes
 from controller.times import ENABLE_S
 from drives.cia402 import State, Wanted
@@ -23,13 +37,122 @@ def modes_in(mode: Mode) -> tuple[Modes, FakeGroup]:
 @pytest.mark.parametrize("request_", Request)
 def test_every_request_in_every_mode_does_what_the_table_says(mode: Mode, request_: Request) -> None:
     modes, _ = modes_in(mode)
-    modes.request(request_, 1.0, standing=True)
+    taken = modes.request(request_, 1.0, standing=True)
     if request_ is Request.ESTOP:
         assert modes.mode is Mode.FAULT
         return
     expected = follows(mode, request_)
     assert modes.mode is (mode if expected is None else expected)
-    assert (modes.refused == request_) is (expected is None)
+    assert taken is (expected is not None)
+
+
+# The values beside the mode, and the modes in which each may be set.
+BESIDE = {
+    "enabling": {Mode.OFF},
+    "ending": {Mode.RUNNING},
+    "away": {Mode.HOLD, Mode.JOG, Mode.STOPPING, Mode.FAULT},  # until what drops the program
+    "_switching_off": {Mode.HOMING},
+    "plan_lost": {Mode.RUNNING, Mode.HOLD, Mode.JOG},
+    "_quick_stopped": {Mode.FAULT},
+}
+FAULTED = {  # the fault that may be shown in a mode, beside none
+    Mode.HOLD: Fault.DOOR_OPEN,
+    Mode.RUNNING: Fault.COOLANT_LOST,
+    Mode.FAULT: Fault.PLANNER_GONE,
+}
+VALUED = (Request.OVERRIDE, Request.RAPID_OVERRIDE, Request.SINGLE_BLOCK, Request.OPTIONAL_STOP)
+INTERLOCKS = (Fault.NONE, Fault.DOOR_OPEN, Fault.ESTOP_INPUT)
+
+
+def states(mode: Mode) -> Iterator[tuple[Modes, FakeGroup]]:
+    """Every state that a mode can be in, by all that is kept beside it."""
+    may = [name for name, where in BESIDE.items() if mode in where]
+    for values in product((False, True), repeat=len(may)):
+        for interlock, untrusted in product(INTERLOCKS, (0, 4)):
+            modes, group = modes_in(mode)
+            for name, value in zip(may, values, strict=True):
+                setattr(modes, name, value)
+            modes.interlock, modes.untrusted = interlock, untrusted
+            modes.homed, modes._homing_mask = ALL_AXES & ~untrusted, 4
+            faulted = mode is Mode.FAULT or interlock is not Fault.NONE or modes.ending
+            if faulted and mode in FAULTED:
+                modes.fault = FAULTED[mode]
+                modes.reaction = FAULTS[modes.fault].reaction
+            yield modes, group
+
+
+def assert_sound(modes: Modes) -> None:
+    """What may stand beside a mode; as the next tick's progress leaves it."""
+    wrong = [name for name, where in BESIDE.items() if getattr(modes, name) and modes.mode not in where]
+    assert not wrong or (wrong == ["away"] and modes.dropped), (modes.mode, wrong)
+    assert (modes.fault is Fault.NONE) is (modes.reaction is Reaction.NONE)
+    assert modes.fault is Fault.NONE or modes.mode in FAULTED, (modes.mode, modes.fault)
+
+
+def values_of(modes: Modes) -> dict[str, object]:
+    return {name: value for name, value in vars(modes).items() if name != "_group"}
+
+
+@pytest.mark.parametrize("mode", Mode)
+@pytest.mark.parametrize("request_", Request)
+def test_every_request_in_every_state_is_taken_or_refused_as_its_sentence_says(
+    mode: Mode, request_: Request
+) -> None:
+    """What is refused changes nothing of all that is kept beside the mode; what is taken leaves it sound."""
+    for standing, value in product((True, False), (0.0, 1.0, 4.0)):
+        for modes, group in states(mode):
+            said = refusal(
+                mode,
+                request_,
+                standing=standing or (request_ is Request.RESET and modes._quick_stopped),
+                homed=modes.homed,
+                untrusted=modes.untrusted,
+                interlock=modes.interlock,
+                away=modes.away,
+                axes=("X", "Y", "Z", "A", "C"),
+            )
+            before, wanted = values_of(modes), group.wanted
+            taken = modes.request(request_, value, standing)
+            sound = not (value == 4.0 and request_ in VALUED)
+            assert taken is (said == "" and sound), (said, before)
+            if not taken:
+                assert values_of(modes) == before and group.wanted is wanted
+                continue
+            assert modes.mode is (Mode.FAULT if request_ is Request.ESTOP else follows(mode, request_))
+            modes.progress(1, standing=False)
+            assert_sound(modes)
+
+
+@pytest.mark.parametrize("mode", Mode)
+@pytest.mark.parametrize("fault", [f for f in Fault if f is not Fault.NONE])
+def test_a_fault_in_every_state_leaves_no_odd_one(mode: Mode, fault: Fault) -> None:
+    for modes, _ in states(mode):
+        modes.fail(fault, 2)
+        modes.progress(1, standing=False)
+        assert_sound(modes)
+
+
+def test_homing_that_is_stopped_while_the_drives_switch_off_ends_no_homing_after_it() -> None:
+    """The next one was told to be over in its first tick, and its axes were not homed."""
+    for end in (
+        lambda modes: modes.request(Request.STOP, 0.0, True),
+        lambda modes: modes.fail(Fault.EMCY, 1),
+    ):
+        modes, group = modes_in(Mode.OFF)
+        modes.request(Request.HOME, 4.0, standing=True)
+        group.drives[2].homing_done = True
+        for drive in group.drives:
+            drive.state = State.OPERATION_ENABLED
+        modes.progress(1, standing=True)
+        assert modes.mode is Mode.HOMING and modes.homed == 4, "it only switches off"
+        end(modes)
+        modes.request(Request.RESET, 0.0, standing=True)
+        for drive in group.drives:
+            drive.state = State.SWITCH_ON_DISABLED
+        group.drives[2].homing_done = False
+        modes.request(Request.HOME, 4.0, standing=True)
+        modes.progress(1, standing=True)
+        assert modes.mode is Mode.HOMING
 
 
 def test_the_table_names_only_requests_that_can_be_refused() -> None:
@@ -107,8 +230,8 @@ def test_a_door_that_opens_holds_and_the_hold_ends_with_resume_once_it_is_closed
     modes, _ = modes_in(Mode.RUNNING)
     modes.interlock = Fault.DOOR_OPEN
     modes.fail(Fault.DOOR_OPEN, -1)
-    modes.request(Request.RESUME, 0.0, standing=True)
-    assert (modes.mode, modes.fault, modes.refused) == (Mode.HOLD, Fault.DOOR_OPEN, Request.RESUME)
+    assert not modes.request(Request.RESUME, 0.0, standing=True)
+    assert (modes.mode, modes.fault) == (Mode.HOLD, Fault.DOOR_OPEN)
     modes.interlock = Fault.NONE
     modes.request(Request.RESUME, 0.0, standing=True)
     assert (modes.mode, modes.fault) == (Mode.RUNNING, Fault.NONE)
@@ -127,8 +250,7 @@ def test_a_door_that_opens_holds_and_the_hold_ends_with_resume_once_it_is_closed
 def test_an_interlock_forbids_motion(interlock: Fault, request_: Request, granted: bool, reason: str) -> None:
     modes, _ = modes_in(Mode.READY if request_ in (Request.START, Request.DISABLE) else Mode.OFF)
     modes.interlock = interlock
-    modes.request(request_, 1.0, standing=True)
-    assert (modes.refused != request_) is granted, reason
+    assert modes.request(request_, 1.0, standing=True) is granted, reason
 
 
 def test_a_harder_fault_takes_the_place_of_a_hold() -> None:
@@ -220,8 +342,7 @@ def test_the_first_fault_stays_shown_and_a_harder_reaction_still_acts() -> None:
 def test_reset_waits_for_standstill() -> None:
     modes, group = modes_in(Mode.RUNNING)
     modes.fail(Fault.PLANNER_GONE, -1)
-    modes.request(Request.RESET, 0.0, standing=False)
-    assert modes.mode is Mode.FAULT and modes.refused == Request.RESET
+    assert not modes.request(Request.RESET, 0.0, standing=False) and modes.mode is Mode.FAULT
     modes.request(Request.RESET, 0.0, standing=True)
     assert modes.mode is Mode.OFF and modes.fault is Fault.NONE and group.wanted is Wanted.RESET
 
@@ -229,8 +350,7 @@ def test_reset_waits_for_standstill() -> None:
 @pytest.mark.parametrize("value", (-0.1, 2.5, float("nan"), float("inf")))
 def test_an_override_out_of_range_changes_nothing(value: float) -> None:
     modes, _ = modes_in(Mode.RUNNING)
-    modes.request(Request.OVERRIDE, value, standing=False)
-    assert modes.override == 1.0 and modes.refused == Request.OVERRIDE
+    assert not modes.request(Request.OVERRIDE, value, standing=False) and modes.override == 1.0
 
 
 def test_a_drive_that_does_not_enable_in_time_is_named() -> None:

@@ -12,7 +12,6 @@ from support.machines.tick_bench import Bench, s_curve, straight
 from controller.handoff import COLUMN, Jog, Outcome, Piece, dwell, send_jog, send_request
 from controller.machine import Clamp, Io, Joints, Machine, Spindle
 from controller.state import Fault, Mode, Request
-from controller.tick.peripherals import Peripherals
 
 HERE: Joints = (0.0, 0.0, 0.0, 0.0, 0.0)
 THERE: Joints = (40.0, 0.0, 0.0, 0.0, 0.0)
@@ -70,10 +69,8 @@ class Shop(Bench):
     """A bench with a spindle and a node."""
 
     def __init__(self, machine: Machine | None = None) -> None:
-        super().__init__(machine or equipped())
         self.spindle, self.node = FakeSpindle(), FakeNode()
-        self.group.spindle, self.group.io = self.spindle, (self.node,)
-        self.cycle.peripherals = Peripherals(self.machine, self.spindle, [self.node])
+        super().__init__(machine or equipped(), spindle=self.spindle, io=(self.node,))
 
     def cut(self, rev_min: float = 6000.0, coolant: int = 2, clamps: int = 0) -> None:
         """Started: it is told, and then moves; the tick in which it is told is over."""
@@ -191,7 +188,7 @@ def test_a_door_that_is_open_or_not_heard_of_allows_no_start(hidden: bool) -> No
     shop.tick()
     shop.ask(Request.START)
     shop.tick(3)
-    assert shop.snapshot.mode is Mode.READY and shop.snapshot.refused_request == Request.START
+    assert shop.snapshot.mode is Mode.READY and shop.refused
     assert shop.snapshot.interlock is (Fault.IO_LOST if hidden else Fault.DOOR_OPEN)
     shop.close()
 
@@ -285,7 +282,7 @@ def test_a_jog_of_a_clamped_axis_waits_until_it_is_open_and_closes_it_after() ->
     shop.until(Mode.READY, 300)
     shop.tick(60)
     assert not shop.node.outputs & OPEN and shop.snapshot.fault is Fault.NONE
-    send_jog(shop.requests, Jog((1.0, 0.0, 0.0, 0.0, 0.0), 5.0))
+    shop.jog(Jog((1.0, 0.0, 0.0, 0.0, 0.0), 5.0))
     shop.tick(30)
     assert shop.snapshot.mode is Mode.JOG and not shop.node.outputs & OPEN  # X has no clamp
     shop.close()
@@ -312,7 +309,7 @@ def test_a_jog_out_of_a_hold_leaves_the_spindle_as_the_program_wants_it() -> Non
     shop.until_rest()
     shop.tick(3)
     shop.cycle.modes.homed = 0x1F
-    send_jog(shop.requests, Jog((0.0, 0.0, 1.0, 0.0, 0.0), 20.0, 2.0))
+    shop.jog(Jog((0.0, 0.0, 1.0, 0.0, 0.0), 20.0, 2.0))
     shop.tick(2)
     assert shop.snapshot.mode is Mode.JOG and shop.spindle.rev_min == 6000.0
     shop.until(Mode.HOLD, 500)
@@ -323,7 +320,7 @@ def test_a_jog_out_of_a_hold_leaves_the_spindle_as_the_program_wants_it() -> Non
 def test_a_jog_out_of_ready_starts_no_spindle() -> None:
     shop = Shop()
     shop.enable()
-    send_jog(shop.requests, Jog((0.0, 0.0, 1.0, 0.0, 0.0), 20.0, 2.0))
+    shop.jog(Jog((0.0, 0.0, 1.0, 0.0, 0.0), 20.0, 2.0))
     shop.tick(20)
     assert shop.snapshot.mode is Mode.JOG and shop.spindle.rev_min == 0.0 and shop.snapshot.coolant == 0
     shop.close()
@@ -333,12 +330,12 @@ def test_a_door_opened_in_a_jog_stops_it() -> None:
     shop = Shop()
     shop.enable()
     for n in range(30):
-        send_jog(shop.requests, Jog((0.0, 0.0, 1.0, 0.0, 0.0), 20.0))
+        shop.jog(Jog((0.0, 0.0, 1.0, 0.0, 0.0), 20.0))
         shop.tick(10)
         if n == 10:
             shop.node.inputs &= ~DOOR
     assert shop.snapshot.mode is Mode.READY and shop.cycle.follow.at_rest
-    assert shop.snapshot.warning is Fault.DOOR_OPEN and shop.snapshot.refused_request == Request.JOG
+    assert shop.snapshot.warning is Fault.DOOR_OPEN and shop.refused
     shop.close()
 
 
@@ -360,10 +357,9 @@ def test_a_machine_without_any_of_it_never_waits() -> None:
 
 def came_of(shop: Shop, request: Request, value: float = 0.0) -> tuple[Outcome, Fault]:
     """After the tick that takes it."""
-    number = max(one >> 16 for one in shop.snapshot.answers) + 1
-    send_request(shop.requests, request, value, number)
+    shop.ask(request, value)
     shop.tick()
-    return shop.snapshot.came_of(number)
+    return shop.snapshot.came_of(shop.asked)
 
 
 def test_a_refusal_belongs_to_the_request_that_was_refused() -> None:
@@ -383,7 +379,6 @@ def test_a_refusal_belongs_to_the_request_that_was_refused() -> None:
     shop.tick(3)
     came_of(shop, Request.RESET)
     assert came_of(shop, Request.ENABLE) == (Outcome.DONE, Fault.NONE)
-    assert shop.snapshot.refused_request == 0
     shop.close()
 
 
@@ -421,10 +416,10 @@ def test_requests_of_one_tick_are_answered_one_by_one_and_the_row_has_the_last()
     shop = Shop()
     shop.enable()
     shop.rows()
-    for number, request in enumerate((Request.HOLD, Request.SINGLE_BLOCK, Request.RESUME), 1):
+    for number, request in enumerate((Request.HOLD, Request.SINGLE_BLOCK, Request.RESUME), 11):
         send_request(shop.requests, request, 1.0, number)
     shop.tick()
-    came = [shop.snapshot.came_of(number)[0] for number in (1, 2, 3)]
+    came = [shop.snapshot.came_of(number)[0] for number in (11, 12, 13)]
     assert came == [Outcome.REFUSED, Outcome.DONE, Outcome.REFUSED]
-    assert shop.rows()[:, COLUMN["request"]].tolist() == [3.0]
+    assert shop.rows()[:, COLUMN["request"]].tolist() == [13.0]
     shop.close()

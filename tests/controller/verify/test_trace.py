@@ -147,6 +147,20 @@ def test_a_lag_equal_on_all_axes_costs_little_path_error(ruled_run, cut):
     json.dumps(figures.to_dict())
 
 
+@pytest.mark.parametrize(("behind", "short"), [(0.3, 0.0), (0.0, 0.6), (0.25, 0.75)])
+def test_a_cut_that_begins_and_ends_within_a_tick_is_as_long_as_it_is(cut, behind, short):
+    u = np.concatenate(([np.nan], (np.arange(11) + behind) / (10.0 + behind + short), [np.nan]))
+    contact = np.column_stack((30.0 * u, 0.0 * u, 0.0 * u))
+    made = replace(cut, u=u, contact=contact)
+    assert traces.cut_length_mm(made) == pytest.approx(30.0, abs=1e-12)
+
+
+def test_a_cut_that_is_begun_within_is_only_as_long_as_what_was_cut(cut):
+    u = np.array([np.nan, 0.5, 0.6, 0.7, np.nan])
+    made = replace(cut, u=u, contact=np.column_stack((30.0 * u, 0.0 * u, 0.0 * u)))
+    assert traces.cut_length_mm(made) == pytest.approx(6.0)
+
+
 def test_speeds_are_shares_of_the_limits(ruled_run, cut):
     moved = np.zeros_like(cut.joint_command[:3])
     moved[1:, 4] = 0.72  # degrees in 2 ms are 360 deg/s
@@ -185,8 +199,17 @@ def test_the_recording_of_a_fault_is_a_trace_from_its_first_row_on(ruled_run, tm
         assert np.array_equal(getattr(read, name)[late:], getattr(whole, name)), name
 
 
+def test_a_recording_of_a_version_that_kept_less_or_in_another_order_is_the_same_trace(ruled_run, tmp_path):
+    wanted = traces.of_recording(recorded(ruled_run, tmp_path), ruled_run.machine, ruled_run.kinematics)
+    less = {"columns": np.array([*ROW[-2::-1], "newer"]), "rows": ruled_run.rows[:, ::-1].copy()}
+    less["rows"] = np.roll(less["rows"], -1, axis=1)
+    read = traces.of_recording(recorded(ruled_run, tmp_path, **less), ruled_run.machine, ruled_run.kinematics)
+    for name in ("time_s", "joint_command", "joint_setpoint", "joint_actual", "feed_mm_s", "line", "cutting"):
+        assert np.array_equal(getattr(read, name), getattr(wanted, name)), name
+
+
 def test_a_recording_of_another_version_or_period_is_refused_in_a_sentence(ruled_run, tmp_path):
-    file = recorded(ruled_run, tmp_path, columns=np.array(ROW[:-1]))
+    file = recorded(ruled_run, tmp_path, columns=np.array(ROW[1:]), rows=ruled_run.rows[:, 1:])
     with pytest.raises(ValueError, match="another version of Directrix"):
         traces.of_recording(file, ruled_run.machine, ruled_run.kinematics)
     file = recorded(ruled_run, tmp_path, period_s=0.004)

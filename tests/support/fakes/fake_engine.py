@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from support.machines.stepped_runs import shipped
 
-from controller.handoff import COLUMN, ROW, SNAPSHOT_VALUES, Jog, Snapshot, SnapshotBoard
+from controller.handoff import COLUMN, ROW, Jog, Snapshot, blank
 from controller.machine import Machine, five
 from controller.requests import Outcome, answer
 from controller.service.jobs import homed_position
@@ -49,13 +49,9 @@ class FakeEngine:
         self.jogged: list[Jog] = []
         self.jog_ends_mm = math.inf  # after which something ends it
         self.before_request: Callable[[Request], None] = lambda _: None
-        board = SnapshotBoard()
-        board.write(*[0] * SNAPSHOT_VALUES)
-        found = board.read()
-        assert found is not None
         joints = homed_position(machine)
         more = {"joints": joints, "actual": joints, "override": 1.0, "rapid_override": 1.0}
-        self.now: Snapshot = found._replace(mode=Mode.READY, homed=ALL_AXES, at_rest=True, **more)  # type: ignore[arg-type]
+        self.now: Snapshot = blank()._replace(mode=Mode.READY, homed=ALL_AXES, at_rest=True, **more)  # type: ignore[arg-type]
 
     # -- as Engine
 

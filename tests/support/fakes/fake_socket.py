@@ -39,6 +39,7 @@ TABLE: dict[str, tuple[set[str], str | None]] = {
     "retract": ({"HOLD", "READY"}, None),
     "return": ({"HOLD"}, None),
     "set_offset": ({"OFF", "READY"}, None),
+    "forget": ({"OFF", "READY"}, None),
     "set_tool": ({"OFF", "READY", "HOLD"}, None),
     "acknowledge": (set(), None),
 }
@@ -107,6 +108,8 @@ class FakeDoor:
             self.job = None
         elif verb == "set_offset":
             self.offsets[args["name"]] = args["values"]
+        elif verb == "forget":
+            self.offsets.pop(args["name"], None)
         elif verb == "set_tool":
             self.tools[str(args["number"])] = {k: v for k, v in args.items() if k != "number"}
             if args.get("remove"):

@@ -19,7 +19,7 @@ import uvicorn
 from support.fakes.fake_socket import AXES, FakeDoor
 
 from controller import config
-from controller.handoff import SNAPSHOT_VALUES, SnapshotBoard
+from controller.handoff import blank
 from controller.panel.checker import Checker
 from controller.panel.core import Panel
 from controller.panel.http import make_app
@@ -92,13 +92,10 @@ class MovingDoor(FakeDoor):
         """As a machine tells that has found all its axes and stands."""
         shown = [_joint(where, i)["machine"] for i, where in enumerate(self._where.values())]
         joints = [q / axis.shown_per_unit for q, axis in zip(shown, MACHINE.axes, strict=True)]
-        board = SnapshotBoard()
-        board.write(*[0] * SNAPSHOT_VALUES)
-        blank = board.read()
-        if blank is None or self.mode not in Mode.__members__ or self._aside:
+        if self.mode not in Mode.__members__ or self._aside:
             return None
         known = {"mode": Mode[self.mode], "homed": ALL_AXES, "at_rest": True}
-        return status.retract_room_mm(MACHINE, blank._replace(joints=joints, **known))
+        return status.retract_room_mm(MACHINE, blank()._replace(joints=joints, **known))
 
     def status(self) -> dict[str, Any]:
         self._jogged()

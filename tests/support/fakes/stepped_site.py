@@ -76,7 +76,7 @@ class SteppedDoor(MovingDoor):
         drives = hearing.drives(self.warm, now, self.logs)
         return {
             **super().status(),
-            **status.machine_values(self.machine, now, None, self.bench.recorder, TOOL),
+            **status.machine_values(self.machine, now, None, TOOL),
             "time_s": now.tick * self.machine.period_s,
             "fault": None,
             "job": {**job, "sha256": self.sha256, "fraction": 0.3, "duration_s": 67.0},
@@ -97,7 +97,7 @@ class SteppedDoor(MovingDoor):
 
     def facts(self) -> dict[str, Any]:
         made = self.machine
-        return status.facts(made, {"offsets": fitting.offsets_of(made), "tools": fitting.tools_of(made)})
+        return status.facts(made, fitting.told(made, {}))
 
     def buses(self) -> dict[str, Any]:
         return looks.buses(self.machine, self.logs, self.bench.recorder)

@@ -15,7 +15,9 @@ from controller.curves import ArcLength, Line
 from controller.geometry import Frame
 from controller.handoff import (
     COLUMN,
+    Jog,
     Law,
+    Outcome,
     Piece,
     PieceInbox,
     PieceMessage,
@@ -27,6 +29,7 @@ from controller.handoff import (
     StopTable,
     piece_pair,
     request_pair,
+    send_jog,
     send_request,
 )
 from controller.kinematics import Kinematics
@@ -63,6 +66,7 @@ class FakeDrive:
         self.homing_to = 0
         self.following_error = FakeFollowingError()
         self.in_position = True
+        self.malformed = 0
         self.next = position
         self.velocity_units = 1.0
         self._homing = -1
@@ -159,10 +163,13 @@ class Bench:
         machine: Machine | None = None,
         start: Joints = (0.0, 0.0, 0.0, 0.0, 0.0),
         lateness: Callable[[int], float] | None = None,
+        spindle: Any = None,
+        io: Sequence[Any] = (),
     ) -> None:
         self.machine = machine or make_machine()
         counts = [round(q * a.counts_per_unit) for q, a in zip(start, self.machine.axes, strict=True)]
         self.group = FakeGroup(counts)
+        self.group.spindle, self.group.io = spindle, io
         plan_end, tick_end = piece_pair()
         self.requests, request_end = request_pair()
         self.outbox = PieceOutbox(plan_end)
@@ -179,7 +186,7 @@ class Bench:
             self.clock.now_s,
         )
         self.loop = Loop(self.cycle, self.clock)
-        self.sequence = 0
+        self.sequence = self.asked = 0  # numbers of the last message, and of the last request
         self.planner_alive = True
         self._ends = (plan_end, tick_end, self.requests, request_end)
 
@@ -190,7 +197,19 @@ class Bench:
         return found
 
     def ask(self, request: Request, value: float = 0.0) -> None:
-        send_request(self.requests, request, value)
+        self.asked += 1
+        send_request(self.requests, request, value, self.asked)
+
+    def jog(self, order: Jog) -> None:
+        self.asked += 1
+        send_jog(self.requests, order, self.asked)
+
+    @property
+    def refused(self) -> bool:
+        """Whether the tick has refused what was asked for last."""
+        came = self.snapshot.came_of(self.asked)[0]
+        assert came is not Outcome.NONE, "it is not answered yet"
+        return came is Outcome.REFUSED
 
     def send(
         self,

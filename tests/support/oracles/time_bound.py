@@ -1,16 +1,15 @@
 """The shortest time of a path by toppra with velocity and acceleration limits alone: no controller beats it.
 
-Each smooth stretch from rest to rest, as the issue counts it. Near its ends the time
-of such a stretch lives in ever smaller steps, so the grid is refined there until the
-time is stable. Joints are sampled and splined; nothing of the planner is used but the
-motions themselves.
+Each smooth stretch from rest to rest, or at any speed where it joins another. Near an end at rest
+the time lives in ever smaller steps, so the grid is refined there until the time is stable.
+Joints are sampled and splined; nothing of the planner is used but the motions themselves.
 """
 
 from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -36,18 +35,29 @@ def linuxcnc(machine: Machine) -> Machine:
     return replace(machine, axes=tuple(axes))
 
 
-def seconds(stretches: Iterable[Stretch], machine: Machine, feed_mm_s: float | None = None) -> float:
+def seconds(stretches: Iterable[Stretch], machine: Machine) -> float:
     """Sum of the shortest times of the stretches, each from rest to rest at no more than its feed."""
     kinematics = Kinematics(machine)
-    return sum(_of_one(stretch, machine, kinematics, feed_mm_s) for stretch in stretches)
+    return sum(_of_one(stretch, machine, kinematics, (False, False)) for stretch in stretches)
 
 
-def _of_one(stretch: Stretch, machine: Machine, kinematics: Kinematics, feed: float | None) -> float:
+def seconds_of_cuts(run: Sequence[Stretch], machine: Machine) -> float:
+    """As ``seconds``, of the cuts in a row of stretches that is run through without a rest."""
+    kinematics, last = Kinematics(machine), len(run) - 1
+    return sum(
+        _of_one(stretch, machine, kinematics, (k > 0, k < last))
+        for k, stretch in enumerate(run)
+        if stretch.cutting
+    )
+
+
+def _of_one(stretch: Stretch, machine: Machine, kinematics: Kinematics, moving: tuple[bool, bool]) -> float:
     joints = sampled(stretch, kinematics)
-    feed = feed or stretch.feed_mm_s or 1e9
+    feed = stretch.feed_mm_s or 1e9
     count, before = FIRST_GRID, math.inf
     while True:
-        now = rest_to_rest(joints, stretch.motion.end, machine, feed, _gathered(count) * stretch.motion.end)
+        grid = _gathered(count) * stretch.motion.end
+        now = _shortest(joints, stretch.motion.end, machine, feed, grid, moving)
         if now < math.inf and abs(now - before) <= STABLE * now:
             return now
         if count > MOST_GRID:
@@ -93,12 +103,25 @@ class _Feed(toppra.constraint.LinearConstraint):  # type: ignore[misc, name-defi
         return None, None, None, None, None, None, np.tile([0.0, self._feed**2], (len(grid), 1))
 
 
-def rest_to_rest(
-    joints: Callable[..., np.ndarray], end: float, machine: Machine, feed: float, grid: np.ndarray
+class _Planner(toppra.algorithm.TOPPRA):  # type: ignore[misc, name-defined]
+    """The end may have any speed up to ``sd_end``; toppra's own must have just that."""
+
+    def compute_controllable_sets(self, sdmin: float, sdmax: float) -> np.ndarray:
+        return np.asarray(super().compute_controllable_sets(0.0, sdmax))
+
+
+def _shortest(
+    joints: Callable[..., np.ndarray],
+    end: float,
+    machine: Machine,
+    feed: float,
+    grid: np.ndarray,
+    moving: tuple[bool, bool],
 ) -> float:
     """Seconds of the time-optimal profile on one grid (M,) from 0 to ``end``; inf where toppra fails.
 
     It does so on some grids by rounding and not on others; the next finer one is asked then.
+    ``moving``: at the begin and at the end, where it else rests.
     """
     velocity = np.array([axis.limits.velocity for axis in machine.axes])
     acceleration = np.array([axis.limits.acceleration for axis in machine.axes])
@@ -107,10 +130,11 @@ def rest_to_rest(
         toppra.constraint.JointAccelerationConstraint(np.stack([-acceleration, acceleration], axis=1)),
         _Feed(feed),
     ]
-    planner = toppra.algorithm.TOPPRA(
-        constraints, _Path(joints, end), gridpoints=grid, solver_wrapper="seidel"
-    )
-    _, speeds, _, _ = planner.compute_parameterization(0.0, 0.0, return_data=True)
+    planner = _Planner(constraints, _Path(joints, end), gridpoints=grid, solver_wrapper="seidel")
+    at_end, at_begin = feed if moving[1] else 0.0, 0.0
+    if moving[0]:
+        at_begin = math.sqrt(planner.compute_controllable_sets(0.0, at_end)[0, 1])
+    _, speeds, _, _ = planner.compute_parameterization(at_begin, at_end, return_data=True)
     if speeds is None:
         return math.inf
     v = np.asarray(speeds)

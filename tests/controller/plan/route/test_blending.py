@@ -21,6 +21,7 @@ from controller.kinematics import Kinematics
 from controller.machine import Machine, Tool
 from controller.placement import Blended
 from controller.plan.feed.course import Course
+from controller.plan.feed.limits import JointLimits
 from controller.plan.route.branch import joints_along
 from controller.plan.route.path import Chain, Path
 from controller.plan.route.stretch import Stretch, rotaries_of
@@ -102,6 +103,25 @@ def test_a_joint_of_rounding_runs_through_twice_smoothly(seed: int) -> None:
         assert np.abs(aa - bb).max() < 1e-3 * (1.0 + np.abs(aa).max()), seed
         assert Course((before, after), built, Kinematics(built)).junction(0) > 1e3, "mm/s"
     assert_whole(traced, built)
+
+
+@pytest.mark.parametrize(
+    ("seed", "decimals", "least_mm_s"), [(3000, 2, 5.0), (3006, 5, 14.0), (3016, 3, 5.5)]
+)
+def test_where_the_tool_turns_at_another_rate_the_joint_is_rounded(
+    seed: int, decimals: int, least_mm_s: float
+) -> None:
+    """A way that came back to the joint itself, for as much deviation, would allow two thirds of that."""
+    built = with_cutter(5.0)
+    traced = trace(program(blu_compounds.general(seed, decimals), "G41"), built)
+    speeds = []
+    for pair in joints_between(traced):
+        course = Course(pair, built, Kinematics(built))
+        beside = pair[0].motion.end + np.array([-0.01, 0.01])
+        speeds.append(float(JointLimits.of(built).path_speed(course.derivatives(beside)).min()))
+    assert min(speeds) >= least_mm_s
+    told = re.findall(r"deviates by ([\d.]+) um", sentences(traced))
+    assert max(map(float, told)) <= 1000.0 * built.joint_tolerance_mm
 
 
 def test_the_same_joints_are_corners_without_the_blend() -> None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.machines.stepped_runs import shipped
+from support.machines.stepped_runs import program, shipped
 from support.machines.traced_programs import HOME, assert_whole, mill, named, names, sentences, trace
 from support.parts.random_surfaces import compound, text
 
@@ -55,6 +55,15 @@ def test_a_lead_goes_on_with_the_place_the_rate_and_the_bend_of_the_cut(kind: st
         assert a[1] == pytest.approx(b[1], abs=1e-6)
         assert a[2] == pytest.approx(b[2], abs=1e-4)
     assert_whole(traced, built)
+
+
+def test_a_lead_goes_on_with_the_rate_of_a_cut_that_ends_at_the_pole() -> None:
+    """The last ruling of Example 2 is vertical: its rates are those of the limit."""
+    traced = trace(program("example2_ready.ngc", "3000."), shipped(), HOME)
+    before, after = ends(traced)[1]
+    a = differences(before, before.motion.end, -1.0, shipped())
+    b = differences(after, 0.0, 1.0, shipped())
+    assert a[1] == pytest.approx(b[1], abs=1e-5)
 
 
 @pytest.mark.parametrize("seed", range(6))

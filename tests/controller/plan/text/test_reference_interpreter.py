@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import random
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from support.oracles import reference_interpreter
-from support.parts import random_codes
+from support.parts import random_codes, random_planar
 from support.suite import seed
 
+NO_ROOM = ("leaves standing", "vanishes behind the cutter", "cannot be reached")
 PROGRAMS = 20  # here; a thousand and more outside of the fast tests
 
 
@@ -29,3 +31,30 @@ def test_random_programs_lead_where_the_reference_interpreter_leads(count: int, 
         assert len(ours.moves) == len(theirs.moves), text
         for mine, other in zip(ours.moves, theirs.moves, strict=True):
             assert mine.near(other), f"{mine}\n{other}\n{text}"
+
+
+@pytest.mark.skipif(
+    reference_interpreter.program() is None, reason="rs274 (linuxcnc-uspace) is not installed"
+)
+@pytest.mark.parametrize("count", [PROGRAMS, pytest.param(1000, marks=pytest.mark.slow)])
+def test_a_cutter_beside_a_contour_goes_where_the_reference_interpreter_leads(
+    count: int, tmp_path: Path
+) -> None:
+    """What both cut is the same; what it refuses is refused; where the part is cut into only we refuse."""
+    machine = reference_interpreter.machine()
+    tools = (replace(tool, radius_mm=mm) for tool, mm in zip(machine.tools, (3.175, 6.35), strict=False))
+    machine = replace(machine, tools=tuple(tools))
+    print(f"seed {seed.SEED}")
+    rng, cut = random.Random(seed.SEED), 0
+    for _ in range(count):
+        text = random_planar.program(rng)
+        ours = reference_interpreter.ours(text, machine)
+        theirs = reference_interpreter.reference(text, tmp_path, machine)
+        for mine, other in zip(ours.moves, theirs.moves, strict=False):
+            assert mine.near(other), f"{mine}\n{other}\n{text}"
+        if ours.refused:
+            assert theirs.refused or any(why in ours.refused for why in NO_ROOM), f"{ours.refused}\n{text}"
+        else:
+            assert not theirs.refused and len(ours.moves) == len(theirs.moves), f"{theirs.refused}\n{text}"
+            cut += 1
+    assert cut > count // 3

@@ -1,0 +1,35 @@
+"""Outputs that are switched with motion (M62, M63): each stretch has what was said up to its block."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+from controller.plan.route.stretch import Chain, Pause, Stretch
+from controller.plan.text.program import UNSAID, Block, Outputs
+
+
+class Switched:
+    """Notes the blocks as they are read, and hands on what is made of them."""
+
+    def __init__(self) -> None:
+        self._said: deque[tuple[int, Outputs]] = deque([(0, UNSAID)])  # from which order on
+
+    def read(self, blocks: Iterable[Block]) -> Iterator[Block]:
+        for block in blocks:
+            if block.modal.outputs != self._said[-1][1]:
+                self._said.append((block.place.order, block.modal.outputs))
+            yield block
+
+    def laid(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+        """The same path; the stretches come in the order of their blocks."""
+        for item in items:
+            if isinstance(item, Chain) and (len(self._said) > 1 or self._said[0][1] != UNSAID):
+                item = replace(item, stretches=tuple(self._switching(one) for one in item.stretches))
+            yield item
+
+    def _switching(self, stretch: Stretch) -> Stretch:
+        while len(self._said) > 1 and self._said[1][0] <= stretch.place.order:
+            self._said.popleft()
+        return replace(stretch, outputs=self._said[0][1])

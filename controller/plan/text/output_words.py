@@ -1,0 +1,59 @@
+"""M62 to M66: which output or input of the machine a P names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from controller.machine import Machine
+from controller.plan.text.codes import Ask
+from controller.plan.text.program import Await, Block, Level, Modal, Remark
+from controller.plan.text.words import Word
+
+MOST_WAIT_S = 604_800.0  # a week
+READS = (
+    "M66 without L, or with L0, reads an input for #5399, which no program can look at here; write L3 or "
+    "L4 and Q to wait for it."
+)
+
+
+def number(ask: Ask, code: str, word: Word, machine: Machine) -> int:
+    """The output that P of M62 to M65 names. Raises ProgramError."""
+    return _named(ask, code, word, "digital_out", machine.io.digital_out if machine.io else ())
+
+
+def awaited(ask: Ask, word: Word, modal: Modal, machine: Machine) -> list[Block]:
+    """M66 P L Q. Raises ProgramError."""
+    number = _named(ask, "M66", word, "digital_in", machine.io.digital_in if machine.io else ())
+    kind, most = ask.words.get("L"), ask.words.get("Q")
+    level = 0 if kind is None else ask.whole(kind)
+    if level == 0:
+        return [Remark(ask.place(word), modal, READS)]
+    if level > len(Level):
+        raise ask.refusal(
+            kind or word,
+            f"L{level} is nothing that M66 waits for: L1 is a rise, L2 a fall, L3 on, L4 off; use one of "
+            "these",
+        )
+    if most is None or not 0.0 < most.value <= MOST_WAIT_S:
+        raise ask.refusal(
+            most or word,
+            f"M66 L{level} has no time: write Q with the seconds that it may take, above 0 and at most "
+            f"{MOST_WAIT_S:.0f}",
+        )
+    return [Await(ask.place(word), modal, number, Level(level), most.value)]
+
+
+def _named(ask: Ask, code: str, word: Word, key: str, names: Sequence[str]) -> int:
+    if not names:
+        raise ask.refusal(
+            word, f"{code} has nothing to work on: the machine file has no {key} in [io]; name it there"
+        )
+    known = ", ".join(f"P{i} {name}" for i, name in enumerate(names))
+    p = ask.words.get("P")
+    if p is None:
+        raise ask.refusal(word, f"{code} does not say which one: write P and its number; there are {known}")
+    if ask.whole(p) >= len(names):
+        raise ask.refusal(
+            p, f"{p.text} names nothing: {key} in [io] of the machine file has {known}; use one of these"
+        )
+    return int(p.value)

@@ -1,0 +1,339 @@
+"""Sequences of requests at random against a stepped machine: each is answered once, and there is a way out.
+
+    PYTHONPATH=.:tests python -m support.machines.request_sequences 100000 [SEED]
+
+Whatever an operator, a plan or a wire may ask is asked at any tick, sound or not, with a program that is
+armed now and then, a door and an emergency stop that open and close, and a plan that dies. What must hold:
+
+* every request is answered by the tick exactly once, within ``ANSWER_TICKS``;
+* one that is refused changed nothing and has a sentence of ``state.refusal``; one that is done had none;
+* from whatever came of it what an operator is told to do leads to READY, within ``WAY_OUT_TICKS``.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from support.machines.spindle_machine import DOOR, ESTOP, mill
+
+from controller import config, state
+from controller.handoff import Jog, Outcome, send_jog
+from controller.session import checked
+from controller.session.startup import SessionError
+from controller.session.stepped import SteppedMachine
+from controller.state import ALL_AXES, ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Recovery, Request
+from drives.commission import CommissionError
+
+PERIOD_S = 0.005
+LENGTH = (1, 12)  # requests in a sequence
+GAP = (0, 60)  # ticks between two of them
+ANSWER_TICKS = 400  # homing is answered when the clamps of its axes are open
+WAY_OUT_TICKS = 12_000  # a minute, most of it homing
+PLAN_TURN = 2  # ticks
+TEXT = """G21 G90 G54 T2 M6
+S3000 M3
+G0 X5. Y0. Z120.
+G1 X15. F2000.
+M0
+G1 X-5. A4.
+G4 P0.1
+M1
+G1 X0. A0.
+M5
+M30
+"""
+ASKED = (
+    *(Request.START, Request.HOLD, Request.RESUME, Request.STOP, Request.JOG, Request.JOG_STOP) * 4,
+    *(Request.OVERRIDE, Request.RAPID_OVERRIDE, Request.SINGLE_BLOCK, Request.OPTIONAL_STOP) * 2,
+    *(Request.ENABLE, Request.DISABLE, Request.RESET, Request.HOME) * 2,
+    *(Request.ESTOP, Request.PLAN_LOST),
+)
+DIRECTIONS = (
+    *((1.0, 0.0, 0.0, 0.0, 0.0), (0.0, -1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0, 0.0)),
+    *((0.0, 0.0, 0.0, 1.0, 0.0), (0.6, 0.8, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0)),
+    (math.nan, 0.0, 0.0, 0.0, 0.0),
+)
+
+
+class NotSo(AssertionError):
+    """What does not hold, with the sequence that shows it."""
+
+
+@dataclass(slots=True)
+class Taken:
+    """One request as the tick took it."""
+
+    request: Request
+    before: Mode
+    after: Mode
+    refusal: str  # that it must have, "" = none
+    sound: bool  # its value is one
+
+
+@dataclass
+class Site:
+    """A machine, and everything that is asked of it."""
+
+    rng: random.Random
+    bench: SteppedMachine = field(init=False)
+    told: list[str] = field(default_factory=list)
+    answers: dict[int, list[tuple[Outcome, Fault]]] = field(default_factory=dict)
+    taken: dict[int, Taken] = field(default_factory=dict)
+    asked: dict[int, int] = field(default_factory=dict)  # number -> tick
+    plan_lives: bool = True
+
+    def __post_init__(self) -> None:
+        self.machine = config.with_period(mill(), PERIOD_S)
+        self.bench = SteppedMachine(self.machine)
+        self.bench.come_up()
+        task = checked.task(TEXT.encode(), "part.ngc", self.machine)
+        self.task, self.choices = task, checked.chosen_for(task)
+        self._listen()
+
+    # -- what the tick says and does
+
+    def _listen(self) -> None:
+        cycle = self.bench.cycle
+        give, request = cycle.answers.give, cycle._request
+
+        def given(number: int, came: Outcome, why: int = 0) -> None:
+            self.answers.setdefault(number, []).append((came, Fault(why)))
+            give(number, came, why)
+
+        def requested(asked: Request, value: float) -> None:
+            number, before = cycle._requests.number, cycle.modes.mode
+            jog = cycle._requests.jog
+            known = self._refusal(asked), self._is_sound(asked, value, jog, before)
+            request(asked, value)
+            self.taken[number] = Taken(asked, before, cycle.modes.mode, *known)
+
+        cycle.answers.give = given  # type: ignore[method-assign]
+        cycle._request = requested  # type: ignore[method-assign]
+
+    def _refusal(self, request: Request) -> str:
+        cycle = self.bench.cycle
+        modes, follow = cycle.modes, cycle.follow
+        standing = follow.at_rest and not (request is Request.JOG and follow.stopping)
+        if request is Request.RESET and modes._quick_stopped:
+            standing = True
+        return state.refusal(
+            modes.mode,
+            request,
+            standing=standing,
+            homed=ALL_AXES & ~modes.untrusted,
+            untrusted=modes.untrusted,
+            interlock=modes.interlock,
+            away=modes.away,
+            axes=[axis.name for axis in self.machine.axes],
+        )
+
+    def _is_sound(self, request: Request, value: float, jog: Jog | None, mode: Mode) -> bool:
+        if request in (Request.OVERRIDE, Request.RAPID_OVERRIDE):
+            return 0.0 <= value <= 2.0
+        if request in (Request.SINGLE_BLOCK, Request.OPTIONAL_STOP):
+            return value in (0.0, 1.0)
+        if request is Request.HOME:
+            return value in range(1, ALL_AXES + 1)
+        if request is Request.JOG and jog is not None:
+            return self.bench.cycle.jogging._is_possible(jog, mode)
+        return True
+
+    # -- what is done
+
+    def ticks(self, count: int) -> None:
+        for _ in range(count):
+            if self.plan_lives and self.bench.cycle.tick % PLAN_TURN == 0:
+                self.bench._plan()
+            self.bench.tick()
+
+    def ask(self, request: Request, value: float = 0.0) -> int:
+        number = self.bench.request(request, value)
+        self.asked[number] = self.bench.cycle.tick
+        return number
+
+    def jog(self, line: Jog) -> int:
+        number = next(self.bench._numbers)
+        send_jog(self.bench._operator, line, number)
+        self.asked[number] = self.bench.cycle.tick
+        return number
+
+    def arm(self) -> None:
+        """As the service does it: in READY, from where the axes stand."""
+        bench, follow = self.bench, self.bench.cycle.follow
+        if self.mode is Mode.READY and follow.at_rest and self.plan_lives:
+            walk = checked.path_of(replace(self.task, start=bench.joints), self.choices, in_spindle=2)
+            bench.planner.load(walk.items, follow.queue_end_s, follow.epoch)
+            self.ticks(4)
+
+    def input(self, number: int, on: bool) -> None:
+        self.bench.rig.io["io"].set_input(number, on, self.bench.rig.now_s)
+
+    @property
+    def mode(self) -> Mode:
+        return self.bench.cycle.modes.mode
+
+    # -- a sequence
+
+    def sequence(self) -> None:
+        """Asked, answered, and out of it again. Raises NotSo."""
+        self.told.clear()
+        self.answers.clear()
+        self.taken.clear()
+        self.asked.clear()
+        if self.rng.random() < 0.5:
+            self._say("arm", self.arm)
+            if self.rng.random() < 0.7:
+                self._asked(Request.START)
+                self.ticks(self.rng.randint(*GAP))
+        for _ in range(self.rng.randint(*LENGTH)):
+            self._something()
+            self.ticks(self.rng.randint(*GAP) if self.rng.random() < 0.7 else 0)
+        self._let_go()
+        self.ticks(2)
+        self._way_out()
+        self._judge()
+
+    def _say(self, what: str, act: Callable[[], Any]) -> None:
+        self.told.append(f"tick {self.bench.cycle.tick} in {self.mode.name}: {what}")
+        act()
+
+    def _something(self) -> None:
+        chance = self.rng.random()
+        if chance < 0.05:
+            self._say("arm", self.arm)
+        elif chance < 0.08:
+            number, on = self.rng.choice((DOOR, ESTOP)), self.rng.random() < 0.5
+            self._say(f"input {number} {on}", lambda: self.input(number, on))
+        elif chance < 0.09:
+            self._say("the plan dies", lambda: setattr(self, "plan_lives", False))
+        else:
+            fitting = [request for mode, request in TRANSITIONS if mode is self.mode]
+            self._asked(self.rng.choice(fitting if fitting and self.rng.random() < 0.4 else ASKED))
+
+    def _asked(self, request: Request) -> None:
+        if request is Request.JOG:
+            length = self.rng.choice((math.inf, 0.5, 3.0, -1.0, math.nan))
+            line = Jog(self.rng.choice(DIRECTIONS), self.rng.choice((1.0, 20.0, 0.0, math.inf)), length)
+            self._say(f"JOG {line}", lambda: self.jog(line))
+        else:
+            value = self._value(request)
+            self._say(f"{request.name} {value}", lambda: self.ask(request, value))
+
+    def _value(self, request: Request) -> float:
+        if request is Request.HOME:
+            return float(self.rng.choice((1, 4, 8, 31, 0, 32, -1, 2.5, math.nan, math.inf)))
+        return self.rng.choice((0.0, 1.0, 1.0, 0.3, 2.0, 5.0, -1.0, math.nan))
+
+    def _let_go(self) -> None:
+        """Doors closed, switches as they were: what an operator sees to first."""
+        self.input(DOOR, True)
+        self.input(ESTOP, True)
+        for request, value in (
+            (Request.OVERRIDE, 1.0),
+            (Request.RAPID_OVERRIDE, 1.0),
+            (Request.SINGLE_BLOCK, 0.0),
+            (Request.OPTIONAL_STOP, 0.0),
+        ):
+            self.ask(request, value)
+
+    def _way_out(self) -> None:
+        """What the operator's manual says for each mode. Raises NotSo."""
+        end, numbers = self.bench.cycle.tick + WAY_OUT_TICKS, set(self.asked)
+        while self._leaves(numbers):
+            if self.bench.cycle.tick > end:
+                raise self._not_so(f"no way out of {self.mode.name} in {WAY_OUT_TICKS} ticks")
+            self.ticks(1)
+        if not self.plan_lives:
+            self.plan_lives = True
+            self.ticks(4)
+
+    def _leaves(self, numbers: set[int]) -> bool:
+        """One step of it; False in READY, at rest, everything answered."""
+        mode, follow, modes = self.mode, self.bench.cycle.follow, self.bench.cycle.modes
+        answered = all(number in self.answers for number in numbers)
+        if mode is Mode.READY and not modes.untrusted:
+            return not (follow.at_rest and answered)
+        if mode in (Mode.RUNNING, Mode.HOLD, Mode.JOG, Mode.HOMING):
+            self.ask(Request.STOP)
+            self.ticks(3)
+        elif mode is Mode.READY:
+            self.ask(Request.DISABLE)
+            self.ticks(3)
+        elif mode is Mode.FAULT:
+            self._reset()
+        elif mode is Mode.OFF and answered and self._is_off():
+            self._up()
+        return True
+
+    def _is_off(self) -> bool:
+        """Nothing is under way in OFF: no drive comes up or goes down."""
+        cycle = self.bench.cycle
+        return not (cycle.modes.enabling or any(drive.following for drive in cycle.group.drives))
+
+    def _reset(self) -> None:
+        modes = self.bench.cycle.modes
+        needs = max(FAULTS[modes.fault].recovery, FAULTS[modes.warning].recovery)
+        self.ask(Request.RESET)
+        self.ticks(3)
+        if self.mode is not Mode.FAULT and needs >= Recovery.COMMISSION:
+            self.bench.commission_again()
+
+    def _up(self) -> None:
+        try:
+            self.bench.come_up()
+        except (SessionError, CommissionError) as error:
+            if self.mode is not Mode.FAULT:
+                raise self._not_so(f"it does not come up: {error}") from error
+
+    # -- what must hold
+
+    def _judge(self) -> None:
+        for number in self.asked:
+            came = self.answers.get(number, [])
+            if len(came) != 1:
+                raise self._not_so(f"request {number} is answered {len(came)} times: {came}")
+            self._as_it_came(number, *came[0])
+
+    def _as_it_came(self, number: int, came: Outcome, why: Fault) -> None:
+        one = self.taken[number]
+        if one.request is Request.HOME and one.before is Mode.OFF and one.sound:
+            return  # answered later, when other things hold
+        refused = bool(one.refusal) or not one.sound
+        if (came is Outcome.REFUSED) is not refused:
+            raise self._not_so(f"{one} is answered {came.name}")
+        if came is Outcome.REFUSED and one.after is not one.before:
+            raise self._not_so(f"{one} was refused, and changed the mode")
+        if why is not Fault.NONE and one.request in ALWAYS:
+            raise self._not_so(f"{one} is refused for {why.name}, though every mode takes it")
+
+    def _not_so(self, what: str) -> NotSo:
+        return NotSo("\n".join([what, *self.told]))
+
+
+def run(count: int, seed: int, told: Callable[[int], None] = lambda _: None) -> None:
+    """So many sequences, one after another on one machine. Raises NotSo."""
+    site = Site(random.Random(seed))
+    for n in range(count):
+        try:
+            site.sequence()
+        except Exception as error:
+            raise NotSo(f"seed {seed}, sequence {n}: {error}\n" + "\n".join(site.told)) from error
+        told(n + 1)
+
+
+if __name__ == "__main__":
+    wanted, began_s = int(sys.argv[1]), time.time()
+    first = int(sys.argv[2]) if len(sys.argv) > 2 else random.randrange(1 << 32)
+    print(f"seed {first}", flush=True)
+    run(
+        wanted,
+        first,
+        lambda n: print(f"{n} in {time.time() - began_s:.0f} s", flush=True) if not n % 500 else None,
+    )
+    print(f"{wanted} sequences: every request answered once, a way out of every state")
