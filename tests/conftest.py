@@ -14,7 +14,7 @@ import hypothesis
 import pytest
 from support.suite import absent_computer, case_shares, seed
 
-MOST_OPEN = 200  # files; select, which the simulated bus waits with, takes 1024
+MOST_OPEN = 500  # files; select, which the simulated bus waits with, takes 1024
 
 # The workers of xdist must choose the same.
 os.environ["DIRECTRIX_TEST_SEED"] = str(seed.SEED)

@@ -16,7 +16,7 @@ from controller import config
 from controller.handoff import COLUMN, Snapshot
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
-from controller.motions import JointMove
+from controller.motions import SurfaceCut
 from controller.plan.route import path
 from controller.plan.route.path import Chain, Stretch
 from controller.plan.route.path import Path as TracedPath
@@ -99,15 +99,16 @@ def _off(row: np.ndarray, stretch: Stretch, kinematics: Kinematics) -> float:
     joints = _joints(row)
     s = float(row[COLUMN["s"]])
     motion = stretch.motion
-    if isinstance(motion, JointMove):
-        wanted = motion.joints(s, (0.0, 0.0), kinematics)
-        assert wanted is not None
-        there = kinematics.forward(wanted, 0.0).tip
-        here = kinematics.forward(joints, 0.0).tip
-    else:
+    if isinstance(motion, SurfaceCut):
         # The surface itself says where the tip belongs: C1 + r n, no inverse kinematics in between.
         there = motion.part.to_parent(motion.pose(s).tip)
-        here = kinematics.forward(joints, motion.length_mm).tip
+        length_mm = motion.length_mm
+    else:
+        wanted = motion.joints(s, (0.0, 0.0), kinematics)
+        assert wanted is not None
+        length_mm = getattr(motion, "length_mm", 0.0)
+        there = kinematics.forward(wanted, length_mm).tip
+    here = kinematics.forward(joints, length_mm).tip
     return float(np.linalg.norm(np.subtract(here, there)))
 
 
