@@ -27,6 +27,9 @@ function size(bytes) {
   return `${value.toFixed(unit === "B" ? 0 : 1)} ${unit}`;
 }
 
+// Day, month, year and 24 hours: what English alone stands for has the month first, and hours of half a day.
+const place = () => (dx.language === "en" ? "en-GB" : dx.language);
+
 // ``Y velocity`` in the page's language.
 function bound(text) {
   if (!text) return NONE;
@@ -50,8 +53,8 @@ export const forms = {
   seconds: (v) => (typeof v !== "number" ? NONE : v < 60 ? `${v.toFixed(1)} s` : time(v)),
   size,
   bound,
-  date: (v) => (typeof v === "number" ? new Date(v * 1000).toLocaleString(dx.language) : NONE),
-  moment: (v) => new Date(v * 1000).toLocaleString(dx.language, { dateStyle: "medium", timeStyle: "short" }),
+  date: (v) => (typeof v === "number" ? new Date(v * 1000).toLocaleString(place(), { dateStyle: "medium", timeStyle: "medium" }) : NONE),
+  moment: (v) => new Date(v * 1000).toLocaleString(place(), { dateStyle: "medium", timeStyle: "short" }),
   what: (v) => (v ? known(`what.${v}`, v) : ""),
   mode: (v) => (v ? word(`mode.${v}`) : NONE),
 };

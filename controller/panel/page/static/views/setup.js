@@ -31,6 +31,7 @@ dx.on("view", (name) => (name === "setup" ? read_anew() : forget_pick())); // wh
 // ---- homing
 
 const FREE = { modes: "OFF READY" };
+const minus = (text) => text.replaceAll("-", "−");
 
 function Homing() {
   const joints = Object.entries(dx.status?.joints ?? {});
@@ -51,8 +52,8 @@ function Axis({ name, joint: { homed, limit } }) {
     <td><div class="row">
       <${Chip} tone=${homed ? "go" : "hold"}>${word(homed ? "homed" : "not_homed")}<//>${limit && html`<${Chip} tone="stop">${word("limit")} ${limit}<//>`}</div>
       </td>
-    <td class="figures hide-narrow">${figure(home)} ${unit}</td>
-    <td class="figures hide-narrow">${travel.map(figure).join(" … ")}</td>
+    <td class="figures hide-narrow">${minus(figure(home))} ${unit}</td>
+    <td class="figures hide-narrow">${minus(travel.map(figure).join(" … "))}</td>
     <td>
       <${Act} text=${word("home")} aria-label=${`${word("home")} ${name}`} ask=${word("home_ask", name)} call="POST machine/home" body=${{ axes: [name] }} ...${FREE} />
       </td>
