@@ -76,7 +76,7 @@ async def upload(request: Request, response: Response) -> models.ProgramFacts:
     return await asyncio.to_thread(_facts, panel_of(request), program)
 
 
-@router.get("/programs", dependencies=[needs(Role.VIEW)], responses=documented(401, 403))
+@router.get("/programs", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 422))
 async def programs(request: Request, brief: bool = False) -> models.ProgramList:
     """All programs, by name; ``brief``: of what their checks found only what a list shows."""
     panel = panel_of(request)
