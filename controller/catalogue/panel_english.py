@@ -18,6 +18,7 @@ REFUSALS = {
     "unload it, or use another name.",
     "record_gone": "run {number}: its record is gone; choose another run.",
     "no_ticks": "{file}: cannot be read as ticks; choose another recording.",
+    "no_page_file": "{name}: the page has no such file; load the page anew.",
     "no_picture": "{program}: it has no picture before its check has passed; wait for it.",
     "picture_gone": "{program}: its picture is gone; upload it again.",
     "no_machine": "No machine has run on this state folder yet; start directrix serve.",

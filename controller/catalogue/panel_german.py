@@ -18,6 +18,7 @@ REFUSALS = {
     "abwarten, es entladen oder einen anderen Namen nehmen.",
     "record_gone": "Lauf {number}: seine Aufzeichnung ist nicht mehr da; einen anderen Lauf wählen.",
     "no_ticks": "{file}: nicht als Takte lesbar; eine andere Aufzeichnung wählen.",
+    "no_page_file": "{name}: diese Datei hat die Seite nicht; die Seite neu laden.",
     "no_picture": "{program}: hat erst ein Bild, wenn die Prüfung bestanden ist; sie abwarten.",
     "picture_gone": "{program}: sein Bild ist nicht mehr da; noch einmal hochladen.",
     "no_machine": "Mit diesem Datenordner lief noch keine Maschine; directrix serve starten.",

@@ -78,7 +78,6 @@ def panel(
             http=cast(Any, connections.protocol),
             ws=WebSocket,
             backlog=connections.limits.at_once,
-            ws_max_size=1 << 20,  # the page's own socket; nothing is read from that of the events
         )
 
 
@@ -100,15 +99,11 @@ def _app(store: Store, socket: Path, page: bool = True) -> Any:
     from controller.panel.core import Panel
     from controller.panel.http import make_app
     from controller.panel.link import SocketDoor
+    from controller.panel.page.server import add_page
 
     store.sweep()
     made = Panel(store, SocketDoor(socket), Checker(store))
     app = make_app(made)
     if page:
-        try:
-            from controller.panel.page.shell import add_page
-        except ImportError as error:  # the routes are of use alone
-            tell.print(f"Without the page: {EXTRA} ({error})", markup=False)
-        else:
-            add_page(app, made)
+        add_page(app)
     return app

@@ -312,6 +312,10 @@ class ProgramFacts(Told):
     last_run: dict[str, Any] | None = None
 
 
+class LinesAround(Told):
+    lines: list[str]
+
+
 class ProgramList(Told):
     programs: list[ProgramFacts]
 

@@ -11,40 +11,10 @@ from dataclasses import dataclass
 from html import escape
 from typing import Any
 
-from controller.panel.page.words import Language, Words, spoken
+from controller.panel.page import texts
+from controller.panel.page.texts import Language
 from controller.panel.records import Alarm, Run
 
-WORDS: Words = {
-    "title": ("Run {0} of {1}", "Lauf {0} von {1}"),
-    "result": ("Result", "Ergebnis"),
-    "began": ("Began", "Beginn"),
-    "ended": ("Ended", "Ende"),
-    "sha256": ("SHA-256 of the program", "SHA-256 des Programms"),
-    "duration_s": ("Took, s", "Dauer, s"),
-    "planned_s": ("Planned, s", "Geplant, s"),
-    "cut_time_s": ("In the cut, s", "Im Schnitt, s"),
-    "ticks": ("Ticks", "Takte"),
-    "skips": ("Skipped ticks", "Ausgelassene Takte"),
-    "line": ("From line", "Ab Zeile"),
-    "sentence": ("Said", "Meldung"),
-    "following_error": ("Largest following error", "Größter Schleppfehler"),
-    "unit": ("mm or degrees", "mm oder Grad"),
-    "check": ("Check of the program", "Prüfung des Programms"),
-    "check.duration_s": ("Estimate, s", "Schätzung, s"),
-    "check.cut_length_mm": ("Cut, mm", "Schnitt, mm"),
-    "check.blocks": ("Blocks", "Sätze"),
-    "check.overcut_mm": ("Overcut, mm", "Überschnitt, mm"),
-    "check.undercut_mm": ("Left standing, mm", "Stehengelassen, mm"),
-    "check.form": ("Form of the surfaces", "Form der Flächen"),
-    "form.sentence": ("sentence", "sentence_de"),  # under which it stands in a verdict
-    "joint": ("Axis", "Achse"),
-    "velocity_share": ("velocity", "Geschwindigkeit"),
-    "acceleration_share": ("acceleration", "Beschleunigung"),
-    "jerk_share": ("jerk", "Ruck"),
-    "alarms": ("Alarms during the run", "Meldungen während des Laufs"),
-    "files": ("Record", "Aufzeichnung"),
-    "none": ("none", "keine"),
-}
 OF_RUN = ("duration_s", "planned_s", "cut_time_s", "ticks", "skips", "line", "sentence")
 OF_CHECK = ("duration_s", "cut_length_mm", "blocks")
 SHARES = ("velocity_share", "acceleration_share", "jerk_share")
@@ -69,7 +39,7 @@ class Facts:
 
 def page(told: Facts, language: Language) -> str:
     """The whole document, which needs no other file."""
-    word = spoken((WORDS,), language)
+    word = {key.removeprefix("report."): text for key, text in texts.PAGE[language].items()}
     run = told.run
     title = escape(word["title"].format(run.id, run.program))
     parts = "".join(_parts(told, word))

@@ -26,7 +26,6 @@ from support.live import browser  # noqa: E402
 from support.live.shop import Shop, opened  # noqa: E402
 
 from controller.door import Client, control_path  # noqa: E402
-from controller.panel.page.views import VIEWS  # noqa: E402
 
 PAGES = 20
 SETTLE_S = 2.0  # after the pages came or went
@@ -37,7 +36,7 @@ COUNT = "() => { window.heard = 0; dx.on('status', () => { window.heard += 1; })
 def come(pages: list[Any], shop: Shop) -> None:
     """Every page on a view, all views in turn, with its figures there."""
     for number, page in enumerate(pages):
-        page.goto(f"{shop.url}/#{VIEWS[number % len(VIEWS)].NAME}")
+        page.goto(f"{shop.url}/#{browser.VIEWS[number % len(browser.VIEWS)]}")
         page.wait_for_selector("section.view[data-shown] .card")
         page.wait_for_function("() => !dx.stale")
         page.evaluate(COUNT)

@@ -1,6 +1,6 @@
-"""The page an operator works with: views of what the panel's routes tell, and buttons that ask them.
+"""The page an operator works with: static files, the same for everybody, and who may have them.
 
-NiceGUI builds the structure, once for each browser that opens the page. Figures and acts live
-in the browser (``static/dx.js``): it hears the events and asks by the same routes as any script.
-So the page has no way to the machine that a script has not, and a figure has one source.
+Nothing of a machine is in them. ``static/main.js`` asks the panel's routes and hears its events as any
+script would, so the page has no way to the machine that a script has not, and a figure has one source.
+What was written by others lies in ``static/vendor``; see ``vendor``.
 """

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import asdict
-from typing import Any
+from typing import Annotated, Any
 from urllib.parse import quote
 
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import FileResponse
 
-from controller.panel import models, multipart
+from controller.panel import listing, models, multipart
 from controller.panel.access import needs, panel_of, principal
 from controller.panel.answers import Refusal, documented
 from controller.panel.core import Panel
@@ -20,7 +20,9 @@ from controller.panel.roles import Role
 from controller.panel.routes.records import Opened
 
 router = APIRouter(tags=["programs"])
+Place = Annotated[int, Query(ge=0, le=10**9)]
 IN_USE_S = 10.0
+IN_LISTS = ("duration_s", "stored")  # of what a check found
 FORM = {
     "type": "object",
     "required": ["file"],
@@ -74,13 +76,14 @@ async def upload(request: Request, response: Response) -> models.ProgramFacts:
     return await asyncio.to_thread(_facts, panel_of(request), program)
 
 
-@router.get("/programs", dependencies=[needs(Role.VIEW)], responses=documented(401, 403))
-async def programs(request: Request) -> models.ProgramList:
-    """All programs, by name."""
+@router.get("/programs", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 422))
+async def programs(request: Request, brief: bool = False) -> models.ProgramList:
+    """All programs, by name; ``brief``: of what their checks found only what a list shows."""
     panel = panel_of(request)
 
     def listed() -> list[models.ProgramFacts]:
-        return [_facts(panel, program) for program in panel.store.programs.list()]
+        found = [_facts(panel, program) for program in panel.store.programs.list()]
+        return [_brief(one) for one in found] if brief else found
 
     return models.ProgramList(programs=await asyncio.to_thread(listed))
 
@@ -108,6 +111,19 @@ async def text(request: Request, name: str) -> Opened:
     return Opened(
         file, found.name, headers={"ETag": f'"{found.sha256}"', "X-Content-Type-Options": "nosniff"}
     )
+
+
+@router.get(
+    "/programs/{name}/around", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 404, 422)
+)
+async def around(request: Request, name: str, line: Place, column: Place = 0) -> models.LinesAround:
+    """The lines up to a place, with a caret below its column: where a check found a mistake."""
+    store = panel_of(request).store
+
+    def read() -> list[str]:
+        return listing.around(store.programs.path(store.programs.get(name).sha256), line, column)
+
+    return models.LinesAround(lines=await asyncio.to_thread(read))
 
 
 @router.patch(
@@ -169,6 +185,14 @@ def _facts(panel: Panel, program: Program) -> models.ProgramFacts:
     run = panel.store.runs.last_of(program.name)
     last: dict[str, Any] | None = asdict(run) if run else None
     return models.ProgramFacts(**asdict(program), check=_check(panel, program), last_run=last)
+
+
+def _brief(program: models.ProgramFacts) -> models.ProgramFacts:
+    check = program.check
+    if check is not None:
+        check.result = {key: check.result[key] for key in IN_LISTS if key in check.result}
+        check.verdict = check.verdict and check.verdict.model_copy(update={"surfaces": []})
+    return program
 
 
 def _check(panel: Panel, program: Program) -> models.CheckFacts:

@@ -23,7 +23,7 @@ from controller.handoff import blank
 from controller.panel.checker import Checker
 from controller.panel.core import Panel
 from controller.panel.http import make_app
-from controller.panel.page.shell import add_page
+from controller.panel.page.server import add_page
 from controller.panel.programs import Program, ProgramCheck
 from controller.panel.store import Store
 from controller.plan.report.verdict import Verdict
@@ -257,7 +257,7 @@ def main(folder: Path, port: int) -> None:
     store = Store(folder)
     panel = Panel(store, MovingDoor(folder), ToldChecker(store))
     app = make_app(panel)
-    add_page(app, panel)
+    add_page(app)
     uvicorn.run(app, host="127.0.0.1", port=port, log_level="warning", timeout_graceful_shutdown=1)
 
 

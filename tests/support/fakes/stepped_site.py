@@ -8,7 +8,6 @@ What a test writes to FOLDER/told.json is laid over the status; FOLDER/picture n
 
 from __future__ import annotations
 
-import gc
 import hashlib
 import sys
 from dataclasses import replace
@@ -22,7 +21,7 @@ from controller import config, fitting
 from controller.machine import Machine, Temperature
 from controller.panel.core import Panel
 from controller.panel.http import make_app
-from controller.panel.page.shell import add_page
+from controller.panel.page.server import add_page
 from controller.panel.programs import Program, ProgramCheck
 from controller.panel.store import Store
 from controller.plan.report.picture import Picture
@@ -165,8 +164,7 @@ def main(folder: Path, port: int) -> None:
     panel = Panel(store, door, PicturedChecker(store))
     _history(store, door.keep(panel.recordings))
     app = make_app(panel)
-    add_page(app, panel)
-    gc.freeze()  # NiceGUI looks at every object for its server, and one of canopen's cannot be looked at
+    add_page(app)
     uvicorn.run(app, host="127.0.0.1", port=port, log_level="warning", timeout_graceful_shutdown=1)
 
 

@@ -23,6 +23,7 @@ ROOT = Path(__file__).resolve().parents[3]
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 HANGS_S = 90.0  # no test is meant to come near
 REQUIRED = os.environ.get("DIRECTRIX_BROWSER") == "required"  # where one was installed, no test is skipped
+VIEWS = ("run", "scene", "programs", "jog", "setup", "drives", "scope", "alarms", "runs")  # in their order
 OPTIONS = ("--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu")
 
 

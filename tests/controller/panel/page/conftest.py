@@ -45,6 +45,6 @@ def page(chromium: Any, site: browser.Site) -> Iterator[Any]:
 
 
 def let_go(request: Any, control: str) -> None:
-    """Nobody has control of the machine. Not asked for by the page, which NiceGUI may be about to reload."""
+    """Nobody has control of the machine. Not asked for by the page, which may be about to be loaded anew."""
     token = request.post(control, data={"take_over": True}).json()["token"]
     assert request.delete(control, headers={"X-Control-Token": token}).ok

@@ -7,9 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from support.live.browser import Site, until
-
-from controller.panel.page.views import VIEWS
+from support.live.browser import VIEWS, Site, until
 
 pytestmark = pytest.mark.slow
 
@@ -32,7 +30,7 @@ STATES: dict[str, Callable[[Any], object]] = {
         "box.style = 'position:fixed;inset:0;z-index:6000'; document.body.append(box)"
     ),
     "an upload runs": lambda page: page.evaluate(SLOW_UPLOAD),
-    "the socket of the page's structure is gone": lambda page: page.evaluate("window.socket.disconnect()"),
+    "the socket of the events is gone": lambda page: page.evaluate("dx.socket.close()"),
     "text is being typed": lambda page: (page.evaluate("dx.show('jog')"), page.fill("#mdi-text", "G0 X")),
 }
 
@@ -59,9 +57,14 @@ def test_stop_has_a_key_and_the_e_stop_asks_nothing(page: Any, site: Site) -> No
     page.wait_for_selector("body[data-mode=READY]")
 
 
+LOADED = {"name": "part.ngc", "sha256": "0" * 64, "state": "loaded"}
+START = "[data-call='POST cycle/start']:not([aria-disabled=true])"
+
+
 def test_a_start_asks_first(page: Any, site: Site) -> None:
+    site.tell(job=LOADED)
     before = len(site.asked("start"))
-    page.click(".cycle button[data-kind=go] >> nth=0")
+    page.click(START)
     page.wait_for_selector(".dx-ask")
     page.keyboard.press("Escape")
     page.wait_for_selector(".dx-ask", state="detached")
@@ -79,10 +82,8 @@ def test_figures_are_greyed_while_the_panel_is_away_and_the_page_comes_back(page
     page.wait_for_selector("body[data-stale='1']")
     assert page.is_visible(".line.stale")
     assert float(page.eval_on_selector(".dro .figures", "(e) => getComputedStyle(e).opacity")) < 1.0
-    page.evaluate("window.before = true")
     site.start()
-    # NiceGUI loads it anew, for the new panel has no page of its own for it.
-    page.wait_for_function("() => !window.before && window.dx && !dx.stale && document.querySelector('.dro')")
+    page.wait_for_function("() => !dx.stale && document.querySelector('.dro')")
     assert not page.is_visible(".line.stale")
     page.wait_for_selector("body[data-control=free]")  # a panel that was started anew knows of nobody
 
@@ -116,7 +117,7 @@ def test_figures_of_a_machine_whose_clock_hangs_are_old_but_it_can_be_reset(page
     page.wait_for_selector("body[data-stale='']")
     assert page.eval_on_selector(".mode", "(e) => getComputedStyle(e).backgroundColor") != green
     site.tell(tick=STANDS, mode="FAULT", fault={"name": "CONTROLLER_GONE", "sentence": "Gone."})
-    page.wait_for_selector("body[data-stale='1'] .line.alarm button:not([disabled])")
+    page.wait_for_selector("body[data-stale='1'] .line.alarm button:not([aria-disabled=true])")
 
 
 def test_a_line_above_the_view_pushes_nothing_of_it_off_the_screen(page: Any, site: Site) -> None:
@@ -126,8 +127,10 @@ def test_a_line_above_the_view_pushes_nothing_of_it_off_the_screen(page: Any, si
 
 
 def test_a_key_that_is_held_answers_no_question_and_starts_nothing(page: Any, site: Site) -> None:
+    site.tell(job=LOADED)
     before = len(site.asked("start"))
-    page.focus(".cycle button[data-kind=go] >> nth=0")
+    page.wait_for_selector(START)
+    page.focus(START)
     for _ in range(4):  # without an up between them: the first is the press, the others its repeats
         page.keyboard.down("Enter")
     page.wait_for_selector(".dx-ask")
@@ -135,6 +138,7 @@ def test_a_key_that_is_held_answers_no_question_and_starts_nothing(page: Any, si
     assert len(site.asked("start")) == before
     page.keyboard.press("Enter")
     until(lambda: len(site.asked("start")) > before, "the start")
+    site.tell()
     page.evaluate("dx.stop()")
     page.wait_for_selector("body[data-mode=READY]")
 
@@ -142,7 +146,7 @@ def test_a_key_that_is_held_answers_no_question_and_starts_nothing(page: Any, si
 REACHABLE = "header button, nav button, section[data-shown] :is(button, input, textarea, select)"
 
 
-@pytest.mark.parametrize("view", [view.NAME for view in VIEWS])
+@pytest.mark.parametrize("view", VIEWS)
 def test_all_that_can_be_pressed_is_reached_by_the_tab_key(view: str, page: Any) -> None:
     page.evaluate("(name) => dx.show(name)", view)
     page.wait_for_selector(f"section[data-view={view}] .card")
@@ -217,3 +221,70 @@ def test_nothing_is_loaded_from_other_computers(page: Any, site: Site) -> None:
     page.wait_for_function("() => !dx.stale")
     assert asked
     assert [url for url in asked if not url.startswith((site.url, "data:", "blob:"))] == []
+
+
+@pytest.mark.parametrize("press", ["#dx-stop", "#dx-hold", "#dx-estop"])
+def test_a_stop_that_is_not_sent_is_said_at_once_with_what_to_press_instead(
+    press: str, page: Any, site: Site
+) -> None:
+    page.context.set_offline(True)
+    page.click(press)
+    page.wait_for_selector("#dx-said:has-text('NOT SENT'):has-text('emergency stop on the machine')")
+    page.wait_for_timeout(500)
+    assert page.is_visible("#dx-said"), "it stays until it is closed"
+    page.click("#dx-said button")
+    assert page.is_hidden("#dx-said")
+    page.context.set_offline(False)
+    page.wait_for_function("() => !dx.stale")
+
+
+def test_a_stop_that_hangs_is_said_by_the_pages_own_clock(page: Any, site: Site) -> None:
+    site.process.send_signal(signal.SIGSTOP)
+    try:
+        page.click("#dx-stop")
+        page.wait_for_selector("#dx-said:has-text('NOT SENT')")
+    finally:
+        site.process.send_signal(signal.SIGCONT)
+    page.wait_for_selector("body[data-stale='']")
+
+
+def test_hold_is_on_every_view_and_has_a_key(page: Any, site: Site) -> None:
+    for view in VIEWS:
+        page.evaluate("(view) => dx.show(view)", view)
+        assert page.is_visible("#dx-hold") and page.is_visible("#dx-stop") and page.is_visible("#dx-estop")
+    before = len(site.asked("hold"))
+    page.click("#dx-hold")
+    until(lambda: len(site.asked("hold")) == before + 1, "the hold")
+    page.keyboard.press("F8")
+    until(lambda: len(site.asked("hold")) == before + 2, "the hold")
+
+
+def test_keys_start_and_resume_as_their_buttons_do(page: Any, site: Site) -> None:
+    before = len(site.asked("start")), len(site.asked("resume"))
+    page.keyboard.press("F4")
+    page.wait_for_selector(".dx-ask")
+    assert len(site.asked("start")) == before[0]
+    page.keyboard.press("Enter")
+    until(lambda: len(site.asked("start")) > before[0], "the start")
+    page.wait_for_selector("body[data-mode=RUNNING]")
+    page.keyboard.press("F6")
+    page.wait_for_selector("#dx-said:has-text('Possible in: Hold.')")
+    page.keyboard.press("F8")
+    page.wait_for_selector("body[data-mode=HOLD]")
+    page.keyboard.press("F6")
+    until(lambda: len(site.asked("resume")) > before[1], "going on")
+    page.keyboard.press("F9")
+    page.wait_for_selector("body[data-mode=READY]")
+
+
+def test_a_notice_is_closed_by_hand(page: Any, site: Site) -> None:
+    page.evaluate("dx.say('Something was done.')")
+    page.click("#dx-said button")
+    assert page.is_hidden("#dx-said")
+
+
+def test_every_view_has_one_heading_of_the_first_rank(page: Any) -> None:
+    for view in VIEWS:
+        page.evaluate("(view) => dx.show(view)", view)
+        heads = page.locator("h1").filter(visible=True).all_inner_texts()
+        assert len(heads) == 1 and heads[0], view

@@ -92,7 +92,7 @@ def test_a_step_is_asked_once(page: Any, site: Site) -> None:
 
 def test_keys_move_nothing_until_they_are_switched_on(page: Any, site: Site) -> None:
     page.evaluate("dx.show('jog')")
-    page.wait_for_selector("#jog-keyboard:not([disabled])")
+    page.wait_for_selector("#jog-keyboard:not([aria-disabled=true])")
     before = len(site.asked("jog"))
     page.keyboard.down("ArrowRight")
     page.wait_for_timeout(300)
@@ -109,7 +109,7 @@ def test_keys_move_nothing_until_they_are_switched_on(page: Any, site: Site) -> 
 def test_a_second_browser_cannot_jog(page: Any, site: Site, chromium: Any) -> None:
     context = chromium.new_context()
     other = browser.opened(context, site, "jog")
-    other.wait_for_selector("[data-jog=X][data-sign='+'][disabled]")
+    other.wait_for_selector("[data-jog=X][data-sign='+'][aria-disabled=true]")
     said = other.evaluate("dx.call('POST', 'jog', {frame: 'joint', axis: 'X', speed: 0.5}, true)")
     assert said["status"] == 409
     assert "holds control" in said["body"]["error"]["sentence"]
@@ -124,7 +124,7 @@ def test_who_loses_control_is_told_and_cannot_jog_any_more(page: Any, site: Site
     other.wait_for_selector("body[data-control=mine]")
     page.wait_for_selector("body[data-control=other]")
     page.evaluate("dx.show('jog')")
-    page.wait_for_selector("[data-jog=X][data-sign='+'][disabled]")
+    page.wait_for_selector("[data-jog=X][data-sign='+'][aria-disabled=true]")
     other.evaluate("dx.give()")
     other.wait_for_selector("body[data-control=free]")
     context.close()
@@ -170,7 +170,7 @@ def test_a_change_of_the_step_ends_a_jog(page: Any, site: Site) -> None:
 
 def test_a_line_is_run_after_its_question_and_kept_for_the_next_time(page: Any, site: Site) -> None:
     page.evaluate("dx.show('jog')")
-    page.wait_for_selector("#mdi-run:not([disabled])")
+    page.wait_for_selector("#mdi-run:not([aria-disabled=true])")
     for line in ("G0 X1", "G0 Y2"):
         page.fill("#mdi-text", line)
         page.focus("#mdi-text")
@@ -196,7 +196,7 @@ def test_a_line_is_run_after_its_question_and_kept_for_the_next_time(page: Any, 
 
 def test_a_line_whose_question_is_answered_with_no_is_not_run_and_stays(page: Any, site: Site) -> None:
     page.evaluate("dx.show('jog')")
-    page.wait_for_selector("#mdi-run:not([disabled])")
+    page.wait_for_selector("#mdi-run:not([aria-disabled=true])")
     page.fill("#mdi-text", "G0 Z3")
     before = len(site.asked("mdi"))
     page.click("#mdi-run")

@@ -12,9 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.live import live_page, shop
-
-from controller.panel.page.views import VIEWS
+from support.live import browser, live_page, shop
 
 pytestmark = pytest.mark.soak
 
@@ -46,9 +44,9 @@ def looked_at(page: Any, running: shop.Shop, seconds: float) -> dict[str, float]
     """What page and panel hold after all views have been looked at for a while."""
     end_s, turn = time.monotonic() + seconds, 0
     while time.monotonic() < end_s:
-        page.evaluate(f"dx.show('{VIEWS[turn % len(VIEWS)].NAME}')")
+        page.evaluate(f"dx.show('{browser.VIEWS[turn % len(browser.VIEWS)]}')")
         turn += 1
-        page.wait_for_timeout(min(EVERY_S, seconds / len(VIEWS)) * 1000.0)
+        page.wait_for_timeout(min(EVERY_S, seconds / len(browser.VIEWS)) * 1000.0)
         keep_running(running)
     page.evaluate("dx.show('run')")
     found = memory(page, running.processes["panel"].pid)

@@ -87,30 +87,30 @@ def comes_up(page: Any) -> None:
     browser.take_control(page)
     page.click("[data-to=run]")
     live_page.wait(page, "dx.status.sequence?.state === 'done'")  # the drives' commissioning
-    page.click("[data-call='POST machine/home']:not([disabled])")
+    page.click("[data-call='POST machine/home']:not([aria-disabled=true])")
     browser.yes(page)
     live_page.wait(page, "!dx.status.not_homed.length && ['OFF', 'READY'].includes(dx.status.mode)")
     live_page.wait(page, "dx.status.sequence?.state !== 'running'")
     if page.evaluate("dx.status.mode") == "OFF":
-        page.click("[data-call='POST machine/enable']:not([disabled])")
+        page.click("[data-call='POST machine/enable']:not([aria-disabled=true])")
     live_page.wait(page, "dx.status.mode === 'READY'")
 
 
 def starts(page: Any) -> None:
     page.click("[data-to=programs]")
     chosen(page, NAME)
-    page.click(".program-acts [data-kind=go]:not([disabled])")
+    page.click(".program-acts [data-kind=go]:not([aria-disabled=true])")
     live_page.wait(page, "dx.status.job?.state === 'loaded'")
     page.click("[data-to=run]")
-    page.click("[data-call='POST cycle/start']:not([disabled])")
+    page.click("[data-call='POST cycle/start']:not([aria-disabled=true])")
     browser.yes(page)
     page.wait_for_selector(".mode-more:has-text('T4 (end mill 1 mm)')")
-    page.click("[data-call='POST cycle/resume']:not([disabled])")
+    page.click("[data-call='POST cycle/resume']:not([aria-disabled=true])")
     live_page.wait(page, "dx.status.in_block?.u > 0.05")
 
 
 def holds(page: Any) -> None:
-    page.click("[data-call='POST cycle/hold']:not([disabled])")
+    page.click("#dx-hold")
     live_page.wait(page, "dx.status.mode === 'HOLD' && dx.status.at_rest")
     assert 0.0 < page.evaluate("dx.status.job.left_s") < page.evaluate("dx.status.job.duration_s")
 
@@ -121,7 +121,7 @@ def goes_on(page: Any) -> None:
     page.keyboard.press("End")
     live_page.wait(page, "dx.status.override === 2")
     page.wait_for_selector(".override-figure:has-text('200 %')")
-    page.click("[data-call='POST cycle/resume']:not([disabled])")
+    page.click("[data-call='POST cycle/resume']:not([aria-disabled=true])")
     live_page.wait(page, "dx.status.mode === 'RUNNING'")
     page.wait_for_selector("#run-listing .now:has-text('N50')")
 

@@ -104,7 +104,7 @@ def press(page: Any) -> None:
     """A jog button is held, and the axis moves."""
     page.evaluate("dx.show('jog')")
     sign = "-" if page.evaluate("dx.status.joints.X.machine") > 0.0 else "+"
-    page.hover(f"[data-jog=X][data-sign='{sign}']:not([disabled])")
+    page.hover(f"[data-jog=X][data-sign='{sign}']:not([aria-disabled=true])")
     page.mouse.down()
     live_page.wait(page, "dx.status.mode === 'JOG'")
     page.wait_for_timeout(300)
@@ -114,7 +114,7 @@ def press_key(page: Any) -> None:
     """The same by the keyboard."""
     page.evaluate("dx.show('jog')")
     if page.get_attribute("#jog-keyboard", "aria-pressed") != "true":
-        page.click("#jog-keyboard:not([disabled])")
+        page.click("#jog-keyboard:not([aria-disabled=true])")
         page.click(".dx-ask button[data-kind=go]")
         page.wait_for_selector("#jog-keyboard[aria-pressed=true]")
     page.keyboard.down(KEYS[int(page.evaluate("dx.status.joints.X.machine") < 0.0)])
@@ -216,7 +216,7 @@ def assert_stops(
 
     def measure() -> tuple[float, float]:
         with live_page.page(context, machine.shop, "jog") as page:
-            page.wait_for_selector("[data-jog=X]:not([disabled])")
+            page.wait_for_selector("[data-jog=X]:not([aria-disabled=true])")
             begin(page)
             before = machine.tick()
             ends(page)
@@ -236,7 +236,7 @@ def test_a_second_browser_cannot_jog_a_machine_that_another_has(
     second = chromium.new_context()
     with live_page.page(context, machine.shop), live_page.page(second, machine.shop, "jog", False) as other:
         other.wait_for_selector("body[data-control=other]")
-        other.wait_for_selector("[data-jog=X][data-sign='+'][disabled]")
+        other.wait_for_selector("[data-jog=X][data-sign='+'][aria-disabled=true]")
         for call in JOGS:
             said = other.evaluate(f"dx.call('POST', {call}, true)")
             assert said["status"] == 409 and said["body"]["error"]["code"] == "control", said

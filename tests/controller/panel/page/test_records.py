@@ -32,9 +32,9 @@ def test_an_alarm_is_acknowledged_also_among_older_ones_and_new_ones_still_come(
         store.alarms.add("ESTOP", f"Sentence {n}.")
     show(page, "alarms")
     cards = "document.querySelectorAll('#alarms-list .alarm-card').length"
-    page.wait_for_function(f"{cards} === {PAGE}")
+    page.wait_for_function(f"() => {cards} === {PAGE}")
     page.click("#alarms-more")
-    page.wait_for_function(f"{cards} === {PAGE + 10}")
+    page.wait_for_function(f"() => {cards} === {PAGE + 10}")
     card = ".alarm-card:has-text('The first of all.')"
     assert "#4711" in page.inner_text(card), "the number that the machine gave it"
     page.click(f"{card} >> text=Acknowledge")
@@ -67,9 +67,9 @@ def test_new_runs_come_while_older_ones_are_read_and_their_worst_errors_are_told
         store.runs.end(store.runs.begin(f"{n}.ngc", "0" * 64, following_error=errors), "completed")
     show(page, "runs")
     rows = "document.querySelectorAll('#runs-list tr').length"
-    page.wait_for_function(f"{rows} === {PAGE}")
+    page.wait_for_function(f"() => {rows} === {PAGE}")
     page.click("#runs-more")
-    page.wait_for_function(f"{rows} === {PAGE + 1}")
+    page.wait_for_function(f"() => {rows} === {PAGE + 1}")
     assert "X 21.1 µm, C 31.3 m°" in page.inner_text("#runs-list tr:first-child .r-error")
     store.runs.end(store.runs.begin("later.ngc", "0" * 64), "stopped")
     page.wait_for_selector("#runs-list tr:first-child:has-text('later.ngc')")

@@ -123,6 +123,10 @@ OFF, BACK, BY = "#run-retract", "[data-call='POST cycle/return']", "#run-retract
 ROOM_MM = 280.0  # up to 300 of the trunnion's Z, which stands at 20 here and is the tool's axis
 
 
+def is_off(page: Any, place: str) -> bool:
+    return page.get_attribute(place, "aria-disabled") == "true"  # type: ignore[no-any-return]
+
+
 def last_retract(site: Site, so_many: int) -> dict[str, Any]:
     return until(lambda: site.asked("retract")[so_many - 1 :], "the way off")[0][2]  # type: ignore[no-any-return]
 
@@ -133,19 +137,19 @@ def test_a_held_tool_goes_off_the_path_by_what_is_given_and_back_only_once_it_is
     before = len(site.asked("retract"))
     page.evaluate("dx.call('POST', 'cycle/start')")
     page.wait_for_selector("body[data-mode=RUNNING]")
-    page.wait_for_selector(f"{OFF}[disabled]")
-    assert page.is_disabled(BY) and page.input_value(BY) == "" and page.is_disabled(BACK)
+    page.wait_for_selector(f"{OFF}[aria-disabled=true]")
+    assert page.is_disabled(BY) and page.input_value(BY) == "" and is_off(page, BACK)
     page.evaluate("dx.call('POST', 'cycle/hold')")
-    page.wait_for_selector(f"{OFF}:not([disabled])")
-    assert page.is_disabled(BACK), "it is on the path"
+    page.wait_for_selector(f"{OFF}:not([aria-disabled=true])")
+    assert is_off(page, BACK), "it is on the path"
     room_mm = float(page.input_value(BY))
     assert room_mm == pytest.approx(ROOM_MM, abs=2e-3) and room_mm <= ROOM_MM
     page.click(OFF)
     assert last_retract(site, before + 1) == {"mm": room_mm}
-    page.wait_for_selector(f"{OFF}[disabled]")
-    page.click(f"{BACK}:not([disabled])")
+    page.wait_for_selector(f"{OFF}[aria-disabled=true]")
+    page.click(f"{BACK}:not([aria-disabled=true])")
     until(lambda: site.asked("return"), "the way back")
-    page.fill(f"{BY}:not([disabled])", "12.5")
+    page.fill(f"{BY}:enabled", "12.5")
     page.click(OFF)
     assert last_retract(site, before + 2) == {"mm": 12.5}
     page.evaluate("dx.stop()")
@@ -156,7 +160,7 @@ def test_from_ready_the_tool_goes_off_and_a_distance_that_is_too_long_is_refused
     page: Any, site: Site
 ) -> None:
     before = len(site.asked("retract"))
-    page.fill(f"{BY}:not([disabled])", "280.5")
+    page.fill(f"{BY}:enabled", "280.5")
     page.click(OFF)
     room_mm = site.ask("status")["retract_room_mm"]
     said = f"() => document.getElementById('dx-said').textContent.includes('{room_mm:.3f} mm')"
@@ -164,7 +168,7 @@ def test_from_ready_the_tool_goes_off_and_a_distance_that_is_too_long_is_refused
     page.fill(BY, str(room_mm))
     page.click(OFF)
     assert until(lambda: site.asked("retract")[before + 1 :], "the way off")[0][2] == {"mm": room_mm}
-    assert page.is_disabled(BACK), "no program is held"
+    assert is_off(page, BACK), "no program is held"
 
 
 def test_two_steps_of_the_override_count_twice_however_fast_they_come(page: Any, site: Site) -> None:
@@ -189,3 +193,28 @@ def test_a_slider_that_was_dragged_back_to_where_it_was_follows_the_machine_agai
     page.mouse.up()
     site.tell(override=0.5)
     page.wait_for_function("() => document.getElementById('run-override').value === '50'")
+
+
+# ---- the place of a program that has ended
+
+
+ENDED = {**JOB, "line": None, "block": None, "fraction": None, "elapsed_s": None, "left_s": None}
+
+
+@pytest.mark.parametrize("state", ["stopped", "fault", "interrupted"])
+def test_the_place_stays_on_the_screen_after_an_end_and_a_reload_until_another_program_is_loaded(
+    state: str, page: Any, site: Site
+) -> None:
+    site.tell(mode="RUNNING", job=JOB, in_block={"what": "cut", "fraction": 0.4, "u": 0.3721})
+    until_shown(page, ".run-program .u", "u 0.3721")
+    site.tell(mode="READY", job={**ENDED, "state": state}, in_block=None)
+    for _ in range(2):
+        page.wait_for_selector("body[data-mode=READY]")
+        until_shown(page, ".run-program .program-head", "Program\nLine\n7\nBlock\n4\ncut\n40 %\nu 0.3721")
+        assert page.inner_text(".program-left") == "left 1:02:03"
+        times = page.locator(".times .time").evaluate_all("(all) => all.map((one) => one.innerText)")
+        assert times == ["elapsed\n1:01", "left\n1:02:03", "in all\n1:03:04"]
+        page.reload()
+    site.tell(mode="READY", job={**ENDED, "name": "other.ngc", "state": state}, in_block=None)
+    until_shown(page, ".run-program .u", "u –")
+    until_shown(page, ".program-left", "left –:––")

@@ -42,10 +42,10 @@ def picture(looker: Any, stepped: Site) -> None:
 
 
 def test_the_picture_has_the_path_done_and_to_do_and_the_surfaces(looker: Any) -> None:
-    looker.wait_for_function("() => dxScene.at > 0")
+    looker.wait_for_function("() => dxScene.path?.at > 0")
     drawn = looker.evaluate(
-        "[dxScene.shape.surfaces.length, dxScene.done.geometry.drawRange.count,"
-        " dxScene.ahead.geometry.drawRange.count, dxScene.shape.tips.length, dxScene.at]"
+        "[dxScene.shape.surfaces.length, dxScene.path.done.geometry.drawRange.count,"
+        " dxScene.path.ahead.geometry.drawRange.count, dxScene.shape.tips.length, dxScene.path.at]"
     )
     surfaces, done, ahead, points, at = drawn
     assert surfaces == 2
@@ -122,11 +122,7 @@ def test_the_tool_in_the_spindle_is_drawn_where_the_status_tells(looker: Any) ->
 # A picture of its own beside the one on the screen: where the tool is by the tables' chain, and where the
 # spindle's nose with the tool on it is by the heads' chain.
 CHAINS = """([facts, status]) => {
-  const one = Object.create(dxScene.constructor.prototype);
-  const kept = [dx.on, window.setTimeout, window.setInterval, window.dxScene];
-  dx.on = window.setTimeout = window.setInterval = one.spare = () => 0;
-  one.create_mesh(kept[3].scene, facts);
-  [dx.on, window.setTimeout, window.setInterval, window.dxScene] = kept;
+  const one = new dxScene.constructor(facts);
   one.frame = "machine";
   one.turn(status.joints);
   one.hold_tool(status.on_table);
@@ -227,7 +223,7 @@ VIEWS = (("top", 2, 1), ("front", 1, -1), ("side", 0, 1))
 def test_a_view_looks_from_its_side(view: str, place: int, sign: int, looker: Any) -> None:
     looker.click(f"[data-scene='look {view}']")
     looker.wait_for_function(
-        "([place, sign]) => { const { camera, controls } = getElement(dxScene.scene);"
+        "([place, sign]) => { const { camera, controls } = dxScene.stage;"
         " const way = camera.position.clone().sub(controls.target).normalize().toArray();"
         " return sign * way[place] > 0.99 }",
         arg=[place, sign],
@@ -255,10 +251,10 @@ def test_the_trail_is_cleared(looker: Any) -> None:
 
 def test_what_nobody_looks_at_is_not_drawn(looker: Any) -> None:
     """The scene would draw for ever as long as the page is open."""
-    looker.wait_for_function("() => dxScene.drawn > 0")
+    looker.wait_for_function("() => dxScene.stage.drawn > 0")
     looker.evaluate("dx.show('runs')")
-    before = looker.evaluate("dxScene.drawn")
+    before = looker.evaluate("dxScene.stage.drawn")
     looker.wait_for_timeout(500)
-    assert looker.evaluate("dxScene.drawn") == before
+    assert looker.evaluate("dxScene.stage.drawn") == before
     looker.evaluate("dx.show('scene')")
-    looker.wait_for_function("(before) => dxScene.drawn > before", arg=before)
+    looker.wait_for_function("(before) => dxScene.stage.drawn > before", arg=before)

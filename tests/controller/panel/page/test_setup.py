@@ -205,6 +205,20 @@ def test_without_control_nothing_of_it_can_be_pressed(setup: Any, site: Site) ->
     for name in ("homing", "offsets", "tools"):
         part(setup, name)
         setup.wait_for_function(
-            "(part) => [...document.querySelectorAll(part + ' button')].every((one) => one.disabled)",
+            "(part) => [...document.querySelectorAll(part + ' button')]"
+            ".every((one) => one.ariaDisabled === 'true')",
             arg=f".part[data-part={name}]",
         )
+
+
+def test_a_figure_can_be_typed_sign_by_sign_whatever_is_told_meanwhile(setup: Any, site: Site) -> None:
+    part(setup, "offsets")
+    field = "#setup-offsets tr[data-row=G54] [data-field=X]"
+    setup.click(field)
+    setup.keyboard.press("ControlOrMeta+a")
+    for sign in "0.50":
+        setup.keyboard.type(sign)
+        number = setup.evaluate("dx.status.tick.number")
+        setup.wait_for_function("(n) => dx.status.tick.number > n + 60", arg=number)
+    assert setup.input_value(field) == "0.50"
+    setup.keyboard.press("Escape")

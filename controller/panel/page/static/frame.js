@@ -1,0 +1,125 @@
+// The frame around every view: what the machine does, what is wrong, who may move it, and the stops.
+import { give, log_out, take } from "./control.js";
+import { Notice, Question } from "./dialog.js";
+import { Component, html } from "./dom.js";
+import { forms } from "./forms.js";
+import { Icon } from "./icons.js";
+import { old } from "./live.js";
+import { Act, Bar, Figure } from "./parts.js";
+import { dx } from "./store.js";
+import { word } from "./texts.js";
+
+export function Page({ views }) {
+  const built = views.filter(({ name }) => dx.shown(name) || seen.has(name));
+  for (const { name } of built) seen.add(name);
+  return html`
+    <div class="shell">
+      <header><${Mode} /><${Program} /><${Control} /><${Choices} /><${Stops} /></header>
+      <${Lines} />
+      <nav aria-label=${word("frame.views")}>
+        ${views.map(({ name }) => html`<button key=${name} class="tab" type="button" data-to=${name} aria-current=${dx.shown(name) ? "page" : undefined} onclick=${() => show(name)}>
+          <${Icon} name=${name} /><span>${word(`view.${name}`)}</span>
+        </button>`)}
+      </nav>
+      <main class="views">${built.map((view) => html`<${Section} key=${view.name} view=${view} shown=${dx.shown(view.name)} />`)}</main>
+      <${Notice} />
+    </div>
+    ${dx.question && html`<${Question} key=${dx.question.sentence} asked=${dx.question} />`}
+  `;
+}
+const seen = new Set();
+
+// A view is made when it is first shown, and stands still while another one is.
+class Section extends Component {
+  shouldComponentUpdate({ shown }) {
+    return shown || this.props.shown;
+  }
+
+  render({ view: { name, View }, shown }) {
+    return html`<section class="view" data-view=${name} data-shown=${shown ? "1" : undefined} aria-label=${word(`view.${name}`)}>
+      <h1 class="unseen">${word(`view.${name}`)}</h1>
+      <${View} />
+    </section>`;
+  }
+}
+
+// All views are in one document, so that changing over takes no time and no server.
+export function show(name) {
+  if (dx.view === name) return;
+  dx.view = name;
+  history.replaceState(null, "", `#${name}`);
+  dx.draw();
+  dx.tell("view", name);
+}
+
+// In word and colour, to be read from the other end of the shop.
+const Mode = () => html`<div class="mode" role="status" aria-live="polite">
+  <${Figure} class="mode-word">${forms.mode(dx.status?.mode)}<//>
+  <${Figure} class="mode-more">${dx.status?.shown.under_way}<//>
+</div>`;
+
+function Program() {
+  const job = dx.status?.job;
+  return html`<div class="program">
+    <div class="program-line">
+      <${Figure} class="program-name">${forms.text(job?.name)}<//>
+      <${Figure} class="dim">${job?.state ? word(`state.${job.state}`) : ""}<//>
+      <span class="program-left dim"><span>${word("frame.left")} </span><${Figure} class="strong">${forms.time(job?.left_s)}<//></span>
+    </div>
+    <${Bar} class="program-bar" share=${job?.fraction} />
+  </div>`;
+}
+
+function Control() {
+  const whose = dx.holds() ? word("frame.mine") : (dx.holder ?? word("frame.free"));
+  return html`<button class="control" id="dx-control" type="button" onclick=${() => (dx.holds() ? give() : take())}>
+    <${Icon} name="hand" />
+    <span class="control-words"><span class="dim">${word("frame.control")}</span><span class="strong" id="dx-holder">${whose}</span></span>
+    <span class="control-act">${word(dx.holds() ? "frame.give" : "frame.take")}</span>
+  </button>`;
+}
+
+function Choices() {
+  const out = `${word("frame.log_out")}: ${dx.user?.name}`;
+  return html`<div class="choices">
+    <button class="small" id="dx-language" type="button" title=${word("frame.language")} aria-label=${word("frame.language")} onclick=${speak}>${dx.language === "en" ? "DE" : "EN"}</button>
+    <button class="small" id="dx-theme" type="button" title=${word("frame.theme")} aria-label=${word("frame.theme")} onclick=${theme}>
+      <${Icon} name="contrast" /></button>
+    ${dx.user?.csrf && html`<button class="small" id="dx-log-out" type="button" title=${out} aria-label=${out} onclick=${log_out}>
+      <span class="user-name">${dx.user.name}</span><${Icon} name="leave" /></button>`}
+  </div>`;
+}
+
+const remember = (key, value) => (document.cookie = `directrix_${key}=${value}; path=/; max-age=31536000; samesite=strict`);
+
+function speak() {
+  remember("language", dx.language === "en" ? "de" : "en");
+  location.reload();
+}
+
+function theme() {
+  const root = document.documentElement;
+  root.dataset.theme = root.dataset.theme === "dark" ? "light" : "dark";
+  remember("theme", root.dataset.theme);
+  dx.tell("theme", root.dataset.theme);
+}
+
+const KEYS = { hold: "F8", stop: "F9", estop: "" };
+const Stops = () =>
+  html`<div class="stops">${Object.entries(KEYS).map(([name, key]) => html`<button class=${name} id=${`dx-${name}`} type="button" title=${word(`frame.${name}_title`)}>
+    <span>${word(`frame.${name}`)}</span>${key && html`<kbd>${key}</kbd>`}</button>`)}</div>`;
+
+// What must not be overlooked: that figures are old, and what is wrong.
+function Lines() {
+  const shown = dx.status?.shown ?? {};
+  return html`<div class="lines">
+    <div class="line stale" role="alert"><${Icon} name="no_link" /><strong>${word("frame.stale")}</strong>
+      <span id="dx-stale-text" title=${dx.why}>${dx.stale && old()}</span></div>
+    <div class="line alarm" role="alert"><${Icon} name="error" />
+      <span class="alarm-words"><${Figure} class="strong">${shown.fault}<//> <${Figure}>${shown.next}<//></span>
+      ${shown.fault && html`<${Act} text=${word("frame.reset")} call="POST machine/reset" kind="warn" icon="reset" />`}
+    </div>
+    <div class="line barred" role="status"><${Icon} name="hand" /><${Figure}>${shown.interlock}<//></div>
+    <div class="line failed" role="status"><${Icon} name="info" /><${Figure}>${shown.failed}<//></div>
+  </div>`;
+}

@@ -1,0 +1,46 @@
+// Signs of buttons and views, drawn here: lines on a square of 24.
+import { html } from "./dom.js";
+
+const PATHS = {
+  close: "M6 6l12 12M18 6L6 18",
+  hand: "M8 13V5.5a1.5 1.5 0 0 1 3 0V11m0-6.5a1.5 1.5 0 0 1 3 0V11m0-5a1.5 1.5 0 0 1 3 0v8a6 6 0 0 1-6 6c-3 0-4.500-2-6.500-5.500a1.500 1.500 0 0 1 2.500-1.500",
+  contrast: "M12 3a9 9 0 1 0 0 18a9 9 0 0 0 0-18zM12 3v18M12 7h6M12 12h9M12 17h6",
+  leave: "M10 4H5v16h5M9 12h11m-4-4l4 4l-4 4",
+  no_link: "M9 15l6-6M10.500 6.500l1-1a4.500 4.500 0 0 1 6.500 6.500l-1 1M13.500 17.500l-1 1a4.500 4.500 0 0 1-6.500-6.500l1-1M4 4l16 16",
+  error: "M12 3l9.500 17h-19zM12 9v5m0 3v.5",
+  info: "M12 3a9 9 0 1 0 0 18a9 9 0 0 0 0-18zM12 11v6m0-9.500v.5",
+  reset: "M5 5v5h5M5.500 10a7.500 7.500 0 1 1-.5 5",
+  run: "M12 3a9 9 0 1 0 0 18a9 9 0 0 0 0-18zM10 8.500l5.500 3.500l-5.500 3.500z",
+  scene: "M12 3l8 4.500v9l-8 4.500l-8-4.500v-9zM4 7.500l8 4.500l8-4.500M12 12v9",
+  programs: "M6 3h8l4 4v14H6zM14 3v4h4M9 12h6M9 16h6",
+  jog: "M12 2.500v19M2.500 12h19M9 5.500l3-3l3 3M9 18.500l3 3l3-3M5.500 9l-3 3l3 3M18.500 9l3 3l-3 3",
+  setup: "M4 7h9m5 0h2M4 17h2m5 0h9M13 4.500h5v5h-5zM6 14.500h5v5h-5z",
+  drives: "M4 8h10v9H4zM14 11h4v3h-4M18 12.500h3M6.500 8V5.500h5V8M6 20h6",
+  scope: "M3 4v16h18M6 14c2-9 4-9 6 0s4 5 7-4",
+  alarms: "M6 17V11a6 6 0 0 1 12 0v6l1.500 2h-15zM10 19a2 2 0 0 0 4 0",
+  runs: "M4 5v5h5M4.500 10a8 8 0 1 1-.5 4M12 8v5l3 2",
+  play: "M7 4.500l12 7.500l-12 7.500z",
+  power: "M12 3v9M7 6a8 8 0 1 0 10 0",
+  off: "M12 3v6M7 6a8 8 0 0 0 10.500 12M17 6a8 8 0 0 1 2.500 9M4 4l16 16",
+  home: "M4 11l8-7l8 7M6 10v10h12V10",
+  target: "M12 5a7 7 0 1 0 0 14a7 7 0 0 0 0-14zM12 2v6m0 8v6M2 12h6m8 0h6",
+  upload: "M12 16V4M7 9l5-5l5 5M4 15v5h16v-5",
+  download: "M12 4v12M7 11l5 5l5-5M4 20h16",
+  load: "M4 5v14h16V5h-5M12 3v10M8 9l4 4l4-4",
+  eject: "M12 5l7 9H5zM5 18h14",
+  check: "M4 12.500l5 5L20 6.500",
+  edit: "M4 20l1-4L16 5l3 3L8 19zM14 7l3 3",
+  delete: "M5 7h14M9 7V4h6v3M7 7l1 13h8l1-13M10 11v5m4-5v5",
+  from: "M4 6h16M4 12h6M4 18h6M13 12l7 4.500L13 21z",
+  keyboard: "M3 6h18v12H3zM7 10h.5m3 0h.5m3 0h.5m2.500 0h.5M7 14h10",
+  one: "M12 3a9 9 0 1 0 0 18a9 9 0 0 0 0-18zM10.500 9L12.500 8v8",
+  left: "M15 5l-7 7l7 7",
+  right: "M9 5l7 7l-7 7",
+  zoom_in: "M10.500 4a6.500 6.500 0 1 0 0 13a6.500 6.500 0 0 0 0-13zM15.500 15.500L21 21M7.500 10.500h6M10.500 7.500v6",
+  zoom_out: "M10.500 4a6.500 6.500 0 1 0 0 13a6.500 6.500 0 0 0 0-13zM15.500 15.500L21 21M7.500 10.500h6",
+  flag: "M6 21V4h11l-2 4l2 4H6",
+  fit: "M4 9V4h5M15 4h5v5M20 15v5h-5M9 20H4v-5M9 9h6v6H9z",
+};
+
+export const Icon = ({ name }) =>
+  html`<svg class="icon" viewBox="0 0 24 24" aria-hidden="true"><path d=${PATHS[name]} /></svg>`;

@@ -1,0 +1,115 @@
+// Hearing the machine: its events as they come, how old they are, and the place of a program that has ended.
+import { API, ticked } from "./api.js";
+import { changed, dx, keep, kept } from "./store.js";
+import { sentence, word } from "./texts.js";
+
+const STALE_MS = 700; // statuses come every 50 ms
+const SILENT_MS = 3000; // a socket that says nothing for so long is opened anew
+const AGAIN_MS = 400;
+let lastStatus = -1e9;
+let lastTick = -1e9; // when the machine was seen to have ticked on: never later than the last status
+let lastWord = performance.now();
+
+function heard(text) {
+  const { event, data } = JSON.parse(text);
+  lastWord = performance.now();
+  if (event === "status") return status(data);
+  if (event === "service") {
+    dx.answers = data.answers;
+    dx.why = sentence(data);
+  }
+  dx.tell(event === "control" ? "heard.control" : event, data);
+  changed();
+}
+
+function status(data) {
+  // Without a tick there is no figure that could be old; one that hangs leaves its last ones.
+  if (!ticked(data) || data.tick.number !== dx.status?.tick?.number) lastTick = lastWord;
+  dx.status = { ...with_place(data), control: dx.holder, shown: in_words(data) };
+  lastStatus = lastWord;
+  if (dx.stale) age();
+  dx.tell("status", dx.status);
+  changed();
+}
+
+// What is wrong and what is under way.
+function in_words({ fault, sequence, notices, interlock, warning, waiting, spindle, tool_change }) {
+  const trusted = fault && typeof fault.position_trusted === "boolean";
+  const told = (name) => sentence(notices?.find((one) => one.name === name && name !== fault?.name));
+  const waits = spindle && !spindle.at_speed ? "waits.spindle" : "waits.others";
+  const running = sequence?.state === "running" && word(`sequence.${sequence.name}`);
+  return {
+    fault: fault ? sentence(fault) || fault.name : "",
+    next: trusted ? word(fault.position_trusted ? "frame.trusted" : "frame.not_trusted") : "",
+    under_way: running || (tool_change ? sentence(tool_change) : waiting ? word(waits) : ""),
+    interlock: told(interlock),
+    warning: told(warning) || told("PLAN_SILENT"),
+    failed: sequence?.state === "failed" ? sentence(sequence) : "",
+  };
+}
+
+// ---- the place of a program stays on the screen after its end, until another one is loaded
+
+const UNDER_WAY = ["starting", "running", "held", "stopping"];
+const ENDED = ["stopped", "fault", "interrupted"];
+const PLACE = ["line", "block", "fraction", "elapsed_s", "left_s", "duration_s"];
+let place = kept("place", null);
+let noted = 0;
+
+function with_place(told) {
+  const { job } = told;
+  const key = job ? `${job.name} ${job.sha256}` : "";
+  if (job && UNDER_WAY.includes(job.state)) note(key, told);
+  if (!job || !ENDED.includes(job.state) || place?.key !== key) return told;
+  const known = PLACE.filter((name) => typeof job[name] !== "number").map((name) => [name, place.job[name]]);
+  return { ...told, job: { ...job, ...Object.fromEntries(known) }, in_block: told.in_block ?? place.in_block };
+}
+
+function note(key, { job, in_block }) {
+  const here = typeof job.line === "number" && job.line > 0;
+  if (here) place = { key, job: Object.fromEntries(PLACE.map((name) => [name, job[name]])), in_block };
+  if (!here || lastWord - noted < 1000) return;
+  noted = lastWord;
+  keep("place", place);
+}
+window.addEventListener("pagehide", () => keep("place", place));
+
+// ---- age
+
+function age() {
+  const now = performance.now();
+  const [stale, silent] = [now - lastTick > STALE_MS, now - lastStatus > STALE_MS];
+  const turned = stale !== dx.stale;
+  const other = turned || silent !== dx.silent;
+  Object.assign(dx, { stale, silent });
+  if (turned) dx.tell("stale", stale);
+  if (other) dx.draw();
+  else if (stale) changed();
+  if (dx.socket?.readyState === WebSocket.OPEN && dx.answers && now - lastWord > SILENT_MS) dx.socket.close();
+}
+
+// Why figures are old, and for how long.
+export function old() {
+  const open = dx.socket?.readyState === WebSocket.OPEN;
+  const text = word(!dx.silent ? "frame.no_tick" : open && !dx.answers ? "frame.no_service" : "frame.no_panel");
+  const since = Math.round((performance.now() - lastTick) / 1000);
+  return lastTick > 0 ? `${text} (${word("frame.since")} ${since} s)` : text;
+}
+
+function connect() {
+  const scheme = location.protocol === "https:" ? "wss:" : "ws:";
+  dx.socket = new WebSocket(`${scheme}//${location.host}${API}events`);
+  lastWord = performance.now();
+  dx.socket.onmessage = (message) => heard(message.data);
+  dx.socket.onopen = () => dx.tell("connected", null);
+  dx.socket.onclose = (event) => {
+    dx.tell("disconnected", null);
+    if (event.code === 1008) dx.tell("connected", null); // logged out: what is asked then says so
+    setTimeout(connect, AGAIN_MS);
+  };
+}
+
+export function listen() {
+  connect();
+  setInterval(age, 100);
+}

@@ -1,0 +1,71 @@
+// Maps of the cut surfaces: how far each is off, as rows of colour with the figures beside them.
+import { html } from "./dom.js";
+import { dx } from "./store.js";
+import { sentence, word as text } from "./texts.js";
+
+const word = (key, ...values) => text(`maps.${key}`, ...values);
+export const MOST = 12; // maps on the screen: of the surfaces that are off most
+export const LEAST_UM = 1; // full colour at no less
+export const OVER = [211, 34, 42]; // red: too deep
+export const UNDER = [29, 111, 165]; // blue: left standing
+export const NONE = [190, 198, 205]; // between
+
+// What has full colour: all but the outermost hundredth of the points lies below it.
+export function scale_um(surfaces) {
+  const amounts = surfaces.flatMap(({ map_um }) => map_um.flat()).filter((t) => t !== null).map(Math.abs);
+  amounts.sort((a, b) => a - b);
+  return amounts.length ? Math.max(LEAST_UM, amounts[Math.floor(0.99 * (amounts.length - 1))]) : LEAST_UM;
+}
+
+function colour(um, full_um) {
+  if (um === null) return "transparent";
+  const share = Math.min(1, Math.abs(um) / full_um);
+  const mixed = NONE.map((from, i) => Math.round(from + share * ((um < 0 ? OVER : UNDER)[i] - from)));
+  return `rgb(${mixed.join(", ")})`;
+}
+
+// One row of a map as a gradient; what is not cut is left open.
+export const colours = (row, full_um) => `linear-gradient(to right, ${row.map((t) => colour(t, full_um)).join(", ")})`;
+
+// Whether the surfaces keep their tolerance: one sentence, in colour and with a sign.
+export function Verdict({ told }) {
+  if (!told) return null;
+  return told.within
+    ? html`<p class="verdict" data-tone="go"><span aria-hidden="true">✓</span> ${sentence(told)}</p>`
+    : html`<p class="verdict wrong" data-tone="stop" role="alert"><span aria-hidden="true">✗</span> ${sentence(told)}</p>`;
+}
+
+const off = (one) => Math.max(one.overcut_mm, one.undercut_mm);
+
+// The surfaces that are off most, in the program's order; nothing where nothing was verified.
+export function Maps({ verified: { surfaces = [], left_out = 0 }, verdict }) {
+  if (!surfaces.length) return null;
+  const shown = [...surfaces].sort((a, b) => off(b) - off(a)).slice(0, MOST);
+  const full_um = scale_um(shown);
+  const more = surfaces.length - shown.length + left_out;
+  return html`
+    <h2>${word("title")}</h2>
+    ${surfaces.filter((one) => shown.includes(one)).map((one) => html`<${Surface} key=${one.line} one=${one} full_um=${full_um} tolerance_um=${1000 * (verdict?.tolerance_mm ?? 0)} />`)}
+    <${Scale} full_um=${full_um} />
+    <p class="dim note">${word("scale", full_um.toFixed(0))}</p>
+    ${more > 0 && html`<p class="dim note">${word("more", more)}</p>`}`;
+}
+
+function Surface({ one, full_um, tolerance_um }) {
+  const [over, under] = [one.overcut_mm, one.undercut_mm].map((mm) => (1000 * mm).toFixed(1));
+  const parts = [`${word("surface", one.line)}: ${word("over", over)}`, word("under", under)];
+  if (one.overcut_at) parts.push(word("worst", one.overcut_at[0].toFixed(3), one.overcut_at[1].toFixed(2)));
+  const beyond = tolerance_um > 0 && 1000 * off(one) > tolerance_um;
+  return html`
+    <p class=${`figures note ${beyond ? "wrong" : ""}`}>${parts.join(", ")}</p>
+    <div class="map" role="img" aria-label=${parts.join(", ")} data-map=${String(one.line)}>
+      ${one.map_um.map((row) => html`<div style=${{ backgroundImage: colours(row, full_um) }}></div>`)}
+    </div>`;
+}
+
+// What the colours stand for.
+function Scale({ full_um }) {
+  const steps = Array.from({ length: 21 }, (_, i) => (i / 10 - 1) * full_um);
+  return html`<div class="map-scale figures note"><span>−${full_um.toFixed(0)} µm</span>
+    <div style=${{ backgroundImage: colours(steps, full_um) }}></div><span>+${full_um.toFixed(0)} µm</span></div>`;
+}

@@ -1,0 +1,83 @@
+// What views are made of: buttons that ask and say why they cannot, cards, chips, figures.
+import { call } from "./api.js";
+import { ask, say } from "./dialog.js";
+import { html } from "./dom.js";
+import { Icon } from "./icons.js";
+import { dx } from "./store.js";
+import { word } from "./texts.js";
+
+// Why something cannot be pressed now; "" = it can. The machine refuses by itself, this only says so before.
+//   needs: "control", "role" (to operate) or "" (nothing)   modes: those in which it can be pressed
+//   given, why: what else must hold, and the key of the sentence where it does not
+export function reason({ needs = "control", modes = "", given = true, why = "" }) {
+  if (needs && dx.silent) return word("why.silent");
+  if (needs && dx.user?.role === "view") return word("why.role");
+  if (needs === "control" && !dx.holds()) return dx.holder ? word("why.other", dx.holder) : word("why.control");
+  const mode = dx.status?.mode ?? "OFF";
+  if (modes && !modes.split(" ").includes(mode)) return word("why.mode", modes.split(" ").map(in_words).join(", "), in_words(mode));
+  return given ? "" : word(why);
+}
+const in_words = (mode) => word(`mode.${mode}`);
+
+// A button: it asks ``call`` ("POST cycle/hold") with ``body`` when it is pressed, or does ``press``. One that
+// is off can still be reached and pressed, and then says why.
+export function Act({ text, call: asks, body, press, needs, modes, given, why, kind, ask: question, icon, small, keys, children, ...more }) {
+  const off = reason({ needs, modes, given, why });
+  async function pressed(event) {
+    const now = reason({ needs, modes, given, why });
+    if (now) return say(now);
+    if (question && !(await ask(question))) return;
+    if (press) return press(event);
+    const [method, path] = asks.split(" ");
+    await call(method, path, body);
+  }
+  return html`<button
+    type="button" ...${more} class=${`act ${more.class ?? ""}`} data-kind=${kind} data-call=${asks}
+    aria-disabled=${off ? "true" : undefined} title=${off || more.title} onclick=${pressed}
+  >
+    ${icon && html`<${Icon} name=${icon} />`}${(text || children) && html`<span>${text ?? children}</span>`}
+    ${keys && html`<kbd>${keys}</kbd>`}
+  </button>`;
+}
+
+// Attributes of a field that can be off; a press on one that is says why, see main.js.
+export const field = (rules) => {
+  const off = reason(rules);
+  return off ? { disabled: true, title: off } : {};
+};
+
+export const Card = ({ title, children, ...more }) =>
+  html`<div ...${more} class=${`card ${more.class ?? ""}`}>${title && html`<h2>${title}</h2>`}${children}</div>`;
+
+export const Chip = ({ tone, children, ...more }) => html`<span ...${more} class="chip" data-tone=${tone}>${children}</span>`;
+
+// A figure that the machine tells: it is greyed where it is old.
+export const Figure = ({ tag = "span", children, ...more }) =>
+  html`<${tag} ...${more} class=${`figures ${more.class ?? ""}`}>${children}<//>`;
+
+// As long as a share, 0 to 1.
+export const Bar = ({ share, ...more }) =>
+  html`<div ...${more} class=${`bar ${more.class ?? ""}`} style=${{ "--share": typeof share === "number" ? Math.min(1, Math.max(0, share)) : 0 }}></div>`;
+
+// Of such a length, with a mark at the most that is allowed.
+export const Meter = ({ label, share, most = 1, tone }) =>
+  html`<div class="meter" data-tone=${tone} role="img" aria-label=${label} style=${{ "--share": Math.min(1, share ?? 0), "--most": most }}></div>`;
+
+// Choices of which one holds.
+export const Choice = ({ label, name, values, chosen, choose }) =>
+  html`<div class="choice" role="group" aria-label=${label}>
+    <span class="dim">${label}</span>
+    ${values.map(([value, text]) => html`<button key=${value} class="act" type="button" data-choice=${name} data-value=${value} aria-pressed=${String(value === chosen)} onclick=${() => choose(value)}>
+      <span>${text}</span></button>`)}
+  </div>`;
+
+// Terms and what they are; rows whose value is not known are left out.
+export const Facts = ({ rows, ...more }) =>
+  html`<dl ...${more} class=${`facts ${more.class ?? ""}`}>
+    ${rows.filter(([, value]) => value !== undefined && value !== null && value !== "").map(([term, value]) => html`<dt>${term}</dt>
+      <dd class="figures">${value}</dd>`)}
+  </dl>`;
+
+export const Link = ({ text, path, ...more }) => html`<a class="act" href=${`/api/v1/${path}`} download="" ...${more}>${text}</a>`;
+export const Wrong = ({ text, ...more }) => text && html`<p class="wrong" role="alert" ...${more}>${text}</p>`;
+export const AxisName = ({ name }) => html`<span class="axis-name">${name}</span>`;

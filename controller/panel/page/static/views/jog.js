@@ -1,0 +1,121 @@
+// Moving by hand: jog with a dead-man, steps, and lines of program typed in.
+import { call } from "../api.js";
+import { RULES, chosen, end, held } from "../dead_man.js";
+import { ask } from "../dialog.js";
+import { html, useRef, useState } from "../dom.js";
+import { forms } from "../forms.js";
+import { Act, AxisName, Card, Choice, Figure, reason } from "../parts.js";
+import { dx, keep, kept } from "../store.js";
+import { word as text } from "../texts.js";
+
+const word = (key, ...values) => text(`jog.${key}`, ...values);
+const FRAMES = ["joint", "part", "tool"];
+const STEPS = ["0", "0.001", "0.01", "0.1", "1", "10"];
+
+const View = () => html`<div class="jog"><${Jog} /><${Mdi} /></div>`;
+export default { name: "jog", View };
+
+function choose(name, value) {
+  end();
+  chosen[name] = value;
+  dx.draw();
+}
+
+function Jog() {
+  const frames = FRAMES.map((frame) => [frame, word(frame)]);
+  const steps = STEPS.map((step) => [step, step === "0" ? word("continuous") : step]);
+  return html`<${Card} title=${word("title")} class="jog-card">
+    <div class="row jog-choices">
+      <${Choice} label=${word("frame")} name="frame" values=${frames} chosen=${chosen.frame} choose=${(value) => choose("frame", value)} />
+      <${Choice} label=${word("step")} name="step" values=${steps} chosen=${chosen.step} choose=${(value) => choose("step", value)} />
+      <${Speed} /><${Keyboard} />
+    </div>
+    <div class="jog-axes" id="jog-axes">${(dx.facts.axes ?? []).filter(moves).map((axis) => html`<${Axis} key=${axis.name} axis=${axis} />`)}</div>
+    <p class="dim">${word("hint")}</p>
+  <//>`;
+}
+
+// Rotaries have no direction in the part, nor in the tool's frame.
+const moves = (axis) => chosen.frame === "joint" || axis.kind === "linear";
+
+const Axis = ({ axis: { name, unit } }) => html`<div class="jog-axis">
+  <${Held} name=${name} sign="-" />
+  <div class="jog-figure"><${AxisName} name=${name} /><${Figure} class="big">${forms[unit](dx.status?.joints?.[name]?.work)}<//></div>
+  <${Held} name=${name} sign="+" />
+</div>`;
+
+function Held({ name, sign }) {
+  const off = reason(RULES);
+  const [label, shown] = sign === "-" ? [word("minus"), "−"] : [word("plus"), "+"];
+  return html`<button class="jog-button" type="button" data-jog=${name} data-sign=${sign} aria-label=${`${name} ${label}`} title=${off || undefined}
+    aria-disabled=${off ? "true" : undefined} data-down=${held(name, sign === "+" ? 1 : -1) ? "1" : undefined}>${name}${shown}</button>`;
+}
+
+function Speed() {
+  const percent = Math.round(chosen.speed * 100);
+  const drag = (event) => {
+    chosen.speed = event.target.valueAsNumber / 100;
+    dx.draw();
+  };
+  return html`<label class="jog-speed">
+    <span class="dim">${word("speed")}</span>
+    <input class="slider" type="range" id="jog-speed" min="1" max="100" value=${percent} oninput=${drag} />
+    <span class="figures" id="jog-speed-shown">${percent} %</span>
+  </label>`;
+}
+
+function Keyboard() {
+  async function turn() {
+    chosen.keyboard = !chosen.keyboard && (await ask(word("keyboard_ask")));
+    dx.draw();
+  }
+  return html`<${Act} id="jog-keyboard" text=${word("keyboard")} icon="keyboard" class="toggle" aria-pressed=${String(chosen.keyboard)} press=${turn} />`;
+}
+
+// ---- MDI, with what was typed before
+
+const MOST = 50;
+let history = kept("mdi", []);
+let back = -1;
+
+function Mdi() {
+  const field = useRef(null);
+  const [, again] = useState(0);
+  const rules = { modes: "READY" };
+
+  async function run() {
+    const typed = field.current.value.trim();
+    if (!typed || reason(rules) || !(await ask(`${word("mdi_ask")} ${typed}`, "jog.run"))) return;
+    history = [typed, ...history.filter((old) => old !== typed)].slice(0, MOST);
+    keep("mdi", history);
+    back = -1;
+    again((n) => n + 1);
+    const said = await call("POST", "mdi", { text: typed });
+    if (said.ok) field.current.value = "";
+  }
+
+  function typed(event) {
+    const { value, selectionStart } = event.target;
+    const above = value.slice(0, selectionStart).includes("\n"); // then the key moves within the text
+    if (event.key === "Enter" && !event.shiftKey) {
+      event.preventDefault();
+      if (!event.repeat) run();
+    }
+    if (event.key === "ArrowUp" && !above && back < history.length - 1) event.target.value = history[++back];
+    if (event.key === "ArrowDown" && back > 0) event.target.value = history[--back];
+  }
+
+  const take = (old) => {
+    field.current.value = old;
+    field.current.focus();
+  };
+  return html`<${Card} title=${word("mdi")} class="mdi-card">
+    <form class="mdi" id="mdi" autocomplete="off" onsubmit=${(event) => event.preventDefault()}>
+      <textarea id="mdi-text" rows="2" maxlength="1000" spellcheck=${false} aria-label=${word("mdi")} placeholder="G0 X10." ref=${field} onkeydown=${typed}>
+        </textarea>
+      <${Act} id="mdi-run" text=${word("run")} kind="go" icon="play" ...${rules} press=${run} />
+    </form>
+    <h2>${word("history")}</h2>
+    <div class="mdi-history scroll" id="mdi-history" tabindex="0">${history.map((old) => html`<button key=${old} type="button" onclick=${() => take(old)}>${old}</button>`)}</div>
+  <//>`;
+}

@@ -1,0 +1,182 @@
+// The store: programs come in by drag and drop, are checked, and are loaded from here.
+import { call, every } from "../api.js";
+import { ask_for } from "../dialog.js";
+import { html, useRef } from "../dom.js";
+import { forms } from "../forms.js";
+import { Icon } from "../icons.js";
+import { Maps, Verdict } from "../maps.js";
+import { Act, Card, Chip, Wrong } from "../parts.js";
+import { Offer, StateThere } from "../restart.js";
+import { dx } from "../store.js";
+import { known, sentence, word as text } from "../texts.js";
+import { Uploads } from "../uploads.js";
+
+const word = (key, ...values) => text(`programs.${key}`, ...values);
+const TONES = { passed: "go", exceeds: "stop", refused: "stop", failed: "stop", running: "info", waiting: "info" };
+const RESULTS = { completed: "go", fault: "stop", refused: "stop", lost: "stop", stopped: "hold" };
+const AT_REST = "OFF READY FAULT"; // a job that runs is kept
+const path_of = (name) => `programs/${encodeURIComponent(name)}`;
+
+// ---- what is there: the list in brief, and all of the one that is chosen
+
+const told = { rows: [], wrong: "", chosen: "", one: null, around: [] };
+
+const look = every("programs", 1, "programs?brief=true", (body) => take(body.programs), (wrong) => (told.wrong = wrong));
+for (const topic of ["programs", "job"]) dx.on(topic, look);
+
+const tag = (row) => row && `${row.name} ${row.sha256} ${row.check.state} ${row.check.result.stored ?? ""}`;
+
+function take(rows) {
+  told.rows = rows;
+  const row = rows.find(({ name }) => name === told.chosen);
+  if (!row) told.one = null;
+  else if (tag(row) !== tag(told.one)) detail(row);
+}
+
+async function detail({ name }) {
+  const said = await call("GET", path_of(name), null, true);
+  if (!said.ok || name !== told.chosen) return;
+  const { line, column } = said.body.check.result;
+  const place = line ? await call("GET", `${path_of(name)}/around?line=${line}&column=${column ?? 0}`, null, true) : null;
+  if (name !== told.chosen) return;
+  Object.assign(told, { one: said.body, around: place?.body.lines ?? [] });
+  dx.draw();
+}
+
+function choose(row) {
+  told.chosen = row.name;
+  if (told.one?.name !== row.name) told.one = null;
+  detail(row);
+  dx.draw();
+}
+
+// ---- the list
+
+function View() {
+  return html`<div class="programs">
+    <${Card} class="programs-list">
+      <${Offer} /><${StateThere} /><${Uploads} /><${Wrong} text=${told.wrong} />
+      ${told.rows.length ? html`<${List} />` : html`<p class="dim">${word("none")}</p>`}
+    <//>
+    <${Card} class="programs-detail">${told.one ? html`<${Detail} key=${told.one.name} one=${told.one} />` : html`<p class="dim">${word("select")}</p>`}<//>
+  </div>`;
+}
+export default { name: "programs", View };
+
+const List = () => html`<div class="scroll" tabindex="0"><table class="list">
+  <thead><tr>${["name", "check", "time", "last", "size"].map((column) => html`<th class=${`p-${column}`} scope="col">${word(column)}</th>`)}</tr></thead>
+  <tbody>${told.rows.map((row) => html`<${Row} key=${row.name} row=${row} />`)}</tbody>
+</table></div>`;
+
+function Row({ row }) {
+  const { name, check, last_run: run } = row;
+  return html`<tr class="entry" data-program=${name} aria-selected=${name === told.chosen ? "true" : undefined} onclick=${() => choose(row)}>
+    <td class="p-name">
+      <button class="plain" type="button">${name}</button>
+      ${name === dx.status?.job?.name && html`<${Chip} tone="info">${word("loaded")}<//>`}
+      <div class="dim when"><span>${word("uploaded")}</span> <${Moment} at=${row.uploaded_s} /></div>
+    </td>
+    <td class="p-check"><${State} check=${check} /></td>
+    <td class="figures p-time">${forms.time(check.result.duration_s)}</td>
+    <td class="p-last">${run && html`<${Chip} tone=${RESULTS[run.result] ?? "dim"}>${known(`result.${run.result}`, run.result)}<//>
+      <div class="dim when"><${Moment} at=${run.began_s} /></div>`}</td>
+    <td class="figures p-size">${forms.size(row.size)}</td>
+  </tr>`;
+}
+
+const Moment = ({ at }) => html`<time class="figures" data-at=${String(at)}>${forms.moment(at)}</time>`;
+
+function State({ check }) {
+  // No green word beside a wall that is off.
+  const state = check.verdict && !check.verdict.within && check.state !== "refused" ? "exceeds" : check.state;
+  return html`<${Chip} tone=${TONES[state] ?? "dim"}>${text(`check.${state}`)}<//>${state === "running" && html`<span class="figures dim">${forms.percent(check.progress)}</span>`}`;
+}
+
+// ---- one program
+
+function Detail({ one }) {
+  const { check } = one;
+  return html`
+    <h2 class="program-title">${one.name}</h2>
+    <${Acts} name=${one.name} />
+    ${check.result.sentence ? html`<${Refused} check=${check} />` : check.state === "passed" && html`<${Found} check=${check.result} />`}
+    ${check.state === "passed" && html`<${Places} name=${one.name} lines=${one.lines} />`}`;
+}
+
+function Acts({ name }) {
+  const path = path_of(name);
+  async function rename() {
+    const other = (await ask_for(word("rename_ask", name), "programs.rename", name, { maxlength: 200 }))?.trim();
+    if (!other || other === name) return;
+    const said = await call("PATCH", path, { name: other });
+    if (said.ok) told.chosen = said.body.name;
+    look();
+  }
+  return html`<div class="row program-acts">
+    <${Act} text=${word("load")} call="POST job" body=${{ program: name }} kind="go" icon="load" modes="OFF READY" />
+    ${name === dx.status?.job?.name && html`<${Act} text=${word("unload")} call="DELETE job" icon="eject" modes=${AT_REST} />`}
+    <${Act} text=${word("ask_check")} call=${`POST ${path}/check`} needs="role" icon="check" />
+    <a class="act" href=${`/api/v1/${path}/text`} download=${name}><${Icon} name="download" /><span>${word("download")}</span></a>
+    <${Act} text=${word("rename")} data-rename=${name} needs="role" icon="edit" press=${rename} />
+    <${Act} text=${word("delete")} call=${`DELETE ${path}`} ask=${word("delete_ask", name)} needs="role" kind="warn" icon="delete" />
+  </div>`;
+}
+
+// The sentence, and the text around the place with a caret below it.
+const Refused = ({ check: { verdict, result } }) => html`
+  ${verdict ? html`<${Verdict} told=${verdict} />` : html`<${Wrong} text=${sentence(result)} />`}
+  ${told.around.length > 0 && html`<pre class="listing caret" id="programs-wrong" tabindex="0">${told.around.join("\n")}</pre>`}`;
+
+const SHARES = ["velocity", "acceleration", "jerk"];
+
+function Found({ check }) {
+  const binds = (check.cut_binds ?? []).filter(({ share }) => share >= 0.01).map(({ what, share }) => `${forms.bound(what)} ${forms.percent(share)}`);
+  const overcut = check.verified?.overcut_mm;
+  const facts = [
+    ["time", forms.time(check.duration_s)],
+    ["cut", `${(check.cut_length_mm ?? 0).toFixed(1)} mm, ${forms.time(check.cut_time_s)}`],
+    ["blocks", check.blocks ?? "–"],
+    ["binds", binds.join(", ")],
+    ["overcut", typeof overcut === "number" ? `${(overcut * 1000).toFixed(1)} µm` : ""],
+  ];
+  return html`
+    <dl class="facts wide">${facts.filter(([, value]) => value !== "").map(([key, value]) => html`<dt>${word(key)}</dt><dd class="figures">${value}</dd>`)}</dl>
+    <${Verdict} told=${check.verdict} />
+    <${Maps} verified=${check.verified ?? {}} verdict=${check.verdict} />
+    <${Wrong} text=${check.warning} />
+    <${Box} joints=${check.joints ?? []} />
+    ${(check.notes ?? []).map(({ line, note }) => html`<p class="dim note">${text("run.line")} ${line}: ${note}</p>`)}`;
+}
+
+// What each axis does; a share of more than its limit is said in colour.
+const Box = ({ joints }) => html`<div class="scroll" tabindex="0"><table class="list box">
+  <thead>
+    <tr>${["run.axis", "programs.from", "programs.to", ...SHARES.map((one) => `programs.${one}`)].map((key) => html`<th scope="col">${text(key)}</th>`)}</tr>
+    </thead>
+  <tbody>${joints.map((joint) => html`<tr key=${joint.name}>
+    <th scope="row">${joint.name}</th>
+    <td class="figures">${joint.lowest.toFixed(2)}</td><td class="figures">${joint.highest.toFixed(2)}</td>
+    ${SHARES.map((one) => html`<td class=${`figures ${joint[`${one}_share`] > 1.005 ? "wrong" : ""}`}>${forms.percent(joint[`${one}_share`])}</td>`)}
+  </tr>`)}</tbody>
+</table></div>`;
+
+// To begin elsewhere; what will be in force there is shown once it is loaded.
+function Places({ name, lines }) {
+  const form = useRef(null);
+  const FIELDS = [["line", lines, "1"], ["fraction", 100, "any"], ["dry", 1000, "any"]];
+  function load() {
+    const value = (field) => form.current.elements[field].valueAsNumber;
+    const body = { program: name };
+    if (value("line") >= 1) body.line = Math.round(value("line"));
+    if (value("fraction") >= 0) body.fraction = value("fraction") / 100;
+    if (value("dry") > 0) body.dry_run_mm = value("dry");
+    if (form.current.elements.block_delete.checked) body.block_delete = true;
+    return call("POST", "job", body);
+  }
+  return html`<form class="row places" data-program=${name} ref=${form} onsubmit=${(event) => event.preventDefault()}>
+    ${FIELDS.map(([field, most, step]) => html`<label><span class="dim">${word(field)}</span>
+      <input type="number" name=${field} min="0" max=${most} step=${step} /></label>`)}
+    <label><span class="dim">${word("block_delete")}</span><input type="checkbox" name="block_delete" /></label>
+    <${Act} text=${word("load_there")} kind="go" icon="from" modes="OFF READY" press=${load} />
+  </form>`;
+}

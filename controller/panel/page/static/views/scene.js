@@ -1,0 +1,58 @@
+// The machine in three dimensions: part, path, tool and rotaries. What draws it comes when it is first looked at.
+import { html, useEffect, useRef } from "../dom.js";
+import { forms } from "../forms.js";
+import { Icon } from "../icons.js";
+import { Figure } from "../parts.js";
+import { dx } from "../store.js";
+import { word as text } from "../texts.js";
+
+const word = (key) => text(`scene.${key}`);
+const LOOKS = ["iso", "top", "front", "side"];
+const KEYS = { done: "--go", ahead: "--text", feed: "--info", rapid: "--dim", trail: "--hold", surface: "--accent" };
+const shown = { picture: null, coming: false, wrong: "" };
+
+async function come(place) {
+  shown.coming = true;
+  const found = await import("../scene/picture.js").catch(() => null);
+  if (!found) return setTimeout(() => (shown.coming = false), 1000); // the panel is away: asked for again
+  const { MachinePicture } = found;
+  window.dxScene = shown.picture = new MachinePicture(dx.facts);
+  shown.picture.show_in(place, (wrong) => {
+    shown.wrong = wrong;
+    dx.draw();
+  });
+  dx.draw();
+}
+
+function View() {
+  const place = useRef(null);
+  useEffect(() => {
+    if (!shown.coming && dx.facts.axes) come(place.current);
+  });
+  const { picture } = shown;
+  const see = (frame) => {
+    picture?.see(frame);
+    picture?.look(frame === "machine" ? "machine" : "iso");
+    dx.draw();
+  };
+  const look = (from) => html`<button key=${from} class="act" type="button" data-scene=${`look ${from}`} onclick=${() => picture?.look(from)}>
+    <span>${word(from)}</span></button>`;
+  return html`<div class="looks scene"><div class="card scene-card">
+    <div class="scene-place" role="img" aria-label=${word("picture")} ref=${place}></div>
+    <div class="row scene-tools">
+      ${["part", "machine"].map((frame) => html`<button key=${frame} class="act" type="button" data-scene=${`frame ${frame}`} aria-pressed=${String((picture?.frame ?? "part") === frame)} onclick=${() => see(frame)}>
+        <span>${word(frame)}</span></button>`)}
+      ${LOOKS.map(look)}
+      <button class="act" type="button" data-scene="fit" onclick=${() => picture?.fit()}><${Icon} name="fit" /><span>${word("fit")}</span></button>
+      <button class="act" type="button" data-scene="clear" onclick=${() => picture?.clear()}><span>${word("clear")}</span></button>
+    </div>
+    <div class="scene-said">
+      ${[..."XYZ"].map((axis) => html`<span><span class="dim">${axis} </span><${Figure}>${forms.mm(dx.status?.tip?.[axis])}<//></span>`)}
+      ${Object.entries(KEYS).map(([key, colour]) => html`<span class="key dim"><i style=${{ "--colour": `var(${colour})` }}></i>
+        <span>${word(key)}</span></span>`)}
+      <span class="key dim" id="scene-scale"><i class="ruler"></i><span></span></span>
+      <span class="dim" id="scene-said">${shown.wrong}</span>
+    </div>
+  </div></div>`;
+}
+export default { name: "scene", View };

@@ -1,0 +1,95 @@
+"""What cannot be pressed says why: to the hand, to the pointer and to a screen reader, in every mode."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from support.live import browser
+from support.live.browser import Site
+
+from controller.state import Mode
+
+pytestmark = pytest.mark.slow
+
+PARTS = ("homing", "offsets", "tools", "file", "drives")
+# Of every control that is off: its name, the reason as pointer and screen reader have it, what a press says.
+OFF = """() => [...document.querySelectorAll("[aria-disabled=true], :disabled")]
+  .filter((one) => one.checkVisibility() && one.tagName !== "OPTION")
+  .map((one) => {
+    dx.say("");
+    one.dispatchEvent(new PointerEvent("pointerdown", { bubbles: true, button: 0 }));
+    one.click();
+    return [one.getAttribute("aria-label") || one.innerText || one.id, one.title, dx.notice?.sentence];
+  })"""
+
+
+def everywhere(page: Any) -> Any:
+    """Every view, and every part of the set-up."""
+    for view in browser.VIEWS:
+        page.evaluate("(view) => dx.show(view)", view)
+        page.wait_for_selector(f"section[data-view={view}] .card")
+        for part in PARTS if view == "setup" else ("",):
+            if part:
+                page.click(f"[data-setup={part}]")
+            yield f"{view} {part}"
+
+
+def told(page: Any) -> list[tuple[str, str, str, str]]:
+    """(view, control, its reason, what a press on it says) of all that is off."""
+    return [(where, *one) for where in everywhere(page) for one in page.evaluate(OFF)]
+
+
+def silent(found: list[tuple[str, str, str, str]]) -> list[tuple[str, str, str, str]]:
+    """Those that do not say why."""
+    return [one for one in found if not one[2].endswith(".") or one[3] != one[2]]
+
+
+@pytest.mark.parametrize("mode", [mode.name for mode in Mode])
+def test_whatever_is_off_says_why_in_every_mode(mode: str, page: Any, site: Site) -> None:
+    site.tell(mode=mode)
+    page.wait_for_selector(f"body[data-mode={mode}]")
+    found = told(page)
+    assert found and silent(found) == []
+
+
+def test_without_control_it_is_said_who_has_it(page: Any, site: Site) -> None:
+    page.evaluate("dx.give()")
+    page.wait_for_selector("body[data-control=free]")
+    assert silent(told(page)) == []
+    page.evaluate("dx.show('run')")
+    assert "Take control first" in page.get_attribute("[data-call='POST cycle/start']", "title")
+    page.evaluate("dx.holder = 'anna'; dx.draw()")
+    assert "anna holds control" in page.get_attribute("[data-call='POST cycle/start']", "title")
+
+
+def test_who_may_only_look_is_told_so(page: Any, site: Site) -> None:
+    page.evaluate("dx.user = {...dx.user, role: 'view'}")
+    assert silent(told(page)) == []
+    page.evaluate("dx.show('run')")
+    assert "may only look" in page.get_attribute("[data-call='POST cycle/start']", "title")
+
+
+def test_a_mode_is_named_in_words(page: Any, site: Site) -> None:
+    site.tell(mode="HOLD")
+    page.wait_for_selector("body[data-mode=HOLD]")
+    said = "Possible in: Ready. The machine's state is: Hold."
+    page.wait_for_selector(f"[data-call='POST cycle/start'][title=\"{said}\"]")
+    before = len(site.asked("start"))
+    page.click("[data-call='POST cycle/start']", force=True)
+    page.wait_for_selector(f'#dx-said:has-text("{said}")')
+    assert len(site.asked("start")) == before
+
+
+def test_an_operator_is_led_from_cold_to_the_start(page: Any, site: Site) -> None:
+    page.evaluate("dx.give()")
+    page.wait_for_selector(".next >> text=take control")
+    browser.take_control(page)
+    for told, words in (
+        ({"mode": "OFF", "not_homed": ["X"]}, "home all axes"),
+        ({"mode": "OFF", "not_homed": []}, "switch the drives on"),
+        ({"mode": "READY", "not_homed": [], "job": None}, "choose and load a program"),
+        ({"mode": "READY", "not_homed": [], "job": {"name": "a", "sha256": "0", "state": "loaded"}}, "start"),
+    ):
+        site.tell(**told)
+        page.wait_for_selector(f".next strong:text-is('{words}')")
