@@ -12,15 +12,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from enum import Enum
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from numpy.polynomial import Polynomial
 
 from controller import jets
 from controller.curves import Curve
-from controller.geometry import Vector, add, dot, norm, scale, subtract
+from controller.geometry import Vector, add, angle_between, cross, dot, norm, scale, subtract, unit
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import SurfaceCut
@@ -38,8 +40,11 @@ USEFUL_MM = (1.0, 10.0)
 SHARE = 0.45  # of a cut: both its ends may be blended
 SHORTEST_MM = 0.02
 TRIES = 10
-USED = 0.6  # of what the tolerance leaves, for what lies between the points that are looked at
+USED = 0.9  # of what the tolerance leaves, for what lies between the points that are looked at
+CLOSE = 0.85  # of the shortest blend that is too long: so near to it one is long enough
+ROUNDINGS = (0.0594, 0.09, 0.12, 0.16)  # how far each stays away from a corner of slope 1 over its reach
 CLEAR_OF_POLE = 10.0  # times the change of the axis: so far from the pole it hardly turns a rotary
+NEARLY_UPPER = 0.99  # of the ruling
 BESIDE = 1.25  # times the blend's own reach is looked at
 MEANT_MM = 1e-9  # poses nearer than this are meant to be one
 SMOOTH, ALIKE = 1e-9, 3.0  # rad within a millimetre; times the tolerance, within the same
@@ -62,10 +67,12 @@ class Joint(NamedTuple):
 
     before: Cut
     after: Cut
-    angle_rad: float  # of the normals
+    angle_rad: float  # of the normals, at the contact
+    crease_rad: float  # the same at the upper end of the ruling
     gap_mm: float
     reach_mm: float  # of the longer of both blends
     deviates_mm: float
+    shortened: bool  # by the tolerance
 
 
 def tolerance(before: Cut, after: Cut, machine: Machine) -> Tolerance:
@@ -102,26 +109,45 @@ def joined(before: Cut, after: Cut, allowed: Tolerance, kinematics: Kinematics) 
     deviates = allowed.mm - left + found.deviates_mm
     first = replace(before, motion=found.before, end=edge(found.before, 1.0))
     second = replace(after, motion=found.after, start=edge(found.after, 0.0))
-    return Joint(first, second, abs(angle), gap, found.reach_mm, deviates)
+    most = max(min(reach, SHARE * cut.motion.end) for cut in (before, after))
+    shortened = found.reach_mm < most
+    return Joint(first, second, abs(angle), _crease(before, after), gap, found.reach_mm, deviates, shortened)
 
 
-def differ_by_rounding(before: Cut, after: Cut, allowed: Tolerance) -> bool:
-    """Of two cuts whose poses agree within a nanometre or two: whether that, or their rates, is rounding.
+def _crease(before: Cut, after: Cut) -> float:
+    """Angle (rad) of the normals at the upper end of the ruling: just below it, a cone may have a tip."""
+    normals = []
+    for motion, u in ((before.motion, 1.0), (after.motion, 0.0)):
+        surface = _placed(motion)
+        tangent, turn = surface.rates(u, math)
+        normals.append(unit(cross(add(tangent, scale(turn, NEARLY_UPPER)), surface.ruling(u))))
+    return float(angle_between(normals[0], normals[1]))
 
-    Where the poses agree to the last digit and the axis or the normal turns at quite another rate,
-    that is how the surfaces are meant.
-    """
+
+class Difference(Enum):
+    """What two cuts differ by whose poses agree within a nanometre or two."""
+
+    NONE = "none"
+    ROUNDING = "of the program's decimals"
+    KINK = "the axis or the normal turns at quite another rate: that is how the surfaces are meant"
+
+
+def difference(before: Cut, after: Cut, allowed: Tolerance) -> Difference:
+    """Of poses and rates; a kink is one only where the poses agree to the last digit."""
     if allowed is EXACT:
-        return False
+        return Difference.NONE
     if max(apart(before.end.contact, after.start.contact), apart(before.end.tip, after.start.tip)) > MEANT_MM:
-        return True
+        return Difference.ROUNDING
     with np.errstate(all="ignore"):
         one, other = _End.of(before.motion, False), _End.of(after.motion, True)
     if not (one.sound and other.sound):
-        return False
+        return Difference.NONE
     step = np.abs(other.rows[1:] - one.rows[1:])
     turns = np.maximum(step[:, 3:].max(axis=1), step[:, :3].max(axis=1) / max(after.tool.radius_mm, 1.0))
-    return bool(turns.max() > SMOOTH and turns[0] * USEFUL_MM[0] <= ALIKE * allowed.rad)
+    if turns.max() <= SMOOTH:
+        return Difference.NONE
+    alike = turns[0] * USEFUL_MM[0] <= ALIKE * allowed.rad
+    return Difference.ROUNDING if alike else Difference.KINK
 
 
 # ---- two motions -------------------------------------------------------------------
@@ -137,12 +163,37 @@ class _Pair:
     deviates_mm: float
 
 
+class _Rounding(NamedTuple):
+    """A corner's rounding, (1 - x)^4 (a + (4 a - 1) x - 0.85 x^2), of slope -1 over x at the corner."""
+
+    away: float  # a: how far it stays away from the corner
+    bend: float  # its second derivative there
+    third: float  # its largest third derivative
+
+    @staticmethod
+    @lru_cache
+    def of(away: float) -> _Rounding:
+        """The one of these forms whose third derivative is least for what it deviates by.
+
+        With a = 0.0594 it swings past the corner by as much as it stays away from it: the least of all.
+        Where a corner costs nothing on its inner side more is better.
+        """
+        shape = Polynomial([1.0, -1.0]) ** 4 * Polynomial([away, 4.0 * away - 1.0, -0.85])
+        third = np.abs(shape.deriv(3)(np.linspace(0.0, 1.0, 101))).max()
+        return _Rounding(away, float(shape.deriv(2)(0.0)), float(third))
+
+
 class _Choice(NamedTuple):
-    """How long a blend is on either side, whether of the axis, too, and what it costs."""
+    """How long a blend is on either side, how it is rounded, whether the axis is, too, and what it costs."""
 
     reaches_mm: tuple[float, float]
+    rounding: _Rounding
     axis_too: bool
     deviates_mm: float
+
+    @property
+    def reach_mm(self) -> float:
+        return max(self.reaches_mm)
 
 
 _chosen: dict[str, _Choice | None] = {}  # a check comes to every joint twice: of a thousand not one is kept
@@ -173,47 +224,94 @@ def _shortened(
     choice = _chosen[name]
     if choice is None:
         return None
-    pair = _led_over(*ends, choice.reaches_mm, choice.axis_too)
-    return _Pair(*pair, max(choice.reaches_mm), choice.deviates_mm)
+    pair = _led_over(*ends, choice.reaches_mm, choice.rounding, choice.axis_too)
+    return _Pair(*pair, choice.reach_mm, choice.deviates_mm)
 
 
 def _sought(
     one: _End, other: _End, reach_mm: float, allowed: Tolerance, kinematics: Kinematics
 ) -> _Choice | None:
     for axis_too in (True, False):
-        reach = reach_mm
-        for _ in range(TRIES):
-            a, b = (min(reach, SHARE * end.motion.end) for end in (one, other))
-            if max(a, b) < SHORTEST_MM:
-                break
-            blends = _blends(one, other, (a, b))
-            if not _is_clear(one.motion, other.motion, blends, axis_too, allowed.rad, kinematics):
-                reach = 0.5 * max(a, b)
-                continue
-            looked = _Looked.at(one.motion, other.motion, blends, [a, b])
-            off = looked.added(*_led_over(one, other, (a, b), axis_too))
-            if off <= allowed.mm:
-                return _Choice((a, b), axis_too, off)
-            reach = max(a, b) * min(0.8, max(0.2, 0.9 * math.sqrt(allowed.mm / off)))
+        search = _Search(one, other, reach_mm, allowed, kinematics, axis_too)
+        best = search.longest(_Rounding.of(ROUNDINGS[0]))
+        for rounding in map(_Rounding.of, ROUNDINGS[1:]):
+            if best is not None and best.reach_mm < search.most_mm:
+                best = search.better(best, rounding)
+        if best is not None:
+            return best
     return None
 
 
-def _blends(one: _End, other: _End, reaches_mm: tuple[float, float]) -> tuple[Blend, Blend]:
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """For the blend of two ends that bends least, reaches no further and adds no more than is allowed."""
+
+    one: _End
+    other: _End
+    wanted_mm: float
+    allowed: Tolerance
+    kinematics: Kinematics
+    axis_too: bool
+
+    @property
+    def most_mm(self) -> float:
+        """As far as it reaches, or as the cuts are long enough for."""
+        return max(self._reaches(self.wanted_mm))
+
+    def better(self, best: _Choice, rounding: _Rounding) -> _Choice:
+        """As ``rounding`` has it if that bends less, else ``best``."""
+        as_good = best.reach_mm * math.sqrt(rounding.third / best.rounding.third)
+        if as_good >= self.most_mm or self._added(as_good, rounding) > self.allowed.mm:
+            return best
+        return self.longest(rounding, as_good) or best
+
+    def longest(self, rounding: _Rounding, kept_mm: float = 0.0) -> _Choice | None:
+        """The longest within the tolerance; that one of ``kept_mm`` is, is known."""
+        found, short, long, reach = None, kept_mm, math.inf, self.most_mm
+        for _ in range(TRIES):
+            added = self._added(reach, rounding)
+            if added <= self.allowed.mm:
+                found, short = _Choice(self._reaches(reach), rounding, self.axis_too, added), reach
+            else:
+                long = reach
+            if max(short, SHORTEST_MM) > CLOSE * long or math.isinf(long):
+                break
+            share = min(0.8, max(0.3, 0.95 * self.allowed.mm / added))
+            reach = math.sqrt(short * long) if short else share * long
+        return found
+
+    def _reaches(self, reach_mm: float) -> tuple[float, float]:
+        a, b = (min(reach_mm, SHARE * end.motion.end) for end in (self.one, self.other))
+        return a, b
+
+    def _added(self, reach_mm: float, rounding: _Rounding) -> float:
+        """What a blend adds to the deviation (mm); inf where the axis may not be led so."""
+        one, other, reaches = self.one, self.other, self._reaches(reach_mm)
+        blends = _blends(one, other, reaches, rounding)
+        if not _is_clear(one.motion, other.motion, blends, self.axis_too, self.allowed.rad, self.kinematics):
+            return math.inf
+        looked = _Looked.at(one.motion, other.motion, blends, reaches)
+        return looked.added(*_led_over(one, other, reaches, rounding, self.axis_too))
+
+
+def _blends(
+    one: _End, other: _End, reaches_mm: tuple[float, float], rounding: _Rounding
+) -> tuple[Blend, Blend]:
     """Each of both ends is led over by half of what they differ by.
 
-    Where their rates differ the way is rounded as a corner is, (1 - x)^4 on either side: to come back
-    to the joint itself would bend it to and fro, with four times the third derivative for as much deviation.
+    Where their rates differ the way is rounded as a corner is.
     """
     half, reach = 0.5 * (other.rows - one.rows), min(reaches_mm)
-    rounded = np.outer((0.25 * reach, 0.0, 3.0 / reach), half[1])
+    rounded = np.outer((rounding.away * reach, 0.0, rounding.bend / reach), half[1])
     return one.blend(rounded + half, reaches_mm[0]), other.blend(rounded - half, reaches_mm[1])
 
 
 def _led_over(
-    one: _End, other: _End, reaches_mm: tuple[float, float], axis_too: bool
+    one: _End, other: _End, reaches_mm: tuple[float, float], rounding: _Rounding, axis_too: bool
 ) -> tuple[SurfaceCut, SurfaceCut]:
     first, second = (
-        blend if axis_too else replace(blend, axis=None) for blend in _blends(one, other, reaches_mm)
+        blend if axis_too else replace(blend, axis=None)
+        for blend in _blends(one, other, reaches_mm, rounding)
     )
     return _with(one.motion, first), _with(other.motion, second)
 
@@ -330,7 +428,7 @@ class _Looked:
 
     @staticmethod
     def at(
-        before: SurfaceCut, after: SurfaceCut, blends: tuple[Blend, Blend], reaches_mm: list[float]
+        before: SurfaceCut, after: SurfaceCut, blends: tuple[Blend, Blend], reaches_mm: tuple[float, float]
     ) -> _Looked:
         flanks = _placed(before), _placed(after)
         sides = [_beside(*one) for one in zip(flanks, blends, reaches_mm, strict=True)]
@@ -340,7 +438,7 @@ class _Looked:
         return _Looked(points, (first, ~first), flanks, seen)
 
     def added(self, before: SurfaceCut, after: SurfaceCut) -> float:
-        """The most (mm) that is cut deeper, or left, or that the end of the cutter moves along its axis."""
+        """The most (mm) that is cut deeper, or left, or that the cutter's end leaves the lower edge."""
         flanks = _placed(before), _placed(after)
         now = [_left(*one, self.points) for one in zip(flanks, self.seen, strict=True)]
         left = np.minimum(*now)
@@ -348,7 +446,7 @@ class _Looked:
         deeper = np.minimum(self.seen[0].left, self.seen[1].left) - left
         worst = max(float(deeper.max()), float((left - own).max()))
         for plain, blended, seen, mine in zip(self.flanks, flanks, self.seen, self.own, strict=True):
-            worst = max(worst, _along_axis(plain, blended, seen.at_u[mine]))
+            worst = max(worst, _off_edge(plain, blended, seen.at_u[mine]))
         return worst
 
 
@@ -372,7 +470,12 @@ def _beside(flank: Placed, blend: Blend, reach_mm: float) -> Array:
     return deviation.points(flank, u, v)
 
 
-def _along_axis(plain: Placed, blended: Placed, u: Array) -> float:
-    """How far (mm) the end of the cutter is led away along its axis."""
+def _off_edge(plain: Placed, blended: Placed, u: Array) -> float:
+    """How far (mm) the end of the cutter leaves the lower edge of the surface, along its axis.
+
+    Beside the contact: a cutter that leans more about it goes up on its far side, as the surface has it.
+    """
     a, b = (flank.pose(u, flank.offset_mm, np) for flank in (plain, blended))
-    return float(np.abs(dot(subtract(b.tip, a.tip), a.axis)).max())
+    contact = plain.contact(u, np)
+    heights = [dot(subtract(contact, pose.tip), pose.axis) for pose in (a, b)]
+    return float(np.abs(heights[1] - heights[0]).max())
