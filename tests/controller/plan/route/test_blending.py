@@ -222,6 +222,33 @@ def test_a_blend_adds_less_than_the_tolerance_by_brute_force(seed: int) -> None:
     assert max(found) <= 1.7e-3 * max(told) + 2e-4, "what check tells is what comes out"
 
 
+@pytest.mark.parametrize(
+    ("seed", "radius", "side"),
+    [
+        (3016, 5.0, "G41"),
+        (3058, 5.0, "G42"),
+        *(
+            pytest.param(seed, radius, side, marks=pytest.mark.slow)
+            for seed in (4006, 4014, 4052, 4090, 5100, 5172)
+            for radius, side in ((1.5, "G41"), (8.0, "G42"))
+        ),
+    ],
+)
+def test_at_a_crease_it_does_so_too(seed: int, radius: float, side: str) -> None:
+    """A ridge and a hollow, which are rounded otherwise; each as far as the tolerance lets it."""
+    surfaces = blu_compounds.general(seed)
+    built = with_cutter(radius)
+    try:
+        traced = trace(program(surfaces, side), built)
+    except ProgramError as error:
+        pytest.skip(str(error))
+    k = int(np.argmax(blu_compounds.creases(surfaces)))
+    found = added_mm(surfaces, named(traced, "cut"), -1.0 if side == "G41" else 1.0, built, k)
+    told = [float(um) for um in re.findall(r"deviates by ([0-9.]+) um", sentences(traced))]
+    assert 2.0 < max(told) <= 1000.0 * built.joint_tolerance_mm, "a crease takes most of it"
+    assert found <= built.joint_tolerance_mm, (seed, found, told)
+
+
 # ---- what holds where ------------------------------------------------------------------
 
 
