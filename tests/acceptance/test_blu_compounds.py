@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import itertools
 import random
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from support.machines.stepped_runs import SHIPPED, Cut, cut, largest, shipped
+from support.machines.traced_programs import trace
 from support.parts import blu_compounds
+from support.parts.random_surfaces import Pair
 
-from controller.machine import Tool
+from controller.machine import Machine, Tool
 from controller.plan.feed.course import Course
 from controller.plan.feed.limits import JointLimits
 from controller.plan.route.path import Stretch
@@ -49,21 +52,33 @@ def allowed(before: Stretch, after: Stretch, done: Cut) -> float:
     return min(found)
 
 
-def run_one(seed: int) -> int:
-    """How many joints of less than the tolerance were looked at whose limits allow the feed."""
+def scene(seed: int) -> tuple[list[Pair], str, Machine]:
+    """Surfaces, side and machine."""
     rng = random.Random(seed)
-    surfaces = (blu_compounds.general, blu_compounds.like_the_papers)[seed % 2](
-        seed, rng.choice((2, 2, 3, 4, 5))
-    )
-    side, radius, machine = (
-        rng.choice(("G41", "G42")),
-        rng.choice((1.0, 1.5, 3.0, 5.0, 8.0)),
-        shipped(rng.choice(SHIPPED)),
-    )
-    machine = replace(machine, tools=(Tool(1, "end mill", radius, 0.0, 30.0),))
-    degrees = blu_compounds.angles(surfaces)
+    kind = (blu_compounds.general, blu_compounds.like_the_papers)[seed % 2]
+    surfaces, side = kind(seed, rng.choice((2, 2, 3, 4, 5))), rng.choice(("G41", "G42"))
+    cutter = Tool(1, "end mill", rng.choice((1.0, 1.5, 3.0, 5.0, 8.0)), 0.0, 30.0)
+    return surfaces, side, replace(shipped(rng.choice(SHIPPED)), tools=(cutter,))
+
+
+def told_mm_s(text: str, machine: Machine) -> dict[int, float]:
+    """What the contact slows down to at joints, by the line behind each."""
+    notes = trace(text, machine).notes
+    found = {note.place.line: re.search(r"slows down to about (\d+) mm/min", note.sentence) for note in notes}
+    return {line: float(one[1]) / 60.0 for line, one in found.items() if one}
+
+
+def run_one(seed: int) -> int:
+    """How many joints of less than the tolerance were looked at whose limits allow the feed.
+
+    Only the lower curves of the compounds are made to run on: where the normals differ above, along the
+    ruling, the surfaces have a crease, and what is told is what it is passed at.
+    """
+    surfaces, side, machine = scene(seed)
+    text, feed = blu_compounds.text(surfaces, FEED, side, "T1 M6"), FEED / 60.0
+    degrees, creases = blu_compounds.angles(surfaces), blu_compounds.creases(surfaces)
     try:
-        done = cut(blu_compounds.text(surfaces, FEED, side, "T1 M6"), machine)
+        done = cut(text, machine)
     except ProgramError as error:
         assert "concave corner" not in str(error) or max(degrees) > TOLERANCE_DEG, (seed, str(error))
         return 0
@@ -75,19 +90,19 @@ def run_one(seed: int) -> int:
     assert len(cuts) == len(surfaces)
     way, looked, begins = course_mm(done, cuts), 0, 0.0
     speed = np.diff(way) / machine.period_s
-    for (a, b), angle in zip(itertools.pairwise(cuts), degrees, strict=True):
+    for (a, b), angle, crease in zip(itertools.pairwise(cuts), degrees, creases, strict=True):
         begins += done.stretches[a].motion.end
         if angle >= TOLERANCE_DEG:
             continue
         assert b == a + 1, (seed, "something stands between two cuts that only rounding parts")
-        if allowed(done.stretches[a], done.stretches[b], done) < 2.0 * FEED / 60.0:
+        if allowed(done.stretches[a], done.stretches[b], done) < feed:
             continue
         near = speed[(way[1:] > begins - 0.1) & (way[:-1] < begins + 0.1)]
-        assert len(near) and not np.isnan(near).any() and near.min() >= 0.8 * FEED / 60.0, (
-            seed,
-            begins,
-            near,
-        )
+        assert len(near) and not np.isnan(near).any()
+        least = 0.8 * feed
+        if crease >= TOLERANCE_DEG and near.min() < least:
+            least = 0.8 * min(feed, told_mm_s(text, machine)[done.stretches[b].place.line])
+        assert near.min() >= least, (seed, begins, crease, least, near)
         looked += 1
     return looked
 
@@ -96,7 +111,12 @@ def test_an_unseen_compound_in_blu_is_cut_at_its_feed() -> None:
     assert run_one(4) + run_one(2) >= 2
 
 
+def test_a_crease_above_the_contact_is_passed_at_what_is_told() -> None:
+    """Of 6.8 degrees at the upper end, where the contact's normals agree: no blend of 5 um takes it at F."""
+    assert run_one(3016) == 3
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("batch", range(6))
+@pytest.mark.parametrize("batch", range(40))
 def test_many_unseen_compounds_in_few_decimals_are_cut_at_their_feed(batch: int) -> None:
-    assert sum(run_one(seed) for seed in range(1000 + 10 * batch, 1010 + 10 * batch)) >= 5
+    assert sum(run_one(seed) for seed in range(7000 + 5 * batch, 7005 + 5 * batch)) >= 1

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from support.machines.slow_machines import any_path, drawn, published, two_rails
@@ -10,20 +12,29 @@ from support.oracles import jerk_limited_time
 from support.oracles.trace_limits import assert_in_limits
 
 from controller.machine import Machine
+from controller.plan.route.leads import LEADS
 from controller.plan.text.program import ProgramError
 
 TIP_MM = 1e-6
 
 
 def run(source: str, machine: Machine, label: object) -> tuple[Cut, float]:
-    """The finished run, and its seconds of cutting over the optimum of the same cuts from rest to rest."""
+    """The finished run, and its seconds from lead to lead over the optimum of the same way.
+
+    The cut begins and ends at speed in both: from rest to rest are leads and cuts together.
+    """
     done = cut(source, machine)
     assert done.run.result == "completed", (label, done.run.result, done.run.fault_text)
     assert_in_limits(done, label, ())
     assert off_the_plan(done, np.flatnonzero(done.column("mode") != 1.0)) < TIP_MM, label
-    cuts = [stretch for stretch in done.stretches.values() if stretch.cutting]
-    best = jerk_limited_time.optimum(cuts, machine).seconds
-    return done, float(done.trace.cutting.sum()) * machine.period_s / best
+    way = {i: s for i, s in done.stretches.items() if s.cutting or s.name in LEADS}
+    rows = list(way.values())
+    begins = [k for k, stretch in enumerate(rows) if stretch.name == LEADS[0]]
+    assert begins and begins[0] == 0, label
+    trains = [rows[a:b] for a, b in itertools.pairwise([*begins, len(rows)])]
+    best = sum(jerk_limited_time.optimum(train, machine).seconds for train in trains)
+    ticks = int(np.isin(done.column("motion_id"), list(way)).sum())
+    return done, ticks * machine.period_s / best
 
 
 def test_the_published_two_rail_case_runs_to_its_end_at_its_optimum() -> None:

@@ -27,7 +27,7 @@ from controller.machine import Machine
 from controller.motions import JointMove, SurfaceCut, ToolLine, ToolSpline
 from controller.placement import Blend, Blended, Placed
 from controller.plan.route import tool_paths
-from controller.plan.route.blending import in_arc_length
+from controller.plan.route.blends import in_arc_length
 from controller.plan.route.branch import joints_along, one_branch
 from controller.plan.route.stretch import Stretch
 from controller.surfaces import RuledSurface, Surface

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from controller.kinematics import Kinematics
 from controller.machine import Kind, Machine, five
 from controller.motions import Rotaries
-from controller.plan.route import audit, blending, unwind, winding
+from controller.plan.route import audit, blending, passing, unwind, winding
 from controller.plan.route.branch import BranchLost, Field, field, joints_on
 from controller.plan.route.cuts import SAME_RAD, Cut, apart, turn, turned, turned_axis
 from controller.plan.route.stretch import Stretch, Voice
@@ -84,11 +84,11 @@ def _met(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voic
     agree = shared and apart(end.tip, start.tip) <= SAME_MM and apart(end.axis, start.axis) <= SAME_RAD
     allowed = blending.tolerance(before, after, machine)
     joint = None
-    written_as_one = before.block is after.block  # its parts are meant as they are, to the last derivative
-    if not agree or (not written_as_one and blending.differ_by_rounding(before, after, allowed)):
+    if not agree or _to_be_blended(before, after, allowed, machine, kinematics):
         joint = blending.joined(before, after, allowed, kinematics)
     if joint is not None:
-        return Met(Meeting.JOIN, _blended(joint), joint.before, joint.after)
+        sentence = _blended(joint) + _slowed(joint, allowed, machine, kinematics)
+        return Met(Meeting.JOIN, sentence, joint.before, joint.after)
     if agree:
         return Met(Meeting.JOIN, "Joins {}: the poses agree and the cut runs through.", before, after)
     if shared:
@@ -100,11 +100,44 @@ def _met(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voic
     return Met(Meeting.APART, sentence, before, after)
 
 
+def _to_be_blended(
+    before: Cut,
+    after: Cut,
+    allowed: blending.Tolerance,
+    machine: Machine,
+    kinematics: Kinematics,
+) -> bool:
+    """Of two cuts whose poses agree: whether their rates differ by rounding, or so that it leaves a mark."""
+    if before.block is after.block:  # its parts are meant as they are, to the last derivative
+        return False
+    found = blending.difference(before, after, allowed)
+    if found is blending.Difference.KINK:
+        return passing.leaves_a_mark((before, after), machine, kinematics)
+    return found is blending.Difference.ROUNDING
+
+
 def _blended(joint: blending.Joint) -> str:
     degrees, um = math.degrees(joint.angle_rad), 1000.0 * joint.deviates_mm
     return (
         f"Joins {{}} within the joint tolerance: normals {degrees:.4f} degrees, gap {joint.gap_mm:.6f} mm; "
         f"the blend over {joint.reach_mm:.2f} mm on either side deviates by {um:.3f} um at most."
+    )
+
+
+def _slowed(
+    joint: blending.Joint, allowed: blending.Tolerance, machine: Machine, kinematics: Kinematics
+) -> str:
+    """What a blend that the tolerance keeps short costs: a sentence, or nothing."""
+    if not joint.shortened:
+        return ""
+    told = passing.slowest((joint.before, joint.after), joint.reach_mm, machine, kinematics)
+    if told is None:
+        return ""
+    along = math.degrees(joint.crease_rad)
+    crease = f" Along the ruling the normals differ by up to {along:.3f} degrees:" if along > 0.01 else ""
+    return (
+        f"{crease} within {allowed.mm:g} mm the contact slows down to about {60.0 * told.mm_s:.0f} mm/min "
+        f"there ({told.binds}); let the surfaces run on alike, or allow more (G64 P, joint_tolerance_mm)."
     )
 
 

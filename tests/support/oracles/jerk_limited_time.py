@@ -17,6 +17,7 @@ Where stretches join, q'' may jump: a step of acceleration, which may take all o
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -51,12 +52,13 @@ def optimum(stretches: Sequence[Stretch], machine: Machine, nodes: int = NODES) 
     programs = _Programs(path, machine, nodes)
     b = programs.solved()
     times = programs.times(b)
-    return Optimum(float(times[-1]), np.interp(path.starts / path.end, _way(programs.x)[0], times))
+    begins = np.concatenate([[0.0], np.cumsum([s.motion.end for s in stretches])])
+    return Optimum(float(times[-1]), np.interp(begins / path.end, _way(programs.x)[0], times))
 
 
 @dataclass(frozen=True)
 class _Path:
-    """The joints of stretches one behind the other."""
+    """The joints of smooth parts one behind the other, each at one feed."""
 
     splines: Sequence[Callable[..., np.ndarray]]
     starts: np.ndarray
@@ -64,12 +66,15 @@ class _Path:
 
     @staticmethod
     def of(stretches: Sequence[Stretch], kinematics: Kinematics) -> _Path:
-        splines = []
+        splines, lengths, feeds = [], [], []
         for stretch in stretches:
-            s = np.linspace(0.0, stretch.motion.end, SAMPLES)
-            splines.append(make_interp_spline(s, np.asarray(joints_along(stretch, s, kinematics)), k=5))
-        starts = np.concatenate([[0.0], np.cumsum([s.motion.end for s in stretches])])
-        return _Path(splines, starts, np.array([s.feed_mm_s or np.inf for s in stretches]))
+            for begin, end in _smooth_parts(stretch):
+                s = np.linspace(begin, end, SAMPLES)
+                joints = np.asarray(joints_along(stretch, s, kinematics))
+                splines.append(make_interp_spline(s - begin, joints, k=5))
+                lengths.append(end - begin)
+                feeds.append(float(stretch.feed_at(np.array([0.5 * (begin + end)]))[0]))
+        return _Path(splines, np.concatenate([[0.0], np.cumsum(lengths)]), np.array(feeds))
 
     @property
     def end(self) -> float:
@@ -99,6 +104,15 @@ class _Path:
         sides = np.array([(a(end, nu=order), b(0.0, nu=order)) for a, b, end in pairs]).reshape(-1, 2, 5)
         jump = np.abs(sides[:, 1] - sides[:, 0])
         return np.where(jump > ROUNDING * np.abs(sides).max(axis=1), jump, 0.0)
+
+
+def _smooth_parts(stretch: Stretch) -> list[tuple[float, float]]:
+    """A lead is a spline, whose third derivative jumps at its knots, and has feeds of its own."""
+    end = stretch.motion.end
+    marks = [0.0, end, *(at for at, _ in stretch.feed_steps), *getattr(stretch.motion, "knots", ())]
+    found = np.unique(np.clip(marks, 0.0, end))
+    found = found[np.concatenate([[True], np.diff(found) > 1e-9])]
+    return list(itertools.pairwise([*found[:-1].tolist(), end]))
 
 
 def _way(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

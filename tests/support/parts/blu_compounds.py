@@ -51,15 +51,21 @@ def like_the_papers(seed: int, decimals: int = BLU) -> list[Pair]:
     return parts((upper, lower), rng.choice((2, 3, 4, 5, 6)), decimals)
 
 
-def angles(surfaces: list[Pair]) -> list[float]:
-    """Between the normals of neighbours at the lower ends of the rulings they share, degrees."""
+def angles(surfaces: list[Pair], v: float = 1.0) -> list[float]:
+    """Between the normals of neighbours at ``v`` of the rulings they share (1: the lower end), degrees."""
     found = []
     for before, after in itertools.pairwise(surfaces):
         ruling = before[0][3] - before[1][3]
-        normals = [np.cross(way, ruling) for way in (before[1][3] - before[1][2], after[1][1] - after[1][0])]
-        a, b = (n / np.linalg.norm(n) for n in normals)
+        ends = [(before[k][3] - before[k][2], after[k][1] - after[k][0]) for k in (0, 1)]
+        ways = [(1.0 - v) * upper + v * lower for upper, lower in zip(*ends, strict=True)]
+        a, b = (n / np.linalg.norm(n) for n in (np.cross(way, ruling) for way in ways))
         found.append(float(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))))
     return found
+
+
+def creases(surfaces: list[Pair]) -> list[float]:
+    """The largest of these anywhere on each ruling: only the lower curves are made to run on."""
+    return [max(one) for one in zip(*(angles(surfaces, v) for v in np.linspace(0.0, 1.0, 17)), strict=True)]
 
 
 def text(surfaces: list[Pair], feed_mm_min: float, side: str, tool: str = "T2 M6", head: str = "") -> str:

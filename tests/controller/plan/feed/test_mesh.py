@@ -17,7 +17,8 @@ from controller.plan.route.stretch import Stretch
 
 def cuts(feed: str, machine: Machine) -> list[Stretch]:
     home = tuple(axis.homing.position for axis in machine.axes)
-    items = trace(program("example2.ngc", feed), machine, home).items  # type: ignore[arg-type]
+    source = "G61\n" + program("example2.ngc", feed)  # the surfaces themselves, without a blend
+    items = trace(source, machine, home).items  # type: ignore[arg-type]
     return [s for item in items if isinstance(item, Chain) for s in item.stretches if s.cutting]
 
 
