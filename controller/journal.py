@@ -217,18 +217,21 @@ class Journal:
         """The program, or an operator, has changed the tool."""
         self._tool = tool
 
-    def look(self, now: Snapshot, rows: Callable[[int], Rows], fraction: float = 0.0) -> None:
+    def look(
+        self,
+        now: Snapshot,
+        rows: Callable[[int], Rows],
+        fraction: Callable[[int, float], float] = lambda *_: 0.0,
+    ) -> None:
         """Call it with every new snapshot.
 
-        ``rows`` are the recorder's last so many; ``fraction`` of the block, where the plan tells it
-        (it is for people: the motion and its s are exact).
+        ``rows`` are the recorder's last so many; ``fraction`` of its line at a motion's s: for people, and
+        for a restart with another tool.
         """
         if self._job is None:
             return
         if now.mode is Mode.RUNNING:
             self._run(now, fraction)
-        elif now.mode is Mode.HOLD and not self._ran:
-            self._refine(now, fraction)
         elif self._ran and now.at_rest and now.mode is not Mode.STOPPING:
             self._ran = False
             if now.mode is Mode.FAULT and FAULTS[now.fault].reaction >= Reaction.QUICK_STOP:
@@ -237,17 +240,6 @@ class Journal:
             self._stand(now, rows, fraction)
             if self._seen is not None:
                 self._write(now, self._seen, True, False)
-
-    def _refine(self, now: Snapshot, fraction: float) -> None:
-        """The plan has told the fraction of the block, now that the tool stands."""
-        seen = self._seen
-        if (
-            seen is not None
-            and (seen.motion_id, seen.s) == (now.motion_id, now.s)
-            and fraction > seen.fraction
-        ):
-            self._seen = seen._replace(fraction=fraction)
-            self._write(now, self._seen, True, False)
 
     def _off_the_path(self, now: Snapshot) -> None:
         """Each drive stopped by a ramp of its own: where the path was left the drives had not yet been."""
@@ -266,10 +258,10 @@ class Journal:
             self._ran = False
             self._write(last, self._recent[0][1], False, False)
 
-    def _run(self, now: Snapshot, fraction: float) -> None:
+    def _run(self, now: Snapshot, fraction: Callable[[int, float], float]) -> None:
         at_s, self._ran = self._clock(), True
         if _is_programs(now.motion_id):
-            self._seen = Spot(now.line, fraction, now.motion_id, now.s)
+            self._seen = Spot(now.line, fraction(now.motion_id, now.s), now.motion_id, now.s)
         if self._seen is None:
             return  # on the way into the program, and nothing of it is done
         self._recent.append((at_s, self._seen))
@@ -278,15 +270,18 @@ class Journal:
         if at_s - self._written_s >= EVERY_S:
             self._write(now, self._recent[0][1], False, False)
 
-    def _stand(self, now: Snapshot, rows: Callable[[int], Rows], fraction: float) -> None:
+    def _stand(
+        self, now: Snapshot, rows: Callable[[int], Rows], fraction: Callable[[int, float], float]
+    ) -> None:
         """The very place; after a stop the tick has forgotten it, but not its recorder."""
         if _is_programs(now.motion_id):
-            self._seen = Spot(now.line, fraction, now.motion_id, now.s)
+            self._seen = Spot(now.line, fraction(now.motion_id, now.s), now.motion_id, now.s)
             return
         for row in rows(ROWS)[::-1]:
             number = int(row[COLUMN["motion_id"]])
             if _is_programs(number):
-                self._seen = Spot(int(row[COLUMN["line"]]), fraction, number, float(row[COLUMN["s"]]))
+                s = float(row[COLUMN["s"]])
+                self._seen = Spot(int(row[COLUMN["line"]]), fraction(number, s), number, s)
                 return
 
     def _write(self, now: Snapshot, spot: Spot, exact: bool, ended: bool) -> None:

@@ -121,11 +121,10 @@ class Job:
             self.nominal_s += (now.plan_time_s - self._seen_s) * share
         self._seen_s = now.plan_time_s
 
-    def fraction(self, now: Snapshot) -> float:
-        """Of the block under way that is done for certain, by what the plan told last."""
-        spot = self.news.spot
-        known = spot is not None and spot.motion_id == now.motion_id and spot.s <= now.s
-        return spot.fraction if spot is not None and known else 0.0
+    def fraction(self, motion_id: int, s: float) -> float:
+        """Of its program line that is done at a place of a motion."""
+        way = self.ways.get(motion_id)
+        return way.fraction(s) if way is not None else 0.0
 
     def hear(self, news: News) -> None:
         """What the plan tells while it runs."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import socket
 import threading
+from bisect import bisect_right
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -21,7 +22,7 @@ from controller.curves import ArcLength
 from controller.door import DoorError
 from controller.geometry import Frame
 from controller.machine import STILL, Joints, Machine, Pair
-from controller.plan.route.spot import Spot
+from controller.plan.route.spot import LinePart, Spot
 from controller.service.refused import refused
 
 
@@ -89,6 +90,14 @@ class Way:
     feed_steps: tuple[tuple[float, float], ...] = ()  # (s, feed) where lines of a row have others
     turned_rad: Pair = STILL  # what the words of the rotaries are shifted by
     tilted_mm: float | None = None  # in a tilted plane: length with which X Y Z are the tip's in ``part``
+    lines: tuple[LinePart, ...] = ()  # of which program lines it is; a way aside is of none
+
+    def fraction(self, s: float) -> float:
+        """Of the program line that is done at ``s``."""
+        if not self.lines:
+            return 0.0
+        part = self.lines[max(0, bisect_right(self.lines, s, key=lambda one: one.from_s) - 1)]
+        return min(1.0, max(0.0, part.fraction + (s - part.from_s) * part.per_s))
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +121,6 @@ class News:
     whole: bool = False  # ... and nothing of it was dropped or refused
     refusal: str = ""  # why the program ends before its end; the machine stands before that block
     tool: int | None = None  # to which the program has changed, as far as it is read
-    spot: Spot | None = None  # where in the program the tool is, now and then while it moves
     aside: bool = False  # the tool stands off the path, and must return before the program goes on
     returning: bool = False  # it is on its way back, or held there
     checking: float | None = None  # share of the program's lines that are checked

@@ -10,7 +10,7 @@ from support.machines.stepped_runs import shipped
 
 from controller.handoff import Snapshot, blank
 from controller.plan.detour import FIRST_ID
-from controller.plan.route.spot import ENTRY_ID, Spot
+from controller.plan.route.spot import ENTRY_ID, LinePart
 from controller.plan.text import linked
 from controller.service import jobs
 from controller.service.jobs import Job
@@ -79,10 +79,11 @@ def test_ways_of_the_program_outlast_an_entry_and_a_way_aside(job: Job) -> None:
     assert job.way(2) == way(2.0) and job.way(1) is None, "it lies behind"
 
 
-def test_the_fraction_of_a_block_is_never_more_than_what_is_done(job: Job) -> None:
-    job.hear(News(spot=Spot(4, 0.5, 7, 12.0)))
-    assert job.fraction(snapshot(motion_id=7, s=12.5)) == 0.5
-    assert job.fraction(snapshot(motion_id=7, s=11.0)) == job.fraction(snapshot(motion_id=8, s=20.0)) == 0.0
+def test_the_fraction_is_of_the_line_that_is_under_way_at_that_very_place(job: Job) -> None:
+    lines = LinePart(0.0, 4, 0.5, 0.1), LinePart(5.0, 6, 0.0, 0.25)
+    job.hear(News(ways={7: replace(way(1.0), lines=lines)}))
+    assert [job.fraction(7, s) for s in (0.0, 4.0, 5.0, 7.0, 9.5)] == pytest.approx([0.5, 0.9, 0.0, 0.5, 1.0])
+    assert job.fraction(8, 2.0) == 0.0, "nobody knows of it"
 
 
 def test_a_line_typed_by_hand_is_told_for_it_is_in_no_store(job: Job) -> None:
