@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import socket
 import threading
-from bisect import bisect_right
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -22,7 +21,8 @@ from controller.curves import ArcLength
 from controller.door import DoorError
 from controller.geometry import Frame
 from controller.machine import STILL, Joints, Machine, Pair
-from controller.plan.route.spot import LinePart, Spot
+from controller.plan.report.passing import Passed, place_of
+from controller.plan.route.spot import LinePart, Spot, part_at
 from controller.service.refused import refused
 
 
@@ -92,12 +92,18 @@ class Way:
     tilted_mm: float | None = None  # in a tilted plane: length with which X Y Z are the tip's in ``part``
     lines: tuple[LinePart, ...] = ()  # of which program lines it is; a way aside is of none
 
+    def place(self, s: float) -> Passed | None:
+        """Of the program, as a check marks it."""
+        if not self.lines:
+            return None
+        part, fraction = part_at(self.lines, s)
+        return place_of(self.name, part.order, fraction, s)
+
     def fraction(self, s: float) -> float:
         """Of the program line that is done at ``s``."""
         if not self.lines:
             return 0.0
-        part = self.lines[max(0, bisect_right(self.lines, s, key=lambda one: one.from_s) - 1)]
-        return min(1.0, max(0.0, part.fraction + (s - part.from_s) * part.per_s))
+        return part_at(self.lines, s)[1]
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,6 +25,7 @@ from controller.kinematics import Kinematics
 from controller.machine import STILL, Machine, Pair, five
 from controller.motions import SurfaceCut
 from controller.plan.aside import NotPossible
+from controller.plan.report.passing import passed_s, place_of
 from controller.plan.report.stored import Stored
 from controller.plan.route.beside import beside
 from controller.plan.route.restart import Rest
@@ -169,7 +170,10 @@ class Planning:
         program = _program(order)
         kept = self._kept(program)
         rest = self._rest(program, kept) if program.spot is not None else None
+        here = place_of(rest.what, rest.order, rest.spot.fraction, rest.spot.s) if rest else None
         return {
+            "marks": kept.marks,
+            "passed_s": passed_s(kept.marks, here) if here else 0.0,
             "duration_s": kept.duration_s,
             "blocks": kept.blocks,
             "restart": entered.told(rest) if rest else [],

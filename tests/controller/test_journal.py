@@ -13,7 +13,7 @@ from support.machines.stepped_runs import shipped
 
 from controller import journal, whole
 from controller.handoff import blank
-from controller.journal import Entry, Job
+from controller.journal import Entry, Job, Known
 from controller.plan.route.spot import FORMER, Spot
 from controller.state import Fault, Mode
 
@@ -120,7 +120,7 @@ class Looked:
 
     def look(self, fraction: float = 0.0, **changes: object) -> Entry | None:
         self.snapshot = self.snapshot._replace(**changes)  # type: ignore[arg-type]
-        self.journal.look(self.snapshot, lambda _: np.zeros((0, 1)), lambda *_: fraction)
+        self.journal.look(self.snapshot, lambda _: np.zeros((0, 1)), lambda *_: Known(fraction))
         return journal.read(self.file)[0]
 
     def run(self, length: float) -> None:

@@ -75,6 +75,13 @@ class LinePart(NamedTuple):
     line: int
     fraction: float
     per_s: float  # per unit of s; 0 beside the block
+    order: int = 0  # ``Place.order``
+
+
+def part_at(parts: Sequence[LinePart], s: float) -> tuple[LinePart, float]:
+    """The part that a place is in, and the fraction of its line there."""
+    part = parts[max(0, bisect_right(parts, s, key=lambda one: one.from_s) - 1)]
+    return part, min(1.0, max(0.0, part.fraction + (s - part.from_s) * part.per_s))
 
 
 def lines_along(chain: Chain, begun: float = 0.0) -> list[tuple[LinePart, ...]]:
@@ -112,9 +119,9 @@ def _line_part(
     length, before = whole.get(order, 0.0), done.get(order, 0.0)
     fraction = before / length if length > 0.0 else 0.0
     if stretch.name in BESIDE:
-        return LinePart(low, line, 1.0 if stretch.name == "lift" else fraction, 0.0)
+        return LinePart(low, line, 1.0 if stretch.name == "lift" else fraction, 0.0, order)
     done[order] = before + high - low
-    return LinePart(low, line, fraction, 1.0 / length if length > 0.0 else 0.0)
+    return LinePart(low, line, fraction, 1.0 / length if length > 0.0 else 0.0, order)
 
 
 def _parts(stretch: Stretch) -> Iterator[tuple[int, int, float, float]]:

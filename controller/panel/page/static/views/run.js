@@ -5,7 +5,7 @@ import { forms } from "../forms.js";
 import { show } from "../frame.js";
 import { Act, AxisName, Bar, Card, Figure, field } from "../parts.js";
 import { Listing } from "../listing.js";
-import { Offer, StateThere } from "../restart.js";
+import { Offer, StateThere, start_question } from "../restart.js";
 import { dx } from "../store.js";
 import { word } from "../texts.js";
 
@@ -134,8 +134,9 @@ function Cycle() {
   const time = (key) => html`<div class="time"><span class="dim">${word(`run.${key}`)}</span>
     <${Figure} class="strong">${forms.time(job?.[`${key}_s`])}<//></div>`;
   return html`<${Card} title=${word("run.cycle")} class="run-cycle">
+    <${Offer} />
     <div class="cycle">
-      ${tall("start", "start", { kind: "go", ask: word("run.start_ask"), modes: "READY", icon: "play", keys: "F4", given: Boolean(job), why: "why.no_program" })}
+      ${tall("start", "start", { kind: "go", ask: start_question(), modes: "READY", icon: "play", keys: "F4", given: Boolean(job), why: "why.no_program" })}
       ${tall("resume", "resume", { kind: "go", modes: "HOLD", icon: "reset", keys: "F6" })}
       <${Aside} />
       <${Toggle} key="single" name="single" path="single_block" /><${Toggle} key="optional" name="optional" path="optional_stop" />
@@ -200,7 +201,6 @@ function Program() {
     ${!job && html`<div class="empty" id="run-empty">
       <p class="dim">${word("frame.no_program")}</p>
       <${Act} text=${word("run.choose")} needs="" icon="programs" press=${() => show("programs")} />
-      <${Offer} />
     </div>`}
   <//>`;
 }
