@@ -1,7 +1,7 @@
 // Stop, hold and emergency stop: at the press, not at its end, and whatever lies over the page.
 import { call } from "./api.js";
-import { ask, say } from "./dialog.js";
-import { reason } from "./parts.js";
+import { say } from "./dialog.js";
+import { asked, reason } from "./parts.js";
 import { start_question } from "./restart.js";
 import { dx } from "./store.js";
 import { word } from "./texts.js";
@@ -50,9 +50,9 @@ const CYCLE = { F4: { path: "start", modes: "READY", question: start_question },
 const KEYS = { F8: hold, F9: stop };
 
 async function cycle({ path, modes, question }) {
-  const why = reason({ modes });
+  const why = reason({ modes, takes: Boolean(question) });
   if (why) return say(why);
-  if (!question || (await ask(question()))) call("POST", `cycle/${path}`);
+  if (!question || (await asked(question()))) call("POST", `cycle/${path}`);
 }
 
 document.addEventListener(
