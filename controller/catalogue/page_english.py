@@ -202,6 +202,7 @@ TEXTS: dict[str, str] = {
     "programs.block_delete": "Leave out lines with /",
     "programs.load_there": "Load from there",
     "programs.state_there": "State at that place",
+    "programs.over_limit": "over the limit",
     "programs.offer": "{0} was interrupted at line {1}, {2} % of its block, on {3}.",
     "programs.offer_left": "{0} % of the program is done, {1} is left; tool {2} was in the spindle.",
     "programs.go_on": "Load from that place",
@@ -238,6 +239,7 @@ TEXTS: dict[str, str] = {
     "maps.scale": (
         "Red: too deep, blue: left standing, full colour at {0} µm. Along: u, down: v, the upper edge first."
     ),
+    "maps.contour": "Black line: the tolerance of {0} µm.",
     "maps.more": "{0} more surfaces: directrix verify",
     # Jog and MDI
     "view.jog": "Jog, MDI",

@@ -206,6 +206,7 @@ TEXTS: dict[str, str] = {
     "programs.block_delete": "Sätze mit / auslassen",
     "programs.load_there": "Von dort laden",
     "programs.state_there": "Zustand an dieser Stelle",
+    "programs.over_limit": "über der Grenze",
     "programs.offer": "{0} wurde in Zeile {1} unterbrochen, bei {2} % des Satzes, am {3}.",
     "programs.offer_left": "{0} % des Programms sind fertig, Rest {1}; in der Spindel war Werkzeug {2}.",
     "programs.go_on": "Ab dieser Stelle laden",
@@ -242,6 +243,7 @@ TEXTS: dict[str, str] = {
     "maps.scale": (
         "Rot: zu tief, blau: stehen gelassen, voll bei {0} µm. Waagrecht u, senkrecht v, die Oberkante oben."
     ),
+    "maps.contour": "Schwarze Linie: die Toleranz von {0} µm.",
     "maps.more": "{0} weitere Flächen: directrix verify",
     # Jog and MDI
     "view.jog": "Tippen, MDI",
