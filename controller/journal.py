@@ -22,7 +22,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -85,6 +85,21 @@ class Entry:
     homed: int  # bit mask
     time_s: float  # since 1970
     ended: bool = False  # nothing is left of the program
+    passed_s: float | None = None  # of a whole run at 100 %, before the place; None: not known ...
+    duration_s: float | None = None  # ... and what it takes in all
+
+
+class Known(NamedTuple):
+    """Of a place: the fraction of its line, and of a whole run at 100 % what is before it, and all of it."""
+
+    fraction: float = 0.0
+    passed_s: float | None = None
+    duration_s: float | None = None
+
+
+def unknown(motion_id: int, s: float) -> Known:
+    """Of a place that nobody knows more of."""
+    return Known()
 
 
 def sha256(data: bytes) -> str:
@@ -185,14 +200,15 @@ class Journal:
         self._job: Job | None = None
         self._tool = 1
         self._seen: Spot | None = None  # the last place on the program
-        self._recent: deque[tuple[float, Spot]] = deque()
+        self._known = Known()  # of it
+        self._recent: deque[tuple[float, Spot, Known]] = deque()
         self._written_s = float("-inf")
         self._ran = False
         self.problem = ""
 
     def begin(self, job: Job, tool: int = 1, spot: Spot | None = None) -> None:
         """A program is started, or gone on with at ``spot``; the file stays as it is until it moves."""
-        self._job, self._tool, self._seen = job, tool, spot
+        self._job, self._tool, self._seen, self._known = job, tool, spot, Known()
         self._recent.clear()
         self._written_s, self._ran = float("-inf"), False
 
@@ -211,85 +227,83 @@ class Journal:
         before = self._job.offsets_sha256
         self._job = replace(self._job, offsets_sha256=offsets, tools_sha256=tools, before_sha256=before)
         if self._recent:
-            self._write(now, self._recent[0][1], False, False)
+            self._write(now, *self._recent[0][1:], False, False)
 
     def in_spindle(self, tool: int) -> None:
         """The program, or an operator, has changed the tool."""
         self._tool = tool
 
-    def look(self, now: Snapshot, rows: Callable[[int], Rows], fraction: float = 0.0) -> None:
+    def look(
+        self,
+        now: Snapshot,
+        rows: Callable[[int], Rows],
+        known: Callable[[int, float], Known] = unknown,
+    ) -> None:
         """Call it with every new snapshot.
 
-        ``rows`` are the recorder's last so many; ``fraction`` of the block, where the plan tells it
-        (it is for people: the motion and its s are exact).
+        ``rows`` are the recorder's last so many; ``known`` tells of a motion's s what is for people, and
+        for a restart with another tool.
         """
         if self._job is None:
             return
         if now.mode is Mode.RUNNING:
-            self._run(now, fraction)
-        elif now.mode is Mode.HOLD and not self._ran:
-            self._refine(now, fraction)
+            self._run(now, known)
         elif self._ran and now.at_rest and now.mode is not Mode.STOPPING:
             self._ran = False
             if now.mode is Mode.FAULT and FAULTS[now.fault].reaction >= Reaction.QUICK_STOP:
                 self._off_the_path(now)
                 return
-            self._stand(now, rows, fraction)
+            self._stand(now, rows, known)
             if self._seen is not None:
-                self._write(now, self._seen, True, False)
-
-    def _refine(self, now: Snapshot, fraction: float) -> None:
-        """The plan has told the fraction of the block, now that the tool stands."""
-        seen = self._seen
-        if (
-            seen is not None
-            and (seen.motion_id, seen.s) == (now.motion_id, now.s)
-            and fraction > seen.fraction
-        ):
-            self._seen = seen._replace(fraction=fraction)
-            self._write(now, self._seen, True, False)
+                self._write(now, self._seen, self._known, True, False)
 
     def _off_the_path(self, now: Snapshot) -> None:
         """Each drive stopped by a ramp of its own: where the path was left the drives had not yet been."""
         if self._recent:
-            self._write(now, self._recent[0][1], False, False)
+            self._write(now, *self._recent[0][1:], False, False)
 
     def completed(self, last: Snapshot) -> None:
         """The program came to its end, which the plan may tell later than the tick stands."""
         if self._job is not None and self._seen is not None:
             self._ran = False
-            self._write(last, self._seen, True, True)
+            self._write(last, self._seen, self._known, True, True)
 
     def lost(self, last: Snapshot) -> None:
         """The tick is gone: the drives have been where it led them a moment before."""
         if self._ran and self._recent:
             self._ran = False
-            self._write(last, self._recent[0][1], False, False)
+            self._write(last, *self._recent[0][1:], False, False)
 
-    def _run(self, now: Snapshot, fraction: float) -> None:
+    def _run(self, now: Snapshot, known: Callable[[int, float], Known]) -> None:
         at_s, self._ran = self._clock(), True
         if _is_programs(now.motion_id):
-            self._seen = Spot(now.line, fraction, now.motion_id, now.s)
+            self._see(now.line, now.motion_id, now.s, known)
         if self._seen is None:
             return  # on the way into the program, and nothing of it is done
-        self._recent.append((at_s, self._seen))
+        self._recent.append((at_s, self._seen, self._known))
         while len(self._recent) > 1 and at_s - self._recent[1][0] >= LAG_S:
             self._recent.popleft()
         if at_s - self._written_s >= EVERY_S:
-            self._write(now, self._recent[0][1], False, False)
+            self._write(now, *self._recent[0][1:], False, False)
 
-    def _stand(self, now: Snapshot, rows: Callable[[int], Rows], fraction: float) -> None:
+    def _stand(
+        self, now: Snapshot, rows: Callable[[int], Rows], known: Callable[[int, float], Known]
+    ) -> None:
         """The very place; after a stop the tick has forgotten it, but not its recorder."""
         if _is_programs(now.motion_id):
-            self._seen = Spot(now.line, fraction, now.motion_id, now.s)
+            self._see(now.line, now.motion_id, now.s, known)
             return
         for row in rows(ROWS)[::-1]:
             number = int(row[COLUMN["motion_id"]])
             if _is_programs(number):
-                self._seen = Spot(int(row[COLUMN["line"]]), fraction, number, float(row[COLUMN["s"]]))
+                self._see(int(row[COLUMN["line"]]), number, float(row[COLUMN["s"]]), known)
                 return
 
-    def _write(self, now: Snapshot, spot: Spot, exact: bool, ended: bool) -> None:
+    def _see(self, line: int, motion_id: int, s: float, known: Callable[[int, float], Known]) -> None:
+        self._known = known(motion_id, s)
+        self._seen = Spot(line, self._known.fraction, motion_id, s)
+
+    def _write(self, now: Snapshot, spot: Spot, known: Known, exact: bool, ended: bool) -> None:
         assert self._job is not None
         entry = Entry(
             self._job,
@@ -301,6 +315,8 @@ class Journal:
             now.homed,
             time.time(),
             ended,
+            known.passed_s,
+            known.duration_s,
         )
         self._written_s = self._clock()
         try:

@@ -31,6 +31,9 @@ TEXTS: dict[str, str] = {
     "frame.free": "free",
     "frame.take": "Take",
     "frame.give": "Give",
+    "frame.takes": "The same yes takes control.",
+    "frame.gone": "{0}, silent for {1} s",
+    "frame.take_gone": "{0} holds control, but was not heard of for {1} s. Take it over?",
     "frame.take_over": "{0} holds control. Take it over?",
     "frame.no_program": "no program loaded",
     "frame.left": "left",
@@ -119,7 +122,9 @@ TEXTS: dict[str, str] = {
     "run.cycle": "Cycle",
     "run.start": "Start",
     "run.unrecorded_ask": "Run it without a record?",
+    "run.load": "Load {0}",
     "run.start_ask": "Start the loaded program?",
+    "run.start_over_ask": "{0} was interrupted at line {1}. Start {0} from line 1 again all the same?",
     "run.resume": "Resume",
     "run.retract": "Retract",
     "run.retract_mm": "Retract by, mm",
@@ -197,7 +202,9 @@ TEXTS: dict[str, str] = {
     "programs.block_delete": "Leave out lines with /",
     "programs.load_there": "Load from there",
     "programs.state_there": "State at that place",
+    "programs.over_limit": "over the limit",
     "programs.offer": "{0} was interrupted at line {1}, {2} % of its block, on {3}.",
+    "programs.offer_left": "{0} % of the program is done, {1} is left; tool {2} was in the spindle.",
     "programs.go_on": "Load from that place",
     "programs.not_offered": "It cannot be gone on with:",
     "programs.cut": "Cut",
@@ -232,6 +239,7 @@ TEXTS: dict[str, str] = {
     "maps.scale": (
         "Red: too deep, blue: left standing, full colour at {0} µm. Along: u, down: v, the upper edge first."
     ),
+    "maps.contour": "Black line: the tolerance of {0} µm.",
     "maps.more": "{0} more surfaces: directrix verify",
     # Jog and MDI
     "view.jog": "Jog, MDI",

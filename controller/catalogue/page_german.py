@@ -35,6 +35,9 @@ TEXTS: dict[str, str] = {
     "frame.free": "frei",
     "frame.take": "Nehmen",
     "frame.give": "Abgeben",
+    "frame.takes": "Dasselbe Ja nimmt das Steuerrecht.",
+    "frame.gone": "{0}, seit {1} s still",
+    "frame.take_gone": "{0} hat das Steuerrecht, war aber seit {1} s nicht zu hören. Übernehmen?",
     "frame.take_over": "{0} hat das Steuerrecht. Übernehmen?",
     "frame.no_program": "kein Programm geladen",
     "frame.left": "Rest",
@@ -123,7 +126,9 @@ TEXTS: dict[str, str] = {
     "run.cycle": "Ablauf",
     "run.start": "Start",
     "run.unrecorded_ask": "Ohne Aufzeichnung laufen lassen?",
+    "run.load": "{0} laden",
     "run.start_ask": "Das geladene Programm starten?",
+    "run.start_over_ask": "{0} wurde in Zeile {1} unterbrochen. {0} trotzdem wieder ab Zeile 1 starten?",
     "run.resume": "Weiter",
     "run.retract": "Abheben",
     "run.retract_mm": "Abheben um, mm",
@@ -201,7 +206,9 @@ TEXTS: dict[str, str] = {
     "programs.block_delete": "Sätze mit / auslassen",
     "programs.load_there": "Von dort laden",
     "programs.state_there": "Zustand an dieser Stelle",
+    "programs.over_limit": "über der Grenze",
     "programs.offer": "{0} wurde in Zeile {1} unterbrochen, bei {2} % des Satzes, am {3}.",
+    "programs.offer_left": "{0} % des Programms sind fertig, Rest {1}; in der Spindel war Werkzeug {2}.",
     "programs.go_on": "Ab dieser Stelle laden",
     "programs.not_offered": "Fortsetzen geht nicht:",
     "programs.cut": "Schnitt",
@@ -236,6 +243,7 @@ TEXTS: dict[str, str] = {
     "maps.scale": (
         "Rot: zu tief, blau: stehen gelassen, voll bei {0} µm. Waagrecht u, senkrecht v, die Oberkante oben."
     ),
+    "maps.contour": "Schwarze Linie: die Toleranz von {0} µm.",
     "maps.more": "{0} weitere Flächen: directrix verify",
     # Jog and MDI
     "view.jog": "Tippen, MDI",

@@ -180,7 +180,7 @@ class JobFacts(Told):
     sha256: str | None = None
     line: int | None = None
     block: int | None = None
-    fraction: Number = Field(None, description="Of the block.")
+    fraction: Number = Field(None, description="Of the whole program.")
     blocks: int | None = None
     elapsed_s: Number = None
     left_s: Number = Field(None, description="Exact at the present override.")
@@ -208,6 +208,8 @@ class RestartFacts(Told):
     sha256: str | None = None
     line: int | None = None
     fraction: Number = Field(None, description="Of the block.")
+    done: Number = Field(None, description="Share of the whole program.")
+    left_s: Number = Field(None, description="Of the whole program, at 100 %.")
     exact: bool | None = Field(None, description="Otherwise at or before the place, at most 1 s of cut.")
     tool: int | None = None
     interrupted_s: Number = Field(None, description="Seconds since 1970.")

@@ -54,6 +54,7 @@ EXPIRES = Field(None, description="Seconds since 1970; null: it does not.")
 class ControlFacts(Told):
     holder: str | None
     since_s: Number
+    silent_s: Number = Field(description="For so long no request has brought the token.")
     mine: bool = Field(description="Whether the X-Control-Token that was sent is the one.")
 
 

@@ -49,6 +49,7 @@ class Control:
 
     holder: str = ""  # user or token name; "" = free
     since_s: float = 0.0  # seconds since 1970
+    heard_s: float = 0.0  # monotonic: of the last request that brought the token
     _token: str = field(default="", repr=False)
 
     def take(self, who: Principal, take_over: bool = False) -> str:
@@ -56,13 +57,23 @@ class Control:
         if self.holder and not take_over:
             raise Refusal.told(409, "control", "control_held", holder=self.holder)
         self.holder, self.since_s, self._token = who.name, time.time(), secrets.token_urlsafe(16)
+        self.heard_s = time.monotonic()
         return self._token
 
     def free(self) -> None:
         self.holder, self.since_s, self._token = "", 0.0, ""
 
     def holds(self, token: str) -> bool:
-        return bool(self._token) and secrets.compare_digest(token.encode(), self._token.encode())
+        """Whether it is that token; then its holder was heard of."""
+        known = bool(self._token) and secrets.compare_digest(token.encode(), self._token.encode())
+        if known:
+            self.heard_s = time.monotonic()
+        return known
+
+    @property
+    def silent_s(self) -> float | None:
+        """For so long nothing has brought the token; None where nobody holds it."""
+        return time.monotonic() - self.heard_s if self.holder else None
 
     def check(self, token: str) -> None:
         """Raises Refusal where ``token`` is not the one that was given last."""

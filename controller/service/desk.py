@@ -121,6 +121,7 @@ class Desk:
             "aside": service.aside,
             "retract_room_mm": self._retract_room_mm(now),
             "tool": service.tool or None,
+            **({"in_block": _last_block(job)} if job is not None and not job.active else {}),
             "tool_change": status.tool_change(service.machine, asked) if asked else None,
             "control": None,
             "job": job.to_dict(now) if job is not None else None,
@@ -427,3 +428,8 @@ def _given_up(name: str) -> Values | None:
 def _not_ready(job: Job, language: str) -> str:
     why = (job.sentence_de if language == "de" else "") or job.sentence
     return catalogue.refusal("not_ready", language, program=job.program.name, why=why)
+
+
+def _last_block(job: Job) -> Values | None:
+    """Of a program that has ended: where in its block it was."""
+    return status.in_block(job.last, job.ways.get(job.last.motion_id)) if job.last is not None else None

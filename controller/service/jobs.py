@@ -13,7 +13,7 @@ from controller import journal
 from controller.changes import Change
 from controller.handoff import Snapshot
 from controller.machine import Joints, Machine, Tool, five
-from controller.plan.detour import FIRST_ID
+from controller.plan.report.passing import Mark, Passed, passed_s
 from controller.plan.route.spot import ENTRY_ID, Spot
 from controller.plan.text import linked
 from controller.service.arguments import number, whole
@@ -64,7 +64,10 @@ class Job:
     refused: bool = False  # a block on the way was; the tool stands before it
     lost: bool = False  # the plan that knew the rest of it is gone
     armed_tick: int = -1  # what was seen of the machine before it tells nothing of this run
-    nominal_s: float = 0.0  # of its duration at 100 % that has passed
+    marks: tuple[Mark, ...] = ()  # when a whole run at 100 % passes which place
+    before_s: float = 0.0  # of that run, before the place where this one begins
+    nominal_s: float = 0.0  # of that run, before the place where the tool is
+    last: Snapshot | None = None  # of the program's own motions
     messages: list[str] = field(default_factory=list)  # what the program said last
     fitted: dict[str, Any] = field(default_factory=dict)  # with which it was started ...
     tools: tuple[Tool, ...] = ()  # ... and the tool table as it has made it since
@@ -92,7 +95,7 @@ class Job:
         self.news = News(finished=False)
         self.state, self.sentence, self.sentence_de = "starting", "", ""
         self.taken = self.refused = self.lost = False
-        self.nominal_s, self._seen_s = 0.0, None
+        self.nominal_s, self._seen_s, self.last = self.before_s, None, None
 
     def told(self) -> dict[str, Any]:
         """What a record says of it."""
@@ -113,19 +116,36 @@ class Job:
         return _STATES.get(now.mode, self.state)
 
     def pass_time(self, now: Snapshot) -> None:
-        """Of a plan at another override than 100 % so much less, or more, of the check's time has passed."""
-        if self._seen_s is not None and now.motion_id < FIRST_ID:  # not on a way aside
+        """Where the tool is, the check knows the time; where it stands, and of what no check was kept, of a
+        plan at another override than 100 % so much less, or more, of the check's time has passed."""
+        place = self.place(now.motion_id, now.s)
+        if 0 <= now.motion_id < ENTRY_ID:
+            self.last = now
+        if place is not None:
+            self.nominal_s = max(self.nominal_s, passed_s(self.marks, place))
+        elif self._seen_s is not None and now.motion_id < ENTRY_ID:  # not on a way aside
             way = self.ways.get(now.motion_id)
             rapid = way is not None and way.feed_mm_s is None
             share = min(now.rapid_override, 1.0) if rapid else now.override
             self.nominal_s += (now.plan_time_s - self._seen_s) * share
         self._seen_s = now.plan_time_s
 
-    def fraction(self, now: Snapshot) -> float:
-        """Of the block under way that is done for certain, by what the plan told last."""
-        spot = self.news.spot
-        known = spot is not None and spot.motion_id == now.motion_id and spot.s <= now.s
-        return spot.fraction if spot is not None and known else 0.0
+    def fraction(self, motion_id: int, s: float) -> float:
+        """Of its program line that is done at a place of a motion."""
+        way = self.ways.get(motion_id)
+        return way.fraction(s) if way is not None else 0.0
+
+    def place(self, motion_id: int, s: float) -> Passed | None:
+        """As a check marks it; None where it is none of the program's, or no check has marks."""
+        way = self.ways.get(motion_id)
+        return way.place(s) if way is not None and self.marks else None
+
+    def known(self, motion_id: int, s: float) -> journal.Known:
+        """Of a place, for the journal."""
+        place = self.place(motion_id, s)
+        return journal.Known(
+            self.fraction(motion_id, s), passed_s(self.marks, place) if place else None, self.duration_s
+        )
 
     def hear(self, news: News) -> None:
         """What the plan tells while it runs."""
@@ -181,21 +201,23 @@ class Job:
 
     def to_dict(self, now: Snapshot) -> dict[str, Any]:
         state, left_s = self.state_at(now), self._left_s(now)
-        share = None if left_s is None or not self.duration_s else 1.0 - min(1.0, left_s / self.duration_s)
+        if not self.active and self.last is not None:  # it has ended: the last place stays
+            now = self.last
+        shown = self.active or self.last is not None
         return {
             "name": self.program.name,
             "sha256": self.sha256,
             "text": self._typed(),
             "state": state,
-            "line": now.line if self.active else self.program.spot.line if self.program.spot else None,
+            "line": now.line if shown else self.program.spot.line if self.program.spot else None,
             "restart": self.restart,
             "restart_de": self.restart_de,
             "dry_run_mm": self.program.dry_run_mm or None,
-            "block": now.motion_id if self.active and now.motion_id >= 0 else None,
-            "fraction": share,
+            "block": now.motion_id if shown and now.motion_id >= 0 else None,
+            "fraction": self._share(),
             "blocks": self.blocks,
             "duration_s": self.duration_s,
-            "elapsed_s": max(0.0, now.plan_time_s - self.origin_s) if self.active else None,
+            "elapsed_s": max(0.0, now.plan_time_s - self.origin_s) if shown else None,
             "left_s": left_s,
             "checking": self.news.checking,
             "message": self.messages[-1] if self.messages else None,
@@ -215,14 +237,21 @@ class Job:
 
         Under an override that is as if the feed alone held the speed down; None where it never ends.
         """
-        if not self.active:
-            return self.duration_s if self.state == "loaded" else None
-        if self.news.finished and self.state != "starting":
+        if self.active and self.news.finished and self.state != "starting":
             return max(0.0, now.queue_end_s - now.plan_time_s)
-        if self.duration_s is None or self.program.spot is not None:  # of a rest nobody knows it yet
+        if self.duration_s is None or self.state in ("loading", "completed"):
             return None
+        if not self.active:
+            return self.duration_s - (self.before_s if self.state == "loaded" else self.nominal_s)
         left_s = max(0.0, self.duration_s - self.nominal_s)
         return left_s / now.override if now.override > 0.0 else None
+
+    def _share(self) -> float | None:
+        """Of a whole run that is done."""
+        if not self.duration_s or self.state == "loading":
+            return None
+        done_s = self.before_s if self.state == "loaded" else self.nominal_s
+        return 1.0 if self.state == "completed" else min(1.0, done_s / self.duration_s)
 
 
 def read(args: dict[str, Any], machine: Machine) -> Job:

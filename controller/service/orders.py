@@ -21,7 +21,8 @@ from controller.curves import ArcLength
 from controller.door import DoorError
 from controller.geometry import Frame
 from controller.machine import STILL, Joints, Machine, Pair
-from controller.plan.route.spot import Spot
+from controller.plan.report.passing import Passed, place_of
+from controller.plan.route.spot import LinePart, Spot, part_at
 from controller.service.refused import refused
 
 
@@ -89,6 +90,20 @@ class Way:
     feed_steps: tuple[tuple[float, float], ...] = ()  # (s, feed) where lines of a row have others
     turned_rad: Pair = STILL  # what the words of the rotaries are shifted by
     tilted_mm: float | None = None  # in a tilted plane: length with which X Y Z are the tip's in ``part``
+    lines: tuple[LinePart, ...] = ()  # of which program lines it is; a way aside is of none
+
+    def place(self, s: float) -> Passed | None:
+        """Of the program, as a check marks it."""
+        if not self.lines:
+            return None
+        part, fraction = part_at(self.lines, s)
+        return place_of(self.name, part.order, fraction, s)
+
+    def fraction(self, s: float) -> float:
+        """Of the program line that is done at ``s``."""
+        if not self.lines:
+            return 0.0
+        return part_at(self.lines, s)[1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +127,6 @@ class News:
     whole: bool = False  # ... and nothing of it was dropped or refused
     refusal: str = ""  # why the program ends before its end; the machine stands before that block
     tool: int | None = None  # to which the program has changed, as far as it is read
-    spot: Spot | None = None  # where in the program the tool is, now and then while it moves
     aside: bool = False  # the tool stands off the path, and must return before the program goes on
     returning: bool = False  # it is on its way back, or held there
     checking: float | None = None  # share of the program's lines that are checked

@@ -25,10 +25,11 @@ from controller.kinematics import Kinematics
 from controller.machine import STILL, Machine, Pair, five
 from controller.motions import SurfaceCut
 from controller.plan.aside import NotPossible
+from controller.plan.report.passing import passed_s, place_of
 from controller.plan.report.stored import Stored
 from controller.plan.route.beside import beside
 from controller.plan.route.restart import Rest
-from controller.plan.route.spot import ENTRY_ID, FORMER, Spot, order_of
+from controller.plan.route.spot import ENTRY_ID, FORMER, LinePart, Spot, lines_along, order_of
 from controller.plan.route.stretch import Chain, Pause, Stretch
 from controller.plan.text.program import Act, Aside, Block, Message, ProgramError, Setting
 from controller.service import entered
@@ -40,13 +41,11 @@ from controller.session.plan_end import PLAN_TURN_S, PlanEnd
 from controller.session.processes import EXPECTED, own_error
 from controller.session.starts import Start
 from controller.session.startup import SessionError
-from controller.state import Mode
 
 NEWS_S = 0.1
-SPOT_S = 0.25
 MOST_OFFSETS = 99
 MOST_NOTES = 100  # every status has them; all of them stand with the check
-MOST_TOOLS = 100_000  # stretches whose tool is remembered: more than are ever read ahead
+MOST_KNOWN = 100_000  # stretches whose tool is remembered: more than are ever read ahead
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +89,8 @@ class Planning:
         self._end, self._checks, self._parent = end, checks, parent
         self._awaited: Awaited | None = None
         self._tool: int | None = None
-        self._tools: dict[int, int | None] = {}  # by identity of a stretch: with which tool it is moved
+        # By identity of a stretch: with which tool it is moved, and of which lines it is.
+        self._known: dict[int, tuple[int | None, tuple[LinePart, ...]]] = {}
         self._changes: dict[int, tuple[int, ...]] = {}  # to which tools, by line; until it is told
         self._heard: deque[Aside] = deque()  # messages and settings that no motion has come to
         self._said: list[Said] = []  # until it is told
@@ -102,7 +102,7 @@ class Planning:
         self._facts: dict[str, Any] = {}  # of what is being armed
         self._turns: list[Turn] = []
         self._told = News()
-        self._told_s = self._placed_s = 0.0
+        self._told_s = 0.0
         self._verbs = {
             "commission": self._commission,
             "home": self._home,
@@ -170,7 +170,10 @@ class Planning:
         program = _program(order)
         kept = self._kept(program)
         rest = self._rest(program, kept) if program.spot is not None else None
+        here = place_of(rest.what, rest.order, rest.spot.fraction, rest.spot.s) if rest else None
         return {
+            "marks": kept.marks,
+            "passed_s": passed_s(kept.marks, here) if here else 0.0,
             "duration_s": kept.duration_s,
             "blocks": kept.blocks,
             "restart": entered.told(rest) if rest else [],
@@ -234,8 +237,8 @@ class Planning:
         items = starts.path_from(task, kept, start).items
         self._end.new_planner(program.machine)
         self._tool, self._fitted = None, program.machine
-        self._tools.clear()
-        self._end.load(self._watched(items, program.spot is not None), now)
+        self._known.clear()
+        self._end.load(self._watched(items, program.spot), now)
         self._turns.clear()
         self._told = News(finished=False)
         facts = {"duration_s": kept.duration_s, "blocks": kept.blocks, "plan_time_s": now.queue_end_s}
@@ -254,13 +257,15 @@ class Planning:
         )
         return {"sentence": found.sentence if found is not None else ""}
 
-    def _watched(self, items: Iterable[Chain | Pause], inside: bool) -> Iterator[Chain | Pause]:
+    def _watched(self, items: Iterable[Chain | Pause], spot: Spot | None) -> Iterator[Chain | Pause]:
         """The same path; what it changes the tool to and says is noted as it is read.
 
-        ``inside``: it begins inside of the program; what was said before that is not said again, but what
+        ``spot``: it begins inside of the program; what was said before that is not said again, but what
         was set before it is in force.
         """
         number = 0  # of the motion that comes next, as the planner counts
+        inside = spot is not None
+        begun = spot.fraction if spot is not None and spot.motion_id >= 0 else 0.0
         for item in items:
             if inside:
                 self._heard = deque(one for one in self._heard if isinstance(one, Setting))
@@ -270,7 +275,8 @@ class Planning:
                 for stretch in item.stretches:
                     self._say(order_of(stretch, stretch.motion.end), number, None, stretch.place.order)
                     number += 1
-                self._tools.update((id(stretch), self._tool) for stretch in item.stretches)
+                self._note_lines(item, 0.0 if inside else begun)
+                begun = begun if inside else 0.0
             else:
                 self._say(item.place.order, number, item.place.line)
             if isinstance(item, Pause) and item.act is Act.TOOL:
@@ -278,6 +284,10 @@ class Planning:
                 self._changes[line] = (*self._changes.get(line, ()), self._tool)
             yield item
         self._say(sys.maxsize, number, None)
+
+    def _note_lines(self, chain: Chain, begun: float = 0.0) -> None:
+        for stretch, lines in zip(chain.stretches, lines_along(chain, begun), strict=True):
+            self._known[id(stretch)] = self._tool, lines
 
     def _say(self, order: int, motion_id: int, line: int | None, first: int = sys.maxsize) -> None:
         """What the program says up to that order is due at that motion, or at the pause before it.
@@ -319,7 +329,16 @@ class Planning:
         kept = self._kept(program)
         self._offsets.clear()
         rest = self._rest(program, kept)
+        rest = replace(rest, items=self._lines_noted(rest.items, rest.spot.fraction))
         return rest, starts.lengths_mm(rest, self._fitted, program.machine)
+
+    def _lines_noted(self, items: Iterable[Chain | Pause], begun: float) -> Iterator[Chain | Pause]:
+        """The same path, which begins inside of a line."""
+        for item in items:
+            if isinstance(item, Chain):
+                self._note_lines(item, begun)
+                begun = 0.0
+            yield item
 
     def _await_taken(self, order: Order, now: Snapshot) -> None:
         """Answered when the tick has the way."""
@@ -360,17 +379,7 @@ class Planning:
         returning = away is not None and away.returning
         stands_aside = away is not None and away.off and not returning
         whole = planner.finished_path
-        return News(planner.finished, whole, refusal, self._tool, self._spot(now), stands_aside, returning)
-
-    def _spot(self, now: Snapshot) -> Spot | None:
-        """Now and then: the fraction of a block is for people, and for a restart with another tool."""
-        if now.mode not in (Mode.RUNNING, Mode.HOLD):
-            return None
-        now_s = time.monotonic()
-        if now_s - self._placed_s < SPOT_S:
-            return self._told.spot
-        self._placed_s = now_s
-        return self._end.planner.spot(now)
+        return News(planner.finished, whole, refusal, self._tool, stands_aside, returning)
 
     def _tell_turn(self, turn: Turn) -> None:
         """Before its message goes out: whatever the tick takes can then be planned again."""
@@ -384,7 +393,7 @@ class Planning:
             return
         self._told = news
         ways = {name: self._way(stretch) for name, stretch in fresh.items()}
-        self._forget_tools()
+        self._forget_known()
         self._parent.send(
             replace(
                 news, ways=ways, turns=tuple(self._turns), changes=self._changes, messages=tuple(self._said)
@@ -398,17 +407,17 @@ class Planning:
     def _way(self, stretch: Stretch) -> Way:
         motion, i = stretch.motion, bisect_right(self._offsets, (stretch.place.order, MOST_OFFSETS))
         length_mm, part = getattr(motion, "length_mm", 0.0), getattr(motion, "part", None)
-        tool = self._tools.get(id(stretch))
+        tool, lines = self._known.get(id(stretch), (None, ()))
         offset, frame, turned_rad, tilted_mm = self._offsets[i - 1][1:] if i else (0, None, STILL, None)
         part = frame if part is None else part
         told = (stretch.end, stretch.feed_mm_s, length_mm, part, stretch.name, tool, offset)
         arc = motion.arc if isinstance(motion, SurfaceCut) else None
-        return Way(*told, motion.end, arc, stretch.feed_steps, turned_rad, tilted_mm)
+        return Way(*told, motion.end, arc, stretch.feed_steps, turned_rad, tilted_mm, lines)
 
-    def _forget_tools(self) -> None:
-        """Those of stretches that were told long ago."""
-        while len(self._tools) > MOST_TOOLS:
-            del self._tools[next(iter(self._tools))]
+    def _forget_known(self) -> None:
+        """What is known of stretches that were told long ago."""
+        while len(self._known) > MOST_KNOWN:
+            del self._known[next(iter(self._known))]
 
 
 def _start(program: Program, now: Snapshot) -> Start:

@@ -115,6 +115,7 @@ def load(service: Service, job: Job) -> Values:
     """Read, plan and audit all of a program; nothing moves, nothing starts. Raises DoorError."""
     facts = service.engine.line.order("check", program=job.program)
     with service.lock:
+        job.marks, job.before_s = facts.pop("marks"), facts.pop("passed_s")
         job.duration_s, job.blocks, job.notes = facts["duration_s"], facts["blocks"], facts["notes"]
         job.verdict = facts["verdict"]
         job.state, job.restart, job.restart_de = "loaded", facts["restart"], facts["restart_de"]

@@ -18,7 +18,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from controller import catalogue, config, fitting
+from controller import catalogue, config, fitting, journal
 from controller.changes import Change, laid
 from controller.door import DoorError
 from controller.handoff import COLUMN, Snapshot
@@ -350,7 +350,7 @@ class Service:
         """Once a second and at every standstill; a line typed by hand is no part of a program."""
         job, recorder = self.running, self.engine.recorder
         if recorder is not None and self.engine.tick_alive and not (job is not None and job.is_mdi):
-            self.journal.look(now, recorder.last, job.fraction(now) if job is not None else 0.0)
+            self.journal.look(now, recorder.last, job.known if job is not None else journal.unknown)
 
     def _look_at_processes(self, now: Snapshot) -> None:
         if not self.engine.tick_alive:

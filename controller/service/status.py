@@ -60,7 +60,7 @@ def machine_values(
 
 
 # What nobody tells any more once the tick's process is gone: the drives stop by themselves, unseen.
-_UNSEEN = ("at_rest", "feed_mm_min", "limited_by", "in_block", "spindle", "coolant", "inputs", "outputs")
+_UNSEEN = ("at_rest", "feed_mm_min", "limited_by", "spindle", "coolant", "inputs", "outputs")
 _NAMES = ("axis", "node", "bus")  # of a drive: known whatever it does
 
 

@@ -18,6 +18,7 @@ from controller.kinematics import Kinematics
 from controller.machine import TOOL_AT_POWER_ON, Joints, Machine
 from controller.motions import Rotaries
 from controller.plan.report import duration, stored, survey
+from controller.plan.report.passing import Passing
 from controller.plan.report.stored import Stored
 from controller.plan.report.survey import BlockUse, Survey
 from controller.plan.route import choices, path, placements, restart, spindle_off, tool_changes
@@ -249,17 +250,19 @@ def check(
         chosen = chosen_for(asked, _between(done, 0.0, CHOSEN))
         walk = path_of(asked, chosen, in_spindle=TOOL_AT_POWER_ON)
         placed = placements.Noted(watch(walk.items))
-        watched = Watched(placed)
+        watched, passing = Watched(placed), Passing()
         try:
             found = survey.survey(
-                watched, asked.machine, asked.kinematics, tell, lambda line: planned(line / lines)
+                watched, asked.machine, asked.kinematics, tell, lambda line: planned(line / lines), passing
             )
         except NoLaw as lost:
             raise ProgramError(asked.name, lost.line, 1, NO_LAW) from lost
         seen = _audited(asked, watched, _between(done, PLANNED, 1.0))
     notes, overcuts = (*walk.notes, *seen.notes), tuple(seen.overcuts)
     figures = found.ticks, found.duration_s, found.blocks
-    kept = Stored(*figures, walk.choices, notes, overcuts, placed.recipes, tuple(seen.verdicts))
+    kept = Stored(
+        *figures, walk.choices, notes, overcuts, placed.recipes, tuple(seen.verdicts), tuple(passing.marks)
+    )
     try:
         stored.save(kept, asked.key, where)
     except OSError as error:

@@ -20,6 +20,8 @@ from controller.verify.judge import Cutting, Field, Map, Worst, Zone
 from controller.verify.nominal import Nominal
 
 GRID = (33, 9)  # along, across
+TICKS = 4  # of a map's axis along
+FINE = 50  # parts between two of them
 MOST = 40  # surfaces that get a map: those of a program's beginning
 
 
@@ -50,9 +52,20 @@ def _row(nominal: Nominal, zone: Zone, seen: Map) -> dict[str, Any]:
         "line": nominal.line,
         "overcut_mm": _amount(zone.overcut),
         "undercut_mm": _amount(zone.undercut),
+        **_size(nominal),
         "overcut_at": [zone.overcut.u, zone.overcut.v] if zone.overcut else None,
         "map_um": [[None if np.isnan(t) else float(t) for t in row] for row in um],
     }
+
+
+def _size(nominal: Nominal) -> dict[str, Any]:
+    """``along_mm``: lengths of the lower edge at even steps of u; ``height_mm`` of the longest ruling."""
+    u = np.linspace(0.0, 1.0, TICKS * FINE + 1)
+    low, high = (nominal.points(u, np.full_like(u, v)) for v in (1.0, 0.0))
+    steps = np.linalg.norm(np.diff(low, axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(steps)])[::FINE]
+    height = np.linalg.norm(high - low, axis=1).max()
+    return {"along_mm": [round(float(mm), 3) for mm in along], "height_mm": round(float(height), 3)}
 
 
 def _amount(worst: Worst | None) -> float:

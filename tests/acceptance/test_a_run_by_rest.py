@@ -73,8 +73,12 @@ def test_a_run_that_was_stopped_is_offered_and_gone_on_with_and_the_panels_death
         shop.do("POST", "/cycle/stop")  # which needs none
         shop.until(lambda now: now["mode"] == "READY", "the stop")
         assert shop.run_record()["result"] == "stopped"
+        job = shop.status()["job"]
+        assert job["state"] == "stopped" and 0.0 < job["fraction"] < 1.0 and job["left_s"] > 0.0
         shop.take_control()
         offer = shop.do("GET", "/restart")
+        assert offer["done"] == pytest.approx(job["fraction"], abs=0.01) and offer["line"] == job["line"]
+        assert 0.0 < offer["fraction"] < 1.0 and offer["left_s"] == pytest.approx(job["left_s"], rel=0.05)
         assert (offer["offered"], offer["program"], offer["exact"]) == (True, "part.ngc", True), offer
         assert offer["line"] in (3, 4)
         again = shop.do("POST", "/job", json={"program": "part.ngc", "restart": True})["result"]

@@ -109,7 +109,8 @@ def looking(stepped: SteppedMachine, kept: Journal) -> Snapshot:
     now = stepped.board.read()
     assert now is not None
     spot = stepped.planner.spot(now)
-    kept.look(now, stepped.recorder.last, spot.fraction if spot is not None else 0.0)
+    known = journal.Known(spot.fraction if spot is not None else 0.0)
+    kept.look(now, stepped.recorder.last, lambda *_: known)
     return now
 
 

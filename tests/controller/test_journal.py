@@ -13,7 +13,7 @@ from support.machines.stepped_runs import shipped
 
 from controller import journal, whole
 from controller.handoff import blank
-from controller.journal import Entry, Job
+from controller.journal import Entry, Job, Known
 from controller.plan.route.spot import FORMER, Spot
 from controller.state import Fault, Mode
 
@@ -120,7 +120,7 @@ class Looked:
 
     def look(self, fraction: float = 0.0, **changes: object) -> Entry | None:
         self.snapshot = self.snapshot._replace(**changes)  # type: ignore[arg-type]
-        self.journal.look(self.snapshot, lambda _: np.zeros((0, 1)), fraction)
+        self.journal.look(self.snapshot, lambda _: np.zeros((0, 1)), lambda *_: Known(fraction))
         return journal.read(self.file)[0]
 
     def run(self, length: float) -> None:
@@ -140,15 +140,6 @@ def test_of_a_stop_beside_the_path_a_place_before_it_is_kept_and_of_one_on_it_th
     entry = looked.look(mode=Mode.FAULT, fault=Fault.EMERGENCY_STOP, at_rest=True)
     assert entry is not None and not entry.exact
     assert looked.snapshot.s - 0.6 < entry.spot.s < looked.snapshot.s - 0.1
-
-
-def test_the_fraction_of_the_block_is_added_when_the_plan_has_told_it(tmp_path: Path) -> None:
-    looked = Looked(tmp_path)
-    looked.run(2.0)
-    first = looked.look(mode=Mode.HOLD, at_rest=True)
-    then = looked.look(0.25)
-    assert first is not None and first.spot.fraction == 0.0
-    assert then == replace(first, spot=first.spot._replace(fraction=0.25), time_s=then.time_s if then else 0)
 
 
 def test_with_other_tools_fitted_in_a_hold_line_and_fraction_count(tmp_path: Path) -> None:

@@ -76,10 +76,12 @@ async def control(
 ) -> models.ControlFacts:
     """Who may move the machine now."""
     held = panel_of(request).control
+    mine = held.holds(x_control_token)
     return models.ControlFacts(
         holder=held.holder or None,
         since_s=held.since_s if held.holder else None,
-        mine=held.holds(x_control_token),
+        silent_s=held.silent_s,
+        mine=mine,
     )
 
 

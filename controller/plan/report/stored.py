@@ -21,12 +21,13 @@ from typing import Any
 
 from controller.machine import Joints, Machine
 from controller.motions import Rotaries
+from controller.plan.report.passing import Mark
 from controller.plan.report.verdict import Verdict
 from controller.plan.route.placements import Recipe
 from controller.plan.route.stretch import Note
 from controller.plan.text.program import Place
 
-FORMAT = 3  # of the files
+FORMAT = 4  # of the files
 KEPT = 500  # files; the oldest go
 
 
@@ -52,6 +53,7 @@ class Stored:
     overcuts: tuple[Overcut, ...] = ()  # of the surfaces, in the program's order
     placements: Mapping[str, Recipe] = field(default_factory=dict)  # of the cutter, by name
     verdicts: tuple[Verdict, ...] = ()  # on the surfaces that have a form tolerance
+    marks: tuple[Mark, ...] = ()  # when which place is passed
 
 
 def folder() -> Path:
@@ -99,6 +101,7 @@ def save(stored: Stored, name: str, where: Path) -> Path:
         "overcuts": [[one.line, one.mm, one.u, one.v] for one in stored.overcuts],
         "placements": {found: recipe.to_dict() for found, recipe in stored.placements.items()},
         "verdicts": [one.to_dict() for one in stored.verdicts],
+        "marks": [[*place, time_s] for place, time_s in stored.marks],
     }
     file = where / f"{name}.json"
     with tempfile.NamedTemporaryFile("w", dir=where, suffix=".new", delete=False) as new:
@@ -149,4 +152,5 @@ def _stored(values: Any, name: str) -> Stored:
         tuple(Overcut(int(n), float(mm), float(u), float(v)) for n, mm, u, v in values["overcuts"]),
         {str(found): Recipe.from_dict(recipe) for found, recipe in values["placements"].items()},
         tuple(map(Verdict.from_dict, values["verdicts"])),
+        tuple(((int(n), float(f), int(way), float(s)), float(t)) for n, f, way, s, t in values["marks"]),
     )

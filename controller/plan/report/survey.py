@@ -27,6 +27,7 @@ from controller.plan.feed.binding import Span
 from controller.plan.feed.course import Course
 from controller.plan.feed.law import along
 from controller.plan.report import moments
+from controller.plan.report.passing import Passing
 from controller.plan.report.planned import Planned, planned
 from controller.plan.report.tally import Bound, Part, Tally, bounds
 from controller.plan.report.waits import Waits
@@ -106,11 +107,17 @@ def survey(
     kinematics: Kinematics,
     tell: Callable[[BlockUse], None] = lambda _: None,
     progress: Callable[[int], None] = lambda _: None,
+    passing: Passing | None = None,
 ) -> Survey:
-    """Plan a path at 100 % and measure it; ``tell`` gets each block, ``progress`` the line that is done."""
+    """Plan a path at 100 % and measure it; ``tell`` gets each block, ``progress`` the line that is done.
+
+    ``passing`` gets when which place is passed.
+    """
     look = _Look(machine, kinematics, tell)
-    for sent in planned(items, machine, kinematics):
+    for sent in planned(items if passing is None else passing.watched(items), machine, kinematics):
         look.window(sent)
+        if passing is not None:
+            passing.take(sent)
         progress(_line(sent))
     return look.survey()
 

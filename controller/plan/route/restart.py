@@ -85,6 +85,7 @@ class Rest:
     what: str  # 'cut', 'line', 'arc' ... or 'pause'
     items: Iterator[Chain | Pause]  # without an entry and without clamps
     source: Source
+    order: int = 0  # ``Place.order`` of the line
 
     def entered(self, now: Joints, in_spindle: int) -> Iterator[Chain | Pause]:
         """All of the path: from the joints ``now`` to the place, and the rest. Raises ProgramError."""
@@ -270,7 +271,7 @@ class _Search:
         target = entry.Target(
             joints, state, stretch.place, _feed(stretch, s, state), self._clear(joints, state)
         )
-        return Rest(spot, target, stretch.name, _then(rest, self._items), self._source)
+        return Rest(spot, target, stretch.name, _then(rest, self._items), self._source, order_of(stretch, s))
 
     def _at_pause(self, pause: Pause) -> Rest:
         self._check_known()
@@ -280,7 +281,7 @@ class _Search:
         clear = self._clear(self._stands, state)
         target = entry.Target(self._stands, state, pause.place, feed, clear)
         items = _counted(_then(pause, self._items), self._count)
-        return Rest(Spot(line, 0.0), target, "pause", items, self._source)
+        return Rest(Spot(line, 0.0), target, "pause", items, self._source, pause.place.order)
 
     # --- how high
 

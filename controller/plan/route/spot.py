@@ -68,6 +68,73 @@ def fraction_at(chain: Chain, index: int, s: float) -> float:
     return done / whole if whole > 0.0 else 0.0
 
 
+class LinePart(NamedTuple):
+    """From where on a motion is of a line: the fraction of the line there, and how it grows."""
+
+    from_s: float
+    line: int
+    fraction: float
+    per_s: float  # per unit of s; 0 beside the block
+    order: int = 0  # ``Place.order``
+
+
+def part_at(parts: Sequence[LinePart], s: float) -> tuple[LinePart, float]:
+    """The part that a place is in, and the fraction of its line there."""
+    part = parts[max(0, bisect_right(parts, s, key=lambda one: one.from_s) - 1)]
+    return part, min(1.0, max(0.0, part.fraction + (s - part.from_s) * part.per_s))
+
+
+def lines_along(chain: Chain, begun: float = 0.0) -> list[tuple[LinePart, ...]]:
+    """Of each stretch of a chain, in the order of s: what ``line_of`` and ``fraction_at`` say of it.
+
+    ``begun``: of a chain that is the rest of another, the fraction of its first line at ``chain.from_s``.
+    """
+    spans = [list(_parts(stretch)) for stretch in chain.stretches]
+    whole: dict[int, float] = {}
+    for stretch, parts in zip(chain.stretches, spans, strict=True):
+        if stretch.name not in BESIDE:
+            for order, _, low, high in parts:
+                whole[order] = whole.get(order, 0.0) + high - low
+    done: dict[int, float] = {}
+    first = order_of(chain.stretches[0], chain.from_s)
+    if begun >= 1.0:
+        done[first] = whole[first] = 1.0
+    elif begun > 0.0 and first in whole:
+        passed = sum(
+            max(0.0, min(chain.from_s, high) - low) for order, _, low, high in spans[0] if order == first
+        )
+        done[first] = (whole[first] - passed) / (1.0 - begun) - whole[first]
+        whole[first] += done[first]
+    return [
+        tuple(_line_part(stretch, part, done, whole) for part in parts)
+        for stretch, parts in zip(chain.stretches, spans, strict=True)
+    ]
+
+
+def _line_part(
+    stretch: Stretch, part: tuple[int, int, float, float], done: dict[int, float], whole: dict[int, float]
+) -> LinePart:
+    """Counts what is done of the part's line."""
+    order, line, low, high = part
+    length, before = whole.get(order, 0.0), done.get(order, 0.0)
+    fraction = before / length if length > 0.0 else 0.0
+    if stretch.name in BESIDE:
+        return LinePart(low, line, 1.0 if stretch.name == "lift" else fraction, 0.0, order)
+    done[order] = before + high - low
+    return LinePart(low, line, fraction, 1.0 / length if length > 0.0 else 0.0, order)
+
+
+def _parts(stretch: Stretch) -> Iterator[tuple[int, int, float, float]]:
+    """(order, line, from s, to s) of each line of a stretch."""
+    motion = stretch.motion
+    if not isinstance(motion, ToolSpline):
+        yield stretch.place.order, stretch.place.line, 0.0, motion.end
+        return
+    begins = [max(0.0, s) for s in motion.lines_s[: len(motion.lines)]]
+    ends = [*begins[1:], motion.end]
+    yield from zip(_orders(stretch, motion), motion.lines, begins, ends, strict=True)
+
+
 def place_in(chain: Chain, line: int, fraction: float) -> tuple[int, float] | None:
     """(index, s) of a fraction of a line, the first time that it runs; None where the chain has nothing of
     the line itself."""

@@ -18,7 +18,7 @@ from fastapi.routing import APIRoute
 from support.fakes.fake_socket import TABLE
 from support.fakes.panels import PASSWORD, ROLES, Scene, sentence, take_control
 
-from controller.panel import access, http
+from controller.panel import access, http, roles
 from controller.panel.access import COOKIE
 from controller.panel.roles import Principal, Role
 from controller.panel.users import CROWD_TRIES, FREE_TRIES, LONGEST_WAIT_S
@@ -527,3 +527,16 @@ def test_a_foreign_page_on_this_computer_leaves_a_line_though_nobody_is_known(tm
         return [(entry.user, entry.detail, entry.allowed) for entry in scene.store.audit.list()]
 
     assert asyncio.run(story()) == [("", "origin", False)]
+
+
+def test_of_a_holder_it_is_told_how_long_nothing_was_heard_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = 100.0
+    monkeypatch.setattr(roles.time, "monotonic", lambda: now_s)
+    control = roles.Control()
+    assert control.silent_s is None
+    token = control.take(Principal("anna", Role.OPERATE, "local"))
+    now_s = 140.0
+    assert not control.holds("another") and control.silent_s == 40.0
+    assert control.holds(token) and control.silent_s == 0.0
+    control.free()
+    assert control.silent_s is None

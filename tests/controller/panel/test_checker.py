@@ -139,6 +139,8 @@ def test_the_surfaces_of_a_checked_program_are_told_with_maps(store: Store) -> N
     assert verified["overcut_mm"] < 1e-4 and verified["left_out"] == 0
     assert len(cone["map_um"]) == 9 and {len(row) for row in cone["map_um"]} == {33}
     assert all(abs(t) < 0.1 for row in cone["map_um"] for t in row)
+    # The paper's Example 1: a whole turn of radius 15 mm.
+    assert cone["along_mm"] == pytest.approx([94.2478 * k / 4.0 for k in range(5)], abs=0.01)
 
 
 def test_a_panel_that_ends_during_a_check_leaves_it_to_the_next(store: Store) -> None:

@@ -10,7 +10,8 @@ from support.machines.stepped_runs import shipped
 
 from controller.handoff import Snapshot, blank
 from controller.plan.detour import FIRST_ID
-from controller.plan.route.spot import ENTRY_ID, Spot
+from controller.plan.report.passing import OWN
+from controller.plan.route.spot import ENTRY_ID, LinePart
 from controller.plan.text import linked
 from controller.service import jobs
 from controller.service.jobs import Job
@@ -79,10 +80,46 @@ def test_ways_of_the_program_outlast_an_entry_and_a_way_aside(job: Job) -> None:
     assert job.way(2) == way(2.0) and job.way(1) is None, "it lies behind"
 
 
-def test_the_fraction_of_a_block_is_never_more_than_what_is_done(job: Job) -> None:
-    job.hear(News(spot=Spot(4, 0.5, 7, 12.0)))
-    assert job.fraction(snapshot(motion_id=7, s=12.5)) == 0.5
-    assert job.fraction(snapshot(motion_id=7, s=11.0)) == job.fraction(snapshot(motion_id=8, s=20.0)) == 0.0
+def test_the_fraction_is_of_the_line_that_is_under_way_at_that_very_place(job: Job) -> None:
+    lines = LinePart(0.0, 4, 0.5, 0.1), LinePart(5.0, 6, 0.0, 0.25)
+    job.hear(News(ways={7: replace(way(1.0), lines=lines)}))
+    assert [job.fraction(7, s) for s in (0.0, 4.0, 5.0, 7.0, 9.5)] == pytest.approx([0.5, 0.9, 0.0, 0.5, 1.0])
+    assert job.fraction(8, 2.0) == 0.0, "nobody knows of it"
+
+
+def test_by_the_marks_of_a_check_the_time_left_is_that_of_the_place_whatever_the_override_was(
+    job: Job,
+) -> None:
+    job.marks = ((4, 0.0, OWN, 0.0), 1.0), ((4, 1.0, OWN, 0.0), 9.0)
+    job.hear(News(finished=False, ways={7: replace(way(1.0), lines=(LinePart(0.0, 4, 0.0, 0.1, 4),))}))
+    job.pass_time(snapshot(plan_time_s=0.0, motion_id=7, s=0.0, override=0.3))
+    job.pass_time(snapshot(plan_time_s=20.0, motion_id=7, s=5.0, override=0.3))
+    told = job.to_dict(snapshot(plan_time_s=20.0, motion_id=7, s=5.0))
+    assert (told["left_s"], told["fraction"]) == (pytest.approx(5.0), pytest.approx(0.5))
+    job.pass_time(snapshot(plan_time_s=22.0, motion_id=-1))  # a dwell
+    assert job.to_dict(snapshot(plan_time_s=22.0))["left_s"] == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("state", ["stopped", "fault"])
+def test_the_place_stays_after_an_end_before_the_end(state: str, job: Job) -> None:
+    job.marks = ((4, 0.0, OWN, 0.0), 0.0), ((4, 1.0, OWN, 0.0), 10.0)
+    job.hear(News(finished=False, ways={7: replace(way(1.0), lines=(LinePart(0.0, 4, 0.0, 0.1, 4),))}))
+    job.pass_time(snapshot(plan_time_s=6.0, motion_id=7, line=4, s=5.0))
+    job.pass_time(snapshot(plan_time_s=7.0, motion_id=-1, line=0))  # it stands
+    job.state, job.nominal_s = state, 5.0
+    told = job.to_dict(snapshot(mode=Mode.READY, motion_id=-1, line=0, plan_time_s=9.0))
+    found = [told[name] for name in ("state", "line", "block", "fraction", "elapsed_s", "left_s")]
+    assert found == [state, 4, 7, 0.5, 6.0, 5.0]
+    job.arm(0)
+    assert job.to_dict(snapshot())["fraction"] == 0.0
+
+
+def test_what_begins_inside_has_only_its_rest_left(job: Job) -> None:
+    job.state, job.before_s = "loaded", 6.0
+    told = job.to_dict(snapshot(mode=Mode.READY))
+    assert (told["left_s"], told["fraction"]) == (4.0, 0.6)
+    job.arm(0)
+    assert job.to_dict(snapshot())["left_s"] == 4.0
 
 
 def test_a_line_typed_by_hand_is_told_for_it_is_in_no_store(job: Job) -> None:

@@ -27,7 +27,10 @@ from controller.session.starts import Start
 from controller.state import ALL_AXES, ALWAYS, TRANSITIONS, Fault, Mode, Request
 
 Plan = Callable[..., dict[str, Any]]
-CHECKED = {"duration_s": 1.0, "blocks": 2, "notes": [], "restart": [], "restart_de": [], "verdict": None}
+CHECKED = {
+    **{"duration_s": 1.0, "blocks": 2, "notes": [], "restart": [], "restart_de": [], "verdict": None},
+    **{"marks": (), "passed_s": 0.0},
+}
 
 
 class FakeEngine:

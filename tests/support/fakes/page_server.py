@@ -201,7 +201,7 @@ class ToldChecker(Checker):
         before, found, _ = text.partition("WRONG")
         state, result = ("refused", _wrong(before)) if found else ("passed", PASSED)
         if "TOO DEEP" in text:
-            result = {**PASSED, "verdict": EXCEEDING}
+            result = {**PASSED, "verdict": EXCEEDING, "joints": HARD}
         return ProgramCheck(program.sha256, "", state, 1.0, result, 0.0)
 
 
@@ -236,6 +236,8 @@ PASSED = {
                 "line": line,
                 "overcut_mm": deepest_mm,
                 "undercut_mm": 0.0,
+                "along_mm": [0.0, 12.1, 24.9, 38.0, 50.5],
+                "height_mm": 10.4,
                 "overcut_at": [0.98, 0.0],
                 "map_um": [[-1e3 * deepest_mm * k / 16.0 * v for k in range(17)] for v in (1.0, 0.5, 0.0)],
             }
@@ -247,6 +249,7 @@ PASSED = {
 }
 
 
+HARD = [{**row, "jerk_share": 1.012 if row["name"] == "X" else 0.9} for row in PASSED["joints"]]  # type: ignore[attr-defined]
 EXCEEDING = wording.told(
     [Verdict(19, 2, 0.05, 0.4831, 0.0, 1.0, 0.0, 10.0, (38.0, 22.0, 10.0), "lead out", 19, ("double",), 0.0)]
 )

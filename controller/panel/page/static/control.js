@@ -16,13 +16,22 @@ function hold(token) {
   dx.draw();
 }
 
+const GONE_S = 15; // a page that holds it is heard of every few seconds
+const HEARD_MS = 5000;
+
+export const free = () => !dx.holds() && dx.holder === null;
+export const gone = () => !dx.holds() && dx.holder !== null && dx.silent_s > GONE_S;
+
 export async function take() {
   const other = dx.holder !== null && !dx.holds();
-  if (other && !(await ask(word("frame.take_over", dx.holder)))) return;
+  if (other) await look(); // how long nothing was heard of whoever holds it
+  const question = gone() ? word("frame.take_gone", dx.holder, Math.round(dx.silent_s)) : word("frame.take_over", dx.holder);
+  if (other && !(await ask(question))) return;
   const said = await call("POST", "control", { take_over: other });
   if (!said.ok) return;
-  dx.holder = said.body.holder;
+  Object.assign(dx, { holder: said.body.holder, silent_s: 0 });
   hold(said.body.token);
+  return true;
 }
 
 export async function give() {
@@ -36,7 +45,7 @@ export async function look() {
   const sent = dx.token;
   const said = await call("GET", "control", null, true);
   if (!said.ok) return;
-  dx.holder = said.body.holder;
+  Object.assign(dx, { holder: said.body.holder, silent_s: said.body.silent_s ?? 0 });
   if (sent !== dx.token) return changed();
   if (sent && !said.body.mine && dx.holder) say(word("frame.taken", dx.holder), "warn");
   hold(said.body.mine ? sent : "");
@@ -52,6 +61,7 @@ dx.on("heard.control", (data) => {
 });
 dx.on("lost", () => hold(""));
 dx.on("connected", look);
+setInterval(() => dx.holder !== null && !document.hidden && look(), HEARD_MS);
 
 // Whoever leaves takes no control along.
 export async function log_out() {

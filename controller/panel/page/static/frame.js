@@ -1,5 +1,5 @@
 // The frame around every view: what the machine does, what is wrong, who may move it, and the stops.
-import { give, log_out, take } from "./control.js";
+import { give, gone, log_out, take } from "./control.js";
 import { Notice, Question } from "./dialog.js";
 import { Component, html } from "./dom.js";
 import { forms } from "./forms.js";
@@ -71,7 +71,8 @@ function Program() {
 }
 
 function Control() {
-  const whose = dx.holds() ? word("frame.mine") : (dx.holder ?? word("frame.free"));
+  const other = gone() ? word("frame.gone", dx.holder, Math.round(dx.silent_s)) : (dx.holder ?? word("frame.free"));
+  const whose = dx.holds() ? word("frame.mine") : other;
   return html`<button class="control" id="dx-control" type="button" onclick=${() => (dx.holds() ? give() : take())}>
     <${Icon} name="hand" />
     <span class="control-words"><span class="dim">${word("frame.control")}</span><span class="strong" id="dx-holder">${whose}</span></span>

@@ -1,6 +1,6 @@
-// Hearing the machine: its events as they come, how old they are, and the place of a program that has ended.
+// Hearing the machine: its events as they come, and how old they are.
 import { API, ticked } from "./api.js";
-import { changed, dx, keep, kept } from "./store.js";
+import { changed, dx } from "./store.js";
 import { sentence, word } from "./texts.js";
 
 const STALE_MS = 700; // statuses come every 50 ms
@@ -25,7 +25,7 @@ function heard(text) {
 function status(data) {
   // Without a tick there is no figure that could be old; one that hangs leaves its last ones.
   if (!ticked(data) || data.tick.number !== dx.status?.tick?.number) lastTick = lastWord;
-  dx.status = { ...with_place(data), control: dx.holder, shown: in_words(data) };
+  dx.status = { ...data, control: dx.holder, shown: in_words(data) };
   lastStatus = lastWord;
   if (dx.stale) age();
   dx.tell("status", dx.status);
@@ -47,32 +47,6 @@ function in_words({ fault, sequence, notices, interlock, warning, waiting, spind
     failed: sequence?.state === "failed" ? sentence(sequence) : "",
   };
 }
-
-// ---- the place of a program stays on the screen after its end, until another one is loaded
-
-const UNDER_WAY = ["starting", "running", "held", "stopping"];
-const ENDED = ["stopped", "fault", "interrupted"];
-const PLACE = ["line", "block", "fraction", "elapsed_s", "left_s", "duration_s"];
-let place = kept("place", null);
-let noted = 0;
-
-function with_place(told) {
-  const { job } = told;
-  const key = job ? `${job.name} ${job.sha256}` : "";
-  if (job && UNDER_WAY.includes(job.state)) note(key, told);
-  if (!job || !ENDED.includes(job.state) || place?.key !== key) return told;
-  const known = PLACE.filter((name) => typeof job[name] !== "number").map((name) => [name, place.job[name]]);
-  return { ...told, job: { ...job, ...Object.fromEntries(known) }, in_block: told.in_block ?? place.in_block };
-}
-
-function note(key, { job, in_block }) {
-  const here = typeof job.line === "number" && job.line > 0;
-  if (here) place = { key, job: Object.fromEntries(PLACE.map((name) => [name, job[name]])), in_block };
-  if (!here || lastWord - noted < 1000) return;
-  noted = lastWord;
-  keep("place", place);
-}
-window.addEventListener("pagehide", () => keep("place", place));
 
 // ---- age
 

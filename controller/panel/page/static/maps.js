@@ -46,7 +46,7 @@ export function Maps({ verified: { surfaces = [], left_out = 0 }, verdict }) {
   return html`
     <h2>${word("title")}</h2>
     ${surfaces.filter((one) => shown.includes(one)).map((one) => html`<${Surface} key=${one.line} one=${one} full_um=${full_um} tolerance_um=${1000 * (verdict?.tolerance_mm ?? 0)} />`)}
-    <${Scale} full_um=${full_um} />
+    <${Scale} full_um=${full_um} tolerance_um=${1000 * (verdict?.tolerance_mm ?? 0)} />
     <p class="dim note">${word("scale", full_um.toFixed(0))}</p>
     ${more > 0 && html`<p class="dim note">${word("more", more)}</p>`}`;
 }
@@ -58,14 +58,44 @@ function Surface({ one, full_um, tolerance_um }) {
   const beyond = tolerance_um > 0 && 1000 * off(one) > tolerance_um;
   return html`
     <p class=${`figures note ${beyond ? "wrong" : ""}`}>${parts.join(", ")}</p>
-    <div class="map" role="img" aria-label=${parts.join(", ")} data-map=${String(one.line)}>
-      ${one.map_um.map((row) => html`<div style=${{ backgroundImage: colours(row, full_um) }}></div>`)}
+    <div class="map-box">
+      <div class="map-axis down figures"><span>0</span><span>${mm(one.height_mm)}</span></div>
+      <div class="map" role="img" aria-label=${parts.join(", ")} data-map=${String(one.line)}>
+        ${one.map_um.map((row) => html`<div style=${{ backgroundImage: colours(row, full_um) }}></div>`)}
+        ${tolerance_um > 0 && html`<svg viewBox=${`0 -0.5 ${one.map_um[0].length - 1} ${one.map_um.length}`} preserveAspectRatio="none" aria-hidden="true">
+          <path class="contour" d=${contour(one.map_um, tolerance_um)} /></svg>`}
+      </div>
+      <div class="map-axis figures">${(one.along_mm ?? []).map((at) => html`<span>${mm(at)}</span>`)}</div>
     </div>`;
 }
 
+const mm = (value) => (typeof value === "number" ? `${value.toFixed(1)} mm` : "");
+
+// Where the amount crosses a level, as a path over the grid of columns and rows: straight within a cell.
+export function contour(rows, level) {
+  const lines = [];
+  for (let r = 0; r + 1 < rows.length; r++)
+    for (let c = 0; c + 1 < rows[r].length; c++) {
+      const corners = [[c, r], [c + 1, r], [c + 1, r + 1], [c, r + 1]];
+      const over = corners.map(([x, y]) => (rows[y][x] === null ? null : Math.abs(rows[y][x]) - level));
+      if (over.includes(null)) continue;
+      const crossed = corners.flatMap((from, i) => crossing(from, corners[(i + 1) % 4], over[i], over[(i + 1) % 4]));
+      for (let i = 0; i + 1 < crossed.length; i += 2) lines.push(`M${crossed[i]}L${crossed[i + 1]}`);
+    }
+  return lines.join("");
+}
+
+function crossing(from, to, a, b) {
+  if (a > 0 === b > 0) return [];
+  const at = a / (a - b);
+  return [from.map((value, i) => +(value + at * (to[i] - value)).toFixed(3)).join(" ")];
+}
+
 // What the colours stand for.
-function Scale({ full_um }) {
+function Scale({ full_um, tolerance_um }) {
   const steps = Array.from({ length: 21 }, (_, i) => (i / 10 - 1) * full_um);
+  const marks = tolerance_um > 0 && tolerance_um < full_um ? [-tolerance_um, tolerance_um] : [];
   return html`<div class="map-scale figures note"><span>−${full_um.toFixed(0)} µm</span>
-    <div style=${{ backgroundImage: colours(steps, full_um) }}></div><span>+${full_um.toFixed(0)} µm</span></div>`;
+    <div style=${{ backgroundImage: colours(steps, full_um) }}>${marks.map((at) => html`<i style=${{ left: `${50 + (50 * at) / full_um}%` }}></i>`)}</div><span>+${full_um.toFixed(0)} µm</span></div>
+    ${tolerance_um > 0 && html`<p class="dim note">${word("contour", tolerance_um.toFixed(0))}</p>`}`;
 }

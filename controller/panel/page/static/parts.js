@@ -1,5 +1,6 @@
 // What views are made of: buttons that ask and say why they cannot, cards, chips, figures.
 import { call } from "./api.js";
+import { free, take } from "./control.js";
 import { ask, say } from "./dialog.js";
 import { html } from "./dom.js";
 import { Icon } from "./icons.js";
@@ -9,10 +10,11 @@ import { word } from "./texts.js";
 // Why something cannot be pressed now; "" = it can. The machine refuses by itself, this only says so before.
 //   needs: "control", "role" (to operate) or "" (nothing)   modes: those in which it can be pressed
 //   given, why: what else must hold, and the key of the sentence where it does not
-export function reason({ needs = "control", modes = "", given = true, why = "" }) {
+//   takes: what is asked takes control, too, where nobody has it
+export function reason({ needs = "control", modes = "", given = true, why = "", takes = false }) {
   if (needs && dx.silent) return word("why.silent");
   if (needs && dx.user?.role === "view") return word("why.role");
-  if (needs === "control" && !dx.holds()) return dx.holder ? word("why.other", dx.holder) : word("why.control");
+  if (needs === "control" && !dx.holds() && !(takes && free())) return dx.holder ? word("why.other", dx.holder) : word("why.control");
   const mode = dx.status?.mode ?? "OFF";
   if (modes && !modes.split(" ").includes(mode)) return word("why.mode", modes.split(" ").map(in_words).join(", "), in_words(mode));
   return given ? "" : word(why);
@@ -22,11 +24,12 @@ const in_words = (mode) => word(`mode.${mode}`);
 // A button: it asks ``call`` ("POST cycle/hold") with ``body`` when it is pressed, or does ``press``. One that
 // is off can still be reached and pressed, and then says why.
 export function Act({ text, call: asks, body, press, needs, modes, given, why, kind, ask: question, icon, small, keys, children, ...more }) {
-  const off = reason({ needs, modes, given, why });
+  const rules = { needs, modes, given, why, takes: Boolean(question) };
+  const off = reason(rules);
   async function pressed(event) {
-    const now = reason({ needs, modes, given, why });
+    const now = reason(rules);
     if (now) return say(now);
-    if (question && !(await ask(question))) return;
+    if (question && !(await asked(question, needs))) return;
     if (press) return press(event);
     const [method, path] = asks.split(" ");
     await call(method, path, body);
@@ -38,6 +41,13 @@ export function Act({ text, call: asks, body, press, needs, modes, given, why, k
     ${icon && html`<${Icon} name=${icon} />`}${(text || children) && html`<span>${text ?? children}</span>`}
     ${keys && html`<kbd>${keys}</kbd>`}
   </button>`;
+}
+
+// Whether it is meant; where nobody has control and it needs that, the same yes takes it.
+export async function asked(question, needs = "control") {
+  const takes = needs === "control" && free();
+  if (!(await ask(takes ? `${question} ${word("frame.takes")}` : question))) return false;
+  return !takes || take();
 }
 
 // Attributes of a field that can be off; a press on one that is says why, see main.js.

@@ -6,20 +6,32 @@ import { Act } from "./parts.js";
 import { dx } from "./store.js";
 import { sentence, word } from "./texts.js";
 
+const ENDED = ["stopped", "fault", "interrupted"];
 let told = null;
 const looks = ["programs", "run"].map((view) => every(view, 3, "restart", (body) => (told = body)));
 dx.on("job", () => looks.forEach((look) => look()));
 
+// Nothing else is loaded, and it does not run.
+const waits = (job) => !job || (job.sha256 === told.sha256 && ENDED.includes(job.state));
+
 export function Offer() {
-  const shown = told?.name && !dx.status?.job;
-  if (!shown) return null;
-  const at = [told.name, told.line ?? "–", Math.round((told.fraction ?? 0) * 100), forms.date(told.interrupted_s)];
+  if (!told?.name || !waits(dx.status?.job)) return null;
+  const share = (value) => (typeof value === "number" ? (value * 100).toFixed(1) : "–");
+  const at = [told.name, told.line ?? "–", share(told.fraction), forms.date(told.interrupted_s)];
   return html`<div class="offer">
     <p class="strong">${word("programs.offer", ...at)}</p>
+    ${typeof told.done === "number" && html`<p class="offer-left">${word("programs.offer_left", share(told.done), forms.time(told.left_s), told.tool)}</p>`}
     ${told.offered
       ? html`<${Act} text=${word("programs.go_on")} kind="go" call="POST job" body=${{ program: told.program, restart: true }} modes="OFF READY" />`
       : html`<p class="dim">${word("programs.not_offered")} ${sentence(told)}</p>`}
   </div>`;
+}
+
+// A start of an interrupted program from its beginning is asked for by name.
+export function start_question() {
+  const { job } = dx.status ?? {};
+  const over = told?.name && job?.sha256 === told.sha256 && !job.restart?.length;
+  return over ? word("run.start_over_ask", job.name, told.line ?? "–") : word("run.start_ask");
 }
 
 export function StateThere() {

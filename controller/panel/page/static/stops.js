@@ -1,7 +1,8 @@
 // Stop, hold and emergency stop: at the press, not at its end, and whatever lies over the page.
 import { call } from "./api.js";
-import { ask, say } from "./dialog.js";
-import { reason } from "./parts.js";
+import { say } from "./dialog.js";
+import { asked, reason } from "./parts.js";
+import { start_question } from "./restart.js";
 import { dx } from "./store.js";
 import { word } from "./texts.js";
 
@@ -45,13 +46,13 @@ at_once("#dx-estop", estop);
 at_once("#dx-hold", hold);
 
 // The keys that stand on the buttons.
-const CYCLE = { F4: { path: "start", modes: "READY", question: "run.start_ask" }, F6: { path: "resume", modes: "HOLD" } };
+const CYCLE = { F4: { path: "start", modes: "READY", question: start_question }, F6: { path: "resume", modes: "HOLD" } };
 const KEYS = { F8: hold, F9: stop };
 
 async function cycle({ path, modes, question }) {
-  const why = reason({ modes });
+  const why = reason({ modes, takes: Boolean(question) });
   if (why) return say(why);
-  if (!question || (await ask(word(question)))) call("POST", `cycle/${path}`);
+  if (!question || (await asked(question()))) call("POST", `cycle/${path}`);
 }
 
 document.addEventListener(

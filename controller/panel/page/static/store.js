@@ -12,6 +12,7 @@ export const dx = {
   facts: {}, // of the machine file; {} = no service has answered yet
   user: null, // { name, role, csrf }
   holder: null, // of the control token: a name
+  silent_s: 0, // for so long nothing was heard of the holder
   token: "", // "" = this page does not hold it
   view: "",
   question: null, // { sentence, yes, field, start, end }

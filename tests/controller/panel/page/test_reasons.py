@@ -58,7 +58,7 @@ def test_without_control_it_is_said_who_has_it(page: Any, site: Site) -> None:
     page.wait_for_selector("body[data-control=free]")
     assert silent(told(page)) == []
     page.evaluate("dx.show('run')")
-    assert "Take control first" in page.get_attribute("[data-call='POST cycle/start']", "title")
+    assert "Take control first" in page.get_attribute("[data-call='POST machine/disable']", "title")
     page.evaluate("dx.holder = 'anna'; dx.draw()")
     assert "anna holds control" in page.get_attribute("[data-call='POST cycle/start']", "title")
 
@@ -83,6 +83,7 @@ def test_a_mode_is_named_in_words(page: Any, site: Site) -> None:
 
 def test_an_operator_is_led_from_cold_to_the_start(page: Any, site: Site) -> None:
     page.evaluate("dx.give()")
+    site.tell(mode="OFF", not_homed=[])
     page.wait_for_selector(".next >> text=take control")
     browser.take_control(page)
     for told, words in (
@@ -93,3 +94,55 @@ def test_an_operator_is_led_from_cold_to_the_start(page: Any, site: Site) -> Non
     ):
         site.tell(**told)
         page.wait_for_selector(f".next strong:text-is('{words}')")
+
+
+UPLOAD = """() => { const form = new FormData();
+  form.append("file", new File(["G21\\nG1 X1 F100\\nM2\\n"], "first.ngc"));
+  const sent = {method: "POST", body: form, headers: dx.headers()};
+  return fetch("/api/v1/programs", sent).then((answer) => answer.status); }"""
+
+
+def test_from_cold_to_motion_it_takes_five_clicks(page: Any, site: Site) -> None:
+    """Nobody has control, no axis is homed, nothing is loaded; a program was sent before."""
+    assert page.evaluate(UPLOAD) in (201, 409)
+    page.evaluate("dx.give()")
+    site.tell(mode="OFF", not_homed=["X", "Y"], job=None)
+    page.wait_for_selector(".next strong:text-is('home all axes')")
+    page.wait_for_selector("body[data-control=free]")
+    begun = len(site.asked())
+    page.click(".run-cycle [data-call='POST machine/home']")
+    page.wait_for_selector(".dx-ask >> text=The same yes takes control.")
+    browser.yes(page)
+    browser.until(lambda: "home" in [one[1] for one in site.asked()[begun:]], "the homing")
+    site.tell(mode="READY", not_homed=[], job=None)
+    page.click("[data-load='first.ngc']:not([aria-disabled])")
+    browser.until(lambda: "load" in [one[1] for one in site.asked()[begun:]], "the loading")
+    site.tell(mode="READY", not_homed=[], job={"name": "first.ngc", "sha256": "0", "state": "loaded"})
+    page.click("[data-call='POST cycle/start']:not([aria-disabled])")
+    browser.yes(page)
+    browser.until(lambda: "start" in [one[1] for one in site.asked()[begun:]], "the start")
+
+
+def answered(told: dict[str, Any]) -> Any:
+    return lambda route: route.fulfill(json=told)
+
+
+def test_a_holder_who_is_gone_is_offered_as_such_and_one_who_is_there_is_not(
+    chromium: Any, page: Any, site: Site
+) -> None:
+    context = chromium.new_context(locale="en-GB")
+    other = browser.opened(context, site)
+    other.wait_for_selector("#dx-holder:text-is('local')")
+    for silent_s, shown, question in (
+        (3.0, "local", "holds control. Take it over?"),
+        (42.0, "local, silent for 42 s", "was not heard of for 42 s. Take it over?"),
+    ):
+        told = {"holder": "local", "since_s": 0.0, "silent_s": silent_s, "mine": False}
+        other.unroute("**/api/v1/control")
+        other.route("**/api/v1/control", answered(told))
+        other.click("#dx-control")
+        other.wait_for_selector(f".dx-ask >> text={question}")
+        other.keyboard.press("Escape")
+        assert other.inner_text("#dx-holder") == shown
+    assert not other.errors
+    context.close()

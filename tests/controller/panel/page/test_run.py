@@ -198,16 +198,15 @@ def test_a_slider_that_was_dragged_back_to_where_it_was_follows_the_machine_agai
 # ---- the place of a program that has ended
 
 
-ENDED = {**JOB, "line": None, "block": None, "fraction": None, "elapsed_s": None, "left_s": None}
-
-
 @pytest.mark.parametrize("state", ["stopped", "fault", "interrupted"])
 def test_the_place_stays_on_the_screen_after_an_end_and_a_reload_until_another_program_is_loaded(
     state: str, page: Any, site: Site
 ) -> None:
     site.tell(mode="RUNNING", job=JOB, in_block={"what": "cut", "fraction": 0.4, "u": 0.3721})
     until_shown(page, ".run-program .u", "u 0.3721")
-    site.tell(mode="READY", job={**ENDED, "state": state}, in_block=None)
+    site.tell(
+        mode="READY", job={**JOB, "state": state}, in_block={"what": "cut", "fraction": 0.4, "u": 0.3721}
+    )
     for _ in range(2):
         page.wait_for_selector("body[data-mode=READY]")
         until_shown(page, ".run-program .program-head", "Program\nLine\n7\nBlock\n4\ncut\n40 %\nu 0.3721")
@@ -215,6 +214,8 @@ def test_the_place_stays_on_the_screen_after_an_end_and_a_reload_until_another_p
         times = page.locator(".times .time").evaluate_all("(all) => all.map((one) => one.innerText)")
         assert times == ["elapsed\n1:01", "left\n1:02:03", "in all\n1:03:04"]
         page.reload()
-    site.tell(mode="READY", job={**ENDED, "name": "other.ngc", "state": state}, in_block=None)
+    site.tell(
+        mode="READY", job={**JOB, "name": "other.ngc", "state": "loading", "left_s": None}, in_block=None
+    )
     until_shown(page, ".run-program .u", "u –")
     until_shown(page, ".program-left", "left –:––")

@@ -148,7 +148,9 @@ function Found({ check }) {
     ${(check.notes ?? []).map(({ line, note }) => html`<p class="dim note">${text("run.line")} ${line}: ${note}</p>`)}`;
 }
 
-// What each axis does; a share of more than its limit is said in colour.
+const Share = ({ share }) => html`<td class=${`figures ${share > 1.005 ? "wrong" : ""}`}>${forms.percent(share)}${share > 1.005 && html` <span class="note">${word("over_limit")}</span>`}</td>`;
+
+// What each axis does; a share of more than its limit is said in colour and word.
 const Box = ({ joints }) => html`<div class="scroll" tabindex="0"><table class="list box">
   <thead>
     <tr>${["run.axis", "programs.from", "programs.to", ...SHARES.map((one) => `programs.${one}`)].map((key) => html`<th scope="col">${text(key)}</th>`)}</tr>
@@ -156,7 +158,7 @@ const Box = ({ joints }) => html`<div class="scroll" tabindex="0"><table class="
   <tbody>${joints.map((joint) => html`<tr key=${joint.name}>
     <th scope="row">${joint.name}</th>
     <td class="figures">${joint.lowest.toFixed(2)}</td><td class="figures">${joint.highest.toFixed(2)}</td>
-    ${SHARES.map((one) => html`<td class=${`figures ${joint[`${one}_share`] > 1.005 ? "wrong" : ""}`}>${forms.percent(joint[`${one}_share`])}</td>`)}
+    ${SHARES.map((one) => html`<${Share} key=${one} share=${joint[`${one}_share`]} />`)}
   </tr>`)}</tbody>
 </table></div>`;
 

@@ -1,11 +1,12 @@
 // While cutting: where the axes are, how fast it goes and why not faster, and the cycle.
-import { call } from "../api.js";
+import { call, every } from "../api.js";
 import { html, useEffect, useRef, useState } from "../dom.js";
 import { forms } from "../forms.js";
 import { show } from "../frame.js";
+import { free } from "../control.js";
 import { Act, AxisName, Bar, Card, Figure, field } from "../parts.js";
 import { Listing } from "../listing.js";
-import { Offer, StateThere } from "../restart.js";
+import { Offer, StateThere, start_question } from "../restart.js";
 import { dx } from "../store.js";
 import { word } from "../texts.js";
 
@@ -134,8 +135,9 @@ function Cycle() {
   const time = (key) => html`<div class="time"><span class="dim">${word(`run.${key}`)}</span>
     <${Figure} class="strong">${forms.time(job?.[`${key}_s`])}<//></div>`;
   return html`<${Card} title=${word("run.cycle")} class="run-cycle">
+    <${Offer} />
     <div class="cycle">
-      ${tall("start", "start", { kind: "go", ask: word("run.start_ask"), modes: "READY", icon: "play", keys: "F4", given: Boolean(job), why: "why.no_program" })}
+      ${tall("start", "start", { kind: "go", ask: start_question(), modes: "READY", icon: "play", keys: "F4", given: Boolean(job), why: "why.no_program" })}
       ${tall("resume", "resume", { kind: "go", modes: "HOLD", icon: "reset", keys: "F6" })}
       <${Aside} />
       <${Toggle} key="single" name="single" path="single_block" /><${Toggle} key="optional" name="optional" path="optional_stop" />
@@ -159,7 +161,7 @@ const Toggle = ({ name, path }) => {
 function Next() {
   const { mode, not_homed: homeless, job, sequence } = dx.status ?? {};
   if (dx.silent || dx.user?.role === "view" || sequence?.state === "running" || !["OFF", "READY"].includes(mode)) return null;
-  const step = !dx.holds() ? "control" : homeless?.length ? "home" : mode === "OFF" ? "enable" : !job ? "choose" : "start";
+  const step = !dx.holds() && !free() ? "control" : homeless?.length ? "home" : mode === "OFF" ? (dx.holds() ? "enable" : "control") : !job ? "choose" : "start";
   return html`<p class="next">${word("run.next")} <strong>${word(`next.${step}`)}</strong></p>`;
 }
 
@@ -183,6 +185,16 @@ function Aside() {
 
 // ---- the program
 
+// Those that came last and passed their check: loaded without a look at the list.
+const RECENT = 3;
+const NO_VERDICT = { within: true };
+let stored = [];
+const look = every("run", 3, "programs?brief=true", (body) => (stored = body.programs));
+for (const topic of ["programs", "job"]) dx.on(topic, look);
+
+const recent = () =>
+  stored.filter(({ check }) => check.state === "passed" && (check.verdict ?? NO_VERDICT).within).sort((a, b) => b.uploaded_s - a.uploaded_s).slice(0, RECENT);
+
 function Program() {
   const { job, in_block: at } = dx.status ?? {};
   return html`<${Card} class="run-program">
@@ -200,7 +212,7 @@ function Program() {
     ${!job && html`<div class="empty" id="run-empty">
       <p class="dim">${word("frame.no_program")}</p>
       <${Act} text=${word("run.choose")} needs="" icon="programs" press=${() => show("programs")} />
-      <${Offer} />
+      ${recent().map(({ name }) => html`<${Act} key=${name} text=${word("run.load", name)} call="POST job" body=${{ program: name }} modes="OFF READY" icon="load" data-load=${name} />`)}
     </div>`}
   <//>`;
 }

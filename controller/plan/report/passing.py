@@ -1,0 +1,112 @@
+"""When a whole run at 100 % passes which place: what is left from anywhere, without planning it anew.
+
+    passing = Passing()
+    for sent in planned(passing.watched(items), ...):
+        passing.take(sent)
+    passed_s(passing.marks, place)
+
+A place is told by what does not depend on where the run started: the block in the order of the run, the
+fraction of it, and the way beside it. Between two marks of a motion time is taken to grow evenly; they are
+some hundredths of a second apart, and where that would be too many, some thousands over the whole program.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+
+from controller.plan.feed.binding import Span
+from controller.plan.feed.course import Course
+from controller.plan.feed.law import along
+from controller.plan.report.planned import Planned
+from controller.plan.route.spot import LinePart, lines_along, part_at
+from controller.plan.route.stretch import Chain, Pause, Stretch
+
+MOST = 4000  # marks
+APART_S = 0.02  # of two marks inside of a window ...
+MOST_INSIDE = 40  # ... and so many of them at the most
+# In the order in which they are gone along; the block's own motion is OWN.
+BEFORE = ("retract", "position", "down", "plunge", "swivel", "pivot", "link", "lead in")
+BEHIND = ("lead out", "lift")
+OWN = len(BEFORE)
+
+Passed = tuple[int, float, int, float]  # order of the block, fraction of it, which way beside it, s on that
+Mark = tuple[Passed, float]  # and seconds from the start
+
+
+def place_of(name: str, order: int, fraction: float, s: float) -> Passed:
+    """Of a motion by its name: the block in the order of the run, the fraction of it, and s."""
+    if name in BEFORE:
+        return order, fraction, BEFORE.index(name), s
+    if name in BEHIND:
+        return order, fraction, OWN + 1 + BEHIND.index(name), s
+    return order, fraction, OWN, 0.0
+
+
+class Passing:
+    """Marks of the places at which windows, and motions in them, begin and end."""
+
+    def __init__(self) -> None:
+        self.marks: list[Mark] = []
+        self._parts: dict[int, tuple[Stretch, tuple[LinePart, ...]]] = {}  # by identity, of what is ahead
+        self._now_s = 0.0
+        self._apart_s = 0.0  # of two marks, at the least
+
+    def watched(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+        """The same path."""
+        for item in items:
+            if isinstance(item, Chain):
+                lines = zip(item.stretches, lines_along(item), strict=True)
+                self._parts.update((id(stretch), (stretch, parts)) for stretch, parts in lines)
+            yield item
+
+    def take(self, sent: Planned) -> None:
+        """What is planned next."""
+        if sent.course is not None:
+            self._spans(sent.course, sent.spans)
+        self._now_s += sent.took_s
+
+    def _spans(self, course: Course, spans: Sequence[Span]) -> None:
+        now_s = self._now_s
+        for span in spans:
+            stretch, parts = self._of(course.stretches[span.stretch])
+            took_s = span.to_s - span.from_s
+            times = np.linspace(span.from_s, span.to_s, 2 + min(MOST_INSIDE, int(took_s / APART_S)))
+            for s, at_s in zip(along(span.law, times)[0].tolist(), times.tolist(), strict=True):
+                part, fraction = part_at(parts, s)
+                self._mark(place_of(stretch.name, part.order, fraction, s), now_s + at_s - span.from_s)
+            now_s += took_s
+
+    def _of(self, stretch: Stretch) -> tuple[Stretch, tuple[LinePart, ...]]:
+        """What lies behind it is forgotten."""
+        while (first := next(iter(self._parts))) != id(stretch):
+            del self._parts[first]
+        return self._parts[first]
+
+    def _mark(self, place: Passed, now_s: float) -> None:
+        if self.marks and (now_s - self.marks[-1][1] < self._apart_s or place < self.marks[-1][0]):
+            return
+        self.marks.append((place, now_s))
+        if len(self.marks) > MOST:
+            self._apart_s = max(2.0 * self._apart_s, 2.0 * now_s / MOST)
+            self.marks = self.marks[::2]
+
+
+def passed_s(marks: Sequence[Mark], place: Passed) -> float:
+    """Seconds from the start to a place, at 100 %."""
+    i = bisect_right(marks, place, key=lambda mark: mark[0])
+    if i == 0:
+        return 0.0
+    (before, time_s), (after, next_s) = marks[i - 1], marks[min(i, len(marks) - 1)]
+    if i == len(marks) or place[2] != before[2] or before[2] != after[2]:
+        return time_s
+    begin, here, end = map(_along, (before, place, after))
+    return time_s + (next_s - time_s) * ((here - begin) / (end - begin) if end > begin else 0.0)
+
+
+def _along(place: Passed) -> float:
+    """Of the block's own way its lines are the measure, of one beside it s."""
+    order, fraction, way, s = place
+    return order + fraction if way == OWN else s
