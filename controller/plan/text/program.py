@@ -92,6 +92,16 @@ class Outputs(NamedTuple):
 UNSAID = Outputs()
 
 
+class Overrides(NamedTuple):
+    """What M48 to M53 leave in the operator's hand."""
+
+    feed: bool = True  # his override of feeds
+    stop: bool = True  # the input feed_stop
+
+
+ENABLED = Overrides()
+
+
 @dataclass(frozen=True, slots=True)
 class Modal:
     """The modal state in which a block runs."""
@@ -124,6 +134,7 @@ class Modal:
     # A tilted plane: X Y Z are places of the tool tip in it, fixed to the part, with or without G43.4.
     tilted: bool = False
     outputs: Outputs = UNSAID  # of M62 to M65 and of the machine's own codes
+    overrides: Overrides = ENABLED
     planar: Planar | None = None  # cutter compensation of lines and arcs
 
     def frame(self, machine: Machine) -> Frame:
