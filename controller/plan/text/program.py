@@ -190,7 +190,8 @@ class CutNurbs:
 Targets = tuple[float | None, ...]
 
 
-@dataclass(frozen=True, slots=True)
+# Lines and arcs come in millions: as frozen ones each would take as long to be made as to be read.
+@dataclass(slots=True, unsafe_hash=True)
 class JointLine:
     """G0 or G1 to joint targets; both feeds None: rapid.
 
@@ -207,7 +208,7 @@ class JointLine:
     time_s: float | None = None  # G93: what the whole block takes; both feeds are 0 then
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, unsafe_hash=True)
 class TipLine:
     """G0 or G1 under G43.4 or G43.5: the tip to a place of the part frame, the tool axis with it.
 
@@ -227,7 +228,7 @@ class TipLine:
     stands: bool = False  # a rapid on which the tip keeps its place on the part: G53.6
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, unsafe_hash=True)
 class JointArc:
     """G2/G3 in the plane (a, b) with a helix along the third axis; centre by I J K or R."""
 
