@@ -170,9 +170,12 @@ def _behind(line: Line, state: State, machine: Machine, lines: Iterator[Line], a
 def _heard(read: Iterator[Line], told: list[Line]) -> Iterator[Line]:
     """The lines with words; those that say something are noted."""
     for line in read:
+        if line.is_plain:
+            yield line
+            continue
         if line.says:
             told.append(line)
-        if line.is_plain or line.words:
+        if line.words:
             yield line
 
 

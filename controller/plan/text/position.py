@@ -31,6 +31,7 @@ Place3 = tuple[Known, Known, Known]
 
 _UNTURNED = Frame()[1:]
 MOST_PENDING = 1000
+_ENDED = (JointLine, JointArc)
 
 
 def homed(machine: Machine) -> Joints:
@@ -96,7 +97,7 @@ class Position:
 
     def take(self, block: Block) -> None:
         """Go where a block leads."""
-        if isinstance(block, JointLine | JointArc) and _is_position(block):
+        if isinstance(block, _ENDED) and _is_position(block):
             self._pending.append(block)
             if len(self._pending) > MOST_PENDING:
                 self._go()
