@@ -158,10 +158,8 @@ class _Canon:
             self.plane = told
 
     def _feed(self, name: str, turns: bool = False) -> float | None:
-        """A minute: of rotaries alone in degrees, whatever the unit of lengths is (RS274/NGC 2.1.2.5)."""
-        if name != "STRAIGHT_FEED":
-            return None
-        return self.feed / self.unit if turns else self.feed
+        """A minute; None where X Y Z stand to four decimals: whether degrees count is not to be seen."""
+        return None if name != "STRAIGHT_FEED" or turns else self.feed
 
     def _arc(self, numbers: list[float]) -> None:
         first, second, _, _, _, along = numbers[:6]
