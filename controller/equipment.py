@@ -25,7 +25,14 @@ from controller.machine import (
 )
 from controller.toml_table import Table
 
-INPUTS = ("estop", "door", "power", "tool_clamped", "coolant_flow")  # beside those that clamps name
+INPUTS = (
+    "estop",
+    "door",
+    "power",
+    "tool_clamped",
+    "coolant_flow",
+    "feed_stop",
+)  # beside those that clamps name
 OUTPUTS = ("coolant", "mist")
 # Of the drive's own window (following_error): what the controller allows at rest, and of that in position.
 REST_SHARE = IN_POSITION_SHARE = 0.1

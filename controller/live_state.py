@@ -154,6 +154,8 @@ class Snapshot(NamedTuple):
     spindle_at_speed: bool = _value("peripherals.at_speed", "it turns as told", status="spindle.at_speed")
     coolant: int = _value("peripherals", "1 mist, 2 flood, 3 both")
     waiting: bool = _value("peripherals", "motion stands until these are as told", status="waiting")
+    feed_stopped: bool = _value("peripherals", "the input feed_stop is off", status="feed_stopped")
+    own_feed: bool = _value("follow", "the override of feeds does not count: M49, M50 P0", status="own_feed")
     inputs: int = _value("peripherals", "bit n of the machine file's [io], 1 = on", code="Q")
     outputs: int = _value("peripherals", "likewise", code="Q")
     jogging: bool = _value("jogging.active", "a jog moves, or is coming to rest")

@@ -108,6 +108,8 @@ class Piece(NamedTuple):
     outputs: tuple[int, int] = (0, 0)  # of programs, on and off, from its beginning on (sets: its end)
     awaits: Awaited | None = None  # where it sets: motion goes on when it is so
     binds: tuple[tuple[float, int], ...] = ()  # (time within the piece, code from then on): see state.Binding
+    own_feed: bool = False  # the override of feeds does not count in it (M49, M50 P0)
+    heeds_stop: bool = True  # the input feed_stop does (M53)
 
 
 def dwell(

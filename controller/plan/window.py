@@ -8,6 +8,7 @@ the whole course where that is little more. A heavy machine that needs long to b
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -90,7 +91,7 @@ class Sent:
 
     def is_blocked(self, orders: Orders) -> bool:
         """Whether an override of nothing forbids it."""
-        return self.course is not None and _blocked(self.course, orders)
+        return self.course is not None and _stands(self.course.stretches, orders)
 
     def place_at(self, plan_s: float) -> Place:
         """Where on the path it is at a plan time; a pause stands at its beginning."""
@@ -234,13 +235,12 @@ class Windows:
 
     def _takes_s(self, stretch: Stretch, from_s: float, orders: Orders) -> tuple[float, float]:
         """Seconds from ``from_s`` to the end, and the longest that braking takes on the way."""
-        if (orders.rapid_override if stretch.feed_mm_s is None else orders.override) <= 0.0:
+        if stretch.scale(orders.override, orders.rapid_override) <= 0.0:
             return 0.0, 0.0  # it is not to move at all
         return pace.takes_s(Course([stretch], self._machine, self._kinematics, *orders.scales), from_s)
 
     def _forbidden(self, reach: _Reach, orders: Orders) -> bool:
-        feeds = [isinstance(u.what, Stretch) and u.what.feed_mm_s is not None for u in reach.units]
-        return (orders.override <= 0.0 and any(feeds)) or (orders.rapid_override <= 0.0 and not all(feeds))
+        return _stands([u.what for u in reach.units if isinstance(u.what, Stretch)], orders)
 
     # --- one window
 
@@ -299,7 +299,9 @@ class Windows:
                     law.duration_s,
                     cutting=stretch.cutting,
                     rapid=rapid,
-                    override=orders.rapid_override if rapid else orders.override,
+                    override=stretch.scale(orders.override, orders.rapid_override),
+                    own_feed=not stretch.overrides.feed,
+                    heeds_stop=stretch.overrides.stop,
                     binds=binds,
                     outputs=stretch.outputs,
                 )
@@ -364,17 +366,17 @@ def _first_of(reach: _Reach) -> _Reach:
 
 
 def _has_feed(course: Course) -> bool:
-    return any(stretch.feed_mm_s is not None for stretch in course.stretches)
+    """Whether the override of feeds counts somewhere in it."""
+    return any(one.feed_mm_s is not None and one.overrides.feed for one in course.stretches)
 
 
 def _has_rapid(course: Course) -> bool:
     return any(stretch.feed_mm_s is None for stretch in course.stretches)
 
 
-def _blocked(course: Course, orders: Orders) -> bool:
-    return (orders.override <= 0.0 and _has_feed(course)) or (
-        orders.rapid_override <= 0.0 and _has_rapid(course)
-    )
+def _stands(stretches: Sequence[Stretch], orders: Orders) -> bool:
+    """Whether one of them is at an override of nothing."""
+    return any(one.scale(orders.override, orders.rapid_override) <= 0.0 for one in stretches)
 
 
 def _braking(sent: Sent, plan_s: float, v: float) -> float:

@@ -389,7 +389,10 @@ class Cycle:
             self.peripherals.tell(follow.told)
 
     def _must_wait(self) -> bool:
-        return self.peripherals.waiting if self.again is None else self.again.waits
+        if self.again is not None:
+            return self.again.waits
+        peripherals = self.peripherals
+        return peripherals.waiting or (peripherals.feed_stopped and self.follow.heeds_stop)
 
     def _jog(self) -> None:
         """A step by hand; it cannot fail but by an error of ours, and then no path is left."""

@@ -226,7 +226,18 @@ class Follow:
         piece = self._queue[self._now].piece if self._queue else self.piece
         if not running or piece is None or piece.motion_id == STANDSTILL:
             return running
-        return (rapid_override if piece.rapid else override) > 0.0
+        return piece.own_feed or (rapid_override if piece.rapid else override) > 0.0
+
+    @property
+    def own_feed(self) -> bool:
+        """Whether the override of feeds does not count where the clock is."""
+        return self.piece is not None and self.piece.own_feed
+
+    @property
+    def heeds_stop(self) -> bool:
+        """Whether the input feed_stop does."""
+        piece = self._queue[self._now].piece if self._queue else self.piece
+        return piece is None or piece.heeds_stop
 
     def step(self, go: bool) -> Step:
         """One tick: along the plan, along a stop, or standing; joints, s and feed are new."""

@@ -108,8 +108,9 @@ class Clamped:
 class Peripherals:
     """All of them together.
 
-    Read: ``present`` (there is anything to ``watch``), ``waiting`` (motion must stand), ``rev_min``
-    and ``coolant`` (as told now), ``inputs`` and ``outputs`` (words by the machine file, 1 = on).
+    Read: ``present`` (there is anything to ``watch``), ``waiting`` (motion must stand), ``feed_stopped``
+    (it must where the program lets the input feed_stop count), ``rev_min`` and ``coolant`` (as told now),
+    ``inputs`` and ``outputs`` (words by the machine file, 1 = on).
     """
 
     def __init__(
@@ -123,6 +124,7 @@ class Peripherals:
         self._flip_inputs, self._flip_outputs = _flips(io)
         self._interlocks = _interlocks(io)
         self._flow, self._mist, self._flood = _masks(io)
+        self._feed_stop = _mask(io.inputs, ["feed_stop"]) if io is not None else 0
         self._clamps = _clamps(machine, io) if self._node is not None else ()
         spin_up_s = machine.spindle.spin_up_s if machine.spindle is not None else 0.0
         self._spin_up_ticks = round(spin_up_s / period_s)
@@ -140,6 +142,7 @@ class Peripherals:
         self._most_arriving = round(IN_POSITION_S / period_s)
         self._waited = self._sagged = self._dry = 0  # ticks
         self.waiting = False
+        self.feed_stopped = False
         self.rev_min = 0.0
         self.coolant = 0
         self.inputs = 0
@@ -224,6 +227,7 @@ class Peripherals:
             modes.interlock = Fault.IO_LOST if self._interlocks else Fault.NONE
             return False
         self.inputs = inputs = self._node.inputs ^ self._flip_inputs
+        self.feed_stopped = self._feed_stop & inputs != self._feed_stop
         found = Fault.NONE
         for mask, fault in self._interlocks:
             if not inputs & mask:

@@ -32,7 +32,8 @@ class LiveLine:
         if now.mode is not Mode.RUNNING or now.motion_id not in self._stretches:
             return now.mode.name.lower()
         feed = self._stretches[now.motion_id].feed_mm_s
-        wanted = "rapid" if feed is None else f"F {60.0 * feed * now.override:.0f}"
+        share = 1.0 if now.own_feed else now.override
+        wanted = "rapid" if feed is None else f"F {60.0 * feed * share:.0f}"
         return f"line {now.line}: {wanted}, actual {self._actual(before, now)}{self._limit(now)}"
 
     def _awaited(self, now: Snapshot) -> str:

@@ -109,8 +109,9 @@ class Course:
         found = np.empty(len(s))
         for k in np.unique(index):
             here, stretch = index == k, self.stretches[k]
-            found[here] = stretch.feed_at(np.clip(s[here] - self.starts[k], 0.0, stretch.motion.end))
-        return found * self.override
+            local = np.clip(s[here] - self.starts[k], 0.0, stretch.motion.end)
+            found[here] = stretch.feed_at(local) * stretch.scale(self.override, self.rapid_override)
+        return found
 
     @cached_property
     def marks(self) -> Array:

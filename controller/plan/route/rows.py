@@ -60,7 +60,7 @@ def blends(block: Feed) -> bool:
 def _key(modal: Modal) -> tuple[object, ...]:
     """What must not change inside a row."""
     where = modal.tip, modal.offset, modal.part, modal.tilted
-    return *where, modal.length_mm, modal.blend_mm, modal.blend_deg, modal.outputs
+    return *where, modal.length_mm, modal.blend_mm, modal.blend_deg, modal.outputs, modal.overrides
 
 
 class LineRow:

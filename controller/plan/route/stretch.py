@@ -20,7 +20,17 @@ from controller.geometry import Vector, norm, subtract
 from controller.kinematics import Kinematics
 from controller.machine import Joints
 from controller.motions import JointMove, Motion, Rotaries, ToolLine, ToolSpline
-from controller.plan.text.program import UNSAID, Act, Await, Modal, Outputs, Place, ProgramError
+from controller.plan.text.program import (
+    ENABLED,
+    UNSAID,
+    Act,
+    Await,
+    Modal,
+    Outputs,
+    Overrides,
+    Place,
+    ProgramError,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -65,6 +75,13 @@ class Stretch:
     # ``Place.order`` of the lines of a spline, in a program with subs or loops; empty: the lines themselves.
     orders: tuple[int, ...] = ()
     outputs: Outputs = UNSAID  # that are switched where it begins
+    overrides: Overrides = ENABLED
+
+    def scale(self, override: float, rapid_override: float) -> float:
+        """The share of its speed that the operator has set, of the two that he sets."""
+        if self.feed_mm_s is None:
+            return rapid_override
+        return override if self.overrides.feed else 1.0
 
     def feed_at(self, s: Array) -> Array:
         """Programmed speed in the unit of s per second at the places ``s`` (N,); inf on rapids.

@@ -42,12 +42,13 @@ from controller.plan.text import (
 from controller.plan.text.code_table import BY_DIALECT, Fate, takers_of
 from controller.plan.text.codes import CYCLES, PLACES, SIDES, SURFACES, TILTS, TO_PLANE, Ask, letters_of
 from controller.plan.text.flow import Limits
+from controller.plan.text.functions import Functions
 from controller.plan.text.given import Given
 from controller.plan.text.line import Upcoming
 from controller.plan.text.modal import TIPS, State
 from controller.plan.text.offset_words import Here
 from controller.plan.text.parameters import Parameters
-from controller.plan.text.plain import PlainLines
+from controller.plan.text.plain import CommonLines
 from controller.plan.text.position import Position, homed
 from controller.plan.text.program import (
     Act,
@@ -116,17 +117,25 @@ def _blocks(
     read: Iterator[Line], machine: Machine, given: Given, refused: list[ProgramError] | None = None
 ) -> Iterator[Block]:
     """Blocks of lines; ``given`` has the state and the position between two of them."""
-    state, plain, ahead, saved = given.state, PlainLines(machine), Upcoming(), Saved(machine)
+    state, ahead, saved = given.state, Upcoming(), Saved(machine)
+    common = CommonLines(machine)
+    functions = Functions(common)
     told: list[Line] = []
     lines = ahead.given(_heard(read, told))
     for line in lines:
         if told:
             yield from _said(told, state)
-        if (quick := plain.read(line, state)) is not None:
+        if (quick := common.read(line, state)) is not None:
             block, given.state = quick
             state = given.state
             yield block
             continue
+        if (known := functions.read(line, state)) is not None:
+            done, given.state = known
+            state = given.state
+            yield from done
+            continue
+        before = state
         try:
             state, restored, line = saved.carry_out(line, state)
             ask = points.counted(codes.sort(line, machine), state, machine)
@@ -138,7 +147,7 @@ def _blocks(
             refused.append(error)
             state = given.state = _behind(line, state, machine, lines, ahead)
             continue
-        state = given.state = turn.state
+        state = given.state = functions.learnt(line, before, turn.state, turn.made)
         yield from restored
         yield from turn.made
         if turn.ended:
@@ -149,8 +158,6 @@ def _blocks(
 def _behind(line: Line, state: State, machine: Machine, lines: Iterator[Line], ahead: Upcoming) -> State:
     """The state behind a line that was refused and left out, so that what follows it is not refused, too."""
     state = state._replace(begun=None)
-    if (plain := line.plain) is not None:
-        return state._replace(motion="G1") if plain.with_g1 else state
     named = [f"G{word.value:g}" for word in line.words if word.letter == "G"]
     known = BY_DIALECT[machine.dialect]
     motion = next((code for code in named if code in known and known[code].group == "motion"), state.motion)
@@ -163,9 +170,12 @@ def _behind(line: Line, state: State, machine: Machine, lines: Iterator[Line], a
 def _heard(read: Iterator[Line], told: list[Line]) -> Iterator[Line]:
     """The lines with words; those that say something are noted."""
     for line in read:
+        if line.is_plain:
+            yield line
+            continue
         if line.says:
             told.append(line)
-        if line.is_plain or line.words:
+        if line.words:
             yield line
 
 

@@ -216,6 +216,15 @@ ROWS: tuple[Code, ...] = (
         ("M65", "P", "output P off, at rest"),
         ("M66", "PLQ", "waits at most Q seconds for input P: L1 rise, L2 fall, L3 on, L4 off"),
     ),
+    *_done(
+        "overrides",
+        LINUXCNC,
+        ("M48", "", "the operator's override of feeds counts"),
+        ("M49", "", "it does not: feeds are as F says"),
+        ("M50", "P", "it counts (P1) or not (P0)"),
+        ("M52", "P", "adaptive feed off (P0); on it is refused, as no input leads the feed"),
+        ("M53", "P", "the input feed_stop stops motion (P1) or not (P0)"),
+    ),
     *_done("coolant", NIST, ("M7", "", "mist"), ("M8", "", "flood"), ("M9", "", "both off")),
     # --- what needs no action here
     *_noted(
@@ -246,14 +255,14 @@ ROWS: tuple[Code, ...] = (
         ("G187", "PE", "smoothness", "G64 P says here how far the path may be left; without it it is exact."),
         ("G255", "", "dynamic work offset off", "It is never on here; G43.4 follows the turned part."),
     ),
-    *_noted(
+    Code(
+        "M51",
+        "overrides",
+        "P",
         LINUXCNC,
-        ("M48", "", "overrides on", "They are always in the operator's hand."),
-        ("M49", "", "overrides off", "They stay in the operator's hand."),
-        ("M50", "P", "feed override switch", "It stays in the operator's hand."),
-        ("M51", "P", "spindle override switch", "It stays in the operator's hand."),
-        ("M52", "P", "adaptive feed", "The feed is planned by the limits of the axes alone."),
-        ("M53", "P", "feed stop switch", "Hold is always in the operator's hand."),
+        "spindle override counts (P1) or not (P0)",
+        "There is none here: the spindle turns as S says.",
+        Fate.NOTED,
     ),
     # --- what is refused, and what to write instead
     *_refused(

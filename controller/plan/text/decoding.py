@@ -15,6 +15,7 @@ from controller.plan.text.program import Place, ProgramError
 _AROUND = bytes([0x00, 0x11, 0x12, 0x13, 0x14, 0x7F])
 _LEADER = re.compile(rb"[\x00\x11-\x14\x7f \t\r\n]*")
 NEWLINE = re.compile(r"\r\n|\r|\n")
+PART = 65_536  # characters that are split at once
 _CONTROL = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
@@ -59,9 +60,14 @@ def _place(before: str) -> Place:
 
 
 def lines_of(text: str) -> Iterator[str]:
-    """The lines of ``text``, one at a time: a long program is not held twice."""
+    """The lines of ``text``, split part by part: a long program is not held twice."""
     start = 0
-    for end in NEWLINE.finditer(text):
-        yield text[start : end.start()]
+    while (end := NEWLINE.search(text, _not_inside(text, start + PART))) is not None:
+        yield from NEWLINE.split(text[start : end.start()])
         start = end.end()
-    yield text[start:]
+    yield from NEWLINE.split(text[start:])
+
+
+def _not_inside(text: str, at: int) -> int:
+    """A place that is not between CR and LF."""
+    return at - 1 if text[at - 1 : at + 1] == "\r\n" else at

@@ -218,10 +218,10 @@ _NAMED: MappingProxyType[str, Callable[[Given], float]] = MappingProxyType(
         "_retract_old_z": lambda g: float(not g.state.to_clearance),
         "_lathe_diameter_mode": lambda g: 0.0,
         "_lathe_radius_mode": lambda g: 0.0,
-        "_feed_override": lambda g: 1.0,
+        "_feed_override": lambda g: float(g.state.modal.overrides.feed),
         "_speed_override": lambda g: 1.0,
         "_adaptive_feed": lambda g: 0.0,
-        "_feed_hold": lambda g: 0.0,
+        "_feed_hold": lambda g: float(g.state.modal.overrides.stop),
         "_remap_level": lambda g: 0.0,
         "_task": lambda g: 1.0,
     }

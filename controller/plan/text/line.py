@@ -1,23 +1,36 @@
-"""One line of a program as its words, and the short way for the plain lines of CAM systems."""
+"""One line of a program as its words, and the short way for the common lines of CAM systems."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import NamedTuple
 
 from controller.plan.text.program import Place, ProgramError
 
-# A line of plain words as programs from CAM systems have them in millions: an N, a G1, then
-# words of axes and F with plain numbers. Nothing in it can be refused as text.
-_WORD = r"[XYZABCIJKFxyzabcijkf][ \t]*+[+-]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)[ \t]*+"
-PLAIN = re.compile(rf"[ \t]*+(?:[Nn][0-9]++[ \t]*+)?([Gg]0?1[ \t]*+)?((?:{_WORD})+)")
+# A common line as programs from CAM systems have them in millions: an N, G0 to G3, words in the usual order,
+# one M of spindle or coolant, a comment. Nothing in it can be refused as text, or says something. Nine digits
+# are below what any word may be.
+_SHORT_NUMBER = r"[+-]?(?:[0-9]{1,9}+(?:\.[0-9]*+)?+|\.[0-9]++)"
+LETTERS = "XYZABCIJKRFS"
+_WORDS = "".join(rf"(?:[{letter}{letter.lower()}]({_SHORT_NUMBER})[ \t]*+)?+" for letter in LETTERS)
+COMMON = re.compile(
+    rf"[ \t]*+(?:[Nn][0-9]++[ \t]*+)?+(?:[Gg](0?[0-3])[ \t]*+)?+{_WORDS}(?:[Mm](0?[3-57-9])[ \t]*+)?+"
+    r"(?:\([^(),;]*+\)[ \t]*+)?+(?:;.*+)?+",
+    re.DOTALL,
+)
+# Of ``Line.parts``, and of the groups of a match less one.
+MOTION, AXES, CENTRE, RADIUS, FEED, SPEED, FUNCTION = 0, 1, 7, 10, 11, 12, 13
+PARTS = MappingProxyType(
+    {"G": MOTION, **{letter: AXES + k for k, letter in enumerate(LETTERS)}, "M": FUNCTION}
+)
+Part = str | float | None
 # Any words with plain numbers, behind an N: no comment, parameter, expression or O-word.
 _NUMBER = r"[+-]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)"
 SIMPLE = re.compile(rf"[ \t]*+(?:[Nn][ \t]*+[0-9]++[ \t]*+)?((?:[A-MP-Za-mp-z][ \t]*+{_NUMBER}[ \t]*+)+)")
 _ONE = re.compile(rf"([A-Za-z])[ \t]*({_NUMBER})")
-_PAIRS = re.compile(r"([A-Za-z])[ \t]*([^A-Za-z \t]+)")
 
 
 class Word(NamedTuple):
@@ -28,14 +41,6 @@ class Word(NamedTuple):
     point: bool
     column: int
     text: str  # as written, without spaces, in capitals
-
-
-class Plain(NamedTuple):
-    """A line of plain words: capital letters with their values, in order; may hold one twice."""
-
-    pairs: list[tuple[str, float]]
-    with_g1: bool
-    column: int  # of G1, or of the first word
 
 
 def simple(found: re.Match[str], largest: float) -> tuple[Word, ...] | None:
@@ -51,6 +56,17 @@ def simple(found: re.Match[str], largest: float) -> tuple[Word, ...] | None:
     return tuple(words)
 
 
+def _parts(words: Sequence[Word]) -> Sequence[Part] | None:
+    """Of words in any order; None where one is another, or stands twice."""
+    found: list[Part] = [None] * len(PARTS)
+    for word in words:
+        at = PARTS.get(word.letter)
+        if at is None or found[at] is not None:
+            return None
+        found[at] = word.value
+    return found
+
+
 @dataclass(frozen=True, slots=True)
 class Where:
     """Where a line stands in the order in which lines are carried out."""
@@ -64,8 +80,8 @@ class Where:
 class Line:
     """The words of one text line, N and parameter settings taken off.
 
-    Of a line of plain words (``match`` of PLAIN) they are only read when they are asked
-    for, by ``scan`` from text, name and number: ``plain`` is all that a G1 line needs.
+    Of a common line (``match`` of COMMON) they are only read when they are asked for, by ``scan`` from
+    text, name and number.
     """
 
     __slots__ = ("_match", "_scan", "_words", "kept", "message", "name", "number", "where")
@@ -92,18 +108,22 @@ class Line:
 
     @property
     def text(self) -> str:
-        """As written, of a line of plain words; else empty."""
+        """As written, of a common line; else empty."""
         return self._match.string if self._match is not None else ""
 
     @property
-    def plain(self) -> Plain | None:
-        """The line as plain words; None where it may hold more."""
-        match = self._match
-        if match is None:
-            return None
-        first, words = match.groups()
-        pairs = [(letter.upper(), float(number)) for letter, number in _PAIRS.findall(words)]
-        return Plain(pairs, first is not None, match.start(2 if first is None else 1) + 1)
+    def parts(self) -> Sequence[Part] | None:
+        """The values of a line of nothing but common words, by ``PARTS``; None of any other.
+
+        Numbers, or texts of which ``float`` makes them.
+        """
+        return self._match.groups() if self._match is not None else _parts(self._words)
+
+    def column(self, part: int) -> int:
+        """Of the word of one of ``parts``."""
+        if self._match is not None:
+            return self._match.start(part + 1)
+        return next(word.column for word in self._words if PARTS[word.letter] == part)
 
     @property
     def is_plain(self) -> bool:
@@ -127,7 +147,7 @@ class Line:
 
     def place(self, column: int) -> Place:
         if self.where is None:
-            return Place(self.number, column)
+            return Place._make((self.number, column, 0, ""))
         return Place(self.where.line, column, self.where.step, self.where.calls)
 
     def refusal(self, word: Word, sentence: str) -> ProgramError:

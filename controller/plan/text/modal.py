@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from controller.machine import OFFSETS, TOOL_AT_POWER_ON, Machine, Tool
-from controller.plan.text import output_words, planar_words, side_words
+from controller.plan.text import output_words, override_words, planar_words, side_words
 from controller.plan.text.codes import SURFACES, Ask
 from controller.plan.text.origins import Origins
 from controller.plan.text.position import Known
@@ -181,6 +181,8 @@ class _Settings:
         self._spindle()
         self._turn_feed()
         self._coolant()
+        if "overrides" in self.ask.codes:
+            self._set_modal(override_words.applied(self.ask, self.state.modal, self._machine))
         self._dwell()
         self._side()
         self._length()

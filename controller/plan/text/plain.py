@@ -1,133 +1,252 @@
-"""The short way from a plain G1 line to its block: what programs from CAM systems are made of.
+"""The short way from a common line to its block: what programs from CAM systems are made of.
 
-Exactly what ``blocks`` makes of such a line by its general way, at a tenth of the time;
-whatever is not plain, or would be refused, is left to that.
+Exactly what ``blocks`` makes of such a line by its general way, at a tenth of the time; whatever is not
+common, or would be refused, is left to that.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
+from controller.geometry import Vector
 from controller.machine import STILL, Machine
 from controller.plan.text import points
-from controller.plan.text.line import Line
-from controller.plan.text.modal import State
+from controller.plan.text.arc_words import PLANES
+from controller.plan.text.line import (
+    AXES,
+    CENTRE,
+    FEED,
+    FUNCTION,
+    MOTION,
+    PARTS,
+    RADIUS,
+    SPEED,
+    Line,
+    Part,
+)
+from controller.plan.text.line_words import SHORTEST_VECTOR
+from controller.plan.text.modal import FEEDS, State
 from controller.plan.text.points import POINTLESS
-from controller.plan.text.program import Block, JointLine, Place, Tip, TipLine
+from controller.plan.text.program import Block, JointArc, JointLine, Place, Targets, Tip, TipLine
 
-LARGEST = 1e9  # as words
-MOST_FEEDS = 1000  # that are remembered
-SHORTEST_VECTOR = 1e-6  # as blocks
+MOST_STATES = 1000  # that are remembered
+_MOTIONS: MappingProxyType[Part, str] = MappingProxyType(
+    {key: f"G{k}" for k in range(4) for key in (str(k), f"0{k}", float(k))}
+)
+_SHORT = frozenset(("G0", "G1", "G2", "G3"))
+_Feed = tuple[str, float | None, float | None]  # motion, mm/s, degrees/s: what common lines change of a state
 
 
-class PlainLines:
-    """Reads plain lines for one machine."""
+class CommonLines:
+    """Reads G0 to G3 with words of axes, centre, radius and feed for one machine."""
 
     def __init__(self, machine: Machine) -> None:
-        self._factors = [(a.name, a.shown_per_unit if a.is_rotary else 0.0) for a in machine.axes]
-        axes = frozenset(axis.name for axis in machine.axes)
-        self._allowed = {
-            Tip.OFF: axes | {"F"},
-            Tip.ROTARIES: axes | {"F"},
-            Tip.VECTORS: frozenset("XYZIJKF"),
-        }
-        self._first, self._second = (machine.axes[i].name for i in machine.rotary())
-        self._per = dict(self._factors)
+        self._axes = [(PARTS[a.name], a.shown_per_unit if a.is_rotary else 0.0) for a in machine.axes]
+        names = {axis.name for axis in machine.axes}
+        self._lacking = [PARTS[letter] for letter in "XYZABC" if letter not in names]
+        self._linear, self._rotary = machine.linear(), machine.rotary()
+        self._turning = [PARTS[machine.axes[i].name] for i in self._rotary]
         self._points_count = points.count(machine)
-        self._by_feed: dict[float, State] = {}  # of states that differ from ``_last`` in their feed alone
-        self._last: State | None = None
+        self._state: State | None = None  # as it was seen last ...
+        self._is_usual = False  # ... and whether its lines can be common
+        self._states: dict[_Feed, State] = {}  # beside it: those that differ in this alone
+        self._families: list[dict[_Feed, State]] = []
 
     def read(self, line: Line, state: State) -> tuple[Block, State] | None:
-        """The block of a plain G1 line and the state after it; None where the general way is needed."""
-        if state.motion != "G1" or _for_surfaces(state) or state.per_turn or (plain := line.plain) is None:
+        """The block of a common line and the state after it; None where the general way is needed."""
+        parts = line.parts
+        if parts is None or parts[FUNCTION] is not None or parts[SPEED] is not None:
             return None
-        if state.modal.turned_rad != STILL or (self._points_count and POINTLESS.search(line.text)):
+        if state is not self._state:
+            self._see(state)
+        code, feed = parts[MOTION], parts[FEED]
+        motion = state.motion if code is None else _MOTIONS.get(code, "")
+        if not self._is_usual or motion not in _SHORT or self._is_odd(line, parts):
             return None
-        if state.begun is not None:
+        targets = self._targets(parts, state.mm_per_unit)
+        after: State | None = state
+        if feed is not None or motion != state.motion:
+            after = self._after(state, motion, None if feed is None else float(feed))
+        if after is None:
             return None
-        words = dict(plain.pairs)
-        tip = state.modal.tip
-        if len(words) < len(plain.pairs) or not words.keys() <= self._allowed[tip]:
-            return None
-        if plain.pairs[0][0] == "F" and (len(words) == 1 or not plain.with_g1):
-            return None
-        if max(words.values()) > LARGEST or min(words.values()) < -LARGEST:
-            return None
-        feed = words.pop("F", None)
-        if feed is not None and feed <= 0.0:
-            return None
-        if state.modal.tilted and tip is Tip.OFF and (self._first in words or self._second in words):
-            return None
-        found = self._with_feed(state, feed)
-        if found is None:
-            return None
-        state, time = found
-        place = line.place(plain.column)
-        if tip is Tip.OFF:
-            return self._joint_line(place, words, state, time), state
-        block = self._tip_line(place, words, state, time)
-        return None if block is None else (block, state)
+        block: Block | None
+        if motion == "G0" or motion == "G1":
+            block = self._line(line, parts, targets, motion, after)
+        else:
+            block = _arc(line, parts, targets, motion, after)
+        return None if block is None else (block, after)
 
-    def _with_feed(self, state: State, feed: float | None) -> tuple[State, float | None] | None:
-        """The state with a line's F, and the time it takes under G93; None where a feed is missing."""
-        if state.inverse:
-            return None if feed is None else (state, 60.0 / feed)
-        if feed is not None:
-            state = self._fed(state, feed)
-        return None if state.modal.feed_mm_s is None else (state, None)
+    def _is_odd(self, line: Line, parts: Sequence[Part]) -> bool:
+        """Whether it names an axis that is not there, or has words whose value is not what they say."""
+        for at in self._lacking:
+            if parts[at] is not None:
+                return True
+        return self._points_count and (not line.text or POINTLESS.search(line.text) is not None)
 
-    def _fed(self, state: State, feed: float) -> State:
-        """The state with another F, made once for each: CAM systems take turns with a few."""
-        if state is not self._last:
-            self._by_feed.clear()
-        found = self._by_feed.get(feed)
-        if found is None:
-            mm_s, deg_s = feed * state.mm_per_unit / 60.0, feed / 60.0
-            found = state
-            if (mm_s, deg_s) != (state.modal.feed_mm_s, state.feed_deg_s):
-                modal = replace(state.modal, feed_mm_s=mm_s)
-                found = state._replace(modal=modal, feed_deg_s=deg_s)
-            if len(self._by_feed) >= MOST_FEEDS:
-                self._by_feed.clear()
-            self._by_feed[feed] = found
-        self._last = found
-        return found
-
-    def _joint_line(self, place: Place, words: dict[str, float], state: State, time: float | None) -> Block:
-        unit = state.mm_per_unit
-        targets = tuple(
+    def _targets(self, parts: Sequence[Part], unit: float) -> Targets:
+        return tuple(
             [
-                None if (value := words.get(name)) is None else value / per if per else value * unit
-                for name, per in self._factors
+                None if (value := parts[at]) is None else float(value) / per if per else float(value) * unit
+                for at, per in self._axes
             ]
         )
-        mm, degrees = (0.0, 0.0) if time else (state.modal.feed_mm_s, state.feed_deg_s)
-        return JointLine(place, state.modal, targets, not state.absolute, False, mm, degrees, time)
 
-    def _tip_line(
-        self, place: Place, words: dict[str, float], state: State, time: float | None
-    ) -> Block | None:
-        get, unit = words.get, state.mm_per_unit
-        tip: tuple[float | None, float | None, float | None] = (get("X"), get("Y"), get("Z"))
-        if unit != 1.0:
-            x, y, z = (None if value is None else value * unit for value in tip)
-            tip = (x, y, z)
-        i, j, k = get("I"), get("J"), get("K")
-        axis = None
-        if i is not None and j is not None and k is not None:
-            axis = (i, j, k)
-            if math.sqrt(i * i + j * j + k * k) < SHORTEST_VECTOR or not state.absolute:
-                return None
-        elif not i is j is k is None:
-            return None
-        first, second = get(self._first), get(self._second)
-        rotaries = (
-            None if first is None else first / self._per[self._first],
-            None if second is None else second / self._per[self._second],
+    # ---- states
+
+    def _see(self, state: State) -> None:
+        """Another state than the lines before it left."""
+        self._state = state
+        modal = state.modal
+        self._is_usual = (
+            not (state.per_turn or state.cycle or state.begun or _for_surfaces(state))
+            and modal.turned_rad == STILL
         )
-        mm, degrees = (0.0, 0.0) if time else (state.modal.feed_mm_s, state.feed_deg_s)
-        return TipLine(place, state.modal, tip, rotaries, axis, not state.absolute, mm, degrees, time)
+        key = _feed_of(state)
+        for states in self._families:
+            if states.get(key) is state:
+                self._states = states
+                return
+        self._states = {key: state}
+        self._families = [*self._families[-7:], self._states]
+
+    def _after(self, state: State, motion: str, feed: float | None) -> State | None:
+        """The state with another motion or F, made once for each: programs take turns with a few."""
+        mm_s, deg_s = state.modal.feed_mm_s, state.feed_deg_s
+        if feed is not None and feed <= 0.0:
+            return None
+        if feed is not None and not state.inverse:
+            mm_s, deg_s = feed * state.mm_per_unit / 60.0, feed / 60.0
+        found = self._states.get((motion, mm_s, deg_s))
+        if found is None:
+            if feed is not None and not state.inverse and not FEEDS[0] <= feed <= FEEDS[1]:
+                return None
+            found = _with_feed(state, (motion, mm_s, deg_s))
+            if len(self._states) >= MOST_STATES:
+                self._states.clear()
+            self._states[(motion, mm_s, deg_s)] = found
+        self._state = found
+        return found
+
+    def one_of(self, state: State) -> State:
+        """The same state, of those that are remembered if it is among them."""
+        key = _feed_of(state)
+        for states in self._families:
+            known = states.get(key)
+            if known is None:
+                known = _with_feed(next(iter(states.values())), key) if states else None
+            if known == state:
+                states.setdefault(key, known)
+                return known
+        return state
+
+    # ---- blocks
+
+    def _line(
+        self, line: Line, parts: Sequence[Part], targets: Targets, motion: str, state: State
+    ) -> Block | None:
+        """G0 or G1; None where it would be refused."""
+        modal, relative = state.modal, not state.absolute
+        feed = _feed(parts, motion, state)
+        if feed is None or parts[RADIUS] is not None:
+            return None
+        mm, degrees, time = feed
+        has_vector = any_of(parts[CENTRE:RADIUS])
+        if not (has_vector or any_of(targets)):
+            return None
+        if modal.tip is Tip.OFF:
+            if has_vector or (modal.tilted and self._turns(parts)):
+                return None
+            return JointLine(_place(line, parts), modal, targets, relative, False, mm, degrees, time)
+        if self._turns(parts) if modal.tip is Tip.VECTORS else has_vector:
+            return None
+        axis = _vector(parts) if has_vector else None
+        if has_vector and (axis is None or relative):
+            return None
+        x, y, z = [targets[i] for i in self._linear]
+        a, b = [targets[i] for i in self._rotary]
+        return TipLine(_place(line, parts), modal, (x, y, z), (a, b), axis, relative, mm, degrees, time)
+
+    def _turns(self, parts: Sequence[Part]) -> bool:
+        """Whether a rotary has a word."""
+        first, second = self._turning
+        return parts[first] is not None or parts[second] is not None
+
+
+def any_of(values: Sequence[object]) -> bool:
+    """Whether one of them is there."""
+    return values.count(None) < len(values)
+
+
+def _feed(
+    parts: Sequence[Part], motion: str, state: State
+) -> tuple[float | None, float | None, float | None] | None:
+    """Millimetres and degrees a second, and under G93 the time, of a line; None where a feed is missing."""
+    if motion == "G0":
+        return None, None, None
+    if state.inverse:
+        word = parts[FEED]
+        return None if word is None else (0.0, 0.0, 60.0 / float(word))
+    mm = state.modal.feed_mm_s
+    return None if mm is None else (mm, state.feed_deg_s, None)
+
+
+def _vector(parts: Sequence[Part]) -> Vector | None:
+    """I J K along the tool axis; None unless they are whole and surely long enough."""
+    i, j, k = parts[CENTRE:RADIUS]
+    if i is None or j is None or k is None:
+        return None
+    x, y, z = float(i), float(j), float(k)
+    return None if math.sqrt(x * x + y * y + z * z) < SHORTEST_VECTOR else (x, y, z)
+
+
+def _arc(line: Line, parts: Sequence[Part], targets: Targets, motion: str, state: State) -> Block | None:
+    """G2 or G3; None where it would be refused, or asks where the axes stand."""
+    modal, unit = state.modal, state.mm_per_unit
+    first, second, normal = plane = PLANES[modal.plane]
+    i, j, radius = parts[CENTRE + first], parts[CENTRE + second], parts[RADIUS]
+    feed = _feed(parts, motion, state)
+    if feed is None or modal.tip is not Tip.OFF or modal.tilted or parts[CENTRE + normal] is not None:
+        return None
+    if (radius is None) == (i is None and j is None):
+        return None
+    centre = radius_mm = None
+    if radius is not None:
+        radius_mm = float(radius) * unit
+        if radius_mm == 0.0 or (parts[AXES + first] is None and parts[AXES + second] is None):
+            return None
+    elif state.centres_absolute:
+        return None
+    else:
+        centre = (float(i or 0.0) * unit or 0.0, float(j or 0.0) * unit or 0.0)
+    place, clockwise, mm = _place(line, parts), motion == "G2", feed[0]
+    assert mm is not None
+    return JointArc(
+        place, modal, plane, clockwise, targets, not state.absolute, centre, radius_mm, 1, mm, feed[2]
+    )
+
+
+def _place(line: Line, parts: Sequence[Part]) -> Place:
+    """Of the motion's word, or of the first that it takes."""
+    if parts[MOTION] is not None:
+        return line.place(line.column(MOTION))
+    if parts[AXES] is not None and line.is_plain:
+        return line.place(line.column(AXES))
+    return line.place(min(line.column(at) for at in range(AXES, RADIUS) if parts[at] is not None))
+
+
+def _feed_of(state: State) -> _Feed:
+    return state.motion, state.modal.feed_mm_s, state.feed_deg_s
+
+
+def _with_feed(state: State, key: _Feed) -> State:
+    motion, mm_s, deg_s = key
+    modal = state.modal
+    if mm_s != modal.feed_mm_s:
+        modal = replace(modal, feed_mm_s=mm_s)
+    return state._replace(motion=motion, modal=modal, feed_deg_s=deg_s)
 
 
 def _for_surfaces(state: State) -> bool:

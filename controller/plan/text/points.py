@@ -16,7 +16,7 @@ from controller.plan.text.words import Word
 
 LENGTHS = "XYZIJKRQUVW"
 ANGLES = "ABC"
-POINTLESS = re.compile(r"[XYZABCIJKxyzabcijk][ \t]*+[+-]?[0-9]++(?![.0-9])")
+POINTLESS = re.compile(r"[XYZABCIJKRxyzabcijkr][ \t]*+[+-]?[0-9]++(?![.0-9])")
 
 
 def count(machine: Machine) -> bool:

@@ -31,6 +31,7 @@ Place3 = tuple[Known, Known, Known]
 
 _UNTURNED = Frame()[1:]
 MOST_PENDING = 1000
+_ENDED = (JointLine, JointArc)
 
 
 def homed(machine: Machine) -> Joints:
@@ -92,11 +93,11 @@ class Position:
         self._xyz: list[Known] = [start[i] for i in self._linear]  # axes, or the tip in the table frame
         self._rotaries: list[Known] = [start[i] for i in self._rotary]
         self._tips, self._length_mm = False, 0.0
-        self._pending: list[JointLine] = []  # absolute, not gone yet: most are never asked for
+        self._pending: list[JointLine | JointArc] = []  # absolute, not gone yet: most are never asked for
 
     def take(self, block: Block) -> None:
         """Go where a block leads."""
-        if type(block) is JointLine and not (block.relative or block.machine_frame or block.modal.tilted):
+        if isinstance(block, _ENDED) and _is_position(block):
             self._pending.append(block)
             if len(self._pending) > MOST_PENDING:
                 self._go()
@@ -229,7 +230,14 @@ class Position:
         return self._kinematics
 
 
-def _frame(line: JointLine) -> tuple[object, ...]:
+def _is_position(block: JointLine | JointArc) -> bool:
+    """Whether its words say where it ends, whatever comes before it."""
+    if block.relative or block.modal.tilted:
+        return False
+    return not (isinstance(block, JointLine) and block.machine_frame)
+
+
+def _frame(line: JointLine | JointArc) -> tuple[object, ...]:
     """What says where the words of an absolute line lead."""
     return line.modal.offset, line.modal.part, line.modal.length_mm
 

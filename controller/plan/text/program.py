@@ -92,6 +92,16 @@ class Outputs(NamedTuple):
 UNSAID = Outputs()
 
 
+class Overrides(NamedTuple):
+    """What M48 to M53 leave in the operator's hand."""
+
+    feed: bool = True  # his override of feeds
+    stop: bool = True  # the input feed_stop
+
+
+ENABLED = Overrides()
+
+
 @dataclass(frozen=True, slots=True)
 class Modal:
     """The modal state in which a block runs."""
@@ -124,6 +134,7 @@ class Modal:
     # A tilted plane: X Y Z are places of the tool tip in it, fixed to the part, with or without G43.4.
     tilted: bool = False
     outputs: Outputs = UNSAID  # of M62 to M65 and of the machine's own codes
+    overrides: Overrides = ENABLED
     planar: Planar | None = None  # cutter compensation of lines and arcs
 
     def frame(self, machine: Machine) -> Frame:
@@ -179,7 +190,8 @@ class CutNurbs:
 Targets = tuple[float | None, ...]
 
 
-@dataclass(frozen=True, slots=True)
+# Lines and arcs come in millions: as frozen ones each would take as long to be made as to be read.
+@dataclass(slots=True, unsafe_hash=True)
 class JointLine:
     """G0 or G1 to joint targets; both feeds None: rapid.
 
@@ -196,7 +208,7 @@ class JointLine:
     time_s: float | None = None  # G93: what the whole block takes; both feeds are 0 then
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, unsafe_hash=True)
 class TipLine:
     """G0 or G1 under G43.4 or G43.5: the tip to a place of the part frame, the tool axis with it.
 
@@ -216,7 +228,7 @@ class TipLine:
     stands: bool = False  # a rapid on which the tip keeps its place on the part: G53.6
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True, unsafe_hash=True)
 class JointArc:
     """G2/G3 in the plane (a, b) with a helix along the third axis; centre by I J K or R."""
 

@@ -15,7 +15,7 @@ from controller.plan.text.comments import message, without_comments
 from controller.plan.text.decoding import lines_of
 from controller.plan.text.expressions import GAPS, Values
 from controller.plan.text.flow import Limits, Run, Source
-from controller.plan.text.line import PLAIN, SIMPLE, Line, Word, simple
+from controller.plan.text.line import COMMON, SIMPLE, Line, Word, simple
 from controller.plan.text.parameters import Key, NoValue, Parameters
 from controller.plan.text.program import ProgramError
 
@@ -75,9 +75,11 @@ class _Scan:
     def lines(self, whole: str, name: str) -> Iterator[Line]:
         """All of a text, as it stands."""
         for number, raw in enumerate(lines_of(whole), start=1):
-            if plain := PLAIN.fullmatch(raw):
+            if (common := COMMON.fullmatch(raw)) is not None and common.lastindex is not None:
                 self.found = self._opened = True
-                yield Line(name, number, (), plain, _plain_words)
+                yield Line(name, number, (), common, _plain_words)
+            elif common is not None and raw.lstrip()[:1] not in ("N", "n"):
+                continue
             elif _MARK.fullmatch(raw):
                 if self._opened:
                     break
@@ -87,9 +89,9 @@ class _Scan:
 
     def line(self, raw: str, name: str, number: int) -> Line | None:
         """One line that is carried out; None where it says nothing."""
-        if plain := PLAIN.fullmatch(raw):
+        if (common := COMMON.fullmatch(raw)) is not None and common.lastindex is not None:
             self.found = True
-            return Line(name, number, (), plain, _plain_words)
+            return Line(name, number, (), common, _plain_words)
         return None if _MARK.fullmatch(raw) else self._general(raw, name, number)
 
     def _general(self, raw: str, name: str, number: int) -> Line | None:
@@ -137,7 +139,7 @@ class _Scan:
 
 
 def _plain_words(text: str, name: str, number: int) -> tuple[Word, ...]:
-    return _Words(text, name, number, Parameters()).words()
+    return _Words(without_comments(text, name, number), name, number, Parameters()).words()
 
 
 class _Words(Values):

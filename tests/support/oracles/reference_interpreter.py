@@ -132,8 +132,9 @@ class _Canon:
             name, told = call.groups()
             numbers = [float(x) for x in re.findall(r"-?\d+\.?\d*", told)]
             if name in _PLACES:
-                self.place = numbers
-                yield Move("line" if name == "STRAIGHT_FEED" else "rapid", self.axes(), self._feed(name))
+                before, self.place = self.axes(), numbers
+                feed = self._feed(name, _stands(before, self.axes()))
+                yield Move("line" if name == "STRAIGHT_FEED" else "rapid", self.axes(), feed)
             elif name == "ARC_FEED":
                 self._arc(numbers)
                 yield Move("arc", self.axes(), self._feed("STRAIGHT_FEED"))
@@ -156,8 +157,9 @@ class _Canon:
         elif name == "SELECT_PLANE":
             self.plane = told
 
-    def _feed(self, name: str) -> float | None:
-        return self.feed if name == "STRAIGHT_FEED" else None
+    def _feed(self, name: str, turns: bool = False) -> float | None:
+        """A minute; None where X Y Z stand to four decimals: whether degrees count is not to be seen."""
+        return None if name != "STRAIGHT_FEED" or turns else self.feed
 
     def _arc(self, numbers: list[float]) -> None:
         first, second, _, _, _, along = numbers[:6]
@@ -176,6 +178,11 @@ class _Canon:
             p + s + o for p, s, o in zip(self.place[3:], self.shift[3:], self.offset[3:], strict=True)
         )
         return x, y, z + self.length, a, cc
+
+
+def _stands(before: tuple[float, ...], after: tuple[float, ...]) -> bool:
+    """Whether X Y Z do, to what is printed of them."""
+    return all(abs(a - b) < ROUND for a, b in zip(before[:3], after[:3], strict=True))
 
 
 Counts = Mapping[str, int]

@@ -12,7 +12,7 @@ def program(rng: random.Random, lines: int = 14) -> str:
     unit = rng.choice(("G21", "G21", "G21", "G20"))
     turns = rng.random() < 0.5
     rows = [unit, "G90 G94 G98 F100 T1 M6", "S100 M3 G0 X1 Y2 Z50"]
-    rows += [_line(rng, turns) for _ in range(lines)]
+    rows += [line(rng, turns) for _ in range(lines)]
     return "\n".join([*rows, "M2", ""])
 
 
@@ -26,7 +26,7 @@ def _places(rng: random.Random, letters: str = "XYZ", rotary: float = 0.2) -> st
     return " ".join(letter + number(rng) for letter in chosen)
 
 
-def _line(rng: random.Random, turns: bool) -> str:
+def line(rng: random.Random, turns: bool) -> str:
     """Offsets are turned, or all are shifted: of both together the interpreter of LinuxCNC 2.9 loses one."""
     return rng.choice(
         (

@@ -18,7 +18,16 @@ from controller.plan.text.program import ProgramError, Remark
 README = Path(__file__).parents[4] / "config/programs/README.md"
 SAYS = {"G52": "X0", "G4": "P0", "G43.1": "Z1", "G43.2": "H1", "G53": "G0 X0", "G54.1": "P1", "G68": "R1"}
 SAYS |= {"M62": "P0", "M63": "P0", "M64": "P0", "M65": "P0", "M66": "P0 L3 Q1"}
-IO = Io("can0", 9, "", (("there", 0),), (("air", 0),), digital_in=("there",), digital_out=("air",))
+IO = Io(
+    "can0",
+    9,
+    "",
+    (("there", 0), ("feed_stop", 1)),
+    (("air", 0),),
+    digital_in=("there",),
+    digital_out=("air",),
+)
+SAYS |= {"M52": "P0"}
 SAYS |= {"G41.1": "D6", "G42.1": "D6"}
 SAYS |= {"M6": "T1", "M61": "Q1", "G10": "L2 P1 X0", "G92": "X0", "G95": "", "M3": "S0", "M4": "S0"}
 

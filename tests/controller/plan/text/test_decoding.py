@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import random
 import time
 
 import pytest
 from support.machines.traced_programs import mill
 
-from controller.plan.text import blocks
+from controller.plan.text import blocks, decoding
 from controller.plan.text.program import Block, ProgramError, Remark
 
 MILL = mill()
@@ -86,3 +87,13 @@ def test_a_long_line_takes_time_in_proportion(line: str) -> None:
 
     short, long = seconds(20_000), seconds(160_000)
     assert long < 0.25 + 20.0 * short
+
+
+def test_lines_come_as_they_stand_however_the_text_is_parted(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = random.Random(5)
+    for _ in range(300):
+        text = "".join(rng.choice(("\r\n", "\r", "\n", "X1", "é", "")) for _ in range(rng.randrange(30)))
+        whole = decoding.NEWLINE.split(text)
+        for part in (1, 2, 3, 7, 1000):
+            monkeypatch.setattr(decoding, "PART", part)
+            assert list(decoding.lines_of(text)) == whole, (text, part)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import random
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from support.oracles import reference_interpreter
-from support.parts import random_codes, random_planar
+from support.parts import random_codes, random_grammar, random_planar
 from support.suite import seed
 
 NO_ROOM = ("leaves standing", "vanishes behind the cutter", "cannot be reached")
@@ -18,13 +19,16 @@ PROGRAMS = 20  # here; a thousand and more outside of the fast tests
 @pytest.mark.skipif(
     reference_interpreter.program() is None, reason="rs274 (linuxcnc-uspace) is not installed"
 )
+@pytest.mark.parametrize("make", [random_codes.program, random_grammar.program])
 @pytest.mark.parametrize("count", [PROGRAMS, pytest.param(1000, marks=pytest.mark.slow)])
-def test_random_programs_lead_where_the_reference_interpreter_leads(count: int, tmp_path: Path) -> None:
+def test_random_programs_lead_where_the_reference_interpreter_leads(
+    make: Callable[[random.Random], str], count: int, tmp_path: Path
+) -> None:
     machine = reference_interpreter.machine()
     print(f"seed {seed.SEED}")
     rng = random.Random(seed.SEED)
     for _ in range(count):
-        text = random_codes.program(rng)
+        text = make(rng)
         ours = reference_interpreter.ours(text, machine)
         theirs = reference_interpreter.reference(text, tmp_path, machine)
         assert (ours.refused, theirs.refused) == ("", ""), text
