@@ -71,11 +71,6 @@ def happening(done: Cut, tick: int, events: Sequence[Event] = ()) -> str:
     return f"tick {tick} ({mode}, {name}, line {line}, s = {s:.4f}{after})"
 
 
-def breaches(done: Cut, events: Sequence[Event] = (), start: Sequence[float] | None = None) -> list[Share]:
-    """Every axis and kind that goes over its bound."""
-    return [share for share in worst(done, events, start) if share.share > BOUNDS[share.kind]]
-
-
 def assert_in_limits(
     done: Cut, label: object, events: Sequence[Event] = (), start: Sequence[float] | None = None
 ) -> None:
