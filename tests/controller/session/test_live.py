@@ -134,7 +134,7 @@ def test_without_the_tick_the_drives_stop_by_their_own_supervision() -> None:
         with pytest.raises(SessionError) as refused:
             run(running, strike)
         sentence = str(refused.value)
-        assert "tick process was killed by signal SIGKILL" in sentence and "reset" in sentence
+        assert "tick process was killed by signal SIGKILL" in sentence and "start again" in sentence
 
         def all_told() -> bool:
             listener.listen()

@@ -112,7 +112,7 @@ class ProcessScene:
         """To its end, or to that of the plan that was asked."""
         try:
             line.order("commission")
-            homed = self.now.homed
+            homed = until(self.board.read).homed  # drives that know it all are quicker than a new tick
             line.order("home", tuple(i for i in range(len(self.nodes)) if not homed >> i & 1))
             asked = self.engine.request(Request.ENABLE)
             until(lambda: self.now.has_taken(asked) and self.now.mode in (Mode.READY, Mode.FAULT))
