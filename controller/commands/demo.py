@@ -7,6 +7,7 @@ goes through the door, as the page's and a script's requests do.
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import tempfile
 import threading
@@ -64,7 +65,8 @@ def cut(machine: Machine, program: Path, checks: Path, unchecked: bool, quiet: b
     ``checks``: folder of stored checks; what is kept of a fault goes to the user's recordings.
     """
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # it is to clear away what it has made
-    with tempfile.TemporaryDirectory(prefix="directrix-", dir=MEMORY if MEMORY.is_dir() else None) as text:
+    in_memory = MEMORY.is_dir() and "TMPDIR" not in os.environ
+    with tempfile.TemporaryDirectory(prefix="directrix-", dir=MEMORY if in_memory else None) as text:
         folder = Path(text)
         if (tool := TOOLS.get(program.name)) is not None:
             fitting.put_in(folder, tool)
