@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -28,12 +27,6 @@ class Found(NamedTuple):
 
     at: str
     drives: tuple[Arranged, ...]
-
-
-def folder() -> Path:
-    """Where it is kept unless told otherwise: the XDG state folder."""
-    base = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
-    return Path(base) / "directrix" / FOLDER
 
 
 def save(where: Path, machine: Machine, drives: Sequence[Arranged]) -> Path:

@@ -233,23 +233,31 @@ class PieceInbox:
 
 # ---- shared memory
 class SharedBlock:
-    """Bytes that processes share: anonymous (inherited by fork) or behind a file in memory."""
+    """Bytes that processes share, behind a counter: anonymous (inherited by fork) or a file in memory.
+
+    The counter is one machine word, read and written at once. With ``struct`` a reader now and then finds
+    0 in it, for that clears the bytes before it writes them.
+    """
 
     def __init__(self, size: int, path: str | None = None, create: bool = True) -> None:
         self.path = path
-        if path is None:
-            self.memory = mmap.mmap(-1, size)
-            return
-        descriptor = os.open(path, os.O_RDWR | (os.O_CREAT if create else 0), 0o660)
-        try:
-            if create:
-                os.ftruncate(descriptor, size)
-            self.memory = mmap.mmap(descriptor, size)
-        finally:
-            os.close(descriptor)
+        self.memory = _mapped(_COUNTER_BYTES + size, path, create)
+        self.counter = memoryview(self.memory)[:_COUNTER_BYTES].cast("Q")
 
 
-_COUNTER = struct.Struct("<Q")
+def _mapped(size: int, path: str | None, create: bool) -> mmap.mmap:
+    if path is None:
+        return mmap.mmap(-1, size)
+    descriptor = os.open(path, os.O_RDWR | (os.O_CREAT if create else 0), 0o660)
+    try:
+        if create:
+            os.ftruncate(descriptor, size)
+        return mmap.mmap(descriptor, size)
+    finally:
+        os.close(descriptor)
+
+
+_COUNTER_BYTES = 8
 _SLOT = (LAYOUT.size + 7) // 8 * 8
 
 
@@ -261,24 +269,24 @@ class SnapshotBoard:
     """
 
     def __init__(self, path: str | None = None, create: bool = True) -> None:
-        self.block = SharedBlock(_COUNTER.size + 2 * _SLOT, path, create)
-        self._memory = self.block.memory
+        self.block = SharedBlock(2 * _SLOT, path, create)
+        self._memory, self._counter = self.block.memory, self.block.counter
         self._count = 0
 
     def write(self, values: Flat) -> None:
         """Publish one snapshot: its flat values, see ``live_state.gather``."""
         self._count += 1
-        LAYOUT.pack_into(self._memory, _COUNTER.size + (self._count & 1) * _SLOT, *values)
-        _COUNTER.pack_into(self._memory, 0, self._count)
+        LAYOUT.pack_into(self._memory, _COUNTER_BYTES + (self._count & 1) * _SLOT, *values)
+        self._counter[0] = self._count
 
     def read(self) -> Snapshot | None:
         """The newest snapshot; None before the first."""
         while True:
-            (count,) = _COUNTER.unpack_from(self._memory, 0)
+            count = self._counter[0]
             if count == 0:
                 return None
-            values = LAYOUT.unpack_from(self._memory, _COUNTER.size + (count & 1) * _SLOT)
-            if _COUNTER.unpack_from(self._memory, 0)[0] == count:
+            values = LAYOUT.unpack_from(self._memory, _COUNTER_BYTES + (count & 1) * _SLOT)
+            if self._counter[0] == count:
                 return snapshot_of(values)
 
 
@@ -306,24 +314,24 @@ class Recorder:
 
     def __init__(self, path: str | None = None, create: bool = True, rows: int = RECORDER_ROWS) -> None:
         self.rows = rows
-        self.block = SharedBlock(_COUNTER.size + rows * _ROW.size, path, create)
-        self._memory = self.block.memory
+        self.block = SharedBlock(rows * _ROW.size, path, create)
+        self._memory, self._counter = self.block.memory, self.block.counter
         self._written = 0
         self._read = 0
         self.lost = 0  # rows overwritten before this reader saw them
 
     def write(self, *values: float) -> None:
         """Append one row: the values in the order of ``ROW``, with which a tick's values begin."""
-        _ROW.pack_into(self._memory, _COUNTER.size + self._written % self.rows * _ROW.size, *values)
+        _ROW.pack_into(self._memory, _COUNTER_BYTES + self._written % self.rows * _ROW.size, *values)
         self._written += 1
-        _COUNTER.pack_into(self._memory, 0, self._written)
+        self._counter[0] = self._written
 
     def drain(self) -> NDArray[np.float64]:
         """Rows written since the last call, shape (N, len(ROW)); counts in ``lost`` what was too old.
 
         The oldest quarter of a full ring may be overwritten while it is copied and is given up.
         """
-        (written,) = _COUNTER.unpack_from(self._memory, 0)
+        written = self._counter[0]
         first = max(self._read, written - self.rows * 3 // 4)
         self.lost += first - self._read
         self._read = written
@@ -331,11 +339,11 @@ class Recorder:
 
     def last(self, rows: int) -> NDArray[np.float64]:
         """The newest rows, at most so many, drained already or not; shape (N, len(ROW))."""
-        (written,) = _COUNTER.unpack_from(self._memory, 0)
+        written = self._counter[0]
         return self._copy(max(0, written - min(rows, self.rows * 3 // 4)), written)
 
     def _copy(self, first: int, written: int) -> NDArray[np.float64]:
         import numpy as np
 
-        ring = np.frombuffer(self._memory, dtype="<f8", offset=_COUNTER.size).reshape(self.rows, len(ROW))
+        ring = np.frombuffer(self._memory, dtype="<f8", offset=_COUNTER_BYTES).reshape(self.rows, len(ROW))
         return np.asarray(ring[np.arange(first, written) % self.rows], dtype=np.float64)

@@ -43,6 +43,7 @@ ARROWS: dict[str, set[str]] = {
     "jog_frames": LEAVES | {"kinematics", "pieces", "catalogue"},  # what is jogged, as a line of the joints
     "whole": set(),  # files replaced whole
     "internal_error": set(),  # a mistake of our own, in words
+    "packed_rows": {"handoff"},  # rows of the recorder, for the door
     "door": {"whole", "internal_error"},  # the service's local protocol, and its asking side
     "toml_table": {"geometry"},  # reads tables for config, knows no machine
     "drive_objects": {"toml_table"},  # objects of drives in tables, and where data sheets are wrong
@@ -73,9 +74,20 @@ ARROWS: dict[str, set[str]] = {
     "service": LEAVES
     | SHAPES
     | {"config", "toml_table", "changes", "fitting", "jog_frames", "door", "journal", "catalogue", "whole"}
-    | {"handoff", "live_state", "plan", "session", "tick", "times", "arranged"},
+    | {"handoff", "live_state", "packed_rows", "plan", "session", "tick", "times", "arranged"},
     "panel": LEAVES
-    | {"handoff", "live_state", "config", "toml_table", "changes", "fitting", "door", "plan", "verify"}
+    | {
+        "handoff",
+        "live_state",
+        "packed_rows",
+        "config",
+        "toml_table",
+        "changes",
+        "fitting",
+        "door",
+        "plan",
+        "verify",
+    }
     | {"faults", "catalogue", "whole"},
     "cad": LEAVES | SHAPES | {"plan"},  # faces of a CAD file as a program
     "post": LEAVES | SHAPES | {"plan"},  # a planned path as lines
@@ -84,7 +96,7 @@ ARROWS: dict[str, set[str]] = {
     | SHAPES
     | {"config", "nodes", "profiles", "toml_table", "handoff", "plan", "verify", "session", "times"}
     | {"catalogue", "door", "fitting", "service", "panel", "cad", "post", "arranged"}
-    | {"internal_error", "whole"},
+    | {"internal_error", "whole", "packed_rows"},
 }
 
 # Parts of drives that are values and tables, for all.

@@ -17,7 +17,7 @@ from controller import config
 from controller.commands import fitted as fittings
 from controller.commands import machine_check
 from controller.commands.fitted import Fitted
-from controller.machine import Machine, five
+from controller.machine import Machine
 from controller.motions import SurfaceCut
 from controller.plan.report import stored
 from controller.plan.report.survey import Survey
@@ -407,43 +407,36 @@ def demo(
 
 
 def _demo(part: str, out: Path, made: Machine, store: Path | None, unchecked: bool, as_json: bool) -> None:
-    from controller.session import live
+    from controller.commands import demo as demos
     from controller.verify import trace as traces
-    from controller.verify.live_line import LiveLine
 
     file = config.shipped_program(PARTS[part])
     picture, trace_file = out / f"{part}.png", out / f"{part}.npz"
     _writable(picture, trace_file)
-    task = checked.task(file.read_bytes(), file.name, made)
-    kept = None if unchecked else _kept(task, store, as_json)
-    if kept is None and not unchecked:
-        kept = _checked(task, store, Rows(), as_json)[1]
     if not as_json:
         tell.print(
             f"Starting the virtual bus, five simulated drives, plan and tick; {file.name} on {made.name}."
         )
-    with live.started(made, task.text, file.name, kept, unchecked, recording.folder()) as machine:
-        task = replace(task, start=five(machine.ready().joints))
-        stretches = checked.stretches(checked.walk_of(task, kept, unchecked))
-        line = LiveLine(made, stretches)
-        with bar(f"cutting ({kept.duration_s:.0f} s)" if kept else "cutting", as_json) as progress:
-            rows, last = machine.run(lambda now: progress(_share(now.plan_time_s, kept), line.of(now)))
-    trace = traces.from_rows(rows, made, task.kinematics, stretches)
+    cut = demos.cut(made, file, store or stored.folder(), unchecked, as_json)
+    task = checked.task(file.read_bytes(), file.name, made)
+    kept = None if unchecked else _kept(task, store, as_json)
+    stretches = checked.stretches(checked.walk_of(task, kept, unchecked))
+    trace = traces.from_rows(cut.rows, made, task.kinematics, stretches)
     _write(trace, made, stretches, trace_file, picture)
-    stamps = machine.sync_stamps_s.items()
+    stamps = cut.sync_stamps_s.items()
     figures = {
-        **_figures(task, "fault" if last.fault is not Fault.NONE else "completed", last.fault, unchecked),
+        **_figures(task, cut.result, cut.fault, unchecked),
         "program": str(file),
         **traces.summary(trace, made, task.kinematics, _length_mm(stretches)).to_dict(),
-        "binds": [bound.to_dict() for bound in tables.bound_in(rows, made)],
+        "binds": [bound.to_dict() for bound in tables.bound_in(cut.rows, made)],
         "planned_s": kept.duration_s if kept else None,
-        "skips": last.skips,
+        "skips": cut.skips,
         "sync": {name: asdict(traces.sync_intervals(s, made.period_s)) for name, s in stamps},
         "picture": str(picture),
         "trace": str(trace_file),
     }
-    if last.fault is not Fault.NONE:
-        raise Refused(machine.fault_text(last), **figures)
+    if cut.sentence:
+        raise Refused(cut.sentence, **figures)
     _end("Cut in real time on the virtual bus", figures, as_json)
     if not as_json:
         show.print(f"Picture: {picture}   Trace: {trace_file}", markup=False)

@@ -8,11 +8,8 @@
 from __future__ import annotations
 
 import asyncio
-import base64
-import binascii
 import time
 import zipfile
-import zlib
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -20,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from controller import config, fitting
+from controller import config, fitting, packed_rows
 from controller.handoff import COLUMN, ROW, rows_of
 from controller.machine import Machine
 from controller.panel import signals
@@ -65,20 +62,11 @@ class Latest:
                 return
 
 
-def packed(rows: Array) -> dict[str, Any]:
-    """Rows as they go through the door."""
-    data = zlib.compress(np.ascontiguousarray(rows, dtype="<f8").tobytes(), 1)
-    return {"columns": len(ROW), "rows": base64.b64encode(data).decode()}
-
-
 def unpacked(told: dict[str, Any]) -> Array:
     """The rows of an answer. Raises Refusal where it is not what a service of this version says."""
     try:
-        data = zlib.decompress(base64.b64decode(str(told["rows"]), validate=True))
-        if int(told["columns"]) != len(ROW):
-            raise ValueError("other columns")
-        return np.frombuffer(data, dtype="<f8").reshape(-1, len(ROW)).astype(float)
-    except (KeyError, ValueError, TypeError, zlib.error, binascii.Error) as error:
+        return packed_rows.unpacked(told)
+    except ValueError as error:
         raise Refusal.told(503, "version", "other_version") from error
 
 

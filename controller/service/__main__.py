@@ -16,8 +16,9 @@ def main(arguments: Sequence[str]) -> int:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends us, in order
     children.name_process(f"directrix-{role}")
     from controller.service import planning
+    from controller.session import processes
 
-    return planning.run(Path(job))
+    return processes.run(role, planning.main, Path(job))
 
 
 if __name__ == "__main__":

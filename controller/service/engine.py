@@ -15,7 +15,6 @@ anew, on new sockets, when the operator asks for it. Hubs with simulated drives 
 from __future__ import annotations
 
 import contextlib
-import pickle
 import socket
 import threading
 import time
@@ -36,10 +35,11 @@ from controller.handoff import (
     send_request,
 )
 from controller.machine import Machine
+from controller.service.folders import Folders
 from controller.service.orders import Line, News
 from controller.service.planning import PlanJob
 from controller.service.refused import by_fault, refused
-from controller.session import children, live
+from controller.session import children, hubs
 from controller.session.children import Child, Job
 from controller.state import Fault, Request
 
@@ -78,11 +78,12 @@ class Engine:
     thread that outlives them all.
     """
 
-    def __init__(self, machine: Machine, folder: Path, checks: Path, hear: Callable[[News], None]) -> None:
-        """``folder``: of its own, for sockets and shared memory; ``checks``: stored checks of programs."""
+    def __init__(self, machine: Machine, folder: Path, kept: Folders, hear: Callable[[News], None]) -> None:
+        """``folder``: of its own, for sockets and shared memory; ``kept``: what outlives it."""
         self.machine = machine  # with the paths of the hubs as channels, once they run
         self.hubs: dict[str, Child] = {}
-        self._folder, self._checks, self._hear = folder, checks, hear
+        self.sync_stamps_s: dict[str, hubs.Rows] = {}  # when SYNC left a virtual bus; there at the end
+        self._folder, self._kept, self._hear = folder, kept, hear
         self._run: _Run | None = None
         self._starts = 0
         self._begun_s = -START_S
@@ -93,7 +94,7 @@ class Engine:
 
     def start_hubs(self) -> None:
         """Virtual buses with simulated drives, and hubs that share a serial adapter. Raises SessionError."""
-        self.machine = live.with_hubs(self.machine, self._folder, self._ending, self.hubs, {})
+        self.machine = hubs.started(self.machine, self._folder, self._ending, self.hubs, self.sync_stamps_s)
 
     def start(self) -> None:
         """Tick and plan, after ending those that were there."""
@@ -105,8 +106,8 @@ class Engine:
         plan_end, piece_end = piece_pair()
         operator, request_end = request_pair()
         with piece_end, request_end:
-            job = Job(self.machine, piece_end.fileno(), request_end.fileno(), paths[0], paths[1])
-            tick = children.start("tick", job, self._folder)
+            ends = (piece_end.fileno(), request_end.fileno())
+            tick = children.start("tick", Job(self.machine, *ends, *paths), self._folder, ends)
         plan, line = self._plan(plan_end, operator, paths[0])
         self._run = _Run(tick, board, recorder, operator, plan_end, paths[0], plan, line)
 
@@ -123,11 +124,8 @@ class Engine:
         with its:
             own.setblocking(True)
             ends = (plan_end.fileno(), operator.fileno(), its.fileno())
-            job = PlanJob(self.machine, *ends, snapshot, self._checks)
-            file = self._folder / "plan.job"
-            file.write_bytes(pickle.dumps(job))
-            children.words_of(file).unlink(missing_ok=True)
-            child = Child("plan", [str(file)], children.words_of(file), ends, SERVICE)
+            job = PlanJob(self.machine, *ends, snapshot, self._kept)
+            child = children.start("plan", job, self._folder, ends, SERVICE)
         return child, Line(own, self._hear)
 
     def end_run(self) -> None:

@@ -273,11 +273,12 @@ def read(args: dict[str, Any], machine: Machine) -> Job:
         raise refused("no_line", code="bad", fraction=fraction)
     spot = Spot(line, fraction) if line else None
     dry_run_mm = _from_0(args, "dry_run_mm", 1000.0)
+    unchecked = args.get("unchecked") is True and spot is None  # a place in the middle needs the whole
     name = str(args.get("name") or path.name)
     text = linked.linked(text, linked.among({str(file): Path(str(at)) for file, at in _files(args).items()}))
     if args.get("block_delete") is True:
         text = linked.without_deleted(text)
-    return Job(Program(text, name, machine, spot, dry_run_mm=dry_run_mm), found)
+    return Job(Program(text, name, machine, spot, dry_run_mm=dry_run_mm, unchecked=unchecked), found)
 
 
 def _files(args: dict[str, Any]) -> dict[str, Any]:

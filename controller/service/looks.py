@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import base64
 import time
-import zlib
 from collections.abc import Mapping
 from typing import Any
 
@@ -14,6 +12,7 @@ import numpy.typing as npt
 from controller.door import Values
 from controller.handoff import COLUMN, ROW, Recorder
 from controller.machine import Bus, Machine
+from controller.packed_rows import packed
 from controller.service.arguments import whole
 from controller.session.bus_load import budgets
 from controller.tick.cycle import LATE_SHARE
@@ -39,19 +38,14 @@ def rows(recorder: Recorder | None, args: Mapping[str, Any]) -> Values:
     after, most, kept = (whole(args, name, MOST_TICK) for name in ("after", "most", "kept"))
     newest = recorder.last(1) if recorder is not None else np.empty((0, len(ROW)))
     if recorder is None or not len(newest):
-        return {**_packed(newest), "anew": False}
+        return {**packed(newest), "anew": False}
     tick = int(newest[-1, COLUMN["tick"]])
     anew = after is not None and after > tick
     oldest = tick - (recorder.rows if kept is None else kept)
     since = oldest if after is None or anew else max(after, oldest)
     found = recorder.last(max(0, tick - since) + NEWER)
     fresh = found[found[:, COLUMN["tick"]] > since]
-    return {**_packed(fresh[: min(MOST_ROWS, most or MOST_ROWS)]), "anew": anew}
-
-
-def _packed(found: Rows) -> Values:
-    data = zlib.compress(np.ascontiguousarray(found, dtype="<f8").tobytes(), 1)
-    return {"columns": len(ROW), "rows": base64.b64encode(data).decode()}
+    return {**packed(fresh[: min(MOST_ROWS, most or MOST_ROWS)]), "anew": anew}
 
 
 def lateness(found: Rows, period_s: float) -> Values:

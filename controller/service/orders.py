@@ -38,6 +38,7 @@ class Program:
     dry_run_mm: float = 0.0  # off along the tool axis, spindle off
     in_spindle: int = 0  # number of the tool; 0 = not known
     typed: bool = False  # a line by hand
+    unchecked: bool = False  # it is read as it is run, and what is refused of it is refused on the way
 
 
 @dataclass(frozen=True, slots=True)

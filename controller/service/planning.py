@@ -7,7 +7,7 @@ started anew by its parent, finds the tick where it stands, and waits for orders
 from __future__ import annotations
 
 import multiprocessing.connection as connections
-import pickle
+import select
 import sys
 import time
 from bisect import bisect_right
@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from controller import arranged
 from controller.geometry import Frame
 from controller.handoff import Snapshot
 from controller.kinematics import Kinematics
@@ -34,8 +33,9 @@ from controller.plan.route.stretch import Chain, Pause, Stretch
 from controller.plan.text.program import Act, Aside, Block, Message, ProgramError, Setting
 from controller.service import entered
 from controller.service.awaited import Awaited
+from controller.service.folders import Folders
 from controller.service.orders import Answer, News, Order, Program, Said, Turn, Way
-from controller.session import checked, children, cores, starts
+from controller.session import checked, cores, starts
 from controller.session.checked import Task
 from controller.session.plan_end import PLAN_TURN_S, PlanEnd
 from controller.session.processes import EXPECTED, own_error
@@ -46,6 +46,17 @@ NEWS_S = 0.1
 MOST_OFFSETS = 99
 MOST_NOTES = 100  # every status has them; all of them stand with the check
 MOST_KNOWN = 100_000  # stretches whose tool is remembered: more than are ever read ahead
+# What is told of a program that nobody has looked at as a whole.
+UNCHECKED: dict[str, Any] = {
+    "duration_s": None,
+    "blocks": None,
+    "restart": [],
+    "restart_de": [],
+    "notes": [],
+    "verdict": None,
+    "marks": (),
+    "passed_s": 0.0,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,28 +68,18 @@ class PlanJob:
     requests: int
     orders: int
     snapshot_path: str
-    checks: Path
+    kept: Folders
 
 
 class GivenUp(Exception):
     """The operator does not want it any more: a check, or a start that is still being prepared."""
 
 
-def run(job_file: Path) -> int:
-    """Until the parent ends it; the exit code. Whatever ends it too early is one sentence beside the job."""
-    job: PlanJob = pickle.loads(job_file.read_bytes())
+def main(job: PlanJob) -> None:
+    """The plan's process, until its parent ends it. Raises what ``EXPECTED`` lists."""
     cores.leave()
-    try:
-        kept = job.checks.parent / arranged.FOLDER
-        end = PlanEnd(job.machine, job.pieces, job.requests, job.snapshot_path, kept)
-        Planning(end, job.checks, connections.Connection(job.orders), job.machine).run()
-    except EXPECTED as error:
-        children.words_of(job_file).write_text(str(error))
-    except Exception as error:  # the top of a process: its parent tells the operator
-        children.words_of(job_file).write_text(own_error("plan", error))
-    else:
-        return 0
-    return 1
+    end = PlanEnd(job.machine, job.pieces, job.requests, job.snapshot_path, job.kept.arranged)
+    Planning(end, job.kept.checks, connections.Connection(job.orders), job.machine).run()
 
 
 class Planning:
@@ -87,6 +88,8 @@ class Planning:
     def __init__(self, end: PlanEnd, checks: Path, parent: connections.Connection, machine: Machine) -> None:
         """``checks``: folder of stored checks; ``parent``: where orders come from."""
         self._end, self._checks, self._parent = end, checks, parent
+        self._asked = select.poll()  # a connection of its own makes a selector with every look
+        self._asked.register(parent.fileno(), select.POLLIN)
         self._awaited: Awaited | None = None
         self._tool: int | None = None
         # By identity of a stretch: with which tool it is moved, and of which lines it is.
@@ -117,7 +120,7 @@ class Planning:
     def run(self) -> None:
         """Until the parent is gone. Raises what ``EXPECTED`` lists."""
         while True:
-            while self._parent.poll(PLAN_TURN_S):
+            while self._asked.poll(1e3 * PLAN_TURN_S):
                 try:
                     order: Order = self._parent.recv()
                 except EOFError:
@@ -168,6 +171,8 @@ class Planning:
     def _check(self, order: Order) -> dict[str, Any]:
         """Read, planned and audited as a whole, or found as it was kept."""
         program = _program(order)
+        if program.unchecked:
+            return dict(UNCHECKED)
         kept = self._kept(program)
         rest = self._rest(program, kept) if program.spot is not None else None
         here = place_of(rest.what, rest.order, rest.spot.fraction, rest.spot.s) if rest else None
@@ -216,7 +221,7 @@ class Planning:
 
     def _look(self) -> None:
         """Nothing is ordered while an order is under way, but to give it up."""
-        if self._carrying_out and self._parent.poll():
+        if self._carrying_out and self._asked.poll(0):
             self._parent.recv()
             raise GivenUp
 
@@ -229,7 +234,7 @@ class Planning:
     def _arm(self, order: Order) -> None:
         """From where the machine stands; answered when the first piece has been taken."""
         program = _program(order)
-        kept, task = self._kept(program), self._task(program)
+        kept, task = None if program.unchecked else self._kept(program), self._task(program)
         now = self._end.snapshot()
         start = _start(program, now)
         self._offsets.clear()
@@ -241,8 +246,8 @@ class Planning:
         self._end.load(self._watched(items, program.spot), now)
         self._turns.clear()
         self._told = News(finished=False)
-        facts = {"duration_s": kept.duration_s, "blocks": kept.blocks, "plan_time_s": now.queue_end_s}
-        self._facts = {**facts, "start": start}
+        length = (kept.duration_s, kept.blocks) if kept is not None else (None, None)
+        self._facts = {"duration_s": length[0], "blocks": length[1], "start": start}
         self._awaited = Awaited.of(order, now)
 
     def _rest(self, program: Program, kept: Stored) -> Rest:
@@ -430,6 +435,7 @@ def _start(program: Program, now: Snapshot) -> Start:
         program.dry_run_mm,
         program.in_spindle,
         program.typed,
+        program.unchecked,
     )
 
 

@@ -25,6 +25,7 @@ import re
 import shutil
 import time
 from collections import deque
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -202,7 +203,7 @@ class RunRecord:
         switches, faults = rows[:, COLUMN["switches"]].astype(np.int64), rows[:, COLUMN["fault"]]
         for row in rows[switches & STOOD != 0]:
             self._events.add(int(row[COLUMN["tick"]]), events.line_of(events.STAND))
-        for i in np.flatnonzero(np.diff(faults, prepend=float(self._fault))):
+        for i in _changes(faults, float(self._fault)):
             self._fault = Fault(int(faults[i]))
             if self._fault not in _OWN_FAULTS:
                 self._events.add(int(rows[i, COLUMN["tick"]]), events.line_of(events.FAULT, self._fault.name))
@@ -211,7 +212,7 @@ class RunRecord:
     def _find_flags(self, sent: Rows) -> None:
         """Where motion begins to wait, or waits no more, and where the axes are off their path."""
         flags = sent[:, COLUMN["switches"]].astype(np.int64) & (WAITED | OFF_PATH)
-        for i in np.flatnonzero(np.diff(flags, prepend=self._flags)):
+        for i in _changes(flags, self._flags):
             changed, self._flags = int(flags[i]) ^ self._flags, int(flags[i])
             at = int(sent[i, COLUMN["tick"]])
             if changed & WAITED:
@@ -292,6 +293,11 @@ class RunRecord:
             np.savez_compressed(file, columns=np.array(SETPOINTS), rows=rows[: self._busy[0]])
             file.flush()
             os.fsync(file.fileno())
+
+
+def _changes(values: npt.NDArray[Any], before: float) -> Iterable[int]:
+    """Where a column has another value than one row earlier; nearly always nowhere, which costs little."""
+    return np.flatnonzero(np.diff(values, prepend=before)).tolist() if np.any(values != before) else ()
 
 
 def _asked_line(one: Asked) -> dict[str, Any]:

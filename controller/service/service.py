@@ -28,6 +28,7 @@ from controller.service import alarms as alarm_values
 from controller.service import runs
 from controller.service.alarms import Alarms
 from controller.service.engine import Engine
+from controller.service.folders import Folders
 from controller.service.hearing import LastFrames
 from controller.service.jobs import Job
 from controller.service.orders import News, Program
@@ -45,8 +46,6 @@ from controller.state import Mode, Request
 from controller.toml_table import ConfigError
 from drives.bus import BusError
 
-CHECKS = "checks"  # folders of the state folder
-RECORDINGS = "recordings"
 JOURNAL = "journal.json"
 LOOK_S = 0.02
 WAIT_S = 0.004
@@ -55,15 +54,15 @@ SYNC_S = 0.05  # a loss of power costs so much of a record, and what the disk it
 
 
 class Service:
-    """Owns the processes and all that is kept; ``state`` is a folder that must be writable."""
+    """Owns the processes and all that is kept; its folders must be writable."""
 
-    def __init__(self, machine: Machine, state: Path) -> None:
+    def __init__(self, machine: Machine, kept: Folders) -> None:
         """Raises SessionError, ConfigError, OSError."""
         if sentence := overload(machine):
             raise SessionError(sentence)
-        self.state = state
-        for name in (CHECKS, RECORDINGS):
-            (state / name).mkdir(parents=True, exist_ok=True)
+        kept.make()
+        self._kept, self.state = kept, kept.state
+        state = kept.state
         self.fitted: dict[str, Any] = fitting.load(state)
         self.file = machine  # as its builder wrote it
         fitting.note(state, machine)
@@ -86,7 +85,7 @@ class Service:
         threading.Thread(target=self._sync_records, name="sync", daemon=True).start()
         self.journal = Journal(state / JOURNAL)
         self._folder = tempfile.TemporaryDirectory(prefix="directrix-")
-        self.engine = Engine(machine, Path(self._folder.name), state / CHECKS, self._hear)
+        self.engine = Engine(machine, Path(self._folder.name), kept, self._hear)
         self._listener: Listener | None = None
         self.troubles = Troubles(self.machine, self.alarms, self._records)
         self.pulse, self.last_second = Pulse(), LastSecond()
@@ -130,8 +129,8 @@ class Service:
             raise DoorError("gone", str(error)) from error
         recorder = self.engine.recorder
         if recorder is not None:
-            where = self.state / RECORDINGS
-            self.troubles.keeper = Keeper(self.machine, recorder, self._listener.logs, where)
+            logs = self._listener.logs
+            self.troubles.keeper = Keeper(self.machine, recorder, logs, self._kept.recordings)
 
     def _close_listener(self) -> None:
         listener, self._listener, self.troubles.keeper = self._listener, None, None

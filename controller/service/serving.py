@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from controller import door
 from controller.machine import Machine
 from controller.service import engine
 from controller.service.desk import Desk
+from controller.service.folders import Folders
 from controller.service.server import Server
 from controller.service.service import LOOK_S, Service
+from controller.session import children
 from controller.session.startup import SessionError
 
 Tell = Callable[[str], None]  # systemd's notify protocol
@@ -30,55 +32,56 @@ def run(machine: Machine, state: Path, runtime: Path, simulate: bool, tell: Tell
             f"{machine.name}: its [[bus]] is virtual and no drive is on it; name a real interface in the "
             "machine file, or give --simulate."
         )
-    asked = _Asked()
-    service = Service(machine, state)
+    asked = children.Asked()
+    with opened(machine, Folders.within(state), runtime, group) as service:
+        tell("READY=1")
+        watch(service, lambda: asked.yes, tell)
+        tell("STOPPING=1")
+
+
+@contextmanager
+def opened(machine: Machine, kept: Folders, runtime: Path, group: str = "") -> Iterator[Service]:
+    """The service of a machine, powered up, with its door in ``runtime``; everything ends with the block.
+
+    Somebody has to ``watch`` it. Raises what ``run`` does.
+    """
+    service = Service(machine, kept)
     try:
         service.engine.start_hubs()
         with_door = Server(door.control_path(runtime), Desk(service), group)
         try:
-            door.note_runtime(state, runtime)
+            door.note_runtime(kept.state, runtime)
             service.power_up()
-            tell("READY=1")
-            _watch(service, asked, tell)
-            tell("STOPPING=1")
+            yield service
         finally:
             with_door.close()
     finally:
         service.close()
 
 
-class _Asked:
-    """Becomes true when this process is asked to end."""
+def watch(
+    service: Service, over: Callable[[], bool], tell: Tell = lambda _: None, look_s: float = LOOK_S
+) -> None:
+    """Look on until it is ``over``; by one thread. ``look_s``: from one look to the next.
 
-    def __init__(self) -> None:
-        self.yes = False
-        for number in (signal.SIGTERM, signal.SIGINT):
-            signal.signal(number, self._hear)
-
-    def _hear(self, _number: int, _frame: object) -> None:
-        self.yes = True
-
-
-def _watch(service: Service, asked: _Asked, tell: Tell) -> None:
-    """The watchdog is fed by ticks, not by this loop: a tick that hangs starves it.
+    The watchdog is fed by ticks, not by this loop: a tick that hangs starves it.
 
     A tick that is gone has done what a restart would bring: its drives stand, its alarm is told, and
     a reset starts another. Then there is nothing to watch, and a restart would cost that reset; the
     same holds until the first tick of the other.
     """
     fed_tick, fed_s, told, told_s = -1, 0.0, "", 0.0
-    while not asked.yes:
+    while not over():
         now, now_s = service.look(), time.monotonic()
         lives = now is not None and now.tick != fed_tick
         due = now_s - fed_s >= FEED_S
         if due and (service.engine.starting or (now and (lives or not service.engine.tick_alive))):
             tell("WATCHDOG=1")
             fed_tick, fed_s = now.tick if now else -1, now_s
-        words = _words(service)
-        if words != told and now_s - told_s >= STATUS_S:
+        if now_s - told_s >= STATUS_S and (words := _words(service)) != told:
             tell(f"STATUS={words}")
             told, told_s = words, now_s
-        time.sleep(LOOK_S)
+        time.sleep(look_s)
 
 
 def _words(service: Service) -> str:

@@ -1,6 +1,6 @@
-"""``python -m controller.session ROLE PARENT ...``: what ``live`` starts; nothing for an operator.
+"""``python -m controller.session ROLE PARENT ...``: what the engine starts; nothing for an operator.
 
-tick JOB, plan JOB      the two processes of a machine (processes.py)
+tick JOB                the real-time process of a machine (processes.py)
 hub PATH OPTIONS        a virtual bus with simulated drives (drives.simulated)
 """
 
@@ -27,7 +27,7 @@ def main(arguments: Sequence[str]) -> int:
     children.name_process(f"directrix-{role}")
     from controller.session import processes
 
-    return processes.run(role, Path(rest[0]))
+    return processes.run(role, processes.tick_main, Path(rest[0]))
 
 
 if __name__ == "__main__":

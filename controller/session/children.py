@@ -19,13 +19,10 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from controller.machine import Machine
 
-if TYPE_CHECKING:
-    from controller.plan.report.stored import Stored
-
+SESSION = "controller.session"  # the module of most of them
 END_S = 5.0  # to stand down; then it is killed
 
 _PR_SET_PDEATHSIG = 1
@@ -37,17 +34,13 @@ _ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """What one process is given: its end of each socket (descriptors), and where shared memory is."""
+    """What the tick's process is given: its end of each socket (descriptors), and where shared memory is."""
 
     machine: Machine
     pieces: int
     requests: int
     snapshot_path: str
     recorder_path: str
-    program: bytes = b""  # the plan's
-    name: str = ""  # of the program
-    check: Stored | None = None  # of the program
-    unchecked: bool = False  # starts without one
 
 
 class Child:
@@ -59,7 +52,7 @@ class Child:
         arguments: Sequence[str],
         words: Path,
         descriptors: Sequence[int] = (),
-        module: str = "controller.session",
+        module: str = SESSION,
     ) -> None:
         """``words``: the file in which the process would leave a sentence about its end."""
         self.role = role
@@ -101,16 +94,29 @@ class Child:
             self.process.wait()
 
 
-def start(role: str, job: Job, folder: Path) -> Child:
-    """Start ``tick`` or ``plan`` on its job; ``folder`` holds what they are told and say."""
+def start(role: str, job: object, folder: Path, descriptors: Sequence[int], module: str = SESSION) -> Child:
+    """Start the process of a role on its job; ``folder`` holds what it is told and says."""
     file = folder / f"{role}.job"
     file.write_bytes(pickle.dumps(job))
-    return Child(role, [str(file)], words_of(file), (job.pieces, job.requests))
+    words_of(file).unlink(missing_ok=True)  # of the one before it
+    return Child(role, [str(file)], words_of(file), descriptors, module)
 
 
 def words_of(job_file: Path) -> Path:
     """Where a process leaves its last words."""
     return job_file.with_suffix(".words")
+
+
+class Asked:
+    """Becomes true when this process is asked to end."""
+
+    def __init__(self) -> None:
+        self.yes = False
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, self._hear)
+
+    def _hear(self, _number: int, _frame: object) -> None:
+        self.yes = True
 
 
 def end_with(parent: int) -> None:

@@ -24,7 +24,7 @@ SO_TIMESTAMPNS = 35
 STAMP = struct.Struct("qq")
 PACKET_BYTES = 64 * pdo.FRAME_BYTES
 LOOK_MS = 50
-GATHER_S = 0.005  # frames come in bursts; to be woken for each would cost the machine's processes time
+GATHER_S = 0.010  # frames come in bursts; to be woken for each would cost the machine's processes time
 
 
 class Listener:

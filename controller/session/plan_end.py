@@ -47,13 +47,11 @@ COME_UP_S = 150.0  # longer than the tick itself waits for a drive to home
 class PlanEnd:
     """Planner, keepalive and start-up in a process of their own, on sockets that were handed over."""
 
-    def __init__(
-        self, machine: Machine, pieces: int, requests: int, snapshot_path: str, kept: Path | None = None
-    ) -> None:
+    def __init__(self, machine: Machine, pieces: int, requests: int, snapshot_path: str, kept: Path) -> None:
         """``pieces`` and ``requests``: descriptors of this end of the sockets; ``kept``: folder for how the
-        drives were found, None = the user's.
+        drives were found.
         """
-        self._kept = kept or arranged.folder()
+        self._kept = kept
         self.alone = False  # the tick is gone
         self.before_message: Callable[[], None] = lambda: None  # called before pieces go out
         self._machine = machine

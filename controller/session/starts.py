@@ -31,6 +31,7 @@ class Start:
     dry_run_mm: float = 0.0  # off along the tool axis, spindle off
     in_spindle: int = 0  # number of the tool; 0 = not known
     typed: bool = False  # a line by hand, which means that tool
+    unchecked: bool = False  # from the top, with branch and turns chosen as the blocks come
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON has it, without loss."""
@@ -48,6 +49,7 @@ class Start:
             float(values["dry_run_mm"]),
             int(values["in_spindle"]),
             bool(values.get("typed", False)),
+            bool(values.get("unchecked", False)),
         )
 
 
@@ -57,10 +59,10 @@ def _joints(values: Iterable[Any]) -> Joints:
 
 def path_from(asked: Task, kept: Stored | None, start: Start) -> Walk:
     """The path of a start; without a check branch and turns are chosen here. Raises ProgramError."""
-    choices = kept.choices if kept is not None else checked.chosen_for(asked)
+    choices = kept.choices if kept is not None else None if start.unchecked else checked.chosen_for(asked)
     if start.spot is not None:
-        entered = rest(asked, choices, start).entered(start.joints, start.in_spindle)
-        return Walk(entered, choices=choices)
+        entered = rest(asked, choices or {}, start).entered(start.joints, start.in_spindle)
+        return Walk(entered, choices=choices or {})
     if max(abs(a - b) for a, b in zip(start.joints, asked.start, strict=True)) > SAME_PLACE:
         asked = replace(asked, start=start.joints)
     walk = checked.path_of(asked, choices, start.dry_run_mm, start.in_spindle, start.typed)

@@ -75,12 +75,12 @@ class Cycle:
     ) -> None:
         self.machine = machine
         self.group = group
-        self.modes = Modes(group, machine.period_s, times.path_stop_s(machine), times.quick_stop_s(machine))
+        stops_s = times.path_stop_s(machine), times.quick_stop_s(machine)
+        absolute = sum(1 << i for i, axis in enumerate(machine.axes) if axis.homing.absolute)
+        self.modes = Modes(group, machine.period_s, *stops_s, absolute)
         self.follow = Follow(machine, Kinematics(machine))
         self.peripherals = Peripherals(machine, group.spindle, group.io)
         self.jogging = Jogging(machine, self.modes, self.follow)
-        self.modes.absolute = sum(1 << i for i, axis in enumerate(machine.axes) if axis.homing.absolute)
-        self.modes.homed = self.modes.absolute
         self._homing_asked = 0  # axes (bit mask) whose clamps must open before they home
         self._homing_number = 0  # of that request
         self.answers = Answers()
@@ -323,7 +323,7 @@ class Cycle:
         if newer and self.modes.takes_pieces and self.follow.accept(message):
             self.accepted = self.accepted_now = message.sequence
             if self.modes.away:
-                self.modes.away = not self.follow.begins_here(message)
+                self.modes.stand_aside(not self.follow.begins_here(message))
         else:
             self.rejected = message.sequence
             self.accepted_now = -message.sequence
@@ -355,15 +355,14 @@ class Cycle:
         if self.jogging.active:
             self.jogging.watch(ticks, self._planner_gone())
         self.modes.progress(ticks, standing)
-        if self.modes.dropped:
-            self.modes.dropped = self.modes.away = False
+        if self.modes.drops():
             self.follow.clear()
 
     def _move(self) -> None:
         """The joints of the next SYNC: along the plan, or where the drives are."""
         self._waits = False
         if not self.modes.on_path:
-            self.jogging.active = False
+            self.jogging.give_up()
             self.follow.set_joints(self._where_the_drives_are())
             self._encoder.encode(self.follow.joints)
             return
@@ -371,8 +370,7 @@ class Cycle:
             self._jog()
             return
         modes, follow = self.modes, self.follow
-        follow.optional_stop = modes.optional_stop
-        follow.single_block = modes.single_block or modes.ending
+        follow.heed(modes.optional_stop, modes.single_block or modes.ending)
         self._waits = modes.running and self._must_wait()
         running = modes.running and not self._waits
         step = follow.step(follow.goes(running, modes.override, modes.rapid_override))
@@ -382,9 +380,9 @@ class Cycle:
         if fault is not Fault.NONE:
             self._refuse(fault, axis, step)
         elif step is Step.STOP and modes.running:
-            modes.mode = Mode.HOLD
+            modes.path_stops()
         elif step is Step.END and modes.running:
-            modes.mode = Mode.READY
+            modes.path_ends()
         elif step is Step.SET and follow.told is not None:
             self.peripherals.tell(follow.told)
 

@@ -122,6 +122,10 @@ class Follow:
         self.rate = self.feed = 0.0
         self.limited_by = 0
 
+    def heed(self, optional_stop: bool, single_block: bool) -> None:
+        """Which marks of the pieces count from now on."""
+        self.optional_stop, self.single_block = optional_stop, single_block
+
     # -- taking pieces
 
     def accept(self, message: PieceMessage) -> bool:

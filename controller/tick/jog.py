@@ -116,7 +116,11 @@ class Jogging:
         self._age += ticks
         endless = math.isinf(self._order.length) or self._next is not None
         if self._age > self._most_age if endless else silent:
-            self._modes.jog_ends = True
+            self._modes.end_jog()
+
+    def give_up(self) -> None:
+        """The joints are where the drives are from now on."""
+        self.active = False
 
     def step(self, is_open: bool) -> Step:
         """The joints of the next SYNC; ``is_open``: no clamp holds an axis."""
@@ -131,7 +135,7 @@ class Jogging:
             elif self._next is not None:
                 self._begin(self._next)
             elif goes and math.isfinite(self._order.length):
-                modes.jog_ends = True  # arrived
+                modes.end_jog()  # arrived
         return Step.MOVED
 
     def stand(self, back: bool) -> bool:
@@ -155,11 +159,10 @@ class Jogging:
         if self._back is Mode.READY:
             follow.clear()
         else:
-            modes.away = not follow.same_place(follow.joints, self._held)
+            modes.stand_aside(not follow.same_place(follow.joints, self._held))
             if not modes.away:
                 follow.move_to(self._held)  # less than a count
-        if modes.mode is Mode.JOG:
-            modes.mode = self._back
+        modes.leave_jog(self._back)
 
 
 def _moving(order: Jog) -> int:

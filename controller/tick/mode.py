@@ -36,10 +36,16 @@ class Modes:
     """Mode, fault and overrides. ``standing`` is told by the caller: whether the commanded joints stand."""
 
     def __init__(
-        self, group: Drives, period_s: float, path_stop_s: float = math.inf, quick_stop_s: float = 0.0
+        self,
+        group: Drives,
+        period_s: float,
+        path_stop_s: float = math.inf,
+        quick_stop_s: float = 0.0,
+        absolute: int = 0,
     ) -> None:
         """``path_stop_s``: a coordinated stop that takes longer is broken off by a quick stop;
         ``quick_stop_s``: after so long every drive's own ramp is over. See ``times``.
+        ``absolute``: axes whose encoders know where they are, whatever has been (bit mask).
         """
         self._group = group
         self._period_s = period_s
@@ -62,16 +68,15 @@ class Modes:
         self.rapid_override = 1.0
         self.single_block = False
         self.optional_stop = False
-        self.homed = 0
-        self.absolute = 0  # axes whose encoders know where they are, whatever has been
+        self.homed = self.absolute = absolute
         self.untrusted = 0  # axes that a fault has cost their position; no start before they are homed
         self.warning = Fault.NONE  # the last fault that stopped nothing
-        self.interlock = Fault.NONE  # what forbids motion at present (door, e-stop); its owner sets it
+        self.interlock = Fault.NONE  # what forbids motion at present (door, e-stop), see ``forbid``
         self.ending = False  # hold at the end of this block
-        self.jog_ends = False  # the jog comes to rest; its owner then leaves the mode
-        self.away = False  # jogged off the place of the hold; its owner tells
+        self.jog_ends = False  # the jog comes to rest, and ``leave_jog`` is next
+        self.away = False  # jogged off the place of the hold, see ``stand_aside``
         self.plan_lost = False  # nobody knows the program beyond what is queued
-        self.dropped = False  # the queue is void: its owner clears it and this flag
+        self.dropped = False  # the queue is void, and nobody has cleared it yet, see ``drops``
 
     def quick_stop_takes(self, seconds: float) -> None:
         """As the drives were read, from now on."""
@@ -90,6 +95,40 @@ class Modes:
     def on_path(self) -> bool:
         """Whether the commanded joints are the plan's; otherwise they follow the actual position."""
         return self.mode not in (Mode.OFF, Mode.HOMING) and not self._quick_stopped
+
+    # -- what the other rooms of the tick tell
+
+    def forbid(self, found: Fault) -> None:
+        """Motion, as long as this holds; NONE: nothing forbids it."""
+        self.interlock = found
+
+    def stand_aside(self, away: bool) -> None:
+        """Whether the axes are off the place of the hold."""
+        self.away = away
+
+    def end_jog(self) -> None:
+        """It comes to rest."""
+        self.jog_ends = True
+
+    def leave_jog(self, back: Mode) -> None:
+        """It is at rest; a fault meanwhile stays."""
+        if self.mode is Mode.JOG:
+            self.mode = back
+
+    def path_stops(self) -> None:
+        """At a stop of the program."""
+        self.mode = Mode.HOLD
+
+    def path_ends(self) -> None:
+        """With the program."""
+        self.mode = Mode.READY
+
+    def drops(self) -> bool:
+        """Once, when the queue has become void: whoever asks clears it."""
+        if not self.dropped:
+            return False
+        self.dropped = self.away = False
+        return True
 
     # -- requests
 

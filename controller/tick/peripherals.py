@@ -224,7 +224,7 @@ class Peripherals:
         if self._node is None:
             return False
         if not self._node.fresh(now_s, self._consumer_s):
-            modes.interlock = Fault.IO_LOST if self._interlocks else Fault.NONE
+            modes.forbid(Fault.IO_LOST if self._interlocks else Fault.NONE)
             return False
         self.inputs = inputs = self._node.inputs ^ self._flip_inputs
         self.feed_stopped = self._feed_stop & inputs != self._feed_stop
@@ -233,7 +233,7 @@ class Peripherals:
             if not inputs & mask:
                 found = fault
                 break
-        modes.interlock = found
+        modes.forbid(found)
         if found is not Fault.NONE:
             self._forbid(found, modes)
         return found is Fault.DOOR_OPEN

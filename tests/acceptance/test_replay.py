@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from support.live.recordings import MILLED
 from support.live.replayed_runs import again, assert_same_setpoints
 from support.machines.recording_bench import RecordedBench, sent
 from support.machines.spindle_machine import DOOR, mill
@@ -192,18 +193,6 @@ def test_late_ticks_at_whatever_moment(tmp_path: Path, seed: int) -> None:
     bench.request(Request.RESUME)
     bench.until(Mode.READY)
     assert_comes_again(bench.ended())
-
-
-MILLED = """G21 G90 G55 T2 M6
-S3000 M3 M8
-G0 X20.
-G1 X-20. F2000
-S4500
-G1 X20.
-M5 M9
-G1 A6.
-M30
-"""
 
 
 def test_waits_for_the_spindle_and_an_open_door_with_a_resume_that_was_refused(tmp_path: Path) -> None:

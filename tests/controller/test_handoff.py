@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+import os
+import signal
 
 import pytest
 from support.machines.tick_bench import rapid_law, straight
@@ -193,6 +196,30 @@ def test_a_reader_interrupted_by_two_writes_reads_again() -> None:
         board.write(written(tick))
         found = board.read()
         assert found is not None and found.tick == tick
+
+
+def test_a_reader_never_meets_a_counter_that_is_only_half_written() -> None:
+    """Another process writes as fast as it can: there is always a snapshot, and every row comes once."""
+    board, recorder = SnapshotBoard(), Recorder()
+    values, row = flat(blank()), [0.0] * len(ROW)
+    board.write(values)
+    writer = os.fork()
+    if not writer:
+        for tick in itertools.count():
+            board.write(values)
+            row[0] = float(tick)
+            recorder.write(*row)
+    try:
+        last = -1
+        for _ in range(10_000):
+            assert all(board.read() for _ in range(20))
+            ticks = recorder.drain()[:, 0]
+            if len(ticks):
+                assert ticks[0] > last
+                last = int(ticks[-1])
+    finally:
+        os.kill(writer, signal.SIGKILL)
+        os.waitpid(writer, 0)
 
 
 def test_the_recorder_gives_each_row_once_and_counts_what_was_too_late() -> None:

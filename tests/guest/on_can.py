@@ -11,12 +11,11 @@ from pathlib import Path
 
 import pytest
 from guest import absence
-from support.live.live_machines import Listener, now_of, session, until
+from support.live.live_machines import Listener, Live, now_of, session, until
 from support.machines.stepped_runs import shipped
 
 from controller.handoff import Snapshot
 from controller.machine import Bus, Machine
-from controller.session.live import Live
 from controller.session.startup import SessionError
 from controller.state import Fault
 from drives import pdo

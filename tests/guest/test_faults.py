@@ -8,11 +8,10 @@ from collections.abc import Callable
 
 import pytest
 from guest import on_can
-from support.live.live_machines import Listener, at, run, until
+from support.live.live_machines import Listener, Live, at, run, until
 
 from controller.handoff import Snapshot
 from controller.machine import Machine
-from controller.session.live import Live
 from controller.session.startup import SessionError
 from controller.state import FAULTS, Fault, Mode
 from drives import pdo

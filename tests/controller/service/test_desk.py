@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from support.fakes.fake_engine import FakeEngine, engine_of, heard, served
+from support.fakes.fake_engine import HANGS_S, FakeEngine, done, heard
 
 from controller import fitting, journal
 from controller.door import DoorError
@@ -28,29 +28,7 @@ from controller.service.service import JOURNAL, Service
 from controller.state import Fault, Mode, Request, sentence
 
 TEXT = "G21 G90 G54\nG1 X10. F3000\nG1 X20.\nM30\n"
-HANGS_S = 60.0  # no test is meant to come near
 TOOL = {"number": 2, "name": "", "radius_mm": 1.4, "length_mm": 8.0, "flute_mm": 15.0}
-
-
-@pytest.fixture
-def service(tmp_path: Path) -> Service:
-    return served(tmp_path)
-
-
-@pytest.fixture
-def engine(service: Service) -> FakeEngine:
-    return engine_of(service)
-
-
-@pytest.fixture
-def desk(service: Service) -> Desk:
-    return Desk(service)
-
-
-def done(desk: Desk, verb: str, **args: Any) -> dict[str, Any]:
-    """Its result. Raises DoorError."""
-    answer = desk(verb, args)
-    return answer.result(HANGS_S) if isinstance(answer, Future) else answer
 
 
 def loaded(desk: Desk, service: Service, **more: Any) -> None:

@@ -8,20 +8,17 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from concurrent.futures import Future
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pytest
-from support.fakes.fake_engine import FakeEngine, engine_of, served
+from support.fakes.fake_engine import FakeEngine, done
 
 from controller.door import DoorError
 from controller.service import room
 from controller.service.desk import Desk
 from controller.service.service import Service
 from controller.state import Mode
-
-HANGS_S = 60.0  # no test is meant to come near
 
 
 class Usage(NamedTuple):
@@ -30,56 +27,41 @@ class Usage(NamedTuple):
     free: int
 
 
-@pytest.fixture
-def service(tmp_path: Path) -> Service:
-    return served(tmp_path)
-
-
-@pytest.fixture
-def engine(service: Service) -> FakeEngine:
-    return engine_of(service)
-
-
-def done(service: Service, verb: str, **args: Any) -> dict[str, Any]:
-    answer = Desk(service)(verb, args)
-    return answer.result(HANGS_S) if isinstance(answer, Future) else answer
-
-
-def loaded(service: Service) -> None:
+def loaded(desk: Desk, service: Service) -> None:
     path = service.state / "part.ngc"
     path.write_text("G21 G90 G54\nG1 X10. F3000\nM30\n")
-    done(service, "load", path=str(path), name="part.ngc")
+    done(desk, "load", path=str(path), name="part.ngc")
 
 
 def test_with_too_little_room_nothing_starts_and_both_languages_say_why(
-    service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+    desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    loaded(service)
+    loaded(desk, service)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: Usage(10 << 30, 10 << 30, 3 << 20))
     with pytest.raises(DoorError, match=r"part\.ngc is not started, .* has 3 MB free, and 65 MB") as error:
-        done(service, "start")
+        done(desk, "start")
     assert error.value.code == "unrecorded" and "hat 3 MB frei" in error.value.sentence_de
     assert engine.now.mode is Mode.READY and "arm" not in engine.orders
     assert not list((service.state / "runs").glob("*")), "nothing of it is left behind"
-    done(service, "start", unrecorded=True)
+    done(desk, "start", unrecorded=True)
     assert engine.now.mode is Mode.RUNNING
 
 
 def test_a_confirmation_is_true_and_nothing_like_it(
-    service: Service, monkeypatch: pytest.MonkeyPatch
+    desk: Desk, service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    loaded(service)
+    loaded(desk, service)
     monkeypatch.setattr(room, "lacking", lambda *_: {"why": "the disk is full"})
     for said in ("yes", 1, None, False):
         with pytest.raises(DoorError, match="cannot be gone on with: the disk is full"):
-            done(service, "start", unrecorded=said)
+            done(desk, "start", unrecorded=said)
 
 
 def test_a_line_by_hand_runs_all_the_same_for_the_machine_must_be_moved(
-    service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+    desk: Desk, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(room, "lacking", lambda *_: {"why": "the disk is full"})
-    done(service, "mdi", text="G0 X1")
+    done(desk, "mdi", text="G0 X1")
     assert engine.now.mode is Mode.RUNNING
 
 

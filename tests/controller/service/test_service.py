@@ -11,6 +11,7 @@ from support.machines.stepped_runs import shipped
 from controller.door import DoorError
 from controller.handoff import Snapshot, blank
 from controller.service import jobs
+from controller.service.folders import Folders
 from controller.service.service import Service
 from controller.state import Fault, Mode
 
@@ -50,7 +51,7 @@ def _snapshot(**values: object) -> Snapshot:
 
 def test_a_fault_that_took_long_to_tell_does_not_end_what_was_started_meanwhile(tmp_path: Path) -> None:
     engine = _Fault()
-    service = Service(shipped(), tmp_path)
+    service = Service(shipped(), Folders.within(tmp_path))
     service.engine = engine  # type: ignore[assignment]
     job, tell = jobs.mdi("G0 X1", shipped()), service.troubles.look
 
@@ -66,7 +67,7 @@ def test_a_fault_that_took_long_to_tell_does_not_end_what_was_started_meanwhile(
 
 def test_what_a_tick_told_that_another_has_followed_is_nobodys_any_more(tmp_path: Path) -> None:
     """The look waits for the lock, and meanwhile the tick that it looks at is replaced."""
-    engine, service = _Fault(), Service(shipped(), tmp_path)
+    engine, service = _Fault(), Service(shipped(), Folders.within(tmp_path))
 
     class Late:
         def acquire(self, timeout: float) -> bool:
@@ -85,7 +86,7 @@ def test_what_a_tick_told_that_another_has_followed_is_nobodys_any_more(tmp_path
 
 
 def test_a_reset_before_anybody_saw_the_tick_die_loses_no_alarm(tmp_path: Path) -> None:
-    service = Service(shipped(), tmp_path)
+    service = Service(shipped(), Folders.within(tmp_path))
     service.engine = _KilledTick()  # type: ignore[assignment]
     with pytest.raises(DoorError, match="can0"):  # no bus is there
         service.start_engine()

@@ -12,6 +12,7 @@ import pytest
 from controller.config import load
 from controller.service import engine, serving
 from controller.service.engine import Engine
+from controller.service.folders import Folders
 
 
 class Watched:
@@ -44,24 +45,22 @@ def test_the_watchdog_is_fed_by_a_tick_that_goes_on_or_is_known_to_be_gone(
     ticks: list[int], alive: bool, fed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(serving, "FEED_S", 0.0)
-    monkeypatch.setattr(serving, "LOOK_S", 0.0)
     watched, told = Watched(ticks, alive), []
-    serving._watch(watched, watched, told.append)  # type: ignore[arg-type]
+    serving.watch(watched, lambda: watched.yes, told.append, 0.0)  # type: ignore[arg-type]
     assert told.count("WATCHDOG=1") == fed
 
 
 def test_the_watchdog_is_fed_while_another_tick_starts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(serving, "FEED_S", 0.0)
-    monkeypatch.setattr(serving, "LOOK_S", 0.0)
     watched, told = Watched([-1] * 4, alive=False, starting=True), []
-    serving._watch(watched, watched, told.append)  # type: ignore[arg-type]
+    serving.watch(watched, lambda: watched.yes, told.append, 0.0)  # type: ignore[arg-type]
     assert told.count("WATCHDOG=1") == 4
 
 
 def test_a_tick_that_never_comes_is_not_waited_for_without_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made = Engine(load("trunnion"), tmp_path, tmp_path, lambda _: None)
+    made = Engine(load("trunnion"), tmp_path, Folders.within(tmp_path), lambda _: None)
     assert not made.starting, "nobody has asked for one"
     made._begun_s = time.monotonic()
     assert made.starting

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import pytest
-from support.machines.stepped_runs import program, shipped
+from pathlib import Path
 
-from controller.session import live
+import pytest
+from support.machines.stepped_runs import shipped
+
+from controller.service.folders import Folders
+from controller.service.service import Service
 from controller.session.bus_load import budgets, overload
 from controller.session.startup import SessionError
 
 
-def test_a_live_machine_with_a_tick_too_short_for_its_bus_is_not_started() -> None:
-    machine = shipped(period_s=0.001)
-    text = program("example1_ready.ngc").encode()
-    with (
-        pytest.raises(SessionError, match="2 buses with at most 3 drives"),
-        live.started(machine, text, "a.ngc"),
-    ):
-        raise AssertionError("it has been started")
+def test_a_machine_with_a_tick_too_short_for_its_bus_is_not_started(tmp_path: Path) -> None:
+    with pytest.raises(SessionError, match="2 buses with at most 3 drives"):
+        Service(shipped(period_s=0.001), Folders.within(tmp_path))
 
 
 def test_the_allowed_share_is_the_machine_files() -> None:

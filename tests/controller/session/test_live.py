@@ -17,9 +17,7 @@ import pytest
 from support.live.live_machines import (
     Listener,
     assert_within_limits,
-    at,
     gone,
-    home,
     now_of,
     off_path,
     processes,
@@ -32,12 +30,8 @@ from support.machines.stepped_runs import program, shipped
 
 from controller import config
 from controller.handoff import COLUMN, STOOD, Snapshot
-from controller.kinematics import Kinematics
-from controller.machine import Machine
-from controller.plan.report import survey
-from controller.plan.route.path import Path as TracedPath
 from controller.session.startup import SessionError
-from controller.state import FAULTS, Fault, Mode, Request
+from controller.state import Fault, Mode
 from drives import cia402, pdo
 from drives.cia402 import State
 
@@ -95,7 +89,7 @@ def test_leaving_a_session_in_the_middle_of_a_cut_stops_on_the_path_and_switches
     with session(text, machine) as running:
         start = running.ready()
         running.recorder.drain()
-        running.request(Request.START)
+        running.start()
         until(lambda: now_of(running).cutting and now_of(running).rate == 1.0)
     rows, end = running.recorder.drain(), now_of(running)
     assert end.at_rest
@@ -115,71 +109,7 @@ def test_a_program_without_motion_is_over_at_once_and_told_as_completed() -> Non
     assert (last.mode, last.fault) == (Mode.READY, Fault.NONE)
 
 
-# ---- the plan is gone ----------------------------------------------------------------
-
 EXAMPLE_2 = program("example2_ready", "3000.")
-
-
-@pytest.fixture(scope="module")
-def example_2() -> tuple[Machine, TracedPath, float]:
-    """The machine, the path from where it homes, and the seconds that all of it takes."""
-    machine = shipped()
-    whole = traced(EXAMPLE_2, machine, home(machine))
-    return machine, whole, survey.survey(whole.items, machine, Kinematics(machine)).duration_s
-
-
-@pytest.mark.slow
-@pytest.mark.live
-@pytest.mark.parametrize("number", range(20))
-def test_without_its_planner_the_machine_holds_on_the_path(
-    number: int, example_2: tuple[Machine, TracedPath, float]
-) -> None:
-    machine, exact, duration_s = example_2
-    chance = random.Random(SEED + number)
-    how = (signal.SIGKILL, signal.SIGSTOP)[number % 2]
-    # It has sent what it planned ahead, which must not have been the end.
-    instant_s = chance.uniform(0.05, duration_s - 4.0)
-    print(f"seed {SEED} (DIRECTRIX_TEST_SEED), {how.name} at {instant_s:.4f} s of {duration_s:.3f} s")
-    struck: list[Snapshot] = []
-
-    def strike() -> None:
-        os.kill(running.plan.pid, how)
-        struck.append(now_of(running))
-
-    with session(EXAMPLE_2, machine) as running:
-        start = running.ready()
-        rows, last = run(running, at(running, instant_s, strike))
-        if how is signal.SIGSTOP:  # it comes back with all that it had to say
-            os.kill(running.plan.pid, signal.SIGCONT)
-        until(lambda: now_of(running).tick > last.tick + 150)
-        later = now_of(running)
-    assert start.joints == home(machine)
-    assert struck[0].mode is Mode.RUNNING
-    assert (last.mode, last.fault) == (Mode.FAULT, Fault.PLANNER_GONE)
-    assert "planner gone" in FAULTS[last.fault].text
-    assert last.at_rest
-    assert set(last.drive_states) == {State.OPERATION_ENABLED}
-    assert (later.joints, later.fault, later.at_rest) == (last.joints, Fault.PLANNER_GONE, True)
-    assert set(later.drive_states) == {State.OPERATION_ENABLED}
-    faults = np.flatnonzero(rows[:, COLUMN["fault"]] == Fault.PLANNER_GONE)
-    silent = rows[faults[0], COLUMN["tick"]] - struck[0].tick
-    queued = (struck[0].queue_end_s - struck[0].plan_time_s) / machine.period_s
-    off_mm = off_path(rows, exact, machine).max()
-    slowing = int((rows[faults, COLUMN["rate"]] > 0.0).sum())
-    print(f"silent for {silent:.0f} ticks, at rest {slowing} ticks later, {off_mm:.1e} mm off the path")
-    assert silent >= queued - 3, "it went on to the queue's end"
-    assert off_mm <= ON_PATH_MM
-    assert_within_limits(rows, machine)
-    assert rows[-1, COLUMN["rate"]] == 0.0
-
-
-@pytest.mark.slow
-@pytest.mark.live
-def test_a_planner_that_dies_of_an_error_of_its_own_says_so_in_one_sentence() -> None:
-    bad = replace(shipped(), retract_mm="high")  # type: ignore[arg-type]
-    sentence = r"^The \w+ process met an error of its own; report this: \w+ in \w+\.py, line \d+: "
-    with pytest.raises(SessionError, match=sentence), session(EXAMPLE_2, bad) as running:
-        running.ready()
 
 
 # ---- the tick is gone ------------------------------------------------------------------
@@ -266,22 +196,22 @@ def test_without_the_bus_the_tick_names_the_fault_and_comes_to_rest() -> None:
 # ---- refused -------------------------------------------------------------------------------
 
 
-def test_a_refused_program_ends_the_session_with_its_sentence_before_anything_moves() -> None:
+@pytest.mark.slow
+@pytest.mark.live
+def test_a_refused_program_is_told_in_its_sentence_before_anything_moves() -> None:
     before = processes(os.getpid())
-    with (
-        pytest.raises(SessionError, match=r"^part\.ngc:1:\d+: G87 \(back boring\) is not done here"),
-        session("G87 X5 Y0\nM30\n") as running,
-    ):
-        running.ready()
-    assert running.board.read() is None or now_of(running).homed == 0
+    with session("G87 X5 Y0\nM30\n") as running:
+        with pytest.raises(SessionError, match=r"^part\.ngc:1:\d+: G87 \(back boring\) is not done here"):
+            running.ready()
+        assert now_of(running).homed == 0
     assert processes(os.getpid()) == before
 
 
-def test_a_bus_that_cannot_be_opened_ends_the_session_with_one_sentence() -> None:
+def test_a_bus_that_cannot_be_opened_ends_the_service_with_one_sentence() -> None:
     machine = shipped()
     absent = replace(machine, buses=(replace(machine.buses[0], interface="socketcan", channel="none7"),))
     before = processes(os.getpid())
-    with pytest.raises(SessionError, match=r"^bus can0: ") as refused, session(DRY, absent) as running:
-        running.ready()
+    with pytest.raises(SessionError, match=r"^bus can0: ") as refused, session(DRY, absent):
+        raise AssertionError("it came up")
     assert "\n" not in str(refused.value)
     assert processes(os.getpid()) == before

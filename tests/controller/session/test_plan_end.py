@@ -21,7 +21,7 @@ def alone(folder: Path) -> Iterator[PlanEnd]:
     board, (plan, tick), (operator, requests) = SnapshotBoard(path), piece_pair(), request_pair()
     board.write(flat(blank()))  # the tick has answered none
     with plan, tick, operator, requests:
-        yield PlanEnd(shipped(), os.dup(plan.fileno()), os.dup(operator.fileno()), path)
+        yield PlanEnd(shipped(), os.dup(plan.fileno()), os.dup(operator.fileno()), path, folder)
 
 
 def test_another_planner_never_uses_the_number_of_a_message_that_is_on_its_way(tmp_path: Path) -> None:

@@ -11,8 +11,6 @@ from drives import pdo
 from drives.simulated import Parameters
 
 TPDO2, RPDO2 = 0x285, 0x305
-SCALE = [0x60FE_0120]  # digital outputs: changes only when told
-MODE_SHOWN = [0x6061_0008]
 PERIOD_S = 0.002
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +21,15 @@ from support.machines.stepped_runs import shipped
 from controller.handoff import COLUMN, ROW, Jog, Snapshot, blank
 from controller.machine import Machine, five
 from controller.requests import Outcome, answer
+from controller.service.desk import Desk
+from controller.service.folders import Folders
 from controller.service.jobs import homed_position
 from controller.service.orders import News
 from controller.service.service import Service
 from controller.session.starts import Start
 from controller.state import ALL_AXES, ALWAYS, TRANSITIONS, Fault, Mode, Request
 
+HANGS_S = 60.0  # no test is meant to come near
 Plan = Callable[..., dict[str, Any]]
 CHECKED = {
     **{"duration_s": 1.0, "blocks": 2, "notes": [], "restart": [], "restart_de": [], "verdict": None},
@@ -145,7 +149,7 @@ class FakeRecorder:
 
 def served(folder: Path) -> Service:
     """A service whose machine is homed and enabled; nothing is loaded."""
-    service = Service(shipped(), folder / "state")
+    service = Service(shipped(), Folders.within(folder / "state"))
     engine = FakeEngine(service.machine)
     engine.recorder = FakeRecorder(engine)
     service.engine = engine  # type: ignore[assignment]
@@ -161,3 +165,9 @@ def engine_of(service: Service) -> FakeEngine:
 def heard(service: Service, **news: Any) -> None:
     """The plan tells something."""
     service._hear(News(**news))
+
+
+def done(desk: Desk, verb: str, **args: Any) -> dict[str, Any]:
+    """What comes of a verb. Raises DoorError."""
+    answer = desk(verb, args)
+    return answer.result(HANGS_S) if isinstance(answer, Future) else answer

@@ -1,8 +1,8 @@
 """A live machine whose processes are killed, stopped and started anew, on a bus that stays.
 
-The hub with the drives outlives the controller: that is how a machine looks to a controller that is
-started again. The plan's end of the piece socket is kept here too, so that another plan can follow
-one that was killed; its tick then knows of it by the silence alone.
+The processes are those of the service, without it: a tick knows of a plan that was killed by the silence
+alone, and nobody draws conclusions. The hub with the drives outlives the controller: that is how a machine
+looks to a controller that is started again.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import math
 import os
 import shutil
 import signal
+import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -24,25 +25,19 @@ from support.live.live_machines import until
 from support.machines.stepped_runs import shipped, three_times_example_2
 
 from controller import config
-from controller.handoff import (
-    Jog,
-    Recorder,
-    Snapshot,
-    SnapshotBoard,
-    piece_pair,
-    request_pair,
-    send_jog,
-    send_request,
-)
-from controller.machine import Homing, Machine
-from controller.session import children, live
-from controller.session.children import Child, Job
+from controller.door import DoorError
+from controller.handoff import Jog, Snapshot
+from controller.machine import Homing, Machine, five
+from controller.service.engine import Engine
+from controller.service.folders import Folders
+from controller.service.orders import Line, Program
+from controller.session.children import Child
 from controller.session.listener import Listener
 from controller.session.recording import Keeper
 from controller.state import Mode, Request
 from drives import pdo
 
-CUTS = three_times_example_2("1500.")
+CUTS, TOOL = three_times_example_2("1500."), 2
 JOG_MM, JOG_MM_S = 120.0, 150.0
 AXIS = 1  # Y is jogged
 STANDS = 0.01  # mm or degrees: less is a servo's last creeping
@@ -67,16 +62,16 @@ class ProcessScene:
     """``folder`` is for recordings and for what the processes share."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder
         self.recordings = folder / "recordings"
         self.recordings.mkdir()
-        self._ending = contextlib.ExitStack()
-        self.hubs: dict[str, Child] = {}
-        self.machine = live.with_hubs(_homed_by_switches(shipped()), folder, self._ending, self.hubs, {})
+        self._folder, self._ending = folder, contextlib.ExitStack()
+        made = _homed_by_switches(shipped())
+        self.engine = Engine(made, folder, Folders.within(folder), lambda _: None)
+        self.engine.start_hubs()
+        self.machine, self.hubs = self.engine.machine, self.engine.hubs
         self.nodes = [axis.node for axis in self.machine.axes]
-        self.tick: Child | None = None
-        self.plan: Child | None = None
-        self._starts = 0
+        self._before: Snapshot | None = None
+        self._problem = ""  # why the machine did not come up
         self._listen()
 
     # -- processes
@@ -86,53 +81,48 @@ class ProcessScene:
         (self.log,) = self.listener.logs.values()
         self.client = Client(self.machine)
 
+    @property
+    def tick(self) -> Child | None:
+        return self.engine._run.tick if self.engine._run is not None else None
+
+    @property
+    def plan(self) -> Child | None:
+        return self.engine._run.plan if self.engine._run is not None else None
+
     def start_controller(self) -> None:
         """A tick and a plan that know nothing yet."""
-        self.end_controller()
-        self._starts += 1
-        share = self.folder / f"share{self._starts}"
-        share.mkdir()
-        self.plan_end, piece_end = piece_pair()
-        self.operator, request_end = request_pair()
-        self._paths = (str(share / "snapshot"), str(share / "recorder"))
-        self.board, self.recorder = SnapshotBoard(self._paths[0]), Recorder(self._paths[1])
+        self.engine.start()
+        run = self.engine._run
+        assert run is not None
+        self.board, self.recorder, self._before = run.board, run.recorder, None
         self.keeper = Keeper(self.machine, self.recorder, self.listener.logs, self.recordings)
-        job = Job(self.machine, piece_end.fileno(), request_end.fileno(), *self._paths)
-        with piece_end, request_end:
-            self.tick = children.start("tick", job, share)
-        self.start_plan()
+        self._bring_up()
 
     def start_plan(self) -> None:
         """Commissions, homes what has no zero, enables, and loads the program."""
-        self._end(self.plan)
-        self._starts += 1
-        folder = self.folder / f"plan{self._starts}"
-        folder.mkdir()
-        job = Job(
-            self.machine,
-            self.plan_end.fileno(),
-            self.operator.fileno(),
-            *self._paths,
-            CUTS.encode(),
-            "part.ngc",
-            None,
-            True,
-        )
         self._before = self.board.read()
-        self.plan = children.start("plan", job, folder)
+        self.engine.mend()
+        self._bring_up()
+
+    def _bring_up(self) -> None:
+        self._problem = ""
+        threading.Thread(target=self._come_up, args=(self.engine.line,), daemon=True).start()
+
+    def _come_up(self, line: Line) -> None:
+        """To its end, or to that of the plan that was asked."""
+        try:
+            line.order("commission")
+            homed = until(self.board.read).homed  # drives that know it all are quicker than a new tick
+            line.order("home", tuple(i for i in range(len(self.nodes)) if not homed >> i & 1))
+            asked = self.engine.request(Request.ENABLE)
+            until(lambda: self.now.has_taken(asked) and self.now.mode in (Mode.READY, Mode.FAULT))
+            part = Program(CUTS.encode(), "part.ngc", self.machine, in_spindle=TOOL, unchecked=True)
+            line.order("arm", program=part)
+        except DoorError as error:
+            self._problem = error.sentence
 
     def end_controller(self) -> None:
-        for child in (self.plan, self.tick):
-            self._end(child)
-        if self.tick is not None:
-            self.plan_end.close()
-            self.operator.close()
-        self.tick = self.plan = None
-
-    @staticmethod
-    def _end(child: Child | None) -> None:
-        if child is not None and child.is_alive():
-            child.end()
+        self.engine.end_run()
 
     def restart_hub(self) -> None:
         """Another hub at the same place, with drives that have just been switched on."""
@@ -143,17 +133,17 @@ class ProcessScene:
         channel = Path(self.machine.buses[0].channel)
         channel.unlink(missing_ok=True)
         options = [str(channel), "--nodes", *map(str, self.nodes)]
-        self.hubs[name] = Child("hub", options, self.folder / "again.words")
+        self.hubs[name] = Child("hub", options, self._folder / "again.words")
         self._ending.callback(self.hubs[name].end)
         until(channel.exists)
         self.listener.close()
         self._listen()
 
     def close(self) -> None:
-        self.end_controller()
         self.listener.close()
         with contextlib.suppress(ProcessLookupError):
             self._ending.close()
+        self.engine.end()
         shutil.rmtree(self.recordings, ignore_errors=True)
 
     # -- what is seen, and asked for
@@ -165,7 +155,7 @@ class ProcessScene:
         return now
 
     def request(self, request: Request, value: float = 0.0) -> None:
-        send_request(self.operator, request, value)
+        self.engine.request(request, value)
 
     def ask(self, request: Request, done: Callable[[Snapshot], bool]) -> None:
         """Until it is done: a request may be too early by a tick."""
@@ -184,17 +174,11 @@ class ProcessScene:
 
         def done() -> bool:
             now = self.board.read()
-            if now is None:
-                return not self._plan_lives()
-            is_ready = now.mode is Mode.READY and now.accepted > taken
-            return is_ready or now.mode is Mode.FAULT or not self._plan_lives()
+            ready = now is not None and now.mode is Mode.READY and now.accepted > taken
+            return ready or bool(self._problem) or (now is not None and now.mode is Mode.FAULT)
 
         until(done)
-        words = self.plan.last_words() if self.plan else ""
-        assert self.now.mode is Mode.READY, f"{self.now.mode.name}, {self.now.fault.name}: {words}"
-
-    def _plan_lives(self) -> bool:
-        return self.plan is not None and self.plan.is_alive()
+        assert self.now.mode is Mode.READY, f"{self.now.mode.name}, {self.now.fault.name}: {self._problem}"
 
     def meet(self) -> None:
         """Joins the bus anew: a client that has not listened for long hears no answer, its queue is full."""
@@ -291,7 +275,7 @@ class ProcessScene:
 
     def _jog(self) -> None:
         back = -1.0 if self.now.joints[AXIS] > 0.0 else 1.0
-        send_jog(self.operator, Jog(tuple(back * (i == AXIS) for i in range(5)), JOG_MM_S, JOG_MM))  # type: ignore[arg-type]
+        self.engine.jog(Jog(five([back * (i == AXIS) for i in range(5)]), JOG_MM_S, JOG_MM))
         begun = self.now.joints[AXIS]
         until(lambda: abs(self.now.joints[AXIS] - begun) > 0.25 * JOG_MM or self.now.mode is Mode.FAULT)
 

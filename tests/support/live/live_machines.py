@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import re
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -12,8 +14,11 @@ import numpy as np
 from support.machines.stepped_runs import shipped
 from support.oracles import latched_setpoints
 
-from controller import config
-from controller.handoff import COLUMN, Snapshot
+from controller import config, fitting
+from controller.commands import demo
+from controller.commands.demo import Operator
+from controller.door import Client, DoorError
+from controller.handoff import COLUMN, Recorder, Snapshot
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
 from controller.motions import SurfaceCut
@@ -21,18 +26,83 @@ from controller.plan.route import path
 from controller.plan.route.path import Chain, Stretch
 from controller.plan.route.path import Path as TracedPath
 from controller.plan.text import blocks
-from controller.session import live
-from controller.session.live import Live
+from controller.service.folders import Folders
+from controller.service.service import Service
+from controller.session.startup import SessionError
 from controller.state import Mode
+from controller.verify.console import Refused
 from drives import bus, pdo
 
 HANGS_S = 120.0  # no test is meant to come near
+LOOK_S = 0.02
+
+
+class Live:
+    """A machine as the service runs it, asked at its door, with one part program."""
+
+    def __init__(self, service: Service, client: Client, part: Path) -> None:
+        self.service, self._part = service, part
+        self._operator = Operator(client)
+        run = service.engine._run
+        assert run is not None and run.recorder.block.path is not None
+        self.tick, self.plan, self.board = run.tick, run.plan, run.board
+        self.recorder = Recorder(run.recorder.block.path, create=False)  # the service drains its own
+        self.hubs, self.sync_stamps_s = service.engine.hubs, service.engine.sync_stamps_s
+
+    @property
+    def machine(self) -> Machine:
+        """With the paths of the hubs as channels."""
+        return self.service.engine.machine
+
+    def ready(self) -> Snapshot:
+        """Loaded, homed, enabled, at rest. Raises SessionError with the sentence of what is refused."""
+        with _sentences():
+            self._operator.done("load", path=str(self._part))
+            self._operator.done("home")
+        return now_of(self)
+
+    def start(self) -> None:
+        """Cycle start. Raises SessionError."""
+        with _sentences():
+            self._operator.done("start")
+
+    def run(self, look: Callable[[Snapshot], None] = lambda _: None) -> tuple[np.ndarray, Snapshot]:
+        """Cycle start to the end at rest: rows of every tick, and the last snapshot.
+
+        Raises SessionError with what is told of a tick that is gone.
+        """
+        self.recorder.drain()
+        self.start()
+        rows = []
+        while self.service.running is not None or not now_of(self).at_rest:
+            rows.append(self.recorder.drain())
+            look(now_of(self))
+            if not self.tick.is_alive() and self.service.running is None:
+                raise SessionError(self.service.alarms.list()[0]["sentence"])
+            time.sleep(LOOK_S)
+        rows.append(self.recorder.drain())
+        return np.concatenate(rows), now_of(self)
+
+
+@contextlib.contextmanager
+def _sentences() -> Iterator[None]:
+    try:
+        yield
+    except (DoorError, Refused) as error:
+        raise SessionError(str(error)) from error
 
 
 @contextlib.contextmanager
 def session(text: str, machine: Machine | None = None) -> Iterator[Live]:
-    with live.started(machine or shipped(), text.encode(), "part.ngc") as running:
-        yield running
+    """A machine that is powered up; the tool that its program asks for first is in the spindle."""
+    with tempfile.TemporaryDirectory(prefix="directrix-") as name:
+        folder = Path(name)
+        part = folder / "part.ngc"
+        part.write_text(text)
+        if asked := re.search(r"T(\d+) *M6", text):
+            fitting.put_in(folder, int(asked[1]))
+        with demo.served(machine or shipped(), Folders.within(folder), folder / "run") as (service, client):
+            yield Live(service, client, part)
 
 
 def until(done: Callable[[], Any]) -> Any:

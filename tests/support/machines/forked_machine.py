@@ -31,6 +31,7 @@ class Forkable(SteppedMachine):
         self.observer = self.observe()
         for shared in (self.board, self.recorder):  # memory that a child would share with its parent
             shared._memory = bytearray(shared._memory)  # type: ignore[assignment]
+            shared._counter = memoryview(shared._memory)[:8].cast("Q")
         self._ends = (
             (self._plan_end, self.cycle._pieces._socket),
             (self._operator, self.cycle._requests._socket),
