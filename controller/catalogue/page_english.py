@@ -158,6 +158,12 @@ TEXTS: dict[str, str] = {
     "what.link": "link",
     "run.reset_override": "back to 100 %",
     # 3-D
+    "scene.play": "Play",
+    "scene.pause": "Pause",
+    "scene.scrub": "Place on the planned path",
+    "scene.live": "machine, now",
+    "scene.planned": "planned, line",
+    "scene.to_live": "Machine",
     "scene.fit": "Fit",
     "scene.feed": "feed",
     "scene.surface": "surface",

@@ -162,6 +162,12 @@ TEXTS: dict[str, str] = {
     "what.link": "Übergang",
     "run.reset_override": "zurück auf 100 %",
     # 3-D
+    "scene.play": "Abspielen",
+    "scene.pause": "Pause",
+    "scene.scrub": "Stelle auf der geplanten Bahn",
+    "scene.live": "Maschine, jetzt",
+    "scene.planned": "geplant, Zeile",
+    "scene.to_live": "Maschine",
     "scene.fit": "Einpassen",
     "scene.feed": "Vorschub",
     "scene.surface": "Fläche",

@@ -63,6 +63,7 @@ class PathPicture(Told):
     """A program's path and surfaces in the table's frame, thinned to what can be drawn."""
 
     tips: list[list[float]] = Field(description="Points of the tool's tip (mm), in the order of the path.")
+    axes: list[list[float]] = Field(description="Axis of the tool at each point, a unit vector.")
     kinds: list[int] = Field(description="Of the way to each point: 0 rapid, 1 feed, 2 on a surface.")
     motions: list[int] = Field(description="Number of each point's motion, as the status tells it.")
     lines: list[int] = Field(description="Line of the program of each point.")

@@ -108,6 +108,7 @@ def _listed(found: picture.Shape) -> dict[str, Any]:
     listed = {name: value.tolist() for name, value in asdict(found).items() if name != "tolerance_mm"}
     for name in ("tips", "rulings"):
         listed[name] = getattr(found, name).round(3).tolist()
+    listed["axes"] = found.axes.round(5).tolist()
     return {**listed, "tolerance_mm": found.tolerance_mm}
 
 

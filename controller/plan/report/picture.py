@@ -55,6 +55,7 @@ class Shape:
     rulings: Array  # (R, 6) upper and lower end
     surfaces: Whole  # (S,) how many rulings each surface has
     tolerance_mm: float  # no point that was left out is further from the lines than this
+    axes: Array  # (N, 3) of the tool at each point
 
     def save(self, file: Path) -> None:
         """Write it whole or not at all; the oldest of the folder go. Raises OSError."""
@@ -87,7 +88,7 @@ class Picture:
     machine: Machine
     kinematics: Kinematics
     most: int = MOST_POINTS
-    _tips: Array = field(default_factory=lambda: np.empty((0, 3)))
+    _poses: Array = field(default_factory=lambda: np.empty((0, 6)))  # tip and axis
     _marks: Whole = field(default_factory=lambda: np.empty((0, 3), dtype=np.int64))  # kind, motion, line
     _slack: Array = field(default_factory=lambda: np.empty(0))  # of what was left out before each point
     _new: list[tuple[Array, float, int, int, int]] = field(default_factory=list)
@@ -122,13 +123,14 @@ class Picture:
         self._gather()
         found = self._fewer_rulings()
         return Shape(
-            self._tips,
+            self._poses[:, :3],
             self._marks[:, 0],
             self._marks[:, 1],
             self._marks[:, 2],
             np.concatenate(found) if found else np.empty((0, 6)),
             np.array([len(one) for one in found], dtype=np.int64),
             self._tolerance_mm if len(self._slack) and self._slack.max() > 0.0 else 0.0,
+            self._poses[:, 3:],
         )
 
     # ---- points
@@ -162,27 +164,28 @@ class Picture:
             return
         counts = [len(joints) for joints, *_ in self._new]
         joints, lengths = [one[0] for one in self._new], [one[1] for one in self._new]
-        tips = self._forward(np.concatenate(joints), np.repeat(lengths, counts))
+        poses = self._forward(np.concatenate(joints), np.repeat(lengths, counts))
         marks = np.repeat(np.array([one[2:] for one in self._new], dtype=np.int64), counts, axis=0)
         self._new.clear()
         self._waiting = 0
-        self._tips, self._marks = np.concatenate([self._tips, tips]), np.concatenate([self._marks, marks])
-        self._slack = np.concatenate([self._slack, np.zeros(len(tips))])
+        self._poses, self._marks = np.concatenate([self._poses, poses]), np.concatenate([self._marks, marks])
+        self._slack = np.concatenate([self._slack, np.zeros(len(poses))])
         self._thin()
-        while len(self._tips) > self.most:
+        while len(self._poses) > self.most:
             self._tolerance_mm *= 2.0
             self._thin()
 
     def _thin(self) -> None:
         """Kinds are kept apart: a rapid does not melt into a cut. Motions may."""
-        kept, self._slack = thin(self._tips, self._marks[:, 0], self._tolerance_mm, self._slack)
-        self._tips, self._marks = self._tips[kept], self._marks[kept]
+        kept, self._slack = thin(self._poses[:, :3], self._marks[:, 0], self._tolerance_mm, self._slack)
+        self._poses, self._marks = self._poses[kept], self._marks[kept]
 
     def _forward(self, joints: Array, length_mm: Array) -> Array:
-        """Tips in the table frame, (n, 3)."""
+        """Tips and axes of the tool in the table frame, (n, 6)."""
         x, y, z, first, second = joints.T
-        tip = self.kinematics.forward((x, y, z, first, second), length_mm, np).tip  # type: ignore[arg-type]
-        return np.stack([np.broadcast_to(np.asarray(c, dtype=float), (len(joints),)) for c in tip], axis=1)
+        pose = self.kinematics.forward((x, y, z, first, second), length_mm, np)  # type: ignore[arg-type]
+        rows = [np.asarray(c, dtype=float) for c in (*pose.tip, *pose.axis)]
+        return np.stack([np.broadcast_to(c, (len(joints),)) for c in rows], axis=1)
 
     # ---- surfaces
 

@@ -231,7 +231,8 @@ def test_the_picture_of_a_checked_program_is_told(tmp_path: Path) -> None:
         assert gone.status_code == 404 and "gone" in sentence(gone)
         one, two = np.array([0]), np.array([0, 1])
         tips = np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 3.00004]])
-        shape = Shape(tips, two, two, two, np.zeros((0, 6)), one[:0], 0.002)
+        axes = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8000001]])
+        shape = Shape(tips, two, two, two, np.zeros((0, 6)), one[:0], 0.002, axes)
         shape.save(scene.folder / "pictures" / "abc.npz")
         answer = await client.get("/api/v1/programs/part.ngc/picture")
         known = {"If-None-Match": answer.headers["etag"]}
@@ -239,6 +240,7 @@ def test_the_picture_of_a_checked_program_is_told(tmp_path: Path) -> None:
         assert (again.status_code, again.content) == (304, b"")
         found = answer.json()
         assert found["tips"] == [[0.0, 0.0, 0.0], [1.0, 2.0, 3.0]] and found["motions"] == [0, 1]
+        assert found["axes"] == [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8]]
 
     told(tmp_path, story)
 

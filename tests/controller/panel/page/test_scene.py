@@ -258,3 +258,49 @@ def test_what_nobody_looks_at_is_not_drawn(looker: Any) -> None:
     assert looker.evaluate("dxScene.stage.drawn") == before
     looker.evaluate("dx.show('scene')")
     looker.wait_for_function("(before) => dxScene.stage.drawn > before", arg=before)
+
+
+# ---- along the planned program, before anything moves
+
+SCRUB = """(share) => { const slider = document.getElementById("scene-scrub");
+  slider.value = share;
+  slider.dispatchEvent(new Event("input"));
+  const axis = new dxScene.tool.position.constructor(0, 0, 1).applyQuaternion(dxScene.tool.quaternion);
+  const shown = document.getElementById("scene-line").innerText;
+  return [dxScene.tool.position.toArray(), axis.toArray(), shown]; }"""
+
+
+def test_the_slider_puts_the_tool_at_its_pose_of_the_planned_path(looker: Any, stepped: Site) -> None:
+    """On a surface its axis lies along the ruling there; the line is that of the point."""
+    stepped.tell(mode="READY")
+    looker.wait_for_function("() => dx.status.mode === 'READY' && dxScene.path")
+    looker.wait_for_selector("#scene-scrub")
+    shape = looker.evaluate("dxScene.path.shape")
+    rulings = [(one[:3], one[3:]) for one in shape["rulings"]]
+    seen = set()
+    for k in range(1, 160):
+        tip, axis, shown = looker.evaluate(SCRUB, k / 160.0)
+        near = min(range(len(shape["tips"])), key=lambda i: math.dist(shape["tips"][i], tip))
+        if shape["kinds"][near] == pictures.SURFACE and math.dist(shape["tips"][near], tip) < 2.0:
+            upper, lower = min(rulings, key=lambda ends: math.dist(ends[1], tip))
+            length = math.dist(upper, lower)
+            cosine = sum((a - b) / length * c for a, b, c in zip(upper, lower, axis, strict=True))
+            assert cosine > math.cos(math.radians(4.0)), (k, shape["lines"][near])
+            seen.add(shape["lines"][near])
+        assert shown.startswith("planned, line "), shown
+    assert seen == {10, 19}
+
+
+def test_what_is_planned_is_played_and_gives_way_to_a_machine_that_moves(looker: Any, stepped: Site) -> None:
+    stepped.tell(mode="READY")
+    looker.wait_for_function("() => dx.status.mode === 'READY'")
+    looker.click("[data-scene='speed 20']")
+    looker.click("[data-scene=play]")
+    looker.wait_for_function("() => dxScene.shown_share > 0.05")
+    looker.click("[data-scene=pause]")
+    share = looker.evaluate("dxScene.shown_share")
+    looker.wait_for_timeout(200)
+    assert looker.evaluate("dxScene.shown_share") == share
+    stepped.tell()
+    looker.wait_for_function("() => dx.status.mode === 'RUNNING' && dxScene.shown_share === null")
+    looker.wait_for_selector("#scene-line:text-is('machine, now')")

@@ -124,3 +124,11 @@ def test_a_saved_picture_is_read_back_and_old_ones_go(
 def test_a_program_that_moves_nothing_has_an_empty_picture() -> None:
     shape = taken(b"G21\nG4 P0.1\nM30\n")
     assert len(shape.tips) == 0 and len(shape.rulings) == 0
+
+
+def test_the_tool_stands_along_the_ruling_at_every_point_of_a_surface() -> None:
+    shape = taken(config.shipped_program("example1_ready.ngc").read_bytes())
+    assert np.linalg.norm(shape.axes, axis=1) == pytest.approx(1.0)
+    on = shape.kinds == SURFACE
+    # The paper's Example 1: a cone whose half angle has the tangent (15 - 10) / 10.
+    assert on.sum() > 20 and shape.axes[on][2:-2, 2] == pytest.approx(np.cos(np.arctan(0.5)), abs=1e-6)

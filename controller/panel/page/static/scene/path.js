@@ -3,6 +3,7 @@ import * as THREE from "../vendor/three.module.min.js";
 import { css } from "./stage.js";
 
 const RAPID = 0;
+const REACH_MM = 50;
 
 // The first index whose number is not below the wanted one.
 function lower(numbers, wanted) {
@@ -89,6 +90,31 @@ export class Path {
       if (away < least) [best, least] = [i, away];
     }
     this.reached(best);
+  }
+
+  // How far along each point is: mm, and as much for a radian of the axis as the tool's reach would go.
+  get lengths() {
+    const { tips, axes } = this.shape;
+    const apart = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
+    if (!this.measured) {
+      this.measured = [0];
+      for (let i = 1; i < tips.length; i += 1)
+        this.measured.push(this.measured[i - 1] + apart(tips[i], tips[i - 1]) + REACH_MM * apart(axes[i], axes[i - 1]));
+    }
+    return this.measured;
+  }
+
+  // The tool's pose at a share of the path, and the program line there.
+  pose(share) {
+    const { tips, axes, lines } = this.shape;
+    const wanted = share * this.lengths.at(-1);
+    const i = Math.min(tips.length - 1, lower(this.lengths, wanted));
+    const from = Math.max(0, i - 1);
+    const span = this.lengths[i] - this.lengths[from];
+    const part = span > 0 ? (wanted - this.lengths[from]) / span : 0;
+    const between = (values) => values[from].map((value, k) => value + part * (values[i][k] - value));
+    this.reached(i);
+    return { tip: between(tips), axis: between(axes), line: lines[i] };
   }
 
   // The part is what is fed: rapids lead far away.

@@ -19,6 +19,8 @@ const TRAIL = 4000; // points
 const AXIS_MM = 120; // half a rotary's line
 const AGAIN_S = 3;
 
+const MOVES = ["RUNNING", "HOMING", "JOG", "STOPPING"]; // then the machine is shown, whatever is looked at
+
 export class MachinePicture {
   frame = "part";
   job = ""; // name and sum of the program whose path is shown
@@ -26,6 +28,8 @@ export class MachinePicture {
   path = null;
   stage = null;
   trail_count = 0;
+
+  shown_share = null; // of the planned path, where that is looked at and not the machine
 
   constructor(facts) {
     this.facts = { axes: facts.axes ?? [], offsets: facts.offsets, tools: facts.tools };
@@ -183,6 +187,7 @@ export class MachinePicture {
   }
 
   clear_path() {
+    this.shown_share = null;
     this.path?.clear();
     this.path = null;
     this.tag = "";
@@ -214,6 +219,8 @@ export class MachinePicture {
     this.place_offset(status.work_offset);
     this.turn(joints);
     this.take_tool(status.tool);
+    if (this.shown_share !== null && !MOVES.includes(status.mode)) return; // what is planned is looked at
+    if (this.shown_share !== null) this.scrub(null);
     this.hold_tool(on_table);
     if (this.path && job && job.name !== "MDI") this.path.progress(job, on_table?.tip);
     const turned = [...this.tables, ...this.heads].map(({ name }) => joints[name]?.actual);
@@ -235,12 +242,28 @@ export class MachinePicture {
     this.root.matrixWorldNeedsUpdate = true;
   }
 
+  // The tool at a share of the planned path; null: where the machine has it.
+  scrub(share) {
+    this.shown_share = this.path ? share : null;
+    this.trail.visible = this.shown_share === null;
+    if (this.shown_share === null) return this.touch();
+    const pose = this.path.pose(share);
+    this.set_tool(pose);
+    this.touch();
+    return pose;
+  }
+
   hold_tool(pose) {
     this.tool.visible = Boolean(pose);
     if (!pose) return;
+    this.set_tool(pose);
+    this.leave(pose.tip);
+  }
+
+  set_tool(pose) {
+    this.tool.visible = true;
     this.tool.position.set(...pose.tip);
     this.tool.quaternion.setFromUnitVectors(UP, vector(pose.axis).normalize());
-    this.leave(pose.tip);
   }
 
   leave([x, y, z]) {

@@ -24,6 +24,58 @@ async function come(place) {
   dx.draw();
 }
 
+// Along the planned program before anything moves: by the slider, or played.
+const SPEEDS = [1, 5, 20];
+const scrub = { line: null, speed: 1, playing: 0 };
+
+function to(picture, share) {
+  scrub.line = picture.scrub(share)?.line ?? null;
+  dx.draw();
+}
+
+function play(picture) {
+  cancelAnimationFrame(scrub.playing);
+  let before = performance.now();
+  const takes_ms = 1000 * (dx.status?.job?.duration_s || 60);
+  const step = (now) => {
+    if (picture.shown_share === null) return halt(); // the machine moves, or another program was loaded
+    const share = Math.min(1, picture.shown_share + (scrub.speed * Math.max(0, now - before)) / takes_ms);
+    before = now;
+    scrub.playing = share < 1 ? requestAnimationFrame(step) : 0;
+    to(picture, share);
+  };
+  to(picture, (picture.shown_share ?? 0) % 1);
+  scrub.playing = requestAnimationFrame(step);
+}
+
+function halt() {
+  cancelAnimationFrame(scrub.playing);
+  scrub.playing = 0;
+  dx.draw();
+}
+
+function Scrub({ picture }) {
+  const act = (name, text, press, more = {}) => html`<button class="act" type="button" data-scene=${name} onclick=${press} ...${more}><span>${text}</span></button>`;
+  const speed = (times) => act(`speed ${times}`, `${times} ×`, () => ((scrub.speed = times), dx.draw()), { key: times, "aria-pressed": String(scrub.speed === times) });
+  const live = () => {
+    halt();
+    to(picture, null);
+  };
+  const drag = (event) => {
+    const share = event.target.valueAsNumber; // before it is drawn anew
+    halt();
+    to(picture, share);
+  };
+  return html`<div class="row scene-scrub">
+    ${scrub.playing ? act("pause", word("pause"), halt) : act("play", word("play"), () => play(picture))}
+    <input class="slider" id="scene-scrub" type="range" min="0" max="1" step="any" aria-label=${word("scrub")} value=${picture.shown_share ?? 0}
+      oninput=${drag} />
+    ${SPEEDS.map(speed)}
+    <span class="figures" id="scene-line">${picture.shown_share === null ? word("live") : `${word("planned")} ${scrub.line}`}</span>
+    ${act("live", word("to_live"), live, { "aria-pressed": String(picture.shown_share === null) })}
+  </div>`;
+}
+
 function View() {
   const place = useRef(null);
   useEffect(() => {
@@ -46,6 +98,7 @@ function View() {
       <button class="act" type="button" data-scene="fit" onclick=${() => picture?.fit()}><${Icon} name="fit" /><span>${word("fit")}</span></button>
       <button class="act" type="button" data-scene="clear" onclick=${() => picture?.clear()}><span>${word("clear")}</span></button>
     </div>
+    ${picture?.path && html`<${Scrub} picture=${picture} />`}
     <div class="scene-said">
       ${[..."XYZ"].map((axis) => html`<span><span class="dim">${axis} </span><${Figure}>${forms.mm(dx.status?.tip?.[axis])}<//></span>`)}
       ${Object.entries(KEYS).map(([key, colour]) => html`<span class="key dim"><i style=${{ "--colour": `var(${colour})` }}></i>
