@@ -200,7 +200,11 @@ def test_the_readme_has_the_table() -> None:
 # --- a new value
 
 
-OWNER = ("controller/tick/mode.py", "        self.homed = self.absolute = absolute\n", "        self.counted = 41\n")
+OWNER = (
+    "controller/tick/mode.py",
+    "        self.homed = self.absolute = absolute\n",
+    "        self.counted = 41\n",
+)
 ROW_OF_IT = """
     counted: int = _value("modes", "since the start", column="counted", status="counted", signal="counted 1")
 """
