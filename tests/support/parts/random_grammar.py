@@ -7,6 +7,7 @@ import re
 
 from support.parts import random_codes
 
+LENGTHS = ("G43", "G44", "G49")
 _NUMBER = re.compile(r"(?<=[XYZA])-?\d+\.?\d*")
 
 
@@ -90,8 +91,14 @@ class _Program:
         )
 
     def _line(self) -> list[str]:
-        """Of the codes, some of its numbers written as what they come from."""
-        return [self._dressed(row) for row in random_codes.line(self._rng, self._turns).split("\n")]
+        """Of the codes, some of its numbers written as what they come from.
+
+        No length beside M70 to M73: what M72 of LinuxCNC 2.9 makes of it stands in the README of programs.
+        """
+        rows = random_codes.line(self._rng, self._turns).split("\n")
+        if self._turns and any(row.startswith(LENGTHS) for row in rows):
+            return self._line()
+        return [self._dressed(row) for row in rows]
 
     def _dressed(self, row: str) -> str:
         rng = self._rng
