@@ -177,7 +177,7 @@ function Aside() {
   const rules = { modes: "HOLD READY", given: there, why: aside ? "why.aside" : "why.no_room" };
   const label = word("run.retract_mm");
   return html`<div class="aside">
-    <input type="number" id="run-retract-mm" min="0.001" step="any" max=${room ?? ""} aria-label=${label} title=${label} value=${value} oninput=${(event) => give(event.target.value)} ...${field(rules)} />
+    <input type="number" id="run-retract-mm" min="0.001" step="any" max=${room ?? ""} placeholder="mm" aria-label=${label} title=${label} value=${value} oninput=${(event) => give(event.target.value)} ...${field(rules)} />
     <${Act} id="run-retract" text=${word("run.retract")} ...${rules} press=${() => call("POST", "cycle/retract", { mm: Number(value) })} />
     <${Act} text=${word("run.return")} call="POST cycle/return" modes="HOLD" given=${Boolean(aside)} why="why.on_path" />
   </div>`;
