@@ -63,9 +63,9 @@ def cut(machine: Machine, program: Path, checks: Path, unchecked: bool, quiet: b
 
     ``checks``: folder of stored checks; what is kept of a fault goes to the user's recordings.
     """
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # it is to clear away what it has made
     in_memory = MEMORY.is_dir() and "TMPDIR" not in os.environ
-    with tempfile.TemporaryDirectory(prefix="directrix-", dir=MEMORY if in_memory else None) as text:
+    made = tempfile.TemporaryDirectory(prefix="directrix-", dir=MEMORY if in_memory else None)
+    with _ended_as_by_ctrl_c(), made as text:
         folder = Path(text)
         if (tool := TOOLS.get(program.name)) is not None:
             fitting.put_in(folder, tool)
@@ -95,6 +95,16 @@ def served(machine: Machine, kept: Folders, runtime: Path) -> Iterator[tuple[Ser
             client.close()
             over.set()
             watch.join()
+
+
+@contextlib.contextmanager
+def _ended_as_by_ctrl_c() -> Iterator[None]:
+    """Also by SIGTERM: what was made is to be cleared away."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 @contextlib.contextmanager
