@@ -41,6 +41,9 @@ def panel(
     tls_key: Key = None,
     proxy: Proxy = "",
     page: Annotated[bool, typer.Option("--page/--no-page", help="Or the routes alone.")] = True,
+    anybody_stops: Annotated[
+        bool, typer.Option("--anybody-may-stop", help="Hold, stop and e-stop also for users who only look.")
+    ] = False,
 ) -> None:
     """Serve programs, status and control of a machine over HTTP; it may end and come back at any time."""
     from controller.commands import panel_users
@@ -64,7 +67,7 @@ def panel(
         connections = Connections(Limits.within(raise_file_limit()))
         tell.print(f"Panel on {host}:{port}, machine behind {socket}, store in {store.folder}", markup=False)
         uvicorn.run(
-            _app(store, socket, page),
+            _app(store, socket, page, anybody_stops),
             host=host,
             port=port,
             log_level="warning",
@@ -94,7 +97,7 @@ def _may_leave(host: str, users: bool, certificate: bool, proxy: bool) -> None:
         )
 
 
-def _app(store: Store, socket: Path, page: bool = True) -> Any:
+def _app(store: Store, socket: Path, page: bool = True, anybody_stops: bool = False) -> Any:
     from controller.panel.checker import Checker
     from controller.panel.core import Panel
     from controller.panel.http import make_app
@@ -102,7 +105,7 @@ def _app(store: Store, socket: Path, page: bool = True) -> Any:
     from controller.panel.page.server import add_page
 
     store.sweep()
-    made = Panel(store, SocketDoor(socket), Checker(store))
+    made = Panel(store, SocketDoor(socket), Checker(store), anybody_stops)
     app = make_app(made)
     if page:
         add_page(app)

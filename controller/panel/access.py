@@ -61,6 +61,16 @@ def needs(role: Role) -> Any:
     return Depends(_marked(allowed, role, False))
 
 
+def stops() -> Any:
+    """A dependency: who asks may operate, or where the panel has it so is anybody who may look."""
+
+    async def allowed(connection: HTTPConnection) -> Principal:
+        anybody = panel_of(connection).anybody_stops
+        return await _checked(connection, Role.VIEW if anybody else Role.OPERATE)
+
+    return Depends(_marked(allowed, Role.OPERATE, False))
+
+
 def moves(most_s: float = SEEN_S) -> Any:
     """A dependency: who asks may operate and holds the control token; ``most_s``: see ``SEEN_S``."""
 

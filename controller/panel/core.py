@@ -28,8 +28,11 @@ LOOK_S = 1.0  # between two looks at what the service wrote, and at programs tha
 class Panel:
     """Store, users, control token, and the way to the machine."""
 
-    def __init__(self, store: Store, door: Door, checker: Checker | None = None) -> None:
+    def __init__(
+        self, store: Store, door: Door, checker: Checker | None = None, anybody_stops: bool = False
+    ) -> None:
         """``checker``: None where programs are not checked here. Raises StoreError."""
+        self.anybody_stops = anybody_stops  # also who may only look: hold, stop and e-stop
         self.store, self.door, self.checker = store, door, checker
         self.gatherer = Gatherer(store.database, store.folder)
         self.watch = Watch(door)

@@ -10,7 +10,7 @@ from fastapi.responses import JSONResponse
 
 from controller import catalogue
 from controller.panel import models
-from controller.panel.access import moves, needs, panel_of
+from controller.panel.access import moves, needs, panel_of, stops
 from controller.panel.answers import Refusal, documented
 from controller.panel.roles import Role
 from controller.panel.routes.machine import LOOKS, MOVES, ask
@@ -98,7 +98,7 @@ async def start(request: Request, body: models.Start | None = None) -> models.Do
     return await ask(request, "start", **confirmed)
 
 
-@router.post("/cycle/hold", dependencies=[needs(Role.OPERATE)], responses=MOVES)
+@router.post("/cycle/hold", dependencies=[stops()], responses=MOVES)
 async def hold(request: Request) -> models.Done:
     """Slow down to rest on the path, at once. Needs no control token."""
     return await ask(request, "hold")
@@ -110,7 +110,7 @@ async def resume(request: Request) -> models.Done:
     return await ask(request, "resume")
 
 
-@router.post("/cycle/stop", dependencies=[needs(Role.OPERATE)], responses=MOVES)
+@router.post("/cycle/stop", dependencies=[stops()], responses=MOVES)
 async def stop(request: Request) -> models.Done:
     """Slow down to rest on the path and end the program. Needs no control token."""
     return await ask(request, "stop")

@@ -12,9 +12,8 @@ from __future__ import annotations
 from fastapi import APIRouter, Request
 
 from controller.panel import models
-from controller.panel.access import moves, needs
+from controller.panel.access import moves, stops
 from controller.panel.answers import Refusal
-from controller.panel.roles import Role
 from controller.panel.routes.machine import MOVES, ask
 
 router = APIRouter(tags=["jog"])
@@ -33,7 +32,7 @@ async def jog_step(request: Request, body: models.JogStep) -> models.Done:
     return await ask(request, "jog_step", frame=body.frame, axis=body.axis, distance=body.distance)
 
 
-@router.post("/jog/stop", dependencies=[needs(Role.OPERATE)], responses=MOVES)
+@router.post("/jog/stop", dependencies=[stops()], responses=MOVES)
 async def jog_stop(request: Request, body: models.JogStop) -> models.Done:
     """Come to rest. Needs no control token."""
     try:

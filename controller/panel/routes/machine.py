@@ -8,7 +8,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse
 
 from controller.panel import models
-from controller.panel.access import moves, needs, panel_of
+from controller.panel.access import moves, needs, panel_of, stops
 from controller.panel.answers import documented
 from controller.panel.roles import Role
 
@@ -73,7 +73,7 @@ async def reset(request: Request) -> models.Done:
     return await ask(request, "reset")
 
 
-@router.post("/machine/estop", dependencies=[needs(Role.OPERATE)], responses=MOVES)
+@router.post("/machine/estop", dependencies=[stops()], responses=MOVES)
 async def estop(request: Request) -> models.Done:
     """Ask for an emergency stop. This is no safety function: that is the machine's own circuit."""
     return await ask(request, "estop")

@@ -204,6 +204,21 @@ def test_only_looking_needs_no_more_than_to_look() -> None:
     assert viewers == {("DELETE", "/api/v1/session")}
 
 
+@pytest.mark.parametrize("path", ["cycle/hold", "cycle/stop", "machine/estop"])
+def test_where_anybody_may_stop_a_viewer_may_and_starts_nothing(shared: Scene, path: str) -> None:
+    async def story() -> None:
+        async with shared.client("view") as viewer:
+            assert (await viewer.post(f"/api/v1/{path}")).status_code == 200
+            assert (await viewer.post("/api/v1/cycle/start")).status_code == 403
+            assert (await viewer.post("/api/v1/control", json={"take_over": True})).status_code == 403
+
+    shared.door.mode, shared.panel.anybody_stops = "RUNNING", True
+    try:
+        asyncio.run(story())
+    finally:
+        shared.panel.anybody_stops = False
+
+
 # ---- without users
 
 
