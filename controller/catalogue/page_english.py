@@ -48,6 +48,7 @@ TEXTS: dict[str, str] = {
     "frame.reset": "Reset",
     "frame.trusted": "Position trusted",
     "frame.not_trusted": "Position not trusted: home first",
+    "frame.large": "Large figures",
     "frame.log_out": "Log out",
     "frame.no_machine": "No controller answers; this view appears as soon as one does.",
     "mode.OFF": "Off",

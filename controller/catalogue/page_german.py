@@ -52,6 +52,7 @@ TEXTS: dict[str, str] = {
     "frame.reset": "Quittieren",
     "frame.trusted": "Position gültig",
     "frame.not_trusted": "Position ungültig: erst referenzieren",
+    "frame.large": "Große Ziffern",
     "frame.log_out": "Abmelden",
     "frame.no_machine": "Keine Steuerung antwortet; die Ansicht erscheint, sobald es eine tut.",
     "mode.OFF": "Aus",

@@ -86,6 +86,7 @@ function Choices() {
     <button class="small" id="dx-language" type="button" title=${word("frame.language")} aria-label=${word("frame.language")} onclick=${speak}>${dx.language === "en" ? "DE" : "EN"}</button>
     <button class="small" id="dx-theme" type="button" title=${word("frame.theme")} aria-label=${word("frame.theme")} onclick=${theme}>
       <${Icon} name="contrast" /></button>
+    ${dx.shown("run") && html`<button class="small" id="dx-large" type="button" title=${word("frame.large")} aria-label=${word("frame.large")} aria-pressed=${String(large())} onclick=${enlarge}>A+</button>`}
     ${dx.user?.csrf && html`<button class="small" id="dx-log-out" type="button" title=${out} aria-label=${out} onclick=${log_out}>
       <span class="user-name">${dx.user.name}</span><${Icon} name="leave" /></button>`}
   </div>`;
@@ -103,6 +104,14 @@ function theme() {
   root.dataset.theme = root.dataset.theme === "dark" ? "light" : "dark";
   remember("theme", root.dataset.theme);
   dx.tell("theme", root.dataset.theme);
+}
+
+// Places and feed of Run for who stands two metres away; this browser keeps it.
+export const large = () => document.cookie.split("; ").includes("directrix_large=1");
+
+function enlarge() {
+  remember("large", large() ? "0" : "1");
+  dx.draw();
 }
 
 const KEYS = { hold: "F8", stop: "F9", estop: "" };

@@ -219,3 +219,19 @@ def test_the_place_stays_on_the_screen_after_an_end_and_a_reload_until_another_p
     )
     until_shown(page, ".run-program .u", "u –")
     until_shown(page, ".program-left", "left –:––")
+
+
+def test_figures_can_be_read_at_two_metres_and_stay_so(page: Any, site: Site) -> None:
+    """A sign of 1/200 of the distance is read: 10 mm, on a screen of 24 inches 36 pixels of capitals."""
+    site.tell(joints=JOINTS)
+    until_shown(page, "[data-homed=X]", "ref ✓")
+    size = "(e) => parseFloat(getComputedStyle(e).fontSize)"
+    places, feed = page.locator("[data-axis=X] .c-work"), page.locator(".run-feed .huge")
+    usual = places.evaluate(size)
+    page.click("#dx-large")
+    assert min(places.evaluate(size), feed.evaluate(size)) >= max(50.0, 1.3 * usual)
+    page.reload()
+    until_shown(page, "[data-homed=X]", "ref ✓")
+    assert places.evaluate(size) >= 1.3 * usual
+    page.click("#dx-large")
+    assert places.evaluate(size) == usual

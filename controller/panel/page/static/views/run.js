@@ -2,7 +2,7 @@
 import { call, every } from "../api.js";
 import { html, useEffect, useRef, useState } from "../dom.js";
 import { forms } from "../forms.js";
-import { show } from "../frame.js";
+import { large, show } from "../frame.js";
 import { free } from "../control.js";
 import { Act, AxisName, Bar, Card, Figure, field } from "../parts.js";
 import { Listing } from "../listing.js";
@@ -14,7 +14,7 @@ const RAPIDS = [0, 25, 50, 100];
 const TOLD_MS = 300; // after an answer, until a status tells what it did
 
 function View() {
-  return html`<div class="run">
+  return html`<div class="run" data-large=${large() ? "1" : undefined}>
     <div class="column"><${Axes} /><${Program} /></div>
     <div class="column"><${Feed} /></div>
     <div class="column"><${Cycle} /><${Tool} /></div>
