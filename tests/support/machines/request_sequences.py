@@ -2,8 +2,9 @@
 
     PYTHONPATH=.:tests python -m support.machines.request_sequences 100000 [SEED]
 
-Whatever an operator, a plan or a wire may ask is asked at any tick, sound or not, with a program that is
-armed now and then, a door and an emergency stop that open and close, and a plan that dies. What must hold:
+Whatever an operator, a plan or a wire may ask is asked at any tick, sound or not, one by one and in bursts:
+all that ``Request`` has, with a program that is armed from its top or from a place inside of it, ways off
+the path and back, inputs that open and close, and a plan that dies and is started anew. What must hold:
 
 * every request is answered by the tick exactly once, within ``ANSWER_TICKS``;
 * one that is refused changed nothing and has a sentence of ``state.refusal``; one that is done had none;
@@ -20,14 +21,20 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from support.machines.spindle_machine import DOOR, ESTOP, mill
+from support.machines.spindle_machine import DOOR, ESTOP, SPINDLE, mill
 
 from controller import config, state
-from controller.handoff import Jog, Outcome, send_jog
-from controller.session import checked
+from controller.handoff import Jog, Outcome, Snapshot, send_jog
+from controller.plan.aside import NotPossible
+from controller.plan.planner import Planner
+from controller.plan.route.spot import Spot
+from controller.plan.text.program import ProgramError
+from controller.session import checked, starts
+from controller.session.starts import Start
 from controller.session.startup import SessionError
 from controller.session.stepped import SteppedMachine
 from controller.state import ALL_AXES, ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Recovery, Request
+from controller.tick.mode import Phase
 from drives.commission import CommissionError
 
 PERIOD_S = 0.005
@@ -36,20 +43,48 @@ GAP = (0, 60)  # ticks between two of them
 ANSWER_TICKS = 400  # homing is answered when the clamps of its axes are open
 WAY_OUT_TICKS = 12_000  # a minute, most of it homing
 PLAN_TURN = 2  # ticks
+BURST = 20  # requests, more than a tick takes
+TOLD_TICKS = 20  # in which the tick has a way off the path, or back
+IO = """
+[io]
+bus = "can1"
+node = 11
+outputs = { coolant = 0, mist = 1, clamp_A = 2, clamp_C = 3 }
+digital_in = ["loader"]
+
+[io.inputs]
+estop = 0
+door = 1
+clamp_A_closed = 2
+clamp_C_closed = 3
+feed_stop = 4
+loader = 5
+"""
+FEED_STOP, LOADER = 4, 5
 TEXT = """G21 G90 G54 T2 M6
 S3000 M3
 G0 X5. Y0. Z120.
 G1 X15. F2000.
 M0
+M49
 G1 X-5. A4.
+M48
 G4 P0.1
 M1
+G1 X-2.
+M53
+G1 X-4.
+M66 P0 L3 Q0.3
+T1 M6
+S3000 M3
 G1 X0. A0.
 M5
 M30
 """
+LINES = (4, 7, 11, 13, 17, 99)  # with a motion, and one that is not there
 ASKED = (
-    *(Request.START, Request.HOLD, Request.RESUME, Request.STOP, Request.JOG, Request.JOG_STOP) * 4,
+    *(Request.START, Request.HOLD, Request.RESUME, Request.JOG, Request.JOG_STOP) * 4,
+    *(Request.STOP,) * 2,
     *(Request.OVERRIDE, Request.RAPID_OVERRIDE, Request.SINGLE_BLOCK, Request.OPTIONAL_STOP) * 2,
     *(Request.ENABLE, Request.DISABLE, Request.RESET, Request.HOME) * 2,
     *(Request.ESTOP, Request.PLAN_LOST),
@@ -89,7 +124,7 @@ class Site:
     plan_lives: bool = True
 
     def __post_init__(self) -> None:
-        self.machine = config.with_period(mill(), PERIOD_S)
+        self.machine = config.with_period(mill(SPINDLE, IO), PERIOD_S)
         self.bench = SteppedMachine(self.machine)
         self.bench.come_up()
         task = checked.task(TEXT.encode(), "part.ngc", self.machine)
@@ -120,7 +155,7 @@ class Site:
         cycle = self.bench.cycle
         modes, follow = cycle.modes, cycle.follow
         standing = follow.at_rest and not (request is Request.JOG and follow.stopping)
-        if request is Request.RESET and modes._quick_stopped:
+        if request is Request.RESET and modes.phase is Phase.QUICK_STOPPED:
             standing = True
         return state.refusal(
             modes.mode,
@@ -129,7 +164,7 @@ class Site:
             homed=ALL_AXES & ~modes.untrusted,
             untrusted=modes.untrusted,
             interlock=modes.interlock,
-            away=modes.away,
+            away=cycle.jogging.away,
             axes=[axis.name for axis in self.machine.axes],
         )
 
@@ -163,16 +198,54 @@ class Site:
         self.asked[number] = self.bench.cycle.tick
         return number
 
-    def arm(self) -> None:
-        """As the service does it: in READY, from where the axes stand."""
+    def arm(self, spot: Spot | None = None) -> None:
+        """As the service does it: in READY, from where the axes stand, to the top or to ``spot``."""
         bench, follow = self.bench, self.bench.cycle.follow
-        if self.mode is Mode.READY and follow.at_rest and self.plan_lives:
+        if not (self.mode is Mode.READY and follow.at_rest and self.plan_lives):
+            return
+        if spot is None:
             walk = checked.path_of(replace(self.task, start=bench.joints), self.choices, in_spindle=2)
-            bench.planner.load(walk.items, follow.queue_end_s, follow.epoch)
-            self.ticks(4)
+            items = walk.items
+        else:
+            start = Start(bench.joints, follow.tau, spot, in_spindle=2)
+            try:
+                items = starts.rest(self.task, self.choices, start).entered(start.joints, start.in_spindle)
+            except ProgramError:
+                return
+        bench.planner.load(items, follow.queue_end_s, follow.epoch)
+        self.ticks(4)
+
+    def leave_path(self, back: bool, by_mm: float) -> None:
+        """A way off the path, or back: planned, and gone when the tick has it."""
+        planner = self.bench.planner
+        try:
+            if back:
+                planner.go_back(self.now)
+            else:
+                planner.retract(self.now, by_mm)
+        except NotPossible:
+            return
+        for _ in range(TOLD_TICKS):
+            if planner.told(self.now):
+                break
+            self.ticks(1)
+        self.ask(Request.RESUME)
+
+    def plan_anew(self) -> None:
+        """Another process of the plan, which knows of no program and counts on."""
+        bench, now = self.bench, self.now
+        bench.planner = Planner(self.machine, bench.kinematics, bench.outbox.send)
+        bench.planner.go_on_from(max(now.accepted, now.rejected))
+        self.plan_lives = True
 
     def input(self, number: int, on: bool) -> None:
         self.bench.rig.io["io"].set_input(number, on, self.bench.rig.now_s)
+
+    @property
+    def now(self) -> Snapshot:
+        found = self.bench.board.read()
+        assert found is not None
+        return found
 
     @property
     def mode(self) -> Mode:
@@ -204,17 +277,30 @@ class Site:
         act()
 
     def _something(self) -> None:
-        chance = self.rng.random()
-        if chance < 0.05:
+        chance, choice = self.rng.random(), self.rng.choice
+        if chance < 0.04:
             self._say("arm", self.arm)
-        elif chance < 0.08:
-            number, on = self.rng.choice((DOOR, ESTOP)), self.rng.random() < 0.5
+        elif chance < 0.06:
+            spot = Spot(choice(LINES), choice((0.0, 0.4, 1.0)))
+            self._say(f"arm from {spot.line}, {spot.fraction}", lambda: self.arm(spot))
+        elif chance < 0.11:
+            number, on = choice((DOOR, ESTOP, FEED_STOP, FEED_STOP, LOADER)), choice((False, True))
             self._say(f"input {number} {on}", lambda: self.input(number, on))
-        elif chance < 0.09:
+        elif chance < 0.12:
             self._say("the plan dies", lambda: setattr(self, "plan_lives", False))
+        elif chance < 0.13:
+            self._say("another plan", self.plan_anew)
+        elif chance < 0.14:
+            noise = bytes((choice((0, 7, 99, 200)), *self.rng.randbytes(choice((0, 5, 30)))))
+            self._say(f"noise {noise.hex()}", lambda: self.bench._operator.send(noise))
+        elif chance < (0.40 if self.mode is Mode.HOLD else 0.16):
+            aside = self.bench.planner.aside is not None
+            back, by_mm = aside is (self.rng.random() < 0.9), choice((0.5, 4.0, 4.0, 1e4))
+            self._say(f"{'return' if back else 'retract'} {by_mm}", lambda: self.leave_path(back, by_mm))
         else:
-            fitting = [request for mode, request in TRANSITIONS if mode is self.mode]
-            self._asked(self.rng.choice(fitting if fitting and self.rng.random() < 0.4 else ASKED))
+            for _ in range(BURST if chance > 0.99 else 1):
+                fitting = [request for mode, request in TRANSITIONS if mode is self.mode]
+                self._asked(choice(fitting if fitting and self.rng.random() < 0.4 else ASKED))
 
     def _asked(self, request: Request) -> None:
         if request is Request.JOG:
@@ -232,8 +318,8 @@ class Site:
 
     def _let_go(self) -> None:
         """Doors closed, switches as they were: what an operator sees to first."""
-        self.input(DOOR, True)
-        self.input(ESTOP, True)
+        for number in (DOOR, ESTOP, FEED_STOP):
+            self.input(number, True)
         for request, value in (
             (Request.OVERRIDE, 1.0),
             (Request.RAPID_OVERRIDE, 1.0),
@@ -250,7 +336,7 @@ class Site:
                 raise self._not_so(f"no way out of {self.mode.name} in {WAY_OUT_TICKS} ticks")
             self.ticks(1)
         if not self.plan_lives:
-            self.plan_lives = True
+            self.plan_anew()
             self.ticks(4)
 
     def _leaves(self, numbers: set[int]) -> bool:
@@ -274,7 +360,9 @@ class Site:
     def _is_off(self) -> bool:
         """Nothing is under way in OFF: no drive comes up or goes down."""
         cycle = self.bench.cycle
-        return not (cycle.modes.enabling or any(drive.following for drive in cycle.group.drives))
+        return not (
+            cycle.modes.phase is Phase.ENABLING or any(drive.following for drive in cycle.group.drives)
+        )
 
     def _reset(self) -> None:
         modes = self.bench.cycle.modes
