@@ -159,7 +159,7 @@ class Snapshot(NamedTuple):
     inputs: int = _value("peripherals", "bit n of the machine file's [io], 1 = on", code="Q")
     outputs: int = _value("peripherals", "likewise", code="Q")
     jogging: bool = _value("jogging.active", "a jog moves, or is coming to rest")
-    away: bool = _value("modes", "jogged off the place of the hold; RESUME must wait")
+    away: bool = _value("jogging", "jogged off the place of the hold; RESUME must wait")
     answers: tuple[int, ...] = _value("answers.ring", "to the last requests, see ``came_of``", many=ANSWERS)
 
     def came_of(self, number: int) -> tuple[Outcome, Fault]:

@@ -38,6 +38,7 @@ __all__ = [
     "ALL_AXES",
     "ALWAYS",
     "AXIS_KINDS",
+    "DROPS",
     "FAULTS",
     "PROGRESS",
     "TRANSITIONS",
@@ -118,6 +119,18 @@ TRANSITIONS: dict[tuple[Mode, Request], Mode] = {
     (Mode.JOG, Request.HOLD): Mode.JOG,  # READY or HOLD comes at standstill
     (Mode.JOG, Request.STOP): Mode.JOG,
 }
+
+# What is queued is void once one of these is taken, and with the tick's own way to READY. A stop of
+# motion drops it at its standstill; a jog out of READY at once.
+DROPS = frozenset(
+    {
+        (Mode.READY, Request.STOP),
+        (Mode.READY, Request.DISABLE),
+        (Mode.OFF, Request.DISABLE),
+        (Mode.HOMING, Request.STOP),
+        (Mode.FAULT, Request.RESET),
+    }
+)
 
 # What the tick's own progress may do to the mode.
 PROGRESS: dict[Mode, frozenset[Mode]] = {

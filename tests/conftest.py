@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import gc
 import os
-from collections.abc import Iterator
+import random
+from collections.abc import Generator, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import hypothesis
 import pytest
-from support.suite import absent_computer, case_shares, seed
+from support.suite import absent_computer, seed
 
 MOST_OPEN = 500  # files; select, which the simulated bus waits with, takes 1024
 
@@ -59,13 +61,29 @@ def pytest_report_header(config: pytest.Config) -> str:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     one_in = config.getoption("share")
     if one_in > 1:
-        items[:], left_out = case_shares.picked(items, one_in, seed.SEED)
-        config.hook.pytest_deselected(items=left_out)
+        kept = _share(items, one_in)
+        config.hook.pytest_deselected(items=[item for item in items if item not in kept])
+        items[:] = [item for item in items if item in kept]
+
+
+def _share(items: Sequence[pytest.Item], one_in: int) -> set[pytest.Item]:
+    """Every so-manieth case of each test, by the seed which; of every test at least one."""
+    groups: dict[tuple[str, str], list[pytest.Item]] = {}
+    for item in items:
+        groups.setdefault((str(item.path), getattr(item, "originalname", item.name)), []).append(item)
+    kept: set[pytest.Item] = set()
+    for (path, name), cases in groups.items():
+        first = random.Random(f"{seed.SEED} {path.rpartition('tests')[2]} {name}").randrange(one_in)
+        kept.update(cases[first % len(cases) :: one_in])
+    return kept
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
-    if item.get_closest_marker("live") is None:
-        return None
-    absent_computer.run(item, nextitem)
-    return True
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    item.stash[absent_computer.BEGAN] = absent_computer.times()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, Any, pytest.TestReport]:
+    report: pytest.TestReport = yield
+    return absent_computer.judged(report, item) if item.get_closest_marker("live") else report

@@ -12,7 +12,7 @@ import signal
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,9 +29,8 @@ from controller.service import engine, serving
 from controller.service.folders import Folders
 from controller.service.service import Service
 from controller.session import recording
-from controller.state import Fault
+from controller.state import Binding, Fault, binding_text
 from controller.verify.console import Refused, bar
-from controller.verify.live_line import live_line
 
 LOOK_S = 0.5
 CALM = {"look_s": 0.1}  # of the service itself: nobody waits for what it concludes but us
@@ -40,6 +39,7 @@ ROWS = 400  # that are asked for at a time: an answer has no more than 500
 MEMORY = Path("/dev/shm")
 RECORDED_S = 8.0  # for the recording of a fault to be there
 UNDER_WAY = ("starting", "running", "held", "stopping")
+FEED = binding_text(Binding.FEED, ())  # what is programmed is no limit
 TOOLS = {"example2_ready.ngc": 4}  # what somebody has put into the spindle; else it is T1
 
 Rows = npt.NDArray[np.float64]
@@ -179,3 +179,24 @@ def _told(rows: Rows, last: Values, stamps_s: dict[str, Rows]) -> Cut:
     elif job["state"] != "completed":
         sentence = str(job["sentence"] or f"The program ended as {job['state']}.")
     return Cut(rows, job["state"], fault, sentence, last["tick"]["skips"], stamps_s)
+
+
+def live_line(now: Mapping[str, Any]) -> str:
+    """Of a status. For instance ``line 8: F 1000, actual 873 mm/min, limited by C acceleration``."""
+    if now["mode"] != "RUNNING" or not now["in_block"]:
+        return str(now["mode"]).lower()
+    line = now["job"]["line"]
+    if now["waiting"]:
+        return f"line {line}: waiting for {_awaited(now['spindle'])}"
+    feed = now["feed_mm_min"]
+    share = 1.0 if now["own_feed"] else now["override"]
+    wanted = "rapid" if feed["programmed"] is None else f"F {feed['programmed'] * share:.0f}"
+    limit = f", limited by {now['limited_by']}" if now["limited_by"] not in (None, FEED) else ""
+    return f"line {line}: {wanted}, actual {feed['actual']:.0f} mm/min{limit}"
+
+
+def _awaited(spindle: Mapping[str, Any]) -> str:
+    """What motion stands for."""
+    if spindle["at_speed"]:
+        return "coolant and clamps"
+    return f"the spindle: S {spindle['rev_min']:.0f}, actual {spindle['actual_rev_min']:.0f} 1/min"

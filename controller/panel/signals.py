@@ -23,7 +23,6 @@ from controller.machine import Machine
 Array = NDArray[np.float64]
 
 BEFORE = 3  # rows that the highest difference needs ahead of the first one that is wanted
-EDGES = ("rising", "falling", "either", "change")
 MOST_DIGITS = 9
 
 _OF_AXIS = (("command", ""), ("actual", ""), ("error", ""), ("setpoint", "counts"))

@@ -28,8 +28,8 @@ from controller.machine import Machine
 from controller.plan.planner import Planner
 from controller.plan.route.path import Chain, Pause
 from controller.session import children
-from controller.session.startup import SessionError, StartUp, arrangement, homing_mask
-from controller.state import Fault, Mode, Request
+from controller.session.startup import Came, SessionError, StartUp, arrangement, came_to
+from controller.state import Mode, Request
 from drives import bus, commission, pdo
 from drives.arranged import Arranged
 
@@ -161,30 +161,21 @@ class PlanEnd:
         except OSError as error:
             print(f"{self._kept}: how the drives stop is not kept: {error.strerror}.", file=sys.stderr)
 
-    def _ask(self, request: Request, value: float, wanted: Mode) -> tuple[Mode, Fault]:
-        """Homing begins and ends in OFF: there it is the axes homed that tell that it is over.
-
-        Raises SessionError where somebody stopped the homing.
-        """
-        number, mask = next(self._numbers), homing_mask(request, value)
+    def _ask(self, request: Request, value: float, wanted: Mode) -> Came:
+        """Raises SessionError where somebody stopped the homing."""
+        number = next(self._numbers)
         with contextlib.suppress(BlockingIOError):
             send_request(self._requests, request, value, number)
         give_up_s = time.monotonic() + COME_UP_S
         began = False
         while True:
             now = self.snapshot()
-            came, why = now.came_of(number)
-            if came is Outcome.NONE and not self.alone and time.monotonic() <= give_up_s:
-                time.sleep(PLAN_TURN_S)  # what is shown is from before: an axis may have been homed
-                continue
-            if came is Outcome.REFUSED:
-                return now.mode, why if why is not Fault.NONE else now.fault
-            if came is Outcome.SUPERSEDED:
-                raise SessionError(STOPPED)
-            arrived = now.mode is wanted and now.homed & mask == mask
-            if arrived or now.mode is Mode.FAULT or self.alone or time.monotonic() > give_up_s:
+            if (found := came_to(now, number, request, value, wanted)) is not None:
+                return found
+            if self.alone or time.monotonic() > give_up_s:
                 return now.mode, now.fault
-            if began and now.mode is not Mode.HOMING:
+            came, homes = now.came_of(number)[0], now.mode is Mode.HOMING
+            if came is Outcome.SUPERSEDED or (began and not homes):
                 raise SessionError(STOPPED)
-            began = began or now.mode is Mode.HOMING
+            began = came is Outcome.DONE and homes
             time.sleep(PLAN_TURN_S)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from controller import config, times
-from controller.handoff import Arrangement
+from controller.handoff import Arrangement, Outcome, Snapshot
 from controller.machine import Machine
 from controller.state import FAULTS, Fault, Mode, Request
 from drives import commission
@@ -15,17 +15,26 @@ from drives.settings import NodeSettings
 HOMING = 6  # mode of operation, 6060h
 INPUT_TRIES = 300  # requests that are refused because no input has been heard of yet
 
+Came = tuple[Mode, Fault]
 # Sends a request and lets time pass until the machine is in that mode or in a fault.
-Ask = Callable[[Request, float, Mode], tuple[Mode, Fault]]
+Ask = Callable[[Request, float, Mode], Came]
 
 
 class SessionError(Exception):
     """The machine did not come up, or a part of it is gone; one sentence says which and what to do."""
 
 
-def homing_mask(request: Request, value: float) -> int:
-    """The axes that must be homed when a request is done."""
-    return int(value) if request is Request.HOME else 0
+def came_to(now: Snapshot, number: int, request: Request, value: float, wanted: Mode) -> Came | None:
+    """Where a request has led, and the fault that forbade or ended it; None while that is open.
+
+    Homing begins and ends in OFF: there it is the axes homed that tell that it is over.
+    """
+    came, why = now.came_of(number)
+    mask = int(value) if request is Request.HOME else 0
+    arrived = now.mode is wanted and now.homed & mask == mask
+    if came is Outcome.REFUSED:
+        return now.mode, why if why is not Fault.NONE else now.fault
+    return (now.mode, now.fault) if came is Outcome.DONE and (arrived or now.mode is Mode.FAULT) else None
 
 
 def arrangement(machine: Machine, found: Sequence[Arranged]) -> Arrangement:

@@ -42,7 +42,7 @@ from controller.session.events import Event
 from controller.session.observer import Observer
 from controller.session.recording import Keeper
 from controller.session.simulation import surround
-from controller.session.startup import SessionError, StartUp, arrangement, homing_mask, no_start
+from controller.session.startup import Came, SessionError, StartUp, arrangement, came_to, no_start
 from controller.state import Fault, Mode, Request, sentence
 from controller.tick.cycle import Cycle
 from controller.tick.loop import Loop, SteppedClock
@@ -229,21 +229,16 @@ class SteppedMachine:
         """Home every axis, group by group, and enable. Raises SessionError."""
         self._start_up.come_up()
 
-    def _ask(self, request: Request, value: float, wanted: Mode) -> tuple[Mode, Fault]:
+    def _ask(self, request: Request, value: float, wanted: Mode) -> Came:
         # SDO has let time pass on the bus alone.
         self._offset_s = self.rig.now_s - self.clock.now_s()
         number = self.request(request, value)
-        self.tick()
-        modes, mask = self.cycle.modes, homing_mask(request, value)
         for _ in range(LONGEST_WAIT):
-            came, why = self._came_of(number)
-            if came is Outcome.REFUSED and why is not Fault.NONE:
-                return modes.mode, why
-            arrived = modes.mode is wanted and modes.homed & mask == mask
-            if modes.mode is Mode.FAULT or (came is not Outcome.NONE and arrived):
-                break
             self.tick()
-        return modes.mode, modes.fault
+            now = self.board.read()
+            if now is not None and (came := came_to(now, number, request, value, wanted)) is not None:
+                return came
+        return self.cycle.modes.mode, self.cycle.modes.fault
 
     def stand_at(self, joints: Joints, plan_time_s: float) -> None:
         """Where a recorded run began, by place and by the path clock; homed and enabled it goes there."""

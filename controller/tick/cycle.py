@@ -29,13 +29,13 @@ from controller.handoff import (
 )
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
-from controller.state import ALL_AXES, ALWAYS, Fault, Mode, Request, bars
+from controller.state import ALL_AXES, ALWAYS, DROPS, Fault, Mode, Request, bars
 from controller.tick.check import Check
 from controller.tick.drives import Drives
 from controller.tick.follow import Follow, Step
 from controller.tick.jog import Jogging
 from controller.tick.joints import Encoder
-from controller.tick.mode import Modes
+from controller.tick.mode import Modes, Phase
 from controller.tick.peripherals import Peripherals
 from controller.tick.telling import Telling
 from drives.cyclic.drive_fault import DriveFault
@@ -151,9 +151,10 @@ class Cycle:
         self.sync_sent = sent = self._sync(now_s, lateness_s)
         self._count(sent, ticks, lateness_s)
         self._look_for_our_silence(now_s, missed)
-        self._take_requests()
-        self._take_pieces()
-        self._supervise(now_s, ticks)
+        void = self._take_requests()
+        self._take_pieces(void)
+        if self._supervise(now_s, ticks) or void:
+            self._drop()
         if sent or not self.modes.on_path:
             self._move()
         if sent or self._stood:
@@ -240,19 +241,23 @@ class Cycle:
             if self.modes.mode is not Mode.FAULT and self.group.fault(now_s)[0] is not DriveFault.NONE:
                 self.modes.fail(Fault.TOO_MANY_SKIPS, -1)
 
-    def _take_requests(self) -> None:
-        self.taken = 0
+    def _take_requests(self) -> bool:
+        """True where one of them has made void what is queued."""
+        self.taken, void = 0, False
         for _ in range(MOST_REQUESTS):
             request = self._requests.take()
             if request is None:
                 break
             self.taken = self._requests.number or self.taken
-            self._request(request[0], request[1])
+            before = self.modes.mode
+            taken = self._request(request[0], request[1])
+            void = void or (taken and (before, request[0]) in DROPS)
         if self._homing_asked:
             self._home()
+        return void
 
-    def _request(self, request: Request, value: float) -> None:
-        """What a request asks for, and the answer to it."""
+    def _request(self, request: Request, value: float) -> bool:
+        """What a request asks for, and the answer to it; whether it was taken."""
         modes, number = self.modes, self._requests.number
         if self._homing_asked and request not in ALWAYS and request is not Request.JOG:
             self._homing_asked = 0
@@ -260,14 +265,17 @@ class Cycle:
             self.answers.give(self._homing_number, Outcome.SUPERSEDED)
         if request is Request.HOME and modes.mode is Mode.OFF and value in MASKS:
             self._homing_asked, self._homing_number = int(value), number
-            return  # answered when it begins
+            return False  # answered when it begins
         if request is Request.JOG:
             taken = self.jogging.ask(self._requests.jog)
         elif request is Request.ARRANGED:
             taken = self._arrange(self._requests.arranged)
         else:
-            taken = request is not Request.HOME and modes.request(request, value, self.follow.at_rest)
+            taken = request is not Request.HOME and modes.request(
+                request, value, self.follow.at_rest, self.jogging.away
+            )
         self._answer(request, number, taken)
+        return taken
 
     def _answer(self, request: Request, number: int, taken: bool) -> None:
         if taken:
@@ -305,9 +313,10 @@ class Cycle:
             self.peripherals.opens_for(0)
         self._answer(Request.HOME, self._homing_number, taken)
 
-    def _take_pieces(self) -> None:
+    def _take_pieces(self, void: bool) -> None:
         """At most one message, whole or not at all; and how long the plan has been silent.
 
+        None with what is ``void``: it was made for a queue that is given up in this tick.
         Ticks that were missed do not count: what kept this process waiting kept the plan, too.
         """
         self.accepted_now = 0
@@ -319,11 +328,11 @@ class Cycle:
             self._silent += 1
         if message is None:
             return
-        newer = message.sequence > self.accepted and not self.modes.dropped
+        newer = message.sequence > self.accepted and not void
         if newer and self.modes.takes_pieces and self.follow.accept(message):
             self.accepted = self.accepted_now = message.sequence
-            if self.modes.away:
-                self.modes.stand_aside(not self.follow.begins_here(message))
+            if self.jogging.away and self.follow.begins_here(message):
+                self.jogging.forget_hold()
         else:
             self.rejected = message.sequence
             self.accepted_now = -message.sequence
@@ -339,7 +348,8 @@ class Cycle:
         if (gone or lost) and standing and not (self.follow.pending or self.follow.stopping):
             self.modes.fail(Fault.PLANNER_GONE, -1)
 
-    def _supervise(self, now_s: float, ticks: int) -> None:
+    def _supervise(self, now_s: float, ticks: int) -> bool:
+        """Faults, and what follows by itself; True where what is queued is void with it."""
         standing = self.follow.at_rest
         self._look_for_the_plan(standing)
         if self.again is None:
@@ -354,9 +364,11 @@ class Cycle:
             self.modes.quick_stop()
         if self.jogging.active:
             self.jogging.watch(ticks, self._planner_gone())
-        self.modes.progress(ticks, standing)
-        if self.modes.drops():
-            self.follow.clear()
+        return self.modes.progress(ticks, standing)
+
+    def _drop(self) -> None:
+        self.follow.clear()
+        self.jogging.forget_hold()
 
     def _move(self) -> None:
         """The joints of the next SYNC: along the plan, or where the drives are."""
@@ -370,7 +382,7 @@ class Cycle:
             self._jog()
             return
         modes, follow = self.modes, self.follow
-        follow.heed(modes.optional_stop, modes.single_block or modes.ending)
+        follow.heed(modes.optional_stop, modes.single_block or modes.phase is Phase.ENDING)
         self._waits = modes.running and self._must_wait()
         running = modes.running and not self._waits
         step = follow.step(follow.goes(running, modes.override, modes.rapid_override))

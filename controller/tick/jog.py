@@ -20,7 +20,7 @@ from controller.machine import Axis, Joints, Machine
 from controller.state import Mode, Request
 from controller.tick.check import Check
 from controller.tick.follow import Follow, Step
-from controller.tick.mode import Modes
+from controller.tick.mode import Modes, Phase
 from controller.tick.ramp import Ramp
 
 UNHOMED_SHARE = 0.1  # of its largest velocity, for an axis that is not homed
@@ -31,7 +31,8 @@ _LATENCY_TICKS = 2  # from the last tick that waits until a drive slows
 class Jogging:
     """One order at a time.
 
-    Read ``active`` (something is under way), ``axes`` (that move, bit mask), ``check`` (for their joints).
+    Read ``active`` (something is under way), ``axes`` (that move, bit mask), ``check`` (for their joints),
+    ``away`` (the axes are off the place of the hold: no RESUME).
     """
 
     def __init__(self, machine: Machine, modes: Modes, follow: Follow) -> None:
@@ -45,7 +46,7 @@ class Jogging:
         self._ramp = Ramp(1.0, 1.0, 0.0)
         self._speed = 0.0  # per tick
         self.axes = 0
-        self.active = False
+        self.active = self.away = False
         self.check = Check(machine)
 
     # -- orders
@@ -79,7 +80,7 @@ class Jogging:
         self.active, self._back = True, before
         if before is Mode.READY:
             self._follow.clear()  # what is queued begins elsewhere
-        elif not self._modes.away:
+        elif not self.away:
             self._held = self._follow.joints
 
     def _begin(self, order: Jog) -> None:
@@ -118,6 +119,10 @@ class Jogging:
         if self._age > self._most_age if endless else silent:
             self._modes.end_jog()
 
+    def forget_hold(self) -> None:
+        """The program is gone, or goes on from here."""
+        self.away = False
+
     def give_up(self) -> None:
         """The joints are where the drives are from now on."""
         self.active = False
@@ -125,7 +130,7 @@ class Jogging:
     def step(self, is_open: bool) -> Step:
         """The joints of the next SYNC; ``is_open``: no clamp holds an axis."""
         modes, ramp, follow = self._modes, self._ramp, self._follow
-        ends = modes.mode is not Mode.JOG or modes.jog_ends
+        ends = modes.mode is not Mode.JOG or modes.phase is Phase.HALTING
         goes = not ends and self._next is None and is_open
         ramp.step(self._speed if goes else 0.0)
         follow.move_to(self._place())
@@ -159,8 +164,8 @@ class Jogging:
         if self._back is Mode.READY:
             follow.clear()
         else:
-            modes.stand_aside(not follow.same_place(follow.joints, self._held))
-            if not modes.away:
+            self.away = not follow.same_place(follow.joints, self._held)
+            if not self.away:
                 follow.move_to(self._held)  # less than a count
         modes.leave_jog(self._back)
 

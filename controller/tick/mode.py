@@ -6,6 +6,7 @@ All of it works on values; the only thing it moves is the group's goal (``want``
 from __future__ import annotations
 
 import math
+from enum import IntEnum
 
 from controller.state import ALL_AXES, ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Reaction, Request, bars
 from controller.tick.drives import Drives
@@ -32,8 +33,32 @@ _CAUSES = (
 DRIVE_FAULTS = {fault: Fault[fault.name] for fault in DriveFault}
 
 
+class Phase(IntEnum):
+    """How far a mode has come; each but STEADY is of one mode alone (``PHASES``), and ends with it."""
+
+    STEADY = 0
+    ENABLING = 1  # the drives come up, READY is next
+    SWITCHING_OFF = 2  # every axis is homed; when the drives are off, OFF is next
+    ENDING = 3  # HOLD is next, at the end of this block
+    HALTING = 4  # the jog comes to rest, and the mode that it came from is next
+    QUICK_STOPPED = 5  # the drives stop by their own ramps, and the path is given up
+
+
+PHASES = {
+    Phase.ENABLING: Mode.OFF,
+    Phase.SWITCHING_OFF: Mode.HOMING,
+    Phase.ENDING: Mode.RUNNING,
+    Phase.HALTING: Mode.JOG,
+    Phase.QUICK_STOPPED: Mode.FAULT,
+}
+
+
 class Modes:
-    """Mode, fault and overrides. ``standing`` is told by the caller: whether the commanded joints stand."""
+    """Mode, fault and overrides.
+
+    What other rooms know is told by the caller: ``standing``, whether the commanded joints stand; ``away``,
+    whether a jog has led the tool off the place of the hold.
+    """
 
     def __init__(
         self,
@@ -55,12 +80,10 @@ class Modes:
         self._homing_ticks = round(HOMING_S / period_s)
         self._waited = 0  # ticks of enabling or homing
         self._homing_mask = 0
-        self._quick_stopped = False
         self._stopping = 0  # ticks since the fault
         self._looked_at = 0  # the drive whose warning is looked at next
-        self.enabling = False
-        self._switching_off = False  # homing is done, the drives are switching off
         self.mode = Mode.OFF
+        self.phase = Phase.STEADY
         self.fault = Fault.NONE
         self.fault_axis = -1
         self.reaction = Reaction.NONE
@@ -72,11 +95,7 @@ class Modes:
         self.untrusted = 0  # axes that a fault has cost their position; no start before they are homed
         self.warning = Fault.NONE  # the last fault that stopped nothing
         self.interlock = Fault.NONE  # what forbids motion at present (door, e-stop), see ``forbid``
-        self.ending = False  # hold at the end of this block
-        self.jog_ends = False  # the jog comes to rest, and ``leave_jog`` is next
-        self.away = False  # jogged off the place of the hold, see ``stand_aside``
         self.plan_lost = False  # nobody knows the program beyond what is queued
-        self.dropped = False  # the queue is void, and nobody has cleared it yet, see ``drops``
 
     def quick_stop_takes(self, seconds: float) -> None:
         """As the drives were read, from now on."""
@@ -94,7 +113,10 @@ class Modes:
     @property
     def on_path(self) -> bool:
         """Whether the commanded joints are the plan's; otherwise they follow the actual position."""
-        return self.mode not in (Mode.OFF, Mode.HOMING) and not self._quick_stopped
+        return self.mode not in (Mode.OFF, Mode.HOMING) and self.phase is not Phase.QUICK_STOPPED
+
+    def _enter(self, mode: Mode, phase: Phase = Phase.STEADY) -> None:
+        self.mode, self.phase = mode, phase
 
     # -- what the other rooms of the tick tell
 
@@ -102,54 +124,45 @@ class Modes:
         """Motion, as long as this holds; NONE: nothing forbids it."""
         self.interlock = found
 
-    def stand_aside(self, away: bool) -> None:
-        """Whether the axes are off the place of the hold."""
-        self.away = away
-
     def end_jog(self) -> None:
-        """It comes to rest."""
-        self.jog_ends = True
+        """It comes to rest, if there is one."""
+        if self.mode is Mode.JOG:
+            self.phase = Phase.HALTING
 
     def leave_jog(self, back: Mode) -> None:
-        """It is at rest; a fault meanwhile stays."""
+        """It is at rest; a fault meanwhile stays. In READY there is no program whose plan is lost."""
         if self.mode is Mode.JOG:
-            self.mode = back
+            self._enter(back)
+            self.plan_lost = self.plan_lost and back is Mode.HOLD
 
     def path_stops(self) -> None:
         """At a stop of the program."""
-        self.mode = Mode.HOLD
+        self._enter(Mode.HOLD)
 
     def path_ends(self) -> None:
         """With the program."""
-        self.mode = Mode.READY
-
-    def drops(self) -> bool:
-        """Once, when the queue has become void: whoever asks clears it."""
-        if not self.dropped:
-            return False
-        self.dropped = self.away = False
-        return True
+        self._enter(Mode.READY)
 
     # -- requests
 
-    def request(self, request: Request, value: float, standing: bool) -> bool:
-        """Does what the table allows; False where it refuses it."""
+    def request(self, request: Request, value: float, standing: bool, away: bool = False) -> bool:
+        """Does what the table allows; False where it refuses it. What is queued then is void by ``DROPS``."""
         if request in ALWAYS:
             return self._always(request, value)
         after = TRANSITIONS.get((self.mode, request))
-        if after is None or not self._permitted(request, standing):
+        if after is None or not self._permitted(request, standing, away):
             return False
-        self.mode = after
+        self._enter(after)
         act = _ACTS.get(request)
         if act is not None:
             act(self, value)
         return True
 
-    def _permitted(self, request: Request, standing: bool) -> bool:
+    def _permitted(self, request: Request, standing: bool, away: bool) -> bool:
         """What besides the mode a request depends on."""
         if request is Request.RESET:
-            return standing or self._quick_stopped
-        if (request is Request.START and self.untrusted) or (request is Request.RESUME and self.away):
+            return standing or self.phase is Phase.QUICK_STOPPED
+        if (request is Request.START and self.untrusted) or (request is Request.RESUME and away):
             return False
         if request is Request.JOG and not standing and self.mode is not Mode.JOG:
             return False
@@ -166,7 +179,7 @@ class Modes:
         elif request is Request.PLAN_LOST:
             self.plan_lost = self.mode in (Mode.RUNNING, Mode.HOLD, Mode.JOG)
         elif request is Request.JOG_STOP:
-            self.jog_ends = True
+            self.end_jog()
         return True
 
     def _switch(self, request: Request, value: float) -> bool:
@@ -195,11 +208,10 @@ class Modes:
             if not drive.cyclic:
                 drive.resume_cyclic()
         self._group.want(Wanted.ENABLED)
-        self.enabling, self._waited = True, 0
+        self.phase, self._waited = Phase.ENABLING, 0
 
     def _disable(self, _: float) -> None:
         self._group.want(Wanted.OFF)
-        self.enabling, self.dropped = False, True
 
     def _home(self, value: float) -> None:
         self._homing_mask = int(value)
@@ -208,29 +220,24 @@ class Modes:
                 drive.homing(True)
         self.homed &= ~self._homing_mask
         self._group.want(Wanted.ENABLED)
-        self.enabling, self._waited = False, 0
-
-    def _jog(self, _: float) -> None:
-        self.jog_ends = False
+        self._waited = 0
 
     def _halt(self, _: float) -> None:
         """In a program the mode alone says it."""
-        self.jog_ends = True
+        self.end_jog()
 
     def _stop(self, _: float) -> None:
         if self.mode is Mode.JOG:
-            self.jog_ends = True
+            self.end_jog()
             return
         if self.mode is Mode.OFF:  # homing given up
             self._end_homing()
-        self.dropped = self.mode is not Mode.STOPPING  # STOPPING drops it at standstill
         self.plan_lost = False
         self._go_on(0.0)
 
     def _go_on(self, _: float) -> None:
         """Resume or stop: the reason of the hold is no longer shown."""
         self.fault, self.fault_axis, self.reaction = Fault.NONE, -1, Reaction.NONE
-        self.ending = False
 
     def _reset(self, _: float) -> None:
         for i, drive in enumerate(self._group.drives):
@@ -241,8 +248,6 @@ class Modes:
         self.homed |= self.absolute
         self.untrusted &= ~self.absolute
         self.warning = Fault.NONE
-        self._quick_stopped = self.enabling = False
-        self.dropped = True
 
     # -- faults
 
@@ -260,8 +265,8 @@ class Modes:
         if self.mode is Mode.HOMING:
             self.untrusted |= self._homing_mask  # given up: they have no zero
         if self.mode is not Mode.FAULT:
-            self.fault, self.fault_axis, self.mode = fault, axis, Mode.FAULT
-            self.enabling = self.ending = self.plan_lost = self._switching_off = False
+            self._enter(Mode.FAULT)
+            self.fault, self.fault_axis, self.plan_lost = fault, axis, False
             self.reaction, self._stopping = Reaction.NONE, 0
         self._distrust(fault, axis)
         self._name_more(fault, axis)
@@ -278,13 +283,14 @@ class Modes:
             return
         if self.mode not in (Mode.RUNNING, Mode.HOLD):
             self.warning = fault
-            self.jog_ends = self.jog_ends or reaction is Reaction.HOLD
+            if reaction is Reaction.HOLD:
+                self.end_jog()
             return
         self.fault, self.fault_axis, self.reaction = fault, axis, reaction
         if reaction is Reaction.HOLD:
-            self.mode = Mode.HOLD
-        else:
-            self.ending = self.mode is Mode.RUNNING
+            self._enter(Mode.HOLD)
+        elif self.mode is Mode.RUNNING:
+            self.phase = Phase.ENDING
 
     def _distrust(self, fault: Fault, axis: int) -> None:
         """Axes that may have lost count, or were out of sight, must be homed again."""
@@ -305,9 +311,9 @@ class Modes:
             self.warning = fault
 
     def quick_stop(self) -> None:
-        """Every drive stops by its own ramp; the path is given up."""
+        """Out of FAULT: every drive stops by its own ramp; the path is given up."""
         self._group.want(Wanted.QUICK_STOP)
-        self._quick_stopped = True
+        self.phase = Phase.QUICK_STOPPED
 
     def watch(self, now_s: float) -> None:
         """Takes the group's fault over."""
@@ -328,7 +334,7 @@ class Modes:
                 lost += 1
                 self._look_at(fault, i)
                 self._look_at(self._group.out_of_sight(i, now_s), i)
-        if lost > 1 and not self._quick_stopped:
+        if lost > 1 and self.phase is not Phase.QUICK_STOPPED:
             self.reaction = max(self.reaction, Reaction.QUICK_STOP)
             self.quick_stop()
 
@@ -346,27 +352,27 @@ class Modes:
 
     # -- progress
 
-    def progress(self, ticks: int, standing: bool) -> None:
-        """What follows by itself: enabled, homed, stopped."""
-        if self.enabling:
+    def progress(self, ticks: int, standing: bool) -> bool:
+        """What follows by itself: enabled, homed, stopped. True where what is queued is void with it."""
+        before = self.mode
+        if self.phase is Phase.ENABLING:
             self._watch_enabling(ticks)
         elif self.mode is Mode.HOMING:
             self._watch_homing(ticks)
         elif self.mode is Mode.STOPPING and standing:
-            self.mode, self.dropped = Mode.READY, True
+            self._enter(Mode.READY)
         elif self.mode is Mode.FAULT:
             self._watch_stop(ticks, standing)
-        elif self.mode is Mode.HOLD:
-            self.ending = False
         elif self.mode is Mode.READY and self.fault is not Fault.NONE:
             self.warning = self.fault  # the program ended before its block's end could be held
             self._go_on(0.0)
+        return self.mode is Mode.READY and before is not Mode.READY
 
     def _watch_stop(self, ticks: int, standing: bool) -> None:
         """The way to standstill after a fault: quick stop for the rest, for what takes too long, then off."""
         before = self._stopping
         self._stopping += ticks
-        if self._quick_stopped:
+        if self.phase is Phase.QUICK_STOPPED:
             if self.reaction is Reaction.DISABLE and before <= self._ramp_ticks < self._stopping:
                 self._group.want(Wanted.OFF)
         elif standing:
@@ -378,7 +384,7 @@ class Modes:
     def _watch_enabling(self, ticks: int) -> None:
         self._waited += ticks
         if self._group.following():
-            self.mode, self.enabling, self.dropped = Mode.READY, False, True
+            self._enter(Mode.READY)
         elif self._waited > self._enable_ticks:
             self.fail(Fault.ENABLE_TIMEOUT, self._first_not_following())
 
@@ -392,9 +398,9 @@ class Modes:
 
     def _watch_homing(self, ticks: int) -> None:
         self._waited += ticks
-        if self._switching_off:
+        if self.phase is Phase.SWITCHING_OFF:
             if not any(drive.state == State.OPERATION_ENABLED for drive in self._group.drives):
-                self._switching_off, self.mode = False, Mode.OFF
+                self._enter(Mode.OFF)
             return
         busy = -1
         for i, drive in enumerate(self._group.drives):
@@ -411,7 +417,7 @@ class Modes:
             self.homed |= self._homing_mask
             self.untrusted &= ~self._homing_mask
             self._end_homing()
-            self.mode, self._switching_off = Mode.HOMING, True
+            self.phase = Phase.SWITCHING_OFF
         elif self._waited > self._homing_ticks:
             self.fail(Fault.HOMING_FAILED, busy)
 
@@ -425,7 +431,6 @@ class Modes:
             if self._homing_mask >> i & 1:
                 drive.homing(False)
         self._group.want(Wanted.OFF)
-        self.mode, self._switching_off = Mode.OFF, False
 
 
 _ACTS = {
@@ -436,6 +441,5 @@ _ACTS = {
     Request.HOME: Modes._home,
     Request.STOP: Modes._stop,
     Request.HOLD: Modes._halt,
-    Request.JOG: Modes._jog,
     Request.RESET: Modes._reset,
 }

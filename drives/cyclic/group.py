@@ -41,8 +41,7 @@ class Group:
     """The drives in the order of the axes, on one or more buses, with spindle and inputs and outputs.
 
     Read: ``positions`` (counts, per drive), ``sync_seen`` and ``syncs_seen`` (SYNC echoes in
-    the last ``receive``), ``drives``, ``spindle``, ``io``, ``lines`` (the buses), ``unsent``
-    (frames since start).
+    the last ``receive``), ``drives``, ``spindle``, ``io``, ``lines`` (the buses).
     """
 
     def __init__(
@@ -62,7 +61,6 @@ class Group:
         self.positions = [0] * len(self.drives)
         self.sync_seen = False
         self.syncs_seen = 0
-        self.unsent = 0
         self._kernel_sync = master.sync == "kernel"
         others = (*(() if spindle is None else (spindle,)), *self.io)
         self.lines = _lines(self.drives, others, ports, self._kernel_sync, master)
@@ -197,7 +195,6 @@ class Group:
         return line.send(node.guard_frame) or self._failed(line.first)
 
     def _failed(self, index: int) -> bool:
-        self.unsent += 1
         self._send_failed = True
         self._send_failed_at = index
         return False

@@ -68,7 +68,7 @@ class IoNode(Supervised):
         """A new beginning: ENABLED anew; RESET forgets its emergency too."""
         self._forget()
         if reset:
-            self.emcy_code = self.emcy_register = 0
+            self.emcy_code = 0
 
     def _read(self, data: memoryview, now_s: float) -> None:
         if len(data) != self.settings.inputs:

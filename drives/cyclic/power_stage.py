@@ -110,7 +110,7 @@ class PowerStage(Supervised):
         """
         if wanted is Wanted.RESET:
             self._forget()
-            self.emcy_code = self.emcy_register = 0
+            self.emcy_code = 0
             self._reset_armed = True
         elif wanted is not self.wanted:
             self._reset_armed = False

@@ -27,8 +27,8 @@ _pack_command_into = pdo.COMMAND.pack_into
 class SpindleDrive(PowerStage):
     """The cyclic side of a spindle.
 
-    Read: ``speed`` (counts/s, actual), ``speed_at_s``, ``rev_min``, ``wanted_rev_min``,
-    ``at_speed``, ``standing``, and what `PowerStage` and `Supervised` have.
+    Read: ``speed`` (counts/s, actual), ``speed_at_s``, ``rev_min``, ``at_speed``,
+    ``standing``, and what `PowerStage` and `Supervised` have.
     """
 
     def __init__(self, settings: SpindleSettings, lost_after: int = LOST_IN_A_ROW) -> None:
@@ -44,7 +44,6 @@ class SpindleDrive(PowerStage):
         self.set_velocity_units(settings.velocity_units)
         self.speed = 0.0
         self.speed_at_s = NEVER_S
-        self.wanted_rev_min = 0.0
         self._wanted_speed = 0.0  # counts/s
         self._led_speed = 0.0  # on its way there
         self._leads = settings.mode == CYCLIC_VELOCITY
@@ -65,7 +64,6 @@ class SpindleDrive(PowerStage):
 
     def want_speed(self, rev_min: float) -> None:
         """Turn so fast, rev/min; positive as M3, negative as M4. It turns while ENABLED is wanted."""
-        self.wanted_rev_min = rev_min
         self._wanted_speed = rev_min / 60.0 * self.settings.counts_per_rev
 
     def stop(self) -> None:

@@ -22,8 +22,8 @@ class Supervised:
     """One node's signs of life.
 
     Read: ``emcy_code`` (the first error since the last that was taken back; 0 = none),
-    ``emcy_register``, ``emcy_at_s``, ``heartbeat_at_s`` (of a guarding answer too),
-    ``nmt_state`` (-1 = not heard of yet), ``malformed`` (frames of wrong length).
+    ``heartbeat_at_s`` (of a guarding answer too), ``nmt_state`` (-1 = not heard of yet),
+    ``malformed`` (frames of wrong length).
     """
 
     def __init__(self, node: int, guarded: bool = False) -> None:
@@ -32,8 +32,6 @@ class Supervised:
         self.guarded = guarded
         self.guard_frame = pdo.guard_frame(node)
         self.emcy_code = 0
-        self.emcy_register = 0
-        self.emcy_at_s = NEVER_S
         self.heartbeat_at_s = NEVER_S
         self.nmt_state = -1
         self.malformed = 0
@@ -70,9 +68,9 @@ class Supervised:
         register = data[2] if len(data) > 2 else 0
         if code == 0:
             if register == 0:
-                self.emcy_code = self.emcy_register = 0
+                self.emcy_code = 0
         elif not self.emcy_code:
-            self.emcy_code, self.emcy_register, self.emcy_at_s = code, register, now_s
+            self.emcy_code = code
             self._emcy_fault = drive_fault.of_emergency(code)
 
     def _heartbeat(self, data: memoryview, now_s: float) -> None:

@@ -18,7 +18,6 @@ class SerialAdapter:
     """The adapter at ``channel``, see ``drives.ports.slcan_port``. Raises BusError."""
 
     def __init__(self, host: Host, channel: str, bit_rate: int) -> None:
-        self.unsent = 0  # frames that the adapter did not take
         self._host = host
         self._port = bus.open(BusSettings(channel, "slcan", channel, bit_rate))
         self._buffer = bytearray(pdo.FRAME_BYTES)
@@ -28,7 +27,6 @@ class SerialAdapter:
     def _put(self, frame: bytes, at_s: float) -> None:
         """To the adapter; who sent it is told as SocketCAN tells it: some time later, by an error frame."""
         if not self._port.send(frame):
-            self.unsent += 1
             self._host.bus.submit(self._source, at_s, pdo.ERROR_FLAG | CONTROLLER, overflow_frame())
 
     def _read(self) -> None:

@@ -62,10 +62,6 @@ class Brake:
         self._station.cancel("brake")
         self._station.alarm("enable", now_s + self._nature.enable_delay_s, opened)
 
-    def keep_shut(self) -> None:
-        """Take a release back."""
-        self._station.cancel("enable")
-
     def close(self, now_s: float, done: Callable[[float], None] | None = None) -> None:
         """Order it shut; ``done`` when it holds. At once where it takes no time."""
 

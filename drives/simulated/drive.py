@@ -38,7 +38,6 @@ class SimulatedDrive(Device):
     def __init__(self, node: int, parameters: Parameters = Parameters(), eds: Path = EDS) -> None:  # noqa: B008
         super().__init__(node, parameters, eds)
         self.lost_syncs = 0  # SYNCs that did not come
-        self.early_syncs = 0  # SYNCs less than half a period after the last: not counted as a period
         self._sync_s = 0.0
         self._guessed = 0  # periods already made up for since the last SYNC
         self._received: bytes | None = None  # the newest standard RPDO, latched by SYNC
@@ -100,7 +99,6 @@ class SimulatedDrive(Device):
     def _irregular(self, gap_s: float, now_s: float) -> bool:
         """A SYNC too soon is no period (False); before one too late the missing periods are made up for."""
         if gap_s < self._soonest_s:
-            self.early_syncs += 1
             return False
         if self.axis.powered:
             self._catch_up(round(gap_s / self.axis.period_s) - 1, now_s)

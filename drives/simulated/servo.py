@@ -48,7 +48,6 @@ class Servo:
         "_a22",
         "_bend_s2",
         "_fastest",
-        "_feed_forward",
         "_jammed",
         "_lag_s",
         "_lead_s",
@@ -93,7 +92,6 @@ class Servo:
         self._lead_s = 2.0 * damping / w
         self._bend_s2 = 1.0 / (w * w)
         self._lag_s = self._lead_s * (1.0 - feed_forward)
-        self._feed_forward = feed_forward
         self._per_s = 1.0 / period_s
         self._reckon()
 

@@ -82,7 +82,6 @@ class Client:
     def __init__(self, joined: socket.socket) -> None:
         self.socket = joined
         self.lost = 0  # frames its full receive queue refused
-        self.unsent = 0  # frames its full transmit queue refused
         self.source = -1
         self.patient = False
         self.intake: Intake | None = None
@@ -253,7 +252,6 @@ class Hub:
 
     def _refuse(self, client: Client, at_s: float) -> None:
         """The client believes its frame to be sent: an error frame tells what ENOBUFS would have told."""
-        client.unsent += 1
         if self.bus.errors.hears(client.source):
             client.put(overflow_frame(), at_s)
 

@@ -50,10 +50,14 @@ class JointLimits:
         return np.asarray(np.minimum(np.minimum(by_velocity, by_acceleration), by_jerk).min(axis=1))
 
     def braking_s(self, rates: Array) -> Array:
-        """Seconds in which each joint alone comes to rest from its ``rates`` (N, 5)."""
-        by_jerk = 2.0 * np.sqrt(rates / self.jerk)
-        by_acceleration = rates / self.acceleration + self.acceleration / self.jerk
-        return np.where(rates * self.jerk > self.acceleration**2, by_acceleration, by_jerk)
+        """Seconds in which each joint alone comes to rest from its ``rates`` (N, 5), either way.
+
+        At the rest of a law c1 + x (2 c2 + 3 c3 x) leaves a rounding of some 1e-14 of either sign.
+        """
+        speed = np.abs(rates)
+        by_jerk = 2.0 * np.sqrt(speed / self.jerk)
+        by_acceleration = speed / self.acceleration + self.acceleration / self.jerk
+        return np.where(speed * self.jerk > self.acceleration**2, by_acceleration, by_jerk)
 
     def path_jerk(self, d: Derivatives) -> Array:
         """Jerk along a straight start from rest that every joint's jerk limit allows (N,)."""

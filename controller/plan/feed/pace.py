@@ -44,7 +44,7 @@ def seam_s(course: Course, found: Profile) -> float:
     last = max(found.duration_s - TAIL_S, first)
     times = np.linspace(first, last, TAIL_PLACES)
     s, v, _, _ = found.along(times)
-    rates = np.abs(course.derivatives(s).first) * v[:, None]
+    rates = course.derivatives(s).first * v[:, None]
     braking_s = JointLimits.of(course.machine).braking_s(rates).max(axis=1)
     late = np.flatnonzero(found.duration_s - times < TAIL_BRAKINGS * braking_s)
     return float(times[max(late[0] - 1, 0)]) if len(late) else last

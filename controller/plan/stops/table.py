@@ -88,7 +88,7 @@ def _jerk_step(course: Course, start: Motion) -> float:
     limits, period = JointLimits.of(course.machine), course.machine.period_s
     s, v, _ = start
     some = np.unique(np.linspace(0, len(s) - 1, 20).astype(int))
-    rate = np.abs(course.derivatives(s[some]).first) * v[some, None]
+    rate = course.derivatives(s[some]).first * v[some, None]
     longest = float(limits.braking_s(rate).max(initial=0.0))
     return period * max(1, int(longest / (LONG_STEPS * period)))
 

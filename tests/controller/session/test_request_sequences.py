@@ -13,6 +13,11 @@ from controller.handoff import Outcome
 from controller.state import Mode, Request
 
 
+def test_all_requests_are_among_those_that_are_asked() -> None:
+    """But what commissioning tells; a fault that needs it brings it into a sequence."""
+    assert set(Request) - set(request_sequences.ASKED) == {Request.ARRANGED}
+
+
 def test_every_request_is_answered_once_and_every_state_has_a_way_out() -> None:
     request_sequences.run(40, 21)
 
@@ -51,6 +56,17 @@ def test_an_answer_that_is_another_than_what_came_of_it_is_found(site: Site) -> 
     site._judge()
     site.answers[number] = [(Outcome.DONE, site.answers[number][0][1])]
     with pytest.raises(NotSo, match="is answered DONE"):
+        site._judge()
+
+
+def test_an_answer_that_comes_late_is_found(site: Site) -> None:
+    site.answers.clear()
+    site.asked.clear()
+    number = site.ask(Request.OVERRIDE, 1.0)
+    site.ticks(2)
+    site._judge()
+    site.asked[number] -= request_sequences.ANSWER_TICKS
+    with pytest.raises(NotSo, match="is answered after"):
         site._judge()
 
 

@@ -16,6 +16,7 @@ from controller.handoff import DEAD_MAN_S, PLANNER_SILENCE_S, Jog, dwell
 from controller.machine import Joints, Machine
 from controller.state import ALL_AXES, Fault, Mode, Request
 from controller.tick.jog import UNHOMED_SHARE
+from controller.tick.mode import Phase
 from drives.cia402 import Wanted
 from drives.cyclic.drive import DriveFault
 
@@ -91,7 +92,7 @@ def test_lost_ticks_count_for_the_dead_man_too() -> None:
     at = bench.cycle.tick
     bench.cycle.run(bench.clock.now_s(), 0.0, missed=200)
     assert bench.cycle.tick == at + 201
-    assert bench.cycle.modes.jog_ends
+    assert bench.cycle.modes.phase is Phase.HALTING
     bench.close()
 
 

@@ -11,7 +11,9 @@ from support.machines.tick_bench import FakeGroup
 from controller.state import (
     ALL_AXES,
     ALWAYS,
+    DROPS,
     FAULTS,
+    PROGRESS,
     TRANSITIONS,
     Fault,
     Mode,
@@ -20,7 +22,7 @@ from controller.state import (
     follows,
     refusal,
 )
-from controller.tick.mode import DRIVE_FAULTS, Modes
+from controller.tick.mode import DRIVE_FAULTS, PHASES, Modes, Phase
 from controller.times import ENABLE_S
 from drives.cia402 import State, Wanted
 from drives.cyclic.drive import DriveFault
@@ -46,15 +48,7 @@ def test_every_request_in_every_mode_does_what_the_table_says(mode: Mode, reques
     assert taken is (expected is not None)
 
 
-# The values beside the mode, and the modes in which each may be set.
-BESIDE = {
-    "enabling": {Mode.OFF},
-    "ending": {Mode.RUNNING},
-    "away": {Mode.HOLD, Mode.JOG, Mode.STOPPING, Mode.FAULT},  # until what drops the program
-    "_switching_off": {Mode.HOMING},
-    "plan_lost": {Mode.RUNNING, Mode.HOLD, Mode.JOG},
-    "_quick_stopped": {Mode.FAULT},
-}
+LOSABLE = (Mode.RUNNING, Mode.HOLD, Mode.JOG)  # modes with a program whose plan can be lost
 FAULTED = {  # the fault that may be shown in a mode, beside none
     Mode.HOLD: Fault.DOOR_OPEN,
     Mode.RUNNING: Fault.COOLANT_LOST,
@@ -66,15 +60,14 @@ INTERLOCKS = (Fault.NONE, Fault.DOOR_OPEN, Fault.ESTOP_INPUT)
 
 def states(mode: Mode) -> Iterator[tuple[Modes, FakeGroup]]:
     """Every state that a mode can be in, by all that is kept beside it."""
-    may = [name for name, where in BESIDE.items() if mode in where]
-    for values in product((False, True), repeat=len(may)):
+    phases = [Phase.STEADY, *(phase for phase in Phase if PHASES.get(phase) is mode)]
+    for phase, plan_lost in product(phases, (False, True) if mode in LOSABLE else (False,)):
         for interlock, untrusted in product(INTERLOCKS, (0, 4)):
             modes, group = modes_in(mode)
-            for name, value in zip(may, values, strict=True):
-                setattr(modes, name, value)
+            modes.phase, modes.plan_lost = phase, plan_lost
             modes.interlock, modes.untrusted = interlock, untrusted
             modes.homed, modes._homing_mask = ALL_AXES & ~untrusted, 4
-            faulted = mode is Mode.FAULT or interlock is not Fault.NONE or modes.ending
+            faulted = mode is Mode.FAULT or interlock is not Fault.NONE or phase is Phase.ENDING
             if faulted and mode in FAULTED:
                 modes.fault = FAULTED[mode]
                 modes.reaction = FAULTS[modes.fault].reaction
@@ -83,8 +76,8 @@ def states(mode: Mode) -> Iterator[tuple[Modes, FakeGroup]]:
 
 def assert_sound(modes: Modes) -> None:
     """What may stand beside a mode; as the next tick's progress leaves it."""
-    wrong = [name for name, where in BESIDE.items() if getattr(modes, name) and modes.mode not in where]
-    assert not wrong or (wrong == ["away"] and modes.dropped), (modes.mode, wrong)
+    assert PHASES.get(modes.phase, modes.mode) is modes.mode, (modes.mode, modes.phase)
+    assert not modes.plan_lost or modes.mode in LOSABLE, modes.mode
     assert (modes.fault is Fault.NONE) is (modes.reaction is Reaction.NONE)
     assert modes.fault is Fault.NONE or modes.mode in FAULTED, (modes.mode, modes.fault)
 
@@ -99,20 +92,20 @@ def test_every_request_in_every_state_is_taken_or_refused_as_its_sentence_says(
     mode: Mode, request_: Request
 ) -> None:
     """What is refused changes nothing of all that is kept beside the mode; what is taken leaves it sound."""
-    for standing, value in product((True, False), (0.0, 1.0, 4.0)):
+    for standing, away, value in product((True, False), (False, True), (0.0, 1.0, 4.0)):
         for modes, group in states(mode):
             said = refusal(
                 mode,
                 request_,
-                standing=standing or (request_ is Request.RESET and modes._quick_stopped),
+                standing=standing or (request_ is Request.RESET and modes.phase is Phase.QUICK_STOPPED),
                 homed=modes.homed,
                 untrusted=modes.untrusted,
                 interlock=modes.interlock,
-                away=modes.away,
+                away=away,
                 axes=("X", "Y", "Z", "A", "C"),
             )
             before, wanted = values_of(modes), group.wanted
-            taken = modes.request(request_, value, standing)
+            taken = modes.request(request_, value, standing, away)
             sound = not (value == 4.0 and request_ in VALUED)
             assert taken is (said == "" and sound), (said, before)
             if not taken:
@@ -130,6 +123,33 @@ def test_a_fault_in_every_state_leaves_no_odd_one(mode: Mode, fault: Fault) -> N
         modes.fail(fault, 2)
         modes.progress(1, standing=False)
         assert_sound(modes)
+
+
+@pytest.mark.parametrize("mode", Mode)
+def test_what_follows_by_itself_leaves_no_odd_state_and_goes_by_its_table(mode: Mode) -> None:
+    for standing in (False, True):
+        for modes, group in states(mode):
+            for drive in group.drives:
+                drive.following = drive.homing_done = standing
+            void = modes.progress(1, standing)
+            assert_sound(modes)
+            assert modes.mode is mode or modes.mode in PROGRESS[mode]
+            assert void is (modes.mode is Mode.READY and mode is not Mode.READY)
+
+
+def test_a_jog_that_is_over_leaves_the_mode_that_it_came_from_as_it_was() -> None:
+    for back in (Mode.READY, Mode.HOLD):
+        for modes, _ in states(Mode.JOG):
+            lost = modes.plan_lost
+            modes.leave_jog(back)
+            assert_sound(modes)
+            assert (modes.mode, modes.phase) == (back, Phase.STEADY)
+            assert modes.plan_lost is (lost and back is Mode.HOLD)
+
+
+def test_what_is_queued_is_void_with_every_request_that_ends_without_a_program() -> None:
+    ends = {pair for pair, after in TRANSITIONS.items() if after in (Mode.OFF, Mode.READY)}
+    assert ends - DROPS == {(Mode.OFF, Request.ENABLE)} and ends >= DROPS
 
 
 def test_homing_that_is_stopped_while_the_drives_switch_off_ends_no_homing_after_it() -> None:
@@ -192,7 +212,7 @@ def test_a_fault_while_running_reacts_by_its_row(fault: Fault) -> None:
     wanted = [drive.wanted for drive in group.drives]
     assert wanted.count(Wanted.QUICK_STOP) == stopped
     assert stopped != 1 or wanted[2] is Wanted.QUICK_STOP
-    assert modes.ending is (row.reaction is Reaction.END_OF_BLOCK)
+    assert (modes.phase is Phase.ENDING) is (row.reaction is Reaction.END_OF_BLOCK)
 
 
 @pytest.mark.parametrize("fault", [f for f in Fault if f is not Fault.NONE])
@@ -266,15 +286,15 @@ def test_a_harder_fault_takes_the_place_of_a_hold() -> None:
 def test_a_hold_at_the_end_of_the_block_ends_in_hold_or_with_the_program() -> None:
     modes, _ = modes_in(Mode.RUNNING)
     modes.fail(Fault.COOLANT_LOST, -1)
-    modes.mode = Mode.HOLD  # as the tick does at a block's end
+    modes.path_stops()
     modes.progress(1, standing=True)
-    assert not modes.ending and modes.fault is Fault.COOLANT_LOST
+    assert modes.phase is Phase.STEADY and modes.fault is Fault.COOLANT_LOST
     modes.request(Request.RESUME, 0.0, standing=True)
     assert modes.mode is Mode.RUNNING and modes.fault is Fault.NONE
     modes.fail(Fault.COOLANT_LOST, -1)
-    modes.mode = Mode.READY
+    modes.path_ends()
     modes.progress(1, standing=True)
-    assert (modes.fault, modes.warning, modes.ending) == (Fault.NONE, Fault.COOLANT_LOST, False)
+    assert (modes.fault, modes.warning) == (Fault.NONE, Fault.COOLANT_LOST)
 
 
 def test_an_emergency_stop_circuit_takes_the_torque_once_the_ramps_are_over() -> None:

@@ -26,7 +26,7 @@ from support.machines.stepped_runs import shipped, three_times_example_2
 
 from controller import config
 from controller.door import DoorError
-from controller.handoff import Jog, Snapshot
+from controller.handoff import Jog, Outcome, Snapshot
 from controller.machine import Homing, Machine, five
 from controller.service.engine import Engine
 from controller.service.folders import Folders
@@ -158,15 +158,12 @@ class ProcessScene:
         self.engine.request(request, value)
 
     def ask(self, request: Request, done: Callable[[Snapshot], bool]) -> None:
-        """Until it is done: a request may be too early by a tick."""
-
-        def asked() -> bool:
-            if not done(self.now):
-                self.request(request)
-                time.sleep(0.02)
-            return done(self.now)
-
-        until(asked)
+        """The tick takes it, or a fault was before it, and it is done."""
+        number = self.engine.request(request)
+        until(lambda: self.now.has_taken(number))
+        came, why = self.now.came_of(number)
+        assert came is Outcome.DONE or done(self.now), f"{request.name} in {self.now.mode.name}: {why.name}"
+        until(lambda: done(self.now))
 
     def ready(self) -> None:
         """Homed, enabled, at rest, with the program's first message taken."""
@@ -319,5 +316,6 @@ class ProcessScene:
         if self.now.mode in (Mode.RUNNING, Mode.HOLD, Mode.JOG, Mode.HOMING):
             self.ask(Request.STOP, lambda now: now.mode in (Mode.READY, Mode.OFF, Mode.FAULT))
         if self.now.mode is Mode.FAULT:
+            until(lambda: self.now.at_rest)
             self.ask(Request.RESET, lambda now: now.mode is not Mode.FAULT)
         self.ask(Request.DISABLE, lambda now: now.mode is Mode.OFF)

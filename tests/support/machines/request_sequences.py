@@ -2,8 +2,9 @@
 
     PYTHONPATH=.:tests python -m support.machines.request_sequences 100000 [SEED]
 
-Whatever an operator, a plan or a wire may ask is asked at any tick, sound or not, with a program that is
-armed now and then, a door and an emergency stop that open and close, and a plan that dies. What must hold:
+Whatever an operator, a plan or a wire may ask is asked at any tick, sound or not, one by one and in bursts:
+all that ``Request`` has, with a program that is armed from its top or from a place inside of it, ways off
+the path and back, inputs that open and close, and a plan that dies and is started anew. What must hold:
 
 * every request is answered by the tick exactly once, within ``ANSWER_TICKS``;
 * one that is refused changed nothing and has a sentence of ``state.refusal``; one that is done had none;
@@ -17,39 +18,27 @@ import random
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
 from typing import Any
 
-from support.machines.spindle_machine import DOOR, ESTOP, mill
+from support.machines.asked_machine import FEED_STOP, LOADER, AskedMachine
+from support.machines.spindle_machine import DOOR, ESTOP
 
-from controller import config, state
-from controller.handoff import Jog, Outcome, send_jog
-from controller.session import checked
+from controller.handoff import Jog, Outcome
+from controller.plan.route.spot import Spot
 from controller.session.startup import SessionError
-from controller.session.stepped import SteppedMachine
-from controller.state import ALL_AXES, ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Recovery, Request
+from controller.state import ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Recovery, Request
+from controller.tick.mode import Phase
 from drives.commission import CommissionError
 
-PERIOD_S = 0.005
 LENGTH = (1, 12)  # requests in a sequence
 GAP = (0, 60)  # ticks between two of them
 ANSWER_TICKS = 400  # homing is answered when the clamps of its axes are open
 WAY_OUT_TICKS = 12_000  # a minute, most of it homing
-PLAN_TURN = 2  # ticks
-TEXT = """G21 G90 G54 T2 M6
-S3000 M3
-G0 X5. Y0. Z120.
-G1 X15. F2000.
-M0
-G1 X-5. A4.
-G4 P0.1
-M1
-G1 X0. A0.
-M5
-M30
-"""
+BURST = 20  # requests, more than a tick takes
+LINES = (4, 7, 11, 13, 17, 99)  # of the program: with a motion, and one that is not there
 ASKED = (
-    *(Request.START, Request.HOLD, Request.RESUME, Request.STOP, Request.JOG, Request.JOG_STOP) * 4,
+    *(Request.START, Request.HOLD, Request.RESUME, Request.JOG, Request.JOG_STOP) * 4,
+    *(Request.STOP,) * 2,
     *(Request.OVERRIDE, Request.RAPID_OVERRIDE, Request.SINGLE_BLOCK, Request.OPTIONAL_STOP) * 2,
     *(Request.ENABLE, Request.DISABLE, Request.RESET, Request.HOME) * 2,
     *(Request.ESTOP, Request.PLAN_LOST),
@@ -65,118 +54,13 @@ class NotSo(AssertionError):
     """What does not hold, with the sequence that shows it."""
 
 
-@dataclass(slots=True)
-class Taken:
-    """One request as the tick took it."""
+class Site(AskedMachine):
+    """A machine, of which anything is asked by chance."""
 
-    request: Request
-    before: Mode
-    after: Mode
-    refusal: str  # that it must have, "" = none
-    sound: bool  # its value is one
-
-
-@dataclass
-class Site:
-    """A machine, and everything that is asked of it."""
-
-    rng: random.Random
-    bench: SteppedMachine = field(init=False)
-    told: list[str] = field(default_factory=list)
-    answers: dict[int, list[tuple[Outcome, Fault]]] = field(default_factory=dict)
-    taken: dict[int, Taken] = field(default_factory=dict)
-    asked: dict[int, int] = field(default_factory=dict)  # number -> tick
-    plan_lives: bool = True
-
-    def __post_init__(self) -> None:
-        self.machine = config.with_period(mill(), PERIOD_S)
-        self.bench = SteppedMachine(self.machine)
-        self.bench.come_up()
-        task = checked.task(TEXT.encode(), "part.ngc", self.machine)
-        self.task, self.choices = task, checked.chosen_for(task)
-        self._listen()
-
-    # -- what the tick says and does
-
-    def _listen(self) -> None:
-        cycle = self.bench.cycle
-        give, request = cycle.answers.give, cycle._request
-
-        def given(number: int, came: Outcome, why: int = 0) -> None:
-            self.answers.setdefault(number, []).append((came, Fault(why)))
-            give(number, came, why)
-
-        def requested(asked: Request, value: float) -> None:
-            number, before = cycle._requests.number, cycle.modes.mode
-            jog = cycle._requests.jog
-            known = self._refusal(asked), self._is_sound(asked, value, jog, before)
-            request(asked, value)
-            self.taken[number] = Taken(asked, before, cycle.modes.mode, *known)
-
-        cycle.answers.give = given  # type: ignore[method-assign]
-        cycle._request = requested  # type: ignore[method-assign]
-
-    def _refusal(self, request: Request) -> str:
-        cycle = self.bench.cycle
-        modes, follow = cycle.modes, cycle.follow
-        standing = follow.at_rest and not (request is Request.JOG and follow.stopping)
-        if request is Request.RESET and modes._quick_stopped:
-            standing = True
-        return state.refusal(
-            modes.mode,
-            request,
-            standing=standing,
-            homed=ALL_AXES & ~modes.untrusted,
-            untrusted=modes.untrusted,
-            interlock=modes.interlock,
-            away=modes.away,
-            axes=[axis.name for axis in self.machine.axes],
-        )
-
-    def _is_sound(self, request: Request, value: float, jog: Jog | None, mode: Mode) -> bool:
-        if request in (Request.OVERRIDE, Request.RAPID_OVERRIDE):
-            return 0.0 <= value <= 2.0
-        if request in (Request.SINGLE_BLOCK, Request.OPTIONAL_STOP):
-            return value in (0.0, 1.0)
-        if request is Request.HOME:
-            return value in range(1, ALL_AXES + 1)
-        if request is Request.JOG and jog is not None:
-            return self.bench.cycle.jogging._is_possible(jog, mode)
-        return True
-
-    # -- what is done
-
-    def ticks(self, count: int) -> None:
-        for _ in range(count):
-            if self.plan_lives and self.bench.cycle.tick % PLAN_TURN == 0:
-                self.bench._plan()
-            self.bench.tick()
-
-    def ask(self, request: Request, value: float = 0.0) -> int:
-        number = self.bench.request(request, value)
-        self.asked[number] = self.bench.cycle.tick
-        return number
-
-    def jog(self, line: Jog) -> int:
-        number = next(self.bench._numbers)
-        send_jog(self.bench._operator, line, number)
-        self.asked[number] = self.bench.cycle.tick
-        return number
-
-    def arm(self) -> None:
-        """As the service does it: in READY, from where the axes stand."""
-        bench, follow = self.bench, self.bench.cycle.follow
-        if self.mode is Mode.READY and follow.at_rest and self.plan_lives:
-            walk = checked.path_of(replace(self.task, start=bench.joints), self.choices, in_spindle=2)
-            bench.planner.load(walk.items, follow.queue_end_s, follow.epoch)
-            self.ticks(4)
-
-    def input(self, number: int, on: bool) -> None:
-        self.bench.rig.io["io"].set_input(number, on, self.bench.rig.now_s)
-
-    @property
-    def mode(self) -> Mode:
-        return self.bench.cycle.modes.mode
+    def __init__(self, rng: random.Random) -> None:
+        super().__init__()
+        self.rng = rng
+        self.told: list[str] = []
 
     # -- a sequence
 
@@ -204,17 +88,30 @@ class Site:
         act()
 
     def _something(self) -> None:
-        chance = self.rng.random()
-        if chance < 0.05:
+        chance, choice = self.rng.random(), self.rng.choice
+        if chance < 0.04:
             self._say("arm", self.arm)
-        elif chance < 0.08:
-            number, on = self.rng.choice((DOOR, ESTOP)), self.rng.random() < 0.5
+        elif chance < 0.06:
+            spot = Spot(choice(LINES), choice((0.0, 0.4, 1.0)))
+            self._say(f"arm from {spot.line}, {spot.fraction}", lambda: self.arm(spot))
+        elif chance < 0.11:
+            number, on = choice((DOOR, ESTOP, FEED_STOP, FEED_STOP, LOADER)), choice((False, True))
             self._say(f"input {number} {on}", lambda: self.input(number, on))
-        elif chance < 0.09:
+        elif chance < 0.12:
             self._say("the plan dies", lambda: setattr(self, "plan_lives", False))
+        elif chance < 0.13:
+            self._say("another plan", self.plan_anew)
+        elif chance < 0.14:
+            noise = bytes((choice((0, 7, 99, 200)), *self.rng.randbytes(choice((0, 5, 30)))))
+            self._say(f"noise {noise.hex()}", lambda: self.bench._operator.send(noise))
+        elif chance < (0.40 if self.mode is Mode.HOLD else 0.16):
+            aside = self.bench.planner.aside is not None
+            back, by_mm = aside is (self.rng.random() < 0.9), choice((0.5, 4.0, 4.0, 1e4))
+            self._say(f"{'return' if back else 'retract'} {by_mm}", lambda: self.leave_path(back, by_mm))
         else:
-            fitting = [request for mode, request in TRANSITIONS if mode is self.mode]
-            self._asked(self.rng.choice(fitting if fitting and self.rng.random() < 0.4 else ASKED))
+            for _ in range(BURST if chance > 0.99 else 1):
+                fitting = [request for mode, request in TRANSITIONS if mode is self.mode]
+                self._asked(choice(fitting if fitting and self.rng.random() < 0.4 else ASKED))
 
     def _asked(self, request: Request) -> None:
         if request is Request.JOG:
@@ -232,8 +129,8 @@ class Site:
 
     def _let_go(self) -> None:
         """Doors closed, switches as they were: what an operator sees to first."""
-        self.input(DOOR, True)
-        self.input(ESTOP, True)
+        for number in (DOOR, ESTOP, FEED_STOP):
+            self.input(number, True)
         for request, value in (
             (Request.OVERRIDE, 1.0),
             (Request.RAPID_OVERRIDE, 1.0),
@@ -250,7 +147,7 @@ class Site:
                 raise self._not_so(f"no way out of {self.mode.name} in {WAY_OUT_TICKS} ticks")
             self.ticks(1)
         if not self.plan_lives:
-            self.plan_lives = True
+            self.plan_anew()
             self.ticks(4)
 
     def _leaves(self, numbers: set[int]) -> bool:
@@ -274,7 +171,9 @@ class Site:
     def _is_off(self) -> bool:
         """Nothing is under way in OFF: no drive comes up or goes down."""
         cycle = self.bench.cycle
-        return not (cycle.modes.enabling or any(drive.following for drive in cycle.group.drives))
+        return not (
+            cycle.modes.phase is Phase.ENABLING or any(drive.following for drive in cycle.group.drives)
+        )
 
     def _reset(self) -> None:
         modes = self.bench.cycle.modes
@@ -294,10 +193,12 @@ class Site:
     # -- what must hold
 
     def _judge(self) -> None:
-        for number in self.asked:
+        for number, asked in self.asked.items():
             came = self.answers.get(number, [])
             if len(came) != 1:
                 raise self._not_so(f"request {number} is answered {len(came)} times: {came}")
+            if (took := self.answered[number] - asked) > ANSWER_TICKS:
+                raise self._not_so(f"request {number} is answered after {took} ticks")
             self._as_it_came(number, *came[0])
 
     def _as_it_came(self, number: int, came: Outcome, why: Fault) -> None:

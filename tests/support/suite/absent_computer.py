@@ -1,9 +1,9 @@
 """Tests of a machine in real time, on a computer that may not have been there at the time.
 
 A virtual computer says how long it was ready to run and its host ran something else: the column
-"steal" of /proc/stat (Linux, proc(5)). A live test that failed in such a time has shown nothing. It
-is begun anew, and skipped with the figure when the computer does not come back; where the computer
-was there it fails as any other test.
+"steal" of /proc/stat (Linux, proc(5)). A live test that failed in such a time has shown nothing, and is
+skipped with the figure; so is what fails behind it in the same file, on a machine that may be the same.
+Where the computer was there it fails as any other test, and none is begun anew.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ import os
 from pathlib import Path
 
 import pytest
-from _pytest.runner import runtestprotocol
 
 STAT = Path(os.environ.get("DIRECTRIX_HOST_STAT", "/proc/stat"))  # a guest's own kernel knows nothing of it
 USER, NICE, SYSTEM, STEAL = 0, 1, 2, 7  # columns of the line "cpu"
 MOST = 0.08  # of the time that was wanted; 0.01 to 0.02 is what a quiet host takes
-TURNS = 3
+BEGAN = pytest.StashKey[tuple[int, int]]()  # of a test: the times when it was set up
+KEPT = pytest.StashKey[float]()  # of a file: the share that was kept from a test of it that failed
 
 
 def times() -> tuple[int, int]:
@@ -34,32 +34,19 @@ def share(before: tuple[int, int], after: tuple[int, int]) -> float:
     return kept / max(1, worked + kept)
 
 
-def run(item: pytest.Item, nextitem: pytest.Item | None) -> None:
-    """The whole protocol of one live test: at most ``TURNS`` turns, the last one reported."""
-    item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
-    for turn in range(1, TURNS + 1):
-        before = times()
-        reports = runtestprotocol(item, nextitem=nextitem, log=False)
-        kept = share(before, times())
-        void = kept > MOST and any(report.failed for report in reports)
-        if not void or turn == TURNS:
-            break
-        # Whatever the machine of this test has become, the next turn has another one.
-        item.session._setupstate.teardown_exact(None)
-        item._initrequest()  # type: ignore[attr-defined]
-    for report in reports:
-        if void and report.failed:
-            _skip(
-                report, item, f"the computer's host kept {100 * kept:.0f} % of the processors' time from it"
-            )
-        item.ihook.pytest_runtest_logreport(report=report)
-    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
-
-
-def _skip(report: pytest.TestReport, item: pytest.Item, reason: str) -> None:
-    path, line, _ = item.location
-    report.outcome = "skipped"
-    report.longrepr = (path, line or 0, f"Skipped: {reason}, {TURNS} times; last: {_first(report)}")
+def judged(report: pytest.TestReport, item: pytest.Item) -> pytest.TestReport:
+    """What came of a step of a live test; a failure is skipped where the computer was not there."""
+    if not report.failed:
+        return report
+    file, kept = item.getparent(pytest.Module) or item, share(item.stash[BEGAN], times())
+    if kept > MOST:
+        file.stash[KEPT] = kept
+    if KEPT in file.stash:
+        path, line, _ = item.location
+        told = f"the computer's host kept {100 * file.stash[KEPT]:.0f} % of the processors' time from it"
+        report.outcome = "skipped"
+        report.longrepr = (path, line or 0, f"Skipped: {told}; {_first(report)}")
+    return report
 
 
 def _first(report: pytest.TestReport) -> str:

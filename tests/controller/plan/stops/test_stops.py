@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from support.machines import traced_programs
+from support.machines.spindle_machine import mill
 from support.machines.stepped_runs import SHIPPED, cut, program, shipped
 from support.oracles import jerk_limited_stop
 from support.parts.random_surfaces import compound, text
@@ -23,8 +24,9 @@ from controller.plan.feed.course import Course
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile
 from controller.plan.route.path import Chain, joints_along
+from controller.plan.route.stretch import straight
 from controller.plan.stops.table import stops
-from controller.plan.text.program import ProgramError
+from controller.plan.text.program import Place, ProgramError
 
 VELOCITY, ACCELERATION, JERK = 1.0003, 1.001, 1.015  # times the machine's limits, at most
 QUICK = 1.3  # times the shortest stop
@@ -363,3 +365,19 @@ def test_stops_of_machines_over_four_decades_keep_their_limits(seed: int) -> Non
 def test_a_heavy_machine_cuts_a_surface_along_which_the_tool_turns_by_half_a_turn() -> None:
     done = cut(turning_surface(6.0, 4000.0), machine_of(*HEAVY))
     assert done.run.result == "completed"
+
+
+def test_a_start_at_the_very_end_of_the_plan_is_at_rest_though_its_speed_is_rounded_below_zero() -> None:
+    """The plan's process ended over it: the time for braking from a speed of -3e-14 was no number."""
+    machine = mill()
+    kinematics, below = Kinematics(machine), 0
+    for length in range(1, 60):
+        way = straight("way", Place(1, 1), (0.0,) * 5, (float(length), 0.0, 0.0, 0.0, 0.0), None, kinematics)
+        assert way is not None
+        course = Course([way], machine, kinematics)
+        plan = profile.plan(course)
+        assert plan is not None
+        below += plan.at(plan.duration_s).v < 0.0
+        table = stops(course, plan, 0.0, plan.duration_s, plan.duration_s / 64.0)
+        assert len(table) == 65 and list(table.jerks[table.first[64] : table.first[65]]) == [0.0]
+    assert below > 20

@@ -7,12 +7,12 @@ from typing import Any
 
 from support.machines.shipped_kinds import machine
 
+from controller.commands.demo import live_line
 from controller.handoff import blank
 from controller.machine import STILL
 from controller.service import status
 from controller.service.orders import Way
 from controller.state import Binding, Mode, axis_binding
-from controller.verify.live_line import live_line
 
 CUT = Way((0.0,) * 5, 1000.0 / 60.0, 0.0, None, "cut", end_s=50.0, turned_rad=STILL)
 
