@@ -254,7 +254,7 @@ FAULTS: dict[Fault, Words] = {
         "Fill up or clear the coolant, then resume.",
     ),
     Fault.INPUT_MISSING: Words(
-        "The input that M66 waits for did not come in time.",
+        "The input that M66 or M19 waits for did not come in time.",
         "What it reports has not happened, a loose wire, or too short a Q.",
         "See to what the input reports; resume waits once more, stop ends the program.",
     ),

@@ -267,7 +267,7 @@ FAULTS: dict[Fault, Words] = {
         "Kühlmittel auffüllen oder frei machen, dann fortsetzen.",
     ),
     Fault.INPUT_MISSING: Words(
-        "Der Eingang, auf den M66 wartet, kam nicht rechtzeitig.",
+        "Der Eingang, auf den M66 oder M19 wartet, kam nicht rechtzeitig.",
         "Was er meldet, ist nicht geschehen, eine Ader ist lose, oder Q ist zu kurz.",
         "Nach dem sehen, was der Eingang meldet; Fortsetzen wartet noch einmal, Stopp beendet das Programm.",
     ),

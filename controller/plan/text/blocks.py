@@ -317,7 +317,7 @@ class _Turn:
         if word.letter == "E":
             return self.ask.refusal(
                 word,
-                f"{word.text}: E is not a word of this control but beside G187, and numbers have no "
+                f"{word.text}: E is a word beside M67 and M68 alone, and numbers have no "
                 "exponents; write the number out",
             )
         if word.letter in self._axes and self._vectors():

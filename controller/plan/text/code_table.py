@@ -196,6 +196,7 @@ ROWS: tuple[Code, ...] = (
     *_done(
         "spindle", NIST, ("M3", "", "spindle, clockwise"), ("M4", "", "counter-clockwise"), ("M5", "", "off")
     ),
+    *_done("spindle", LINUXCNC, ("M19", "RQP", "brings the spindle to its angle, within Q seconds")),
     *_done("tool change", NIST, ("M6", "", "puts T into the spindle")),
     *_done("tool change", LINUXCNC, ("M61", "Q", "says that tool Q is in the spindle")),
     *_done(
@@ -215,6 +216,8 @@ ROWS: tuple[Code, ...] = (
         ("M64", "P", "output P on, at rest"),
         ("M65", "P", "output P off, at rest"),
         ("M66", "PLQ", "waits at most Q seconds for input P: L1 rise, L2 fall, L3 on, L4 off"),
+        ("M67", "EQ", "analogue output E to Q, with the motion that comes next"),
+        ("M68", "EQ", "analogue output E to Q, at rest"),
     ),
     *_done(
         "overrides",
@@ -298,9 +301,6 @@ ROWS: tuple[Code, ...] = (
         ("G87", "back boring", "no spindle here stops at an angle; write the moves themselves"),
         ("G88", "boring with retraction by hand", "write G86, or M0 at the bottom"),
         ("G96", "constant surface speed", f"{_LATHE}; write G97 and S"),
-        ("M19", "spindle stop at an angle", "no spindle here stops at an angle; write M5"),
-        ("M67", "analogue output, with motion", "this control has none; leave it out"),
-        ("M68", "analogue output", "this control has none; leave it out"),
     ),
     *_refused(
         FANUC,

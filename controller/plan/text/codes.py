@@ -137,12 +137,6 @@ def _check_letter(line: Line, word: Word, before: dict[str, Word], machine: Mach
             f"{word.text} moves an axis that this machine does not have: its axes are {' '.join(names)}; "
             "use one of these, or choose the machine that the program was written for",
         )
-    if word.letter == "E":
-        raise line.refusal(
-            word,
-            f"{word.text} is taken by no code of this line: numbers have no exponents; write the number "
-            "without one, or leave the word out",
-        )
     if word.letter == "N":
         raise line.refusal(
             word, f"{word.text} stands inside the line: N is the first word; move or remove it"

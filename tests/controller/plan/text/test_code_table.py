@@ -10,14 +10,22 @@ from pathlib import Path
 import pytest
 from support.machines.traced_programs import mill
 
-from controller.machine import Io
+from controller.machine import AnalogueOut, Io, Orient
 from controller.plan.text import blocks, code_table
 from controller.plan.text.code_table import BY_DIALECT, ROWS, Code, Fate
 from controller.plan.text.program import ProgramError, Remark
 
 README = Path(__file__).parents[4] / "config/programs/README.md"
 SAYS = {"G52": "X0", "G4": "P0", "G43.1": "Z1", "G43.2": "H1", "G53": "G0 X0", "G54.1": "P1", "G68": "R1"}
-SAYS |= {"M62": "P0", "M63": "P0", "M64": "P0", "M65": "P0", "M66": "P0 L3 Q1"}
+SAYS |= {
+    "M62": "P0",
+    "M63": "P0",
+    "M64": "P0",
+    "M65": "P0",
+    "M66": "P0 L3 Q1",
+    "M67": "E0 Q1",
+    "M68": "E0 Q1",
+}
 IO = Io(
     "can0",
     9,
@@ -26,6 +34,8 @@ IO = Io(
     (("air", 0),),
     digital_in=("there",),
     digital_out=("air",),
+    analogue_out=(AnalogueOut("laser", 1, 0.0, 100.0, 0, 32767),),
+    orient=Orient("orient", "oriented", 0.0, 5.0),
 )
 SAYS |= {"M52": "P0"}
 SAYS |= {"G41.1": "D6", "G42.1": "D6"}
