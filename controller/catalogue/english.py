@@ -314,6 +314,7 @@ REFUSALS = {
     "not_set_here": "{name}: was set neither at the machine nor by a program; see directrix offsets.",
     "not_fitted": "The {what} are not changed while the machine is in {mode}; stop first.",
     "tool_change": "Put T{number}{name} into the spindle, then let the program go on.",
+    "tool_out": "Take the tool out of the spindle, then let the program go on.",
     "offsets": "offsets",
     "tools": "tools",
     "under_way": "{request}: {other} is under way; wait for its end, or stop it.",

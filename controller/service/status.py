@@ -118,7 +118,8 @@ def tool_change(machine: Machine, number: int) -> dict[str, Any]:
     """What the operator is asked to do where a program waits for a tool."""
     tool = machine.tool(number)
     name = f" ({tool.name})" if tool is not None and tool.name else ""
-    english, german = catalogue.in_both("tool_change", number=number, name=name)
+    key = "tool_change" if number else "tool_out"
+    english, german = catalogue.in_both(key, number=number, name=name)
     return {"number": number, "sentence": english, "sentence_de": german}
 
 

@@ -34,6 +34,7 @@ from controller.plan.text import (
     planar_words,
     plane_words,
     points,
+    polar_words,
     reference_words,
     surface_words,
     tool_axis_words,
@@ -139,6 +140,7 @@ def _blocks(
         try:
             state, restored, line = saved.carry_out(line, state)
             ask = points.counted(codes.sort(line, machine), state, machine)
+            ask = polar_words.cartesian(ask, state, given.position, machine)
             turn = _Turn(ask, state, machine, given.position, lines, ahead)
             turn.run()
         except ProgramError as error:

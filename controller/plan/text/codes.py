@@ -46,6 +46,7 @@ class Ask:
     codes: dict[str, tuple[str, Word]]  # modal group -> code as named in the table, and its word
     words: dict[str, Word]  # letter -> word, without G M N
     switches: tuple[tuple[Word, int, bool], ...] = ()  # the machine's own codes: number of an output, on
+    polar: tuple[float, float] | None = None  # @ (mm) and ^ (rad) under G91, for which X and Y stand
 
     def code(self, group: str) -> str:
         return self.codes[group][0] if group in self.codes else ""

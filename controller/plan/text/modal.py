@@ -255,9 +255,11 @@ class _Settings:
             self._turn_spindle(self.state.turning, word)
 
     def _select_tool(self) -> None:
+        """T0 is no tool: M6 empties the spindle."""
         word = self.ask.words.get("T")
         if word is not None:
-            self._known_tool(word)
+            if word.value != 0.0:
+                self._known_tool(word)
             self.state = self.state._replace(selected=int(word.value))
 
     def _outputs(self) -> None:
@@ -321,7 +323,8 @@ class _Settings:
                 self.ask.codes["tool change"][1],
                 "M61 does not say which tool is in the spindle: write Q and its number, such as M61 Q2",
             )
-        self._known_tool(word)
+        if word.value != 0.0:
+            self._known_tool(word)
         self._set_modal(self.state.with_tool(int(word.value), self._machine))
 
     def _spindle(self) -> None:
