@@ -449,5 +449,5 @@ class _Turn:
         if self.ended:
             off = replace(self.state.modal, spindle_rev_min=0.0, coolant=0)
             self.state = self.state._replace(modal=off)
-        act = {"M0": Act.STOP, "M1": Act.OPTIONAL_STOP}.get(code, Act.END)
+        act = {"M0": Act.STOP, "M60": Act.STOP, "M1": Act.OPTIONAL_STOP}.get(code, Act.END)
         self.made.append(Action(self.ask.place(word), self.state.modal, act))

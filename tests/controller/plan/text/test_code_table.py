@@ -85,3 +85,19 @@ def test_every_row_has_words_for_people() -> None:
         assert row.meaning and (row.told or row.fate is Fate.DONE), row.name
         assert re.fullmatch(r"[GM]\d+(\.\d)?", row.name)
         assert row.dialect in ("", *BY_DIALECT)
+
+
+TESTS = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row.name}-{row.dialect or 'both'}")
+def test_the_file_of_tests_that_the_table_names_is_there_and_tries_the_code(row: Code) -> None:
+    letter, number = row.name[0], re.escape(row.name[1:])
+    said = re.compile(
+        rf"(?:(?<![A-Za-z0-9.])|(?<=\\n))[{letter}{letter.lower()}]0?{number}(?![0-9]|[.][0-9])"
+    )
+    assert said.search((TESTS / row.test).read_text(encoding="utf-8"))
+
+
+def test_no_code_is_named_for_a_test_that_the_table_does_not_have() -> None:
+    assert set(code_table.TEST_OF) <= {row.name for row in ROWS}
