@@ -42,6 +42,7 @@ from controller.plan.text import (
 )
 from controller.plan.text.code_table import BY_DIALECT, Fate, takers_of
 from controller.plan.text.codes import CYCLES, PLACES, SIDES, SURFACES, TILTS, TO_PLANE, Ask, letters_of
+from controller.plan.text.decoding import Bytes
 from controller.plan.text.flow import Limits
 from controller.plan.text.functions import Functions
 from controller.plan.text.given import Given
@@ -90,7 +91,7 @@ def read(
 
 
 def stream(
-    data: bytes,
+    data: Bytes,
     machine: Machine,
     name: str,
     block_delete: bool = False,

@@ -309,7 +309,7 @@ ROWS: tuple[Code, ...] = (
         FANUC,
         ("G53.3", "tool along the tilted plane's Z with a move", "write G53.1, and G0 on the next line"),
         ("G7", "imaginary axis", "write the moves themselves"),
-        ("G76", "fine boring with a shift", "no spindle here stops at an angle; write G85, G86 or G89"),
+        ("G76", "fine boring with a shift", "write M19 and the moves themselves, or G85, G86 or G89"),
         dialect="fanuc",
     ),
     *_refused(
@@ -325,7 +325,7 @@ ROWS: tuple[Code, ...] = (
         ("G38.3", "probing", _PROBE),
         ("G38.4", "probing", _PROBE),
         ("G38.5", "probing", _PROBE),
-        ("G87", "back boring", "no spindle here stops at an angle; write the moves themselves"),
+        ("G87", "back boring", "write M19 and the moves themselves"),
         ("G88", "boring with retraction by hand", "write G86, or M0 at the bottom"),
         ("G96", "constant surface speed", f"{_LATHE}; write G97 and S"),
     ),
