@@ -103,7 +103,7 @@ def test_lines_come_as_they_stand_however_the_text_is_parted(monkeypatch: pytest
 
 
 def test_a_long_program_is_held_once_while_it_is_read(tmp_path: Path) -> None:
-    """Beside the file, which may be mapped, its text: no second copy, and nothing that grows with its lines."""
+    """Beside the file, which may be mapped, its text; nothing else grows with its lines."""
     rows = "".join(f"N{i} G1 X{i % 90}.5 Y{i % 70}.25 F800\n" for i in range(30_000)).encode()
     file = tmp_path / "long.ngc"
     file.write_bytes(b"\0\0\r\n" + rows + b"M30\n\x1a")
