@@ -12,12 +12,14 @@ from pathlib import Path
 from controller import drive_objects
 from controller.geometry import Z, norm, scale
 from controller.machine import (
+    AnalogueOut,
     Axis,
     Bus,
     Clamp,
     Following,
     Homing,
     Io,
+    Orient,
     Spindle,
     Stopping,
     Temperature,
@@ -37,6 +39,8 @@ OUTPUTS = ("coolant", "mist")
 # Of the drive's own window (following_error): what the controller allows at rest, and of that in position.
 REST_SHARE = IN_POSITION_SHARE = 0.1
 MOST_BITS = 64  # of a PDO
+MOST_CHANNELS = 4  # of 16 bits in one
+INT16 = -(2**15), 2**15 - 1
 M_CODE = re.compile(r"M(1[01]|2[0-8]|1[0-9][0-9])")  # that programs have for what is the machine's own
 M_CODES = "M10, M11, M20 to M28, M100 to M199"
 MODES = {"csv": 9, "pv": 3}
@@ -171,8 +175,11 @@ def io(table: Table, buses: Sequence[Bus], axes: Sequence[Axis], folder: Path | 
     """``[io]``; every bit has a name that something uses."""
     clamps = [axis.clamp for axis in axes if axis.clamp is not None]
     digital_in, digital_out = table.names("digital_in"), table.names("digital_out")
-    known = (*OUTPUTS, *(c.output for c in clamps))
-    inputs = _bits(table, "inputs", (*INPUTS, *(c.input for c in clamps if c.input), *digital_in))
+    orient = _orient(table)
+    spindles = ((orient.output, orient.input),) if orient else ()
+    known = (*OUTPUTS, *(c.output for c in clamps), *(output for output, _ in spindles))
+    watched = (*INPUTS, *(c.input for c in clamps if c.input), *(one for _, one in spindles))
+    inputs = _bits(table, "inputs", (*watched, *digital_in))
     outputs = _bits(table, "outputs", (*known, *digital_out))
     _of_programs(table, "digital_in", digital_in, inputs, ())
     _of_programs(table, "digital_out", digital_out, outputs, known)
@@ -189,9 +196,65 @@ def io(table: Table, buses: Sequence[Bus], axes: Sequence[Axis], folder: Path | 
         digital_out=digital_out,
         held=_held(table, digital_out),
         m_codes=_m_codes(table, digital_out),
+        analogue_out=_analogue_out(table),
+        orient=orient,
     )
+    _has_its_bits(table, found)
     table.finish()
     return found
+
+
+def _orient(table: Table) -> Orient | None:
+    """``orient = { output, input, angle_deg, within_s }``."""
+    if not table.has("orient"):
+        return None
+    entry = table.table("orient", f"{table.name} orient")
+    found = Orient(
+        output=entry.text("output"),
+        input=entry.text("input"),
+        angle_deg=entry.number("angle_deg", 0.0, 360.0, default=0.0),
+        within_s=entry.number("within_s", 0.1, 120.0, default=10.0),
+    )
+    entry.finish()
+    return found
+
+
+def _has_its_bits(table: Table, io: Io) -> None:
+    """The output and the input of ``orient`` are bits of the node, and no program switches them by number."""
+    if io.orient is None:
+        return
+    for key, name, bits, others in (
+        ("output", io.orient.output, io.outputs, io.digital_out),
+        ("input", io.orient.input, io.inputs, io.digital_in),
+    ):
+        if name not in dict(bits) or name in others:
+            problem = f"{key} {name} is no bit in {key}s, or one that programs have by number"
+            allowed = ", ".join(one for one, _ in bits if one not in others) or "none, for no bit is free"
+            table.refuse("orient", problem, allowed, f"name a bit of its own in {key}s")
+
+
+def _analogue_out(table: Table) -> tuple[AnalogueOut, ...]:
+    """``analogue_out = { name = { channel, low, high, low_counts, high_counts } }`` in the order of E."""
+    entries = table.table("analogue_out", f"{table.name} analogue_out", optional=True)
+    found: dict[int, AnalogueOut] = {}
+    for name in entries.written:
+        entry = entries.table(name, f"{entries.name}.{name}")
+        one = AnalogueOut(
+            name,
+            entry.integer("channel", 1, MOST_CHANNELS),
+            entry.number("low", default=0.0),
+            entry.number("high"),
+            entry.integer("low_counts", *INT16, 0),
+            entry.integer("high_counts", *INT16, INT16[1]),
+        )
+        entry.finish()
+        if one.high <= one.low:
+            entry.refuse("high", "is not above low", f"a number above {one.low:g}", "change one of them")
+        if one.channel in found:
+            twin = found[one.channel].name
+            entry.refuse("channel", f"{twin} has this channel, too", "a channel per name", "change one")
+        found[one.channel] = one
+    return tuple(found.values())
 
 
 def _of_programs(

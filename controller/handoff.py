@@ -33,6 +33,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from controller.live_state import (
+    ANALOGUE,
     AXES,
     COLUMN,
     LAYOUT,
@@ -79,6 +80,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 __all__ = [
+    "ANALOGUE",
     "AXES",
     "COLUMN",
     "COMMIT_LEAD_S",

@@ -21,6 +21,7 @@ from controller.requests import ANSWERS, PLAN_IDS, Outcome, outcome
 from controller.state import Fault, Mode
 
 AXES = 5
+ANALOGUE = 4  # outputs at most
 Flat = tuple[float, ...]  # the values of one tick in the order in which they stand here
 
 
@@ -158,6 +159,9 @@ class Snapshot(NamedTuple):
     own_feed: bool = _value("follow", "the override of feeds does not count: M49, M50 P0", status="own_feed")
     inputs: int = _value("peripherals", "bit n of the machine file's [io], 1 = on", code="Q")
     outputs: int = _value("peripherals", "likewise", code="Q")
+    analogue: tuple[float, ...] = _value(
+        "peripherals", "analogue outputs in the order of E, as M67 and M68 said them", many=ANALOGUE
+    )
     jogging: bool = _value("jogging.active", "a jog moves, or is coming to rest")
     away: bool = _value("jogging", "jogged off the place of the hold; RESUME must wait")
     answers: tuple[int, ...] = _value("answers.ring", "to the last requests, see ``came_of``", many=ANSWERS)

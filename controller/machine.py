@@ -258,6 +258,38 @@ class Spindle:
 
 
 @dataclass(frozen=True, slots=True)
+class AnalogueOut:
+    """A channel of 6411h: what Q of M67 and M68 may be, and the counts that go with its ends."""
+
+    name: str
+    channel: int  # its sub-index, from 1
+    low: float  # Q in whatever unit the machine's builder thinks of
+    high: float
+    low_counts: int
+    high_counts: int
+
+    @property
+    def idle(self) -> float:
+        """Its value without a program: the one nearest to nothing."""
+        return min(max(0.0, self.low), self.high)
+
+    def counts(self, value: float) -> int:
+        """What the node is told for a Q between ``low`` and ``high``."""
+        share = (value - self.low) / (self.high - self.low)
+        return round(self.low_counts + share * (self.high_counts - self.low_counts))
+
+
+@dataclass(frozen=True, slots=True)
+class Orient:
+    """M19: while the output is on, the spindle's drive brings it to its angle; the input says it is there."""
+
+    output: str
+    input: str
+    angle_deg: float
+    within_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class Io:
     """A CiA 401 node: its bits by name. A bit is told and read as 1 = on, after ``inverted``."""
 
@@ -273,6 +305,18 @@ class Io:
     digital_out: tuple[str, ...] = ()  # names of outputs that they switch: P0, P1 ... of M62 to M65
     held: tuple[str, ...] = ()  # of them those that stay as they are at a program's end, a stop and a fault
     m_codes: tuple[tuple[str, str, bool], ...] = ()  # ("M10", name of a digital_out, on)
+    analogue_out: tuple[AnalogueOut, ...] = ()  # E0, E1 ... of M67 and M68
+    orient: Orient | None = None  # of M19
+
+    @property
+    def switched(self) -> tuple[str, ...]:
+        """The outputs that a program switches, by number: those of M62 to M65, then that of M19."""
+        return self.digital_out + ((self.orient.output,) if self.orient else ())
+
+    @property
+    def awaited(self) -> tuple[str, ...]:
+        """The inputs that it waits for, likewise."""
+        return self.digital_in + ((self.orient.input,) if self.orient else ())
 
     def input(self, name: str) -> int | None:
         """The bit of an input; None where the machine has none of that name."""

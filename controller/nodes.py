@@ -67,7 +67,9 @@ def io_settings(machine: Machine) -> tuple[IoSettings, ...]:
         return ()
     inputs, outputs = (max((bit for _, bit in bits), default=0) // 8 + 1 for bits in (io.inputs, io.outputs))
     made = IoSettings("io", io.bus, io.node, io.eds or str(IO_EDS), inputs, outputs)
-    return (replace(made, unsupervised=io.unsupervised, overrides=io.overrides),)
+    idle = {one.channel: one.counts(one.idle) for one in io.analogue_out}
+    analogue = tuple(idle.get(channel, 0) for channel in range(1, max(idle, default=0) + 1))
+    return (replace(made, analogue=analogue, unsupervised=io.unsupervised, overrides=io.overrides),)
 
 
 def all_settings(machine: Machine) -> tuple[NodeSettings | SpindleSettings | IoSettings, ...]:

@@ -105,7 +105,8 @@ class Piece(NamedTuple):
     spindle_rev_min: float = 0.0  # signed
     coolant: int = 0  # 0 off, 1 mist, 2 flood, 3 both
     open_clamps: int = 0  # bit i: the clamp of the i-th axis is to be open
-    outputs: tuple[int, int] = (0, 0)  # of programs, on and off, from its beginning on (sets: its end)
+    # Outputs of programs, on and off, and analogue ones, from its beginning on (sets: its end).
+    outputs: tuple[int, int, tuple[tuple[int, float], ...]] = (0, 0, ())
     awaits: Awaited | None = None  # where it sets: motion goes on when it is so
     binds: tuple[tuple[float, int], ...] = ()  # (time within the piece, code from then on): see state.Binding
     own_feed: bool = False  # the override of feeds does not count in it (M49, M50 P0)

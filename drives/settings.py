@@ -123,7 +123,8 @@ class IoSettings:
 
     Both type 255, ``inputs`` and ``outputs`` bytes long. The TPDO's event timer (1800h:05)
     repeats the inputs every ``inputs_every_s``, so that a change whose frame was lost is
-    not lost; the RPDO goes out on change and once a heartbeat.
+    not lost; the RPDO goes out on change and once a heartbeat. Analogue outputs 6411h, where
+    the machine has any, are RPDO 2, likewise.
     """
 
     name: str
@@ -132,6 +133,7 @@ class IoSettings:
     eds: str
     inputs: int = 1  # bytes
     outputs: int = 1
+    analogue: tuple[int, ...] = ()  # counts of 6411h:01, :02 ... when all is off; none: no such outputs
     heartbeat_s: float = 0.05
     inputs_every_s: float = 0.05  # 0: the node has no event timer; the age of inputs is not judged then
     unsupervised: bool = False  # as of an axis

@@ -254,7 +254,7 @@ FAULTS: dict[Fault, Words] = {
         "Fill up or clear the coolant, then resume.",
     ),
     Fault.INPUT_MISSING: Words(
-        "The input that M66 waits for did not come in time.",
+        "The input that M66 or M19 waits for did not come in time.",
         "What it reports has not happened, a loose wire, or too short a Q.",
         "See to what the input reports; resume waits once more, stop ends the program.",
     ),
@@ -314,6 +314,7 @@ REFUSALS = {
     "not_set_here": "{name}: was set neither at the machine nor by a program; see directrix offsets.",
     "not_fitted": "The {what} are not changed while the machine is in {mode}; stop first.",
     "tool_change": "Put T{number}{name} into the spindle, then let the program go on.",
+    "tool_out": "Take the tool out of the spindle, then let the program go on.",
     "offsets": "offsets",
     "tools": "tools",
     "under_way": "{request}: {other} is under way; wait for its end, or stop it.",

@@ -267,7 +267,7 @@ FAULTS: dict[Fault, Words] = {
         "Kühlmittel auffüllen oder frei machen, dann fortsetzen.",
     ),
     Fault.INPUT_MISSING: Words(
-        "Der Eingang, auf den M66 wartet, kam nicht rechtzeitig.",
+        "Der Eingang, auf den M66 oder M19 wartet, kam nicht rechtzeitig.",
         "Was er meldet, ist nicht geschehen, eine Ader ist lose, oder Q ist zu kurz.",
         "Nach dem sehen, was der Eingang meldet; Fortsetzen wartet noch einmal, Stopp beendet das Programm.",
     ),
@@ -328,6 +328,7 @@ REFUSALS = {
     "not_set_here": "{name}: weder an der Maschine noch von einem Programm gesetzt; siehe directrix offsets.",
     "not_fitted": "Die {what} werden in {mode} nicht geändert; zuerst stoppen.",
     "tool_change": "T{number}{name} in die Spindel einsetzen, dann das Programm fortsetzen.",
+    "tool_out": "Das Werkzeug aus der Spindel nehmen, dann das Programm fortsetzen.",
     "offsets": "Nullpunkte",
     "tools": "Werkzeuge",
     "under_way": "{request}: {other} ist im Gang; das Ende abwarten oder stoppen.",

@@ -40,7 +40,7 @@ def explain(
         if not program.is_file():
             raise Refused(f"{program}: there is no such file; give the path of a part program.")
         start = position.homed(made)
-        text = linked.linked(program.read_bytes(), linked.beside(program))
+        text = linked.linked(linked.mapped(program), linked.beside(program))
         read = blocks.stream(text, made, str(program))
         for step in explained.steps(read, made, str(program), start):
             print(json.dumps(step.to_dict()) if as_json else line_of(step))

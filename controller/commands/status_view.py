@@ -134,6 +134,8 @@ def _bits(status: Status) -> Iterator[Text]:
             for name, on in bits.items():
                 told.append(f"  {name} {'1' if on else '0'}", "bold" if on else "")
             yield told
+    if levels := status.get("analogue_outputs"):
+        yield Text("analogue outputs:  " + "  ".join(f"{name} {value:g}" for name, value in levels.items()))
     for drive in status.get("drives") or ():
         malformed = drive.get("malformed")
         for said in (drive.get("error"), f"{malformed} frames of a wrong length" if malformed else None):

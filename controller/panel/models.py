@@ -250,6 +250,7 @@ class Status(OfTick, Told):
     coolant: Any = None
     inputs: Any = None
     outputs: Any = None
+    analogue_outputs: Any = Field(None, description="Their values by name, as M67 and M68 said them.")
     drives: list[DriveFacts] = []
     commissioned: bool | None = Field(None, description="The drives' settings were written and read back.")
     tool: int | None = Field(None, description="In the spindle; null: not known.")

@@ -330,7 +330,7 @@ class Windows:
     def _awaited(self, asked: Await) -> Awaited | None:
         """The input by its bit of the node, and the ticks that it may take."""
         io = self._machine.io
-        bit = None if io is None else io.input(io.digital_in[asked.number])
+        bit = None if io is None else io.input(io.awaited[asked.number])
         if bit is None:
             return None
         on, edge = asked.level in (Level.RISE, Level.HIGH), asked.level in (Level.RISE, Level.FALL)

@@ -47,9 +47,11 @@ def _plane(frame: Frame) -> dict[str, str]:
 
 def _on(machine: Machine, at: Modal) -> str:
     """The outputs that the program has switched on, and off, before there."""
-    names = machine.io.digital_out if machine.io is not None else ()
+    names = machine.io.switched if machine.io is not None else ()
     told = [f"{name} 1" for i, name in enumerate(names) if at.outputs.on >> i & 1]
-    return ", ".join(told + [f"{name} 0" for i, name in enumerate(names) if at.outputs.off >> i & 1])
+    told += [f"{name} 0" for i, name in enumerate(names) if at.outputs.off >> i & 1]
+    outs = machine.io.analogue_out if machine.io is not None else ()
+    return ", ".join(told + [f"{outs[i].name} {value:g}" for i, value in at.outputs.levels])
 
 
 def _size(machine: Machine, number: int) -> dict[str, str]:

@@ -50,6 +50,7 @@ def machine_values(
         "coolant": {"mist": bool(now.coolant & 1), "flood": bool(now.coolant & 2)},
         "inputs": _bits(machine.io.inputs if machine.io else (), now.inputs),
         "outputs": _bits(machine.io.outputs if machine.io else (), now.outputs),
+        "analogue_outputs": _levels(machine, now),
         "tick": {**told["tick"], "period_ms": machine.period_s * 1e3, "age_s": age_s},
         "notices": [
             *_notices(now),
@@ -60,7 +61,8 @@ def machine_values(
 
 
 # What nobody tells any more once the tick's process is gone: the drives stop by themselves, unseen.
-_UNSEEN = ("at_rest", "feed_mm_min", "limited_by", "spindle", "coolant", "inputs", "outputs")
+_OUT = ("coolant", "inputs", "outputs", "analogue_outputs")
+_UNSEEN = ("at_rest", "feed_mm_min", "limited_by", "spindle", *_OUT)
 _NAMES = ("axis", "node", "bus")  # of a drive: known whatever it does
 
 
@@ -116,12 +118,18 @@ def tool_change(machine: Machine, number: int) -> dict[str, Any]:
     """What the operator is asked to do where a program waits for a tool."""
     tool = machine.tool(number)
     name = f" ({tool.name})" if tool is not None and tool.name else ""
-    english, german = catalogue.in_both("tool_change", number=number, name=name)
+    key = "tool_change" if number else "tool_out"
+    english, german = catalogue.in_both(key, number=number, name=name)
     return {"number": number, "sentence": english, "sentence_de": german}
 
 
 def _bits(names: tuple[tuple[str, int], ...], word: int) -> dict[str, bool]:
     return {name: bool(word >> bit & 1) for name, bit in names}
+
+
+def _levels(machine: Machine, now: Snapshot) -> dict[str, float]:
+    outs = machine.io.analogue_out if machine.io else ()
+    return {out.name: value for out, value in zip(outs, now.analogue, strict=False)}
 
 
 def joints(machine: Machine, now: Snapshot, way: Way | None) -> dict[str, dict[str, Any]]:

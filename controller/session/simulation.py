@@ -38,6 +38,10 @@ def wires(machine: Machine) -> tuple[Wire, ...]:
         if valve is not None and switch is not None:
             straight = (clamp.output in io.inverted) == (clamp.input in io.inverted)
             found.append(Wire(valve, switch, SWITCH_SHARE * clamp.open_s, straight))
+    if io.orient is not None:
+        asked, there = io.output(io.orient.output) or 0, io.input(io.orient.input) or 0
+        turned = (io.orient.output in io.inverted) != (io.orient.input in io.inverted)
+        found.append(Wire(asked, there, SWITCH_SHARE * io.orient.within_s, turned))
     return tuple(found)
 
 

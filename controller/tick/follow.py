@@ -372,7 +372,7 @@ class Follow:
         piece = entry.piece
         if piece.sets:
             self.told = piece
-            entry.piece = piece._replace(sets=False, outputs=(0, 0))  # said once
+            entry.piece = piece._replace(sets=False, outputs=(0, 0, ()))  # said once
             return Step.SET
         entry.piece = piece._replace(stop=False, optional_stop=False, block_end=False, end=False)
         return Step.END if piece.end else Step.STOP

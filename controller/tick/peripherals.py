@@ -23,7 +23,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from controller.handoff import Awaited, Piece
+from controller.handoff import ANALOGUE, Awaited, Piece
 from controller.machine import Axis, Clamp, Io, Machine
 from controller.state import Fault, Mode
 from controller.tick.mode import Modes
@@ -65,6 +65,7 @@ class IoNode(Protocol):
     def inputs(self) -> int: ...
     def fresh(self, now_s: float, consumer_s: float, /) -> bool: ...
     def write(self, outputs: int, /) -> None: ...
+    def write_analogue(self, channel: int, counts: int, /) -> None: ...
 
 
 class Clamped:
@@ -110,7 +111,8 @@ class Peripherals:
 
     Read: ``present`` (there is anything to ``watch``), ``waiting`` (motion must stand), ``feed_stopped``
     (it must where the program lets the input feed_stop count), ``rev_min`` and ``coolant`` (as told now),
-    ``inputs`` and ``outputs`` (words by the machine file, 1 = on).
+    ``inputs`` and ``outputs`` (words by the machine file, 1 = on), ``analogue`` (values of the analogue
+    outputs by their number, 0 for those that are not there).
     """
 
     def __init__(
@@ -132,6 +134,7 @@ class Peripherals:
         self._flow_ticks = round(FLOW_S / period_s)
         self._switches, self._held = _switches(io)
         self._switched = self._lines = 0  # outputs of programs: as numbered there, and their bits of the node
+        self._analogue = io.analogue_out if io is not None and self._node is not None else ()
         self._wanted = (0.0, 0, 0)  # rev/min, coolant, open clamps: what the program says
         self._homing = 0  # clamps to be open for an axis that homes, or is jogged
         self._was_running = self._was_homing = False
@@ -147,6 +150,8 @@ class Peripherals:
         self.coolant = 0
         self.inputs = 0
         self.outputs = 0
+        self.analogue, self._levels = [0.0] * ANALOGUE, [0.0] * ANALOGUE
+        self._leave_analogue()
 
     @property
     def at_speed(self) -> bool:
@@ -165,10 +170,25 @@ class Peripherals:
             self._told, self._arriving = piece, 0
             self._wait()
 
-    def switch(self, outputs: tuple[int, int]) -> None:
-        """Outputs of the program, on and off from now on: at their place in the path."""
-        on, off = outputs
+    def switch(self, outputs: tuple[int, int, Sequence[tuple[int, float]]]) -> None:
+        """Outputs of the program, on and off from now on, and analogue ones: at their place in the path."""
+        on, off, levels = outputs
         self._switch_to(self._switched & ~off | on)
+        for number, value in levels:
+            self._levels[number] = value
+
+    def _lead(self, node: IoNode) -> None:
+        """Each analogue output to what is wanted of it."""
+        for number, out in enumerate(self._analogue):
+            value = self._levels[number]
+            if value != self.analogue[number]:
+                self.analogue[number] = value
+                node.write_analogue(out.channel, out.counts(value))
+
+    def _leave_analogue(self) -> None:
+        """All of them to rest."""
+        for number, out in enumerate(self._analogue):
+            self._levels[number] = out.idle
 
     def _switch_to(self, switched: int) -> None:
         if switched == self._switched:
@@ -253,6 +273,7 @@ class Peripherals:
         if mode not in _PROGRAM or given_up:
             self._wanted, self.waiting, self._awaited = (0.0, 0, 0), False, None
             self._switch_to(self._switched & self._held)
+            self._leave_analogue()
         if mode in (Mode.HOMING, Mode.JOG):
             self._was_homing = True
         elif self._was_homing or mode is not Mode.OFF:
@@ -293,6 +314,7 @@ class Peripherals:
         self.outputs = outputs
         assert self._node is not None
         self._node.write(outputs ^ self._flip_outputs)
+        self._lead(self._node)
 
     # -- judgement, while the program runs
 
@@ -375,7 +397,7 @@ def _switches(io: Io | None) -> tuple[tuple[int, ...], int]:
     """Of each output of programs its bit of the node; and which of them stay as they are."""
     if io is None:
         return (), 0
-    lines = tuple(_mask(io.outputs, [name]) for name in io.digital_out)
+    lines = tuple(_mask(io.outputs, [name]) for name in io.switched)
     return lines, sum(1 << i for i, name in enumerate(io.digital_out) if name in io.held)
 
 

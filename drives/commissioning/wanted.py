@@ -123,6 +123,10 @@ def _io(node: IoSettings, master: MasterSettings, sheet: Sheet) -> Iterator[Step
         why = "outputs go off when the controller falls silent"
         yield _one(0x6206, sub, 0xFF, why, optional=True)
         yield _one(0x6207, sub, 0, why, optional=True)
+    for sub, counts in enumerate(node.analogue, 1):
+        why = "analogue outputs go to rest when the controller falls silent"
+        yield _one(0x6443, sub, 1, why, optional=True)
+        yield _one(0x6444, sub, counts, why, optional=True)
     yield from _heartbeats(master, sheet, node.unsupervised, produced_s=node.heartbeat_s)
 
 
@@ -215,9 +219,11 @@ def io_pdos(node: IoSettings) -> tuple[Pdo, ...]:
     """What goes to and comes from a node with inputs and outputs (CiA 401)."""
     outputs = tuple(0x6200_0008 | sub << 8 for sub in range(1, node.outputs + 1))
     inputs = tuple(0x6000_0008 | sub << 8 for sub in range(1, node.inputs + 1))
+    analogue = tuple(0x6411_0010 | sub << 8 for sub in range(1, len(node.analogue) + 1))
     every_ms = round(node.inputs_every_s * 1e3)
     return (
         Pdo(RPDO, 1, ON_CHANGE, outputs, "outputs come by RPDO 1"),
+        *((Pdo(RPDO, 2, ON_CHANGE, analogue, "analogue outputs come by RPDO 2"),) if analogue else ()),
         Pdo(TPDO, 1, ON_CHANGE, inputs, "inputs go by TPDO 1", every_ms),
     )
 

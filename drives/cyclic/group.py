@@ -70,7 +70,11 @@ class Group:
         self._talkers = tuple(
             (line, node)
             for line in self.lines
-            for node in (*(drive for drive in line.drives if drive.feed_forward), *line.others)
+            for node in (
+                *(drive for drive in line.drives if drive.feed_forward),
+                *line.others,
+                *(one.analogue for one in line.others if isinstance(one, IoNode) and one.analogue),
+            )
         )
         self._guarded: tuple[tuple[Line, Supervised], ...] = tuple(
             (line, node) for line in self.lines for node in (*line.drives, *line.others) if node.guarded

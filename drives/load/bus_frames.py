@@ -208,6 +208,9 @@ def _io(rows: _Rows, io: IoSettings, master: MasterSettings) -> None:
     else:
         rows.on_event(f"inputs of {name}", name, inputs, io.inputs)
     rows.at_interval(f"outputs of {name}", CONTROLLER, outputs, master.heartbeat_s, b"", more=io.outputs)
+    if io.analogue:
+        what, size = f"analogue outputs of {name}", 2 * len(io.analogue)
+        rows.at_interval(what, CONTROLLER, pdo.rpdo(2, io.node), master.heartbeat_s, b"", more=size)
     rows.at_interval(f"heartbeat of {name}", name, pdo.HEARTBEAT + io.node, io.heartbeat_s, OPERATIONAL)
     rows.on_event(f"emergency of {name}", name, pdo.EMCY + io.node, EMERGENCY_BYTES)
 

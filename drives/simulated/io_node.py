@@ -4,6 +4,7 @@
     6002h  their polarity        6006h  bits whose every change,    6202h  their polarity
                                  6007h  rise, 6008h  fall counts    6208h  bits that may be written
                                                                     6206h, 6207h  what they do after an error
+    6411h  analogue outputs, 16 bits each; 6443h, 6444h what they do after an error
 
 An input's change goes out by a TPDO on change (transmission type 255) where its
 interrupt is on. When the master falls silent, or takes the node out of operation,
@@ -25,6 +26,7 @@ from drives.simulated.parameters import Parameters
 IO_EDS = EDS.with_name("simulated_io.eds")
 INPUTS, INPUT_POLARITY, INTERRUPTS, ANY, RISING, FALLING = 0x6000, 0x6002, 0x6005, 0x6006, 0x6007, 0x6008
 OUTPUTS, OUTPUT_POLARITY, ERROR_MODE, ERROR_VALUE, FILTER = 0x6200, 0x6202, 0x6206, 0x6207, 0x6208
+ANALOGUE, ANALOGUE_ERROR_MODE, ANALOGUE_ERROR_VALUE = 0x6411, 0x6443, 0x6444
 SIMULATED_INPUTS_AT = key(0x2004)
 
 Watcher = Callable[[int, float], None]  # called with all outputs (bit n = output n) and the time
@@ -131,8 +133,17 @@ class IoNode(Device):
             mode, safe = values[key(ERROR_MODE, bank)], values[key(ERROR_VALUE, bank)]
             where = key(OUTPUTS, bank)
             values[where] = values[where] & ~mode | safe & mode
+        for channel in range(1, values.get(key(ANALOGUE), 0) + 1):
+            if values[key(ANALOGUE_ERROR_MODE, channel)]:
+                values[key(ANALOGUE, channel)] = values[key(ANALOGUE_ERROR_VALUE, channel)]
         self._drive_outputs(now_s)
+
+    def analogue(self, channel: int) -> int:
+        """Counts of an analogue output, from 1."""
+        return int(self.dictionary.values[key(ANALOGUE, channel)])
 
     def _switch_off(self) -> None:
         """Without supply, or while it starts, no output is on."""
+        for channel in range(1, self.dictionary.values.get(key(ANALOGUE), 0) + 1):
+            self.dictionary.values[key(ANALOGUE, channel)] = 0
         self._set_outputs(0, self.now_s)

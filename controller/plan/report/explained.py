@@ -186,7 +186,8 @@ def _function(block: Action) -> dict[str, Any]:
     if block.act is Act.TOOL:
         return {"tool": block.modal.tool}
     if block.act is Act.OUTPUT:
-        return {"on": block.modal.outputs.on, "off": block.modal.outputs.off}
+        outputs = block.modal.outputs
+        return {"on": outputs.on, "off": outputs.off, "levels": dict(outputs.levels)}
     if block.act is Act.COOLANT:
         return {"mist": bool(block.modal.coolant & 1), "flood": bool(block.modal.coolant & 2)}
     return {}

@@ -51,5 +51,7 @@ def stopped(
 
 
 def _named(number: int, machine: Machine) -> str:
+    if number == 0:
+        return "no tool"
     tool = machine.tool(number)
     return f"T{number} ({tool.name})" if tool is not None and tool.name else f"T{number}"

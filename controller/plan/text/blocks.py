@@ -34,6 +34,7 @@ from controller.plan.text import (
     planar_words,
     plane_words,
     points,
+    polar_words,
     reference_words,
     surface_words,
     tool_axis_words,
@@ -41,6 +42,7 @@ from controller.plan.text import (
 )
 from controller.plan.text.code_table import BY_DIALECT, Fate, takers_of
 from controller.plan.text.codes import CYCLES, PLACES, SIDES, SURFACES, TILTS, TO_PLANE, Ask, letters_of
+from controller.plan.text.decoding import Bytes
 from controller.plan.text.flow import Limits
 from controller.plan.text.functions import Functions
 from controller.plan.text.given import Given
@@ -89,7 +91,7 @@ def read(
 
 
 def stream(
-    data: bytes,
+    data: Bytes,
     machine: Machine,
     name: str,
     block_delete: bool = False,
@@ -139,6 +141,7 @@ def _blocks(
         try:
             state, restored, line = saved.carry_out(line, state)
             ask = points.counted(codes.sort(line, machine), state, machine)
+            ask = polar_words.cartesian(ask, state, given.position, machine)
             turn = _Turn(ask, state, machine, given.position, lines, ahead)
             turn.run()
         except ProgramError as error:
@@ -317,7 +320,7 @@ class _Turn:
         if word.letter == "E":
             return self.ask.refusal(
                 word,
-                f"{word.text}: E is not a word of this control but beside G187, and numbers have no "
+                f"{word.text}: E is a word beside M67 and M68 alone, and numbers have no "
                 "exponents; write the number out",
             )
         if word.letter in self._axes and self._vectors():
@@ -447,5 +450,5 @@ class _Turn:
         if self.ended:
             off = replace(self.state.modal, spindle_rev_min=0.0, coolant=0)
             self.state = self.state._replace(modal=off)
-        act = {"M0": Act.STOP, "M1": Act.OPTIONAL_STOP}.get(code, Act.END)
+        act = {"M0": Act.STOP, "M60": Act.STOP, "M1": Act.OPTIONAL_STOP}.get(code, Act.END)
         self.made.append(Action(self.ask.place(word), self.state.modal, act))

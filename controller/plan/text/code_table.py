@@ -42,6 +42,11 @@ class Code:
     fate: Fate = Fate.DONE
     dialect: str = ""  # "" = both
 
+    @property
+    def test(self) -> str:
+        """The file of tests, in tests/controller, that shows what comes of it."""
+        return TEST_OF.get(self.name, _NOT_DONE if self.fate is not Fate.DONE else _EACH)
+
 
 def _done(group: str, source: str, *rows: tuple[str, str, str], dialect: str = "") -> list[Code]:
     return [Code(name, group, letters, source, meaning, dialect=dialect) for name, letters, meaning in rows]
@@ -57,6 +62,28 @@ def _noted(source: str, *rows: tuple[str, str, str, str], dialect: str = "") -> 
 def _refused(source: str, *rows: tuple[str, str, str], dialect: str = "") -> list[Code]:
     return [Code(name, "", "", source, meaning, told, Fate.REFUSED, dialect) for name, meaning, told in rows]
 
+
+# Where a code is tried; those that are not named here, in ``test_each_code`` and ``test_codes_not_done``.
+_EACH, _NOT_DONE = "plan/text/test_each_code.py", "plan/text/test_codes_not_done.py"
+_TESTS = {
+    "plan/text/test_plain.py": "G0 G1 G2 G3 G4 G17 G20 G21 G93 G94 M3 M8",
+    "plan/text/test_plane_words.py": "G18 G53 G68.2 G68.3 G53.1 G53.3 G53.6",
+    "plan/text/test_tilted_planes.py": "G68.4 G69",
+    "plan/text/test_cycles.py": "G73 G74 G81 G82 G83 G84 G85 G86 G89 G98 G99 G19 M4 M5",
+    "plan/text/test_blocks.py": "G51 G61 G64 M6 M30",
+    "plan/text/test_shifts.py": "G52",
+    "plan/text/test_nurbs.py": "G6.2",
+    "plan/text/test_offset_words.py": "G10 G28 G28.1 G30 G43 G43.1 G43.2 G44 G54.1 G68 G91 G92 M61",
+    "plan/text/test_compensation.py": "G40 G41 G42 G41.1 G42.1 G43.4 G54 G55 G90",
+    "plan/text/test_posts.py": "G80 G234",
+    "plan/text/test_parameters.py": "G90.1 G95 M70 M72 M73",
+    "plan/text/test_override_words.py": "M48 M49 M50 M51 M52 M53",
+    "plan/text/test_flow.py": "M98 M99",
+    "tick/test_outputs.py": "M10 M11 M62 M63 M64 M65 M66",
+    "tick/test_analogue_outputs.py": "M19 M67 M68",
+    "test_changes.py": "G30.1 G92.3",
+}
+TEST_OF = MappingProxyType({name: file for file, names in _TESTS.items() for name in names.split()})
 
 _CYCLE = AXES + "RLK"
 _LATHE = "this control has no lathe axis"
@@ -196,6 +223,7 @@ ROWS: tuple[Code, ...] = (
     *_done(
         "spindle", NIST, ("M3", "", "spindle, clockwise"), ("M4", "", "counter-clockwise"), ("M5", "", "off")
     ),
+    *_done("spindle", LINUXCNC, ("M19", "RQP", "brings the spindle to its angle, within Q seconds")),
     *_done("tool change", NIST, ("M6", "", "puts T into the spindle")),
     *_done("tool change", LINUXCNC, ("M61", "Q", "says that tool Q is in the spindle")),
     *_done(
@@ -215,6 +243,8 @@ ROWS: tuple[Code, ...] = (
         ("M64", "P", "output P on, at rest"),
         ("M65", "P", "output P off, at rest"),
         ("M66", "PLQ", "waits at most Q seconds for input P: L1 rise, L2 fall, L3 on, L4 off"),
+        ("M67", "EQ", "analogue output E to Q, with the motion that comes next"),
+        ("M68", "EQ", "analogue output E to Q, at rest"),
     ),
     *_done(
         "overrides",
@@ -279,7 +309,7 @@ ROWS: tuple[Code, ...] = (
         FANUC,
         ("G53.3", "tool along the tilted plane's Z with a move", "write G53.1, and G0 on the next line"),
         ("G7", "imaginary axis", "write the moves themselves"),
-        ("G76", "fine boring with a shift", "no spindle here stops at an angle; write G85, G86 or G89"),
+        ("G76", "fine boring with a shift", "write M19 and the moves themselves, or G85, G86 or G89"),
         dialect="fanuc",
     ),
     *_refused(
@@ -295,12 +325,9 @@ ROWS: tuple[Code, ...] = (
         ("G38.3", "probing", _PROBE),
         ("G38.4", "probing", _PROBE),
         ("G38.5", "probing", _PROBE),
-        ("G87", "back boring", "no spindle here stops at an angle; write the moves themselves"),
+        ("G87", "back boring", "write M19 and the moves themselves"),
         ("G88", "boring with retraction by hand", "write G86, or M0 at the bottom"),
         ("G96", "constant surface speed", f"{_LATHE}; write G97 and S"),
-        ("M19", "spindle stop at an angle", "no spindle here stops at an angle; write M5"),
-        ("M67", "analogue output, with motion", "this control has none; leave it out"),
-        ("M68", "analogue output", "this control has none; leave it out"),
     ),
     *_refused(
         FANUC,
@@ -342,7 +369,7 @@ BY_DIALECT = MappingProxyType({dialect: MappingProxyType(of(dialect)) for dialec
 
 def markdown() -> str:
     """The table as the README of the programs shows it."""
-    head = ["| code | dialect | from | what it is | here |", "|---|---|---|---|---|"]
+    head = ["| code | dialect | from | what it is | here | test |", "|---|---|---|---|---|---|"]
     return "\n".join([*head, *(_markdown(row) for row in sorted(ROWS, key=_order)), ""])
 
 
@@ -352,4 +379,5 @@ def _order(row: Code) -> tuple[str, float, str]:
 
 def _markdown(row: Code) -> str:
     here = {Fate.DONE: "", Fate.NOTED: "noted: ", Fate.REFUSED: "refused: "}[row.fate] + (row.told or "done")
-    return f"| {row.name} | {row.dialect or 'both'} | {row.source} | {row.meaning} | {here} |"
+    told = (row.name, row.dialect or "both", row.source, row.meaning, here, f"`{row.test}`")
+    return f"| {' | '.join(told)} |"

@@ -46,6 +46,7 @@ class Ask:
     codes: dict[str, tuple[str, Word]]  # modal group -> code as named in the table, and its word
     words: dict[str, Word]  # letter -> word, without G M N
     switches: tuple[tuple[Word, int, bool], ...] = ()  # the machine's own codes: number of an output, on
+    polar: tuple[float, float] | None = None  # @ (mm) and ^ (rad) under G91, for which X and Y stand
 
     def code(self, group: str) -> str:
         return self.codes[group][0] if group in self.codes else ""
@@ -136,12 +137,6 @@ def _check_letter(line: Line, word: Word, before: dict[str, Word], machine: Mach
             word,
             f"{word.text} moves an axis that this machine does not have: its axes are {' '.join(names)}; "
             "use one of these, or choose the machine that the program was written for",
-        )
-    if word.letter == "E":
-        raise line.refusal(
-            word,
-            f"{word.text} is taken by no code of this line: numbers have no exponents; write the number "
-            "without one, or leave the word out",
         )
     if word.letter == "N":
         raise line.refusal(

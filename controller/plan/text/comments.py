@@ -40,8 +40,10 @@ def without_comments(raw: str, name: str, number: int) -> str:
     return "".join([*parts, raw[start:]]) if parts else raw
 
 
-def message(raw: str, values: Callable[[str], float]) -> str:
+def message(raw: str, values: Callable[[str], float], debug: bool = True) -> str:
     """What the comments of a line say to the operator, or ""; ``values``: that of a ``#1`` or ``#<name>``.
+
+    ``debug``: DEBUG says something, too.
 
     DEBUG, PRINT and LOG show them with six decimals, behind %d or %.2f so many (as LinuxCNC).
     """
@@ -50,6 +52,8 @@ def message(raw: str, values: Callable[[str], float]) -> str:
         if ";" in raw[: found.start()].split(")")[-1]:
             break
         kind, text = found[1].lower(), found[2]
+        if kind == "debug" and not debug:
+            continue
         said.append(text if kind == "msg" else _VALUE.sub(lambda at: _shown(at[1], values(at[2])), text))
     return " ".join(" ".join(said).split())[:LONGEST]
 

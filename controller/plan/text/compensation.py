@@ -53,13 +53,20 @@ def beside(
         try:
             yield from path.take(block)
         except NotBesideError as error:
-            wrong = ProgramError(name, error.place.line, error.place.column, error.sentence)
-            wrong = wrong.within(error.place.calls)
-            if refused is None:
-                raise wrong from None
-            refused.append(wrong)
+            _refuse(error, name, refused)
             path.give_up(block.modal.planar)
-    yield from path.finish()
+    try:
+        yield from path.finish()
+    except NotBesideError as error:
+        _refuse(error, name, refused)
+
+
+def _refuse(error: NotBesideError, name: str, refused: list[ProgramError] | None) -> None:
+    wrong = ProgramError(name, error.place.line, error.place.column, error.sentence)
+    wrong = wrong.within(error.place.calls)
+    if refused is None:
+        raise wrong from None
+    refused.append(wrong)
 
 
 class _Path:

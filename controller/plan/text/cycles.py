@@ -17,7 +17,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from controller.geometry import angle_between
-from controller.plan.text import line_words
+from controller.plan.text import line_words, polar_words
 from controller.plan.text.codes import Ask
 from controller.plan.text.modal import Cycle, State, dwell_s
 from controller.plan.text.offset_words import Here
@@ -219,6 +219,8 @@ class _Way:
         """The next hole: under G91 one step on."""
         if not relative:
             return x, y
+        if (steps := self.here.ask.polar) is not None:
+            return polar_words.stepped(self.here.ask, self.here.ask.line.words[0], (x, y), steps)
         first, second, _ = PLANES[self.modal.plane]
         dx, dy = (self.here.length_mm("XYZ"[i]) or 0.0 for i in (first, second))
         return x + dx, y + dy

@@ -13,9 +13,14 @@ A program that calls no file stays as it is, to the byte.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable, Iterator, Mapping
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
+from typing import TypeVar
+
+from controller.plan.text.decoding import Bytes
 
 MOST_FILES = 200
 SUFFIXES = (".ngc", ".nc", ".tap", ".cnc", ".txt", ".h", "")  # of files of subs, the first that is there
@@ -27,10 +32,11 @@ _SUB = re.compile(rb"[oO][ \t]*(?:<([^<>\r\n]*)>|([0-9]+))[ \t]*[sS][uU][bB]")
 _NUMBER = re.compile(rb"(?:^|[\r\n])[ \t]*[oO:][ \t]*([0-9]+)[ \t]*(?=[\r\n(;<]|$)")
 _DELETED = re.compile(rb"((?:^|[\r\n])[ \t]*)/")
 
+B = TypeVar("B", bound=Bytes)
 Find = Callable[[str], tuple[str, bytes] | None]  # label -> name and content of its file
 
 
-def linked(program: bytes, find: Find) -> bytes:
+def linked(program: B, find: Find) -> B | bytes:
     """The program with all files that it and they call; unknown names are left to the reader to refuse."""
     found: dict[str, tuple[str, bytes]] = {}
     due, known = list(_called(program)), set(_defined(program))
@@ -40,13 +46,23 @@ def linked(program: bytes, find: Find) -> bytes:
             continue
         found[label] = file
         due += _called(file[1])
-    return program + b"".join(
+    if not found:
+        return program
+    return bytes(program) + b"".join(
         b"\n\x1c%s\t%s\n%s" % (label.encode(), name.encode(), text) for label, (name, text) in found.items()
     )
 
 
-def parts(data: bytes) -> tuple[bytes, dict[str, tuple[str, bytes]]]:
+def mapped(program: Path) -> Bytes:
+    """A file whose bytes are mapped, not read: they take no memory of ours. Raises OSError."""
+    with program.open("rb") as file:
+        return mmap(file.fileno(), 0, access=ACCESS_READ) if os.fstat(file.fileno()).st_size else b""
+
+
+def parts(data: Bytes) -> tuple[Bytes, dict[str, tuple[str, bytes]]]:
     """The program, and the files behind it: label -> name and content."""
+    if _MARK.search(data) is None:
+        return data, {}  # not split: a long program is not held twice
     program, *rest = _MARK.split(data)
     files = zip(rest[::3], rest[1::3], rest[2::3], strict=True)
     return program, {label.decode(): (name.decode(), text) for label, name, text in files}
@@ -90,7 +106,7 @@ def without_deleted(program: bytes) -> bytes:
     return _DELETED.sub(rb"\1;/", program)
 
 
-def _called(text: bytes) -> Iterator[str]:
+def _called(text: Bytes) -> Iterator[str]:
     for name, number in _CALL.findall(text):
         yield _label(name, number)
     for number in _BY_NUMBER.findall(text):
@@ -98,7 +114,7 @@ def _called(text: bytes) -> Iterator[str]:
         yield str(int(number[-4:]))
 
 
-def _defined(text: bytes) -> Iterator[str]:
+def _defined(text: Bytes) -> Iterator[str]:
     for name, number in _SUB.findall(text):
         yield _label(name, number)
     for number in _NUMBER.findall(text):

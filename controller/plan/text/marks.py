@@ -201,14 +201,10 @@ class _Pairs:
             self._branch(mark)
         elif mark.keyword in ("break", "continue"):
             self._in_loop(mark)
-        elif mark.keyword == "return" and not (self.open and self._of_sub(mark)):
+        elif mark.keyword == "return" and not (self.open and self.open[0].keyword == "sub"):
             raise mark.refusal(
-                self._name,
-                f"{mark.written} stands outside of o{mark.label} sub: it ends a sub from inside of it",
+                self._name, f"{mark.written} stands outside of every sub: it ends the sub that it stands in"
             )
-
-    def _of_sub(self, mark: Mark) -> bool:
-        return self.open[0].keyword == "sub" and self.open[0].label == mark.label
 
     def _sub(self, mark: Mark) -> None:
         if self.open:

@@ -15,7 +15,7 @@ from controller.plan.text import output_words, override_words, planar_words, sid
 from controller.plan.text.codes import SURFACES, Ask
 from controller.plan.text.origins import Origins
 from controller.plan.text.position import Known
-from controller.plan.text.program import Act, Action, Block, Dwell, Modal, Side, Tip
+from controller.plan.text.program import Act, Action, Await, Block, Dwell, Level, Modal, Side, Tip
 from controller.plan.text.words import Word
 
 TIPS = MappingProxyType(
@@ -255,24 +255,35 @@ class _Settings:
             self._turn_spindle(self.state.turning, word)
 
     def _select_tool(self) -> None:
+        """T0 is no tool: M6 empties the spindle."""
         word = self.ask.words.get("T")
         if word is not None:
-            self._known_tool(word)
+            if word.value != 0.0:
+                self._known_tool(word)
             self.state = self.state._replace(selected=int(word.value))
 
     def _outputs(self) -> None:
-        """M62 and M63 count with the next motion, M64, M65 and the machine's own codes here and now."""
+        """M62, M63 and M67 count with the next motion, M64, M65, M68 and the machine's own codes at once."""
         if "output" in self.ask.codes:
             code, word = self.ask.codes["output"]
             if code == "M66":
                 self.made += output_words.awaited(self.ask, word, self.state.modal, self._machine)
                 return
-            self._switch(output_words.number(self.ask, code, word, self._machine), code in ("M62", "M64"))
-            if code in ("M64", "M65"):
+            self._say(code, word)
+            if code in ("M64", "M65", "M68"):
                 self._act(word, Act.OUTPUT)
         for word, number, on in self.ask.switches:
             self._switch(number, on)
             self._act(word, Act.OUTPUT)
+
+    def _say(self, code: str, word: Word) -> None:
+        """An output, digital or analogue, is told."""
+        if code in ("M67", "M68"):
+            modal = self.state.modal
+            said = output_words.led(self.ask, code, word, self._machine)
+            self._set_modal(replace(modal, outputs=modal.outputs.led(*said)))
+        else:
+            self._switch(output_words.number(self.ask, code, word, self._machine), code in ("M62", "M64"))
 
     def _switch(self, number: int, on: bool) -> None:
         modal = self.state.modal
@@ -312,13 +323,34 @@ class _Settings:
                 self.ask.codes["tool change"][1],
                 "M61 does not say which tool is in the spindle: write Q and its number, such as M61 Q2",
             )
-        self._known_tool(word)
+        if word.value != 0.0:
+            self._known_tool(word)
         self._set_modal(self.state.with_tool(int(word.value), self._machine))
 
     def _spindle(self) -> None:
-        if "spindle" in self.ask.codes:
-            code, word = self.ask.codes["spindle"]
-            self._turn_spindle({"M3": 1, "M4": -1, "M5": 0}[code], word)
+        if "spindle" not in self.ask.codes:
+            return
+        code, word = self.ask.codes["spindle"]
+        if code == "M19":
+            self._orient(word)
+            return
+        if self._machine.io is not None and self._machine.io.orient is not None:
+            self._let_go(len(self._machine.io.digital_out), word)
+        self._turn_spindle({"M3": 1, "M4": -1, "M5": 0}[code], word)
+
+    def _orient(self, word: Word) -> None:
+        """M19: the spindle stops, its drive brings it to the angle, and motion waits until it is there."""
+        output, back, most_s = output_words.oriented(self.ask, word, self._machine)
+        self._turn_spindle(0, word)
+        self._switch(output, True)
+        self._act(word, Act.OUTPUT)
+        self.made.append(Await(self.ask.place(word), self.state.modal, back, Level.HIGH, most_s))
+
+    def _let_go(self, output: int, word: Word) -> None:
+        """M3 to M5 behind M19: the drive is free to turn again before it is told to."""
+        if self.state.modal.outputs.on >> output & 1:
+            self._switch(output, False)
+            self._act(word, Act.OUTPUT)
 
     def _turn_spindle(self, turning: int, word: Word) -> None:
         modal = replace(self.state.modal, spindle_rev_min=turning * self.state.speed_rev_min)

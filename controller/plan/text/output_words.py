@@ -1,4 +1,4 @@
-"""M62 to M66: which output or input of the machine a P names."""
+"""M62 to M68 and M19: which output or input of the machine a P or E names, and what it is told."""
 
 from __future__ import annotations
 
@@ -41,6 +41,57 @@ def awaited(ask: Ask, word: Word, modal: Modal, machine: Machine) -> list[Block]
             f"{MOST_WAIT_S:.0f}",
         )
     return [Await(ask.place(word), modal, number, Level(level), most.value)]
+
+
+def led(ask: Ask, code: str, word: Word, machine: Machine) -> tuple[int, float]:
+    """M67 and M68 E Q: the number of an analogue output, and its value. Raises ProgramError."""
+    outs = machine.io.analogue_out if machine.io else ()
+    if not outs:
+        raise ask.refusal(
+            word,
+            f"{code} has nothing to work on: the machine file has no analogue_out in [io]; name it there",
+        )
+    known = ", ".join(f"E{i} {out.name}" for i, out in enumerate(outs))
+    e, q = ask.words.get("E"), ask.words.get("Q")
+    if e is None or ask.whole(e) >= len(outs):
+        raise ask.refusal(
+            e or word,
+            f"{e.text if e else code} names no analogue output: write E and its number; there are {known}",
+        )
+    out = outs[int(e.value)]
+    if q is None or not out.low <= q.value <= out.high:
+        raise ask.refusal(
+            q or word, f"{out.name} takes Q from {out.low:g} to {out.high:g}; write Q and its value"
+        )
+    return int(e.value), q.value
+
+
+def oriented(ask: Ask, word: Word, machine: Machine) -> tuple[int, int, float]:
+    """M19 R Q P: the numbers of output and input, and the seconds that it may take. Raises ProgramError."""
+    io, r, q, p = machine.io, *(ask.words.get(letter) for letter in "RQP")
+    if io is None or io.orient is None:
+        raise ask.refusal(
+            word,
+            "M19 has nothing to work on: the machine file has no orient in [io], the output that brings the "
+            "spindle to its angle and the input that says so; name them there, or write M5",
+        )
+    angle = io.orient.angle_deg
+    if r is not None and (r.value - angle) % 360.0 != 0.0:
+        raise ask.refusal(
+            r,
+            f"{r.text} is not where this spindle stops: its drive brings it to {angle:g} degrees alone "
+            f"(orient in [io]); write R{angle:g}, or leave R out",
+        )
+    if p is not None and p.value != 0.0:
+        raise ask.refusal(
+            p, f"{p.text} chooses a direction: the spindle's drive takes its own; write P0, or leave P out"
+        )
+    if q is not None and not 0.0 < q.value <= MOST_WAIT_S:
+        raise ask.refusal(
+            q,
+            f"{q.text} is no time: Q is the seconds that it may take, above 0 and at most a week; correct it",
+        )
+    return len(io.digital_out), len(io.digital_in), io.orient.within_s if q is None else q.value
 
 
 def _named(ask: Ask, code: str, word: Word, key: str, names: Sequence[str]) -> int:

@@ -12,6 +12,7 @@ from typing import Protocol
 
 Key = int | str
 ARGUMENTS = range(1, 31)  # a sub's own
+SAYS_DEBUG = 5599  # 0: what (DEBUG,) would say is not said
 OF_THE_MACHINE = range(5061, 5603)  # positions, offsets and tools: the control gives them
 RETURNED = ("_value", "_value_returned")  # what the last sub gave back, and whether it did
 
@@ -45,7 +46,7 @@ class Parameters:
     ) -> None:
         """``begun``: what earlier programs have left; ``kept``: numbers, from to, that later ones find."""
         self._given = given or Nothing()
-        self._global: dict[Key, float] = {**dict.fromkeys(RETURNED, 0.0), **dict(begun)}
+        self._global: dict[Key, float] = {**dict.fromkeys(RETURNED, 0.0), SAYS_DEBUG: 1.0, **dict(begun)}
         self._kept, self._fresh = kept, dict[int, float]()
         self._locals: list[dict[Key, float]] = [{}]  # of the program, and of each sub that runs in it
 
@@ -74,7 +75,7 @@ class Parameters:
 
     def check_settable(self, key: Key) -> None:
         """Raises NoValue for what a program cannot set."""
-        if isinstance(key, int) and key in OF_THE_MACHINE:
+        if isinstance(key, int) and key in OF_THE_MACHINE and key != SAYS_DEBUG:
             raise NoValue(
                 f"#{key} cannot be set: parameters {OF_THE_MACHINE.start} to {OF_THE_MACHINE.stop - 1} are "
                 "positions, offsets and tools of the machine and can only be read; use another number, and "

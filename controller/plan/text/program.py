@@ -79,14 +79,19 @@ class Tip(Enum):
 
 
 class Outputs(NamedTuple):
-    """What the program has said of outputs so far: bit n is P of M62 to M65."""
+    """What the program has said of outputs so far: bit n is P of M62 to M65; of analogue ones E and Q."""
 
     on: int = 0
     off: int = 0
+    levels: tuple[tuple[int, float], ...] = ()
 
     def switched(self, number: int, on: bool) -> Outputs:
         bit = 1 << number
-        return Outputs(self.on | bit, self.off & ~bit) if on else Outputs(self.on & ~bit, self.off | bit)
+        on_, off = (self.on | bit, self.off & ~bit) if on else (self.on & ~bit, self.off | bit)
+        return self._replace(on=on_, off=off)
+
+    def led(self, number: int, value: float) -> Outputs:
+        return self._replace(levels=tuple(sorted({**dict(self.levels), number: value}.items())))
 
 
 UNSAID = Outputs()
@@ -263,7 +268,7 @@ class Act(Enum):
     SPINDLE = "M3/M4/M5"
     TOOL = "M6"
     COOLANT = "M7/M8/M9"
-    OUTPUT = "M64/M65"
+    OUTPUT = "M64/M65/M68"
     INPUT = "M66"
     CLAMP = "clamp"  # no word of a program: the path asks for it between motions
 
@@ -288,11 +293,11 @@ class Level(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Await:
-    """M66: standstill until an input is as asked; the program is held where it is not in time."""
+    """M66 and M19: standstill until an input is as asked; the program is held where it is not in time."""
 
     place: Place
     modal: Modal
-    number: int  # P
+    number: int  # P; that of M19 comes behind them
     level: Level
     seconds: float  # Q, at most
 

@@ -16,7 +16,7 @@ from controller.plan.text.decoding import lines_of
 from controller.plan.text.expressions import GAPS, Values
 from controller.plan.text.flow import Limits, Run, Source
 from controller.plan.text.line import COMMON, SIMPLE, Line, Word, simple
-from controller.plan.text.parameters import Key, NoValue, Parameters
+from controller.plan.text.parameters import SAYS_DEBUG, Key, NoValue, Parameters
 from controller.plan.text.program import ProgramError
 
 __all__ = ["LARGEST", "Line", "Word", "read"]
@@ -134,7 +134,7 @@ class _Scan:
                 values = Values(written.lower(), line.name, line.number, self.parameters)
                 return values.value(0, written)[0]
 
-            line.message = message(raw, value)
+            line.message = message(raw, value, self.parameters.value(SAYS_DEBUG) != 0.0)
         return line
 
 
@@ -187,7 +187,7 @@ class _Words(Values):
 
     def _word(self) -> Word:
         letter, start = self.peek(), self._at
-        if not letter.isalpha():
+        if not (letter.isalpha() or letter in "@^"):
             raise self._stray(start)
         if letter == "o":
             raise self._stray_o(start)

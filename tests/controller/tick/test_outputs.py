@@ -211,8 +211,6 @@ def test_a_restart_switches_what_was_on_before_it_moves_into_the_part() -> None:
         ("M66 P0 L3", "has no time: write Q"),
         ("M66 P0 L5 Q1", "is nothing that M66 waits for"),
         ("#1=#5399", "is what M66 finds when the program runs"),
-        ("M67 E0 Q1", "is not done here"),
-        ("M19", "is not done here"),
     ],
 )
 def test_what_cannot_be_switched_is_refused(line: str, why: str) -> None:

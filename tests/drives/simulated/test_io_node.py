@@ -182,5 +182,5 @@ def test_inputs_can_be_set_over_the_bus_for_tests(bench: Bench) -> None:
 
 def test_its_data_sheet_says_what_it_is() -> None:
     sheet = canopen.import_od(str(IO_EDS), NODE)
-    assert sheet[0x1000].default == 0x0003_0191
+    assert sheet[0x1000].default == 0x000B_0191
     assert sheet.device_information.product_number == sheet[0x1018][2].default == 0x401

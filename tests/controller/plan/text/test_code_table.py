@@ -10,14 +10,22 @@ from pathlib import Path
 import pytest
 from support.machines.traced_programs import mill
 
-from controller.machine import Io
+from controller.machine import AnalogueOut, Io, Orient
 from controller.plan.text import blocks, code_table
 from controller.plan.text.code_table import BY_DIALECT, ROWS, Code, Fate
 from controller.plan.text.program import ProgramError, Remark
 
 README = Path(__file__).parents[4] / "config/programs/README.md"
 SAYS = {"G52": "X0", "G4": "P0", "G43.1": "Z1", "G43.2": "H1", "G53": "G0 X0", "G54.1": "P1", "G68": "R1"}
-SAYS |= {"M62": "P0", "M63": "P0", "M64": "P0", "M65": "P0", "M66": "P0 L3 Q1"}
+SAYS |= {
+    "M62": "P0",
+    "M63": "P0",
+    "M64": "P0",
+    "M65": "P0",
+    "M66": "P0 L3 Q1",
+    "M67": "E0 Q1",
+    "M68": "E0 Q1",
+}
 IO = Io(
     "can0",
     9,
@@ -26,6 +34,8 @@ IO = Io(
     (("air", 0),),
     digital_in=("there",),
     digital_out=("air",),
+    analogue_out=(AnalogueOut("laser", 1, 0.0, 100.0, 0, 32767),),
+    orient=Orient("orient", "oriented", 0.0, 5.0),
 )
 SAYS |= {"M52": "P0"}
 SAYS |= {"G41.1": "D6", "G42.1": "D6"}
@@ -75,3 +85,19 @@ def test_every_row_has_words_for_people() -> None:
         assert row.meaning and (row.told or row.fate is Fate.DONE), row.name
         assert re.fullmatch(r"[GM]\d+(\.\d)?", row.name)
         assert row.dialect in ("", *BY_DIALECT)
+
+
+TESTS = Path(__file__).parents[2]
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: f"{row.name}-{row.dialect or 'both'}")
+def test_the_file_of_tests_that_the_table_names_is_there_and_tries_the_code(row: Code) -> None:
+    letter, number = row.name[0], re.escape(row.name[1:])
+    said = re.compile(
+        rf"(?:(?<![A-Za-z0-9.])|(?<=\\n))[{letter}{letter.lower()}]0?{number}(?![0-9]|[.][0-9])"
+    )
+    assert said.search((TESTS / row.test).read_text(encoding="utf-8"))
+
+
+def test_no_code_is_named_for_a_test_that_the_table_does_not_have() -> None:
+    assert set(code_table.TEST_OF) <= {row.name for row in ROWS}

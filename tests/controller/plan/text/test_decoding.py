@@ -5,11 +5,14 @@ from __future__ import annotations
 import contextlib
 import random
 import time
+import tracemalloc
+from pathlib import Path
 
 import pytest
 from support.machines.traced_programs import mill
+from support.oracles import reference_interpreter
 
-from controller.plan.text import blocks, decoding
+from controller.plan.text import blocks, decoding, linked
 from controller.plan.text.program import Block, ProgramError, Remark
 
 MILL = mill()
@@ -97,3 +100,22 @@ def test_lines_come_as_they_stand_however_the_text_is_parted(monkeypatch: pytest
         for part in (1, 2, 3, 7, 1000):
             monkeypatch.setattr(decoding, "PART", part)
             assert list(decoding.lines_of(text)) == whole, (text, part)
+
+
+def test_a_long_program_is_held_once_while_it_is_read(tmp_path: Path) -> None:
+    """Beside the file, which may be mapped, its text; nothing else grows with its lines."""
+    rows = "".join(f"N{i} G1 X{i % 90}.5 Y{i % 70}.25 F800\n" for i in range(30_000)).encode()
+    file = tmp_path / "long.ngc"
+    file.write_bytes(b"\0\0\r\n" + rows + b"M30\n\x1a")
+    on = reference_interpreter.machine()
+    for data in (file.read_bytes(), linked.mapped(file)):
+        tracemalloc.start()
+        count = sum(1 for _ in blocks.stream(linked.linked(data, linked.among({})), on, "long.ngc"))
+        peak = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert count == 30_001 and peak < len(rows) + 1_000_000
+
+
+def test_an_empty_file_can_be_mapped(tmp_path: Path) -> None:
+    (tmp_path / "empty.ngc").write_bytes(b"")
+    assert linked.mapped(tmp_path / "empty.ngc") == b""

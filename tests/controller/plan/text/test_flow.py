@@ -80,7 +80,7 @@ def test_lines_are_carried_out_in_the_references_order(text: str, expected: str)
         ("o1 if [1]\no2 while [0]\no1 endif\no2 endwhile", "3:1", "o2 while of line 2 is open"),
         ("o1 if [1]\no1 else\no1 elseif [1]\no1 endif", "3:1", "else is last"),
         ("o1 break", "1:1", "stands in no loop o1"),
-        ("o1 return", "1:1", "outside of o1 sub"),
+        ("o1 return", "1:1", "outside of every sub"),
         ("o1 foo", "1:1", "FOO behind o1 is no O-word"),
         ("o if [1]\no1 endif", "1:1", "no number"),
         ("o1 if 1\no1 endif", "1:7", "[ is missing"),
