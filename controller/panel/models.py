@@ -314,6 +314,23 @@ class ProgramFacts(Told):
     last_run: dict[str, Any] | None = None
 
 
+class Draft(Sent):
+    """A program that is being written."""
+
+    name: Annotated[str, Field(min_length=1, max_length=200)]
+    text: Annotated[str, Field(max_length=1_000_000)]
+
+
+class DraftRefusal(Told):
+    line: int
+    column: int
+    sentence: str
+
+
+class DraftRead(Told):
+    refusals: list[DraftRefusal] = Field(description="The first hundred, as they stand; none: it reads well.")
+
+
 class LinesAround(Told):
     lines: list[str]
 

@@ -126,6 +126,15 @@ async def around(request: Request, name: str, line: Place, column: Place = 0) ->
     return models.LinesAround(lines=await asyncio.to_thread(read))
 
 
+@router.post(
+    "/drafts", dependencies=[needs(Role.OPERATE)], responses=documented(401, 403, 413, 422, 429, 503)
+)
+async def draft(request: Request, body: models.Draft) -> models.DraftRead:
+    """Have a text read as a program of that name would be; nothing is kept, nothing is planned."""
+    found = await panel_of(request).drafts.read(body.name, body.text)
+    return models.DraftRead(refusals=[models.DraftRefusal(**one) for one in found])
+
+
 @router.patch(
     "/programs/{name}",
     dependencies=[needs(Role.OPERATE)],

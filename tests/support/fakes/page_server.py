@@ -18,7 +18,7 @@ from typing import Any
 import uvicorn
 from support.fakes.fake_socket import AXES, FakeDoor
 
-from controller import config
+from controller import config, fitting
 from controller.handoff import blank
 from controller.panel.checker import Checker
 from controller.panel.core import Panel
@@ -194,7 +194,7 @@ class ToldChecker(Checker):
         """Nothing runs."""
 
     def of(self, program: Program) -> ProgramCheck:
-        text = self._store.programs.path(program.sha256).read_text()
+        text = self._store.programs.path(program.sha256).read_text(errors="replace")
         if "SLOWLY" in text:  # a little further at each look
             self._share = (self._share + 0.01) % 1.0
             return ProgramCheck(program.sha256, "", "running", self._share, {}, 0.0)
@@ -257,6 +257,7 @@ EXCEEDING = wording.told(
 
 def main(folder: Path, port: int) -> None:
     """Serve until killed."""
+    fitting.note(folder, MACHINE)
     store = Store(folder)
     panel = Panel(store, MovingDoor(folder), ToldChecker(store))
     app = make_app(panel)

@@ -2,6 +2,7 @@
 import { call, every } from "../api.js";
 import { ask_for } from "../dialog.js";
 import { html, useRef } from "../dom.js";
+import { Editor, edit, editing, write_new } from "../editor.js";
 import { forms } from "../forms.js";
 import { Icon } from "../icons.js";
 import { Maps, Verdict } from "../maps.js";
@@ -23,6 +24,10 @@ const told = { rows: [], wrong: "", chosen: "", one: null, around: [] };
 
 const look = every("programs", 1, "programs?brief=true", (body) => take(body.programs), (wrong) => (told.wrong = wrong));
 for (const topic of ["programs", "job"]) dx.on(topic, look);
+dx.on("kept", (name) => {
+  told.chosen = name;
+  look();
+});
 
 const tag = (row) => row && `${row.name} ${row.sha256} ${row.check.state} ${row.check.result.stored ?? ""}`;
 
@@ -53,9 +58,12 @@ function choose(row) {
 // ---- the list
 
 function View() {
+  if (editing()) return html`<${Card} class="programs-editor"><${Editor} row_of=${(name) => told.rows.find((row) => row.name === name)} /><//>`;
   return html`<div class="programs">
     <${Card} class="programs-list">
-      <${Offer} /><${StateThere} /><${Uploads} /><${Wrong} text=${told.wrong} />
+      <${Offer} /><${StateThere} /><${Uploads}>
+        <${Act} text=${word("new")} needs="role" icon="edit" data-edit="new" press=${() => write_new(told.rows.map(({ name }) => name))} />
+      <//><${Wrong} text=${told.wrong} />
       ${told.rows.length ? html`<${List} />` : html`<p class="dim">${word("none")}</p>`}
     <//>
     <${Card} class="programs-detail">${told.one ? html`<${Detail} key=${told.one.name} one=${told.one} />` : html`<p class="dim">${word("select")}</p>`}<//>
@@ -98,12 +106,12 @@ function Detail({ one }) {
   const { check } = one;
   return html`
     <h2 class="program-title">${one.name}</h2>
-    <${Acts} name=${one.name} />
+    <${Acts} one=${one} />
     ${check.result.sentence ? html`<${Refused} check=${check} />` : check.state === "passed" && html`<${Found} check=${check.result} />`}
     ${check.state === "passed" && html`<${Places} name=${one.name} lines=${one.lines} />`}`;
 }
 
-function Acts({ name }) {
+function Acts({ one, one: { name } }) {
   const path = path_of(name);
   async function rename() {
     const other = (await ask_for(word("rename_ask", name), "programs.rename", name, { maxlength: 200 }))?.trim();
@@ -115,9 +123,10 @@ function Acts({ name }) {
   return html`<div class="row program-acts">
     <${Act} text=${word("load")} call="POST job" body=${{ program: name }} kind="go" icon="load" modes="OFF READY" />
     ${name === dx.status?.job?.name && html`<${Act} text=${word("unload")} call="DELETE job" icon="eject" modes=${AT_REST} />`}
+    <${Act} text=${word("edit")} needs="role" icon="edit" data-edit="open" press=${() => edit(one)} />
     <${Act} text=${word("ask_check")} call=${`POST ${path}/check`} needs="role" icon="check" />
     <a class="act" href=${`/api/v1/${path}/text`} download=${name}><${Icon} name="download" /><span>${word("download")}</span></a>
-    <${Act} text=${word("rename")} data-rename=${name} needs="role" icon="edit" press=${rename} />
+    <${Act} text=${word("rename")} data-rename=${name} needs="role" icon="flag" press=${rename} />
     <${Act} text=${word("delete")} call=${`DELETE ${path}`} ask=${word("delete_ask", name)} needs="role" kind="warn" icon="delete" />
   </div>`;
 }
