@@ -247,6 +247,7 @@ class Status(OfTick, Told):
     on_table: Any = Field(None, description="Tip and axis seen from the table with its rotaries at zero.")
     limited_by: Any = Field(None, description="What holds the feed down now, in words.")
     in_block: Any = Field(None, description="What the motion is, the share of it that is done, and u.")
+    codes: Any = Field(None, description="Modal codes in which the motion runs: G17, G54, G61, T1 ...")
     coolant: Any = None
     inputs: Any = None
     outputs: Any = None
@@ -312,6 +313,7 @@ class ProgramFacts(Told):
     uploaded_by: str
     check: CheckFacts | None = None
     last_run: dict[str, Any] | None = None
+    completed: int = Field(0, description="Runs under that name that came to their end: parts made.")
 
 
 class Draft(Sent):

@@ -47,6 +47,7 @@ def machine_values(
         "feed_mm_min": {"programmed": _programmed(now, way), **told["feed_mm_min"]},
         "limited_by": _limited_by(machine, now),
         "in_block": in_block(now, way),
+        "codes": list(way.codes) if way is not None else [],
         "coolant": {"mist": bool(now.coolant & 1), "flood": bool(now.coolant & 2)},
         "inputs": _bits(machine.io.inputs if machine.io else (), now.inputs),
         "outputs": _bits(machine.io.outputs if machine.io else (), now.outputs),
@@ -60,7 +61,7 @@ def machine_values(
 
 
 # What nobody tells any more once the tick's process is gone: the drives stop by themselves, unseen.
-_UNSEEN = ("at_rest", "feed_mm_min", "limited_by", "spindle", "coolant", "inputs", "outputs")
+_UNSEEN = ("at_rest", "feed_mm_min", "limited_by", "spindle", "coolant", "codes", "inputs", "outputs")
 _NAMES = ("axis", "node", "bus")  # of a drive: known whatever it does
 
 

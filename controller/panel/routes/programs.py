@@ -193,7 +193,8 @@ async def ask_check(request: Request, name: str) -> models.CheckFacts:
 def _facts(panel: Panel, program: Program) -> models.ProgramFacts:
     run = panel.store.runs.last_of(program.name)
     last: dict[str, Any] | None = asdict(run) if run else None
-    return models.ProgramFacts(**asdict(program), check=_check(panel, program), last_run=last)
+    made = panel.store.runs.completed_of(program.name) if run else 0
+    return models.ProgramFacts(**asdict(program), check=_check(panel, program), last_run=last, completed=made)
 
 
 def _brief(program: models.ProgramFacts) -> models.ProgramFacts:

@@ -239,6 +239,7 @@ PASSED = {
                 "along_mm": [0.0, 12.1, 24.9, 38.0, 50.5],
                 "height_mm": 10.4,
                 "overcut_at": [0.98, 0.0],
+                "rulings_mm": [[k, line, 10.0, 1.5 * k, line, 0.0] for k in range(17)],
                 "map_um": [[-1e3 * deepest_mm * k / 16.0 * v for k in range(17)] for v in (1.0, 0.5, 0.0)],
             }
             for line, deepest_mm in ((10, 0.018), (19, 0.2502))

@@ -20,7 +20,7 @@ const path_of = (name) => `programs/${encodeURIComponent(name)}`;
 
 // ---- what is there: the list in brief, and all of the one that is chosen
 
-const told = { rows: [], wrong: "", chosen: "", one: null, around: [] };
+const told = { rows: [], wrong: "", wanted: "", chosen: "", one: null, around: [] };
 
 const look = every("programs", 1, "programs?brief=true", (body) => take(body.programs), (wrong) => (told.wrong = wrong));
 for (const topic of ["programs", "job"]) dx.on(topic, look);
@@ -64,6 +64,7 @@ function View() {
       <${Offer} /><${StateThere} /><${Uploads}>
         <${Act} text=${word("new")} needs="role" icon="edit" data-edit="new" press=${() => write_new(told.rows.map(({ name }) => name))} />
       <//><${Wrong} text=${told.wrong} />
+      ${told.rows.length > 5 && html`<input type="search" id="programs-filter" value=${told.wanted} placeholder=${word("filter")} aria-label=${word("filter")} oninput=${search} />`}
       ${told.rows.length ? html`<${List} />` : html`<p class="dim">${word("none")}</p>`}
     <//>
     <${Card} class="programs-detail">${told.one ? html`<${Detail} key=${told.one.name} one=${told.one} />` : html`<p class="dim">${word("select")}</p>`}<//>
@@ -71,9 +72,14 @@ function View() {
 }
 export default { name: "programs", View };
 
+function search(event) {
+  told.wanted = event.target.value;
+  dx.draw();
+}
+
 const List = () => html`<div class="scroll" tabindex="0"><table class="list">
   <thead><tr>${["name", "check", "time", "last", "size"].map((column) => html`<th class=${`p-${column}`} scope="col">${word(column)}</th>`)}</tr></thead>
-  <tbody>${told.rows.map((row) => html`<${Row} key=${row.name} row=${row} />`)}</tbody>
+  <tbody>${told.rows.filter(({ name }) => name.toLowerCase().includes(told.wanted.toLowerCase())).map((row) => html`<${Row} key=${row.name} row=${row} />`)}</tbody>
 </table></div>`;
 
 function Row({ row }) {
@@ -107,7 +113,7 @@ function Detail({ one }) {
   return html`
     <h2 class="program-title">${one.name}</h2>
     <${Acts} one=${one} />
-    ${check.result.sentence ? html`<${Refused} check=${check} />` : check.state === "passed" && html`<${Found} check=${check.result} />`}
+    ${check.result.sentence ? html`<${Refused} check=${check} />` : check.state === "passed" && html`<${Found} check=${check.result} made=${one.completed} />`}
     ${check.state === "passed" && html`<${Places} name=${one.name} lines=${one.lines} />`}`;
 }
 
@@ -138,7 +144,7 @@ const Refused = ({ check: { verdict, result } }) => html`
 
 const SHARES = ["velocity", "acceleration", "jerk"];
 
-function Found({ check }) {
+function Found({ check, made }) {
   const binds = (check.cut_binds ?? []).filter(({ share }) => share >= 0.01).map(({ what, share }) => `${forms.bound(what)} ${forms.percent(share)}`);
   const overcut = check.verified?.overcut_mm;
   const facts = [
@@ -146,6 +152,7 @@ function Found({ check }) {
     ["cut", `${(check.cut_length_mm ?? 0).toFixed(1)} mm, ${forms.time(check.cut_time_s)}`],
     ["blocks", check.blocks ?? "–"],
     ["binds", binds.join(", ")],
+    ["made", made || ""],
     ["overcut", typeof overcut === "number" ? `${(overcut * 1000).toFixed(1)} µm` : ""],
   ];
   return html`
