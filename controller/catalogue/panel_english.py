@@ -36,6 +36,9 @@ REFUSALS = {
     "name.begins": "begins with {sign}",
     "name.ends": "ends with {sign}",
     # --- by an upload
+    "draft_busy": "Another text is being read; ask again in a moment.",
+    "draft_unread": "{name}: the text could not be read; start directrix serve on this state folder once, "
+    "or keep the program and have it checked.",
     "upload_many": "{name}: {most} uploads are under way; wait for one of them to end.",
     "upload_large": "upload: has {size} bytes; allowed are {most}; split the program, or raise the limit "
     "of the panel.",

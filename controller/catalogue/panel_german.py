@@ -36,6 +36,9 @@ REFUSALS = {
     "name.begins": "beginnt mit {sign}",
     "name.ends": "endet mit {sign}",
     # --- by an upload
+    "draft_busy": "Ein anderer Text wird gerade gelesen; gleich wieder fragen.",
+    "draft_unread": "{name}: Der Text konnte nicht gelesen werden; directrix serve einmal mit diesem Ordner "
+    "starten, oder das Programm speichern und prüfen lassen.",
     "upload_many": "{name}: {most} Dateien werden gerade hochgeladen; warten, bis eine fertig ist.",
     "upload_large": "Datei: hat {size} Bytes; erlaubt sind {most}; das Programm teilen oder die Grenze "
     "des Panels anheben.",

@@ -11,6 +11,7 @@ from pathlib import Path
 from controller.panel.checker import Checker
 from controller.panel.database import StoreError
 from controller.panel.disk_use import Sizes
+from controller.panel.drafts import Drafts
 from controller.panel.events import Events
 from controller.panel.gather import Gatherer
 from controller.panel.link import Door, Watch
@@ -34,6 +35,7 @@ class Panel:
         """``checker``: None where programs are not checked here. Raises StoreError."""
         self.anybody_stops = anybody_stops  # also who may only look: hold, stop and e-stop
         self.store, self.door, self.checker = store, door, checker
+        self.drafts = Drafts(store)
         self.gatherer = Gatherer(store.database, store.folder)
         self.watch = Watch(door)
         self.latest = Latest(door)  # ticks for scopes

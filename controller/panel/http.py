@@ -44,6 +44,7 @@ from controller.panel.routes import (
 
 API = "/api/v1"
 MOST_BODY_BYTES = 100_000  # of everything but uploads, which count for themselves
+MOST_OF = {f"{API}/drafts": 2_200_000}  # a program of a million bytes, as JSON
 UPLOADS = (f"{API}/programs", "/api/files/local")
 STORE_STATUSES = {
     **{"missing": 404, "slow": 408, "exists": 409, "running": 409, "size": 413, "many": 429},
@@ -190,14 +191,14 @@ class Bounds:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        taken = 0
+        taken, most = 0, MOST_OF.get(scope["path"], MOST_BODY_BYTES)
 
         async def bounded() -> Message:
             nonlocal taken
             message = await receive()
             taken += len(message.get("body", b""))
-            if taken > MOST_BODY_BYTES:
-                raise HTTPException(413, f"At most {MOST_BODY_BYTES} bytes are taken here; send less.")
+            if taken > most:
+                raise HTTPException(413, f"At most {most} bytes are taken here; send less.")
             return message
 
         async def headed(message: Message) -> None:

@@ -247,6 +247,7 @@ class Status(OfTick, Told):
     on_table: Any = Field(None, description="Tip and axis seen from the table with its rotaries at zero.")
     limited_by: Any = Field(None, description="What holds the feed down now, in words.")
     in_block: Any = Field(None, description="What the motion is, the share of it that is done, and u.")
+    codes: Any = Field(None, description="Modal codes in which the motion runs: G17, G54, G61, T1 ...")
     coolant: Any = None
     inputs: Any = None
     outputs: Any = None
@@ -313,6 +314,24 @@ class ProgramFacts(Told):
     uploaded_by: str
     check: CheckFacts | None = None
     last_run: dict[str, Any] | None = None
+    completed: int = Field(0, description="Runs under that name that came to their end: parts made.")
+
+
+class Draft(Sent):
+    """A program that is being written."""
+
+    name: Annotated[str, Field(min_length=1, max_length=200)]
+    text: Annotated[str, Field(max_length=1_000_000)]
+
+
+class DraftRefusal(Told):
+    line: int
+    column: int
+    sentence: str
+
+
+class DraftRead(Told):
+    refusals: list[DraftRefusal] = Field(description="The first hundred, as they stand; none: it reads well.")
 
 
 class LinesAround(Told):

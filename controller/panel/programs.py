@@ -91,12 +91,15 @@ class Programs:
 
     def called(self, program: Program) -> dict[str, str]:
         """Names and paths of the programs whose subs a program calls."""
-        there = {one.name: self.path(one.sha256) for one in self.list() if one.name != program.name}
         try:
-            text = self.path(program.sha256).read_bytes()
-            _, files = linked.parts(linked.linked(text, linked.among(there)))
+            return self.called_by(program.name, self.path(program.sha256).read_bytes())
         except OSError:  # whoever reads it next says so
             return {}
+
+    def called_by(self, name: str, text: bytes) -> dict[str, str]:
+        """The same of a text that would have that name. Raises OSError."""
+        there = {one.name: self.path(one.sha256) for one in self.list() if one.name != name}
+        _, files = linked.parts(linked.linked(text, linked.among(there)))
         return {name: str(there[name]) for name, _ in files.values()}
 
     def opened(self, name: str) -> tuple[Program, BinaryIO]:

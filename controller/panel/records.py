@@ -127,6 +127,11 @@ class Runs:
     def get(self, run: int) -> Run | None:
         return next((_run(r) for r in self._database.rows("SELECT * FROM runs WHERE id = ?", (run,))), None)
 
+    def completed_of(self, program: str) -> int:
+        """How often that name ran to its end."""
+        asked = "SELECT COUNT(*) FROM runs WHERE program = ? AND result = 'completed'"
+        return int(self._database.rows(asked, (program,))[0][0])
+
     def last_of(self, program: str) -> Run | None:
         """The latest run under that name."""
         rows = self._database.rows(

@@ -92,6 +92,7 @@ class Way:
     turned_rad: Pair = STILL  # what the words of the rotaries are shifted by
     tilted_mm: float | None = None  # in a tilted plane: length with which X Y Z are the tip's in ``part``
     lines: tuple[LinePart, ...] = ()  # of which program lines it is; a way aside is of none
+    codes: tuple[str, ...] = ()  # modal ones in force
 
     def place(self, s: float) -> Passed | None:
         """Of the program, as a check marks it."""

@@ -31,7 +31,7 @@ from controller.plan.route.restart import Rest
 from controller.plan.route.spot import ENTRY_ID, FORMER, LinePart, Spot, lines_along, order_of
 from controller.plan.route.stretch import Chain, Pause, Stretch
 from controller.plan.text.program import Act, Aside, Block, Message, ProgramError, Setting
-from controller.service import entered
+from controller.service import entered, modal_codes
 from controller.service.awaited import Awaited
 from controller.service.folders import Folders
 from controller.service.orders import Answer, News, Order, Program, Said, Turn, Way
@@ -44,6 +44,7 @@ from controller.session.startup import SessionError
 
 NEWS_S = 0.1
 MOST_OFFSETS = 99
+Codes = tuple[str, ...]
 MOST_NOTES = 100  # every status has them; all of them stand with the check
 MOST_KNOWN = 100_000  # stretches whose tool is remembered: more than are ever read ahead
 # What is told of a program that nobody has looked at as a whole.
@@ -99,7 +100,7 @@ class Planning:
         self._said: list[Said] = []  # until it is told
         # Order of the block from which on, which work offset, the frame that G92 and others made of it,
         # what the rotaries are shifted by, and the length with which a tilted plane's places are the tip's.
-        self._offsets: list[tuple[int, int, Frame | None, Pair, float | None]] = []
+        self._offsets: list[tuple[int, int, Frame | None, Pair, float | None, Codes]] = []
         self._fitted = machine  # of what was armed
         self._carrying_out = False
         self._facts: dict[str, Any] = {}  # of what is being armed
@@ -192,12 +193,13 @@ class Planning:
         return replace(task, look=self._read)
 
     def _read(self, block: Block) -> None:
-        """Work offsets are noted where they change."""
+        """Work offsets and modal codes are noted where they change."""
         self._look()
         if isinstance(block, Aside):
             self._heard.append(block)
         modal = block.modal
-        now = (modal.offset, modal.part, modal.turned_rad, modal.length_mm if modal.tilted else None)
+        tilted_mm = modal.length_mm if modal.tilted else None
+        now = (modal.offset, modal.part, modal.turned_rad, tilted_mm, modal_codes.of(modal))
         if not self._offsets or self._offsets[-1][1:] != now:
             self._offsets.append((block.place.order, *now))
 
@@ -413,11 +415,12 @@ class Planning:
         motion, i = stretch.motion, bisect_right(self._offsets, (stretch.place.order, MOST_OFFSETS))
         length_mm, part = getattr(motion, "length_mm", 0.0), getattr(motion, "part", None)
         tool, lines = self._known.get(id(stretch), (None, ()))
-        offset, frame, turned_rad, tilted_mm = self._offsets[i - 1][1:] if i else (0, None, STILL, None)
+        known = self._offsets[i - 1][1:] if i else (0, None, STILL, None, ())
+        offset, frame, turned_rad, tilted_mm, codes = known
         part = frame if part is None else part
         told = (stretch.end, stretch.feed_mm_s, length_mm, part, stretch.name, tool, offset)
         arc = motion.arc if isinstance(motion, SurfaceCut) else None
-        return Way(*told, motion.end, arc, stretch.feed_steps, turned_rad, tilted_mm, lines)
+        return Way(*told, motion.end, arc, stretch.feed_steps, turned_rad, tilted_mm, lines, codes)
 
     def _forget_known(self) -> None:
         """What is known of stretches that were told long ago."""

@@ -47,6 +47,7 @@ def machine_values(
         "feed_mm_min": {"programmed": _programmed(now, way), **told["feed_mm_min"]},
         "limited_by": _limited_by(machine, now),
         "in_block": in_block(now, way),
+        "codes": list(way.codes) if way is not None else [],
         "coolant": {"mist": bool(now.coolant & 1), "flood": bool(now.coolant & 2)},
         "inputs": _bits(machine.io.inputs if machine.io else (), now.inputs),
         "outputs": _bits(machine.io.outputs if machine.io else (), now.outputs),
@@ -62,7 +63,7 @@ def machine_values(
 
 # What nobody tells any more once the tick's process is gone: the drives stop by themselves, unseen.
 _OUT = ("coolant", "inputs", "outputs", "analogue_outputs")
-_UNSEEN = ("at_rest", "feed_mm_min", "limited_by", "spindle", *_OUT)
+_UNSEEN = ("at_rest", "feed_mm_min", "limited_by", "spindle", "codes", *_OUT)
 _NAMES = ("axis", "node", "bus")  # of a drive: known whatever it does
 
 

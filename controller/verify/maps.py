@@ -54,8 +54,17 @@ def _row(nominal: Nominal, zone: Zone, seen: Map) -> dict[str, Any]:
         "undercut_mm": _amount(zone.undercut),
         **_size(nominal),
         "overcut_at": [zone.overcut.u, zone.overcut.v] if zone.overcut else None,
+        "rulings_mm": _rulings(nominal),
         "map_um": [[None if np.isnan(t) else float(t) for t in row] for row in um],
     }
+
+
+def _rulings(nominal: Nominal) -> list[list[float]]:
+    """Upper and lower end (mm, table frame) at each u of a map, for who draws it on the surface."""
+    u = np.linspace(0.0, 1.0, GRID[0])
+    ends = [nominal.points(u, np.full_like(u, v)) for v in (0.0, 1.0)]
+    found: list[list[float]] = np.hstack(ends).round(3).tolist()
+    return found
 
 
 def _size(nominal: Nominal) -> dict[str, Any]:

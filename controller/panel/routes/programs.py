@@ -126,6 +126,15 @@ async def around(request: Request, name: str, line: Place, column: Place = 0) ->
     return models.LinesAround(lines=await asyncio.to_thread(read))
 
 
+@router.post(
+    "/drafts", dependencies=[needs(Role.OPERATE)], responses=documented(401, 403, 413, 422, 429, 503)
+)
+async def draft(request: Request, body: models.Draft) -> models.DraftRead:
+    """Have a text read as a program of that name would be; nothing is kept, nothing is planned."""
+    found = await panel_of(request).drafts.read(body.name, body.text)
+    return models.DraftRead(refusals=[models.DraftRefusal(**one) for one in found])
+
+
 @router.patch(
     "/programs/{name}",
     dependencies=[needs(Role.OPERATE)],
@@ -184,7 +193,8 @@ async def ask_check(request: Request, name: str) -> models.CheckFacts:
 def _facts(panel: Panel, program: Program) -> models.ProgramFacts:
     run = panel.store.runs.last_of(program.name)
     last: dict[str, Any] | None = asdict(run) if run else None
-    return models.ProgramFacts(**asdict(program), check=_check(panel, program), last_run=last)
+    made = panel.store.runs.completed_of(program.name) if run else 0
+    return models.ProgramFacts(**asdict(program), check=_check(panel, program), last_run=last, completed=made)
 
 
 def _brief(program: models.ProgramFacts) -> models.ProgramFacts:

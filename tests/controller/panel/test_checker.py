@@ -8,6 +8,7 @@ import threading
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from controller import config, fitting
@@ -141,6 +142,11 @@ def test_the_surfaces_of_a_checked_program_are_told_with_maps(store: Store) -> N
     assert all(abs(t) < 0.1 for row in cone["map_um"] for t in row)
     # The paper's Example 1: a whole turn of radius 15 mm.
     assert cone["along_mm"] == pytest.approx([94.2478 * k / 4.0 for k in range(5)], abs=0.01)
+    part = config.load("trunnion").part()
+    for ends in cone["rulings_mm"]:  # upper and lower end, seen from the table
+        (x, y, z), low = part.from_parent(tuple(ends[:3])), part.from_parent(tuple(ends[3:]))
+        assert (np.hypot(x, y), z) == pytest.approx((10.0, 10.0), abs=2e-3)
+        assert (np.hypot(*low[:2]), low[2]) == pytest.approx((15.0, 0.0), abs=2e-3)
 
 
 def test_a_panel_that_ends_during_a_check_leaves_it_to_the_next(store: Store) -> None:

@@ -87,6 +87,12 @@ def test_the_work_position_is_told_with_the_offset_that_it_is_in(
     assert told["joints"]["X"]["work"] == pytest.approx(work)
 
 
+def test_the_modal_codes_of_the_motion_under_way_are_told(machine: Machine) -> None:
+    under_way = replace(way(0), codes=("G17", "M5"))
+    assert status.machine_values(machine, snapshot(), under_way)["codes"] == ["G17", "M5"]
+    assert status.machine_values(machine, snapshot(), None)["codes"] == []
+
+
 def test_the_work_position_follows_what_shifts_and_turns_the_coordinates(machine: Machine) -> None:
     turned = Frame((10.0, 0.0, 0.0), Y, (-1.0, 0.0, 0.0), Z)
     told = status.machine_values(machine, snapshot(), replace(way(0), part=turned))

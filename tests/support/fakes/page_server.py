@@ -18,7 +18,7 @@ from typing import Any
 import uvicorn
 from support.fakes.fake_socket import AXES, FakeDoor
 
-from controller import config
+from controller import config, fitting
 from controller.handoff import blank
 from controller.panel.checker import Checker
 from controller.panel.core import Panel
@@ -194,7 +194,7 @@ class ToldChecker(Checker):
         """Nothing runs."""
 
     def of(self, program: Program) -> ProgramCheck:
-        text = self._store.programs.path(program.sha256).read_text()
+        text = self._store.programs.path(program.sha256).read_text(errors="replace")
         if "SLOWLY" in text:  # a little further at each look
             self._share = (self._share + 0.01) % 1.0
             return ProgramCheck(program.sha256, "", "running", self._share, {}, 0.0)
@@ -239,6 +239,7 @@ PASSED = {
                 "along_mm": [0.0, 12.1, 24.9, 38.0, 50.5],
                 "height_mm": 10.4,
                 "overcut_at": [0.98, 0.0],
+                "rulings_mm": [[k, line, 10.0, 1.5 * k, line, 0.0] for k in range(17)],
                 "map_um": [[-1e3 * deepest_mm * k / 16.0 * v for k in range(17)] for v in (1.0, 0.5, 0.0)],
             }
             for line, deepest_mm in ((10, 0.018), (19, 0.2502))
@@ -257,6 +258,7 @@ EXCEEDING = wording.told(
 
 def main(folder: Path, port: int) -> None:
     """Serve until killed."""
+    fitting.note(folder, MACHINE)
     store = Store(folder)
     panel = Panel(store, MovingDoor(folder), ToldChecker(store))
     app = make_app(panel)

@@ -54,7 +54,9 @@ export class Question extends Component {
     const typed = () => (field ? this.box.current.querySelector("input").value : true);
     const key = (event) => {
       if (event.key === "Escape") end(field ? null : false);
-      if (event.key === "Enter" && event.target.tagName === "INPUT") end(typed());
+      if (event.key !== "Enter" || event.target.tagName !== "INPUT") return;
+      event.preventDefault(); // else it would press what gets the focus back, and ask anew
+      end(typed());
     };
     return html`<div class="dx-ask" role="alertdialog" aria-modal="true" aria-label=${sentence} ref=${this.box} onkeydown=${key}>
       <div class="card">

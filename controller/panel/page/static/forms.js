@@ -9,6 +9,8 @@ const number = (digits, factor = 1) => (v) => {
   const text = (v * factor).toFixed(digits);
   return Number(text) === 0 ? text.replace("-", "") : text.replace("-", "−");
 };
+// As the operator wants them: millimetres, or inches with a digit more.
+const length = (mm, inch) => (v) => (dx.inch ? number(inch, 1 / 25.4) : number(mm))(v);
 const two = (n) => String(n).padStart(2, "0");
 
 function time(v) {
@@ -39,9 +41,11 @@ function bound(text) {
 
 export const forms = {
   mm: number(3),
+  length: length(3, 4),
   deg: number(3),
   um: number(1, 1000),
-  feed: number(0),
+  feed: length(0, 1),
+  units: () => (dx.inch ? "in" : "mm"),
   int: number(0),
   ms: number(2),
   u: number(4),

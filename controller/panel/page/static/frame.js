@@ -6,7 +6,7 @@ import { forms } from "./forms.js";
 import { Icon } from "./icons.js";
 import { old } from "./live.js";
 import { Act, Bar, Figure } from "./parts.js";
-import { dx } from "./store.js";
+import { dx, keep } from "./store.js";
 import { word } from "./texts.js";
 
 export function Page({ views }) {
@@ -87,6 +87,7 @@ function Choices() {
     <button class="small" id="dx-theme" type="button" title=${word("frame.theme")} aria-label=${word("frame.theme")} onclick=${theme}>
       <${Icon} name="contrast" /></button>
     ${dx.shown("run") && html`<button class="small" id="dx-large" type="button" title=${word("frame.large")} aria-label=${word("frame.large")} aria-pressed=${String(large())} onclick=${enlarge}>A+</button>`}
+    ${dx.shown("run") && html`<button class="small" id="dx-unit" type="button" title=${word("frame.unit")} aria-label=${`${word("frame.unit")}: ${forms.units()}`} onclick=${turn_unit}>${forms.units()}</button>`}
     ${dx.user?.csrf && html`<button class="small" id="dx-log-out" type="button" title=${out} aria-label=${out} onclick=${log_out}>
       <span class="user-name">${dx.user.name}</span><${Icon} name="leave" /></button>`}
   </div>`;
@@ -111,6 +112,12 @@ export const large = () => document.cookie.split("; ").includes("directrix_large
 
 function enlarge() {
   remember("large", large() ? "0" : "1");
+  dx.draw();
+}
+
+function turn_unit() {
+  dx.inch = !dx.inch;
+  keep("inch", dx.inch);
   dx.draw();
 }
 

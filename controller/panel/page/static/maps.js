@@ -17,12 +17,12 @@ export function scale_um(surfaces) {
   return amounts.length ? Math.max(LEAST_UM, amounts[Math.floor(0.99 * (amounts.length - 1))]) : LEAST_UM;
 }
 
-function colour(um, full_um) {
-  if (um === null) return "transparent";
+// Red, green and blue, 0 to 255.
+export function mixed(um, full_um) {
   const share = Math.min(1, Math.abs(um) / full_um);
-  const mixed = NONE.map((from, i) => Math.round(from + share * ((um < 0 ? OVER : UNDER)[i] - from)));
-  return `rgb(${mixed.join(", ")})`;
+  return NONE.map((from, i) => Math.round(from + share * ((um < 0 ? OVER : UNDER)[i] - from)));
 }
+const colour = (um, full_um) => (um === null ? "transparent" : `rgb(${mixed(um, full_um).join(", ")})`);
 
 // One row of a map as a gradient; what is not cut is left open.
 export const colours = (row, full_um) => `linear-gradient(to right, ${row.map((t) => colour(t, full_um)).join(", ")})`;
@@ -92,7 +92,7 @@ function crossing(from, to, a, b) {
 }
 
 // What the colours stand for.
-function Scale({ full_um, tolerance_um }) {
+export function Scale({ full_um, tolerance_um }) {
   const steps = Array.from({ length: 21 }, (_, i) => (i / 10 - 1) * full_um);
   const marks = tolerance_um > 0 && tolerance_um < full_um ? [-tolerance_um, tolerance_um] : [];
   return html`<div class="map-scale figures note"><span>−${full_um.toFixed(0)} µm</span>

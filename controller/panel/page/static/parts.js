@@ -8,12 +8,13 @@ import { dx } from "./store.js";
 import { word } from "./texts.js";
 
 // Why something cannot be pressed now; "" = it can. The machine refuses by itself, this only says so before.
-//   needs: "control", "role" (to operate) or "" (nothing)   modes: those in which it can be pressed
+//   needs: "control", "role" (to operate), "set_up" (that role) or "" (nothing)   modes: those in which it can be pressed
 //   given, why: what else must hold, and the key of the sentence where it does not
 //   takes: what is asked takes control, too, where nobody has it
 export function reason({ needs = "control", modes = "", given = true, why = "", takes = false }) {
   if (needs && dx.silent) return word("why.silent");
   if (needs && dx.user?.role === "view") return word("why.role");
+  if (needs === "set_up" && dx.user?.role !== "set_up") return word("why.set_up");
   if (needs === "control" && !dx.holds() && !(takes && free())) return dx.holder ? word("why.other", dx.holder) : word("why.control");
   const mode = dx.status?.mode ?? "OFF";
   if (modes && !modes.split(" ").includes(mode)) return word("why.mode", modes.split(" ").map(in_words).join(", "), in_words(mode));

@@ -37,7 +37,7 @@ async function wanted(name) {
 }
 
 // "" where it was taken, else why not.
-function send(file, one) {
+export function send(file, one) {
   const form = new FormData();
   form.append("file", file, file.name);
   const asking = new XMLHttpRequest();
@@ -79,7 +79,7 @@ document.addEventListener("drop", (event) => {
   changed();
 });
 
-export function Uploads() {
+export function Uploads({ children }) {
   const take = (event) => {
     for (const file of event.target.files) upload(file);
     event.target.value = "";
@@ -88,7 +88,7 @@ export function Uploads() {
   return html`
     <div class="drop" id="programs-drop" data-over=${over ? "1" : undefined}>
       <${Icon} name="upload" /><span>${word("programs.drop")}</span>
-      <label class="act"><span>${word("programs.choose")}</span><input type="file" multiple id="programs-file" onchange=${take} /></label>
+      <label class="act"><span>${word("programs.choose")}</span><input type="file" multiple id="programs-file" onchange=${take} /></label>${children}
     </div>
     <div class="uploads" id="programs-uploads" aria-live="polite">${uploads.map(
       (one) => html`<div class="upload" key=${one} data-tone=${one.said ? "stop" : undefined}><span class="upload-name">${one.name}</span>

@@ -1,4 +1,4 @@
-"""Every view in three sizes, both themes and both languages: nothing is clipped, and all can read it."""
+"""Every view in five sizes, both themes and languages, below an alarm: nothing clipped, all can read it."""
 
 from __future__ import annotations
 
@@ -13,9 +13,19 @@ from support.live.browser import Site
 
 pytestmark = pytest.mark.slow
 
-SIZES = {"wide": (1920, 1080), "touch": (1280, 720), "phone": (390, 844)}
-# Where axe looks, which takes longest: a colour is the same in all sizes, a name in both themes.
-AXE = {"wide-dark-en", "wide-light-en", "touch-light-de", "touch-dark-de", "phone-light-en", "phone-dark-de"}
+SIZES = {
+    **{"wide": (1920, 1080), "touch": (1280, 720), "square": (1024, 768)},
+    **{"upright": (800, 1280), "phone": (390, 844)},
+}
+ALARM = {
+    "name": "FOLLOWING_ERROR",
+    "axis": "Y",
+    "sentence": "Axis Y: The actual position is too far from the commanded one. Look for a collision, reset, "
+    "retract along the tool axis.",
+    "sentence_de": "Achse Y: Die Istposition ist zu weit von der Sollposition entfernt. Nach einer Kollision "
+    "sehen, zurücksetzen, längs der Werkzeugachse freifahren.",
+    "position_trusted": True,
+}
 # What reaches over the right edge, or is cut off within its own box, where nothing scrolls.
 CLIPPED = """() => {
   const bad = [];
@@ -62,7 +72,7 @@ AGED = """() => {
 }"""
 MOST_LOOKS = 20
 
-PARTS = {"setup": ("homing", "offsets", "tools", "file", "drives")}
+PARTS = {"setup": ("homing", "offsets", "tools", "file", "drives", "users")}
 RUNNING = [("wide", "light", "en"), ("touch", "dark", "de"), ("phone", "light", "de")]
 
 
@@ -80,24 +90,36 @@ def looked_at(chromium: Any, site: Site, size: str, theme: str, language: str) -
     context.close()
 
 
-def findings(page: Any, name: str, tmp_path: Path) -> list[str]:
-    """What is wrong in any view, with its name."""
-    axe = browser.needed("axe_playwright_python.sync_playwright", "needs axe-playwright-python")
-    found: list[str] = []
+def everywhere(page: Any) -> Iterator[str]:
+    """Every view, with its parts; the editor, empty."""
     for view in browser.VIEWS:
         page.evaluate("(name) => dx.show(name)", view)
         page.wait_for_selector(f"section[data-view={view}] .card")
         for part in PARTS.get(view, ("",)):
             if part:
                 page.click(f"[data-setup={part}]")
-            page.wait_for_timeout(200)
-            where = f"{view}{part and '-' + part} {name}"
-            picture = page.screenshot(path=str(tmp_path / f"{where}.png"))
-            assert len(picture) > 5000, "an empty picture"
-            for what, script in (("clipped", CLIPPED), ("overlapping", OVERLAPS), ("small", SMALL)):
-                found += [f"{where}: {what}: {one}" for one in page.evaluate(script)]
-            if name in AXE:
-                found += [f"{where}: {one}" for one in read_by(axe, page)]
+            yield f"{view}{part and '-' + part}"
+    page.evaluate("dx.show('programs')")
+    page.click("[data-edit=new]")
+    page.fill(".dx-ask input", "looked_at.ngc")
+    browser.yes(page)
+    page.wait_for_selector(".cm-content")
+    yield "editor"
+    page.click("[data-edit=leave]")
+
+
+def findings(page: Any, name: str, tmp_path: Path) -> list[str]:
+    """What is wrong in any view, with its name."""
+    axe = browser.needed("axe_playwright_python.sync_playwright", "needs axe-playwright-python")
+    found: list[str] = []
+    for view in everywhere(page):
+        page.wait_for_timeout(200)
+        where = f"{view} {name}"
+        picture = page.screenshot(path=str(tmp_path / f"{where}.png"))
+        assert len(picture) > 5000, "an empty picture"
+        for what, script in (("clipped", CLIPPED), ("overlapping", OVERLAPS), ("small", SMALL)):
+            found += [f"{where}: {what}: {one}" for one in page.evaluate(script)]
+        found += [f"{where}: {one}" for one in read_by(axe, page)]
     return found
 
 
@@ -118,8 +140,11 @@ def read_by(axe: Any, page: Any) -> list[str]:
 def test_nothing_is_clipped_and_no_finding_of_axe_is_serious(
     size: str, theme: str, language: str, chromium: Any, site: Site, tmp_path: Path
 ) -> None:
+    site.tell(fault=ALARM)  # and the mode as it is, so that what can be pressed is in its colours
     with looked_at(chromium, site, size, theme, language) as page:
+        page.wait_for_selector(".line.alarm .strong:not(:empty)")
         found = findings(page, f"{size}-{theme}-{language}", tmp_path)
+    site.tell()
     assert not found, "\n".join(found)
 
 

@@ -37,7 +37,7 @@ def test_each_cell_of_the_axes_has_its_own_figure(page: Any, site: Site) -> None
         um = ("0.0", "1000.0", "−3000.0", "3500.0", "−9000.0")[i]
         assert shown == [*(f"{100 * i + 10 * k}.125" for k in range(4)), um]
     heads = page.locator(".dro thead th").evaluate_all("(cells) => cells.map((one) => one.innerText)")
-    assert heads == ["Axis", "Work G55", "Machine", "To go", "Actual", "Following error µm, m°"]
+    assert heads == ["Axis", "Work G55 mm", "Machine", "To go", "Actual", "Following error µm, m°"]
 
 
 def test_axes_are_marked_where_they_have_no_zero_or_stand_at_their_end(page: Any, site: Site) -> None:
@@ -235,3 +235,47 @@ def test_figures_can_be_read_at_two_metres_and_stay_so(page: Any, site: Site) ->
     assert places.evaluate(size) >= 1.3 * usual
     page.click("#dx-large")
     assert places.evaluate(size) == usual
+
+
+# ---- beside the figures
+
+
+def test_lengths_are_shown_in_inches_where_that_is_wanted_and_angles_stay(page: Any, site: Site) -> None:
+    joints = {**JOINTS, "X": {**JOINTS["X"], "work": 25.4, "machine": -1.27}}
+    site.tell(joints=joints, feed_mm_min={"programmed": 254.0, "actual": 127.0}, work_offset="G54")
+    page.click("#dx-unit")
+    until_shown(page, "tr[data-axis=X] .c-work", "1.0000")
+    until_shown(page, "tr[data-axis=X] .c-machine", "−0.0500")
+    until_shown(page, "tr[data-axis=A] .c-work", "300.125")
+    until_shown(page, ".run-feed .huge", "5.0")
+    assert page.inner_text(".run-feed h2") == "Feed in/min"
+    assert page.inner_text(".dro thead .c-work") == "Work G54 in"
+    page.reload()
+    until_shown(page, "tr[data-axis=X] .c-work", "1.0000")
+    page.click("#dx-unit")
+    until_shown(page, "tr[data-axis=X] .c-work", "25.400")
+
+
+def test_an_axis_is_set_to_zero_or_to_a_value_in_the_offset_that_is_active(page: Any, site: Site) -> None:
+    site.tell(mode="READY", not_homed=[], work_offset="G54")
+    page.wait_for_selector("[data-set=X]:not([aria-disabled])")
+    for typed in (None, "12.5"):
+        before = len(site.asked("set_offset"))
+        page.click("[data-set=X]")
+        page.wait_for_selector(".dx-ask >> text=G54")
+        if typed:
+            page.fill(".dx-ask input", typed)
+        page.keyboard.press("Enter")
+        asked = until(lambda n=before: site.asked("set_offset")[n:], "the new origin")[0][2]
+        assert asked["name"] == "G54"
+        tip = site.ask("status")["on_table"]["tip"][0]
+        assert asked["values"]["origin_mm"][0] == pytest.approx(tip - float(typed or 0.0))
+    assert page.locator("[data-set=A]").count() == 0
+
+
+def test_modal_codes_and_parts_made_are_shown(page: Any, site: Site) -> None:
+    site.tell(codes=["G17", "G41", "G54", "T3", "S8000", "M3"])
+    page.wait_for_selector(".codes .chip:text-is('G41')")
+    assert page.locator(".codes .chip").all_inner_texts() == ["G17", "G41", "G54", "T3", "S8000", "M3"]
+    site.tell(codes=[])
+    page.wait_for_selector(".codes", state="detached")

@@ -308,3 +308,48 @@ def test_what_is_planned_is_played_and_gives_way_to_a_machine_that_moves(looker:
     stepped.tell()
     looker.wait_for_function("() => dx.status.mode === 'RUNNING' && dxScene.shown_share === null")
     looker.wait_for_selector("#scene-line:text-is('machine, now')")
+
+
+# ---- the surfaces as cut
+
+CUT = """async () => {
+  const maps = await import("/page/maps.js");
+  const { mixed, scale_um } = maps;
+  const said = await dx.call("GET", "programs/example2_ready.ngc/check");
+  const { surfaces } = said.body.result.verified;
+  const full_um = scale_um(surfaces);
+  const [worst, found] = [[], dxScene.cut.group.children];
+  found.forEach(({ geometry }, s) => {
+    const { map_um, rulings_mm } = surfaces[s];
+    const [at, colour] = [geometry.getAttribute("position"), geometry.getAttribute("color")];
+    map_um.forEach((row, r) => row.forEach((um, k) => {
+      const i = k * map_um.length + r, v = r / (map_um.length - 1);
+      const place = [0, 1, 2].map((j) => (1 - v) * rulings_mm[k][j] + v * rulings_mm[k][j + 3]);
+      const shown = new THREE.Color(colour.getX(i), colour.getY(i), colour.getZ(i)).convertLinearToSRGB();
+      worst.push(Math.max(...place.map((p, j) => Math.abs(p - at.getComponent(i, j)))));
+      const rgb = [shown.r, shown.g, shown.b];
+      worst.push(Math.max(...mixed(um, full_um).map((p, j) => Math.abs(p / 255 - rgb[j]))));
+    }));
+  });
+  return [found.length, Math.max(...worst), dxScene.cut.group.visible, dxScene.path.mesh.visible];
+}""".replace(
+    "async () => {", 'async () => { const THREE = await import("/page/vendor/three.module.min.js");', 1
+)
+
+
+def test_the_map_lies_on_the_surface_with_the_colours_of_the_one_beside_the_program(
+    looker: Any, stepped: Site
+) -> None:
+    looker.wait_for_selector("[data-scene=cut]:not([aria-disabled])")
+    looker.dispatch_event("[data-scene=cut]", "click")  # the page is too small for all of its buttons
+    looker.wait_for_selector(".scene-scale >> text=+219 µm")
+    assert looker.evaluate(CUT) == [2, pytest.approx(0.0, abs=0.003), True, False]
+    assert looker.get_attribute("[data-scene=cut]", "aria-pressed") == "true"
+    looker.dispatch_event("[data-scene=cut]", "click")
+    looker.wait_for_selector(".scene-scale", state="detached")
+    assert looker.evaluate(CUT)[2:] == [False, True]
+
+
+def test_without_a_map_it_is_said_why(page: Any, site: Site) -> None:
+    page.evaluate("dx.show('scene')")
+    page.wait_for_selector("[data-scene=cut][aria-disabled=true][title*='no map of cut surfaces']")

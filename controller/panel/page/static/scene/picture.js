@@ -12,6 +12,7 @@ import { dx } from "../store.js";
 import { sentence } from "../texts.js";
 import * as THREE from "../vendor/three.module.min.js";
 import { UP, frame, limits, line, plate, tool_bodies, vector } from "./bodies.js";
+import { Cut } from "./cut.js";
 import { Path } from "./path.js";
 import { Stage, css } from "./stage.js";
 
@@ -26,6 +27,8 @@ export class MachinePicture {
   job = ""; // name and sum of the program whose path is shown
   tag = ""; // of the picture that is shown
   path = null;
+  cut = null; // its surfaces as cut, once they have been looked at
+  cut_shown = false;
   stage = null;
   trail_count = 0;
 
@@ -169,6 +172,7 @@ export class MachinePicture {
       const answer = await fetch(`${API}programs/${encodeURIComponent(this.name)}/picture`, { headers: { ...headers(), ...known } });
       const said = answer.status === 304 ? null : await answer.json();
       if (said && job === this.job) this.show(answer, said); // else another one was loaded meanwhile
+      else if (this.path && !this.cut) this.ask_cut();
     } catch (error) {
       // the panel is away; it is asked again
     } finally {
@@ -184,9 +188,30 @@ export class MachinePicture {
     this.fitted();
     this.path = new Path(said, this.part);
     this.look("iso");
+    this.ask_cut();
+  }
+
+  // The surfaces as cut come some time behind the check.
+  async ask_cut() {
+    const { tag } = this;
+    const said = await call("GET", `programs/${encodeURIComponent(this.name)}/check`, null, true);
+    const drawn = (said.body.result?.verified?.surfaces ?? []).filter((one) => one.rulings_mm);
+    if (!drawn.length || tag !== this.tag || this.cut || !this.path) return;
+    this.cut = new Cut(drawn, 1000 * (said.body.verdict?.tolerance_mm ?? 0), this.part);
+    this.see_cut(this.cut_shown);
+  }
+
+  see_cut(on) {
+    this.cut_shown = on;
+    if (this.cut) this.cut.group.visible = on;
+    if (this.path?.mesh) this.path.mesh.visible = !(on && this.cut);
+    this.touch();
+    dx.draw();
   }
 
   clear_path() {
+    this.cut?.clear();
+    this.cut = null;
     this.shown_share = null;
     this.path?.clear();
     this.path = null;

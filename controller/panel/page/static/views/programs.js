@@ -2,6 +2,7 @@
 import { call, every } from "../api.js";
 import { ask_for } from "../dialog.js";
 import { html, useRef } from "../dom.js";
+import { Editor, edit, editing, write_new } from "../editor.js";
 import { forms } from "../forms.js";
 import { Icon } from "../icons.js";
 import { Maps, Verdict } from "../maps.js";
@@ -19,10 +20,14 @@ const path_of = (name) => `programs/${encodeURIComponent(name)}`;
 
 // ---- what is there: the list in brief, and all of the one that is chosen
 
-const told = { rows: [], wrong: "", chosen: "", one: null, around: [] };
+const told = { rows: [], wrong: "", wanted: "", chosen: "", one: null, around: [] };
 
 const look = every("programs", 1, "programs?brief=true", (body) => take(body.programs), (wrong) => (told.wrong = wrong));
 for (const topic of ["programs", "job"]) dx.on(topic, look);
+dx.on("kept", (name) => {
+  told.chosen = name;
+  look();
+});
 
 const tag = (row) => row && `${row.name} ${row.sha256} ${row.check.state} ${row.check.result.stored ?? ""}`;
 
@@ -53,9 +58,13 @@ function choose(row) {
 // ---- the list
 
 function View() {
+  if (editing()) return html`<${Card} class="programs-editor"><${Editor} row_of=${(name) => told.rows.find((row) => row.name === name)} /><//>`;
   return html`<div class="programs">
     <${Card} class="programs-list">
-      <${Offer} /><${StateThere} /><${Uploads} /><${Wrong} text=${told.wrong} />
+      <${Offer} /><${StateThere} /><${Uploads}>
+        <${Act} text=${word("new")} needs="role" icon="edit" data-edit="new" press=${() => write_new(told.rows.map(({ name }) => name))} />
+      <//><${Wrong} text=${told.wrong} />
+      ${told.rows.length > 5 && html`<input type="search" id="programs-filter" value=${told.wanted} placeholder=${word("filter")} aria-label=${word("filter")} oninput=${search} />`}
       ${told.rows.length ? html`<${List} />` : html`<p class="dim">${word("none")}</p>`}
     <//>
     <${Card} class="programs-detail">${told.one ? html`<${Detail} key=${told.one.name} one=${told.one} />` : html`<p class="dim">${word("select")}</p>`}<//>
@@ -63,9 +72,14 @@ function View() {
 }
 export default { name: "programs", View };
 
+function search(event) {
+  told.wanted = event.target.value;
+  dx.draw();
+}
+
 const List = () => html`<div class="scroll" tabindex="0"><table class="list">
   <thead><tr>${["name", "check", "time", "last", "size"].map((column) => html`<th class=${`p-${column}`} scope="col">${word(column)}</th>`)}</tr></thead>
-  <tbody>${told.rows.map((row) => html`<${Row} key=${row.name} row=${row} />`)}</tbody>
+  <tbody>${told.rows.filter(({ name }) => name.toLowerCase().includes(told.wanted.toLowerCase())).map((row) => html`<${Row} key=${row.name} row=${row} />`)}</tbody>
 </table></div>`;
 
 function Row({ row }) {
@@ -98,12 +112,12 @@ function Detail({ one }) {
   const { check } = one;
   return html`
     <h2 class="program-title">${one.name}</h2>
-    <${Acts} name=${one.name} />
-    ${check.result.sentence ? html`<${Refused} check=${check} />` : check.state === "passed" && html`<${Found} check=${check.result} />`}
+    <${Acts} one=${one} />
+    ${check.result.sentence ? html`<${Refused} check=${check} />` : check.state === "passed" && html`<${Found} check=${check.result} made=${one.completed} />`}
     ${check.state === "passed" && html`<${Places} name=${one.name} lines=${one.lines} />`}`;
 }
 
-function Acts({ name }) {
+function Acts({ one, one: { name } }) {
   const path = path_of(name);
   async function rename() {
     const other = (await ask_for(word("rename_ask", name), "programs.rename", name, { maxlength: 200 }))?.trim();
@@ -115,9 +129,10 @@ function Acts({ name }) {
   return html`<div class="row program-acts">
     <${Act} text=${word("load")} call="POST job" body=${{ program: name }} kind="go" icon="load" modes="OFF READY" />
     ${name === dx.status?.job?.name && html`<${Act} text=${word("unload")} call="DELETE job" icon="eject" modes=${AT_REST} />`}
+    <${Act} text=${word("edit")} needs="role" icon="edit" data-edit="open" press=${() => edit(one)} />
     <${Act} text=${word("ask_check")} call=${`POST ${path}/check`} needs="role" icon="check" />
     <a class="act" href=${`/api/v1/${path}/text`} download=${name}><${Icon} name="download" /><span>${word("download")}</span></a>
-    <${Act} text=${word("rename")} data-rename=${name} needs="role" icon="edit" press=${rename} />
+    <${Act} text=${word("rename")} data-rename=${name} needs="role" icon="flag" press=${rename} />
     <${Act} text=${word("delete")} call=${`DELETE ${path}`} ask=${word("delete_ask", name)} needs="role" kind="warn" icon="delete" />
   </div>`;
 }
@@ -129,7 +144,7 @@ const Refused = ({ check: { verdict, result } }) => html`
 
 const SHARES = ["velocity", "acceleration", "jerk"];
 
-function Found({ check }) {
+function Found({ check, made }) {
   const binds = (check.cut_binds ?? []).filter(({ share }) => share >= 0.01).map(({ what, share }) => `${forms.bound(what)} ${forms.percent(share)}`);
   const overcut = check.verified?.overcut_mm;
   const facts = [
@@ -137,6 +152,7 @@ function Found({ check }) {
     ["cut", `${(check.cut_length_mm ?? 0).toFixed(1)} mm, ${forms.time(check.cut_time_s)}`],
     ["blocks", check.blocks ?? "–"],
     ["binds", binds.join(", ")],
+    ["made", made || ""],
     ["overcut", typeof overcut === "number" ? `${(overcut * 1000).toFixed(1)} µm` : ""],
   ];
   return html`

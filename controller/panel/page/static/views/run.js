@@ -4,11 +4,12 @@ import { html, useEffect, useRef, useState } from "../dom.js";
 import { forms } from "../forms.js";
 import { large, show } from "../frame.js";
 import { free } from "../control.js";
-import { Act, AxisName, Bar, Card, Figure, field } from "../parts.js";
+import { Act, AxisName, Bar, Card, Chip, Figure, field } from "../parts.js";
 import { Listing } from "../listing.js";
 import { Offer, StateThere, start_question } from "../restart.js";
 import { dx } from "../store.js";
 import { word } from "../texts.js";
+import { touch } from "./setup_tables.js";
 
 const RAPIDS = [0, 25, 50, 100];
 const TOLD_MS = 300; // after an answer, until a status tells what it did
@@ -28,7 +29,7 @@ const COLUMNS = ["axis", "work", "machine", "to_go", "actual", "error"];
 
 function Axes() {
   const status = dx.status ?? {};
-  const head = (name) => html`<th key=${name} class=${`c-${name}`} scope="col">${word(`run.${name}`)}${name === "work" && html` <${Figure} class="strong">${status.work_offset}<//>`}</th>`;
+  const head = (name) => html`<th key=${name} class=${`c-${name}`} scope="col">${word(`run.${name}`)}${name === "work" && html` <${Figure} class="strong">${status.work_offset}<//> ${forms.units()}`}</th>`;
   return html`<${Card} title=${word("run.axes")} class="run-axes">
     <table class="dro">
       <thead><tr>${COLUMNS.map(head)}</tr></thead>
@@ -39,21 +40,25 @@ function Axes() {
   <//>`;
 }
 
+// Here the active work offset reads what is typed; Enter alone makes it zero.
+const set = (name) => touch(dx.status?.work_offset ?? "G54", name, dx.status?.tool ?? 1);
+
 function Axis({ axis: { name, unit, following_error: most }, joint }) {
+  const form = unit === "mm" ? forms.length : forms.deg;
   const share = typeof joint.error === "number" ? joint.error / most : 0;
   const size = Math.min(1, Math.abs(share));
   const end = joint.limit ? `${word("run.limit")} ${joint.limit.replace("-", "−")}` : "";
   // The bar is full at the following error that ends the run.
   return html`<tr data-axis=${name}>
     <th scope="row">
-      <${AxisName} name=${name} />
+      ${unit === "mm" ? html`<${Act} class="axis-set" needs="control" modes="OFF READY" title=${word("run.set_axis", name)} aria-label=${word("run.set_axis", name)} data-set=${name} press=${() => set(name)}><${AxisName} name=${name} /><//>` : html`<${AxisName} name=${name} />`}
       <span class="marks">
         <span class="mark-home" data-homed=${name} data-state=${joint.homed ? "yes" : "no"}>${word(joint.homed ? "run.homed" : "run.not_homed")}</span>
         <span class="mark-limit" data-limit=${name}>${end}</span>
       </span>
     </th>
-    <${Figure} tag="td" class="big c-work">${forms[unit](joint.work)}<//>
-    ${["machine", "to_go", "actual"].map((column) => html`<${Figure} tag="td" class=${`c-${column}`}>${forms[unit](joint[column])}<//>`)}
+    <${Figure} tag="td" class="big c-work">${form(joint.work)}<//>
+    ${["machine", "to_go", "actual"].map((column) => html`<${Figure} tag="td" class=${`c-${column}`}>${form(joint[column])}<//>`)}
     <td class="c-error"><div class="error">
       <div class="error-bar" data-error=${name} data-tone=${size > 0.8 ? "stop" : size > 0.5 ? "hold" : "go"} style=${{ "--size": String(size), "--side": share < 0 ? "1" : "0" }}>
         </div>
@@ -66,8 +71,9 @@ function Tool() {
   const letters = (values, names, form) => [...names].map((one) => html`<span class="pair"><span class="dim">${one}</span>
     <${Figure}>${form(values?.[one])}<//></span>`);
   return html`<${Card} title=${word("run.tool")} class="run-tool">
-    <div class="triple"><span class="dim">${word("run.tip")}</span>${letters(dx.status?.tip, "XYZ", forms.mm)}</div>
+    <div class="triple"><span class="dim">${word("run.tip")}</span>${letters(dx.status?.tip, "XYZ", forms.length)}</div>
     <div class="triple"><span class="dim">${word("run.vector")}</span>${letters(dx.status?.axis, "IJK", forms.unit)}</div>
+    ${dx.status?.codes?.length > 0 && html`<div class="codes" role="group" aria-label=${word("run.codes")}>${dx.status.codes.map((code) => html`<${Chip} key=${code}>${code}<//>`)}</div>`}
   <//>`;
 }
 
@@ -76,7 +82,7 @@ function Tool() {
 function Feed() {
   const { feed_mm_min: feed, limited_by, spindle, coolant } = dx.status ?? {};
   const running = ["mist", "flood"].filter((kind) => coolant?.[kind]).map((kind) => word(`run.${kind}`));
-  return html`<${Card} title=${word("run.feed")} class="run-feed">
+  return html`<${Card} title=${word("run.feed", forms.units())} class="run-feed">
     <${Figure} tag="div" class="huge">${forms.feed(feed?.actual)}<//>
     <dl class="facts">
       <dt>${word("run.programmed")}</dt><${Figure} tag="dd">${forms.feed(feed?.programmed)}<//>
@@ -142,7 +148,8 @@ function Cycle() {
       <${Aside} />
       <${Toggle} key="single" name="single" path="single_block" /><${Toggle} key="optional" name="optional" path="optional_stop" />
     </div>
-    <div class="row times">${["elapsed", "left", "duration"].map(time)}</div>
+    <div class="row times">${["elapsed", "left", "duration"].map(time)}
+      <div class="time"><span class="dim">${word("run.parts")}</span><${Figure} class="strong" id="run-parts">${made(job)}<//></div></div>
     <div class="row drives-row">
       <${Act} text=${word("run.enable")} call="POST machine/enable" modes="OFF" icon="power" />
       <${Act} text=${word("run.disable")} call="POST machine/disable" modes="READY" icon="off" />
@@ -191,6 +198,8 @@ const NO_VERDICT = { within: true };
 let stored = [];
 const look = every("run", 3, "programs?brief=true", (body) => (stored = body.programs));
 for (const topic of ["programs", "job"]) dx.on(topic, look);
+
+const made = (job) => stored.find(({ name }) => name === job?.name)?.completed ?? "–";
 
 const recent = () =>
   stored.filter(({ check }) => check.state === "passed" && (check.verdict ?? NO_VERDICT).within).sort((a, b) => b.uploaded_s - a.uploaded_s).slice(0, RECENT);

@@ -2,7 +2,8 @@
 import { html, useEffect, useRef } from "../dom.js";
 import { forms } from "../forms.js";
 import { Icon } from "../icons.js";
-import { Figure } from "../parts.js";
+import { Scale } from "../maps.js";
+import { Act, Figure } from "../parts.js";
 import { dx } from "../store.js";
 import { word as text } from "../texts.js";
 
@@ -97,11 +98,14 @@ function View() {
         <span>${word(frame)}</span></button>`)}
       ${LOOKS.map(look)}
       <button class="act" type="button" data-scene="fit" onclick=${() => picture?.fit()}><${Icon} name="fit" /><span>${word("fit")}</span></button>
+      <${Act} text=${word("cut")} needs="" data-scene="cut" given=${Boolean(picture?.cut)} why="scene.no_cut" aria-pressed=${String(Boolean(picture?.cut && picture.cut_shown))} press=${() => picture.see_cut(!picture.cut_shown)} />
       <button class="act" type="button" data-scene="clear" onclick=${() => picture?.clear()}><span>${word("clear")}</span></button>
     </div>
+    ${picture?.cut && picture.cut_shown && html`<div class="scene-scale"><${Scale} full_um=${picture.cut.full_um} tolerance_um=${picture.cut.tolerance_um} />
+      <p class="dim note">${text("maps.scale", picture.cut.full_um.toFixed(0))}</p></div>`}
     ${picture?.path && html`<${Scrub} picture=${picture} />`}
     <div class="scene-said">
-      ${[..."XYZ"].map((axis) => html`<span><span class="dim">${axis} </span><${Figure}>${forms.mm(dx.status?.tip?.[axis])}<//></span>`)}
+      ${[..."XYZ"].map((axis) => html`<span><span class="dim">${axis} </span><${Figure}>${forms.length(dx.status?.tip?.[axis])}<//></span>`)}
       ${Object.entries(KEYS).map(([key, colour]) => html`<span class="key dim"><i style=${{ "--colour": `var(${colour})` }}></i>
         <span>${word(key)}</span></span>`)}
       <span class="key dim" id="scene-scale"><i class="ruler"></i><span></span></span>

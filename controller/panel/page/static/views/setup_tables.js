@@ -146,8 +146,7 @@ function Offset({ name, values }) {
   </tr>`;
 }
 
-async function touch(name, axis) {
-  const by = tool;
+export async function touch(name, axis, by = tool) {
   const other = spindle && by !== spindle ? ` ${word("touch_other", spindle)}` : "";
   const value = await ask_number(word("touch_ask", name, axis, by) + other, "0");
   if (value === null) return;

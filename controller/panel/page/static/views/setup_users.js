@@ -1,0 +1,81 @@
+// Who may do what here: users, tokens of scripts, and who asked for what.
+import { call } from "../api.js";
+import { ask, ask_for, say } from "../dialog.js";
+import { html, useEffect } from "../dom.js";
+import { forms } from "../forms.js";
+import { Act, Chip, Wrong } from "../parts.js";
+import { dx } from "../store.js";
+import { sentence, word as text } from "../texts.js";
+
+const word = (key, ...values) => text(`users.${key}`, ...values);
+const ROLES = ["view", "operate", "set_up"];
+const MOST = 100; // of the last things that were asked for
+const RULES = { needs: "set_up" };
+const PASSWORD = { type: "password", autocomplete: "new-password", minlength: 8, maxlength: 200 };
+const told = { users: [], tokens: [], entries: [], wrong: "", role: "operate", made: null };
+
+async function read() {
+  if (dx.user?.role !== "set_up") return;
+  const said = await Promise.all(["users", "tokens", `audit?most=${MOST}`].map((path) => call("GET", path, null, true)));
+  told.wrong = sentence(said.find(({ ok }) => !ok)?.body.error);
+  for (const { ok, body } of said) if (ok) Object.assign(told, body);
+  dx.draw();
+}
+
+async function change(method, path, body) {
+  const said = await call(method, path, body);
+  if (said.ok) await read();
+  return said;
+}
+
+async function add_user() {
+  const name = (await ask_for(word("name_ask"), "users.add", "", { maxlength: 40 }))?.trim();
+  const password = name && (await ask_for(word("password_ask", name), "users.add", "", PASSWORD));
+  if (password) await change("POST", "users", { name, password, role: told.role });
+}
+
+async function new_password(name) {
+  const password = await ask_for(word("password_ask", name), "users.set", "", PASSWORD);
+  if (password && (await change("PATCH", `users/${name}`, { password })).ok) say(word("password_set", name));
+}
+
+async function add_token() {
+  const name = (await ask_for(word("token_ask"), "users.add", "", { maxlength: 40 }))?.trim();
+  const said = name && (await change("POST", "tokens", { name, role: told.role }));
+  if (said?.ok) told.made = said.body;
+  dx.draw();
+}
+
+const remove = async (path, name) => (await ask(word("remove_ask", name), "users.remove")) && change("DELETE", `${path}/${encodeURIComponent(name)}`);
+const Remove = ({ path, name }) => html`<${Act} text=${word("remove")} aria-label=${`${word("remove")} ${name}`} kind="warn" ...${RULES} press=${() => remove(path, name)} />`;
+
+// The role that whoever is added next gets, or that somebody has.
+const Roles = ({ role, label, choose }) =>
+  html`<select aria-label=${label} value=${role} onchange=${(event) => choose(event.target.value)}>${ROLES.map((one) => html`<option key=${one} value=${one} selected=${one === role}>${word(`role.${one}`)}</option>`)}</select>`;
+
+const Table = ({ heads, id, children }) => html`<div class="scroll" tabindex="0"><table class="list">
+  <thead><tr>${heads.map((key) => html`<th scope="col">${key && word(key)}</th>`)}</tr></thead><tbody id=${id}>${children}</tbody></table></div>`;
+
+export function Users() {
+  useEffect(() => void read(), []);
+  if (dx.user?.role !== "set_up") return html`<p class="dim">${text("why.set_up")}</p>`;
+  const pick = (role) => ((told.role = role), dx.draw());
+  return html`
+    <${Wrong} text=${told.wrong} />
+    <div class="row"><${Roles} role=${told.role} label=${word("role_of_new")} choose=${pick} />
+      <${Act} id="users-add" text=${word("add_user")} ...${RULES} press=${add_user} given=${told.users.length > 0} why="users.first" />
+      <${Act} id="users-token" text=${word("add_token")} ...${RULES} press=${add_token} /></div>
+    ${told.made && html`<p class="made" role="status">${word("made", told.made.name)} <code>${told.made.token}</code></p>`}
+    ${told.users.length === 0 && html`<p class="dim">${word("first")}</p>`}
+    ${told.users.length > 0 && html`<${Table} heads=${["name", "role", ""]} id="users-list">${told.users.map(({ name, role }) => html`<tr key=${name} data-user=${name}>
+      <th scope="row">${name}</th>
+      <td><${Roles} role=${role} label=${`${word("role")} ${name}`} choose=${(other) => change("PATCH", `users/${name}`, { role: other }).then(read)} /></td>
+      <td><div class="row"><${Act} text=${word("password")} aria-label=${`${word("password")} ${name}`} ...${RULES} press=${() => new_password(name)} /><${Remove} path="users" name=${name} /></div></td></tr>`)}<//>`}
+    ${told.tokens.length > 0 && html`<h2>${word("tokens")}</h2><${Table} heads=${["name", "role", "by", "expires", ""]} id="users-tokens">${told.tokens.map((one) => html`<tr key=${one.name} data-token=${one.name}>
+      <th scope="row">${one.name}</th><td>${word(`role.${one.role}`)}</td><td>${one.made_by}</td>
+      <td>${one.expires_s ? forms.moment(one.expires_s) : word("never")}</td><td><${Remove} path="tokens" name=${one.name} /></td></tr>`)}<//>`}
+    <h2>${word("audit")}</h2>
+    <${Table} heads=${["when", "name", "action", "outcome"]} id="users-audit">${told.entries.map((one) => html`<tr key=${one.id}>
+      <td>${forms.date(one.at_s)}</td><td>${one.user || "–"} <span class="dim">${one.address}</span></td><td>${one.action} <span class="dim">${one.detail}</span></td>
+      <td><${Chip} tone=${one.allowed ? "go" : "stop"}>${word(one.allowed ? "allowed" : "refused")}<//></td></tr>`)}<//>`;
+}
