@@ -53,9 +53,9 @@ def _plain(machine: Machine, value: Set) -> object:
         return {**located(machine, value.shift.xyz, value.shift.turned_rad), "suspended": value.suspended}
     if isinstance(value, Tool):
         return {name: getattr(value, name) for name in _OF_A_TOOL}
-    if isinstance(value, tuple):
-        return {a.name: q * a.shown_per_unit for a, q in zip(machine.axes, value, strict=True)}
-    return value
+    if isinstance(value, float):
+        return value
+    return {a.name: q * a.shown_per_unit for a, q in zip(machine.axes, value, strict=True)}
 
 
 def located(machine: Machine, origin: Vector, turned_rad: Pair) -> dict[str, Any]:

@@ -33,7 +33,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from controller.live_state import (
-    AXES,
     COLUMN,
     LAYOUT,
     OFF_PATH,
@@ -46,6 +45,7 @@ from controller.live_state import (
     Snapshot,
     blank,
     flat,
+    of_axes,
     snapshot_of,
 )
 from controller.pieces import (
@@ -73,13 +73,13 @@ from controller.requests import (
     send_jog,
     send_request,
 )
+from controller.state import MOST_AXES
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
 __all__ = [
-    "AXES",
     "COLUMN",
     "COMMIT_LEAD_S",
     "DEAD_MAN_S",
@@ -115,6 +115,7 @@ __all__ = [
     "dwell",
     "encode",
     "flat",
+    "of_axes",
     "piece_pair",
     "plan_ids",
     "request_pair",
@@ -268,8 +269,10 @@ class SnapshotBoard:
     whose counter has moved on meanwhile reads again.
     """
 
-    def __init__(self, path: str | None = None, create: bool = True) -> None:
+    def __init__(self, path: str | None = None, create: bool = True, axes: int = MOST_AXES) -> None:
+        """``axes``: how many the machine has, for those who read."""
         self.block = SharedBlock(2 * _SLOT, path, create)
+        self._snapshot_of = snapshot_of(axes)
         self._memory, self._counter = self.block.memory, self.block.counter
         self._count = 0
 
@@ -287,7 +290,7 @@ class SnapshotBoard:
                 return None
             values = LAYOUT.unpack_from(self._memory, _COUNTER_BYTES + (count & 1) * _SLOT)
             if self._counter[0] == count:
-                return snapshot_of(values)
+                return self._snapshot_of(values)
 
 
 # ---- flight recorder: one row of float64 per tick

@@ -38,15 +38,9 @@ USUAL_OFFSETS = OFFSETS[:6]  # that every machine shows, set or not
 REFERENCES = ("G28", "G30")  # the reference points, as programs name them
 KEPT_NUMBERS = (31, 5000)  # parameters that a machine may keep from program to program
 
-Joints = tuple[float, float, float, float, float]
+Joints = tuple[float, ...]  # one of each axis of the machine, in the order of its file
 Pair = tuple[float, float]
 STILL: Pair = (0.0, 0.0)
-
-
-def five(values: Sequence[float]) -> Joints:
-    """Five values as joints; raises ValueError where there are not five."""
-    a, b, c, d, e = values
-    return (a, b, c, d, e)
 
 
 class Kind(Enum):
@@ -350,7 +344,7 @@ class Machine:
 
     def reference(self, code: str) -> Joints:
         """Where G28 or G30 leads: as set, else where the axes are homed to (mm, rad)."""
-        return five([_reference(axis, code == REFERENCES[1]) for axis in self.axes])
+        return tuple(_reference(axis, code == REFERENCES[1]) for axis in self.axes)
 
     def part(self, index: int = 0) -> Frame:
         """The frame in which a program begins to read positions: a work offset under the shift of G92."""
@@ -368,6 +362,11 @@ class Machine:
         """Likewise what the words of the rotaries are shifted by (rad, carried)."""
         (a, b), (c, d) = self.offset(0).turned_rad, STILL if self.suspended else self.shift.turned_rad
         return a + c, b + d
+
+    @property
+    def every_axis(self) -> int:
+        """Bit mask of all axes."""
+        return (1 << len(self.axes)) - 1
 
     def linear(self) -> tuple[int, int, int]:
         """Indices of X, Y and Z in ``axes``."""

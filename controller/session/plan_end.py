@@ -55,7 +55,7 @@ class PlanEnd:
         self.alone = False  # the tick is gone
         self.before_message: Callable[[], None] = lambda: None  # called before pieces go out
         self._machine = machine
-        self._board = SnapshotBoard(snapshot_path, create=False)
+        self._board = SnapshotBoard(snapshot_path, create=False, axes=len(machine.axes))
         self._outbox = PieceOutbox(children.joined(pieces, socket.SOCK_SEQPACKET))
         self._requests = children.joined(requests, socket.SOCK_DGRAM)
         self._lock = threading.Lock()  # a keepalive must not come between the packets of a message

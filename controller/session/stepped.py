@@ -136,13 +136,13 @@ class SteppedMachine:
         ports = {bus.name: self.rig.port(pdo.TICK_FILTERS, bus.name) for bus in buses}
         self._group = cyclic.group(machine, ports)
         self._plan_end, tick_end = piece_pair()
-        self.board, self.recorder = SnapshotBoard(), Recorder()
+        self.board, self.recorder = SnapshotBoard(axes=len(machine.axes)), Recorder()
         self.clock = SteppedClock([self._advance], lateness)
         self.cycle = Cycle(
             machine,
             self._group,
             PieceInbox(tick_end),
-            RequestInbox(request_end),
+            RequestInbox(request_end, len(machine.axes)),
             self.board,
             self.recorder,
             self.clock.now_s,

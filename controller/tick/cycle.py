@@ -29,7 +29,7 @@ from controller.handoff import (
 )
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
-from controller.state import ALL_AXES, ALWAYS, Fault, Mode, Request, bars
+from controller.state import ALWAYS, Fault, Mode, Request, bars
 from controller.tick.check import Check
 from controller.tick.drives import Drives
 from controller.tick.follow import Follow, Step
@@ -44,7 +44,6 @@ LATE_SHARE = 0.25  # of the period: a later tick sends nothing
 NEAREST_SHARE = 0.75  # of the period: no two SYNCs are closer
 ROUNDING_S = 1e-9
 MOST_REQUESTS = 8  # taken in one tick
-MASKS = range(1, ALL_AXES + 1)  # of axes
 LOST_ECHOES = 3  # of the kernel's SYNC, in a row
 # SYNCs in a row that did not come: drives that hold their last setpoint have stopped meanwhile, and
 # to go on at full feed would be a step for them. Fewer are a dip that a servo smooths.
@@ -81,6 +80,7 @@ class Cycle:
         self.follow = Follow(machine, Kinematics(machine))
         self.peripherals = Peripherals(machine, group.spindle, group.io)
         self.jogging = Jogging(machine, self.modes, self.follow)
+        self._masks = range(1, machine.every_axis + 1)  # of axes
         self._homing_asked = 0  # axes (bit mask) whose clamps must open before they home
         self._homing_number = 0  # of that request
         self.answers = Answers()
@@ -258,7 +258,7 @@ class Cycle:
             self._homing_asked = 0
             self.peripherals.opens_for(0)
             self.answers.give(self._homing_number, Outcome.SUPERSEDED)
-        if request is Request.HOME and modes.mode is Mode.OFF and value in MASKS:
+        if request is Request.HOME and modes.mode is Mode.OFF and value in self._masks:
             self._homing_asked, self._homing_number = int(value), number
             return  # answered when it begins
         if request is Request.JOG:

@@ -51,7 +51,7 @@ class Follow:
         self._now = 0  # index in the queue of the entry under the clock
         self._origin_s, self._ticks = 0.0, 0  # tau is their sum: no rounding piles up
         self._goes = False  # the clock was to run in the last step
-        self._base: Joints = (0.0, 0.0, 0.0, 0.0, 0.0)  # where the queue begins
+        self._base: Joints = (0.0,) * len(machine.axes)  # where the queue begins
         self.joints = self._base
         self._before = (self._base, self._base)
         self._saved = (self._base, self._before, 0.0, 0, 0.0, 0, self._brake.save())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from operator import mul
 
 from controller.machine import Joints, Machine
 
@@ -20,14 +21,7 @@ class Encoder:
 
     def encode(self, joints: Joints) -> bool:
         """Rounds to counts; False (and nothing changed) if one does not fit into an int32."""
-        a, b, c, d, e = self._counts_per_unit
-        counts = (
-            round(joints[0] * a),
-            round(joints[1] * b),
-            round(joints[2] * c),
-            round(joints[3] * d),
-            round(joints[4] * e),
-        )
+        counts = tuple(map(round, map(mul, joints, self._counts_per_unit)))
         if min(counts) < -INT32 or max(counts) >= INT32:
             return False
         self.setpoints[:] = counts
@@ -39,9 +33,4 @@ class Encoder:
 
     def decode(self, positions: Sequence[int]) -> None:
         """Takes the drives' positions (counts)."""
-        actual, units = self.actual, self._units_per_count
-        actual[0] = positions[0] * units[0]
-        actual[1] = positions[1] * units[1]
-        actual[2] = positions[2] * units[2]
-        actual[3] = positions[3] * units[3]
-        actual[4] = positions[4] * units[4]
+        self.actual[:] = map(mul, positions, self._units_per_count)

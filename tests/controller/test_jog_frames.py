@@ -13,7 +13,7 @@ from controller import jog_frames
 from controller.geometry import Frame, add, norm, rotate, scale, subtract
 from controller.jog_frames import JogError
 from controller.kinematics import Kinematics
-from controller.machine import Machine, Sense, five
+from controller.machine import Machine, Sense
 from controller.state import ALL_AXES
 
 LETTERS = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
@@ -100,7 +100,7 @@ def test_a_step_knows_its_side_and_its_length() -> None:
 
 def test_the_line_to_a_place_ends_there() -> None:
     built = machine("fig4a")
-    here, there = five([1.0, 2.0, 3.0, 0.1, 0.2]), five([4.0, 6.0, 3.0, 0.1, 0.5])
+    here, there = (1.0, 2.0, 3.0, 0.1, 0.2), (4.0, 6.0, 3.0, 0.1, 0.5)
     jog = jog_frames.to(built, here, there, 10.0)
     assert jog is not None and add(here[:3], jog.direction[:3]) == pytest.approx(there[:3])
     assert jog.speed * 5.0 == pytest.approx(10.0) and jog.length == 1.0

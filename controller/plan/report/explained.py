@@ -15,7 +15,7 @@ from typing import Any
 from controller.curves import Arc
 from controller.geometry import Frame, norm, subtract
 from controller.kinematics import Kinematics
-from controller.machine import OFFSETS, Joints, Machine, five
+from controller.machine import OFFSETS, Joints, Machine
 from controller.motions import JointMove, Rotaries
 from controller.plan.route import moves
 from controller.plan.route.stretch import Voice
@@ -165,7 +165,7 @@ class _Explainer:
         here = [q for q in before if q is not None]
         if len(here) < 5:
             return told
-        found = moves.arc(block, self._machine, self._kinematics, five(here), self._voice)
+        found = moves.arc(block, self._machine, self._kinematics, tuple(here), self._voice)
         if found is not None and isinstance(found.motion, JointMove) and isinstance(found.motion.curve, Arc):
             told["centre"] = self._centre(block, found.motion.curve, found.motion.start_rotaries)
         return told

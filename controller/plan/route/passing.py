@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.kinematics import Kinematics
-from controller.machine import Axis, Machine, five
+from controller.machine import Axis, Machine
 from controller.plan.route import rates
 from controller.plan.route.branch import BranchLost, field, joints_on
 from controller.plan.route.cuts import Cut
@@ -86,7 +86,7 @@ def _followed(pair: Pair, kinematics: Kinematics) -> Iterator[Stretch]:
         near = rotaries[-1]
         start, end = joints_on(cut.motion, found.u, rotaries, kinematics)[[0, -1]].tolist()
         block = cut.block
-        yield Stretch(cut.motion, block.place, block.feed_mm_s, True, five(start), five(end), True, "cut")
+        yield Stretch(cut.motion, block.place, block.feed_mm_s, True, tuple(start), tuple(end), True, "cut")
 
 
 def _speeds(d: Derivatives, axes: tuple[Axis, ...]) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.kinematics import Kinematics
-from controller.machine import Kind, Machine, five
+from controller.machine import Kind, Machine
 from controller.motions import Rotaries
 from controller.plan.route import audit, blending, passing, unwind, winding
 from controller.plan.route.branch import BranchLost, Field, field, joints_on
@@ -205,7 +205,7 @@ class Leg:
     def stretch(self) -> Stretch:
         """The cut itself."""
         block = self.cut.block
-        start, end = five(self.joints[0].tolist()), five(self.joints[-1].tolist())
+        start, end = tuple(self.joints[0].tolist()), tuple(self.joints[-1].tolist())
         return Stretch(self.cut.motion, block.place, block.feed_mm_s, True, start, end, True, "cut")
 
     def shifted(self, machine: Machine, by: Rotaries) -> Leg:

@@ -14,7 +14,7 @@ from support.machines.traced_programs import mill, trace
 
 from controller import config
 from controller.kinematics import Kinematics
-from controller.machine import Machine, five
+from controller.machine import Machine
 from controller.plan.feed import binding, profile
 from controller.plan.feed.course import Course
 from controller.plan.feed.law import at_share
@@ -55,7 +55,7 @@ def counted() -> Iterator[dict[str, int]]:
 
 
 def looked_at(text: str, built: Machine) -> tuple[Survey, list[BlockUse], dict[str, int]]:
-    home, blocks = five(tuple(axis.homing.position for axis in built.axes)), list[BlockUse]()
+    home, blocks = tuple(axis.homing.position for axis in built.axes), list[BlockUse]()
     with counted() as cost:
         found = survey(trace(text, built, home).items, built, Kinematics(built), blocks.append)
     return found, blocks, cost

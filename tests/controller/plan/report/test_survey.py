@@ -12,7 +12,7 @@ from support.machines.stepped_runs import cut, shipped
 from support.machines.traced_programs import mill, trace
 
 from controller.kinematics import Kinematics
-from controller.machine import Limits, Machine, five
+from controller.machine import Limits, Machine
 from controller.plan.report.survey import BlockUse, Survey, survey
 from controller.plan.text.program import ProgramError
 
@@ -138,7 +138,7 @@ def test_the_program_after_the_first_refusal_is_refused() -> None:
 )
 def test_the_duration_is_what_a_run_takes_tick_for_tick(text: str) -> None:
     built = shipped()
-    home = five(tuple(axis.homing.position for axis in built.axes))
+    home = tuple(axis.homing.position for axis in built.axes)
     done = cut(text, built)
     found = survey(trace(text, built, home).items, built, Kinematics(built))
     assert done.run.result == "completed"

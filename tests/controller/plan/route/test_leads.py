@@ -23,7 +23,7 @@ from support.parts.random_surfaces import compound, text
 from controller import config
 from controller.geometry import Vector, norm, subtract
 from controller.kinematics import Kinematics
-from controller.machine import Machine, five
+from controller.machine import Machine
 from controller.plan.feed import profile
 from controller.plan.feed.course import Course
 from controller.plan.route.leads import MOST_TILT_RAD, MOST_TURN_RAD, SLENDER
@@ -66,7 +66,7 @@ def test_a_lead_goes_on_with_the_rate_of_a_cut_that_ends_at_the_pole() -> None:
 @pytest.mark.parametrize("seed", range(6))
 def test_the_machine_does_not_rest_at_the_first_and_the_last_ruling_of_twisted_surfaces(seed: int) -> None:
     built = shipped()
-    home = five(tuple(axis.homing.position for axis in built.axes))
+    home = tuple(axis.homing.position for axis in built.axes)
     traced = trace(text(compound(seed, 1), 1500.0), built, home)
     assert_whole(traced, built, home)
     chain = next(c for c in names(traced) if "cut" in c)
@@ -104,7 +104,7 @@ def test_a_lead_is_as_long_as_the_feed_needs_and_bounded() -> None:
 def test_beside_a_pole_neither_axis_nor_rotary_turns_far_on_a_lead() -> None:
     """The last ruling of example 2 is vertical, and a rotary turns by many degrees per millimetre there."""
     built = shipped()
-    home = five(tuple(axis.homing.position for axis in built.axes))
+    home = tuple(axis.homing.position for axis in built.axes)
     traced = trace(config.shipped_program("example2_ready").read_text(), built, home)
     a, b = built.rotary()
     for lead in (*named(traced, "lead in"), *named(traced, "lead out")):
@@ -158,7 +158,7 @@ def test_lead_feed_is_a_key_of_the_machine_file_in_millimetres_a_minute() -> Non
 def test_a_law_leads_from_a_fast_lead_to_a_slow_cut_and_keeps_its_feed_at_both_rulings(feed: float) -> None:
     """Down to the slowest the lead is passed in no time, and the cut begins neither faster nor slower."""
     built = shipped()
-    home = five(tuple(axis.homing.position for axis in built.axes))
+    home = tuple(axis.homing.position for axis in built.axes)
     traced = trace("G42\n" + CONE.format("0.4", feed), built, home)
     (run,) = (item.stretches for item in traced.items if isinstance(item, Chain) and len(item.stretches) == 3)
     course = Course(run, built, Kinematics(built))

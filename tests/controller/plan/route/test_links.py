@@ -14,7 +14,7 @@ from support.parts.random_surfaces import Pair, compound
 
 from controller import config
 from controller.kinematics import Kinematics
-from controller.machine import Machine, five
+from controller.machine import Machine
 from controller.plan.route import path
 from controller.plan.route.path import Chain
 from controller.plan.text import blocks
@@ -184,7 +184,7 @@ def test_random_surfaces_one_behind_the_other(seed: int) -> None:
 
 def test_most_random_surfaces_near_each_other_are_linked() -> None:
     built, found = replace(shipped(), link_mm=LINK_MM), 0
-    home = five(tuple(axis.homing.position for axis in built.axes))
+    home = tuple(axis.homing.position for axis in built.axes)
     for seed in range(12):
         first, second = compound(seed, 2)
         way = first[1][3] - first[1][2]
