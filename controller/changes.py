@@ -61,7 +61,7 @@ def _plain(machine: Machine, value: Set) -> object:
 def located(machine: Machine, origin: Vector, turned_rad: Pair) -> dict[str, Any]:
     """Origin and rotaries (degrees as shown) as they stand in the file."""
     axes = (machine.axes[i] for i in machine.rotary())
-    rotary = {a.name: q * a.shown_per_unit for a, q in zip(axes, turned_rad, strict=True)}
+    rotary = {a.name: q * a.shown_per_unit for a, q in zip(axes, turned_rad, strict=False)}
     return {"origin_mm": list(origin), "rotary_deg": rotary}
 
 

@@ -136,8 +136,7 @@ def _joint(machine: Machine, name: str) -> Joints:
 
 def _of_part(machine: Machine, kinematics: Kinematics, joints: Sequence[float], way: Vector) -> Vector:
     """What the slides do for a way of the table frame; the tables carry it."""
-    first, second = machine.rotary()
-    pair = joints[first], joints[second]
+    pair = machine.pair(joints, 0.0)
     return subtract(kinematics.linear(way, pair, 0.0), kinematics.linear((0.0, 0.0, 0.0), pair, 0.0))
 
 

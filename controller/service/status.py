@@ -10,7 +10,7 @@ from typing import Any
 from controller import catalogue, config
 from controller.geometry import Frame
 from controller.handoff import Snapshot
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.live_state import told as told_by_tick
 from controller.machine import OFFSETS, Machine, Pair
 from controller.plan.route.entry import room_along_axis
@@ -135,7 +135,7 @@ def joints(machine: Machine, now: Snapshot, way: Way | None) -> dict[str, dict[s
     turned_rad = way.turned_rad if way is not None else machine.turned()
     work = _work(machine, shown, _frame(machine, way), turned_rad)
     if way is not None and way.tilted_mm is not None:
-        place = Kinematics(machine).forward(now.joints, way.tilted_mm).tip
+        place = kinematics_of(machine).forward(now.joints, way.tilted_mm).tip
         for i, value in zip(machine.linear(), _frame(machine, way).from_parent(place), strict=True):
             work[i] = float(value)
     return {
@@ -164,7 +164,7 @@ def _work(machine: Machine, shown: tuple[float, ...], frame: Frame, turned_rad: 
     x, y, z = machine.linear()
     work = list(shown)
     work[x], work[y], work[z] = frame.from_parent((shown[x], shown[y], shown[z]))
-    for i, turned in zip(machine.rotary(), turned_rad, strict=True):
+    for i, turned in zip(machine.rotary(), turned_rad, strict=False):
         work[i] -= turned * machine.axes[i].shown_per_unit
     return work
 
@@ -180,7 +180,7 @@ def tip(machine: Machine, now: Snapshot, way: Way | None, in_spindle: int = 1) -
     tool = machine.tool(in_spindle)
     length_mm = way.length_mm if way is not None else tool.length_mm if tool is not None else 0.0
     frame = way.part if way is not None and way.part is not None else machine.part()
-    pose = Kinematics(machine).forward(now.joints, length_mm)
+    pose = kinematics_of(machine).forward(now.joints, length_mm)
     return {
         "tip": dict(zip("XYZ", map(float, frame.from_parent(pose.tip)), strict=True)),
         "axis": dict(zip("IJK", map(float, frame.turn_back(pose.axis)), strict=True)),
@@ -203,7 +203,7 @@ def retract_room_mm(machine: Machine, now: Snapshot) -> float | None:
     stands = now.mode in (Mode.HOLD, Mode.READY) and now.at_rest and not now.stopping
     if not known or not stands or now.away:
         return None
-    room_mm = room_along_axis(now.joints, machine, Kinematics(machine))
+    room_mm = room_along_axis(now.joints, machine, kinematics_of(machine))
     return math.floor(room_mm * 1e3) / 1e3
 
 

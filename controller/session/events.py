@@ -212,15 +212,14 @@ def _begin(where: str, value: Any) -> Begin:
 
 
 def _jog(where: str, value: Any) -> Jog:
-    """Speed, length (null: none) and the direction of five axes."""
+    """Speed, length (null: none) and the direction of the axes."""
     try:
         speed, length, *direction = (math.inf if x is None else float(x) for x in value)
-        a, b, c, d, e = direction
     except (ValueError, TypeError) as error:
         raise EventError(
             f"{where}: a jog has seven numbers; give the file as the run's record has it."
         ) from error
-    return Jog((a, b, c, d, e), speed, length)
+    return Jog(tuple(direction), speed, length)
 
 
 def _value(where: str, request: str, data: dict[str, Any]) -> float:

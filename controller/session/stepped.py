@@ -31,7 +31,7 @@ from controller.handoff import (
     send_jog,
     send_request,
 )
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Joints, Machine
 from controller.plan.planner import Planner
 from controller.plan.route.path import Chain, Pause
@@ -114,7 +114,7 @@ class SteppedMachine:
         ``recordings``: folder for what is kept of a fault; None = nothing is kept.
         """
         self.machine = machine
-        self.kinematics = Kinematics(machine)
+        self.kinematics = kinematics_of(machine)
         nodes = config.node_settings(machine)
         buses = config.bus_settings(machine)
         spindle, io = config.spindle_settings(machine), config.io_settings(machine)

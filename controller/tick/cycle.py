@@ -27,7 +27,7 @@ from controller.handoff import (
     RequestInbox,
     SnapshotBoard,
 )
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Joints, Machine
 from controller.state import ALWAYS, Fault, Mode, Request, bars
 from controller.tick.check import Check
@@ -77,7 +77,7 @@ class Cycle:
         stops_s = times.path_stop_s(machine), times.quick_stop_s(machine)
         absolute = sum(1 << i for i, axis in enumerate(machine.axes) if axis.homing.absolute)
         self.modes = Modes(group, machine.period_s, *stops_s, absolute)
-        self.follow = Follow(machine, Kinematics(machine))
+        self.follow = Follow(machine, kinematics_of(machine))
         self.peripherals = Peripherals(machine, group.spindle, group.io)
         self.jogging = Jogging(machine, self.modes, self.follow)
         self._masks = range(1, machine.every_axis + 1)  # of axes
@@ -434,14 +434,8 @@ class Cycle:
 
     def _where_the_drives_are(self) -> Joints:
         """Actual positions; a drive that already follows keeps its setpoint, or it would chase its lag."""
-        a, q, drives = self._encoder.actual, self.follow.joints, self.group.drives
-        return (
-            q[0] if drives[0].following else a[0],
-            q[1] if drives[1].following else a[1],
-            q[2] if drives[2].following else a[2],
-            q[3] if drives[3].following else a[3],
-            q[4] if drives[4].following else a[4],
-        )
+        rows = zip(self.group.drives, self.follow.joints, self._encoder.actual, strict=True)
+        return tuple([told if drive.following else actual for drive, told, actual in rows])
 
     def publish(self) -> None:
         """What others see of it, where no tick was run."""

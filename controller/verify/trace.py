@@ -245,8 +245,7 @@ def _offset(cut: SurfaceCut, u: Array) -> Array:
 
 def _forward(kinematics: Kinematics, joints: Array, length_mm: float) -> Pose:
     """Tip and axis in the table frame; components are arrays (N,)."""
-    x, y, z, first, second = joints.T
-    return kinematics.forward((x, y, z, first, second), length_mm, np)
+    return kinematics.forward([*joints.T], length_mm, np)
 
 
 def _stack(v: Vector, n: int) -> Array:

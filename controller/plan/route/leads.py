@@ -31,7 +31,7 @@ from controller.placement import AT_LOWER, Placed
 from controller.plan.route import audit, rates
 from controller.plan.route.branch import joints_along
 from controller.plan.route.cuts import Cut, Edge, beside, gouge, tolerance_mm
-from controller.plan.route.stretch import Stretch, Voice, joints_of, straight
+from controller.plan.route.stretch import Stretch, Voice, joints_of, rotaries_of, straight
 from controller.plan.route.train import Leg
 
 Array = npt.NDArray[np.float64]
@@ -124,7 +124,7 @@ def _off_mm(leg: Leg, machine: Machine) -> float:
 class End:
     """One end of a cut: ``rows`` (3, 5) of the tip (table frame) and both rotaries, with two derivatives.
 
-    ``rates`` (5,) are those of the joints and ``tilt`` that of the axis (rad), all per mm of s.
+    ``rates`` (axes,) are those of the joints and ``tilt`` that of the axis (rad), all per mm of s.
     """
 
     leg: Leg
@@ -142,10 +142,10 @@ class End:
         q = stretch.start if at_start else stretch.end
         series = [
             jets.Jet(np.array([[q[i]], d.first[:, i], 0.5 * d.second[:, i], d.third[:, i] / 6.0]))
-            for i in range(5)
+            for i in range(len(q))
         ]
         tip, axis = kinematics.forward(series, leg.cut.motion.length_mm, jets)
-        turns = [series[kinematics.order.index(k)] for k in (3, 4)]
+        turns = kinematics.spread(series)[3:]
         rows = np.array([[jets.jet(one).derivative(k).item() for one in (*tip, *turns)] for k in range(3)])
         rows[1:, 3:][np.abs(rows[1:, 3:]) < STANDS_RAD] = 0.0
         tilt = math.hypot(*(jets.jet(one).derivative(1).item() for one in axis))
@@ -292,8 +292,7 @@ class End:
         """The way of one stretch."""
         outer = stretch.start if self.at_start else stretch.end
         pose = self.kinematics.forward(outer, self.leg.cut.motion.length_mm)
-        first, second = (outer[self.kinematics.order.index(k)] for k in (3, 4))
-        return Lead((stretch,), pose.tip, pose.axis, (first, second))
+        return Lead((stretch,), pose.tip, pose.axis, rotaries_of(outer, self.kinematics))
 
 
 def spline_of(knots: Array, cubics: Array, cut: Cut) -> ToolSpline:

@@ -90,7 +90,7 @@ def _followed(pair: Pair, kinematics: Kinematics) -> Iterator[Stretch]:
 
 
 def _speeds(d: Derivatives, axes: tuple[Axis, ...]) -> Array:
-    """Speed that each joint's velocity, acceleration and jerk allow at N places, (3, N, 5), mm/s."""
+    """Speed that each joint's velocity, acceleration and jerk allow at N places, (3, N, axes), mm/s."""
     limits = np.array([[a.limits.velocity, a.limits.acceleration, a.limits.jerk] for a in axes]).T
     rows = np.abs(np.stack([d.first, d.second, d.third])) + 1e-30
     allowed = limits[:, None, :] / rows

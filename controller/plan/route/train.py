@@ -186,7 +186,7 @@ def _where(before: Cut, after: Cut) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """One cut with its rotaries followed: samples ``u`` (N,), ``rotaries`` (N, 2), ``joints`` (N, 5)."""
+    """One cut with its rotaries followed: samples ``u`` (N,), ``rotaries`` (N, 2), ``joints`` (N, axes)."""
 
     cut: Cut
     u: Array
@@ -211,7 +211,8 @@ class Leg:
     def shifted(self, machine: Machine, by: Rotaries) -> Leg:
         """The same leg in other whole turns (rad) of the two rotaries."""
         joints = self.joints.copy()
-        joints[:, machine.rotary()] += np.array(by)
+        for i, turn_rad in zip(machine.rotary(), by, strict=False):
+            joints[:, i] += turn_rad
         return Leg(self.cut, self.u, self.rotaries + np.array(by), joints)
 
 
@@ -348,8 +349,8 @@ def _start(pairs: Array, near: Rotaries) -> Rotaries:
 
 def tilt_of(machine: Machine) -> int:
     """Which rotary of the pair (0 or 1) stands next to the tool: it tilts, the other one turns."""
-    _, second = machine.rotary()
-    return 1 if machine.axes[second].kind is Kind.HEAD else 0
+    _, second = machine.pair([axis.kind for axis in machine.axes], Kind.LINEAR)
+    return 1 if second is Kind.HEAD else 0
 
 
 def trains(

@@ -17,7 +17,7 @@ from support.fakes.fake_engine import HANGS_S, FakeEngine, done, heard
 from controller import fitting, journal
 from controller.door import DoorError
 from controller.handoff import Snapshot
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.plan.route.spot import FORMER, Spot
 from controller.requests import Outcome, answer
 from controller.service import acknowledged, jobs
@@ -221,7 +221,7 @@ def at(engine: FakeEngine, **degrees: float) -> None:
 
 def gone(engine: FakeEngine, before: Snapshot) -> tuple[float, float]:
     """How far (mm) the tool's gauge line went along its own axis, and across it."""
-    kinematics = Kinematics(engine.machine)
+    kinematics = kinematics_of(engine.machine)
     (there, axis), (here, _) = (kinematics.forward(q.joints, 0.0) for q in (engine.now, before))
     way = [float(p - q) for p, q in zip(there, here, strict=True)]
     along = sum(w * float(a) for w, a in zip(way, axis, strict=True))

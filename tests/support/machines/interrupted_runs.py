@@ -10,7 +10,7 @@ import numpy as np
 from support.machines.stepped_runs import Cut, largest, off_the_path, program, shipped
 
 from controller.handoff import COLUMN, STOOD
-from controller.kinematics import Kinematics
+from controller.kinematics import Kinematics, kinematics_of
 from controller.machine import Machine, Tool
 from controller.plan.route import choices, path, restart
 from controller.plan.route.path import Chain, Pause
@@ -63,7 +63,7 @@ class Items:
 
 def source(text: str, machine: Machine, dry_run_mm: float = 0.0) -> Source:
     """The program from the homed position, with the choices of a check."""
-    kinematics, read = Kinematics(machine), blocks.read(text.encode(), machine, "part.ngc").blocks
+    kinematics, read = kinematics_of(machine), blocks.read(text.encode(), machine, "part.ngc").blocks
     start = tuple([axis.homing.position for axis in machine.axes])
     chosen = choices.choices(read, machine, kinematics, start, "part.ngc")
     return Source(read, "part.ngc", machine, kinematics, start, chosen, dry_run_mm)
@@ -113,7 +113,7 @@ def distance(rows: np.ndarray, wanted: dict[int, path.Stretch], kinematics: Kine
     first, far = COLUMN["joint_command_0"], 0.0
     for row in program_rows(rows):
         joints = tuple([float(q) for q in row[first : first + 5]])
-        near = (joints[kinematics.order.index(3)], joints[kinematics.order.index(4)])
+        near = kinematics.rotaries(joints)
         there = wanted[int(row[COLUMN["motion_id"]])].motion.joints(float(row[COLUMN["s"]]), near, kinematics)
         assert there is not None
         far = max(far, float(np.abs(np.subtract(there, joints)).max()))

@@ -13,7 +13,7 @@ from support.oracles.trace_limits import assert_in_limits
 from support.parts.random_surfaces import Pair, compound
 
 from controller import config
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Machine
 from controller.plan.route import path
 from controller.plan.route.path import Chain
@@ -97,7 +97,7 @@ def test_what_is_sound_before_a_corner_that_is_refused_is_cut_all_the_same() -> 
     read = blocks.read(program.encode(), built, "part.ngc").blocks
     made = []
     with pytest.raises(ProgramError, match="concave corner"):
-        for item in path.stream(read, "part.ngc", built, Kinematics(built), HOME):
+        for item in path.stream(read, "part.ngc", built, kinematics_of(built), HOME):
             made += [stretch.name for stretch in item.stretches] if isinstance(item, Chain) else []
     assert "cut" in made and made[-1] == "retract"
 

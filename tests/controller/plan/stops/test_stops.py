@@ -16,7 +16,7 @@ from support.oracles import jerk_limited_stop
 from support.parts.random_surfaces import compound, text
 
 from controller.handoff import StopTable
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Kind, Limits, Machine
 from controller.plan.feed import profile
 from controller.plan.feed.course import Course
@@ -51,7 +51,7 @@ class Planned:
 
 def planned(source: str, machine: Machine, only: str = "") -> Iterator[Planned]:
     """The plans of a program; those with a stretch named ``only``."""
-    kinematics = Kinematics(machine)
+    kinematics = kinematics_of(machine)
     home = tuple(axis.homing.position for axis in machine.axes)
     for item in traced_programs.trace(source, machine, home).items:  # type: ignore[arg-type]
         if isinstance(item, Chain):
