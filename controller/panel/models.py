@@ -80,7 +80,9 @@ class RapidShare(Sent):
 
 
 class Home(Sent):
-    axes: Annotated[list[Axis] | None, Field(min_length=1, max_length=MOST_AXES, description="null: all.")] = None
+    axes: Annotated[
+        list[Axis] | None, Field(min_length=1, max_length=MOST_AXES, description="null: all.")
+    ] = None
 
 
 class Jog(Sent):
