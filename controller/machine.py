@@ -51,6 +51,7 @@ class Build(NamedTuple):
 
 BUILDS = {  # by ``kinematics`` of the machine file; who computes them is in ``controller.kinematics``
     "two_rotaries": Build(2, "X, Y, Z and two of A, B, C, each once"),
+    "one_rotary": Build(1, "X, Y, Z and one of A, B, C, each once"),
     "no_rotary": Build(0, "X, Y and Z, each once"),
 }
 USUAL_BUILD = "two_rotaries"

@@ -7,6 +7,7 @@ a machine file that says ``kinematics = ...``.
 from __future__ import annotations
 
 from controller.kinematics.no_rotary import NoRotary
+from controller.kinematics.one_rotary import OneRotary
 from controller.kinematics.protocol import Kinematics, Pair
 from controller.kinematics.two_rotaries import NEAR_POLE, TwoRotaries
 from controller.machine import Machine
@@ -15,6 +16,7 @@ __all__ = ["NEAR_POLE", "Kinematics", "Pair", "kinematics_of"]
 
 IMPLEMENTATIONS: dict[str, type[Kinematics]] = {  # by ``machine.BUILDS``
     "two_rotaries": TwoRotaries,
+    "one_rotary": OneRotary,
     "no_rotary": NoRotary,
 }
 

@@ -19,7 +19,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from types import ModuleType
-from typing import NamedTuple
 
 import numpy as np
 
@@ -41,6 +40,7 @@ from controller.geometry import (
     unit,
 )
 from controller.kinematics.protocol import TURN, Kinematics, Pair
+from controller.kinematics.rotary import Line, spun, turned
 from controller.machine import Kind, Machine
 from controller.touches import Seen
 
@@ -48,13 +48,6 @@ NEAR_POLE = 1e-9  # sine of the angle between tool axis and w2 below which w2's 
 CLEAR_OF_POLE = 1e-3  # the same sine above which third derivatives keep nine digits
 STILL = 1e-12  # an axis that leaves the pole slower than this (1/u) does not leave it
 SPILL = 1e-13  # square of a reach overshot by rounding
-
-
-class Line(NamedTuple):
-    """The line a rotary turns about, machine frame at zero."""
-
-    direction: Vector
-    point: Vector
 
 
 class TwoRotaries(Kinematics):
@@ -268,7 +261,7 @@ class TwoRotaries(Kinematics):
     ) -> Vector:
         """X, Y, Z (mm) that bring the tip of a tool to ``tip`` of the table frame."""
         for i, line in self._tables_inward:
-            tip = _turned(line, rotaries[i], tip, m)
+            tip = turned(line, rotaries[i], tip, m)
         (x, y, z), (hx, hy, hz) = tip, self._head_vector(rotaries, length_mm, m)
         return x - hx, y - hy, z - hz
 
@@ -280,7 +273,7 @@ class TwoRotaries(Kinematics):
         found = []
         for v in (frame.x, frame.y, frame.z):
             for i, line in self._tables_inward:
-                v = _spun(line.direction, rotaries[i], v, math)
+                v = spun(line.direction, rotaries[i], v, math)
             found.append(v)
         return Frame(self.linear(frame.origin, rotaries, length_mm), *found)
 
@@ -288,7 +281,7 @@ class TwoRotaries(Kinematics):
         """From the gauge point, where the heads' lines are given from, to the tip."""
         vector: Vector = (0.0, 0.0, -length_mm)
         for i, line in self._heads_inward:
-            vector = _turned(line, rotaries[i], vector, m)
+            vector = turned(line, rotaries[i], vector, m)
         return vector
 
     # ---- from the joints to the pose ---------------------------------------------
@@ -300,10 +293,10 @@ class TwoRotaries(Kinematics):
         tip = add((x, y, z), self._head_vector(rotaries, length_mm, m))
         axis: Vector = Z
         for i, line in self._heads_inward:
-            axis = _spun(line.direction, rotaries[i], axis, m)
+            axis = spun(line.direction, rotaries[i], axis, m)
         for i, line in self._tables:
-            tip = _turned(line, -rotaries[i], tip, m)
-            axis = _spun(line.direction, -rotaries[i], axis, m)
+            tip = turned(line, -rotaries[i], tip, m)
+            axis = spun(line.direction, -rotaries[i], axis, m)
         return Pose(tip, axis)
 
 
@@ -350,22 +343,3 @@ def _leave_pole(
     r = m.sqrt(a * a + b * b - c * c) * np.where(pole, side, 1.0)
     behind = np.concatenate((np.zeros_like(r.c[:1]), r.c[:-1])) * np.where(lost, 0.0, 1.0)
     return a, b, c, r, make(np.where(pole, behind, r.c)), lost
-
-
-def _spun(direction: Vector, angle: Number, v: Vector, m: ModuleType) -> Vector:
-    """Rodrigues as in ``geometry.rotate``, written out in components for the tick."""
-    x, y, z = v
-    dx, dy, dz = direction
-    c, s = m.cos(angle), m.sin(angle)
-    along = (dx * x + dy * y + dz * z) * (1.0 - c)
-    return (
-        x * c + (dy * z - dz * y) * s + dx * along,
-        y * c + (dz * x - dx * z) * s + dy * along,
-        z * c + (dx * y - dy * x) * s + dz * along,
-    )
-
-
-def _turned(line: Line, angle: Number, v: Vector, m: ModuleType) -> Vector:
-    (px, py, pz), (x, y, z) = line.point, v
-    x, y, z = _spun(line.direction, angle, (x - px, y - py, z - pz), m)
-    return x + px, y + py, z + pz

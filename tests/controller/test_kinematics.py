@@ -2,6 +2,7 @@
 
 import math
 import random
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -366,3 +367,37 @@ def test_heads_turn_the_tool_and_tables_the_work():
     tables = kinematics_of(machine("fig4a"))
     # A = 90 deg turns the work's +Y up, so the tool stands along +Y of the work.
     assert tables.forward((0.0, 0.0, 0.0, math.pi / 2, 0.0), 50.0).axis == pytest.approx(Y, abs=1e-15)
+
+
+# ---- with one rotary: as with two of which the other stands at zero ------------------
+
+
+@pytest.mark.parametrize("left", [0, 1])
+@kinds
+def test_a_machine_without_one_of_its_rotaries_is_the_same_with_that_at_zero(kind, left):
+    whole, rng = machine(kind), random.Random(7)
+    gone = whole.rotary()[left]
+    axes = tuple(axis for i, axis in enumerate(whole.axes) if i != gone)
+    two, one = kinematics_of(whole), kinematics_of(replace(whole, axes=axes, kinematics="one_rotary"))
+    for _ in range(50):
+        joints = (*(rng.uniform(-200.0, 200.0) for _ in range(3)), rng.uniform(-1.5, 1.5))
+        pose = one.forward(joints, 40.0)
+        assert apart(two.forward((*joints[:gone], 0.0, *joints[gone:]), 40.0), pose) < 1e-9
+        assert one.inverse(pose, (joints[3], 0.0), 40.0) == pytest.approx(joints, abs=1e-9)
+        q, _ = one.branches(pose.axis, keep=(0.3, 0.0))[0]
+        many = tuple(np.array([c, c]) for c in pose.axis)
+        series = tuple(jets.Jet(np.array([[c], [0.0], [0.0], [0.0]])) for c in pose.axis)
+        assert one.branches(many, np, keep=(0.3, 0.0))[0][0] == pytest.approx([q, q], abs=1e-12)
+        assert one.branches(series, jets, keep=(0.3, 0.0))[0][0].c[:, 0] == pytest.approx(
+            [q, 0, 0, 0], abs=1e-12
+        )
+
+
+@kinds
+def test_what_one_rotary_does_not_reach_is_told(kind):
+    whole = machine(kind)
+    one = kinematics_of(replace(whole, axes=whole.axes[:4], kinematics="one_rotary"))
+    off = one.forward((0.0, 0.0, 0.0, 0.4), 0.0).axis
+    beside = rotate(unit((1.0, 2.0, 3.0)), 0.01, off)
+    assert one.inverse(Pose((0.0, 0.0, 0.0), beside), (0.0, 0.0), 0.0) is None
+    assert np.isnan(one.branches(tuple(np.array([c]) for c in beside), np)[0]).all()
