@@ -7,20 +7,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from support.live.replayed_runs import again, assert_same_setpoints
+from support.machines.recording_bench import RecordedBench, sent
 from support.machines.stepped_runs import Cut, cut, off_the_plan, shipped
 from support.machines.traced_programs import named, trace
 from support.oracles.trace_limits import BOUNDS, worst
 
 from controller import config
-from controller.handoff import of_axes
+from controller.handoff import Jog, of_axes
 from controller.machine import Machine
 from controller.plan.text.position import homed
 from controller.plan.text.program import ProgramError
 from controller.session.events import Event
-from controller.state import MOST_AXES, Request
+from controller.state import MOST_AXES, Mode, Request
 from controller.toml_table import ConfigError
 
 PART = """\
@@ -116,6 +119,24 @@ def test_it_is_held_on_its_path_and_goes_on(part: Cut) -> None:
     assert off_the_plan(held) < 1e-6
     assert held.joints[-1].tolist() == part.joints[-1].tolist()
     assert len(held.joints) > len(part.joints) + 400
+
+
+def test_its_record_is_run_again_to_the_same_setpoints(tmp_path: Path) -> None:
+    """With a jog aside, a hold and its end, as the service keeps it."""
+    bench = RecordedBench(tmp_path, mill())
+    bench.started(PART)
+    bench.until_line(8)
+    bench.request(Request.HOLD)
+    bench.until(Mode.HOLD)
+    bench.jogged_to_rest(Jog((0.0, 0.0, 1.0), 20.0, 3.0))
+    assert bench.snapshot().away and len(bench.snapshot().joints) == 3
+    bench.led("return")
+    bench.until(Mode.HOLD)
+    bench.request(Request.RESUME)
+    bench.until(Mode.READY)
+    folder = bench.ended()
+    assert (sent(folder)[:, 3:] == 0).all() and sent(folder)[:, :3].any()
+    assert_same_setpoints(again(folder, PART, mill()))
 
 
 @pytest.mark.parametrize("text", [WALL.format(lean="10."), CONE.format(upper="10.")])
