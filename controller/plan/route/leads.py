@@ -379,7 +379,7 @@ class Room:
         return math.inf if outside else self._reached(joints)
 
     def _along(self, lead: Stretch) -> tuple[Array, Array]:
-        """Where it is looked at, and the joints (N, 5) there."""
+        """Where it is looked at, and the joints (N, axes) there."""
         s = np.linspace(0.0, lead.motion.end, POSES)
         return s, joints_along(lead, s, self.kinematics)
 
