@@ -62,6 +62,7 @@ AT_FEED = 2
 ROOM = 1.2  # times the way in which the feed is reached: the lead bends meanwhile
 LONGEST = 5.0  # times ``lead_mm``, however long a machine needs to its feed
 FADING, FADING_RAD = 1.0, math.radians(10.0)  # by so much of itself, and so far, a bend may turn the way
+MOST_FADE = 0.45  # of a lead, on which the cut's bend fades: twice that must fit
 DIPS, TICKS, LEAST_MM = 1.5, 4.0, 0.004  # of the way at the cut's feed beside the ruling
 MOST_TILT_RAD = math.radians(20.0)  # of the axis on a lead
 EASY = 0.4  # of both, where the feed does not need more
@@ -124,7 +125,8 @@ def _off_mm(leg: Leg, machine: Machine) -> float:
 class End:
     """One end of a cut: ``rows`` (3, 5) of the tip (table frame) and both rotaries, with two derivatives.
 
-    ``rates`` (axes,) are those of the joints and ``tilt`` that of the axis (rad), all per mm of s.
+    ``rates`` (axes,) and ``bends`` (axes,) are first and second derivatives of the joints, without sign, and
+    ``tilt`` is the rate of the axis (rad), all over s in mm.
     """
 
     leg: Leg
@@ -132,6 +134,7 @@ class End:
     kinematics: Kinematics
     rows: Array
     rates: Array
+    bends: Array
     tilt: float
 
     @staticmethod
@@ -149,7 +152,7 @@ class End:
         rows = np.array([[jets.jet(one).derivative(k).item() for one in (*tip, *turns)] for k in range(3)])
         rows[1:, 3:][np.abs(rows[1:, 3:]) < STANDS_RAD] = 0.0
         tilt = math.hypot(*(jets.jet(one).derivative(1).item() for one in axis))
-        return End(leg, at_start, kinematics, rows, np.abs(d.first[0]), tilt)
+        return End(leg, at_start, kinematics, rows, np.abs(d.first[0]), np.abs(d.second[0]), tilt)
 
     @property
     def edge(self) -> Edge:
@@ -190,9 +193,10 @@ class End:
 
     def _along(self, machine: Machine) -> tuple[float, float, float]:
         """Largest speed, acceleration and jerk along s that the joints allow at the ruling."""
-        least = (rates.limits(machine) / (self.rates[:, None] + 1e-12)).min(axis=0)
-        velocity, acceleration, jerk = least.tolist()
-        return min(self.leg.cut.block.feed_mm_s, velocity), acceleration, jerk
+        limits = rates.limits(machine)
+        velocity, acceleration, jerk = (limits / (self.rates[:, None] + 1e-12)).min(axis=0).tolist()
+        bent = float(np.sqrt(limits[:, 1] / (self.bends + 1e-12)).min())
+        return min(self.leg.cut.block.feed_mm_s, velocity, bent), acceleration, jerk
 
     def _ramp(self, machine: Machine) -> float:
         """The way from rest to the feed, or to what the joints' velocities leave of it."""
@@ -202,10 +206,18 @@ class End:
         return 0.5 * v * (v / acceleration + acceleration / jerk)
 
     def _bending(self, off_mm: float, machine: Machine) -> float:
-        """The way over which a cubic leads so far off that no linear axis' jerk is in the way of the feed."""
-        least = min(machine.axes[i].limits.jerk for i in machine.linear())
+        """The way L over which no axis' jerk is in the way of the feed v.
+
+        A cubic leads off, with the third derivative 6 off / L^3 on linear axes, while the cut's own bend q"
+        fades over ``MOST_FADE`` L: (6 off / L^3 + |q"| / (MOST_FADE L)) v^3 = jerk is a cubic in L with one
+        positive root.
+        """
         speed, _, _ = self._along(machine)
-        return float(speed * np.cbrt(6.0 * off_mm / least))
+        per_jerk = speed**3 / rates.limits(machine)[:, 2]
+        one, lift = np.ones(len(per_jerk)), np.zeros(len(per_jerk))
+        lift[list(machine.linear())] = 6.0 * off_mm
+        cubics = np.array([one, -self.bends * per_jerk / MOST_FADE, 0.0 * one, -lift * per_jerk])
+        return max(float(np.roots(cubic).real.max()) for cubic in cubics.T)
 
     def settling(self, machine: Machine) -> float:
         """The way at the cut's own feed beside the ruling.
@@ -221,7 +233,7 @@ class End:
 
         ``holds``: over this share of it, twice, the rotaries come to stand; 0: they turn on.
         """
-        fade = holds * length if holds else min(self._fade(length), 0.45 * length)
+        fade = holds * length if holds else min(self._fade(length), MOST_FADE * length)
         sign = -1.0 if self.at_start else 1.0
         x = sign * np.array([0.0, fade, 2.0 * fade, length])  # of s, from the ruling
         spans = self._spans(x, off_mm, bool(holds))

@@ -33,7 +33,7 @@ def test_one_command_opens_a_machine_with_its_page_and_programs_and_ends_both(tm
     try:
         assert demo.stdout is not None
         url = json.loads(demo.stdout.readline())["url"]
-        assert "/page/dx.js" in asked(url)
+        assert "/page/main.js" in asked(url)
         programs = json.loads(asked(f"{url}api/v1/programs"))["programs"]
         assert {one["name"] for one in programs} == {"example1_ready.ngc", "example2_ready.ngc"}
         browser.until(lambda: machine_answers(url), "the machine")

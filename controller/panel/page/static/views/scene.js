@@ -91,6 +91,7 @@ function View() {
     <span>${word(from)}</span></button>`;
   return html`<div class="looks scene"><div class="card scene-card">
     <div class="scene-place" role="img" aria-label=${word("picture")} ref=${place}></div>
+    <div class="scene-over">
     <div class="row scene-tools">
       ${["part", "machine"].map((frame) => html`<button key=${frame} class="act" type="button" data-scene=${`frame ${frame}`} aria-pressed=${String((picture?.frame ?? "part") === frame)} onclick=${() => see(frame)}>
         <span>${word(frame)}</span></button>`)}
@@ -105,6 +106,7 @@ function View() {
         <span>${word(key)}</span></span>`)}
       <span class="key dim" id="scene-scale"><i class="ruler"></i><span></span></span>
       <span class="dim" id="scene-said">${shown.wrong}</span>
+    </div>
     </div>
   </div></div>`;
 }
