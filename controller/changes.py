@@ -53,15 +53,15 @@ def _plain(machine: Machine, value: Set) -> object:
         return {**located(machine, value.shift.xyz, value.shift.turned_rad), "suspended": value.suspended}
     if isinstance(value, Tool):
         return {name: getattr(value, name) for name in _OF_A_TOOL}
-    if isinstance(value, tuple):
-        return {a.name: q * a.shown_per_unit for a, q in zip(machine.axes, value, strict=True)}
-    return value
+    if isinstance(value, float):
+        return value
+    return {a.name: q * a.shown_per_unit for a, q in zip(machine.axes, value, strict=True)}
 
 
 def located(machine: Machine, origin: Vector, turned_rad: Pair) -> dict[str, Any]:
     """Origin and rotaries (degrees as shown) as they stand in the file."""
     axes = (machine.axes[i] for i in machine.rotary())
-    rotary = {a.name: q * a.shown_per_unit for a, q in zip(axes, turned_rad, strict=True)}
+    rotary = {a.name: q * a.shown_per_unit for a, q in zip(axes, turned_rad, strict=False)}
     return {"origin_mm": list(origin), "rotary_deg": rotary}
 
 

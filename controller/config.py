@@ -18,6 +18,7 @@ from controller import drive_objects, equipment, offset_table, profiles
 from controller.geometry import ZERO, Vector, X, Y, Z, cross, norm, scale, subtract
 from controller.machine import (
     ARC_TOLERANCE_MM,
+    BUILDS,
     CALL_LEVELS,
     DIALECTS,
     JOINT_TOLERANCE_DEG,
@@ -31,6 +32,7 @@ from controller.machine import (
     OFFSETS,
     PROGRAM_PASSES,
     TOOL_CHANGE_S,
+    USUAL_BUILD,
     WITHOUT_POINT,
     Axis,
     Bus,
@@ -140,6 +142,7 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
         dialect=dialect,
         kept=offset_table.kept(general, dialect),
         without_point=general.text("without_point", WITHOUT_POINT, ""),
+        kinematics=general.text("kinematics", tuple(BUILDS), USUAL_BUILD),
     )
     for table in (general, tools, top):
         table.finish()
@@ -370,10 +373,10 @@ def _audit(machine: Machine, file: str, general: Table) -> None:
     """What only the whole file can show."""
     axes = Table(file, "[[axis]]", {"name": [axis.name for axis in machine.axes]})
     names = [axis.name for axis in machine.axes]
-    rotaries = [axis for axis in machine.axes if axis.is_rotary]
-    if len(names) != 5 or len(set(names)) != 5 or len(rotaries) != 2:
-        allowed = "X, Y, Z and two of A, B, C, each once"
-        axes.refuse("name", "is not a five-axis machine", allowed, "add or remove axes")
+    rotaries, build = [axis for axis in machine.axes if axis.is_rotary], BUILDS[machine.kinematics]
+    if len(rotaries) != build.rotaries or len(names) != 3 + build.rotaries or len(set(names)) != len(names):
+        problem = f"are not the axes of a machine with kinematics = {machine.kinematics!r}"
+        axes.refuse("name", problem, build.axes, "add or remove axes, or say another kinematics in [machine]")
     for axis in machine.axes:
         _audit_axis(axis, machine, file)
     equipment.audit(machine.axes, (machine.spindle, machine.io), file)
@@ -381,7 +384,8 @@ def _audit(machine: Machine, file: str, general: Table) -> None:
     if not z.travel_min <= machine.retract_mm <= z.travel_max:
         travel = f"a number {span(z.travel_min, z.travel_max)}, the travel of Z"
         general.refuse("retract_mm", "is outside of Z's travel", travel, "change one of the two")
-    _audit_rotaries(rotaries, file)
+    if len(rotaries) == 2:
+        _audit_rotaries(rotaries, file)
 
 
 def _audit_axis(axis: Axis, machine: Machine, file: str) -> None:

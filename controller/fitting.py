@@ -33,7 +33,6 @@ from controller.machine import (
     USUAL_OFFSETS,
     Machine,
     Shift,
-    five,
 )
 from controller.toml_table import ConfigError, Table
 
@@ -151,7 +150,7 @@ def with_reference(machine: Machine, key: str, values: object) -> Machine:
     """The point of G28 or G30: positions of all axes (mm, degrees as shown). Raises ConfigError."""
     Table("references", "reference", {"name": key}).text("name", REFERENCES)
     table = Table("references", key, {key: values}).table(key, key)
-    point = five([table.number(axis.name) / axis.shown_per_unit for axis in machine.axes])
+    point = tuple([table.number(axis.name) / axis.shown_per_unit for axis in machine.axes])
     table.finish()
     # Where the file has no second one it is the first, as that stood there.
     first, second = (point if key == code else machine.reference(code) for code in REFERENCES)

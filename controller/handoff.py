@@ -34,7 +34,6 @@ from typing import TYPE_CHECKING
 
 from controller.live_state import (
     ANALOGUE,
-    AXES,
     COLUMN,
     LAYOUT,
     OFF_PATH,
@@ -47,6 +46,7 @@ from controller.live_state import (
     Snapshot,
     blank,
     flat,
+    of_axes,
     snapshot_of,
 )
 from controller.pieces import (
@@ -74,6 +74,7 @@ from controller.requests import (
     send_jog,
     send_request,
 )
+from controller.state import MOST_AXES
 
 if TYPE_CHECKING:
     import numpy as np
@@ -81,7 +82,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ANALOGUE",
-    "AXES",
     "COLUMN",
     "COMMIT_LEAD_S",
     "DEAD_MAN_S",
@@ -117,6 +117,7 @@ __all__ = [
     "dwell",
     "encode",
     "flat",
+    "of_axes",
     "piece_pair",
     "plan_ids",
     "request_pair",
@@ -270,8 +271,10 @@ class SnapshotBoard:
     whose counter has moved on meanwhile reads again.
     """
 
-    def __init__(self, path: str | None = None, create: bool = True) -> None:
+    def __init__(self, path: str | None = None, create: bool = True, axes: int = MOST_AXES) -> None:
+        """``axes``: how many the machine has, for those who read."""
         self.block = SharedBlock(2 * _SLOT, path, create)
+        self._snapshot_of = snapshot_of(axes)
         self._memory, self._counter = self.block.memory, self.block.counter
         self._count = 0
 
@@ -289,7 +292,7 @@ class SnapshotBoard:
                 return None
             values = LAYOUT.unpack_from(self._memory, _COUNTER_BYTES + (count & 1) * _SLOT)
             if self._counter[0] == count:
-                return snapshot_of(values)
+                return self._snapshot_of(values)
 
 
 # ---- flight recorder: one row of float64 per tick

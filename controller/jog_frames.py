@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from controller import catalogue
 from controller.geometry import Frame, Vector, X, Y, Z, norm, rotate, scale, subtract, unit
 from controller.kinematics import Kinematics
-from controller.machine import Joints, Kind, Machine, five
+from controller.machine import Joints, Kind, Machine
 from controller.pieces import Jog
 
 FRAMES = ("joint", "part", "tool")
@@ -79,7 +79,7 @@ def to(machine: Machine, joints: Sequence[float], target: Sequence[float], speed
 
     ``speed``: mm/s of the slides, or rad/s where only rotaries move. The tick ends on ``target`` itself.
     """
-    way = five([b - a for a, b in zip(joints, target, strict=True)])
+    way = tuple([b - a for a, b in zip(joints, target, strict=True)])
     slides = math.hypot(*(way[i] for i in machine.linear()))
     length = slides or math.hypot(*way)
     return Jog(way, speed / length, 1.0) if length > 0.0 else None
@@ -131,13 +131,12 @@ def _joint(machine: Machine, name: str) -> Joints:
     if name not in names:
         raise JogError("jog_axis", axis=name, allowed=", ".join(names))
     sign = math.copysign(1.0, machine.axes[names.index(name)].shown_per_unit)
-    return five([sign if one == name else 0.0 for one in names])
+    return tuple([sign if one == name else 0.0 for one in names])
 
 
 def _of_part(machine: Machine, kinematics: Kinematics, joints: Sequence[float], way: Vector) -> Vector:
     """What the slides do for a way of the table frame; the tables carry it."""
-    first, second = machine.rotary()
-    pair = joints[first], joints[second]
+    pair = machine.pair(joints, 0.0)
     return subtract(kinematics.linear(way, pair, 0.0), kinematics.linear((0.0, 0.0, 0.0), pair, 0.0))
 
 
@@ -153,8 +152,8 @@ def _slides(machine: Machine, way: Vector) -> Joints:
     """A way of X, Y and Z as joints of length 1, without what rounding has left."""
     x, y, z = scale(way, 1.0 / norm(way))
     found = dict(zip(machine.linear(), (x, y, z), strict=True))
-    return five([q if abs(q := found.get(i, 0.0)) > _NOISE else 0.0 for i in range(5)])
+    return tuple([q if abs(q := found.get(i, 0.0)) > _NOISE else 0.0 for i in range(len(machine.axes))])
 
 
 def _times(line: Joints, sign: float) -> Joints:
-    return five([sign * d for d in line])
+    return tuple([sign * d for d in line])

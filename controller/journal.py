@@ -29,7 +29,7 @@ import numpy.typing as npt
 
 from controller import catalogue, whole
 from controller.handoff import COLUMN, Snapshot
-from controller.machine import REFERENCES, Joints, Machine, five
+from controller.machine import REFERENCES, Joints, Machine
 from controller.plan.route.spot import ENTRY_ID, FORMER, Spot
 from controller.state import FAULTS, Mode, Reaction
 
@@ -143,7 +143,7 @@ def _entry(values: Any) -> Entry:
     job = values.pop("job")
     line, fraction, motion_id, s = values.pop("spot")
     spot = Spot(int(line), float(fraction), int(motion_id), float(s))
-    start = five([float(q) for q in job.pop("start")])
+    start = tuple([float(q) for q in job.pop("start")])
     return Entry(job=Job(start=start, **job), spot=spot, **values)
 
 

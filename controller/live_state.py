@@ -6,22 +6,25 @@ of recordings), the fields of the status and of its OpenAPI model, the scope's s
 README.md. Likewise ``DriveRow`` for what the status tells of a drive.
 
 A value is taken from the attribute of the same name at its owner, a part of the tick. No place is counted,
-so no two values can be taken for one another. How they are taken is compiled when this is imported, as
-``dataclasses`` does it: a tick reads its attributes and nothing else.
+so no two values can be taken for one another. How they are taken is compiled, as ``dataclasses`` does it: a
+tick reads its attributes and nothing else. What each axis has stands in ``MOST_AXES`` places; those that a
+machine of fewer axes leaves are 0, and are not read.
 """
 
 from __future__ import annotations
 
+import itertools
 import struct
 from collections.abc import Callable, Iterator
 from enum import Enum
+from functools import cache
 from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 from controller.requests import ANSWERS, PLAN_IDS, Outcome, outcome
-from controller.state import Fault, Mode
+from controller.state import MOST_AXES, Fault, Mode
 
-AXES = 5
 ANALOGUE = 4  # outputs at most
+EACH_AXIS = 0  # in place of ``many``
 Flat = tuple[float, ...]  # the values of one tick in the order in which they stand here
 
 
@@ -38,7 +41,7 @@ class Value(NamedTuple):
     column: str = ""  # of the recorder's row; of an axis' value: with its number behind
     status: str = ""
     signal: str = ""
-    many: int = 1  # more than one: a tuple of so many
+    many: int = 1  # more than one: a tuple of so many; ``EACH_AXIS``: one of each axis
     code: str = ""  # of ``struct``, where it is not that of the type
 
 
@@ -83,13 +86,13 @@ class Snapshot(NamedTuple):
         signal="feed mm/min 60",
     )
     joints: tuple[float, ...] = _value(
-        "follow", "commanded positions of the axes", "mm, rad", "joint_command", many=AXES
+        "follow", "commanded positions of the axes", "mm, rad", "joint_command", many=EACH_AXIS
     )
     setpoints: tuple[int, ...] = _value(
-        "encoder", "the same as sent to the drives", "counts", "setpoint", many=AXES
+        "encoder", "the same as sent to the drives", "counts", "setpoint", many=EACH_AXIS
     )
     actual: tuple[float, ...] = _value(
-        "encoder", "positions that the drives have told", "mm, rad", "actual", many=AXES
+        "encoder", "positions that the drives have told", "mm, rad", "actual", many=EACH_AXIS
     )
     lateness_s: float = _value("cycle", "of this tick", "s", "lateness_s", signal="lateness µs 1e6")
     sync_sent: bool = _value("cycle", "SYNC went out in this tick", column="sync_sent", signal="sync_sent")
@@ -135,8 +138,8 @@ class Snapshot(NamedTuple):
     epoch: int = _value("follow", "queues given up so far")
     homed: int = _value("modes", "axes that have their zero, bit mask")
     untrusted: int = _value("modes", "axes that must be homed before a start, bit mask")
-    drive_states: tuple[int, ...] = _value("telling", "of CiA 402", many=AXES)
-    malformed: tuple[int, ...] = _value("telling", "frames of a wrong length from each drive", many=AXES)
+    drive_states: tuple[int, ...] = _value("telling", "of CiA 402", many=EACH_AXIS)
+    malformed: tuple[int, ...] = _value("telling", "frames of a wrong length from each drive", many=EACH_AXIS)
     skips: int = _value("cycle", "ticks that sent no SYNC", status="tick.skips")
     late_max_s: float = _value("cycle", "the latest tick so far", "s", status="tick.late_max_ms ms 1e3")
     accepted: int = _value("cycle", "sequence of the last message taken")
@@ -223,6 +226,15 @@ class Field(NamedTuple):
     value: Value
 
     @property
+    def many(self) -> int:
+        """Places that it takes in the layout."""
+        return MOST_AXES if self.is_of_axes else self.value.many
+
+    @property
+    def is_of_axes(self) -> bool:
+        return self.value.many == EACH_AXIS
+
+    @property
     def part(self) -> str:
         return self.value.owner.partition(".")[0]
 
@@ -240,7 +252,7 @@ class Field(NamedTuple):
 
     @property
     def columns(self) -> tuple[str, ...]:
-        name, many = self.value.column, self.value.many
+        name, many = self.value.column, self.many
         return (name,) if many == 1 else tuple(f"{name}_{i}" for i in range(many))
 
 
@@ -250,14 +262,14 @@ _CODES = {bool: "?", float: "d"}  # of ``struct``; all others are whole numbers
 def _declared() -> Iterator[Field]:
     hints = get_type_hints(Snapshot)
     for name, value in Snapshot._field_defaults.items():
-        kind = get_args(hints[name])[0] if value.many > 1 else hints[name]
+        kind = hints[name] if value.many == 1 else get_args(hints[name])[0]
         yield Field(name, kind, value.code or _CODES.get(kind, "q"), value)
 
 
 FIELDS = tuple(_declared())
 Snapshot.__new__.__defaults__ = None  # they have been read: a value has no default
 PARTS = tuple(sorted({field.part for field in FIELDS}))  # of the tick, that write
-LAYOUT = struct.Struct("<" + "".join(f"{field.value.many}{field.code}" for field in FIELDS))
+LAYOUT = struct.Struct("<" + "".join(f"{field.many}{field.code}" for field in FIELDS))
 ROW = tuple(column for field in FIELDS if field.value.column for column in field.columns)
 COLUMN = {name: i for i, name in enumerate(ROW)}
 
@@ -269,20 +281,21 @@ SIGNALS = {  # of the scope, that are columns; by their names
 }
 
 
-def _written() -> str:
+def _written(axes: int) -> str:
     """A function that takes the parts of the tick and gives the flat values."""
-    values = (f"{'*' * (f.value.many > 1)}{f.part}.{f.attribute}" for f in FIELDS)
+    left = ", 0" * (MOST_AXES - axes)
+    values = (f"{'*' * (f.many > 1)}{f.part}.{f.attribute}{left * f.is_of_axes}" for f in FIELDS)
     return f"lambda {', '.join(PARTS)}: ({', '.join(values)})"
 
 
-def _read() -> str:
+def _read(axes: int) -> str:
     """A function that takes the flat values and gives the snapshot."""
     values, at = [], 0
     for field in FIELDS:
-        end = at + field.value.many
-        one = f"v[{at}]" if field.value.many == 1 else f"v[{at}:{end}]"
+        end = at + (axes if field.is_of_axes else field.many)
+        one = f"v[{at}]" if field.many == 1 else f"v[{at}:{end}]"
         values.append(f"{field.type.__name__}[{one}]" if issubclass(field.type, Enum) else one)
-        at = end
+        at += field.many
     return f"lambda v: Snapshot({', '.join(values)})"
 
 
@@ -291,18 +304,35 @@ def _compiled(source: str) -> Any:
     return eval(source, {"Snapshot": Snapshot, **enums})
 
 
-gather: Callable[..., Flat] = _compiled(_written())  # of the parts in the order of ``PARTS``
-snapshot_of: Callable[[Flat], Snapshot] = _compiled(_read())
+@cache
+def gather(axes: int) -> Callable[..., Flat]:
+    """Of a machine of so many axes: takes the parts of the tick in the order of ``PARTS``."""
+    return _compiled(_written(axes))  # type: ignore[no-any-return]
+
+
+@cache
+def snapshot_of(axes: int) -> Callable[[Flat], Snapshot]:
+    """Of a machine of so many axes: takes the flat values."""
+    return _compiled(_read(axes))  # type: ignore[no-any-return]
 
 
 def flat(now: Snapshot) -> Flat:
     """The values of a snapshot as they are written; what a test makes up, for instance."""
-    return tuple(one for value in now for one in (value if isinstance(value, tuple) else (value,)))
+    left = (0,) * (MOST_AXES - len(now.joints))
+    rows = zip(FIELDS, now, strict=True)
+    each = ((*value, *left * f.is_of_axes) if isinstance(value, tuple) else (value,) for f, value in rows)
+    return tuple(itertools.chain.from_iterable(each))
 
 
-def blank() -> Snapshot:
+def blank(axes: int = MOST_AXES) -> Snapshot:
     """In place of the first snapshot: nothing is on, and no axis has found its zero."""
-    return snapshot_of(LAYOUT.unpack(bytes(LAYOUT.size)))
+    return snapshot_of(axes)(LAYOUT.unpack(bytes(LAYOUT.size)))
+
+
+def of_axes(column: str, axes: int) -> slice:
+    """The columns of so many axes in the recorder's row, by the name that they share."""
+    first = COLUMN[f"{column}_0"]
+    return slice(first, first + axes)
 
 
 def told(now: Snapshot) -> dict[str, Any]:
@@ -328,8 +358,9 @@ def markdown() -> str:
 
 
 def _line(field: Field) -> tuple[str, ...]:
-    many, value = field.value.many, field.value
-    kind = f"{many} x {field.type.__name__}" if many > 1 else field.type.__name__
+    many, value = field.many, field.value
+    count = "axes x " if field.is_of_axes else f"{many} x " * (many > 1)
+    kind = f"{count}{field.type.__name__}"
     column = f"{value.column}_0 ..." if many > 1 and value.column else value.column
     shown = (" ".join(one[:2]).strip() if one else "" for one in (field.status, field.signal))
     owner = f"{field.part}.{field.attribute}"

@@ -11,9 +11,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import NamedTuple, TypeVar
 
 from controller.geometry import ZERO, Frame, Vector
 from drives.profile import Override
+
+T = TypeVar("T")
 
 MAX_QUICK_STOP_S = 3.0  # where the machine file says nothing
 ARC_TOLERANCE_MM = 0.05  # between the radii at both ends of an arc, where the machine file says nothing
@@ -38,15 +41,24 @@ USUAL_OFFSETS = OFFSETS[:6]  # that every machine shows, set or not
 REFERENCES = ("G28", "G30")  # the reference points, as programs name them
 KEPT_NUMBERS = (31, 5000)  # parameters that a machine may keep from program to program
 
-Joints = tuple[float, float, float, float, float]
+
+class Build(NamedTuple):
+    """What axes a machine has beside X, Y and Z."""
+
+    rotaries: int
+    axes: str  # all of them, in words
+
+
+BUILDS = {  # by ``kinematics`` of the machine file; who computes them is in ``controller.kinematics``
+    "two_rotaries": Build(2, "X, Y, Z and two of A, B, C, each once"),
+    "one_rotary": Build(1, "X, Y, Z and one of A, B, C, each once"),
+    "no_rotary": Build(0, "X, Y and Z, each once"),
+}
+USUAL_BUILD = "two_rotaries"
+
+Joints = tuple[float, ...]  # one of each axis of the machine, in the order of its file
 Pair = tuple[float, float]
 STILL: Pair = (0.0, 0.0)
-
-
-def five(values: Sequence[float]) -> Joints:
-    """Five values as joints; raises ValueError where there are not five."""
-    a, b, c, d, e = values
-    return (a, b, c, d, e)
 
 
 class Kind(Enum):
@@ -386,6 +398,7 @@ class Machine:
     suspended: bool = False  # ... but for G92.2
     kept: tuple[tuple[int, int], ...] = ()  # numbered parameters, from to, that outlive a program ...
     parameters: tuple[tuple[int, float], ...] = ()  # ... and their values, where one has set them
+    kinematics: str = USUAL_BUILD  # of ``BUILDS``
 
     def offset(self, index: int) -> Offset:
         """A work offset, as ``OFFSETS`` counts; one that nobody has set is the machine's zero."""
@@ -394,7 +407,7 @@ class Machine:
 
     def reference(self, code: str) -> Joints:
         """Where G28 or G30 leads: as set, else where the axes are homed to (mm, rad)."""
-        return five([_reference(axis, code == REFERENCES[1]) for axis in self.axes])
+        return tuple(_reference(axis, code == REFERENCES[1]) for axis in self.axes)
 
     def part(self, index: int = 0) -> Frame:
         """The frame in which a program begins to read positions: a work offset under the shift of G92."""
@@ -413,15 +426,28 @@ class Machine:
         (a, b), (c, d) = self.offset(0).turned_rad, STILL if self.suspended else self.shift.turned_rad
         return a + c, b + d
 
+    @property
+    def every_axis(self) -> int:
+        """Bit mask of all axes."""
+        return (1 << len(self.axes)) - 1
+
     def linear(self) -> tuple[int, int, int]:
         """Indices of X, Y and Z in ``axes``."""
         names = [axis.name for axis in self.axes]
         return names.index("X"), names.index("Y"), names.index("Z")
 
-    def rotary(self) -> tuple[int, int]:
-        """Indices of the two rotaries, in the file's order."""
-        first, second = (i for i, axis in enumerate(self.axes) if axis.is_rotary)
+    def rotary(self) -> tuple[int, ...]:
+        """Indices of the rotaries, in the file's order: two, or as many as the machine has."""
+        return tuple(i for i, axis in enumerate(self.axes) if axis.is_rotary)
+
+    def pair(self, values: Sequence[T], none: T) -> tuple[T, T]:
+        """Of the values of all axes those of the two rotaries; ``none`` for one that the machine has not."""
+        first, second = (*(values[i] for i in self.rotary()), none, none)[:2]
         return first, second
+
+    def turns(self) -> tuple[Pair, Pair]:
+        """The travel of the two rotaries, (least, most) in rad; of one that the machine has not its 0."""
+        return self.pair([(axis.travel_min, axis.travel_max) for axis in self.axes], STILL)
 
     def tool(self, number: int) -> Tool | None:
         """A tool of the table as it is cut with: worn."""

@@ -1,4 +1,4 @@
-"""What one block does along its own length: a distance in, five joints out.
+"""What one block does along its own length: a distance in, joints out.
 
 A motion knows nothing of time. ``plan`` puts a motion law on it, ``tick`` evaluates
 it at every period, and both call the same ``joints``; a piece carries the motion
@@ -78,15 +78,12 @@ class JointMove:
     end: float
     start_rotaries: Rotaries
     end_rotaries: Rotaries
-    order: tuple[int, int, int, int, int]  # joint i takes value order[i] of (x, y, z, first, second rotary)
 
     def joints(self, s: float, near: Rotaries, kinematics: Kinematics) -> Joints | None:
         share = s / self.end if self.end > 0.0 else 0.0
         (a0, b0), (a1, b1) = self.start_rotaries, self.end_rotaries
         x, y, z = self.curve.at(share)
-        values = (x, y, z, a0 + (a1 - a0) * share, b0 + (b1 - b0) * share)
-        order = self.order
-        return (values[order[0]], values[order[1]], values[order[2]], values[order[3]], values[order[4]])
+        return kinematics.arrange((x, y, z, a0 + (a1 - a0) * share, b0 + (b1 - b0) * share))
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,8 +121,7 @@ class ToolLine:
             (a0, b0), (a1, b1) = self.start_rotaries, self.end_rotaries
             a, b = a0 + (a1 - a0) * share, b0 + (b1 - b0) * share
             x, y, z = kinematics.linear(tip, (a, b), self.length_mm)
-            values, order = (x, y, z, a, b), kinematics.order
-            return (values[order[0]], values[order[1]], values[order[2]], values[order[3]], values[order[4]])
+            return kinematics.arrange((x, y, z, a, b))
         angle = self.angle_rad * share
         c, w = math.cos(angle), math.sin(angle)
         (ax, ay, az), (bx, by, bz) = self.axis, self.across
@@ -191,8 +187,7 @@ class ToolSpline:
         b = b0 + h * (b1 + h * (b2 + h * b3))
         if self.tips:
             x, y, z = kinematics.linear((x, y, z), (a, b), self.length_mm)
-        values, order = (x, y, z, a, b), kinematics.order
-        return (values[order[0]], values[order[1]], values[order[2]], values[order[3]], values[order[4]])
+        return kinematics.arrange((x, y, z, a, b))
 
 
 Motion = SurfaceCut | JointMove | ToolLine | ToolSpline

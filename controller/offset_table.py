@@ -41,9 +41,11 @@ def rotary(table: Table, key: str, axes: Sequence[Axis], before: Pair = STILL) -
     if not table.has(key):
         return before
     entry = table.table(key, key)
-    a, b = (entry.number(axis.name, default=0.0) / axis.shown_per_unit for axis in axes if axis.is_rotary)
+    rotaries = (axis for axis in axes if axis.is_rotary)
+    found = [entry.number(axis.name, default=0.0) / axis.shown_per_unit for axis in rotaries]
     entry.finish()
-    return a, b
+    first, second = (*found, 0.0, 0.0)[:2]
+    return first, second
 
 
 def offset(table: Table, name: str, axes: Sequence[Axis], before: Pair = STILL) -> Offset:

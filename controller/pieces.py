@@ -61,7 +61,7 @@ class Jog(NamedTuple):
     until p = ``length``. Joints in mm and rad; ``speed`` is dp/dt.
     """
 
-    direction: tuple[float, float, float, float, float]
+    direction: tuple[float, ...]  # of each axis
     speed: float
     length: float = math.inf
 

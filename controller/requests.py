@@ -16,11 +16,14 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from controller.pieces import Jog
-from controller.state import Request
+from controller.state import MOST_AXES, Request
 
 _REQUEST = struct.Struct("<BId")
-_JOG = struct.Struct("<BI7d")
-_ARRANGED = _JOG  # of the same size, told apart by the code
+
+
+def _of_axes(axes: int) -> struct.Struct:
+    """A jog, or what commissioning has found: the code tells which."""
+    return struct.Struct(f"<BI{2 + axes}d")
 
 
 PLAN_IDS = 1 << 31  # from here on the numbers are of the plan, which asks on the same socket
@@ -59,7 +62,7 @@ class Arrangement(NamedTuple):
 
     quick_stop_s: float  # the longest of their own stops
     spindle_units: float  # of the spindle's velocity, in one count per second
-    axis_units: tuple[float, ...]  # likewise of the five axes
+    axis_units: tuple[float, ...]  # likewise of the axes
 
 
 def request_pair() -> tuple[socket.socket, socket.socket]:
@@ -77,13 +80,14 @@ def send_request(operator_end: socket.socket, request: Request, value: float = 0
 
 def send_jog(operator_end: socket.socket, jog: Jog, number: int = 0) -> None:
     """Ask the tick to jog, or to go on with it; raises BlockingIOError when its queue is full."""
-    operator_end.send(_JOG.pack(Request.JOG, number, jog.speed, jog.length, *jog.direction))
+    line = _of_axes(len(jog.direction))
+    operator_end.send(line.pack(Request.JOG, number, jog.speed, jog.length, *jog.direction))
 
 
 def send_arrangement(operator_end: socket.socket, found: Arrangement) -> None:
     """Tell the tick what commissioning has found; raises BlockingIOError when its queue is full."""
     values = found.quick_stop_s, found.spindle_units, *found.axis_units
-    operator_end.send(_ARRANGED.pack(Request.ARRANGED, 0, *values))
+    operator_end.send(_of_axes(len(found.axis_units)).pack(Request.ARRANGED, 0, *values))
 
 
 class RequestInbox:
@@ -93,11 +97,13 @@ class RequestInbox:
     the last ``Request.ARRANGED`` told.
     """
 
-    def __init__(self, tick_end: socket.socket) -> None:
+    def __init__(self, tick_end: socket.socket, axes: int = MOST_AXES) -> None:
+        """``axes``: how many the machine has; what is of other ones is not looked at."""
         self._socket = tick_end
+        self._of_axes = _of_axes(axes)
         self._poll = select.poll()  # a third of what it costs to receive nothing
         self._poll.register(tick_end, select.POLLIN)
-        self._buffer = bytearray(_JOG.size)
+        self._buffer = bytearray(self._of_axes.size)
         self.number = 0
         self.jog: Jog | None = None
         self.arranged: Arrangement | None = None
@@ -114,15 +120,17 @@ class RequestInbox:
             code, self.number, value = _REQUEST.unpack_from(self._buffer)
             if length == _REQUEST.size and code in _REQUESTS:
                 return _REQUESTS[code], value
-            if length == _JOG.size and code == Request.JOG:
-                _, _, speed, way, a, b, c, d, e = _JOG.unpack(self._buffer)
-                self.jog = Jog((a, b, c, d, e), speed, way)
-                return Request.JOG, speed
-            if length == _ARRANGED.size and code == Request.ARRANGED:
-                _, _, stop_s, spindle, *axes = _ARRANGED.unpack(self._buffer)
-                self.arranged = Arrangement(stop_s, spindle, tuple(axes))
-                return Request.ARRANGED, stop_s
+            if length == self._of_axes.size and code in (Request.JOG, Request.ARRANGED):
+                return self._taken(*self._of_axes.unpack(self._buffer))
         return None
+
+    def _taken(self, code: int, number: int, one: float, other: float, *axes: float) -> tuple[Request, float]:
+        """What has a value for each axis."""
+        if code == Request.JOG:
+            self.jog = Jog(axes, one, other)
+            return Request.JOG, one
+        self.arranged = Arrangement(one, other, axes)
+        return Request.ARRANGED, one
 
 
 _REQUESTS = {request.value: request for request in Request if request not in (Request.JOG, Request.ARRANGED)}

@@ -166,7 +166,8 @@ def follows(mode: Mode, request: Request) -> Mode | None:
 
 
 MOVES = (Request.START, Request.RESUME, Request.HOME, Request.ENABLE, Request.JOG)
-ALL_AXES = 0x1F
+MOST_AXES = 5  # of a machine: for so many there is room in what is laid out once for all (live state, masks)
+ALL_AXES = (1 << MOST_AXES) - 1
 
 
 def bars(interlock: Fault, request: Request) -> bool:
@@ -204,12 +205,17 @@ def refusal(
         why = catalogue.refusal(condition, language)
     elif bars(interlock, request):
         why = sentence(interlock, language=language)
-    elif request is Request.START and (missing := untrusted | (ALL_AXES & ~homed)):
+    elif request is Request.START and (missing := untrusted | (_every(axes) & ~homed)):
         names = ", ".join(name for i, name in enumerate(axes) if missing >> i & 1)
         why = catalogue.refusal("not_homed", language, axes=names or catalogue.Key("some_axes"))
     else:
         return ""
     return catalogue.refusal("refused", language, request=request.name, mode=mode.name, why=why)
+
+
+def _every(axes: Sequence[str]) -> int:
+    """Bit mask of all axes of a machine; of all that there can be where nobody has named them."""
+    return (1 << len(axes)) - 1 if axes else ALL_AXES
 
 
 def _where_then(mode: Mode, request: Request, language: str) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.machines.shipped_kinds import TILTING
 from typer.testing import CliRunner
 
 from controller import __main__ as command_line
@@ -495,8 +496,8 @@ def test_unchecked_runs_a_sound_program_to_its_end(at_work, no_second_look):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("machine", config.shipped())
-def test_every_shipped_program_can_run_on_every_shipped_machine(machine):
+@pytest.mark.parametrize("machine", TILTING)
+def test_every_shipped_program_can_run_on_every_shipped_machine_that_tilts_the_tool(machine):
     for name in SHIPPED:
         code, found = as_json("check", config.shipped_program(name), "--machine", machine, "--gouge", "warn")
         lengths = [94.2478] if "1" in name else [50.5115, 36.7618]
@@ -504,7 +505,7 @@ def test_every_shipped_program_can_run_on_every_shipped_machine(machine):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("machine", config.shipped())
+@pytest.mark.parametrize("machine", TILTING)
 def test_the_cone_is_simulated_on_every_shipped_machine_as_long_as_planned(machine):
     words = (config.shipped_program("example1"), "--machine", machine)
     _, found = as_json("check", *words)

@@ -414,9 +414,7 @@ def _demo(part: str, out: Path, made: Machine, store: Path | None, unchecked: bo
     picture, trace_file = out / f"{part}.png", out / f"{part}.npz"
     _writable(picture, trace_file)
     if not as_json:
-        tell.print(
-            f"Starting the virtual bus, five simulated drives, plan and tick; {file.name} on {made.name}."
-        )
+        tell.print(f"Starting the virtual bus, simulated drives, plan and tick; {file.name} on {made.name}.")
     cut = demos.cut(made, file, store or stored.folder(), unchecked, as_json)
     task = checked.task(file.read_bytes(), file.name, made)
     kept = None if unchecked else _kept(task, store, as_json)

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, ConfigDict, Field
 
 from controller.panel.models_of_tick import DriveFacts, OfTick
+from controller.state import MOST_AXES
 
 Axis = Annotated[str, Field(pattern=r"^[XYZABC]$", description="Name of an axis of the machine file.")]
 Frame = Literal["joint", "part", "tool"]
@@ -79,7 +80,9 @@ class RapidShare(Sent):
 
 
 class Home(Sent):
-    axes: Annotated[list[Axis] | None, Field(min_length=1, max_length=5, description="null: all.")] = None
+    axes: Annotated[
+        list[Axis] | None, Field(min_length=1, max_length=MOST_AXES, description="null: all.")
+    ] = None
 
 
 class Jog(Sent):

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 
 from controller.handoff import Snapshot
 from controller.kinematics import Kinematics
-from controller.machine import Joints, Machine, five
+from controller.machine import Joints, Machine
 from controller.plan.route import audit, entry
 from controller.plan.route.entry import along_axis
 from controller.plan.route.spot import Spot
@@ -74,7 +74,7 @@ class Aside:
 
     def see(self, now: Snapshot) -> None:
         """Note where a jog has led; call it with every snapshot."""
-        here = five(now.joints)
+        here = now.joints
         if self._last is not None and _off_line(self.turns[-1], self._last, here) > CORNER_MM:
             self.turns.append(self._last)
         self._last = here

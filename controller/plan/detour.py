@@ -13,7 +13,7 @@ import numpy as np
 
 from controller.handoff import Snapshot
 from controller.kinematics import Kinematics
-from controller.machine import Machine, five
+from controller.machine import Machine
 from controller.plan import aside
 from controller.plan.aside import NO_RETRACT, NO_RETURN, Aside, NotPossible
 from controller.plan.route.path import Chain, Pause, Stretch
@@ -66,7 +66,7 @@ class Detour:
         aside.see_held(now, "return")
         away.see(now)
         target = away.held if rest is None else rest.target.joints
-        here = five(now.joints)
+        here = now.joints
         track = self._track(aside.back(away, here, target, lengths_mm, self._machine, self._kinematics))
         if rest is not None:
             path = Track(rest.opened(rest.items), self._machine, self._kinematics)
@@ -127,4 +127,4 @@ def _leaving(now: Snapshot, left: Left | None, spot: Spot | None, by_mm: float) 
     what, feed_mm_s = unit.what, math.inf
     if isinstance(what, Stretch):
         feed_mm_s = float(what.feed_at(np.array([left[1].s]))[0])
-    return Aside(spot, five(now.joints), what.place, feed_mm_s, by_mm), left
+    return Aside(spot, now.joints, what.place, feed_mm_s, by_mm), left

@@ -39,7 +39,7 @@ class Samples:
     """A motion on a dense row of places."""
 
     s: Array  # (N,)
-    joints: Array  # (N, 5)
+    joints: Array  # (N, axes)
     tips: Array  # (N, 3), table frame
     axes: Array  # (N, 3)
     height_mm: float  # from tip to top
@@ -52,7 +52,7 @@ class Samples:
 def corners(
     stretch: Stretch, kinematics: Kinematics, form: Form, length_mm: float, height_mm: float, chord_mm: float
 ) -> tuple[Array, Array]:
-    """Places s (N + 1,) and joints (N + 1, 5) of the corners of a motion's chords, its start among them."""
+    """Places s (N + 1,) and joints (N + 1, axes) of the corners of a motion's chords, its start too."""
     if isinstance(stretch.motion, JointMove) and stretch.feed_mm_s is None:
         return np.array([0.0, stretch.motion.end]), np.array([stretch.start, stretch.end])
     count = FIRST_SAMPLES
@@ -75,10 +75,9 @@ def sampled(
 
 def poses(joints: Array, length_mm: float, kinematics: Kinematics) -> Ends:
     """Tips and axes (N, 3) in the table frame."""
-    a, b, c, d, e = joints.T
-    pose: Any = kinematics.forward((a, b, c, d, e), length_mm, np)
+    pose: Any = kinematics.forward([*joints.T], length_mm, np)
     tip, axis = (
-        np.stack([np.broadcast_to(np.asarray(x, dtype=float), a.shape) for x in vector], axis=1)
+        np.stack([np.broadcast_to(np.asarray(x, dtype=float), (len(joints),)) for x in vector], axis=1)
         for vector in (pose.tip, pose.axis)
     )
     return tip, axis

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from controller.door import FACTS
 from controller.handoff import Snapshot
-from controller.machine import Joints, five
+from controller.machine import Joints
 from controller.service.orders import Order
 from controller.service.refused import refused
 from controller.state import Mode
@@ -48,7 +48,7 @@ class Awaited:
 
 
 def _queue(now: Snapshot) -> tuple[int, Joints]:
-    return now.epoch, five(now.joints)
+    return now.epoch, now.joints
 
 
 def _error(key: str, mode: str = "") -> tuple[str, ...]:

@@ -102,7 +102,7 @@ class Desk:
             "commissioned": service.commissioned,
         }
         if found is None or found.tick < 0:
-            return {**status.not_begun(self._told(blank())), **kept}
+            return {**status.not_begun(self._told(blank(len(service.machine.axes)))), **kept}
         if not alive:
             return {**status.unseen(self._told(status.ended(found))), **kept}
         return {**self._told(found), **kept}

@@ -102,7 +102,8 @@ class Engine:
         self.end_run()
         self._starts += 1
         paths = [str(self._folder / f"{name}.{self._starts}") for name in ("snapshot", "recorder")]
-        board, recorder = SnapshotBoard(paths[0]), Recorder(paths[1])
+        board = SnapshotBoard(paths[0], axes=len(self.machine.axes))
+        recorder = Recorder(paths[1])
         plan_end, piece_end = piece_pair()
         operator, request_end = request_pair()
         with piece_end, request_end:

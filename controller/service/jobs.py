@@ -12,7 +12,7 @@ from typing import Any
 from controller import journal
 from controller.changes import Change
 from controller.handoff import Snapshot
-from controller.machine import Joints, Machine, Tool, five
+from controller.machine import Joints, Machine, Tool
 from controller.plan.report.passing import Mark, Passed, passed_s
 from controller.plan.route.spot import ENTRY_ID, Spot
 from controller.plan.text import linked
@@ -296,7 +296,7 @@ def whole_from(start: Start | None) -> Joints | None:
 
 def homed_position(machine: Machine) -> Joints:
     """Where the axes stand when all of them have been homed (mm, rad)."""
-    return five(tuple(axis.homing.position for axis in machine.axes))
+    return tuple(axis.homing.position for axis in machine.axes)
 
 
 def mdi(text: str, machine: Machine) -> Job:

@@ -10,7 +10,7 @@ from controller.door import DoorError
 from controller.geometry import Frame
 from controller.handoff import Jog, Snapshot
 from controller.jog_frames import JogError
-from controller.kinematics import Kinematics
+from controller.kinematics import Kinematics, kinematics_of
 from controller.machine import Machine
 from controller.state import Mode
 
@@ -99,5 +99,5 @@ class Jogging:
 
     def _kinematics_of(self, machine: Machine) -> Kinematics:
         if self._kinematics is None or self._of is not machine:
-            self._of, self._kinematics = machine, Kinematics(machine)
+            self._of, self._kinematics = machine, kinematics_of(machine)
         return self._kinematics

@@ -20,8 +20,8 @@ from typing import Any
 
 from controller.geometry import Frame
 from controller.handoff import Snapshot
-from controller.kinematics import Kinematics
-from controller.machine import STILL, Machine, Pair, five
+from controller.kinematics import kinematics_of
+from controller.machine import STILL, Machine, Pair
 from controller.motions import SurfaceCut
 from controller.plan.aside import NotPossible
 from controller.plan.report.passing import passed_s, place_of
@@ -259,9 +259,7 @@ class Planning:
     def _beside(self, order: Order) -> dict[str, Any]:
         """How far off the path the drives came to rest by themselves."""
         program, now = _program(order), self._end.snapshot()
-        found = beside(
-            self._rest(program, self._kept(program)), five(now.actual), Kinematics(program.machine)
-        )
+        found = beside(self._rest(program, self._kept(program)), now.actual, kinematics_of(program.machine))
         return {"sentence": found.sentence if found is not None else ""}
 
     def _watched(self, items: Iterable[Chain | Pause], spot: Spot | None) -> Iterator[Chain | Pause]:
@@ -431,7 +429,7 @@ class Planning:
 def _start(program: Program, now: Snapshot) -> Start:
     """From where the machine stands."""
     return Start(
-        five(now.joints),
+        now.joints,
         now.queue_end_s,
         program.spot,
         program.start,

@@ -8,7 +8,7 @@ A folder per run in the state folder:
         events.jsonl     what came to the tick, as ``simulate --events`` reads it (``session.events``)
         program.ngc      what was run, with the subs of other files
         machine.toml     the machine file, with its tool table
-        setpoints.part   tick and the five setpoints of every tick (int32), while it is under way or lost
+        setpoints.part   tick and the setpoints of every tick (int32), while it is under way or lost
         setpoints.npz    the same rows of a run that was ended
 
 Ticks count from cycle start, and those alone that sent a SYNC: the path clock counts no others.
@@ -43,6 +43,7 @@ from controller.handoff import (
     WAITED,
     Outcome,
     Snapshot,
+    of_axes,
 )
 from controller.journal import sha256
 from controller.machine import Machine
@@ -63,7 +64,6 @@ LAG_TICKS = 2  # from a setpoint to the feedback that can have followed it
 Rows = npt.NDArray[np.float64]
 
 _TAKEN = [COLUMN[name] for name in SETPOINTS]
-_COMMAND, _ACTUAL = COLUMN["joint_command_0"], COLUMN["actual_0"]
 _SWITCHES = {SINGLE_BLOCK: "single_block", OPTIONAL_STOP: "optional_stop"}
 _NAMES = {request: name for name, request in {**events.REQUESTS, **events.RECORDED}.items()}
 # They come again by themselves, for it is the tick that finds them in what it has been given.
@@ -80,9 +80,11 @@ class RunRecord:
         self.stopped = False  # by an operator
         self.last_tick = -1
         self._cut_ticks = 0
-        self._errors = np.zeros(5)
+        axes = len(machine.axes)
+        self._command, self._actual = of_axes("joint_command", axes), of_axes("actual", axes)
+        self._errors = np.zeros(axes)
         self._before: Rows | None = None
-        self._commands = np.zeros((0, 5))
+        self._commands = np.zeros((0, axes))
         self._events = RunEvents()
         self._flags, self._fault = 0, Fault.NONE  # as the last row had them
         self._refused: set[int] = set()  # numbers of requests
@@ -190,8 +192,8 @@ class RunRecord:
     def _measure(self, rows: Rows) -> None:
         cutting = (rows[:, COLUMN["cutting"]] != 0.0) & (rows[:, COLUMN["rate"]] > 0.0)
         self._cut_ticks += int(np.count_nonzero(cutting & (rows[:, COLUMN["sync_sent"]] != 0.0)))
-        commands = np.concatenate([self._commands, rows[:, _COMMAND : _COMMAND + 5]])
-        actual = rows[max(0, LAG_TICKS - len(self._commands)) :, _ACTUAL : _ACTUAL + 5]
+        commands = np.concatenate([self._commands, rows[:, self._command]])
+        actual = rows[max(0, LAG_TICKS - len(self._commands)) :, self._actual]
         if len(actual):
             lag = np.abs(commands[: len(commands) - LAG_TICKS][-len(actual) :] - actual)
             self._errors = np.maximum(self._errors, lag.max(axis=0))

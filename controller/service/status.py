@@ -10,14 +10,14 @@ from typing import Any
 from controller import catalogue, config
 from controller.geometry import Frame
 from controller.handoff import Snapshot
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.live_state import told as told_by_tick
-from controller.machine import OFFSETS, Machine, Pair, five
+from controller.machine import OFFSETS, Machine, Pair
 from controller.plan.route.entry import room_along_axis
 from controller.service.jobs import UNDER_WAY
 from controller.service.orders import Way
 from controller.service.pulse import STANDS_S
-from controller.state import ALL_AXES, Binding, Fault, Mode, binding_text, sentence
+from controller.state import Binding, Fault, Mode, binding_text, sentence
 
 PER_MIN = 60.0
 AT_LIMIT = 1e-3  # mm or rad from the end of the travel
@@ -70,7 +70,8 @@ _NAMES = ("axis", "node", "bus")  # of a drive: known whatever it does
 def ended(now: Snapshot) -> Snapshot:
     """The last snapshot of a tick that is gone, as a fault: no axis may be trusted to be where it says."""
     as_fault = now._replace(mode=Mode.FAULT, fault=Fault.CONTROLLER_GONE, fault_axis=-1)
-    return as_fault._replace(homed=0, untrusted=ALL_AXES, rate=0.0, limited_by=0, waiting=False)
+    every = (1 << len(now.joints)) - 1
+    return as_fault._replace(homed=0, untrusted=every, rate=0.0, limited_by=0, waiting=False)
 
 
 def unseen(told: Mapping[str, Any]) -> dict[str, Any]:
@@ -143,7 +144,7 @@ def joints(machine: Machine, now: Snapshot, way: Way | None) -> dict[str, dict[s
     turned_rad = way.turned_rad if way is not None else machine.turned()
     work = _work(machine, shown, _frame(machine, way), turned_rad)
     if way is not None and way.tilted_mm is not None:
-        place = Kinematics(machine).forward(five(now.joints), way.tilted_mm).tip
+        place = kinematics_of(machine).forward(now.joints, way.tilted_mm).tip
         for i, value in zip(machine.linear(), _frame(machine, way).from_parent(place), strict=True):
             work[i] = float(value)
     return {
@@ -172,7 +173,7 @@ def _work(machine: Machine, shown: tuple[float, ...], frame: Frame, turned_rad: 
     x, y, z = machine.linear()
     work = list(shown)
     work[x], work[y], work[z] = frame.from_parent((shown[x], shown[y], shown[z]))
-    for i, turned in zip(machine.rotary(), turned_rad, strict=True):
+    for i, turned in zip(machine.rotary(), turned_rad, strict=False):
         work[i] -= turned * machine.axes[i].shown_per_unit
     return work
 
@@ -188,7 +189,7 @@ def tip(machine: Machine, now: Snapshot, way: Way | None, in_spindle: int = 1) -
     tool = machine.tool(in_spindle)
     length_mm = way.length_mm if way is not None else tool.length_mm if tool is not None else 0.0
     frame = way.part if way is not None and way.part is not None else machine.part()
-    pose = Kinematics(machine).forward(five(now.joints), length_mm)
+    pose = kinematics_of(machine).forward(now.joints, length_mm)
     return {
         "tip": dict(zip("XYZ", map(float, frame.from_parent(pose.tip)), strict=True)),
         "axis": dict(zip("IJK", map(float, frame.turn_back(pose.axis)), strict=True)),
@@ -207,11 +208,11 @@ def retract_room_mm(machine: Machine, now: Snapshot) -> float | None:
     Rounded down to a micrometre, so that what is told may be asked for; None where the axis is not
     known or the machine takes no retract: it moves, is off, or stands off the path already.
     """
-    known = now.homed == ALL_AXES and not now.untrusted
+    known = now.homed == machine.every_axis and not now.untrusted
     stands = now.mode in (Mode.HOLD, Mode.READY) and now.at_rest and not now.stopping
     if not known or not stands or now.away:
         return None
-    room_mm = room_along_axis(five(now.joints), machine, Kinematics(machine))
+    room_mm = room_along_axis(now.joints, machine, kinematics_of(machine))
     return math.floor(room_mm * 1e3) / 1e3
 
 

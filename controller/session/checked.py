@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from controller.kinematics import Kinematics
+from controller.kinematics import Kinematics, kinematics_of
 from controller.machine import TOOL_AT_POWER_ON, Joints, Machine
 from controller.motions import Rotaries
 from controller.plan.report import duration, stored, survey
@@ -70,7 +70,7 @@ class Walk:
 
 def task(text: bytes, name: str, machine: Machine) -> Task:
     """A program to be run from the homed position."""
-    return Task(text, name, machine, Kinematics(machine), homed(machine))
+    return Task(text, name, machine, kinematics_of(machine), homed(machine))
 
 
 def path_of(

@@ -212,15 +212,15 @@ def _begin(where: str, value: Any) -> Begin:
 
 
 def _jog(where: str, value: Any) -> Jog:
-    """Speed, length (null: none) and the direction of five axes."""
+    """Speed, length (null: none) and the direction of the axes."""
     try:
-        speed, length, *direction = (math.inf if x is None else float(x) for x in value)
-        a, b, c, d, e = direction
+        speed, length, one, *others = (math.inf if x is None else float(x) for x in value)
     except (ValueError, TypeError) as error:
         raise EventError(
-            f"{where}: a jog has seven numbers; give the file as the run's record has it."
+            f"{where}: a jog has a speed, a length and a number for each axis; give the file as the run's "
+            "record has it."
         ) from error
-    return Jog((a, b, c, d, e), speed, length)
+    return Jog((one, *others), speed, length)
 
 
 def _value(where: str, request: str, data: dict[str, Any]) -> float:

@@ -168,17 +168,17 @@ class Sight:
 
     @cached_property
     def command(self) -> Array:
-        """Commanded joints, shape (N, 5), mm and rad."""
+        """Commanded joints, shape (N, axes), mm and rad."""
         return np.array([seen.command for seen in self.ticks])
 
     @cached_property
     def motors(self) -> Array:
-        """Where the motors truly were, shape (N, 5), mm and rad, in the joints' counting."""
+        """Where the motors truly were, shape (N, axes), mm and rad, in the joints' counting."""
         return np.asarray(self.travel + np.array([seen.zeros for seen in self.ticks]))
 
     @cached_property
     def travel(self) -> Array:
-        """Where the motors were in power-on counting, shape (N, 5), mm and rad."""
+        """Where the motors were in power-on counting, shape (N, axes), mm and rad."""
         return np.array([seen.motors for seen in self.ticks])
 
     @cached_property
@@ -193,7 +193,7 @@ class Sight:
 
     @cached_property
     def distance(self) -> Array:
-        """From the command to the motor, shape (N, 5), mm and rad; 0 where no path is followed."""
+        """From the command to the motor, shape (N, axes), mm and rad; 0 where no path is followed."""
         off = np.zeros_like(self.motors)
         off[LATENCY:] = np.abs(self.command[:-LATENCY] - self.motors[LATENCY:])
         off[~self.followed] = 0.0
@@ -201,12 +201,12 @@ class Sight:
 
     @cached_property
     def turned(self) -> Array:
-        """The speed of the motors themselves, shape (N, 5), mm/s and rad/s."""
+        """The speed of the motors themselves, shape (N, axes), mm/s and rad/s."""
         return np.asarray(np.abs(np.array([seen.speeds for seen in self.ticks])))
 
     @cached_property
     def speed(self) -> Array:
-        """Of the motors since the tick before, shape (N, 5), mm/s and rad/s.
+        """Of the motors since the tick before, shape (N, axes), mm/s and rad/s.
 
         Their periods end with a SYNC, which may come late: now and then two of them are in one tick.
         """

@@ -23,7 +23,7 @@ from controller.handoff import (
     send_arrangement,
     send_request,
 )
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Machine
 from controller.plan.planner import Planner
 from controller.plan.route.path import Chain, Pause
@@ -55,7 +55,7 @@ class PlanEnd:
         self.alone = False  # the tick is gone
         self.before_message: Callable[[], None] = lambda: None  # called before pieces go out
         self._machine = machine
-        self._board = SnapshotBoard(snapshot_path, create=False)
+        self._board = SnapshotBoard(snapshot_path, create=False, axes=len(machine.axes))
         self._outbox = PieceOutbox(children.joined(pieces, socket.SOCK_SEQPACKET))
         self._requests = children.joined(requests, socket.SOCK_DGRAM)
         self._lock = threading.Lock()  # a keepalive must not come between the packets of a message
@@ -74,7 +74,7 @@ class PlanEnd:
         One of the planner before it may be on its way yet: two with the same number, and the tick's
         answer to the old one would be taken for that to the new one.
         """
-        planner = Planner(machine, Kinematics(machine), self.send, clock=time.monotonic)
+        planner = Planner(machine, kinematics_of(machine), self.send, clock=time.monotonic)
         planner.go_on_from(self._sent)
         if (now := self._board.read()) is not None:
             planner.go_on_from(max(now.accepted, now.rejected))

@@ -70,7 +70,7 @@ def tick_main(job: Job) -> None:
         machine,
         group,
         PieceInbox(children.joined(job.pieces, socket.SOCK_SEQPACKET)),
-        RequestInbox(children.joined(job.requests, socket.SOCK_DGRAM)),
+        RequestInbox(children.joined(job.requests, socket.SOCK_DGRAM), len(machine.axes)),
         SnapshotBoard(job.snapshot_path, create=False),
         Recorder(job.recorder_path, create=False),
         time.monotonic,

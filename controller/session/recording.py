@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from controller.handoff import ROW, Recorder, Snapshot
+from controller.handoff import ROW, Recorder, Snapshot, of_axes
 from controller.machine import Machine
 from controller.state import FAULTS, Fault, Mode, sentence
 from drives import emergency_codes, pdo
@@ -177,8 +177,7 @@ class Keeper:
 
 def stands(rows: Rows, machine: Machine) -> bool:
     """Whether the drives have stood for the last ticks, by their own positions."""
-    first = ROW.index("actual_0")
-    last = rows[-STILL_TICKS:, first : first + 5]
+    last = rows[-STILL_TICKS:, of_axes("actual", len(machine.axes))]
     if len(last) < STILL_TICKS:
         return False
     moved = (last.max(axis=0) - last.min(axis=0)) * [abs(axis.counts_per_unit) for axis in machine.axes]

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from controller.handoff import COLUMN, PieceMessage, Snapshot
+from controller.handoff import COLUMN, PieceMessage, Snapshot, of_axes
 from controller.machine import Machine
 from controller.plan.aside import NotPossible
 from controller.plan.planner import Planner
@@ -29,10 +29,10 @@ from controller.session import checked, events, starts
 from controller.session.checked import Task, Walk
 from controller.session.events import Line, Recorded
 from controller.session.stepped import PLAN_EVERY_S, Items, Run, SteppedMachine
-from controller.state import Fault, Mode, Request
+from controller.state import MOST_AXES, Fault, Mode, Request
 from controller.tick.cycle import Again
 
-SETPOINTS = ("tick", *(f"setpoint_{i}" for i in range(5)))
+SETPOINTS = ("tick", *(f"setpoint_{i}" for i in range(MOST_AXES)))
 WHOLE, PART = "setpoints.npz", "setpoints.part"
 ROW_BYTES = 4 * len(SETPOINTS)
 ENDING = 5  # ticks after the last one that is recorded: the mode follows the standstill
@@ -53,7 +53,9 @@ class Difference:
 
 
 def setpoints(folder: Path) -> Counts | None:
-    """The setpoints of a record, (N, 5) counts, as far as they were written; None where there are none.
+    """The setpoints of a record, (N, MOST_AXES) counts, as far as written; None where there are none.
+
+    Those of axes that the machine has not are 0.
 
     Raises OSError, and ValueError where the file is none.
     """
@@ -69,9 +71,8 @@ def setpoints(folder: Path) -> Counts | None:
 
 def difference(record: Recorded, wanted: Counts, rows: Rows) -> Difference | None:
     """Where the setpoints of a repetition are first others than those that were recorded."""
-    first = COLUMN["setpoint_0"]
     sent = rows[rows[:, COLUMN["sync_sent"]] != 0.0]
-    found = sent[:, first : first + 5].astype(np.int64)
+    found = sent[:, of_axes("setpoint", MOST_AXES)].astype(np.int64)
     most = min(len(wanted), len(found), off_path(record))
     ticks, axes = np.nonzero(wanted[:most] != found[:most])
     if len(ticks):

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from controller.machine import Joints, Machine, five
+from controller.machine import Joints, Machine
 from controller.plan.report.stored import Stored
 from controller.plan.route.restart import Rest
 from controller.plan.route.spot import Spot
@@ -54,7 +54,7 @@ class Start:
 
 
 def _joints(values: Iterable[Any]) -> Joints:
-    return five([float(q) for q in values])
+    return tuple([float(q) for q in values])
 
 
 def path_from(asked: Task, kept: Stored | None, start: Start) -> Walk:

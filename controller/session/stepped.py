@@ -31,7 +31,7 @@ from controller.handoff import (
     send_jog,
     send_request,
 )
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Joints, Machine
 from controller.plan.planner import Planner
 from controller.plan.route.path import Chain, Pause
@@ -114,7 +114,7 @@ class SteppedMachine:
         ``recordings``: folder for what is kept of a fault; None = nothing is kept.
         """
         self.machine = machine
-        self.kinematics = Kinematics(machine)
+        self.kinematics = kinematics_of(machine)
         nodes = config.node_settings(machine)
         buses = config.bus_settings(machine)
         spindle, io = config.spindle_settings(machine), config.io_settings(machine)
@@ -136,13 +136,13 @@ class SteppedMachine:
         ports = {bus.name: self.rig.port(pdo.TICK_FILTERS, bus.name) for bus in buses}
         self._group = cyclic.group(machine, ports)
         self._plan_end, tick_end = piece_pair()
-        self.board, self.recorder = SnapshotBoard(), Recorder()
+        self.board, self.recorder = SnapshotBoard(axes=len(machine.axes)), Recorder()
         self.clock = SteppedClock([self._advance], lateness)
         self.cycle = Cycle(
             machine,
             self._group,
             PieceInbox(tick_end),
-            RequestInbox(request_end),
+            RequestInbox(request_end, len(machine.axes)),
             self.board,
             self.recorder,
             self.clock.now_s,

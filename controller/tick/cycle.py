@@ -27,9 +27,9 @@ from controller.handoff import (
     RequestInbox,
     SnapshotBoard,
 )
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Joints, Machine
-from controller.state import ALL_AXES, ALWAYS, DROPS, Fault, Mode, Request, bars
+from controller.state import ALWAYS, DROPS, Fault, Mode, Request, bars
 from controller.tick.check import Check
 from controller.tick.drives import Drives
 from controller.tick.follow import Follow, Step
@@ -44,7 +44,6 @@ LATE_SHARE = 0.25  # of the period: a later tick sends nothing
 NEAREST_SHARE = 0.75  # of the period: no two SYNCs are closer
 ROUNDING_S = 1e-9
 MOST_REQUESTS = 8  # taken in one tick
-MASKS = range(1, ALL_AXES + 1)  # of axes
 LOST_ECHOES = 3  # of the kernel's SYNC, in a row
 # SYNCs in a row that did not come: drives that hold their last setpoint have stopped meanwhile, and
 # to go on at full feed would be a step for them. Fewer are a dip that a servo smooths.
@@ -78,9 +77,10 @@ class Cycle:
         stops_s = times.path_stop_s(machine), times.quick_stop_s(machine)
         absolute = sum(1 << i for i, axis in enumerate(machine.axes) if axis.homing.absolute)
         self.modes = Modes(group, machine.period_s, *stops_s, absolute)
-        self.follow = Follow(machine, Kinematics(machine))
+        self.follow = Follow(machine, kinematics_of(machine))
         self.peripherals = Peripherals(machine, group.spindle, group.io)
         self.jogging = Jogging(machine, self.modes, self.follow)
+        self._masks = range(1, machine.every_axis + 1)  # of axes
         self._homing_asked = 0  # axes (bit mask) whose clamps must open before they home
         self._homing_number = 0  # of that request
         self.answers = Answers()
@@ -263,7 +263,7 @@ class Cycle:
             self._homing_asked = 0
             self.peripherals.opens_for(0)
             self.answers.give(self._homing_number, Outcome.SUPERSEDED)
-        if request is Request.HOME and modes.mode is Mode.OFF and value in MASKS:
+        if request is Request.HOME and modes.mode is Mode.OFF and value in self._masks:
             self._homing_asked, self._homing_number = int(value), number
             return False  # answered when it begins
         if request is Request.JOG:
@@ -446,14 +446,8 @@ class Cycle:
 
     def _where_the_drives_are(self) -> Joints:
         """Actual positions; a drive that already follows keeps its setpoint, or it would chase its lag."""
-        a, q, drives = self._encoder.actual, self.follow.joints, self.group.drives
-        return (
-            q[0] if drives[0].following else a[0],
-            q[1] if drives[1].following else a[1],
-            q[2] if drives[2].following else a[2],
-            q[3] if drives[3].following else a[3],
-            q[4] if drives[4].following else a[4],
-        )
+        rows = zip(self.group.drives, self.follow.joints, self._encoder.actual, strict=True)
+        return tuple([told if drive.following else actual for drive, told, actual in rows])
 
     def publish(self) -> None:
         """What others see of it, where no tick was run."""

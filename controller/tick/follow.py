@@ -19,7 +19,7 @@ from enum import IntEnum
 from controller.handoff import STANDSTILL, Piece, PieceMessage, commit_lead_s
 from controller.kinematics import Kinematics
 from controller.machine import Joints, Machine
-from controller.motions import Motion, Rotaries
+from controller.motions import Motion
 from controller.tick.queue import SAME_TIME_S, Brake, Entry, Stops, entries_of
 
 SAME_PLACE = 1e-6  # mm or rad: a queue that begins elsewhere by more (and by a count) is refused
@@ -42,7 +42,7 @@ class Follow:
         self._period_s = machine.period_s
         self._lead_s = commit_lead_s(machine.period_s)
         self._kinematics = kinematics
-        self._rotary = machine.rotary()
+        self._rotaries = kinematics.rotaries
         self._same = tuple(max(SAME_PLACE, 1.0 / abs(a.counts_per_unit)) for a in machine.axes)
         self._motions: dict[int, Motion] = {}
         self._queue: list[Entry] = []
@@ -51,7 +51,7 @@ class Follow:
         self._now = 0  # index in the queue of the entry under the clock
         self._origin_s, self._ticks = 0.0, 0  # tau is their sum: no rounding piles up
         self._goes = False  # the clock was to run in the last step
-        self._base: Joints = (0.0, 0.0, 0.0, 0.0, 0.0)  # where the queue begins
+        self._base: Joints = (0.0,) * len(machine.axes)  # where the queue begins
         self.joints = self._base
         self._before = (self._base, self._base)
         self._saved = (self._base, self._before, 0.0, 0, 0.0, 0, self._brake.save())
@@ -199,9 +199,6 @@ class Follow:
             del self._motions[identity]
 
     # -- where the plan is at a plan time
-
-    def _rotaries(self, q: Joints) -> Rotaries:
-        return q[self._rotary[0]], q[self._rotary[1]]
 
     def _evaluate(self, tau: float) -> Joints | None:
         """Joints of the plan at ``tau``, on the branch of the present joints."""

@@ -24,7 +24,7 @@ from controller.tick.mode import Modes, Phase
 from controller.tick.ramp import Ramp
 
 UNHOMED_SHARE = 0.1  # of its largest velocity, for an axis that is not homed
-_NOTHING = Jog((0.0, 0.0, 0.0, 0.0, 0.0), 0.0)
+_NOTHING = Jog((), 0.0)
 _LATENCY_TICKS = 2  # from the last tick that waits until a drive slows
 
 
@@ -153,7 +153,7 @@ class Jogging:
 
     def _place(self) -> Joints:
         p, q, d = self._ramp.p, self._base, self._order.direction
-        return (q[0] + p * d[0], q[1] + p * d[1], q[2] + p * d[2], q[3] + p * d[3], q[4] + p * d[4])
+        return tuple([a + p * b for a, b in zip(q, d, strict=True)])
 
     def _leave(self) -> None:
         """Back to where it came from, once nothing of the motion is left."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from enum import IntEnum
 
-from controller.state import ALL_AXES, ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Reaction, Request, bars
+from controller.state import ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Reaction, Request, bars
 from controller.tick.drives import Drives
 from controller.times import ENABLE_S, HOMING_S
 from drives.cia402 import State, Wanted
@@ -73,6 +73,7 @@ class Modes:
         ``absolute``: axes whose encoders know where they are, whatever has been (bit mask).
         """
         self._group = group
+        self._every_axis = (1 << len(group.drives)) - 1
         self._period_s = period_s
         self._stop_ticks = path_stop_s / period_s
         self.quick_stop_takes(quick_stop_s)
@@ -298,7 +299,7 @@ class Modes:
         if row.position_trusted:
             return
         alone = row.reaction is Reaction.LOST_DRIVE and axis >= 0
-        mask = 1 << axis if alone else ALL_AXES
+        mask = 1 << axis if alone else self._every_axis
         self.untrusted |= mask
         self.homed &= ~mask
 

@@ -41,6 +41,7 @@ class Telling:
         self._encoder = encoder
         others |= {"modes": modes, "follow": follow, "jogging": jogging, "encoder": encoder, "telling": self}
         self._parts = tuple(others[name] for name in PARTS)
+        self._gather = gather(len(machine.axes))
         self._snapshot, self._recorder = snapshot, recorder
         self._buses = _timed(machine, group.lines)
         self.motion_id = STANDSTILL
@@ -53,13 +54,13 @@ class Telling:
     def publish(self) -> None:
         """The snapshot of this tick."""
         self._look()
-        self._snapshot.write(gather(*self._parts))
+        self._snapshot.write(self._gather(*self._parts))
 
     def record(self) -> None:
         """The snapshot of this tick and its row, which are the same values."""
         self._look()
         self._count_bits()
-        values = gather(*self._parts)
+        values = self._gather(*self._parts)
         self._snapshot.write(values)
         self._recorder.write(*values[:_COLUMNS])
 

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from controller.curves import ArcLength, Bezier, Polynomial
 from controller.geometry import Pose, Vector, angle_between, dot, norm, subtract
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Machine
 from controller.motions import SurfaceCut
 from controller.surfaces import Cone, RuledSurface, Surface
@@ -177,7 +177,7 @@ class _Bench:
 
     def __init__(self, machine: Machine) -> None:
         surface = eq7()
-        self.kinematics = Kinematics(machine)
+        self.kinematics = kinematics_of(machine)
         self.rotary = machine.rotary()
         self.cut = SurfaceCut(surface, ArcLength.of(surface.lower), 0.0, 0.0, machine.offsets[0])
 

@@ -161,10 +161,9 @@ def _poses(stretch: Stretch, tool: Tool, kinematics: Kinematics) -> Poses:
 
 
 def forward(joints: Array, length_mm: float, kinematics: Kinematics) -> tuple[Array, Array]:
-    """Tips and axes (N, 3) in the table frame from joints (N, 5), mm and rad."""
-    a, b, c, d, e = joints.T
-    pose = kinematics.forward((a, b, c, d, e), length_mm, np)
-    return columns(pose.tip, len(a)), columns(pose.axis, len(a))
+    """Tips and axes (N, 3) in the table frame from joints (N, axes), mm and rad."""
+    pose = kinematics.forward([*joints.T], length_mm, np)
+    return columns(pose.tip, len(joints)), columns(pose.axis, len(joints))
 
 
 @dataclass(frozen=True, slots=True)

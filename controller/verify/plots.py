@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Machine
 from controller.motions import SurfaceCut
 from controller.surfaces import Surface
@@ -53,7 +53,7 @@ def cut_picture(trace: Trace, machine: Machine, stretches: Mapping[int, HasMotio
 
 
 def _headline(figure: Figure, trace: Trace, machine: Machine, cuts: list[SurfaceCut]) -> None:
-    figures = summary(trace, machine, Kinematics(machine), cuts[0].length_mm if cuts else 0.0)
+    figures = summary(trace, machine, kinematics_of(machine), cuts[0].length_mm if cuts else 0.0)
     figure.text(0.025, 0.962, f"Cut on {machine.name}", fontsize=19, color=INK, weight="bold", va="center")
     for height, line in zip((0.925, 0.899), _lines(figures, trace), strict=True):
         figure.text(0.025, height, line, fontsize=12, color="#444444", va="center")

@@ -144,7 +144,8 @@ def _errors(values: Mapping[str, Any]) -> Rows:
     errors: Mapping[str, float] = values["following_error"]
     for unit, names in (("mm", "XYZ"), ("deg", "ABC")):
         largest = ", ".join(f"{name} {error:.3f}" for name, error in errors.items() if name in names)
-        yield "largest following error" if unit == "mm" else "", f"{largest} {unit}"
+        if largest:
+            yield "largest following error" if unit == "mm" else "", f"{largest} {unit}"
     yield "largest path error", f"{1e3 * values['path_error_mm']:.3f} um"
     yield "largest axis error", f"{values['axis_error_deg']:.2e} deg"
     yield "skipped ticks", f"{values['skips']}"

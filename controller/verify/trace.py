@@ -24,12 +24,12 @@ from numpy.typing import NDArray
 
 from controller.arrays import columns
 from controller.geometry import Frame, Pose, Vector, angle_between, scale, subtract
-from controller.handoff import AXES, COLUMN, rows_of
+from controller.handoff import COLUMN, of_axes, rows_of
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import Motion, SurfaceCut
 from controller.placement import Placed
-from controller.state import Mode
+from controller.state import MOST_AXES, Mode
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ LOOK_BACK_S = 0.100
 LOOK_AHEAD_TICKS = 2
 
 _NEEDED = {"tick", "mode", "motion_id", "line", "cutting", "s", "feed_mm_s"} | {  # of a recording
-    *(f"{name}_{i}" for name in ("joint_command", "setpoint", "actual") for i in range(AXES)),
+    *(f"{name}_{i}" for name in ("joint_command", "setpoint", "actual") for i in range(MOST_AXES)),
 }
 
 
@@ -62,9 +62,9 @@ class Trace:
     """One row per tick from cycle start (row 0); the fields are those of the file."""
 
     time_s: Array  # (N,)
-    joint_command: Array  # (N, 5) before rounding to counts
-    joint_setpoint: NDArray[np.int32]  # (N, 5) counts as sent
-    joint_actual: Array  # (N, 5)
+    joint_command: Array  # (N, axes) before rounding to counts
+    joint_setpoint: NDArray[np.int32]  # (N, axes) counts as sent
+    joint_actual: Array  # (N, axes)
     tool_tip: Array  # (N, 3) mm, commanded, part frame
     tool_axis: Array  # (N, 3) commanded, part frame
     contact: Array  # (N, 3) mm, part frame; NaN when not cutting
@@ -152,7 +152,8 @@ def from_rows(
     first row of a running machine, so homing stays out.
     """
     rows = rows[_start(rows, first_tick) :]
-    joints = _columns(rows, "joint_command")
+    axes = len(machine.axes)
+    joints = rows[:, of_axes("joint_command", axes)]
     motions = {motion_id: stretch.motion for motion_id, stretch in stretches.items()}
     setup_rows = _setup_rows(rows, motions, setups or {}, machine)
     tip, axis = _on_the_part(joints, kinematics, setup_rows)
@@ -160,8 +161,8 @@ def from_rows(
     return Trace(
         time_s=(rows[:, COLUMN["tick"]] - rows[:1, COLUMN["tick"]]) * machine.period_s,
         joint_command=joints * _shown_per_unit(machine),
-        joint_setpoint=_columns(rows, "setpoint").astype(np.int32),
-        joint_actual=_columns(rows, "actual") * _shown_per_unit(machine),
+        joint_setpoint=rows[:, of_axes("setpoint", axes)].astype(np.int32),
+        joint_actual=rows[:, of_axes("actual", axes)] * _shown_per_unit(machine),
         tool_tip=tip,
         tool_axis=axis,
         contact=contact,
@@ -180,11 +181,6 @@ def _start(rows: Array, first_tick: int | None) -> int:
         return int(np.searchsorted(rows[:, COLUMN["tick"]], first_tick))
     running = np.flatnonzero(rows[:, COLUMN["mode"]] == Mode.RUNNING.value)
     return int(running[0]) if len(running) else len(rows)
-
-
-def _columns(rows: Array, name: str) -> Array:
-    first = COLUMN[f"{name}_0"]
-    return rows[:, first : first + 5]
 
 
 def _shown_per_unit(machine: Machine) -> Array:
@@ -249,8 +245,7 @@ def _offset(cut: SurfaceCut, u: Array) -> Array:
 
 def _forward(kinematics: Kinematics, joints: Array, length_mm: float) -> Pose:
     """Tip and axis in the table frame; components are arrays (N,)."""
-    x, y, z, first, second = joints.T
-    return kinematics.forward((x, y, z, first, second), length_mm, np)
+    return kinematics.forward([*joints.T], length_mm, np)
 
 
 def _stack(v: Vector, n: int) -> Array:
@@ -261,12 +256,12 @@ def _stack(v: Vector, n: int) -> Array:
 
 
 def following_error(trace: Trace) -> Array:
-    """Command minus actual of the same tick, (N, 5), mm and degrees: servo and bus together."""
+    """Command minus actual of the same tick, (N, axes), mm and degrees: servo and bus together."""
     return np.asarray(trace.joint_command - trace.joint_actual)
 
 
 def speeds(trace: Trace, machine: Machine) -> Array:
-    """Joint speeds of the command as shares of the limits, (N, 5); row 0 is 0."""
+    """Joint speeds of the command as shares of the limits, (N, axes); row 0 is 0."""
     limits = np.array([a.limits.velocity * abs(a.shown_per_unit) for a in machine.axes])
     steps = np.diff(trace.joint_command, axis=0, prepend=trace.joint_command[:1])
     return np.asarray(steps / (trace.period_s * limits))

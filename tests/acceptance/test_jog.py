@@ -12,7 +12,6 @@ from support.machines.stepped_runs import largest
 from controller import jog_frames
 from controller.geometry import Frame, dot, scale, subtract
 from controller.handoff import COLUMN, DEAD_MAN_S, Jog, send_jog
-from controller.machine import five
 from controller.plan.route import path
 from controller.session.stepped import SteppedMachine
 from controller.state import ALL_AXES, Fault, Mode
@@ -94,7 +93,7 @@ def test_with_the_rotaries_anywhere_the_tool_leaves_the_part_along_its_axis() ->
     stepped.go(5)
     rows = stepped.go(20_000, lambda: stepped.cycle.modes.mode is Mode.READY)
     for row in columns(rows, "joint_command")[::20]:
-        tip = subtract(stepped.kinematics.forward(five([float(q) for q in row]), 50.0).tip, before.tip)
+        tip = subtract(stepped.kinematics.forward(tuple([float(q) for q in row]), 50.0).tip, before.tip)
         along = dot(tip, before.axis)
         assert subtract(tip, scale(before.axis, along)) == pytest.approx((0.0, 0.0, 0.0), abs=1e-9), seed
         assert -10.0 - 1e-9 <= along <= 1e-9
@@ -123,7 +122,7 @@ def test_a_program_starts_from_where_a_jog_has_left_the_machine() -> None:
     stepped.go(50_000, lambda: stepped.cycle.modes.mode is Mode.READY)
     assert stepped.joints == pytest.approx(HIGH)
     built = source("G21 G90 G54\nG53 G0 X-20. Y10.\nG1 Z40. F3000.\nM30\n", stepped.machine)
-    tracer = path.Tracer(built.name, built.machine, built.kinematics, five(stepped.joints), {})
+    tracer = path.Tracer(built.name, built.machine, built.kinematics, stepped.joints, {})
     run = stepped.run(Items(tracer.items(built.blocks)))
     assert run.result == "completed", run.fault_text
     assert columns(run.rows, "joint_command")[0] == pytest.approx(HIGH, abs=1e-3)

@@ -163,7 +163,7 @@ def test_the_judge_names_axis_tick_and_what_happened() -> None:
 
 
 def test_the_forward_kinematics_by_hand_agree_with_the_controllers() -> None:
-    from controller.kinematics import Kinematics
+    from controller.kinematics import kinematics_of
 
     rng = np.random.default_rng(3)
     for seed in range(20):
@@ -171,7 +171,7 @@ def test_the_forward_kinematics_by_hand_agree_with_the_controllers() -> None:
         joints = rng.uniform(-2.0, 2.0, (5, 5))
         tips, axes = tool_paths.tool(joints, machine, 30.0)
         for q, tip, axis in zip(joints, tips, axes, strict=True):
-            pose = Kinematics(machine).forward(tuple(map(float, q)), 30.0)
+            pose = kinematics_of(machine).forward(tuple(map(float, q)), 30.0)
             frame = machine.offsets[0]
             np.testing.assert_allclose(tip, frame.from_parent(pose.tip), atol=1e-10)
             np.testing.assert_allclose(axis, frame.turn_back(pose.axis), atol=1e-12)

@@ -32,7 +32,7 @@ from support.machines.stepped_runs import Cut, cut, shipped
 from controller import journal
 from controller.handoff import COLUMN, Jog, Snapshot, send_jog
 from controller.journal import Journal
-from controller.machine import Joints, Machine, five
+from controller.machine import Joints, Machine
 from controller.plan.route import restart
 from controller.plan.route.spot import Spot
 from controller.session.stepped import SteppedMachine
@@ -223,7 +223,7 @@ class Operator:
 
     @property
     def joints(self) -> Joints:
-        return five(self.stepped.joints)
+        return self.stepped.joints
 
     def hold_at(self, ticks: int) -> None:
         self.rows.append(self.stepped.go(ticks))

@@ -12,7 +12,7 @@ from support.machines.stepped_runs import SHIPPED, Cut, cut, largest, program, s
 from support.oracles import ruled_surfaces
 from support.parts.paper_surfaces import POINTS, turned
 
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Homing
 
 CONE = (ruled_surfaces.Frustum((0.0, 15.0, 0.0), (0.0, 0.0, 0.0), 10.0, 10.0, 360.0),)
@@ -194,7 +194,7 @@ def test_joints_give_the_pose_back_on_random_poses_and_machines() -> None:
     worst_mm = worst_deg = 0.0
     for seed in range(60):
         rng = random.Random(seed)
-        kinematics = Kinematics(random_machine(rng))
+        kinematics = kinematics_of(random_machine(rng))
         for _ in range(50):
             axis = np.array([rng.gauss(0, 1) for _ in range(3)])
             axis /= np.linalg.norm(axis)

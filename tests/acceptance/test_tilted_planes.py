@@ -11,7 +11,7 @@ from support.machines.traced_programs import stretches, trace
 from support.oracles import tilted_planes
 from support.oracles.tilted_planes import Array, Bench
 
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Machine
 from controller.plan.route.path import joints_along
 from controller.plan.text.position import homed
@@ -68,7 +68,7 @@ def planned(name: str, dialect: str, hole: str) -> Gone:
     """The path, sampled evenly."""
     machine = shipped(name, dialect=dialect, without_point="unit", spindle=None)
     made = trace(PART.format(plane=PLANES[dialect][0], turn="G53.6", hole=hole), machine, homed(machine))
-    rows, lines, kinematics = [], [], Kinematics(machine)
+    rows, lines, kinematics = [], [], kinematics_of(machine)
     for stretch in stretches(made):
         rows.append(joints_along(stretch, np.linspace(0.0, stretch.motion.end, 41), kinematics))
         lines += [stretch.place.line] * 41

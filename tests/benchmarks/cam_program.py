@@ -26,7 +26,7 @@ import toppra  # noqa: E402
 from support.parts import cam_lines  # noqa: E402
 
 from controller import config  # noqa: E402
-from controller.kinematics import Kinematics  # noqa: E402
+from controller.kinematics import Kinematics, kinematics_of  # noqa: E402
 from controller.machine import Joints, Machine  # noqa: E402
 from controller.motions import ToolSpline  # noqa: E402
 from controller.plan.feed import profile as profiles  # noqa: E402
@@ -181,7 +181,7 @@ def main() -> None:
     ask.add_argument("--plan", type=int, default=0, metavar="ITEMS", help="plan so many items of the path")
     given = ask.parse_args()
     machine = config.load(given.machine)
-    kinematics = Kinematics(machine)
+    kinematics = kinematics_of(machine)
     with tempfile.TemporaryDirectory() as folder:
         file = written(given.lines, given.vectors, folder)
         corners = cam_lines.corners(cam_lines.places(given.lines))

@@ -28,7 +28,7 @@ from support.machines.stepped_runs import program, shipped  # noqa: E402
 from support.oracles import jerk_limited_time, time_bound  # noqa: E402
 from support.parts.random_surfaces import compound, text  # noqa: E402
 
-from controller.kinematics import Kinematics  # noqa: E402
+from controller.kinematics import kinematics_of  # noqa: E402
 from controller.machine import Machine  # noqa: E402
 from controller.plan.feed import profile  # noqa: E402
 from controller.plan.feed.course import Course  # noqa: E402
@@ -55,7 +55,7 @@ class Figure(NamedTuple):
 
 def measured(name: str, source: str, machine: Machine) -> Figure:
     """Plan a program as it is run and compare its cuts with their bound."""
-    kinematics = Kinematics(machine)
+    kinematics = kinematics_of(machine)
     home = tuple(axis.homing.position for axis in machine.axes)
     chains = [i for i in traced_programs.trace(source, machine, home).items if isinstance(i, Chain)]  # type: ignore[arg-type]
     cut = cpu = motion = bound = 0.0

@@ -20,7 +20,7 @@ from support.machines.shipped_kinds import machine as make_machine  # noqa: E402
 from support.parts.paper_surfaces import example_2  # noqa: E402
 
 from controller.curves import ArcLength  # noqa: E402
-from controller.kinematics import Kinematics  # noqa: E402
+from controller.kinematics import Kinematics, kinematics_of  # noqa: E402
 from controller.motions import SurfaceCut  # noqa: E402
 from controller.placement import Strategy  # noqa: E402
 from controller.plan.route.placing import Cutter, place  # noqa: E402
@@ -50,7 +50,7 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description="cost of placements on the tick")
     arguments.add_argument("--rounds", type=int, default=60)
     rounds = arguments.parse_args().rounds
-    made, kinematics = cuts(), Kinematics(make_machine())
+    made, kinematics = cuts(), kinematics_of(make_machine())
     least = dict.fromkeys(made, float("inf"))
     for _ in range(rounds):
         for name, cut in made.items():

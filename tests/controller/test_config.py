@@ -7,12 +7,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from support.machines.shipped_kinds import TILTING
 
 from controller import config, nodes
 from controller.config import ConfigError
 from controller.curves import Bezier
 from controller.geometry import Pose, Vector, add, norm, subtract
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import OFFSETS, Kind, Machine, Sense
 from controller.surfaces import Cone, RuledSurface, Surface
 
@@ -62,15 +63,15 @@ def test_tool_1_is_the_papers_cutter() -> None:
 
 
 @pytest.mark.parametrize("name", config.shipped())
-def test_every_shipped_machine_loads_without_warning_and_has_its_pair_of_rotaries(name: str) -> None:
+def test_every_shipped_machine_loads_without_warning_and_has_its_kinematics(name: str) -> None:
     machine = config.load(name)
     assert machine.name == name
     assert config.warnings(machine) == []
-    Kinematics(machine)
+    kinematics_of(machine)
 
 
-def test_seven_kinds_of_machine_are_shipped() -> None:
-    expected = {"trunnion", "fig4b", "fig4c", "fig4d", "table_head", "head_head", "oblique45"}
+def test_eight_kinds_of_machine_are_shipped() -> None:
+    expected = {"trunnion", "fig4b", "fig4c", "fig4d", "table_head", "head_head", "oblique45", "three_axes"}
     # The trunnion at other limits, and on more buses.
     same_again = {"xyzac_linuxcnc", "trunnion_two_buses", "trunnion_five_buses"}
     assert set(config.shipped()) == expected | same_again
@@ -258,7 +259,7 @@ REFUSED = [
     ("bit_rate = 1_000_000", "bit_rate = 999_999", "[[bus]] can0: bit_rate = 999999: .*500000"),
     ('"virtual"', '"socketcan"', "[[bus]] can0: channel.*is missing.*can0"),
     ("retract_mm = 260.0", "retract_mm = 600.0", "retract_mm = 600.0: is outside of Z's travel"),
-    ('name = "Y"', 'name = "X"', 'name = ["X", "X", .*: is not a five-axis machine'),
+    ('name = "Y"', 'name = "X"', 'name = ["X", "X", .*: are not the axes of a machine with'),
     ("method = 37", "methd = 37", "X homing: methd = 37: this key is not known; .*'method'"),
     ("[8.0, 96.0, 120.0]", "[8.0, 96.0]", "[offsets]: G54 = [8.0, 96.0]: is not a list of 3"),
     ("number = 1", "number = 7", "tool 1 is missing"),
@@ -360,7 +361,7 @@ def _reached(machine: Machine, pair: tuple[float, float]) -> bool:
 
 def _sweep(machine: Machine, surface: Surface, offset: float) -> Iterator[tuple[float, ...]]:
     """Joints along a surface, from every branch at its beginning that the rotaries reach."""
-    kinematics = Kinematics(machine)
+    kinematics = kinematics_of(machine)
     part, length = machine.offsets[0], max(tool.length_mm for tool in machine.tools)
     poses = [surface.pose(0.001 + 0.998 * k / 200, offset) for k in range(201)]
     poses = [Pose(part.to_parent(tip), part.turn(axis)) for tip, axis in poses]
@@ -375,7 +376,7 @@ def _sweep(machine: Machine, surface: Surface, offset: float) -> Iterator[tuple[
             yield joints
 
 
-@pytest.mark.parametrize("name", config.shipped())
+@pytest.mark.parametrize("name", TILTING)
 def test_both_examples_fit_into_the_travel_on_either_branch(name: str) -> None:
     machine = config.load(name)
     for part, surface in _parts():
@@ -386,11 +387,11 @@ def test_both_examples_fit_into_the_travel_on_either_branch(name: str) -> None:
             assert joints[2] < machine.retract_mm - MARGIN_MM, (part, "retract height", joints[2])
 
 
-@pytest.mark.parametrize("name", [n for n in config.shipped() if "head" not in n])
+@pytest.mark.parametrize("name", [n for n in TILTING if "head" not in n])
 def test_no_tilt_lifts_the_part_to_the_retract_height(name: str) -> None:
     """Rotaries turn at the retract height with any tool; corners of the part stay below its tip."""
     machine = config.load(name)
-    kinematics, part = Kinematics(machine), machine.offsets[0]
+    kinematics, part = kinematics_of(machine), machine.offsets[0]
     length = max(tool.length_mm for tool in machine.tools)
     corners = [part.to_parent((x, y, z)) for x in (-20, 40) for y in (-20, 25) for z in (0, 10)]
     for tilt in range(-60, 61, 15):
@@ -404,7 +405,7 @@ def test_a_head_stays_above_what_it_cuts() -> None:
     """A head's Z is where its gauge point is; the tip hangs below the pivot by pivot height and tool."""
     machine = config.load("table_head")
     head = next(axis for axis in machine.axes if axis.kind is Kind.HEAD)
-    tip = Kinematics(machine).forward((0.0, 0.0, 0.0, math.radians(30.0), 0.0), 50.0).tip
+    tip = kinematics_of(machine).forward((0.0, 0.0, 0.0, math.radians(30.0), 0.0), 50.0).tip
     pivot = add((0.0, 0.0, 0.0), head.point_mm)
     assert norm(subtract(tip, pivot)) == pytest.approx(200.0)
 

@@ -11,7 +11,6 @@ import pytest
 from support.machines.tick_bench import rapid_law, straight
 
 from controller.handoff import (
-    AXES,
     COLUMN,
     ROW,
     STILL,
@@ -38,7 +37,7 @@ from controller.handoff import (
 )
 from controller.live_state import Flat
 from controller.requests import Outcome, answer
-from controller.state import Fault, Mode, Request
+from controller.state import MOST_AXES, Fault, Mode, Request
 
 HERE = (0.0, 0.0, 0.0, 0.0, 0.0)
 THERE = (100.0, 0.0, 0.0, 0.0, 0.0)
@@ -245,7 +244,7 @@ def test_the_newest_rows_can_be_had_again_after_they_were_drained() -> None:
 
 
 def test_a_row_has_a_place_for_every_axis() -> None:
-    assert sum(name.startswith("setpoint_") for name in ROW) == AXES
+    assert sum(name.startswith("setpoint_") for name in ROW) == MOST_AXES
 
 
 @pytest.mark.parametrize("period_s", (0.0005, 0.001, 0.002, 0.005, 0.01))

@@ -23,6 +23,7 @@ from controller.live_state import FIELDS, PARTS, Field, Snapshot
 from controller.panel import metrics, models, signals
 from controller.panel.models_of_tick import DriveFacts, OfTick
 from controller.service import hearing, status
+from controller.state import MOST_AXES
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -49,34 +50,37 @@ FLAGS = [field.name for field in FIELDS if field.type is bool]
 assert len(FLAGS) <= 1 << 4, "four turns tell no more apart"
 
 
-def unlike(n: int, field: Field, turn: int) -> Any:
+def unlike(n: int, field: Field, turn: int, axes: int = MOST_AXES) -> Any:
     """A value of its type that no other one has; of flags, no two are alike in all of four turns."""
     if field.type is bool:
         return bool(FLAGS.index(field.name) >> turn & 1)
     if issubclass(field.type, Enum):
         return list(field.type)[n % len(field.type)]
     one = 1000 * (n + 1) + (0.5 if field.type is float else 0)
-    return one if field.value.many == 1 else tuple(one + i for i in range(field.value.many))
+    return one if field.many == 1 else tuple(one + i for i in range(axes if field.is_of_axes else field.many))
 
 
+@pytest.mark.parametrize("axes", [3, 4, MOST_AXES])
 @pytest.mark.parametrize("turn", range(4))
-def test_every_value_goes_from_its_owner_through_memory_to_its_own_name(turn: int) -> None:
-    values = {field.name: unlike(n, field, turn) for n, field in enumerate(FIELDS)}
+def test_every_value_goes_from_its_owner_through_memory_to_its_own_name(turn: int, axes: int) -> None:
+    values = {field.name: unlike(n, field, turn, axes) for n, field in enumerate(FIELDS)}
     parts: dict[str, SimpleNamespace] = {name: SimpleNamespace() for name in PARTS}
     for field in FIELDS:
         part, _, attribute = OTHERWISE.get(field.name, f"{field.part}.{field.name}").partition(".")
         setattr(parts[part], attribute, values[field.name])
-    board, recorder = SnapshotBoard(), Recorder(rows=4)
-    flat = live_state.gather(*(parts[name] for name in PARTS))
+    board, recorder = SnapshotBoard(axes=axes), Recorder(rows=4)
+    flat = live_state.gather(axes)(*(parts[name] for name in PARTS))
     board.write(flat)
     recorder.write(*flat[: len(ROW)])
     found = board.read()
     assert found is not None and found._asdict() == values
+    assert live_state.flat(found) == flat
     row = recorder.last(1)[0]
     for field in FIELDS:
         if field.value.column:
-            wanted = values[field.name] if field.value.many > 1 else [values[field.name]]
-            assert [row[COLUMN[column]] for column in field.columns] == list(wanted), field.name
+            wanted = values[field.name] if field.many > 1 else [values[field.name]]
+            left = [0.0] * (MOST_AXES - axes) * field.is_of_axes
+            assert [row[COLUMN[column]] for column in field.columns] == [*wanted, *left], field.name
 
 
 def test_a_value_is_written_by_the_attribute_of_its_name_or_one_that_is_known() -> None:
@@ -98,7 +102,7 @@ def test_what_a_tick_leaves_is_of_the_type_that_is_declared() -> None:
     parts = dict(zip(PARTS, bench.cycle._telling._parts, strict=True))
     for field in FIELDS:
         value = getattr(parts[field.part], field.attribute)
-        for one in value if field.value.many > 1 else (value,):
+        for one in value if field.many > 1 else (value,):
             assert isinstance(one, field.type) or (field.type is float and type(one) is int), field.name
     bench.close()
 

@@ -89,7 +89,7 @@ def moments(
 
 
 def used(motion: Motion, d: Derivatives) -> Array:
-    """Velocity, acceleration and jerk of every joint, absolute, (N, 5, 3)."""
+    """Velocity, acceleration and jerk of every joint, absolute, (N, axes, 3)."""
     v, a, j = motion.v, motion.a, motion.j
     return np.abs(np.stack([d.velocity(v), d.acceleration(v, a), d.jerk(v, a, j)], axis=2))
 

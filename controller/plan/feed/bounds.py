@@ -126,7 +126,7 @@ class Spline:
 
 @dataclass(slots=True)
 class Shares:
-    """How much of each limit every interval may use, (n, 5) or (n,): less where a law came out above it."""
+    """How much of each limit every interval may use, (n, axes) or (n,): less where a law was above it."""
 
     velocity: Array
     acceleration: Array
@@ -134,8 +134,8 @@ class Shares:
     tip: Array
 
     @staticmethod
-    def full(n: int) -> Shares:
-        return Shares(np.ones(n), np.ones((n, 5)), np.ones((n, 5)), np.ones(n))
+    def full(n: int, axes: int) -> Shares:
+        return Shares(np.ones(n), np.ones((n, axes)), np.ones((n, axes)), np.ones(n))
 
 
 class Bounds:
@@ -155,8 +155,8 @@ class Bounds:
             sides = (grid.tool[0], grid.tool[-1])
             limits = [tool_limits.most_speed(course, side, n) for side in sides]
             self.speed = np.minimum(self.speed, MARGIN * np.array(limits))
-        self._jump = np.zeros((2, n, 5))  # of q' and q'' at the start of each interval
-        self._jump_room = np.ones((n, 5))  # what the jump of acceleration there may be
+        self._jump = np.zeros((2, *self.velocity.shape))  # of q' and q'' at the start of each interval
+        self._jump_room = np.ones(self.velocity.shape)  # what the jump of acceleration there may be
         for i in np.flatnonzero(np.diff(grid.index)):
             self._at_junction(int(i))
         self._forms()
@@ -210,8 +210,8 @@ class Bounds:
             0.5 * f.width,
             _stacked([*(_both(form) for form in drives), *self._speeds(shares)]),
             _stacked([_both(_over(form, jerk)) for form in (self._jerk_start, self._jerk_end)]),
-            _stacked([_rows_of(form, 10) for form in (early, late)]),
-            np.tile(root, (20, 1)),
+            _stacked([_rows_of(form, 2 * len(jerk)) for form in (early, late)]),
+            np.tile(root, (4 * len(jerk), 1)),
             caps,
             self._cap_prices(caps, z),
             f.first,
@@ -300,12 +300,12 @@ def _rest_z(grid: Grid, i: int, acceleration: Array, jerk: Array) -> float:
 
 
 def _drive(d: Derivatives, z: Form, slope: Form) -> Form:
-    """Joints' acceleration, (5, m)."""
+    """Joints' acceleration, (axes, m)."""
     return _mix((d.second.T, z), (0.5 * d.first.T, slope))
 
 
 def _jerk(d: Derivatives, z: Form, slope: Form, bend: Form) -> Form:
-    """Joints' jerk over the speed, (5, m)."""
+    """Joints' jerk over the speed, (axes, m)."""
     return _mix((d.third.T, z), (1.5 * d.second.T, slope), (0.5 * d.first.T, bend))
 
 

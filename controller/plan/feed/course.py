@@ -42,7 +42,7 @@ SPREAD = 0.75
 
 @dataclass(frozen=True, slots=True)
 class Jump:
-    """What jumps where one stretch goes over into the next, per unit of s: q' and q'', (5,) each."""
+    """What jumps where one stretch goes over into the next, per unit of s: q' and q'', (axes,) each."""
 
     rate: Array
     curve: Array
@@ -76,12 +76,12 @@ class Course:
         return np.clip(found, 0, len(self.stretches) - 1)
 
     def derivatives(self, s: Array, index: Index | None = None) -> Derivatives:
-        """q', q'', q''' of the five joints at the places ``s`` (N,).
+        """q', q'', q''' of the joints at the places ``s`` (N,).
 
         ``index`` names the stretches (N,): at a boundary both sides can be asked for.
         """
         index = self.index(s) if index is None else index
-        found = [np.empty((len(s), 5)) for _ in range(3)]
+        found = [np.empty((len(s), len(self.machine.axes))) for _ in range(3)]
         for members in self._alike(index):
             here = np.isin(index, members)
             of = np.searchsorted(members, index[here])
@@ -139,7 +139,7 @@ class Course:
         return tuple(rapid if s.feed_mm_s is None else cut for s in self.stretches)
 
     def limit(self, s: Array, which: str, index: Index | None = None) -> Array:
-        """One of ``velocity``, ``acceleration``, ``jerk`` of the joints at each place, (N, 5)."""
+        """One of ``velocity``, ``acceleration``, ``jerk`` of the joints at each place, (N, axes)."""
         index = self.index(s) if index is None else index
         return np.array([getattr(limit, which) for limit in self.limits])[index]
 

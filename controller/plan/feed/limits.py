@@ -26,7 +26,7 @@ JUMP_SHARE = 0.8
 
 @dataclass(frozen=True, slots=True)
 class JointLimits:
-    """Limits of the five joints as arrays (5,), in mm or rad."""
+    """Limits of the joints as arrays (axes,), in mm or rad."""
 
     velocity: Array
     acceleration: Array
@@ -50,7 +50,7 @@ class JointLimits:
         return np.asarray(np.minimum(np.minimum(by_velocity, by_acceleration), by_jerk).min(axis=1))
 
     def braking_s(self, rates: Array) -> Array:
-        """Seconds in which each joint alone comes to rest from its ``rates`` (N, 5), either way.
+        """Seconds in which each joint alone comes to rest from its ``rates`` (N, axes), either way.
 
         At the rest of a law c1 + x (2 c2 + 3 c3 x) leaves a rounding of some 1e-14 of either sign.
         """

@@ -41,7 +41,7 @@ STEP_TO_FEED = 0.03  # ... and than this share of what the jerk does between two
 
 @dataclass(frozen=True, slots=True)
 class Excess:
-    """Largest share of each limit in each interval, (n,) and (n, 5); 1.0 is the limit itself."""
+    """Largest share of each limit in each interval, (n,) and (n, axes); 1.0 is the limit itself."""
 
     velocity: Array
     acceleration: Array
@@ -87,7 +87,7 @@ class Search:
         c = self._coefficients(bounds, np.minimum(smooth, speed) if self.from_rest else smooth)
         if not (c > 0.0).all():
             return None  # it brakes so hard that it would stand before the first knot
-        limits = bounds.limits(Shares.full(len(bounds.feed)), c[1:-1])
+        limits = bounds.limits(Shares.full(*bounds.velocity.shape), c[1:-1])
         found = barrier.solve(limits, barrier.inside(limits, c) if slowly else c, None, COARSE_GAP)
         speed = self._speed(bounds, found.c)
         bounds = self._bounds(speed, self._step(speed))
@@ -95,7 +95,7 @@ class Search:
         if not (c > 0.0).all():
             return None
         if slowly:
-            c = barrier.inside(bounds.limits(Shares.full(len(bounds.feed)), c[1:-1]), c)
+            c = barrier.inside(bounds.limits(Shares.full(*bounds.velocity.shape), c[1:-1]), c)
         return self._refine(bounds, c)
 
     def _careful(self) -> Law:
@@ -144,7 +144,7 @@ class Search:
 
     def _shares(self, bounds: Bounds, c: Array) -> Shares:
         """All of every limit, and a little more just behind a state of motion."""
-        shares = Shares.full(len(bounds.feed))
+        shares = Shares.full(*bounds.velocity.shape)
         if not self.from_rest:
             s, v, _ = self._states(bounds, c)
             near = mesh.times(s, v)[:-1] < LEEWAY_S
@@ -235,7 +235,7 @@ class Search:
     def _excess(self, bounds: Bounds, times: Array, pieces: Array) -> Excess:
         """How much of each limit the law uses: at both ends of each interval and inside it."""
         grid = bounds.grid
-        most = [np.zeros((len(grid.part), 5)) for _ in range(3)]
+        most = [np.zeros_like(bounds.velocity) for _ in range(3)]
         limits = bounds.velocity, bounds.acceleration, bounds.jerk
         width = np.diff(grid.s)
         shares = (0.0, *INNER, 1.0)

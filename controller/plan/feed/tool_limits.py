@@ -71,7 +71,7 @@ def rates_in(course: Course, s: Array, index: Index) -> ToolRates | None:
 def _of_joints(q: Array, d: Derivatives, course: Course, length_mm: float) -> ToolRates:
     series = [
         jets.Jet(np.stack([q[:, i], d.first[:, i], d.second[:, i] / 2.0, d.third[:, i] / 6.0]))
-        for i in range(5)
+        for i in range(q.shape[1])
     ]
     pose = course.kinematics.forward(series, length_mm, jets)
     first, second = (_orders(pose.tip, k, len(q)) * math.factorial(k) for k in (1, 2))

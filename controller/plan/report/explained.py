@@ -14,8 +14,8 @@ from typing import Any
 
 from controller.curves import Arc
 from controller.geometry import Frame, norm, subtract
-from controller.kinematics import Kinematics
-from controller.machine import OFFSETS, Joints, Machine, five
+from controller.kinematics import kinematics_of
+from controller.machine import OFFSETS, Joints, Machine
 from controller.motions import JointMove, Rotaries
 from controller.plan.route import moves
 from controller.plan.route.stretch import Voice
@@ -89,7 +89,7 @@ def steps(blocks: Iterable[Block], machine: Machine, name: str, start: Joints) -
 
 class _Explainer:
     def __init__(self, machine: Machine, name: str, start: Joints) -> None:
-        self._machine, self._kinematics = machine, Kinematics(machine)
+        self._machine, self._kinematics = machine, kinematics_of(machine)
         self._position = Position(machine, start)
         self._voice = Voice(name, lambda _, __: None)
 
@@ -116,7 +116,7 @@ class _Explainer:
     def _program(self, modal: Modal) -> dict[str, Known]:
         found: dict[str, Known] = dict(zip("XYZ", self._position.in_frame(modal), strict=True))
         rotary = (self._machine.axes[i] for i in self._machine.rotary())
-        for axis, q, shift in zip(rotary, self._position.rotaries, modal.turned_rad, strict=True):
+        for axis, q, shift in zip(rotary, self._position.rotaries, modal.turned_rad, strict=False):
             found[axis.name] = None if q is None else (q - shift) * axis.shown_per_unit
         return found
 
@@ -163,9 +163,9 @@ class _Explainer:
         """Centre in program coordinates, sense and turns; no centre where the start is not known."""
         told: dict[str, Any] = {"clockwise": block.clockwise, "turns": max(block.turns, 1), "centre": None}
         here = [q for q in before if q is not None]
-        if len(here) < 5:
+        if len(here) < len(before):
             return told
-        found = moves.arc(block, self._machine, self._kinematics, five(here), self._voice)
+        found = moves.arc(block, self._machine, self._kinematics, tuple(here), self._voice)
         if found is not None and isinstance(found.motion, JointMove) and isinstance(found.motion.curve, Arc):
             told["centre"] = self._centre(block, found.motion.curve, found.motion.start_rotaries)
         return told

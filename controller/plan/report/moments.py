@@ -49,7 +49,7 @@ def of(course: Course, row: Sequence[Look]) -> Motion:
 
 
 def rows(course: Course, spans: Sequence[Span], limits: Array) -> Iterator[list[Look]]:
-    """All that is to be looked at, in order; ``limits`` (5, 3) of the joints."""
+    """All that is to be looked at, in order; ``limits`` (axes, 3) of the joints."""
     row: list[Look] = []
     for look in _looks(course, spans, limits):
         row.append(look)

@@ -151,7 +151,7 @@ class Picture:
             self._surface(motion)
 
     def _joints(self, stretch: Stretch) -> Array:
-        """Joints (n, 5) at so many places that nothing that bends is missed."""
+        """Joints (n, axes) at so many places that nothing that bends is missed."""
         n = _places(stretch)
         if n <= 2:
             return np.array([stretch.start, stretch.end])
@@ -182,8 +182,7 @@ class Picture:
 
     def _forward(self, joints: Array, length_mm: Array) -> Array:
         """Tips and axes of the tool in the table frame, (n, 6)."""
-        x, y, z, first, second = joints.T
-        pose = self.kinematics.forward((x, y, z, first, second), length_mm, np)  # type: ignore[arg-type]
+        pose = self.kinematics.forward([*joints.T], length_mm, np)  # type: ignore[arg-type]
         rows = [np.asarray(c, dtype=float) for c in (*pose.tip, *pose.axis)]
         return np.stack([np.broadcast_to(c, (len(joints),)) for c in rows], axis=1)
 

@@ -175,8 +175,8 @@ class _Look:
         self._cuts: list[float] = []
         self._seconds = np.zeros(binding.NUMBER_OF_CODES)
         self._fed_seconds = np.zeros(binding.NUMBER_OF_CODES)
-        self._ratio = np.zeros((5, 3))
-        self._ends = np.array([[np.inf] * 5, [-np.inf] * 5])
+        self._ratio = np.zeros(self._limits.shape)
+        self._ends = np.array([[np.inf], [-np.inf]]) * np.ones(len(self._limits))
 
     def window(self, sent: Planned) -> None:
         """What is planned next."""

@@ -90,11 +90,14 @@ class Tally:
     feed_mm_s: float = 0.0  # inf with rapids
     fastest_mm_s: float = 0.0
     seconds: Array = field(default_factory=lambda: np.zeros(NUMBER_OF_CODES))
-    ratio: Array = field(default_factory=lambda: np.zeros((5, 3)))
+    ratio: Array = field(init=False)
     changes: list[tuple[float, float, int]] = field(default_factory=list)  # time, length, code from there on
 
+    def __post_init__(self) -> None:
+        self.ratio = np.zeros((len(self.machine.axes), 3))
+
     def moments(self, dt: Array, speeds: tuple[Array, Array], found: Codes, ratio: Array) -> None:
-        """Take N moments: what each stands for (s), speed and programmed feed, code, shares (N, 5, 3)."""
+        """Take N moments: what each stands for (s), speed and programmed feed, code, shares (N, axes, 3)."""
         v, feed = speeds
         self.seconds += np.bincount(found, dt, NUMBER_OF_CODES)
         self.fastest_mm_s = max(self.fastest_mm_s, float(v.max()))
@@ -177,7 +180,7 @@ def bounds(seconds: Array, machine: Machine) -> tuple[Bound, ...]:
 
 
 def ratios(machine: Machine, most: Array) -> dict[str, dict[str, float]]:
-    """Largest shares of the limits (5, 3) by name."""
+    """Largest shares of the limits (axes, 3) by name."""
     return {
         axis.name: dict(zip(AXIS_KINDS, (float(x) for x in row), strict=True))
         for axis, row in zip(machine.axes, most, strict=True)

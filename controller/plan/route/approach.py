@@ -144,10 +144,8 @@ def depart(legs: Sequence[Leg], off: Lead, machine: Machine, kinematics: Kinemat
 
 def at_height(joints: Joints, z_mm: float, kinematics: Kinematics) -> Joints:
     """The same position with Z at ``z_mm``."""
-    values = list(joints)
-    values[kinematics.order.index(2)] = z_mm
-    a, b, c, d, e = values
-    return (a, b, c, d, e)
+    x, y, _, *pair = kinematics.spread(joints)
+    return kinematics.arrange((x, y, z_mm, *pair))
 
 
 def chains(*stretches: Stretch | None) -> list[Chain]:
@@ -221,5 +219,4 @@ def _swivel(a: Rotaries, after: Leg, kinematics: Kinematics) -> Stretch:
 
 
 def _tuple(row: Array) -> Joints:
-    a, b, c, d, e = (float(q) for q in row)
-    return (a, b, c, d, e)
+    return tuple(map(float, row))

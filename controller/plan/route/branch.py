@@ -144,7 +144,7 @@ def _solve(cut: SurfaceCut, kinematics: Kinematics, u: Array) -> Field:
     pairs: Array = np.moveaxis(np.array(kinematics.branches(axis, np, None, NAN, seen)), 2, 1)
     lost = np.isnan(pairs).all(axis=(0, 2))
     if lost.any():
-        raise BranchLost(float(u[np.argmax(lost)]), "no position of the rotary axes gives this tool axis")
+        raise BranchLost(float(u[np.argmax(lost)]), kinematics.unreached)
     for i in np.flatnonzero(np.isnan(pairs).any(axis=(0, 2))):
         pairs[:, i] = _from_inside(cut, kinematics, float(u[i]))
     return Field(u, np.array(axis), pairs)
@@ -176,7 +176,7 @@ def _freed(found: Field) -> Field:
 
 
 def joints_on(cut: SurfaceCut, u: Array, rotaries: Array, kinematics: Kinematics) -> Array:
-    """All five joints (N, 5) at parameters ``u`` (N,) with the rotaries (N, 2) found there."""
+    """All joints (N, axes) at parameters ``u`` (N,) with the rotaries (N, 2) found there."""
     tip = cut.part.to_parent(cut.surface.pose(u, cut.offset_mm, np).tip)
     return _stacked(tip, rotaries[:, 0], rotaries[:, 1], cut, kinematics)
 
@@ -184,11 +184,11 @@ def joints_on(cut: SurfaceCut, u: Array, rotaries: Array, kinematics: Kinematics
 def _stacked(tip: Vector, first: Array, second: Array, cut: SurfaceCut, kinematics: Kinematics) -> Array:
     x, y, z = kinematics.linear(tip, (first, second), cut.length_mm, np)
     values = (x, y, z, first, second)
-    return columns([values[i] for i in kinematics.order], len(first))
+    return columns(kinematics.arrange(values), len(first))
 
 
 def joints_along(stretch: Stretch, s: Array, kinematics: Kinematics) -> Array:
-    """Joints (N, 5) at the places ``s`` (N,) of a stretch, in the turns in which it begins.
+    """Joints (N, axes) at the places ``s`` (N,) of a stretch, in the turns in which it begins.
 
     ``s`` is in the unit of the motion and in any order. Raises BranchLost where the
     rotaries cannot follow, which ``path.trace`` has ruled out for its own stretches.
@@ -196,7 +196,7 @@ def joints_along(stretch: Stretch, s: Array, kinematics: Kinematics) -> Array:
     s = np.atleast_1d(np.asarray(s, dtype=float))
     motion = stretch.motion
     if isinstance(motion, JointMove):
-        return _along_move(motion, s)
+        return _along_move(motion, s, kinematics)
     if isinstance(motion, ToolLine):
         return tool_paths.joints_along_line(motion, s, kinematics)
     if isinstance(motion, ToolSpline):
@@ -241,8 +241,8 @@ def _kept(cut: SurfaceCut, start: Rotaries, kinematics: Kinematics) -> _Kept:
     return _Kept(found.begun_on(start) if even else None, found.u, found.follow(start))
 
 
-def _along_move(move: JointMove, s: Array) -> Array:
+def _along_move(move: JointMove, s: Array, kinematics: Kinematics) -> Array:
     share = s / move.end if move.end > 0.0 else 0.0 * s
     (a0, b0), (a1, b1) = move.start_rotaries, move.end_rotaries
     values = (*move.curve.at(share, np), a0 + (a1 - a0) * share, b0 + (b1 - b0) * share)
-    return columns([values[i] for i in move.order], len(s))
+    return columns(kinematics.arrange(values), len(s))

@@ -78,10 +78,9 @@ def _ways(
 
 
 def _moves(blocks: Iterable[Block], machine: Machine) -> Iterator[Turned]:
-    first, second = machine.rotary()
     for block in blocks:
         if isinstance(block, JointLine | JointArc):
-            to = (block.targets[first], block.targets[second])
+            to = machine.pair(block.targets, None)
             if to != (None, None):
                 yield Turned(to, block.relative)
         elif isinstance(block, TipLine) and block.rotaries != (None, None):

@@ -1,6 +1,6 @@
 """The corners of a row's lines: tip in the table frame (or X Y Z of the machine) and both rotaries.
 
-Between two corners all five run evenly; a line whose great circle is not so gets more of them.
+Between two corners all of them run evenly; a line whose great circle is not so gets more of them.
 """
 
 from __future__ import annotations
@@ -100,7 +100,7 @@ class CornerMaker:
         turned = np.array(rotaries)
         zero = np.zeros(len(turned))
         values = (zero, zero, zero, turned[:, 0], turned[:, 1])
-        axes = self._kinematics.forward([values[i] for i in self._kinematics.order], 0.0, np).axis
+        axes = self._kinematics.forward(self._kinematics.arrange(values), 0.0, np).axis
         sine = zero + self._kinematics.off_pole(axes, np)
         line = np.arange(len(blocks))
         found = Corners(

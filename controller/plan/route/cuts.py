@@ -14,7 +14,7 @@ from typing import Any, Generic, TypeVar
 
 from controller.curves import ArcLength, Bezier
 from controller.geometry import Number, Vector, add, cross, dot, norm, rotate, scale, subtract, unit
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Machine, Tool
 from controller.motions import SurfaceCut
 from controller.placement import Placed, Strategy, Turn
@@ -162,7 +162,7 @@ def _cut(block: CutBlock, surface: Surface, part: tuple[float, float], tool: Too
     placed = place(surface, cutter, strategy(block, tool, machine), tolerance_mm(modal, tool, machine) or 0.0)
     frame = modal.frame(machine)
     motion = SurfaceCut(placed, _arc(surface.lower), cutter.offset_mm, tool.length_mm, frame)
-    motion = touched(motion, Kinematics(machine))
+    motion = touched(motion, kinematics_of(machine))
     return Cut(block, tool, motion, edge(motion, 0.0), edge(motion, 1.0), part)
 
 

@@ -31,7 +31,7 @@ from controller.placement import AT_LOWER, Placed
 from controller.plan.route import audit, rates
 from controller.plan.route.branch import joints_along
 from controller.plan.route.cuts import Cut, Edge, beside, gouge, tolerance_mm
-from controller.plan.route.stretch import Stretch, Voice, joints_of, straight
+from controller.plan.route.stretch import Stretch, Voice, joints_of, rotaries_of, straight
 from controller.plan.route.train import Leg
 
 Array = npt.NDArray[np.float64]
@@ -125,7 +125,7 @@ def _off_mm(leg: Leg, machine: Machine) -> float:
 class End:
     """One end of a cut: ``rows`` (3, 5) of the tip (table frame) and both rotaries, with two derivatives.
 
-    ``rates`` (5,) and ``bends`` (5,) are first and second derivatives of the joints, without sign, and
+    ``rates`` (axes,) and ``bends`` (axes,) are first and second derivatives of the joints, without sign, and
     ``tilt`` is the rate of the axis (rad), all over s in mm.
     """
 
@@ -145,10 +145,10 @@ class End:
         q = stretch.start if at_start else stretch.end
         series = [
             jets.Jet(np.array([[q[i]], d.first[:, i], 0.5 * d.second[:, i], d.third[:, i] / 6.0]))
-            for i in range(5)
+            for i in range(len(q))
         ]
         tip, axis = kinematics.forward(series, leg.cut.motion.length_mm, jets)
-        turns = [series[kinematics.order.index(k)] for k in (3, 4)]
+        turns = kinematics.spread(series)[3:]
         rows = np.array([[jets.jet(one).derivative(k).item() for one in (*tip, *turns)] for k in range(3)])
         rows[1:, 3:][np.abs(rows[1:, 3:]) < STANDS_RAD] = 0.0
         tilt = math.hypot(*(jets.jet(one).derivative(1).item() for one in axis))
@@ -214,9 +214,9 @@ class End:
         """
         speed, _, _ = self._along(machine)
         per_jerk = speed**3 / rates.limits(machine)[:, 2]
-        lift = np.zeros(5)
+        one, lift = np.ones(len(per_jerk)), np.zeros(len(per_jerk))
         lift[list(machine.linear())] = 6.0 * off_mm
-        cubics = np.array([np.ones(5), -self.bends * per_jerk / MOST_FADE, np.zeros(5), -lift * per_jerk])
+        cubics = np.array([one, -self.bends * per_jerk / MOST_FADE, 0.0 * one, -lift * per_jerk])
         return max(float(np.roots(cubic).real.max()) for cubic in cubics.T)
 
     def settling(self, machine: Machine) -> float:
@@ -304,8 +304,7 @@ class End:
         """The way of one stretch."""
         outer = stretch.start if self.at_start else stretch.end
         pose = self.kinematics.forward(outer, self.leg.cut.motion.length_mm)
-        first, second = (outer[self.kinematics.order.index(k)] for k in (3, 4))
-        return Lead((stretch,), pose.tip, pose.axis, (first, second))
+        return Lead((stretch,), pose.tip, pose.axis, rotaries_of(outer, self.kinematics))
 
 
 def spline_of(knots: Array, cubics: Array, cut: Cut) -> ToolSpline:
@@ -392,7 +391,7 @@ class Room:
         return math.inf if outside else self._reached(joints)
 
     def _along(self, lead: Stretch) -> tuple[Array, Array]:
-        """Where it is looked at, and the joints (N, 5) there."""
+        """Where it is looked at, and the joints (N, axes) there."""
         s = np.linspace(0.0, lead.motion.end, POSES)
         return s, joints_along(lead, s, self.kinematics)
 

@@ -124,7 +124,7 @@ def _to_rotaries(
 
 def axis_of(rotaries: Rotaries, kinematics: Kinematics) -> Vector:
     """Tool axis in the table frame."""
-    return kinematics.forward(joints_of((0.0, 0.0, 0.0), rotaries, kinematics), 0.0).axis
+    return kinematics.tool_axis(rotaries)
 
 
 def circle(a: Vector, b: Vector) -> GreatCircles:
@@ -247,9 +247,7 @@ def _chosen(
     tips, axes = _row_ahead(block, tip, axis, following, machine)
     ways = _ways(axes, stand.rotaries, kinematics)
     if not ways:
-        voice.refuse(
-            block.place, "no position of the rotary axes gives this tool axis; tilt the part or the tool"
-        )
+        voice.refuse(block.place, f"{kinematics.unreached}; tilt the part or the tool")
     ways = [shifted for way in ways for shifted in _in_turns(way, stand.rotaries, machine)]
     ways.sort(key=lambda way: _travel(way, stand.rotaries))
     for way in ways:
@@ -298,10 +296,10 @@ def _ways(axes: Array, near: Rotaries, kinematics: Kinematics) -> list[Followed]
 def _in_turns(way: Followed, near: Rotaries, machine: Machine) -> list[Followed]:
     """The same way in each whole turn, of those that matter, in which the rotaries stay inside travel."""
     options: list[list[int]] = []
-    for k, index in enumerate(machine.rotary()):
-        axis, q = machine.axes[index], way.rotaries[:, k]
-        first = math.ceil((axis.travel_min - float(q.min()) - 1e-9) / (2.0 * math.pi))
-        last = math.floor((axis.travel_max - float(q.max()) + 1e-9) / (2.0 * math.pi))
+    for k, (least, most) in enumerate(machine.turns()):
+        q = way.rotaries[:, k]
+        first = math.ceil((least - float(q.min()) - 1e-9) / (2.0 * math.pi))
+        last = math.floor((most - float(q.max()) + 1e-9) / (2.0 * math.pi))
         nearest = (near[k] - float(q[0])) / (2.0 * math.pi)
         around = {math.floor(nearest), math.ceil(nearest)}
         options.append(sorted({min(max(n, first), last) for n in around}) if first <= last else [0])
@@ -324,7 +322,7 @@ def _inside(way: Followed, tips: Array, length_mm: float, machine: Machine, kine
     a, b = way.rotaries.T
     xyz = kinematics.linear((tip[:, 0], tip[:, 1], tip[:, 2]), (a, b), length_mm, np)
     values = (*xyz, a, b)
-    joints = np.stack([values[i] for i in kinematics.order], axis=1)
+    joints = np.stack(kinematics.arrange(values), axis=1)
     return all(
         axis.travel_min - audit.ROUNDING <= q.min() and q.max() <= axis.travel_max + audit.ROUNDING
         for axis, q in zip(machine.axes, joints.T, strict=True)

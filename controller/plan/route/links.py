@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from controller.geometry import norm, subtract
 from controller.kinematics import Kinematics
-from controller.machine import Machine, five
+from controller.machine import Machine
 from controller.plan.route import rates
 from controller.plan.route.cuts import Cut
 from controller.plan.route.leads import MOST_TURN_RAD, POSES, End, Room, lead_feed, spline_of
@@ -98,7 +98,7 @@ def _link(one: End, other: End, off_mm: float, stretched: float, machine: Machin
     cubics = _cubics(a, middle, b, length)
     block = other.leg.cut.block
     spline = spline_of(np.linspace(0.0, length, SPANS + 1), cubics, other.leg.cut)
-    start, end = five(one.leg.joints[-1].tolist()), five(other.leg.joints[0].tolist())
+    start, end = tuple(one.leg.joints[-1].tolist()), tuple(other.leg.joints[0].tolist())
     feed, steps, turning = _feeds(one, other, length, machine)
     return Stretch(spline, block.place, feed, False, start, end, True, NAME, steps, turning)
 

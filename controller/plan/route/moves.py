@@ -46,8 +46,7 @@ def target(block: JointLine | JointArc, machine: Machine, kinematics: Kinematics
         there = shifted(words, here, frame) if block.relative else placed(words, here, frame, length)
         for i, value in zip(linear, there, strict=True):
             end[i] = value
-    a, b, c, d, e = end
-    return (a, b, c, d, e)
+    return tuple(end)
 
 
 def _xyz(joints: Joints, linear: tuple[int, int, int]) -> Vector:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.kinematics import Kinematics
-from controller.machine import Axis, Machine, five
+from controller.machine import Axis, Machine
 from controller.plan.route import rates
 from controller.plan.route.branch import BranchLost, field, joints_on
 from controller.plan.route.cuts import Cut
@@ -86,11 +86,11 @@ def _followed(pair: Pair, kinematics: Kinematics) -> Iterator[Stretch]:
         near = rotaries[-1]
         start, end = joints_on(cut.motion, found.u, rotaries, kinematics)[[0, -1]].tolist()
         block = cut.block
-        yield Stretch(cut.motion, block.place, block.feed_mm_s, True, five(start), five(end), True, "cut")
+        yield Stretch(cut.motion, block.place, block.feed_mm_s, True, tuple(start), tuple(end), True, "cut")
 
 
 def _speeds(d: Derivatives, axes: tuple[Axis, ...]) -> Array:
-    """Speed that each joint's velocity, acceleration and jerk allow at N places, (3, N, 5), mm/s."""
+    """Speed that each joint's velocity, acceleration and jerk allow at N places, (3, N, axes), mm/s."""
     limits = np.array([[a.limits.velocity, a.limits.acceleration, a.limits.jerk] for a in axes]).T
     rows = np.abs(np.stack([d.first, d.second, d.third])) + 1e-30
     allowed = limits[:, None, :] / rows

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +23,7 @@ from controller import jets
 from controller.curves import Bezier, Curve
 from controller.geometry import Number, Vector, norm
 from controller.kinematics import Kinematics
-from controller.machine import Machine
+from controller.machine import STILL, Machine
 from controller.motions import JointMove, SurfaceCut, ToolLine, ToolSpline
 from controller.placement import Blend, Blended, Placed
 from controller.plan.route import tool_paths
@@ -50,7 +50,7 @@ LEAST_RATE = 1e-3  # of C1'' at an end: below that C1 stands still there, and s 
 
 @dataclass(frozen=True, slots=True)
 class Derivatives:
-    """q', q'', q''' at N places of a stretch, each (N, 5), per mm (or degree) of s."""
+    """q', q'', q''' at N places of a stretch, each (N, axes), per mm (or degree) of s."""
 
     first: Array
     second: Array
@@ -74,14 +74,14 @@ class Derivatives:
 
 
 def limits(machine: Machine) -> Array:
-    """Largest velocity, acceleration and jerk of each joint: (5, 3), in mm or rad, per s, s^2 and s^3."""
+    """Largest velocity, acceleration and jerk of each joint: (axes, 3), in mm or rad, per s, s^2 and s^3."""
     return np.array([(a.limits.velocity, a.limits.acceleration, a.limits.jerk) for a in machine.axes])
 
 
 def derivatives(stretch: Stretch, s: Array, kinematics: Kinematics) -> Derivatives:
-    """Exact derivatives of the five joints with respect to s at the places ``s`` (N,)."""
+    """Exact derivatives of the joints with respect to s at the places ``s`` (N,)."""
     if isinstance(stretch.motion, JointMove):
-        return _derivatives_of_move(stretch.motion, s)
+        return _derivatives_of_move(stretch.motion, s, kinematics)
     if isinstance(stretch.motion, ToolLine):
         return Derivatives(*tool_paths.derivatives_of_line(stretch.motion, s, kinematics))
     if isinstance(stretch.motion, ToolSpline):
@@ -89,7 +89,7 @@ def derivatives(stretch: Stretch, s: Array, kinematics: Kinematics) -> Derivativ
     return _derivatives_of_cut(stretch, stretch.motion, s, kinematics)
 
 
-def _derivatives_of_move(move: JointMove, s: Array) -> Derivatives:
+def _derivatives_of_move(move: JointMove, s: Array, kinematics: Kinematics) -> Derivatives:
     per_s = 1.0 / move.end
     (a0, b0), (a1, b1) = move.start_rotaries, move.end_rotaries
     found = []
@@ -97,7 +97,7 @@ def _derivatives_of_move(move: JointMove, s: Array) -> Derivatives:
         xyz = [np.broadcast_to(c, s.shape) for c in move.curve.derivative(s * per_s, order, np)]
         turns = [np.full_like(s, a1 - a0), np.full_like(s, b1 - b0)] if order == 1 else [0.0 * s, 0.0 * s]
         values = [*xyz, *turns]
-        found.append(np.stack([values[i] for i in move.order], axis=1) * per_s**order)
+        found.append(np.stack(kinematics.arrange(values), axis=1) * per_s**order)
     return Derivatives(*found)
 
 
@@ -117,14 +117,13 @@ def _inside(cut: SurfaceCut, kinematics: Kinematics) -> tuple[float, float]:
 
 def _derivatives_of_cut(stretch: Stretch, cut: SurfaceCut, s: Array, kinematics: Kinematics) -> Derivatives:
     inside = np.clip(s, *_inside(cut, kinematics))
-    branch = one_branch(stretch, cut, kinematics)
-
-    def own(pairs: Sequence[Pair]) -> Pair:
-        if branch is not None:
-            return pairs[branch]
-        return _matching(pairs, joints_along(stretch, inside, kinematics), kinematics)
-
-    return _derived(cut, cut.surface, cut.arc.u_along(inside), kinematics, own).beyond(s - inside)
+    u, branch = cut.arc.u_along(inside), one_branch(stretch, cut, kinematics)
+    if branch is not None:
+        return _derived(cut, cut.surface, u, kinematics, lambda pairs: pairs[branch]).beyond(s - inside)
+    first, second = kinematics.spread([*joints_along(stretch, inside, kinematics).T])[3:]
+    shown = first, second  # where a free rotary stands, X and Y are the part's turned by it
+    own = partial(_matching, shown=shown)
+    return _derived(cut, cut.surface, u, kinematics, own, shown).beyond(s - inside)
 
 
 def _derived(
@@ -133,16 +132,20 @@ def _derived(
     u: Array,
     kinematics: Kinematics,
     own: Callable[[Sequence[Pair]], Pair],
+    keep: Pair = STILL,
 ) -> Derivatives:
-    """At the parameters ``u`` (N,) of a surface, the rest as in ``cut``; ``own`` takes a branch."""
+    """At the parameters ``u`` (N,) of a surface, the rest as in ``cut``; ``own`` takes a branch.
+
+    ``keep``: the pair of rotaries there, for one that is free.
+    """
     series = in_arc_length(surface.lower, u)
     tip, axis = surface.pose(series, cut.offset_mm, jets)
     tip, axis = cut.part.to_parent(tip), cut.part.turn(axis)
     seen = cut.seen_along(series, axis, kinematics, jets)
-    first, second = own(kinematics.branches(axis, jets, seen=seen))
+    first, second = own(kinematics.branches(axis, jets, keep=keep, seen=seen))
     x, y, z = kinematics.linear(tip, (first, second), cut.length_mm, jets)
     values: tuple[Number, ...] = (x, y, z, first, second)
-    joint = [values[i] for i in kinematics.order]
+    joint = kinematics.arrange(values)
     orders = [np.stack([_coefficient(q, k, u) for q in joint], axis=1) for k in (1, 2, 3)]
     return Derivatives(orders[0], 2.0 * orders[1], 6.0 * orders[2])
 
@@ -233,15 +236,11 @@ def _coefficient(q: Number, k: int, s: Array) -> Array:
     return np.broadcast_to(np.asarray(q.c[k] if isinstance(q, jets.Jet) else 0.0, dtype=float), s.shape)
 
 
-def _matching(
-    pairs: Sequence[tuple[Number, Number]], shown: Array, kinematics: Kinematics
-) -> tuple[Number, Number]:
-    """Of the two branches, at each place the one the path is on."""
-    i, j = kinematics.order.index(3), kinematics.order.index(4)
+def _matching(pairs: Sequence[Pair], shown: Pair) -> Pair:
+    """Of the two branches, at each place the one the path is on: the next to the rotaries ``shown``."""
 
-    def away(pair: Sequence[Number]) -> Array:
-        da = pair[0].c[0] - shown[:, i]
-        db = pair[1].c[0] - shown[:, j]
+    def away(pair: Pair) -> Array:
+        da, db = (q.c[0] - at for q, at in zip(pair, shown, strict=True))
         return np.asarray((1.0 - np.cos(da)) + (1.0 - np.cos(db)))
 
     near = away(pairs[0]) <= away(pairs[1])

@@ -312,9 +312,9 @@ def joints_at(stretch: Stretch, s: float, kinematics: Kinematics) -> Joints:
     """The joints at a place of a stretch, on the branch and in the turns of the program's own path."""
     steps = max(2, round(s / FOLLOW_MM)) if isinstance(stretch.motion, SurfaceCut) else 2
     row = joints_along(stretch, np.linspace(0.0, s, steps), kinematics)[-1]
-    a, b, c, d, e = (float(q) for q in row)
-    exact = stretch.motion.joints(s, rotaries_of((a, b, c, d, e), kinematics), kinematics)
-    return exact if exact is not None else (a, b, c, d, e)
+    near = tuple(map(float, row))
+    exact = stretch.motion.joints(s, rotaries_of(near, kinematics), kinematics)
+    return exact if exact is not None else near
 
 
 def _feed(stretch: Stretch, s: float, state: Modal) -> float:

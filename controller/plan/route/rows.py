@@ -373,8 +373,7 @@ def _feed_steps(starts: list[float], feeds: list[float]) -> tuple[tuple[float, f
 
 
 def _joints(row: Array) -> Joints:
-    a, b, c, d, e = (float(q) for q in row)
-    return a, b, c, d, e
+    return tuple(map(float, row))
 
 
 def _three(row: Array) -> Vector:

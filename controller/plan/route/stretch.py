@@ -165,21 +165,19 @@ class Voice:
 
 
 def rotaries_of(joints: Joints, kinematics: Kinematics) -> Rotaries:
-    """The two rotary positions out of five joints."""
-    return joints[kinematics.order.index(3)], joints[kinematics.order.index(4)]
+    """The pair of rotaries out of joints."""
+    return kinematics.rotaries(joints)
 
 
 def xyz_of(joints: Joints, kinematics: Kinematics) -> Vector:
-    """X, Y and Z out of five joints."""
-    order = kinematics.order
-    return joints[order.index(0)], joints[order.index(1)], joints[order.index(2)]
+    """X, Y and Z out of joints."""
+    x, y, z, _, _ = kinematics.spread(joints)
+    return x, y, z
 
 
 def joints_of(xyz: Vector, rotaries: Rotaries, kinematics: Kinematics) -> Joints:
-    """Five joints in the machine's order."""
-    values = (*xyz, *rotaries)
-    a, b, c, d, e = (float(values[i]) for i in kinematics.order)
-    return (a, b, c, d, e)
+    """Joints in the machine's order."""
+    return tuple(map(float, kinematics.arrange((*xyz, *rotaries))))
 
 
 def straight(
@@ -205,7 +203,7 @@ def straight(
         feed = feed_mm_s if feed_deg_s is None else feed_deg_s
     if length < STILL_MM:
         return None
-    move = JointMove(Line(a, b), length, first, last, kinematics.order)
+    move = JointMove(Line(a, b), length, first, last)
     return Stretch(move, place, feed, False, start, end, True, name)
 
 
@@ -221,5 +219,5 @@ def round_arc(
     """An arc or helix of X Y Z between two joint positions, rotaries turning evenly."""
     length = math.hypot(norm(arc.first) * arc.sweep_rad, norm(arc.rise))
     first, last = rotaries_of(start, kinematics), rotaries_of(end, kinematics)
-    move = JointMove(arc, length, first, last, kinematics.order)
+    move = JointMove(arc, length, first, last)
     return Stretch(move, place, feed_mm_s, False, start, end, True, name)

@@ -137,7 +137,7 @@ def _solve(circles: GreatCircles, kinematics: Kinematics, line: Index, share: Ar
     pairs: Array = np.moveaxis(np.array(kinematics.branches(columns, np, ways, NAN)), 2, 1)
     lost = np.isnan(pairs).all(axis=(0, 2))
     if lost.any():
-        raise AxisLost(int(line[lost.argmax()]), "no position of the rotary axes gives this tool axis")
+        raise AxisLost(int(line[lost.argmax()]), kinematics.unreached)
     return _Samples(line, share, axis, kinematics.off_pole(columns, np), pairs)
 
 

@@ -22,7 +22,7 @@ POLE_MARGIN = 1e-4
 
 
 def joints_along_line(line: ToolLine, s: Array, kinematics: Kinematics) -> Array:
-    """Joints (N, 5) at the places ``s`` (N,), in any order."""
+    """Joints (N, axes) at the places ``s`` (N,), in any order."""
     share = s / line.end
     rotaries = _rotaries(line, share, kinematics)
     tip = tuple(t + w * share for t, w in zip(line.tip, line.way, strict=True))
@@ -30,7 +30,7 @@ def joints_along_line(line: ToolLine, s: Array, kinematics: Kinematics) -> Array
         (tip[0], tip[1], tip[2]), (rotaries[:, 0], rotaries[:, 1]), line.length_mm, np
     )
     values = (x, y, z, rotaries[:, 0], rotaries[:, 1])
-    return columns([values[i] for i in kinematics.order], len(share))
+    return columns(kinematics.arrange(values), len(share))
 
 
 def _rotaries(line: ToolLine, share: Array, kinematics: Kinematics) -> Array:
@@ -49,7 +49,7 @@ def _circle(line: ToolLine) -> GreatCircles:
 
 
 def derivatives_of_line(line: ToolLine, s: Array, kinematics: Kinematics) -> tuple[Array, Array, Array]:
-    """q', q'', q''' (N, 5) of the joints over s."""
+    """q', q'', q''' (N, axes) of the joints over s."""
     share = s / line.end
     if not line.even:
         first, last = _margins(line, kinematics)
@@ -93,18 +93,18 @@ def _spans(spline: ToolSpline, s: Array) -> tuple[Array, Array]:
 
 
 def joints_along_spline(spline: ToolSpline, s: Array, kinematics: Kinematics) -> Array:
-    """Joints (N, 5) at the places ``s`` (N,), in any order."""
+    """Joints (N, axes) at the places ``s`` (N,), in any order."""
     c, h = _spans(spline, s)
     value = c[..., 0] + h * (c[..., 1] + h * (c[..., 2] + h * c[..., 3]))
     x, y, z, a, b = value.T
     if spline.tips:
         x, y, z = kinematics.linear((x, y, z), (a, b), spline.length_mm, np)
     values = (x, y, z, a, b)
-    return columns([values[i] for i in kinematics.order], len(s))
+    return columns(kinematics.arrange(values), len(s))
 
 
 def derivatives_of_spline(spline: ToolSpline, s: Array, kinematics: Kinematics) -> tuple[Array, Array, Array]:
-    """q', q'', q''' (N, 5) of the joints over s; at a knot those behind it."""
+    """q', q'', q''' (N, axes) of the joints over s; at a knot those behind it."""
     c, h = _spans(spline, s)
     series = np.stack(
         [
@@ -129,7 +129,7 @@ def _orders(
     if tips:
         x, y, z = kinematics.linear((x, y, z), (a, b), length_mm, jets)
     series = (x, y, z, a, b)
-    joints = [series[i] for i in kinematics.order]
+    joints = kinematics.arrange(series)
     first, second, third = (np.stack([_coefficient(q, k, s) for q in joints], axis=1) for k in (1, 2, 3))
     return first, 2.0 * second, 6.0 * third
 

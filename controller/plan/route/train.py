@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.kinematics import Kinematics
-from controller.machine import Kind, Machine, five
+from controller.machine import Kind, Machine
 from controller.motions import Rotaries
 from controller.plan.route import audit, blending, passing, unwind, winding
 from controller.plan.route.branch import BranchLost, Field, field, joints_on
@@ -186,7 +186,7 @@ def _where(before: Cut, after: Cut) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """One cut with its rotaries followed: samples ``u`` (N,), ``rotaries`` (N, 2), ``joints`` (N, 5)."""
+    """One cut with its rotaries followed: samples ``u`` (N,), ``rotaries`` (N, 2), ``joints`` (N, axes)."""
 
     cut: Cut
     u: Array
@@ -205,13 +205,14 @@ class Leg:
     def stretch(self) -> Stretch:
         """The cut itself."""
         block = self.cut.block
-        start, end = five(self.joints[0].tolist()), five(self.joints[-1].tolist())
+        start, end = tuple(self.joints[0].tolist()), tuple(self.joints[-1].tolist())
         return Stretch(self.cut.motion, block.place, block.feed_mm_s, True, start, end, True, "cut")
 
     def shifted(self, machine: Machine, by: Rotaries) -> Leg:
         """The same leg in other whole turns (rad) of the two rotaries."""
         joints = self.joints.copy()
-        joints[:, machine.rotary()] += np.array(by)
+        for i, turn_rad in zip(machine.rotary(), by, strict=False):
+            joints[:, i] += turn_rad
         return Leg(self.cut, self.u, self.rotaries + np.array(by), joints)
 
 
@@ -348,8 +349,8 @@ def _start(pairs: Array, near: Rotaries) -> Rotaries:
 
 def tilt_of(machine: Machine) -> int:
     """Which rotary of the pair (0 or 1) stands next to the tool: it tilts, the other one turns."""
-    _, second = machine.rotary()
-    return 1 if machine.axes[second].kind is Kind.HEAD else 0
+    _, second = machine.pair([axis.kind for axis in machine.axes], Kind.LINEAR)
+    return 1 if second is Kind.HEAD else 0
 
 
 def trains(

@@ -54,11 +54,10 @@ def _farthest_legs(options: Sequence[Option], machine: Machine, now: Rotaries) -
 def _shifts(way: Way, machine: Machine) -> Iterator[Rotaries]:
     """Every turn in which the row begins inside travel, or the one nearest to that."""
     turns = []
-    for k, index in enumerate(machine.rotary()):
-        axis, start = machine.axes[index], way.start[k]
-        first = math.ceil((axis.travel_min - start - audit.ROUNDING) / TURN)
-        last = math.floor((axis.travel_max - start + audit.ROUNDING) / TURN)
-        middle = round((0.5 * (axis.travel_min + axis.travel_max) - start) / TURN)
+    for start, (least, most) in zip(way.start, machine.turns(), strict=True):
+        first = math.ceil((least - start - audit.ROUNDING) / TURN)
+        last = math.floor((most - start + audit.ROUNDING) / TURN)
+        middle = round((0.5 * (least + most) - start) / TURN)
         turns.append(range(first, last + 1) if first <= last else [middle])
     for a, b in itertools.product(*turns):
         yield a * TURN, b * TURN

@@ -73,10 +73,9 @@ class Way:
     def shifts(self, machine: Machine, near: Rotaries) -> Iterator[Rotaries]:
         """Whole turns (rad) that keep the row inside travel and begin it next to ``near``, on either side."""
         found = []
-        for k, index in enumerate(machine.rotary()):
-            axis = machine.axes[index]
-            first = math.ceil((axis.travel_min - self.low[k] - ROUNDING) / TURN)
-            last = math.floor((axis.travel_max - self.high[k] + ROUNDING) / TURN)
+        for k, (least, most) in enumerate(machine.turns()):
+            first = math.ceil((least - self.low[k] - ROUNDING) / TURN)
+            last = math.floor((most - self.high[k] + ROUNDING) / TURN)
             if first > last:
                 return
             nearest = (near[k] - self.start[k]) / TURN
@@ -162,14 +161,13 @@ def _over_row(states: Sequence[_State], row: Row, machine: Machine) -> Iterator[
 
 
 def _over(states: Sequence[_State], move: Turned, machine: Machine) -> Iterator[_State]:
-    axes = [machine.axes[i] for i in machine.rotary()]
     for state in states:
         a, b = (
             q if to is None else (q + to if move.relative else to)
             for q, to in zip(state.rotaries, move.to, strict=True)
         )
-        ends = zip(axes, (a, b), strict=True)
-        if all(x.travel_min - ROUNDING <= q <= x.travel_max + ROUNDING for x, q in ends):
+        ends = zip(machine.turns(), (a, b), strict=True)
+        if all(least - ROUNDING <= q <= most + ROUNDING for (least, most), q in ends):
             yield _State((a, b), state.cost.plus(Rank(apart((a, b), state.rotaries))), state.chosen)
 
 

@@ -62,7 +62,7 @@ def _within(way: Way, motion: Motion, jerks: tuple[Array, ...], rapid: Array, en
     s, v, a = motion
     q, about = way.at(s, ends)
     room = about * np.maximum(rapid / about[RAPID], 1.0)
-    d = q.reshape(3, 5, -1)
+    d = q.reshape(3, len(q) // 3, -1)
     rest = v * (d[2] * (v * v) + 3.0 * a * d[1])
     fine = v >= -STANDSTILL
     for j in jerks:

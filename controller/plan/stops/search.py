@@ -197,8 +197,8 @@ def _bounds(
     """Bounds of the jerk of one step; ``here`` and ``there`` are the way where it begins and ends."""
     v, a = motion
     v1 = v + h * a
-    d, e = here[0].reshape(3, 5, -1), there[0].reshape(3, 5, -1)
-    slope, value, bound = np.empty((3, 3, 5, len(v)))
+    d, e = (q.reshape(3, len(q) // 3, -1) for q, _ in (here, there))
+    slope, value, bound = np.empty((3, *d.shape))
     slope[0], value[0] = d[0], v * (d[2] * (v * v) + 3.0 * a * d[1])
     slope[1] = e[0] + e[1] * (3.0 * h * (v1 + 0.5 * h * a)) + e[2] * (1.5 * h * h * v1 * v1)
     value[1] = v1 * (e[2] * (v1 * v1) + 3.0 * a * e[1])
@@ -216,8 +216,8 @@ def _bounds(
 
 
 def _compromise(low: Array, high: Array, slope: Array) -> Array:
-    """Where the joints' bounds (2, 5, N) contradict each other: a jerk as far beyond both."""
-    low, high, weight = (x.reshape(10, -1) for x in (low, high, 1.0 / np.abs(slope)))
+    """Where the joints' bounds (2, axes, N) contradict each other: a jerk as far beyond both."""
+    low, high, weight = (x.reshape(2 * x.shape[1], -1) for x in (low, high, 1.0 / np.abs(slope)))
     i, k = low.argmax(axis=0), high.argmin(axis=0)
     lane = np.arange(low.shape[1])
     over = (low[i, lane] - high[k, lane]) / (weight[i, lane] + weight[k, lane])
@@ -279,7 +279,8 @@ def _fits(
     lands: npt.NDArray[np.bool_],
 ) -> npt.NDArray[np.bool_]:
     """Whether the joints allow the jerk of a landing where it begins, behind the first step."""
-    e, bound = there[0][:, lands].reshape(3, 5, -1), (share * there[1][JERK])[lands]
+    e, bound = there[0][:, lands], (share * there[1][JERK])[lands]
+    e = e.reshape(3, len(e) // 3, -1)
     v1, a1 = v + h * (a + 0.5 * h * first), a + h * first
     jerk = v1 * (e[2] * (v1 * v1) + 3.0 * a1 * e[1]) + e[0] * rest
     return np.asarray(np.abs(jerk).max(axis=0) <= bound * (1.0 + 1e-6))

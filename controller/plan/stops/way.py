@@ -28,7 +28,7 @@ JERK, ACCELERATION, RAPID, STILL, SPEED = range(5)  # rows of what holds about a
 class Way:
     """Derivatives and limits over s, from the plan's place at ``first_s`` to that at ``last_s``.
 
-    ``acceleration`` and ``velocity`` (5, 1) are the machine's limits in units of each
+    ``acceleration`` and ``velocity`` (axes, 1) are the machine's limits in units of each
     joint's jerk limit.
     """
 
@@ -46,7 +46,7 @@ class Way:
         places, derived = self._refined(course, places, s, v)
         self._fill(places, derived)
         rooms, before, ahead = _rooms(course, places, s, v)
-        still = 1.0 / (np.abs(derived[:, :5]).max(axis=1) + TINY)
+        still = 1.0 / (np.abs(derived[:, : len(limits.jerk)]).max(axis=1) + TINY)
         speed = np.interp(places, s, v)
         fastest = np.maximum(speed[:-1], speed[1:])
         self._about = np.vstack([_lower(np.vstack([rooms, still])), fastest])
@@ -58,7 +58,7 @@ class Way:
         return float(self.s[-1])
 
     def at(self, s: Array, ends: Array | None = None) -> tuple[Array, Array]:
-        """q', q'', q''' of the joints over their jerk limits (15, N), and what holds about there (5, N).
+        """q', q'', q''' of the joints over their jerk limits (3 axes, N), and what holds about there (5, N).
 
         The latter are the shares of jerk and of acceleration that may be used, what of both
         is the share of rapids, the largest jerk at no speed, and the speed of the plan. A motion
@@ -114,7 +114,8 @@ class Way:
         line = (derived[:-2] * h1 + derived[2:] * h0) / (h0 + h1)
         off = np.abs(derived[1:-1] - line) / 4.0
         a, v = self.acceleration.T, speed[:, None]
-        found = np.maximum(off[:, 5:10] * v**2 / a, off[:, 10:] * v**3)
+        _, second, third = np.split(off, 3, axis=1)
+        found = np.maximum(second * v**2 / a, third * v**3)
         jump = ((h0 <= 2.0 * LEAST_STEP) | (h1 <= 2.0 * LEAST_STEP))[:, 0]
         return np.where(jump, 0.0, found.max(axis=1))
 

@@ -346,8 +346,8 @@ def _tip_to_end(held: Held, block: TipLine, axes: Sequence[int], machine: Machin
         raise NotBesideError(block.place, UNKNOWN)
     a, b = block.rotaries
     if block.relative:
-        first, second = machine.rotary()
-        a, b = (None if a is None else held.joints[first]), (None if b is None else held.joints[second])
+        first, second = machine.pair(held.joints, 0.0)
+        a, b = (None if a is None else first), (None if b is None else second)
     return replace(block, tip=(x, y, z), rotaries=(a, b), relative=False)
 
 

@@ -234,7 +234,7 @@ class _Way:
     def _go(self, x: Known, y: Known, height: Known, feed: Known) -> None:
         """To a place; a rotary of the line's words turns with the rapid over the hole."""
         machine, modal = self.here.machine, self.modal
-        made: list[Known] = [None] * 5
+        made: list[Known] = [None] * len(machine.axes)
         if x is not None:
             for i in machine.rotary():
                 made[i] = self.targets[i]

@@ -65,7 +65,7 @@ class Given:
 
     def _rotary(self, letter: str) -> float | None:
         rotary, joints = self._machine.rotary(), self.position.joints()
-        for i, shift in zip(rotary, self.state.modal.turned_rad, strict=True):
+        for i, shift in zip(rotary, self.state.modal.turned_rad, strict=False):
             q, axis = joints[i], self._machine.axes[i]
             if axis.name == letter.upper() and q is not None:
                 return (q - shift) * axis.shown_per_unit
@@ -135,7 +135,7 @@ class Given:
             value: float = xyz[number]
             return value
         letter = LETTERS[number].upper() if number < len(LETTERS) else ""
-        for i, turned in zip(self._machine.rotary(), turned_rad, strict=True):
+        for i, turned in zip(self._machine.rotary(), turned_rad, strict=False):
             if self._machine.axes[i].name == letter:
                 return turned * self._machine.axes[i].shown_per_unit
         return 0.0

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from controller.changes import Change, Shifted
-from controller.machine import OFFSETS, five
+from controller.machine import OFFSETS
 from controller.plan.text.modal import State
 
 K = TypeVar("K")
@@ -26,7 +26,7 @@ def between(before: State, after: State) -> tuple[Change, ...]:
         made += [Change("tools", str(n), after.tools[n]) for n in _fresh(before.tools, after.tools)]
     if after.references is not before.references:
         made += [
-            Change("references", code, five([q or 0.0 for q in after.references[code]]))
+            Change("references", code, tuple([q or 0.0 for q in after.references[code]]))
             for code in _fresh(before.references, after.references)
         ]
     return tuple(made)

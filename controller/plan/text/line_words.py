@@ -59,8 +59,9 @@ def line(here: Here, motion: str, word: Word) -> JointLine | TipLine:
     place, values = ask.place(word), targets(here)
     if state.modal.tip is Tip.OFF or machine_frame:
         return JointLine(place, state.modal, values, relative, machine_frame, mm, degrees, time)
-    x, y, z, a, b = (values[i] for i in (*here.machine.linear(), *here.machine.rotary()))
-    return TipLine(place, state.modal, (x, y, z), (a, b), _axis(here), relative, mm, degrees, time)
+    x, y, z = (values[i] for i in here.machine.linear())
+    turns = here.machine.pair(values, None)
+    return TipLine(place, state.modal, (x, y, z), turns, _axis(here), relative, mm, degrees, time)
 
 
 def _axis(here: Here) -> Vector | None:

@@ -48,13 +48,9 @@ class Here(NamedTuple):
 
     def rotary_rad(self) -> tuple[Known, Known]:
         """The words of the two rotaries (carried sense)."""
-        first, second = (self.machine.axes[i] for i in self.machine.rotary())
-        given = (self.ask.words.get(axis.name) for axis in (first, second))
-        a, b = (
-            None if word is None else word.value / axis.shown_per_unit
-            for word, axis in zip(given, (first, second), strict=True)
-        )
-        return a, b
+        given = ((self.ask.words.get(axis.name), axis) for axis in self.machine.axes)
+        found = [None if word is None else word.value / axis.shown_per_unit for word, axis in given]
+        return self.machine.pair(found, None)
 
     def lengths_mm(self) -> tuple[Known, Known, Known]:
         return self.length_mm("X"), self.length_mm("Y"), self.length_mm("Z")

@@ -47,8 +47,8 @@ class CommonLines:
         self._axes = [(PARTS[a.name], a.shown_per_unit if a.is_rotary else 0.0) for a in machine.axes]
         names = {axis.name for axis in machine.axes}
         self._lacking = [PARTS[letter] for letter in "XYZABC" if letter not in names]
-        self._linear, self._rotary = machine.linear(), machine.rotary()
-        self._turning = [PARTS[machine.axes[i].name] for i in self._rotary]
+        self._linear, self._pair = machine.linear(), machine.pair
+        self._turning = [PARTS[machine.axes[i].name] for i in machine.rotary()]
         self._points_count = points.count(machine)
         self._state: State | None = None  # as it was seen last ...
         self._is_usual = False  # ... and whether its lines can be common
@@ -166,13 +166,12 @@ class CommonLines:
         if has_vector and (axis is None or relative):
             return None
         x, y, z = [targets[i] for i in self._linear]
-        a, b = [targets[i] for i in self._rotary]
-        return TipLine(_place(line, parts), modal, (x, y, z), (a, b), axis, relative, mm, degrees, time)
+        turns = self._pair(targets, None)
+        return TipLine(_place(line, parts), modal, (x, y, z), turns, axis, relative, mm, degrees, time)
 
     def _turns(self, parts: Sequence[Part]) -> bool:
         """Whether a rotary has a word."""
-        first, second = self._turning
-        return parts[first] is not None or parts[second] is not None
+        return any([parts[i] is not None for i in self._turning])
 
 
 def any_of(values: Sequence[object]) -> bool:

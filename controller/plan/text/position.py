@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from controller.geometry import Frame, Vector, add, subtract
-from controller.kinematics import Kinematics, Pair
+from controller.kinematics import Kinematics, Pair, kinematics_of
 from controller.machine import Joints, Machine
 from controller.plan.text.program import (
     Block,
@@ -36,8 +36,7 @@ _ENDED = (JointLine, JointArc)
 
 def homed(machine: Machine) -> Joints:
     """The joints where a homed machine stands (mm, rad)."""
-    a, b, c, d, e = (axis.homing.position for axis in machine.axes)
-    return a, b, c, d, e
+    return tuple(axis.homing.position for axis in machine.axes)
 
 
 def placed(words: Sequence[Known], here: Vector, frame: Frame, length_mm: float) -> Vector:
@@ -91,7 +90,7 @@ class Position:
         self._kinematics: Kinematics | None = None
         self._linear, self._rotary = machine.linear(), machine.rotary()
         self._xyz: list[Known] = [start[i] for i in self._linear]  # axes, or the tip in the table frame
-        self._rotaries: list[Known] = [start[i] for i in self._rotary]
+        self._rotaries: list[Known] = [*machine.pair(start, 0.0)]
         self._tips, self._length_mm = False, 0.0
         self._pending: list[JointLine | JointArc] = []  # absolute, not gone yet: most are never asked for
 
@@ -108,7 +107,7 @@ class Position:
         elif isinstance(block, TipLine):
             self._tip_line(block)
         elif isinstance(block, CutCone | CutRuled | CutNurbs):
-            self._xyz, self._rotaries = [None] * 3, [None] * 2
+            self._xyz, self._rotaries = [None] * 3, self._lost()
 
     def _go(self) -> None:
         """Go where all pending lines lead: of those in one frame the last word of each axis counts."""
@@ -121,6 +120,10 @@ class Position:
                 row[-1] = replace(row[-1], targets=targets)
             self._joint_move(row[-1])
 
+    def _lost(self) -> list[Known]:
+        """Nobody knows where the rotaries are; one that the machine has not stands still."""
+        return [*self._machine.pair([None] * len(self._machine.axes), 0.0)]
+
     @property
     def rotaries(self) -> list[Known]:
         """The two rotaries (rad, carried)."""
@@ -131,8 +134,8 @@ class Position:
         """The joints in the machine's order (mm, rad)."""
         self._go()
         self._as_axes()
-        found: list[Known] = [None] * 5
-        for i, value in zip((*self._linear, *self._rotary), (*self._xyz, *self._rotaries), strict=True):
+        found: list[Known] = [None] * len(self._machine.axes)
+        for i, value in zip((*self._linear, *self._rotary), (*self._xyz, *self._rotaries), strict=False):
             found[i] = value
         return tuple(found)
 
@@ -193,7 +196,7 @@ class Position:
             x, y, z = (p if word is None else word for p, word in zip(part, block.tip, strict=True))
         self._xyz = _masked(frame.to_parent((x, y, z)), here, block.tip, block.relative, frame)
         if block.axis is not None:
-            self._rotaries = [None, None]
+            self._rotaries = self._lost()
             return
         for k, word in enumerate(block.rotaries):
             self._rotaries[k] = _moved(self._rotaries[k], word, block.relative)
@@ -217,16 +220,16 @@ class Position:
             return
         known = self.joints()
         self._tips, self._length_mm = True, length_mm
-        a, b, c, d, e = known
-        if a is None or b is None or c is None or d is None or e is None:
+        here = [q for q in known if q is not None]
+        if len(here) < len(known):
             self._xyz = [None] * 3
             return
-        self._xyz = [float(q) for q in self.chain().forward((a, b, c, d, e), length_mm).tip]
+        self._xyz = [float(q) for q in self.chain().forward(here, length_mm).tip]
 
     def chain(self) -> Kinematics:
         """The machine's, made when it is first asked for."""
         if self._kinematics is None:
-            self._kinematics = Kinematics(self._machine)
+            self._kinematics = kinematics_of(self._machine)
         return self._kinematics
 
 

@@ -41,8 +41,9 @@ def moves(here: Here) -> list[Block]:
         if modal.tip is Tip.OFF:
             made.append(JointLine(place, modal, targets, relative, False, None, None))
         else:
-            x, y, z, a, b = (targets[i] for i in (*here.machine.linear(), *here.machine.rotary()))
-            made.append(TipLine(place, modal, (x, y, z), (a, b), None, relative, None, None))
+            x, y, z = (targets[i] for i in here.machine.linear())
+            turns = here.machine.pair(targets, None)
+            made.append(TipLine(place, modal, (x, y, z), turns, None, relative, None, None))
     return [*made, JointLine(place, modal, point, False, True, None, None)]
 
 

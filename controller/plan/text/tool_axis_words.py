@@ -44,8 +44,8 @@ def turned(here: Here) -> tuple[State, list[Block]]:
     if code == "G53.6" or tip != (None, None, None):
         stands = code == "G53.6"
         return state, [TipLine(place, modal, tip, pair, None, False, None, None, stands=stands)]
-    targets: list[float | None] = [None] * 5
-    for i, value in zip(here.machine.rotary(), pair, strict=True):
+    targets: list[float | None] = [None] * len(here.machine.axes)
+    for i, value in zip(here.machine.rotary(), pair, strict=False):
         targets[i] = value
     return state, [JointLine(place, modal, tuple(targets), False, False, None, None)]
 
@@ -81,7 +81,7 @@ def _with_length(here: Here, state: State) -> State:
 
 def primary(machine: Machine) -> int:
     """Which of the two rotaries (0 or 1) P chooses by."""
-    first, second = (machine.axes[i].kind for i in machine.rotary())
+    first, second = machine.pair([axis.kind for axis in machine.axes], Kind.LINEAR)
     return 1 if first is Kind.HEAD and second is Kind.TABLE else 0
 
 
@@ -96,9 +96,8 @@ def _chosen(here: Here, code: str, word: Word, now: Pair, axis: Vector) -> Pair:
             "positive and the negative one of the primary axis; write one of these",
         )
     machine, kinematics = here.machine, here.position.chain()
-    first, second = ((machine.axes[i].travel_min, machine.axes[i].travel_max) for i in machine.rotary())
     axis = kinematics.nearest_reached(axis, ROUNDING_RAD)
-    found = kinematics.candidates(axis, None, (first, second), now)
+    found = kinematics.candidates(axis, None, machine.turns(), now)
     lead = primary(machine)
     allowed = [pair for pair in found if p == 0 or _is_asked(machine, p, lead, pair, now)]
     if not allowed:
@@ -109,7 +108,8 @@ def _chosen(here: Here, code: str, word: Word, now: Pair, axis: Vector) -> Pair:
 
 def _is_asked(machine: Machine, p: int, lead: int, pair: Pair, now: Pair) -> bool:
     """Whether the primary rotary goes (rs274) or stands (fanuc) on the side of P1 or P2, as it is shown."""
-    sign = math.copysign(1.0, machine.axes[machine.rotary()[lead]].shown_per_unit) * (1.0 if p == 1 else -1.0)
+    shown = machine.pair([axis.shown_per_unit for axis in machine.axes], 1.0)[lead]
+    sign = math.copysign(1.0, shown) * (1.0 if p == 1 else -1.0)
     if machine.dialect == "rs274":
         return sign * (pair[lead] - now[lead]) >= -SAME_RAD
     angle = math.remainder(sign * pair[lead], 2.0 * HALF)
@@ -129,10 +129,7 @@ def _unreachable(machine: Machine, pairs: list[Pair], within: list[Pair], p: int
     i, j, k = (0.0 if abs(c) < 5e-7 else c for c in axis)
     what = f"cannot turn the tool along Z of this plane ({i:.6g} {j:.6g} {k:.6g} on the table)"
     if not pairs:
-        return (
-            f"{what}: no position of {_names(machine)} gives this tool axis, whatever their travel; tilt the "
-            "part, or choose another plane"
-        )
+        return f"{what}: {_lost(machine)}; tilt the part, or choose another plane"
     listed = within if within else pairs
     shown = " or ".join(
         _shown(machine, pair) for pair in sorted(listed, key=lambda q: _way(q, (0.0, 0.0), 0))[:4]
@@ -142,14 +139,17 @@ def _unreachable(machine: Machine, pairs: list[Pair], within: list[Pair], p: int
     return f"{what}: {needs}, and the travel is {_travel(machine)}; {advice}"
 
 
-def _names(machine: Machine) -> str:
-    first, second = (machine.axes[i].name for i in machine.rotary())
-    return f"{first} and {second}"
+def _lost(machine: Machine) -> str:
+    """No position gives the axis of the tool."""
+    names = " and ".join(machine.axes[i].name for i in machine.rotary())
+    if not names:
+        return "it stands along Z, and no axis of this machine turns it"
+    return f"no position of {names} gives this tool axis, whatever their travel"
 
 
 def _shown(machine: Machine, pair: Pair) -> str:
     axes = (machine.axes[i] for i in machine.rotary())
-    rows = (f"{axis.name}{q * axis.shown_per_unit:.4f}" for axis, q in zip(axes, pair, strict=True))
+    rows = (f"{axis.name}{q * axis.shown_per_unit:.4f}" for axis, q in zip(axes, pair, strict=False))
     return " ".join(rows)
 
 

@@ -12,7 +12,7 @@ from support.machines.interrupted_runs import LONG
 from support.machines.stepped_runs import shipped
 
 from controller.handoff import Snapshot, blank
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Joints
 from controller.plan import aside
 from controller.plan.aside import Aside, NotPossible
@@ -46,7 +46,7 @@ def snapshot(joints: Joints, at_rest: bool = True, mode: Mode = Mode.HOLD) -> Sn
 @pytest.mark.parametrize("name", MACHINES)
 def test_a_retract_moves_the_tip_along_the_tool_axis_alone(name: str) -> None:
     machine = shipped(name)
-    kinematics = Kinematics(machine)
+    kinematics = kinematics_of(machine)
     held = (10.0, 20.0, -50.0, 0.3, 0.4)
     first, last = corners(aside.retract(away(12.0, held), machine, kinematics))
     (tip, axis), after = kinematics.forward(first, 7.0), kinematics.forward(last, 7.0)
@@ -56,7 +56,7 @@ def test_a_retract_moves_the_tip_along_the_tool_axis_alone(name: str) -> None:
 
 def test_a_retract_that_the_travel_has_no_room_for_is_refused_with_what_there_is() -> None:
     machine = shipped()
-    kinematics = Kinematics(machine)
+    kinematics = kinematics_of(machine)
     assert room_along_axis(HELD, machine, kinematics) == pytest.approx(200.0)
     for by_mm in (0.0, -1.0, 200.1, math.nan, math.inf):
         with pytest.raises(NotPossible, match=r"up to 200\.000 mm"):
@@ -65,7 +65,7 @@ def test_a_retract_that_the_travel_has_no_room_for_is_refused_with_what_there_is
 
 def test_the_way_back_goes_through_every_turn_of_the_way_off() -> None:
     machine = shipped()
-    kinematics = Kinematics(machine)
+    kinematics = kinematics_of(machine)
     off = away()
     aside.retract(off, machine, kinematics)
     places = [off.turns[0], (40.0, 60.0, 115.0, 0.3, 0.4), (40.0, 20.0, 115.0, 0.3, 0.4)]
@@ -90,7 +90,7 @@ def test_a_turn_is_seen_also_where_the_jog_did_not_rest_in_it() -> None:
 
 def test_with_a_longer_tool_the_tip_goes_the_same_way_back() -> None:
     machine = shipped("head_head")
-    kinematics = Kinematics(machine)
+    kinematics = kinematics_of(machine)
     held = (10.0, 20.0, -50.0, 0.3, 0.4)
     off = away(20.0, held)
     aside.retract(off, machine, kinematics)
@@ -104,7 +104,7 @@ def test_with_a_longer_tool_the_tip_goes_the_same_way_back() -> None:
 
 def test_a_tool_that_is_longer_than_the_retract_is_refused() -> None:
     machine = shipped()
-    kinematics = Kinematics(machine)
+    kinematics = kinematics_of(machine)
     off = away(5.0)
     aside.retract(off, machine, kinematics)
     with pytest.raises(NotPossible, match="retract by more"):
@@ -114,7 +114,7 @@ def test_a_tool_that_is_longer_than_the_retract_is_refused() -> None:
 @pytest.mark.parametrize("mode", [mode for mode in Mode if mode is not Mode.HOLD])
 def test_off_the_path_and_back_is_asked_for_in_a_hold_at_rest(mode: Mode) -> None:
     machine = shipped()
-    detour = Detour(machine, Kinematics(machine))
+    detour = Detour(machine, kinematics_of(machine))
     with pytest.raises(NotPossible, match=mode.name):
         detour.retract(snapshot(HELD, mode=mode), None, None, 5.0)
     with pytest.raises(NotPossible, match="HOLD"):
@@ -123,7 +123,7 @@ def test_off_the_path_and_back_is_asked_for_in_a_hold_at_rest(mode: Mode) -> Non
 
 def test_without_a_program_there_is_no_path_to_leave_and_none_to_return_to() -> None:
     machine = shipped()
-    detour = Detour(machine, Kinematics(machine))
+    detour = Detour(machine, kinematics_of(machine))
     with pytest.raises(NotPossible, match="out of a program"):
         detour.retract(snapshot(HELD), None, None, 5.0)
     with pytest.raises(NotPossible, match="has not left the path"):

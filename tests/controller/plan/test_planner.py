@@ -11,7 +11,7 @@ from support.machines import traced_programs
 from support.machines.stepped_runs import program, shipped
 
 from controller.handoff import Law, Piece, PieceMessage, Snapshot
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Machine
 from controller.plan.planner import AHEAD_S, Planner
 from controller.plan.route.path import Chain, Pause
@@ -33,7 +33,7 @@ class Desk:
         self.items = traced_programs.trace(source, self.machine, home).items  # type: ignore[arg-type]
         self.sent: list[PieceMessage] = []
         self.queue: list[tuple[float, Piece]] = []  # begin and piece, as the tick would have them
-        self.planner = Planner(self.machine, Kinematics(self.machine), self._send)
+        self.planner = Planner(self.machine, kinematics_of(self.machine), self._send)
         self.planner.load(self.items, BEGIN_S)
         five = (0.0,) * 5
         fields = dict.fromkeys(Snapshot._fields, 0) | {

@@ -9,7 +9,7 @@ import pytest
 from support.machines.planned_laws import chains, laws_of
 from support.machines.stepped_runs import shipped
 
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Limits, Machine
 from controller.plan.feed import pace, profile
 from controller.plan.feed.course import Course
@@ -38,7 +38,7 @@ def test_windows_of_a_heavy_machine_put_together_are_as_fast_as_the_whole(accele
     machine = heavy(acceleration)
     chain = long_way(machine)
     whole_s = sum(law.duration_s for law in laws_of(chain.stretches, machine))
-    windows_s = [one.took_s for one in planned([chain], machine, Kinematics(machine))]
+    windows_s = [one.took_s for one in planned([chain], machine, kinematics_of(machine))]
     assert len(windows_s) > 2
     assert sum(windows_s) <= 1.01 * whole_s
 
@@ -47,8 +47,8 @@ def test_windows_of_a_heavy_machine_put_together_are_as_fast_as_the_whole(accele
 def test_a_window_ends_before_its_braking_begins(acceleration: float) -> None:
     machine = heavy(acceleration)
     chain = long_way(machine)
-    run = profile.split_at_stops(chain.stretches, machine, Kinematics(machine))[0]
-    course = Course(run, machine, Kinematics(machine))
+    run = profile.split_at_stops(chain.stretches, machine, kinematics_of(machine))[0]
+    course = Course(run, machine, kinematics_of(machine))
     found = profile.plan(course, until=0.6 * course.length)
     assert found is not None
     seam_s = pace.seam_s(course, found)
@@ -61,7 +61,7 @@ def test_a_window_ends_before_its_braking_begins(acceleration: float) -> None:
 
 def test_a_quick_machine_goes_on_a_second_and_a_half_before_its_rest() -> None:
     machine = shipped()
-    course = Course(long_way(machine).stretches, machine, Kinematics(machine))
+    course = Course(long_way(machine).stretches, machine, kinematics_of(machine))
     found = profile.plan(course)
     assert found is not None and found.duration_s > 4.0
     assert pace.seam_s(course, found) == pytest.approx(found.duration_s - pace.TAIL_S, abs=1e-9)

@@ -17,8 +17,7 @@ from support.fakes.fake_engine import HANGS_S, FakeEngine, done, heard
 from controller import fitting, journal
 from controller.door import DoorError
 from controller.handoff import Snapshot
-from controller.kinematics import Kinematics
-from controller.machine import five
+from controller.kinematics import kinematics_of
 from controller.plan.route.spot import FORMER, Spot
 from controller.requests import Outcome, answer
 from controller.service import acknowledged, jobs
@@ -217,13 +216,13 @@ def at(engine: FakeEngine, **degrees: float) -> None:
         q + (-60.0 if axis.name == "Z" else math.radians(degrees.get(axis.name, 0.0)))
         for axis, q in zip(machine.axes, engine.now.joints, strict=True)
     ]
-    engine.now = engine.now._replace(joints=five(joints), actual=five(joints))
+    engine.now = engine.now._replace(joints=tuple(joints), actual=tuple(joints))
 
 
 def gone(engine: FakeEngine, before: Snapshot) -> tuple[float, float]:
     """How far (mm) the tool's gauge line went along its own axis, and across it."""
-    kinematics = Kinematics(engine.machine)
-    (there, axis), (here, _) = (kinematics.forward(five(q.joints), 0.0) for q in (engine.now, before))
+    kinematics = kinematics_of(engine.machine)
+    (there, axis), (here, _) = (kinematics.forward(q.joints, 0.0) for q in (engine.now, before))
     way = [float(p - q) for p, q in zip(there, here, strict=True)]
     along = sum(w * float(a) for w, a in zip(way, axis, strict=True))
     return along, math.hypot(*(w - along * float(a) for w, a in zip(way, axis, strict=True)))
@@ -704,7 +703,7 @@ def test_a_jog_into_a_soft_limit_says_that_it_will_not_move_and_why(
     at(engine)
     index = [a.name for a in engine.machine.axes].index(axis)
     there = getattr(engine.machine.axes[index], end)
-    joints = five([there if i == index else q for i, q in enumerate(engine.now.joints)])
+    joints = tuple([there if i == index else q for i, q in enumerate(engine.now.joints)])
     engine.now = engine.now._replace(joints=joints, actual=joints)
     shown = there * engine.machine.axes[index].shown_per_unit
     words = f"^{axis} will not move: it stands at its soft limit of {re.escape(f'{shown:g}')} (mm|deg)"

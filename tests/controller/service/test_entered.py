@@ -6,7 +6,7 @@ import pytest
 from support.machines.interrupted_runs import EXAMPLE_2, rest_of
 from support.machines.stepped_runs import shipped
 
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.plan.route.spot import Spot
 from controller.service import entered
 
@@ -61,7 +61,7 @@ def test_a_tilted_plane_is_told_and_entered(language: str, sentence: str) -> Non
     rest = rest_of(TILTED, Spot(7, 0.5), shipped(dialect="fanuc", without_point="unit"))
     told = entered.told(rest, language)
     assert len(told) == 5 and told[2].startswith(sentence) and told[2].endswith("K0.9397.")
-    kinematics = Kinematics(rest.source.machine)
+    kinematics = kinematics_of(rest.source.machine)
     tip, axis = kinematics.forward(rest.target.joints, 0.0)
     plane = rest.target.modal.frame(rest.source.machine)
     assert plane.from_parent(tip) == pytest.approx((5.5, -0.5, 12.5)) and axis == pytest.approx(plane.z)

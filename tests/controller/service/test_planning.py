@@ -14,7 +14,6 @@ from support.machines.stepped_runs import program
 
 from controller import door
 from controller.handoff import COLUMN
-from controller.machine import five
 from controller.plan.route.spot import Spot
 from controller.plan.route.stretch import Note
 from controller.plan.text.program import Place
@@ -177,7 +176,7 @@ def test_an_order_that_fails_is_answered_with_its_sentence(bench: Bench) -> None
     bad = Program(b"G0 X1\nG999\n", "bad.ngc", bench.machine)
     error = bench.order("check", program=bad).error
     assert error is not None and error[0] == "bad" and "bad.ngc:2" in error[1]
-    assert five(bench.stepped.joints) == five(bench.snapshot().joints)
+    assert bench.stepped.joints == bench.snapshot().joints
 
 
 def _asked(bench: Bench, verb: str, **more: Any) -> None:

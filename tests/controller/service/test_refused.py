@@ -10,7 +10,6 @@ import pytest
 from controller import journal
 from controller.catalogue import LANGUAGES, Key
 from controller.door import DoorError
-from controller.machine import five
 from controller.panel import link
 from controller.panel.answers import Refusal
 from controller.service.refused import in_both, refused
@@ -69,6 +68,6 @@ def test_work_that_failed_and_work_that_is_in_the_way_are_told_in_both_languages
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_why_a_restart_is_not_offered_is_told_in_every_language(language: str) -> None:
-    nothing = journal.Job("", "", "", "", "", five((0.0,) * 5), 0.0)
+    nothing = journal.Job("", "", "", "", "", (0.0,) * 5, 0.0)
     said = journal.refusal(None, nothing, 0, 0, 5, language)
     assert said == LANGUAGES[language].refusals["not_interrupted"]

@@ -10,8 +10,8 @@ from support.machines.stepped_runs import SHIPPED, shipped
 from controller import jog_frames
 from controller.geometry import Frame, X, Y, Z
 from controller.handoff import Snapshot, blank
-from controller.kinematics import Kinematics
-from controller.machine import Machine, five
+from controller.kinematics import kinematics_of
+from controller.machine import Machine
 from controller.service import status
 from controller.service.orders import Way
 from controller.state import ALL_AXES, Fault, Mode, sentence
@@ -45,9 +45,9 @@ def test_the_room_for_a_retract_is_what_the_travel_has_along_the_tool_axis(
     machine = shipped(name)
     slides = iter((20.0, -30.0, 110.0))
     turns = dict(zip(machine.rotary(), angles, strict=True))
-    joints = five([turns[i] if i in turns else next(slides) for i in range(5)])
+    joints = tuple([turns[i] if i in turns else next(slides) for i in range(5)])
     room = status.retract_room_mm(machine, snapshot(joints=joints, homed=ALL_AXES, at_rest=True))
-    line = jog_frames.direction(machine, Kinematics(machine), joints, "tool", "Z", Frame(), ALL_AXES)
+    line = jog_frames.direction(machine, kinematics_of(machine), joints, "tool", "Z", Frame(), ALL_AXES)
     ends = [
         ((axis.travel_max if d > 0.0 else axis.travel_min) - q) / d
         for axis, q, d in zip(machine.axes, joints, line, strict=True)
@@ -122,8 +122,8 @@ def test_the_programmed_feed_of_a_row_is_that_of_the_line_the_tool_is_on(machine
 def test_in_a_tilted_plane_the_positions_are_those_of_its_words(machine: Machine) -> None:
     """Places of the tip in the plane, not of the axes."""
     plane = Frame((13.0, 102.0, 127.0), X, Z, (0.0, -1.0, 0.0))
-    joints = five([20.0, 30.0, 110.0, 0.4, -0.3])
-    tip = Kinematics(machine).forward(joints, 40.0).tip
+    joints = (20.0, 30.0, 110.0, 0.4, -0.3)
+    tip = kinematics_of(machine).forward(joints, 40.0).tip
     told = status.joints(machine, snapshot(joints=joints), replace(way(0), part=plane, tilted_mm=40.0))
     assert [told[name]["work"] for name in "XYZ"] == pytest.approx(plane.from_parent(tip))
     assert told["X"]["machine"] == 20.0 and told["C"]["work"] == told["C"]["machine"]

@@ -24,7 +24,7 @@ from support.machines.tick_bench import (
 )
 
 from controller.handoff import COLUMN, Piece, PieceMessage, dwell
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Joints
 from controller.motions import Motion, SurfaceCut
 from controller.plan.feed.law import split
@@ -93,7 +93,7 @@ RIDES: dict[str, Callable[[], Ride]] = {
 
 def distance_to_path(bench: Bench, cut: SurfaceCut, rows: np.ndarray) -> float:
     """Largest distance (mm) between commanded tips and the cut's own tip at the recorded s."""
-    kinematics = Kinematics(bench.machine)
+    kinematics = kinematics_of(bench.machine)
     worst = 0.0
     # Before the start the joints are those of the drives, rounded to counts.
     cutting = rows[(rows[:, COLUMN["cutting"]] > 0) & (rows[:, COLUMN["mode"]] != Mode.READY)]

@@ -9,7 +9,7 @@ from support.machines.interrupted_runs import Items, rest_of
 from support.machines.spindle_machine import SPINDLE, Mill, mill, text
 
 from controller import config
-from controller.machine import Machine, five
+from controller.machine import Machine
 from controller.plan.route.spot import ENTRY_ID, Spot
 from controller.plan.text import blocks
 from controller.plan.text.program import ProgramError, Remark
@@ -191,7 +191,7 @@ def test_what_does_not_come_holds_the_program_with_a_sentence_and_resume_waits_a
 def test_a_restart_switches_what_was_on_before_it_moves_into_the_part() -> None:
     made = Mill(machine())
     rest = rest_of(THROUGH.replace("M63 P0", "M10"), Spot(6, 0.0), made.machine)
-    made.bench.run(Items(rest.entered(five(made.bench.joints), 1)))
+    made.bench.run(Items(rest.entered(made.bench.joints, 1)))
     for bit in (AIR, VACUUM):
         (on_at, *_) = edges(made, bit)
         assert made.seen[on_at].joints == made.seen[on_at - 1].joints

@@ -8,7 +8,7 @@ import pytest
 from support.machines.interrupted_runs import Items, rest_of
 from support.machines.spindle_machine import SPINDLE, Mill, mill
 
-from controller.machine import Machine, five
+from controller.machine import Machine
 from controller.plan.route.spot import ENTRY_ID, Spot
 from controller.session.events import Event
 from controller.state import Mode, Request
@@ -133,6 +133,6 @@ def test_a_restart_behind_m49_runs_as_the_program_has_it() -> None:
     made = Mill(machine())
     set_to(made, Request.OVERRIDE, 0.5)
     rest = rest_of(SWITCHED, Spot(4, 0.0), made.machine)
-    made.bench.run(Items(rest.entered(five(made.bench.joints), 1)))
+    made.bench.run(Items(rest.entered(made.bench.joints, 1)))
     made.seen = [now for now in made.seen if 0 <= now.motion_id < ENTRY_ID]
     assert [fastest(made, line) for line in (4, 6)] == pytest.approx([20.0, 10.0], rel=0.02)

@@ -10,7 +10,7 @@ from support.machines.shipped_kinds import machine
 
 from controller.curves import ArcLength, Line
 from controller.handoff import COLUMN, ROW
-from controller.kinematics import Kinematics
+from controller.kinematics import Kinematics, kinematics_of
 from controller.machine import Machine
 from controller.motions import JointMove, Motion, SurfaceCut
 from controller.state import Mode
@@ -42,7 +42,7 @@ def ruled_run() -> Run:
 
 def make_run(surfaces: tuple, offset_mm: float, feed_mm_s: float, kind: str = "fig4a") -> Run:
     built = machine(kind)
-    kinematics = Kinematics(built)
+    kinematics = kinematics_of(built)
     cuts = [SurfaceCut(s, ArcLength.of(s.lower), offset_mm, 40.0, built.offsets[0]) for s in surfaces]
     joints, near = [], (0.0, 0.0)
     for cut in cuts:
@@ -66,7 +66,7 @@ def _vertical(q, start_mm: float, end_mm: float, kinematics: Kinematics, built: 
     x, y, z = (q[i] for i in built.linear())
     rotaries = tuple(q[i] for i in built.rotary())
     line = Line((x, y, z + start_mm), (x, y, z + end_mm))
-    return JointMove(line, abs(end_mm - start_mm), rotaries, rotaries, kinematics.order)
+    return JointMove(line, abs(end_mm - start_mm), rotaries, rotaries)
 
 
 def _sampled(move: JointMove, kinematics: Kinematics) -> list:

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 from support.machines.shipped_kinds import machine
 
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.verify import paper, paper_table
 from controller.verify.paper import Method, PaperComparison
 
@@ -84,7 +84,7 @@ def test_the_first_order_step_keeps_the_curve_but_not_the_feed(comparison):
 
 
 def test_0_016_degrees_of_tilt_move_the_linear_axes_by_43_um():
-    kinematics = Kinematics(machine("fig4a"))
+    kinematics = kinematics_of(machine("fig4a"))
     tilt = math.radians(0.016)
     part = machine("fig4a").offsets[0].origin
     still, tilted = (np.array(kinematics.linear(part, (a, 0.0), 0.0)) for a in (0.0, tilt))

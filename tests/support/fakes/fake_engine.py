@@ -19,7 +19,7 @@ import numpy as np
 from support.machines.stepped_runs import shipped
 
 from controller.handoff import COLUMN, ROW, Jog, Snapshot, blank
-from controller.machine import Machine, five
+from controller.machine import Machine
 from controller.requests import Outcome, answer
 from controller.service.desk import Desk
 from controller.service.folders import Folders
@@ -99,7 +99,7 @@ class FakeEngine:
         """A line with a length: it stands at its end at the next look."""
         self.jogged.append(line)
         length = min(line.length, self.jog_ends_mm)
-        joints = five([q + length * d for q, d in zip(self.now.joints, line.direction, strict=True)])
+        joints = tuple([q + length * d for q, d in zip(self.now.joints, line.direction, strict=True)])
         self.now = self.now._replace(joints=joints, actual=joints)
         return self._answer(Outcome.DONE)
 

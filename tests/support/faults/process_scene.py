@@ -27,7 +27,7 @@ from support.machines.stepped_runs import shipped, three_times_example_2
 from controller import config
 from controller.door import DoorError
 from controller.handoff import Jog, Outcome, Snapshot
-from controller.machine import Homing, Machine, five
+from controller.machine import Homing, Machine
 from controller.service.engine import Engine
 from controller.service.folders import Folders
 from controller.service.orders import Line, Program
@@ -272,7 +272,7 @@ class ProcessScene:
 
     def _jog(self) -> None:
         back = -1.0 if self.now.joints[AXIS] > 0.0 else 1.0
-        self.engine.jog(Jog(five([back * (i == AXIS) for i in range(5)]), JOG_MM_S, JOG_MM))
+        self.engine.jog(Jog(tuple([back * (i == AXIS) for i in range(5)]), JOG_MM_S, JOG_MM))
         begun = self.now.joints[AXIS]
         until(lambda: abs(self.now.joints[AXIS] - begun) > 0.25 * JOG_MM or self.now.mode is Mode.FAULT)
 

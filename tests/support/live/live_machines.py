@@ -19,7 +19,7 @@ from controller.commands import demo
 from controller.commands.demo import Operator
 from controller.door import Client, DoorError
 from controller.handoff import COLUMN, Recorder, Snapshot
-from controller.kinematics import Kinematics
+from controller.kinematics import Kinematics, kinematics_of
 from controller.machine import Joints, Machine
 from controller.motions import SurfaceCut
 from controller.plan.route import path
@@ -148,7 +148,7 @@ def now_of(running: Live) -> Snapshot:
 def traced(text: str, machine: Machine, start: tuple[float, ...]) -> TracedPath:
     a, b, c, d, e = start
     return path.trace(
-        blocks.read(text.encode(), machine, "part.ngc"), machine, Kinematics(machine), (a, b, c, d, e)
+        blocks.read(text.encode(), machine, "part.ngc"), machine, kinematics_of(machine), (a, b, c, d, e)
     )
 
 
@@ -158,7 +158,7 @@ def home(machine: Machine) -> tuple[float, ...]:
 
 def off_path(rows: np.ndarray, of: TracedPath, machine: Machine) -> np.ndarray:
     """Distance (mm) of each row's commanded tip from the exact path, on the table; dwells left out."""
-    kinematics = Kinematics(machine)
+    kinematics = kinematics_of(machine)
     chains = (item for item in of.items if isinstance(item, Chain))
     stretches = [stretch for chain in chains for stretch in chain.stretches]
     moving = rows[rows[:, COLUMN["motion_id"]] >= 0]

@@ -21,9 +21,9 @@ from support.live.browser import until
 
 from controller import config
 from controller.door import Client, DoorError, control_path
-from controller.handoff import AXES, COLUMN
+from controller.handoff import COLUMN
 from controller.machine import Machine
-from controller.state import Mode
+from controller.state import MOST_AXES, Mode
 
 LOOKS = 40  # at the tick's number: enough that one of them comes just behind a tick
 QUIET_TICKS = 60  # in which nothing may come late
@@ -119,7 +119,7 @@ class LiveMachine:
 
 
 def _commands(rows: Rows) -> Rows:
-    return rows[:, COMMAND : COMMAND + AXES]
+    return rows[:, COMMAND : COMMAND + MOST_AXES]
 
 
 @contextlib.contextmanager

@@ -10,8 +10,8 @@ import numpy as np
 from support.machines.stepped_runs import Cut, largest, off_the_path, program, shipped
 
 from controller.handoff import COLUMN, STOOD
-from controller.kinematics import Kinematics
-from controller.machine import Machine, Tool, five
+from controller.kinematics import Kinematics, kinematics_of
+from controller.machine import Machine, Tool
 from controller.plan.route import choices, path, restart
 from controller.plan.route.path import Chain, Pause
 from controller.plan.route.restart import Rest, Source
@@ -63,8 +63,8 @@ class Items:
 
 def source(text: str, machine: Machine, dry_run_mm: float = 0.0) -> Source:
     """The program from the homed position, with the choices of a check."""
-    kinematics, read = Kinematics(machine), blocks.read(text.encode(), machine, "part.ngc").blocks
-    start = five([axis.homing.position for axis in machine.axes])
+    kinematics, read = kinematics_of(machine), blocks.read(text.encode(), machine, "part.ngc").blocks
+    start = tuple([axis.homing.position for axis in machine.axes])
     chosen = choices.choices(read, machine, kinematics, start, "part.ngc")
     return Source(read, "part.ngc", machine, kinematics, start, chosen, dry_run_mm)
 
@@ -97,7 +97,7 @@ def rest_of(text: str, spot: Spot, machine: Machine) -> Rest:
 
 def resumed(stepped: SteppedMachine, rest: Rest, events: Sequence[Event] = (), in_spindle: int = 1) -> Cut:
     """The rest, entered from where the machine stands."""
-    run = stepped.run(Items(rest.entered(five(stepped.joints), in_spindle)), events)
+    run = stepped.run(Items(rest.entered(stepped.joints, in_spindle)), events)
     made = trace.from_rows(run.rows, stepped.machine, stepped.kinematics, stepped.planner.stretches)
     return Cut(stepped, run, made, run.rows[len(run.rows) - len(made.time_s) :])
 
@@ -112,8 +112,8 @@ def distance(rows: np.ndarray, wanted: dict[int, path.Stretch], kinematics: Kine
     """Largest distance (mm, or rad of the rotaries) of commanded joints from the program's."""
     first, far = COLUMN["joint_command_0"], 0.0
     for row in program_rows(rows):
-        joints = five([float(q) for q in row[first : first + 5]])
-        near = (joints[kinematics.order.index(3)], joints[kinematics.order.index(4)])
+        joints = tuple([float(q) for q in row[first : first + 5]])
+        near = kinematics.rotaries(joints)
         there = wanted[int(row[COLUMN["motion_id"]])].motion.joints(float(row[COLUMN["s"]]), near, kinematics)
         assert there is not None
         far = max(far, float(np.abs(np.subtract(there, joints)).max()))

@@ -9,7 +9,7 @@ import numpy as np
 from support.machines import traced_programs
 
 from controller.handoff import Law
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Machine
 from controller.plan.feed import profile
 from controller.plan.feed.course import Course
@@ -24,7 +24,7 @@ def chains(source: str, machine: Machine) -> list[Chain]:
 
 def laws_of(stretches: Sequence[Stretch], machine: Machine, override: float = 1.0) -> list[Law]:
     """A law for each stretch of a chain, as the planner runs it from rest to rest."""
-    kinematics = Kinematics(machine)
+    kinematics = kinematics_of(machine)
     laws = []
     for run in profile.split_at_stops(stretches, machine, kinematics, override):
         course = Course(run, machine, kinematics, override)
@@ -38,7 +38,7 @@ def sampled(
     stretches: Sequence[Stretch], laws: Sequence[Law], machine: Machine
 ) -> tuple[np.ndarray, list[np.ndarray]]:
     """Joints at every tick, standing before and after; and s of each stretch at its ticks."""
-    kinematics, T = Kinematics(machine), machine.period_s
+    kinematics, T = kinematics_of(machine), machine.period_s
     ends = np.cumsum([law.duration_s for law in laws])
     near = rotaries_of(stretches[0].start, kinematics)
     joints = [stretches[0].start] * 4

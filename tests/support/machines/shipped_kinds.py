@@ -6,9 +6,12 @@ import math
 import random
 from dataclasses import replace
 
+from controller import config
 from controller.geometry import Frame, Vector, X, Y, Z, unit
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Axis, Bus, Following, Homing, Kind, Limits, Machine, Sense, Spindle, Tool
+
+TILTING = tuple(name for name in config.shipped() if len(config.load(name).rotary()) == 2)
 
 W = (0.0, 96.0, 120.0)  # the paper's tilt axis -> rotary centre, mm
 R = (8.0, 0.0, 0.0)  # rotary centre -> part origin, mm
@@ -39,7 +42,7 @@ def random_machine(rng: random.Random) -> Machine:
         rows = (_random_rotary(rng, "A"), _random_rotary(rng, "C"))
         built = _build("random", rows)
         try:
-            Kinematics(built)
+            kinematics_of(built)
         except ValueError:
             continue
         return built

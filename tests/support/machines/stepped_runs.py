@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from controller import config
-from controller.handoff import COLUMN
+from controller.handoff import COLUMN, of_axes
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.plan.route import path
@@ -70,9 +70,8 @@ class Cut:
 
     @property
     def joints(self) -> np.ndarray:
-        """The commanded joints (N, 5) in mm and rad."""
-        first = COLUMN["joint_command_0"]
-        return self.rows[:, first : first + 5]
+        """The commanded joints (N, axes) in mm and rad."""
+        return self.rows[:, of_axes("joint_command", len(self.machine.axes))]
 
     def column(self, name: str) -> np.ndarray:
         return self.rows[:, COLUMN[name]]
@@ -97,7 +96,7 @@ def cut(
 
 
 def shares(joints: np.ndarray, machine: Machine) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """First, second and third differences of joints (N, 5) as shares of the limits, (N - k, 5)."""
+    """First, second and third differences of joints (N, axes) as shares of the limits, (N - k, 5)."""
     T, limits = machine.period_s, [axis.limits for axis in machine.axes]
     bounds = (
         [x.velocity * T for x in limits],
@@ -128,8 +127,7 @@ def off_the_path(done: Cut, rows: np.ndarray | None = None) -> tuple[float, floa
         if ids[i] < 0:
             continue
         stretch = done.stretches[int(ids[i])]
-        a, b = done.machine.rotary()
-        near = (float(joints[i, a]), float(joints[i, b]))
+        near = done.kinematics.rotaries(joints[i].tolist())
         wanted = stretch.motion.joints(float(s[i]), near, done.kinematics)
         assert wanted is not None
         here = done.kinematics.forward(tuple(map(float, joints[i])), length)

@@ -32,7 +32,7 @@ from controller.handoff import (
     send_jog,
     send_request,
 )
-from controller.kinematics import Kinematics
+from controller.kinematics import Kinematics, kinematics_of
 from controller.machine import Joints, Machine
 from controller.motions import JointMove, Motion, SurfaceCut
 from controller.plan.feed.law import straight as closed_form
@@ -304,7 +304,7 @@ def straight(
 ) -> tuple[Piece, Motion]:
     """A move in a straight line of the joints of a machine with X Y Z first."""
     length = math.dist(start[:3], end[:3])
-    move = JointMove(Line(start[:3], end[:3]), length, start[3:], end[3:], (0, 1, 2, 3, 4))
+    move = JointMove(Line(start[:3], end[:3]), length, start[3:], end[3:])
     found = law(length)
     return Piece(identity, 1, found, found.duration_s, **more), move  # type: ignore[arg-type]
 
@@ -324,7 +324,7 @@ def ruled_cut(machine: Machine, number: int = 0, feed: float = 1000.0 / 60.0) ->
 
 def cut_start(machine: Machine, cut: SurfaceCut, s: float = 0.0) -> Joints:
     """Joints at the start of a cut, on the branch that tilts forward."""
-    found = cut.joints(s, (0.5, 0.0), Kinematics(machine))
+    found = cut.joints(s, (0.5, 0.0), kinematics_of(machine))
     assert found is not None
     return found
 

@@ -8,7 +8,7 @@ import numpy as np
 from support.machines.shipped_kinds import machine
 
 from controller.geometry import angle_between, norm, subtract
-from controller.kinematics import Kinematics
+from controller.kinematics import Kinematics, kinematics_of
 from controller.machine import Joints, Machine
 from controller.motions import SurfaceCut
 from controller.plan.route import path
@@ -26,7 +26,7 @@ def mill(kind: str = "fig4a", **changes: object) -> Machine:
 
 def trace(text: str, built: Machine | None = None, start: Joints = HOME) -> Path:
     built = built or mill()
-    return path.trace(blocks.read(text.encode(), built, "part.ngc"), built, Kinematics(built), start)
+    return path.trace(blocks.read(text.encode(), built, "part.ngc"), built, kinematics_of(built), start)
 
 
 def stretches(traced: Path) -> list[Stretch]:
@@ -48,7 +48,7 @@ def sentences(traced: Path) -> str:
 
 def assert_whole(traced: Path, built: Machine, start: Joints = HOME) -> None:
     """Every stretch begins where the last one ended, stays in travel and is what the tick will follow."""
-    kinematics, here = Kinematics(built), start
+    kinematics, here = kinematics_of(built), start
     for stretch in stretches(traced):
         assert np.allclose(stretch.start, here, rtol=0.0, atol=2e-6), stretch.name
         here = stretch.end
@@ -84,7 +84,7 @@ def _assert_pose(cut: SurfaceCut, s: float, joints: Joints, kinematics: Kinemati
 def differences(stretch: Stretch, at: float, into: float, built: Machine) -> np.ndarray:
     """q, q' and q'' (3, 5) at one end of a stretch by one-sided differences of the fourth order."""
     h = into * 2e-3
-    q = joints_along(stretch, at + h * np.arange(6), Kinematics(built))
+    q = joints_along(stretch, at + h * np.arange(6), kinematics_of(built))
     first = np.array([-137.0, 300.0, -300.0, 200.0, -75.0, 12.0]) / 60.0 / h
     second = np.array([45.0, -154.0, 214.0, -156.0, 61.0, -10.0]) / 12.0 / h**2
     return np.stack([q[0], first @ q, second @ q])

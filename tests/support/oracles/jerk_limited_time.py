@@ -27,7 +27,7 @@ import scipy.sparse as sp
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import linprog
 
-from controller.kinematics import Kinematics
+from controller.kinematics import Kinematics, kinematics_of
 from controller.machine import Machine
 from controller.plan.route.path import Stretch, joints_along
 
@@ -48,7 +48,7 @@ class Optimum(NamedTuple):
 
 def optimum(stretches: Sequence[Stretch], machine: Machine, nodes: int = NODES) -> Optimum:
     """The shortest time from rest to rest over ``stretches``, run through at their feeds at most."""
-    path = _Path.of(stretches, Kinematics(machine))
+    path = _Path.of(stretches, kinematics_of(machine))
     programs = _Programs(path, machine, nodes)
     b = programs.solved()
     times = programs.times(b)

@@ -16,7 +16,7 @@ import numpy as np
 import toppra
 from scipy.interpolate import PPoly, make_interp_spline
 
-from controller.kinematics import Kinematics
+from controller.kinematics import Kinematics, kinematics_of
 from controller.machine import Kind, Limits, Machine
 from controller.plan.route.path import Stretch, joints_along
 
@@ -37,13 +37,13 @@ def linuxcnc(machine: Machine) -> Machine:
 
 def seconds(stretches: Iterable[Stretch], machine: Machine) -> float:
     """Sum of the shortest times of the stretches, each from rest to rest at no more than its feed."""
-    kinematics = Kinematics(machine)
+    kinematics = kinematics_of(machine)
     return sum(_of_one(stretch, machine, kinematics, (False, False)) for stretch in stretches)
 
 
 def seconds_of_cuts(run: Sequence[Stretch], machine: Machine) -> float:
     """As ``seconds``, of the cuts in a row of stretches that is run through without a rest."""
-    kinematics, last = Kinematics(machine), len(run) - 1
+    kinematics, last = kinematics_of(machine), len(run) - 1
     return sum(
         _of_one(stretch, machine, kinematics, (k > 0, k < last))
         for k, stretch in enumerate(run)

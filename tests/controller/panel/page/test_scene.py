@@ -11,8 +11,8 @@ from support.live import browser
 from support.live.browser import Site
 
 from controller import config, fitting
-from controller.kinematics import Kinematics
-from controller.machine import Machine, five
+from controller.kinematics import kinematics_of
+from controller.machine import Machine
 from controller.plan.report import picture as pictures
 from controller.service import status
 
@@ -141,7 +141,7 @@ CHAINS = """([facts, status]) => {
 
 def shown(machine: Machine, joints: tuple[float, ...], length_mm: float) -> dict[str, Any]:
     """A status as far as the picture needs it."""
-    pose = Kinematics(machine).forward(five(joints), length_mm)
+    pose = kinematics_of(machine).forward(tuple(joints), length_mm)
     values = zip(machine.axes, machine.shown(joints), strict=True)
     on_table = {"tip": list(pose.tip), "axis": list(pose.axis), "length_mm": length_mm}
     return {"joints": {axis.name: {"actual": value} for axis, value in values}, "on_table": on_table}

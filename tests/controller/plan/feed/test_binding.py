@@ -12,7 +12,7 @@ from support.machines.shipped_kinds import machine
 from support.machines.traced_programs import stretches, trace
 
 from controller.handoff import Law
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Limits, Machine
 from controller.plan.feed import binding, profile
 from controller.plan.feed.course import Course
@@ -31,7 +31,7 @@ def limited(name: str, limits: Limits) -> Machine:
 
 def line(text: str, built: Machine) -> Course:
     """The course of the last move of a program."""
-    return Course(stretches(trace(text, built))[-1:], built, Kinematics(built))
+    return Course(stretches(trace(text, built))[-1:], built, kinematics_of(built))
 
 
 def even(course: Course, feed: float, acceleration: float, jerk: float) -> list[tuple[int, Law]]:
@@ -52,9 +52,9 @@ def test_a_cruise_at_the_programmed_feed_is_bound_by_the_feed() -> None:
 def test_with_an_override_it_is_the_feed_times_override_that_binds() -> None:
     built = machine(spindle=None)
     half = line("G1 X50 F600\n", built)
-    half = Course(half.stretches, built, Kinematics(built), override=0.5)
+    half = Course(half.stretches, built, kinematics_of(built), override=0.5)
     assert Binding.FEED in codes_of(half, even(half, 5.0, 500.0, 1e4))
-    full = Course(half.stretches, built, Kinematics(built))
+    full = Course(half.stretches, built, kinematics_of(built))
     assert codes_of(full, even(full, 5.0, 500.0, 1e4)) == {Binding.NOTHING}
 
 
@@ -93,7 +93,7 @@ def test_of_two_axes_the_one_that_is_nearer_to_its_limit_is_named() -> None:
 def test_a_junction_passed_as_fast_as_its_jump_allows_is_a_corner() -> None:
     built = machine(spindle=None)
     pair = stretches(trace("G1 X20 F600\nG1 X40 Y0.02\n", built))[-2:]
-    course = Course(pair, built, Kinematics(built))
+    course = Course(pair, built, kinematics_of(built))
     speed = course.junctions[0]
     assert speed < 10.0
     laws = [(0, Law((0.0, pair[0].motion.end / speed), ((0.0, speed, 0, 0, 0, 0),)))]
@@ -122,7 +122,7 @@ def test_pieces_shorter_than_a_window_and_empty_ones_have_their_marks_too() -> N
 
 def test_the_limits_of_the_tool_itself_bind_where_the_machine_file_has_them() -> None:
     built = machine(spindle=None)
-    kinematics = Kinematics(built)
+    kinematics = kinematics_of(built)
     ring = line("G0 X0 Y0\nG3 X20 Y0 I10 F3000\n", built)
     tip = replace(built, tip_acceleration_mm_s2=90.0)
     slow = Course(ring.stretches, tip, kinematics)

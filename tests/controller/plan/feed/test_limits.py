@@ -19,7 +19,7 @@ from support.parts.random_surfaces import compound
 
 from controller.curves import Arc, ArcLength, Bezier, Line
 from controller.geometry import Frame
-from controller.kinematics import Kinematics
+from controller.kinematics import Kinematics, kinematics_of
 from controller.machine import Machine
 from controller.motions import JointMove, SurfaceCut, ToolLine
 from controller.plan.feed.course import Course
@@ -57,15 +57,14 @@ def surface_of(seed: int) -> RuledSurface:
 
 def differences(stretch: Stretch, s: np.ndarray, kinematics: Kinematics, h: float) -> list[np.ndarray]:
     """First to third derivative by central differences of what the tick would send."""
-    a, b = kinematics.order.index(3), kinematics.order.index(4)
-    near = (stretch.start[a], stretch.start[b])
+    near = kinematics.rotaries(stretch.start)
     rows = []
     for at in s:
         samples = []
         for k in range(-4, 5):
             q = stretch.motion.joints(float(at + k * h), near, kinematics)
             assert q is not None
-            near = (q[a], q[b])
+            near = kinematics.rotaries(q)
             samples.append(q)
         rows.append(samples)
     q = np.asarray(rows).transpose(1, 0, 2)
@@ -89,7 +88,7 @@ def assert_agree(stretch: Stretch, kinematics: Kinematics, label: object) -> Non
 @pytest.mark.parametrize("kind", KINDS)
 def test_derivatives_of_a_cut_are_those_of_the_joints(kind: str) -> None:
     built = machine(kind)
-    kinematics = Kinematics(built)
+    kinematics = kinematics_of(built)
     for seed in range(3):
         stretch = cut_of(surface_of(seed), built, kinematics, (-1) ** seed * 2.0, 40.0)
         assert stretch is not None
@@ -100,7 +99,7 @@ def test_derivatives_of_a_cut_are_those_of_the_joints_on_random_oblique_machines
     tried = 0
     for seed in range(40):
         built = random_machine(random.Random(seed))
-        kinematics = Kinematics(built)
+        kinematics = kinematics_of(built)
         surface = surface_of(seed)
         reach = [kinematics.branches(surface.axis(u)) for u in np.linspace(0.0, 1.0, 41)]
         tilts = np.array([pair for pairs in reach for pair in pairs])
@@ -119,11 +118,19 @@ def test_derivatives_of_a_cut_are_those_of_the_joints_on_random_oblique_machines
     assert tried >= 5
 
 
+def test_on_an_upright_wall_a_free_rotary_turns_the_derivatives_to_where_it_stands() -> None:
+    """C stands at 50 degrees all along, so X and Y of the machine are not those of the part."""
+    program = b"T2 M6\nS12000 M3\nG0 C50\nG51 X10. Y0. Z0. I0. J0. K0. H10. R10. D90. F300.\n"
+    (stretch,) = named(trace(program.decode(), shipped()), "cut")
+    assert math.degrees(stretch.start[4]) == pytest.approx(50.0)
+    assert_agree(stretch, kinematics_of(shipped()), "upright")
+
+
 def test_at_a_pole_the_derivatives_are_those_of_the_limit_from_inside() -> None:
     from support.parts.paper_surfaces import example_2
 
     built = machine("fig4a")
-    kinematics = Kinematics(built)
+    kinematics = kinematics_of(built)
     stretch = cut_of(example_2()[0], built, kinematics, 3.0, 0.0)
     assert stretch is not None
     at_pole = rates.derivatives(stretch, np.array([0.0, 2e-6]), kinematics)
@@ -135,7 +142,7 @@ def test_at_a_pole_the_derivatives_are_those_of_the_limit_from_inside() -> None:
 
 def jumps(stretches: Sequence[Stretch], built: Machine) -> list[np.ndarray]:
     """Of the joints' rates where one stretch goes over into the next, as shares of the larger one."""
-    kinematics, found = Kinematics(built), []
+    kinematics, found = kinematics_of(built), []
     for before, after in itertools.pairwise(stretches):
         left = rates.derivatives(before, np.array([before.motion.end]), kinematics).first[0]
         right = rates.derivatives(after, np.array([0.0]), kinematics).first[0]
@@ -164,12 +171,10 @@ def test_rates_are_the_same_on_both_sides_where_a_tool_line_is_cut_in_two() -> N
 
 def test_derivatives_of_a_line_are_constant_and_those_of_an_arc_turn() -> None:
     built = machine("fig4a")
-    kinematics = Kinematics(built)
+    kinematics = kinematics_of(built)
     s = np.linspace(0.0, 10.0, 5)
-    line = JointMove(Line((0, 0, 0), (6.0, 8.0, 0.0)), 10.0, (0.0, 0.0), (1.0, -2.0), kinematics.order)
-    arc = JointMove(
-        Arc((0, 0, 0), (5.0, 0, 0), (0, 5.0, 0), 2.0, (0, 0, 0)), 10.0, (0, 0), (0, 0), kinematics.order
-    )
+    line = JointMove(Line((0, 0, 0), (6.0, 8.0, 0.0)), 10.0, (0.0, 0.0), (1.0, -2.0))
+    arc = JointMove(Arc((0, 0, 0), (5.0, 0, 0), (0, 5.0, 0), 2.0, (0, 0, 0)), 10.0, (0, 0), (0, 0))
     rows = [Stretch(m, Place(1, 1), 10.0, False, (0,) * 5, (0,) * 5, True, "line") for m in (line, arc)]
     straight, curved = (rates.derivatives(row, s, kinematics) for row in rows)
     values = [(0.6, 0.8, 0.0, 0.1, -0.2)[i] for i in kinematics.order]
@@ -233,7 +238,7 @@ def test_a_ramp_takes_the_length_that_two_jerks_take() -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_cuts_of_one_kind_taken_together_are_what_they_are_alone(kind: str) -> None:
     built = machine(kind)
-    kinematics = Kinematics(built)
+    kinematics = kinematics_of(built)
     found = (cut_of(surface_of(seed), built, kinematics, 1.5, 80.0) for seed in range(8))
     cuts = [cut for cut in found if cut is not None]
     course = Course(cuts, built, kinematics)
@@ -255,7 +260,7 @@ def test_blended_cuts_taken_together_are_what_they_are_alone(seed: int) -> None:
     surfaces = blu_compounds.parts(compound(seed, 1)[0], 6, 4)
     built = mill(gouge="warn")
     cuts = named(trace(blu_compounds.text(surfaces, 1000.0, "G41", "T1 M6"), built), "cut")
-    kinematics = Kinematics(built)
+    kinematics = kinematics_of(built)
     inner = [cut for cut in cuts if len(getattr(cut.motion.surface, "blends", ())) == 2]
     course = Course(inner, built, kinematics)
     s = np.linspace(0.0, course.length, 400)

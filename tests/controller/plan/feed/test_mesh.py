@@ -7,7 +7,7 @@ import pytest
 from support.machines.stepped_runs import program, shipped
 from support.machines.traced_programs import trace
 
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Machine
 from controller.plan.feed import mesh
 from controller.plan.feed.course import Course
@@ -24,7 +24,7 @@ def cuts(feed: str, machine: Machine) -> list[Stretch]:
 
 def second_cut(feed: str = "3000.") -> mesh.Parts:
     machine = shipped()
-    course = Course(cuts(feed, machine)[1:], machine, Kinematics(machine))
+    course = Course(cuts(feed, machine)[1:], machine, kinematics_of(machine))
     return mesh.Parts.of(course, 0.0, course.length)
 
 

@@ -15,7 +15,7 @@ from support.machines.stepped_runs import largest, shipped
 from support.oracles import jerk_limited_time, time_bound
 from support.parts.random_surfaces import compound, text
 
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Limits, Machine
 from controller.plan.feed import profile
 from controller.plan.feed.course import Course
@@ -87,7 +87,7 @@ def test_a_feed_out_of_reach_makes_no_stops() -> None:
         machine = drawn(seed)
         cuts = cuts_of(two_rails(), machine)
         fast = [replace(cut, feed_mm_s=1e4) for cut in cuts]
-        assert len(profile.split_at_stops(fast, machine, Kinematics(machine))) == 1, seed
+        assert len(profile.split_at_stops(fast, machine, kinematics_of(machine))) == 1, seed
 
 
 def random_ratios(seeds: Iterable[int], count: int) -> list[float]:
@@ -128,7 +128,7 @@ def test_random_compounds_take_little_more_than_an_optimum_that_begins_and_ends_
     for seed in range(500, 506):
         rng = random.Random(seed)
         machine, feed = shipped(), rng.uniform(2000.0, 5000.0)
-        kinematics = Kinematics(machine)
+        kinematics = kinematics_of(machine)
         try:
             source = text(compound(seed, rng.choice((1, 2, 3))), feed)
             whole = chains(source, machine)

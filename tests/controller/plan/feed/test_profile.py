@@ -14,7 +14,7 @@ from support.machines.stepped_runs import largest, program, shipped
 from support.parts.random_surfaces import compound, text
 
 from controller.handoff import Law
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Machine
 from controller.plan.feed import profile
 from controller.plan.feed.course import Course
@@ -219,7 +219,7 @@ def test_a_straight_chain_of_one_move_takes_the_closed_form() -> None:
 
 def courses(feed: str, machine: Machine, override: float = 1.0) -> list[Course]:
     """The runs of Example 2 with its leads."""
-    kinematics = Kinematics(machine)
+    kinematics = kinematics_of(machine)
     return [
         Course(run, machine, kinematics, override)
         for chain in chains(program("example2.ngc", feed), machine)

@@ -9,7 +9,7 @@ import pytest
 from support.machines.stepped_runs import program, shipped
 from support.machines.traced_programs import trace
 
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Machine
 from controller.motions import SurfaceCut
 from controller.plan.feed import profile, tool_limits
@@ -22,7 +22,7 @@ def courses(machine: Machine) -> list[Course]:
     home = tuple(axis.homing.position for axis in machine.axes)
     source = "G61\n" + program("example2.ngc", "3000.")
     items = trace(source, machine, home).items  # type: ignore[arg-type]
-    kinematics = Kinematics(machine)
+    kinematics = kinematics_of(machine)
     return [
         Course(run, machine, kinematics)
         for chain in items

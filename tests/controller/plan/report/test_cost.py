@@ -13,8 +13,8 @@ from support.machines.stepped_runs import shipped
 from support.machines.traced_programs import mill, trace
 
 from controller import config
-from controller.kinematics import Kinematics
-from controller.machine import Machine, five
+from controller.kinematics import kinematics_of
+from controller.machine import Machine
 from controller.plan.feed import binding, profile
 from controller.plan.feed.course import Course
 from controller.plan.feed.law import at_share
@@ -55,9 +55,9 @@ def counted() -> Iterator[dict[str, int]]:
 
 
 def looked_at(text: str, built: Machine) -> tuple[Survey, list[BlockUse], dict[str, int]]:
-    home, blocks = five(tuple(axis.homing.position for axis in built.axes)), list[BlockUse]()
+    home, blocks = tuple(axis.homing.position for axis in built.axes), list[BlockUse]()
     with counted() as cost:
-        found = survey(trace(text, built, home).items, built, Kinematics(built), blocks.append)
+        found = survey(trace(text, built, home).items, built, kinematics_of(built), blocks.append)
     return found, blocks, cost
 
 
@@ -85,7 +85,7 @@ def arc_course(words: str, built: Machine) -> Course:
     items = trace(f"G0 X0 Y0\n{words}\n", built).items
     last = [item for item in items if isinstance(item, Chain)][-1].stretches[-1]
     assert last.name == "arc"
-    return Course([last], built, Kinematics(built))
+    return Course([last], built, kinematics_of(built))
 
 
 @pytest.mark.parametrize("feed", [20.0, 6.0])

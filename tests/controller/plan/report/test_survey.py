@@ -11,8 +11,8 @@ from support.machines.shipped_kinds import machine
 from support.machines.stepped_runs import cut, shipped
 from support.machines.traced_programs import mill, trace
 
-from controller.kinematics import Kinematics
-from controller.machine import Limits, Machine, five
+from controller.kinematics import kinematics_of
+from controller.machine import Limits, Machine
 from controller.plan.report.survey import BlockUse, Survey, survey
 from controller.plan.text.program import ProgramError
 
@@ -35,7 +35,7 @@ STOPS = "M0\nG0 X1\nM0\nM1\nM0\nG0 X0\nM0\nM30\n"
 
 def looked_at(text: str, built: Machine | None = None) -> tuple[Survey, list[BlockUse]]:
     built, blocks = built or mill(), list[BlockUse]()
-    found = survey(trace(text, built).items, built, Kinematics(built), blocks.append)
+    found = survey(trace(text, built).items, built, kinematics_of(built), blocks.append)
     return found, blocks
 
 
@@ -138,8 +138,8 @@ def test_the_program_after_the_first_refusal_is_refused() -> None:
 )
 def test_the_duration_is_what_a_run_takes_tick_for_tick(text: str) -> None:
     built = shipped()
-    home = five(tuple(axis.homing.position for axis in built.axes))
+    home = tuple(axis.homing.position for axis in built.axes)
     done = cut(text, built)
-    found = survey(trace(text, built, home).items, built, Kinematics(built))
+    found = survey(trace(text, built, home).items, built, kinematics_of(built))
     assert done.run.result == "completed"
     assert len(done.run.rows) == found.ticks

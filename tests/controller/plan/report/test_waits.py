@@ -7,8 +7,8 @@ from support.machines.spindle_machine import IO, SPINDLE, Mill, mill
 from support.machines.stepped_runs import shipped
 from support.machines.traced_programs import HOME, trace
 
-from controller.kinematics import Kinematics
-from controller.machine import Joints, Machine, five
+from controller.kinematics import kinematics_of
+from controller.machine import Joints, Machine
 from controller.plan.report.survey import Survey, survey
 
 NO_CLAMPS = '[io]\nbus = "can1"\nnode = 11\ninputs = { door = 1 }\noutputs = { coolant = 0 }\n'
@@ -16,7 +16,7 @@ PROGRAM = "G21 G90 G54 G40\nS6000 M3 M8\nG0 X5.\nG1 C10. F2000\nS3000\nG1 X6.\nM
 
 
 def looked_at(machine: Machine, start: Joints = HOME) -> Survey:
-    return survey(trace(PROGRAM, machine, start).items, machine, Kinematics(machine))
+    return survey(trace(PROGRAM, machine, start).items, machine, kinematics_of(machine))
 
 
 def test_a_machine_without_spindle_and_clamps_waits_for_nothing() -> None:
@@ -37,7 +37,7 @@ def test_clamps_take_what_they_are_allowed_each_time_they_change() -> None:
 
 def test_a_run_takes_its_duration_and_no_more_than_the_waits() -> None:
     made = Mill()
-    found = looked_at(made.machine, five(made.bench.joints))
+    found = looked_at(made.machine, made.bench.joints)
     run = made.run(PROGRAM)
     assert run.result == "completed"
     took_s = len(run.rows) * made.machine.period_s

@@ -18,7 +18,7 @@ from support.machines.traced_programs import (
 )
 
 from controller.geometry import Vector, add, dot, norm, scale, subtract, unit
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Machine, Tool
 from controller.plan.route.leads import SLENDER
 from controller.plan.route.path import Stretch
@@ -27,7 +27,7 @@ CONE = "G51 X0. Y15. Z0. I0. J0. K0. H10. R10. D{} F100.\n"
 
 
 def tip(stretch: Stretch, s: float, built: Machine) -> Vector:
-    kinematics = Kinematics(built)
+    kinematics = kinematics_of(built)
     joints = stretch.motion.joints(s, (stretch.start[3], stretch.start[4]), kinematics)
     assert joints is not None
     return kinematics.forward(joints, 0.0).tip
@@ -65,7 +65,7 @@ def test_the_plunge_runs_along_the_tool_axis_from_above_the_highest_point(kind: 
     built = mill(kind)
     traced = trace(CONE.format("90."), built)
     (plunge,), (down,), (cut,) = (named(traced, name) for name in ("plunge", "down", "cut"))
-    kinematics = Kinematics(built)
+    kinematics = kinematics_of(built)
     axis = kinematics.forward(plunge.start, 0.0).axis
     way = subtract(tip(plunge, plunge.motion.end, built), tip(plunge, 0.0, built))
     assert dot(unit(way), axis) == pytest.approx(-1.0)

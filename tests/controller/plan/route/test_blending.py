@@ -17,7 +17,7 @@ from support.parts import blu_compounds
 from support.parts.random_surfaces import Pair
 
 from controller import config
-from controller.kinematics import Kinematics
+from controller.kinematics import Kinematics, kinematics_of
 from controller.machine import Machine, Tool
 from controller.placement import Blended
 from controller.plan.feed.course import Course
@@ -74,7 +74,7 @@ def traced_or_skipped(seed: int, head: str = "") -> tuple[list[Pair], Machine, P
 
 def rates(stretch: Stretch, built: Machine, at_end: bool) -> tuple[np.ndarray, np.ndarray]:
     """First and second derivatives of the joints at an end, by differences of what the tick computes."""
-    kinematics, surface = Kinematics(built), stretch.motion.surface
+    kinematics, surface = kinematics_of(built), stretch.motion.surface
     widths = [1.0 / one.per_u for one in surface.blends] if isinstance(surface, Blended) else []
     h = min(0.004, *(0.01 * width * stretch.motion.end for width in widths), 1.0)
     near = rotaries_of(stretch.end if at_end else stretch.start, kinematics)
@@ -101,7 +101,7 @@ def test_a_joint_of_rounding_runs_through_twice_smoothly(seed: int) -> None:
         assert np.abs(np.subtract(before.end, after.start)).max() < 1e-9
         assert np.abs(a - b).max() < 1e-6 * (1.0 + np.abs(a).max()), seed
         assert np.abs(aa - bb).max() < 1e-3 * (1.0 + np.abs(aa).max()), seed
-        assert Course((before, after), built, Kinematics(built)).junction(0) > 1e3, "mm/s"
+        assert Course((before, after), built, kinematics_of(built)).junction(0) > 1e3, "mm/s"
     assert_whole(traced, built)
 
 
@@ -116,7 +116,7 @@ def test_where_the_tool_turns_at_another_rate_the_joint_is_rounded(
     traced = trace(program(blu_compounds.general(seed, decimals), "G41"), built)
     speeds = []
     for pair in joints_between(traced):
-        course = Course(pair, built, Kinematics(built))
+        course = Course(pair, built, kinematics_of(built))
         beside = pair[0].motion.end + np.array([-0.01, 0.01])
         speeds.append(float(JointLimits.of(built).path_speed(course.derivatives(beside)).min()))
     assert min(speeds) >= least_mm_s
@@ -139,7 +139,7 @@ def test_the_same_joints_are_corners_without_the_blend() -> None:
 @pytest.mark.parametrize("seed", range(6))
 def test_series_samples_and_floats_of_a_blended_cut_are_one(seed: int) -> None:
     _, built, traced = traced_or_skipped(seed)
-    kinematics = Kinematics(built)
+    kinematics = kinematics_of(built)
     for before, after in joints_between(traced):
         course = Course((before, after), built, kinematics)
         h = 1e-3
@@ -194,7 +194,7 @@ def points_beside(surface: Pair, side: float, u: np.ndarray) -> tuple[np.ndarray
 
 def added_mm(pairs: list[Pair], cuts: list[Stretch], side: float, built: Machine, k: int) -> float:
     """Largest change of what the k-th joint leaves, by the poses of the plan and by those of Eq. 5."""
-    kinematics, radius = Kinematics(built), built.tools[0].radius_mm
+    kinematics, radius = kinematics_of(built), built.tools[0].radius_mm
     # All of both cuts: on a twisted surface what comes nearest may stand far along.
     whole = np.linspace(0.0, 1.0, 2501)
     planned = [poses(c, whole * c.motion.end, kinematics) for c in cuts[k : k + 2]]
@@ -320,7 +320,7 @@ def test_a_kink_at_which_the_contact_would_stand_is_blended() -> None:
     (um,) = re.findall(r"deviates by ([0-9.]+) um", sentences(found))
     assert 0.0 < float(um) <= 1000.0 * built.joint_tolerance_mm
     for before, after in joints_between(found):
-        assert Course((before, after), built, Kinematics(built)).junction(0) > 1e2, "mm/s"
+        assert Course((before, after), built, kinematics_of(built)).junction(0) > 1e2, "mm/s"
     assert "the poses agree and the cut runs through" in sentences(trace("G61\n" + text, built))
 
 
@@ -338,7 +338,7 @@ def test_a_crease_is_told_with_what_it_costs_and_what_binds() -> None:
     assert joint in {axis.name for axis in built.axes} and limit in ("velocity", "acceleration", "jerk")
     speeds = []
     for pair in joints_between(traced):
-        course = Course(pair, built, Kinematics(built))
+        course = Course(pair, built, kinematics_of(built))
         beside = pair[0].motion.end + np.linspace(-1.0, 1.0, 201)
         speeds.append(60.0 * float(JointLimits.of(built).path_speed(course.derivatives(beside)).min()))
     assert float(f) == pytest.approx(min(speeds), rel=0.02)

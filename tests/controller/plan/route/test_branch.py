@@ -11,14 +11,14 @@ from support.parts.paper_surfaces import example_1, example_2
 
 from controller.curves import ArcLength, Bezier
 from controller.geometry import Frame
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.motions import SurfaceCut
 from controller.plan.route.branch import BranchLost, field, joints_along
 from controller.plan.route.stretch import Stretch, rotaries_of
 from controller.plan.text.program import Place
 from controller.surfaces import Cone, RuledSurface, Surface
 
-KINEMATICS = Kinematics(machine())
+KINEMATICS = kinematics_of(machine())
 
 
 def cut(surface: Surface, offset_mm: float = 3.0) -> SurfaceCut:
@@ -80,7 +80,7 @@ def test_through_the_pole_itself_the_tilt_changes_its_sign() -> None:
 
 
 def test_an_axis_out_of_reach_is_lost_at_its_place() -> None:
-    oblique = Kinematics(machine("oblique"))
+    oblique = kinematics_of(machine("oblique"))
     surface = wall(0.0, (0.0, 600.0))  # from upright to far beyond what a 45 degree head reaches
     with pytest.raises(BranchLost) as lost:
         field(cut(RuledSurface(_lowered(surface.upper), surface.lower)), oblique)
@@ -97,4 +97,4 @@ def test_a_cutter_straight_down_from_above_is_lost_to_a_head_that_tilts_to_the_l
         Bezier(tuple((10.0 * k, 0.0, 10.0) for k in range(4))),
     )
     with pytest.raises(BranchLost, match="no position"):
-        field(cut(hanging), Kinematics(machine("oblique")))
+        field(cut(hanging), kinematics_of(machine("oblique")))

@@ -10,7 +10,7 @@ import pytest
 from support.machines.traced_programs import HOME, assert_whole, mill, named, stretches, trace
 from support.parts.nurbs_text import blade, nurbs
 
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Machine
 from controller.plan.route import cuts, train
 from controller.plan.route.choices import choices
@@ -39,7 +39,7 @@ def wall(x: float, lean_deg: float, line: str = " F600.") -> str:
 
 def of(text: str, built: Machine) -> dict[int, tuple[float, float]]:
     program = blocks.read(text.encode(), built, "part.ngc")
-    return choices(program.blocks, built, Kinematics(built), HOME, "part.ngc")
+    return choices(program.blocks, built, kinematics_of(built), HOME, "part.ngc")
 
 
 def rotary_travel(path: Path) -> float:
@@ -60,7 +60,7 @@ def test_the_choices_are_where_the_trains_begin() -> None:
 
 @pytest.mark.parametrize("leans", [(40.0, -130.0, 60.0), (85.0, 100.0, 130.0), (-95.0, -85.0, 89.0)])
 def test_the_program_turns_no_farther_than_with_any_other_branches(leans: tuple[float, ...]) -> None:
-    built, kinematics = mill(gouge="warn"), Kinematics(mill())
+    built, kinematics = mill(gouge="warn"), kinematics_of(mill())
     text = "".join(wall(60.0 * k, lean) for k, lean in enumerate(leans)) + "G0 A0. C0.\n"
     path = trace(text, built)
     least = math.inf
@@ -93,7 +93,7 @@ def test_a_program_that_is_refused_somewhere_gives_the_choices_before() -> None:
 
 
 def test_without_choices_or_with_wrong_ones_a_train_decides_for_itself() -> None:
-    built, kinematics = mill(gouge="warn"), Kinematics(mill())
+    built, kinematics = mill(gouge="warn"), kinematics_of(mill())
     voice = Voice("part.ngc", lambda place, sentence: None)
     (block,) = blocks.read(CONE.format("90.").encode(), built, "part.ngc").blocks
     assert isinstance(block, CutCone)

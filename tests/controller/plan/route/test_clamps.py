@@ -7,7 +7,7 @@ from dataclasses import replace
 from support.machines.spindle_machine import mill
 
 from controller import config
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.plan.route import clamps, path
 from controller.plan.route.path import Chain, Pause
 from controller.plan.text import blocks
@@ -22,7 +22,7 @@ def walk(text: str) -> list[tuple[str, int]]:
     """(what, clamps open with it) along a path; chains show the clamps that are open as they run."""
     program = blocks.read(text.encode(), MACHINE, "part.ngc")
     found, is_open = [], 0
-    for item in path.trace(program, MACHINE, Kinematics(MACHINE), HOME).items:
+    for item in path.trace(program, MACHINE, kinematics_of(MACHINE), HOME).items:
         if isinstance(item, Pause):
             is_open = item.open_clamps
             found.append((item.act.name if item.act else "dwell", is_open))
@@ -74,7 +74,7 @@ def test_a_stop_closes_the_clamps_before_it_and_other_words_leave_them() -> None
 
 def test_a_pause_for_a_clamp_keeps_spindle_and_coolant_as_the_program_has_them() -> None:
     program = blocks.read(b"S500 M4 M8\nG53 G0 C10\n", MACHINE, "part.ngc")
-    items = path.trace(program, MACHINE, Kinematics(MACHINE), HOME).items
+    items = path.trace(program, MACHINE, kinematics_of(MACHINE), HOME).items
     pause = next(item for item in items if isinstance(item, Pause) and item.act is Act.CLAMP)
     assert (pause.modal.spindle_rev_min, pause.modal.coolant) == (-500.0, 2)
 
@@ -90,7 +90,9 @@ def test_a_cut_opens_the_clamps_of_the_rotaries_that_it_turns() -> None:
 
 def test_a_row_of_lines_that_goes_on_unseen_opens_all_clamps() -> None:
     program = blocks.read(b"G53 G0 X10\nG53 G0 X20\n", MACHINE, "part.ngc")
-    items = path.trace(program, MACHINE, Kinematics(MACHINE), HOME).items
+    items = path.trace(program, MACHINE, kinematics_of(MACHINE), HOME).items
     parts = [replace(item, runs_on=not i) for i, item in enumerate(items) if isinstance(item, Chain)]
-    pauses = [item for item in clamps.opened(parts, MACHINE, Kinematics(MACHINE)) if isinstance(item, Pause)]
+    pauses = [
+        item for item in clamps.opened(parts, MACHINE, kinematics_of(MACHINE)) if isinstance(item, Pause)
+    ]
     assert [pause.open_clamps for pause in pauses] == [A | C], "and what goes on is not asked again"

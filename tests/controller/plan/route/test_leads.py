@@ -22,8 +22,8 @@ from support.parts.random_surfaces import compound, text
 
 from controller import config
 from controller.geometry import Vector, norm, subtract
-from controller.kinematics import Kinematics
-from controller.machine import Machine, five
+from controller.kinematics import kinematics_of
+from controller.machine import Machine
 from controller.plan.feed import profile
 from controller.plan.feed.course import Course
 from controller.plan.route.leads import MOST_TILT_RAD, MOST_TURN_RAD, SLENDER
@@ -66,19 +66,19 @@ def test_a_lead_goes_on_with_the_rate_of_a_cut_that_ends_at_the_pole() -> None:
 @pytest.mark.parametrize("seed", range(6))
 def test_the_machine_does_not_rest_at_the_first_and_the_last_ruling_of_twisted_surfaces(seed: int) -> None:
     built = shipped()
-    home = five(tuple(axis.homing.position for axis in built.axes))
+    home = tuple(axis.homing.position for axis in built.axes)
     traced = trace(text(compound(seed, 1), 1500.0), built, home)
     assert_whole(traced, built, home)
     chain = next(c for c in names(traced) if "cut" in c)
     assert chain == ["lead in", "cut", "lead out"]
     for pair in ends(traced):
-        assert len(profile.split_at_stops(pair, built, Kinematics(built))) == 1
+        assert len(profile.split_at_stops(pair, built, kinematics_of(built))) == 1
 
 
 def tips(lead: Stretch, built: Machine) -> Vector:
     s = np.linspace(0.0, lead.motion.end, 101)
-    q = joints_along(lead, s, Kinematics(built))
-    x, y, z = Kinematics(built).forward(tuple(q.T), lead.motion.length_mm, np).tip  # type: ignore[union-attr]
+    q = joints_along(lead, s, kinematics_of(built))
+    x, y, z = kinematics_of(built).forward(tuple(q.T), lead.motion.length_mm, np).tip  # type: ignore[union-attr]
     origin = built.offsets[0].origin
     return x - origin[0], y - origin[1], z - origin[2]
 
@@ -104,13 +104,13 @@ def test_a_lead_is_as_long_as_the_feed_needs_and_bounded() -> None:
 def test_beside_a_pole_neither_axis_nor_rotary_turns_far_on_a_lead() -> None:
     """The last ruling of example 2 is vertical, and a rotary turns by many degrees per millimetre there."""
     built = shipped()
-    home = five(tuple(axis.homing.position for axis in built.axes))
+    home = tuple(axis.homing.position for axis in built.axes)
     traced = trace(config.shipped_program("example2_ready").read_text(), built, home)
     a, b = built.rotary()
     for lead in (*named(traced, "lead in"), *named(traced, "lead out")):
         turned = max(abs(lead.end[a] - lead.start[a]), abs(lead.end[b] - lead.start[b]))
         assert turned <= 1.1 * MOST_TURN_RAD
-        axes = [Kinematics(built).forward(q, 0.0).axis for q in (lead.start, lead.end)]
+        axes = [kinematics_of(built).forward(q, 0.0).axis for q in (lead.start, lead.end)]
         assert norm(subtract(*axes)) <= 1.1 * MOST_TILT_RAD
 
 
@@ -135,7 +135,7 @@ def test_lead_feed_is_that_of_the_tip_and_never_below_what_the_cut_begins_with()
     built = replace(mill(), lead_feed_mm_s=10.0)
     (onto,) = named(trace(WALL.format(100.0), built), "lead in")
     s = np.linspace(0.0, 0.9 * onto.motion.end, 50)
-    q = joints_along(onto, np.concatenate([s, s + 1e-6]), Kinematics(built))
+    q = joints_along(onto, np.concatenate([s, s + 1e-6]), kinematics_of(built))
     rate = np.linalg.norm(q[50:, :3] - q[:50, :3], axis=1) / 1e-6
     assert onto.feed_at(s) * rate == pytest.approx(np.full(50, 10.0), rel=1e-4)
     slow = replace(built, lead_feed_mm_s=0.1)
@@ -158,10 +158,10 @@ def test_lead_feed_is_a_key_of_the_machine_file_in_millimetres_a_minute() -> Non
 def test_a_law_leads_from_a_fast_lead_to_a_slow_cut_and_keeps_its_feed_at_both_rulings(feed: float) -> None:
     """Down to the slowest the lead is passed in no time, and the cut begins neither faster nor slower."""
     built = shipped()
-    home = five(tuple(axis.homing.position for axis in built.axes))
+    home = tuple(axis.homing.position for axis in built.axes)
     traced = trace("G42\n" + CONE.format("0.4", feed), built, home)
     (run,) = (item.stretches for item in traced.items if isinstance(item, Chain) and len(item.stretches) == 3)
-    course = Course(run, built, Kinematics(built))
+    course = Course(run, built, kinematics_of(built))
     plan = profile.plan(course)
     assert plan is not None and plan.joins
     times = [plan.time_of(float(place)) for place in course.starts[1:3]]

@@ -12,7 +12,7 @@ from support.machines.shipped_kinds import ROTARIES
 from support.machines.traced_programs import HOME, assert_whole, mill, stretches, trace
 
 from controller.geometry import angle_between, norm, subtract
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.motions import JointMove, ToolLine
 from controller.plan.route import path
 from controller.plan.route.path import Chain, Stretch, joints_along
@@ -36,7 +36,7 @@ def feeds(text: str, kind: str = "fig4a", **changes: object) -> list[Stretch]:
 
 def poses(stretch: Stretch, kind: str = "fig4a", count: int = 21) -> tuple[Array, Array]:
     """Tips and axes in the table frame at even places of a stretch, from its joints."""
-    kinematics = Kinematics(mill(kind))
+    kinematics = kinematics_of(mill(kind))
     rows = joints_along(stretch, np.linspace(0.0, stretch.motion.end, count), kinematics)
     tip, axis = kinematics.forward(rows.T, 0.0, np)
     return np.array([c + np.zeros(count) for c in tip]).T, np.array([c + np.zeros(count) for c in axis]).T
@@ -86,7 +86,7 @@ def test_rotary_words_are_met_on_the_great_circle_or_evenly_as_the_machine_says(
         assert np.allclose(np.degrees(stretch.end[3:]), (30.0, 40.0))
         assert_straight(poses(stretch, kind)[0])
     assert_great_circle(poses(great, kind)[1])
-    rows = joints_along(even, np.linspace(0.0, even.motion.end, 11), Kinematics(mill(kind)))
+    rows = joints_along(even, np.linspace(0.0, even.motion.end, 11), kinematics_of(mill(kind)))
     assert np.abs(np.diff(rows[:, 3:], 2, axis=0)).max() < 1e-12
 
 
@@ -146,7 +146,7 @@ def test_the_tool_length_is_that_of_the_tool_named() -> None:
     built = mill(tools=tools)
     for words, length in (("G43.4", 40.0), ("G43.4 H2", 80.0), ("G43.4 H0", 0.0)):
         (move,) = stretches(trace(f"G55 {words} G0 X1 Y2 Z3 A10 C20\n", built))
-        tip = Kinematics(built).forward(move.end, length).tip
+        tip = kinematics_of(built).forward(move.end, length).tip
         assert norm(subtract(tip, (1.0, 2.0, 3.0))) < 1e-9
 
 
@@ -190,7 +190,7 @@ def test_the_branch_is_the_one_on_which_the_lines_to_come_stay_inside_the_travel
 def test_a_choice_from_outside_is_taken() -> None:
     text = b"G55 G43.5 G0 X0 Y0 Z0 I0 J.1 K1\nG1 X10 I0 J.2 K1 F600\n"
     tilt = math.atan(0.1)
-    kinematics = Kinematics(MILL)
+    kinematics = kinematics_of(MILL)
     for wanted in ((tilt, 0.0), (tilt, 2.0 * math.pi), (-tilt, math.pi)):
         made = blocks.stream(text, MILL, "part.ngc")
         items = list(path.stream(made, "part.ngc", MILL, kinematics, HOME, {1: wanted}))
@@ -246,7 +246,7 @@ def test_an_axis_that_no_rotaries_give_is_refused() -> None:
 @pytest.mark.parametrize("words", ["I.3 J-.2 K1", "I0 J.3 K1", "I-.4 J.1 K.5"])
 def test_derivatives_of_a_tool_line_are_those_of_its_joints(words: str) -> None:
     (line,) = feeds(f"G55 G43.5 G0 X0 Y0 Z0 I.2 J.1 K1\nG1 X10 {words} F600\n")
-    kinematics, h = Kinematics(MILL), 1e-3
+    kinematics, h = kinematics_of(MILL), 1e-3
     s = np.linspace(0.5, line.motion.end - 0.5, 9)
     found = derivatives(line, s, kinematics)
 

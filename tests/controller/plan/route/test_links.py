@@ -13,8 +13,8 @@ from support.oracles.trace_limits import assert_in_limits
 from support.parts.random_surfaces import Pair, compound
 
 from controller import config
-from controller.kinematics import Kinematics
-from controller.machine import Machine, five
+from controller.kinematics import kinematics_of
+from controller.machine import Machine
 from controller.plan.route import path
 from controller.plan.route.path import Chain
 from controller.plan.text import blocks
@@ -97,7 +97,7 @@ def test_what_is_sound_before_a_corner_that_is_refused_is_cut_all_the_same() -> 
     read = blocks.read(program.encode(), built, "part.ngc").blocks
     made = []
     with pytest.raises(ProgramError, match="concave corner"):
-        for item in path.stream(read, "part.ngc", built, Kinematics(built), HOME):
+        for item in path.stream(read, "part.ngc", built, kinematics_of(built), HOME):
             made += [stretch.name for stretch in item.stretches] if isinstance(item, Chain) else []
     assert "cut" in made and made[-1] == "retract"
 
@@ -184,7 +184,7 @@ def test_random_surfaces_one_behind_the_other(seed: int) -> None:
 
 def test_most_random_surfaces_near_each_other_are_linked() -> None:
     built, found = replace(shipped(), link_mm=LINK_MM), 0
-    home = five(tuple(axis.homing.position for axis in built.axes))
+    home = tuple(axis.homing.position for axis in built.axes)
     for seed in range(12):
         first, second = compound(seed, 2)
         way = first[1][3] - first[1][2]

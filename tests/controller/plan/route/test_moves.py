@@ -11,7 +11,7 @@ import pytest
 from support.machines.traced_programs import assert_whole, mill, named, stretches, trace
 
 from controller.geometry import Frame
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Joints
 from controller.plan.route.path import Stretch, joints_along
 from controller.plan.text.program import ProgramError
@@ -19,7 +19,7 @@ from controller.plan.text.program import ProgramError
 START: Joints = (0.0, 0.0, 0.0, 0.0, 0.0)
 MILL = mill()
 TURNING = mill(axes=tuple(replace(axis, travel_min=-9e3, travel_max=9e3) for axis in MILL.axes))
-KINEMATICS = Kinematics(MILL)
+KINEMATICS = kinematics_of(MILL)
 
 
 def only(text: str) -> Stretch:

@@ -12,6 +12,7 @@ from support.machines.stepped_runs import program
 from support.machines.traced_programs import assert_whole, mill, named, names, sentences, stretches, trace
 
 from controller.geometry import Frame
+from controller.kinematics import kinematics_of
 from controller.machine import Machine
 from controller.plan.route.path import Chain, Pause
 from controller.plan.text.program import Act, ProgramError
@@ -137,7 +138,7 @@ def test_a_convex_corner_is_pivoted_about_the_shared_ruling() -> None:
     assert ["lead in", "cut", "pivot", "cut", "lead out"] in names(traced)
     (pivot,) = named(traced, "pivot")
     assert pivot.motion.end == pytest.approx(3.0 * math.pi / 2.0)
-    x, y = pivot.motion.joints(pivot.motion.end / 2.0, (0.0, 0.0), None)[:2]  # type: ignore[index,arg-type]
+    x, y = pivot.motion.joints(pivot.motion.end / 2.0, (0.0, 0.0), kinematics_of(built))[:2]  # type: ignore[index]
     origin = built.offsets[0].origin
     assert (x - origin[0], y - origin[1]) == pytest.approx((30 + 3 / math.sqrt(2), -3 / math.sqrt(2)))
     assert "Pivots by 90.0000 degrees" in sentences(traced)

@@ -9,7 +9,7 @@ import pytest
 from support.machines.shipped_kinds import machine
 from support.machines.traced_programs import assert_whole, mill, trace
 
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.plan.text.program import ProgramError
 
 AT_LIMIT = "comes to the limit of what the rotary axes reach"
@@ -53,7 +53,7 @@ def test_a_wall_that_keeps_off_the_limit_is_followed() -> None:
 
 @pytest.mark.parametrize("kind", ["oblique", "fig4a", "table_head", "head_head"])
 def test_how_far_the_limit_is_is_how_far_both_branches_are_from_where_they_meet(kind: str) -> None:
-    kinematics = Kinematics(machine(kind))
+    kinematics = kinematics_of(machine(kind))
     axes = np.random.default_rng(5).normal(size=(3, 400))
     axes[2] = np.abs(axes[2])
     x, y, z = axes / np.sqrt((axes * axes).sum(axis=0))

@@ -9,7 +9,7 @@ import pytest
 from support.machines.interrupted_runs import EXAMPLE_2, LINES, TIPS, rest_of, source, stretches
 from support.machines.stepped_runs import shipped
 
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.plan.route import entry, restart
 from controller.plan.route.path import Chain, Pause
 from controller.plan.route.spot import ENTRY_ID, FORMER, Spot
@@ -37,7 +37,7 @@ def test_a_lead_is_entered_at_the_feed_of_its_block(name: str) -> None:
     assert float(lead.feed_at(np.array([s]))[0]) > 2.0 * 1000.0 / 60.0 or name == "lead out"
     rest = rest_of(EXAMPLE_2, Spot(lead.place.line, 0.0, which, s), machine)
     assert rest.what == name and rest.target.feed_mm_s == pytest.approx(1000.0 / 60.0)
-    there = lead.motion.joints(rest.spot.s, (0.0, 0.0), Kinematics(machine))
+    there = lead.motion.joints(rest.spot.s, (0.0, 0.0), kinematics_of(machine))
     assert there is not None and np.abs(np.subtract(there, rest.target.joints)).max() < 1e-9
 
 
@@ -49,7 +49,7 @@ def test_the_entry_ends_at_the_very_joints_of_the_uninterrupted_path(fraction: f
     k = next(i for i, chain in enumerate(chains) if (chain.first_id or 0) < ENTRY_ID)
     end = chains[k - 1].stretches[-1].end
     first = stretches(EXAMPLE_2, machine)[rest.spot.motion_id]
-    there = first.motion.joints(rest.spot.s, end[3:], Kinematics(machine))
+    there = first.motion.joints(rest.spot.s, end[3:], kinematics_of(machine))
     assert there is not None and np.abs(np.subtract(there, end)).max() < 1e-9
     assert chains[k].from_s == rest.spot.s
 
@@ -58,7 +58,7 @@ def test_the_rotaries_of_an_entry_turn_at_the_retract_height_and_the_last_way_is
     None
 ):
     machine = shipped()
-    kinematics = Kinematics(machine)
+    kinematics = kinematics_of(machine)
     rest = rest_of(EXAMPLE_2, Spot(FIRST, 0.6), machine)
     low = (10.0, 100.0, 150.0, 0.2, 0.1)
     for item in rest.entered(low, 2):
@@ -141,10 +141,10 @@ def test_an_entry_beyond_the_travel_is_refused_with_its_line() -> None:
     machine = shipped()
     target = rest_of(EXAMPLE_2, Spot(FIRST, 0.5), machine).target
     beyond = (*HOME[:4], 1e4)
-    way = entry.enter(target, beyond, 2, machine, Kinematics(machine), "p")  # from there it may come
+    way = entry.enter(target, beyond, 2, machine, kinematics_of(machine), "p")  # from there it may come
     assert way
     with pytest.raises(ProgramError, match="way back into the program"):
-        entry.enter(target, (301.0, *HOME[1:2], 100.0, *HOME[3:]), 2, machine, Kinematics(machine), "p")
+        entry.enter(target, (301.0, *HOME[1:2], 100.0, *HOME[3:]), 2, machine, kinematics_of(machine), "p")
 
 
 @pytest.mark.parametrize("name", ["trunnion", "table_head", "head_head", "oblique45"])

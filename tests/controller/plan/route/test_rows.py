@@ -15,7 +15,7 @@ from support.machines.traced_programs import HOME, assert_whole, mill, sentences
 from support.parts import cam_lines
 
 from controller.geometry import Frame
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.motions import ROW, JointMove, ToolLine, ToolSpline
 from controller.plan.route import path, rows
 from controller.plan.route.path import Chain, Path, Stretch, joints_along
@@ -26,7 +26,7 @@ from controller.plan.text import blocks
 Array = npt.NDArray[np.float64]
 
 MILL = mill()
-KINEMATICS = Kinematics(MILL)
+KINEMATICS = kinematics_of(MILL)
 START = "G55 G64 P0.02 G43.4 G0 X0 Y0 Z0 A10 C0\nG1 F600\n"
 
 

@@ -13,7 +13,7 @@ from support.parts.vertical_rulings import leaning, powers, straight
 
 from controller.curves import ArcLength, Bezier
 from controller.geometry import Frame
-from controller.kinematics import Kinematics
+from controller.kinematics import Kinematics, kinematics_of
 from controller.motions import SurfaceCut
 from controller.placement import Placed
 from controller.plan.route.branch import joints_along
@@ -40,7 +40,7 @@ def wall(
 
 def cut(surface: Surface, kind: str = "fig4a", part: Frame = PART) -> SurfaceCut:
     motion = SurfaceCut(surface, ArcLength.of(surface.lower), 3.0, 0.0, part)
-    return touched(motion, Kinematics(machine(kind)))
+    return touched(motion, kinematics_of(machine(kind)))
 
 
 def stretch(motion: SurfaceCut, kinematics: Kinematics) -> Stretch:
@@ -77,7 +77,7 @@ def test_a_zero_of_the_first_order_beside_a_touch_is_taken_out_too() -> None:
 )
 def test_what_only_passes_through_the_pole_or_stays_off_is_left_as_it_is(surface: Surface) -> None:
     motion = SurfaceCut(surface, ArcLength.of(surface.lower), 3.0, 0.0, PART)
-    assert touched(motion, Kinematics(machine())) is motion
+    assert touched(motion, kinematics_of(machine())) is motion
 
 
 def test_a_contact_missed_by_more_than_rounding_is_a_wall_that_passes_by() -> None:
@@ -91,7 +91,7 @@ def test_a_contact_missed_by_more_than_rounding_is_a_wall_that_passes_by() -> No
 def test_what_passes_by_the_pole_within_a_hair_turns_no_quicker_than_what_passes_through(
     orders: tuple[int, int], off_mm: float
 ) -> None:
-    kinematics = Kinematics(machine())
+    kinematics = kinematics_of(machine())
     through, by = (stretch(cut(wall(0.5, orders, off_mm=off)), kinematics) for off in (0.0, off_mm))
     assert len(by.motion.touches) == 1 and by.motion.touches[0].roots == pytest.approx([0.5], abs=1e-6)
     middle = by.motion.arc.s_at(0.5)
@@ -120,7 +120,7 @@ def test_what_passes_by_the_pole_within_a_hair_turns_no_quicker_than_what_passes
 def test_tick_and_plan_go_through_a_touch_alike_smoothly_and_along_the_ruling(
     kind: str, orders: tuple[int, int], place: float, part: Frame
 ) -> None:
-    kinematics, surface = Kinematics(machine(kind)), wall(place, orders, turned_deg=20.0)
+    kinematics, surface = kinematics_of(machine(kind)), wall(place, orders, turned_deg=20.0)
     motion = cut(surface, kind, part)
     along = stretch(motion, kinematics)
     middle = motion.arc.s_at(place)
@@ -146,7 +146,7 @@ def test_tick_and_plan_go_through_a_touch_alike_smoothly_and_along_the_ruling(
 @pytest.mark.parametrize("orders", [(2, 2), (3, 3), (3, 2), (2, 3)])
 def test_the_derivatives_at_a_touch_are_those_of_the_joints(orders: tuple[int, int], place: float) -> None:
     """Against a polynomial through the joints: fitted over half a millimetre it knows nothing of poles."""
-    kinematics = Kinematics(machine())
+    kinematics = kinematics_of(machine())
     along = stretch(cut(wall(place, orders, turned_deg=20.0)), kinematics)
     middle = along.motion.arc.s_at(place)
     s = np.linspace(max(0.0, middle - 0.25), min(along.motion.end, middle + 0.25), 81)
@@ -160,7 +160,7 @@ def test_the_derivatives_at_a_touch_are_those_of_the_joints(orders: tuple[int, i
 
 
 def test_a_cut_that_touches_the_pole_travels_whole_to_the_tick() -> None:
-    motion, kinematics = cut(wall(0.4, (3, 2))), Kinematics(machine())
+    motion, kinematics = cut(wall(0.4, (3, 2))), kinematics_of(machine())
     there = pickle.loads(pickle.dumps(motion))
     assert there == motion and all(type(x) is float for touch in there.touches for x in touch.roots)
     for s in np.linspace(0.0, motion.end, 50):
@@ -176,7 +176,7 @@ def test_a_touch_in_a_span_and_at_a_knot_of_a_b_spline_is_found(knot: float) -> 
     motion = cut(RuledSurface(upper, whole.lower))
     assert all(touch.roots == pytest.approx([0.5, 0.5]) for touch in motion.touches)
     assert len(motion.touches) == (2 if knot == 0.5 else 1)
-    kinematics = Kinematics(machine())
+    kinematics = kinematics_of(machine())
     s = np.linspace(0.0, motion.end, 1001)
     rows = joints_along(stretch(motion, kinematics), s, kinematics)
     wanted = joints_along(stretch(cut(whole), kinematics), s, kinematics)
@@ -196,7 +196,7 @@ def test_the_touch_of_a_placed_axis_is_followed_by_a_polynomial_of_its_own() -> 
         tilt = math.hypot(*placed.axis(0.4)[:2])
         best = min(best or (tilt, placed), (tilt, placed), key=lambda pair: pair[0])
     assert best[0] < 1e-9
-    motion, kinematics = cut(best[1]), Kinematics(machine())
+    motion, kinematics = cut(best[1]), kinematics_of(machine())
     s = np.linspace(0.0, motion.end, 2001)
     rows = joints_along(stretch(motion, kinematics), s, kinematics)
     _, axes = kinematics.forward(rows.T, 0.0, np)

@@ -17,7 +17,7 @@ from support.oracles import jerk_limited_stop
 from support.parts.random_surfaces import compound, text
 
 from controller.handoff import StopTable
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Kind, Limits, Machine
 from controller.plan.feed import profile
 from controller.plan.feed.course import Course
@@ -53,7 +53,7 @@ class Planned:
 
 def planned(source: str, machine: Machine, only: str = "") -> Iterator[Planned]:
     """The plans of a program; those with a stretch named ``only``."""
-    kinematics = Kinematics(machine)
+    kinematics = kinematics_of(machine)
     home = tuple(axis.homing.position for axis in machine.axes)
     for item in traced_programs.trace(source, machine, home).items:  # type: ignore[arg-type]
         if isinstance(item, Chain):
@@ -370,7 +370,7 @@ def test_a_heavy_machine_cuts_a_surface_along_which_the_tool_turns_by_half_a_tur
 def test_a_start_at_the_very_end_of_the_plan_is_at_rest_though_its_speed_is_rounded_below_zero() -> None:
     """The plan's process ended over it: the time for braking from a speed of -3e-14 was no number."""
     machine = mill()
-    kinematics, below = Kinematics(machine), 0
+    kinematics, below = kinematics_of(machine), 0
     for length in range(1, 60):
         way = straight("way", Place(1, 1), (0.0,) * 5, (float(length), 0.0, 0.0, 0.0, 0.0), None, kinematics)
         assert way is not None

@@ -9,7 +9,7 @@ import pytest
 from support.oracles import reference_interpreter
 from support.suite import seed
 
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.plan.report import explained
 from controller.plan.route import path
 from controller.plan.text import blocks
@@ -50,7 +50,7 @@ def test_whatever_codes_say_is_refused_with_its_place_or_leads_somewhere(count: 
         try:
             read = Program("p.ngc", tuple(blocks.stream(text.encode(), on, "p.ngc")))
             told = list(explained.steps(read.blocks, on, "p.ngc", homed(on)))
-            traced = path.trace(read, on, Kinematics(on), homed(on))
+            traced = path.trace(read, on, kinematics_of(on), homed(on))
         except ProgramError as refused:
             assert 1 <= refused.line <= max(1, len(text.splitlines())), text
             continue

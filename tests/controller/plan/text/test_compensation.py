@@ -12,7 +12,7 @@ from support.machines.interrupted_runs import rest_of
 from support.machines.traced_programs import mill, stretches
 
 from controller import config
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Machine
 from controller.plan.route import path
 from controller.plan.route.spot import Spot
@@ -332,8 +332,8 @@ def test_the_shipped_contour_keeps_its_distance_from_the_plate_on_the_machine(di
     """Traced as it runs: 1.5 mm from the plate's edge all around, and on the edge's outside."""
     on = replace(config.load("trunnion"), dialect=dialect)
     read = blocks.read(config.shipped_program("contour").read_bytes(), on, "contour.ngc")
-    traced = path.trace(read, on, Kinematics(on), homed(on))
-    frame, kinematics, away = on.offsets[0], Kinematics(on), []
+    traced = path.trace(read, on, kinematics_of(on), homed(on))
+    frame, kinematics, away = on.offsets[0], kinematics_of(on), []
     for stretch in stretches(traced):
         if stretch.feed_mm_s is not None and 11 <= stretch.place.line <= 24:
             joints = path.joints_along(stretch, np.linspace(0.0, stretch.motion.end, 50), kinematics)

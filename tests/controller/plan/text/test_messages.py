@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from support.machines.shipped_kinds import machine
 
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.plan.route import path
 from controller.plan.text import blocks
 from controller.plan.text.program import CutRuled, Message
@@ -51,10 +51,13 @@ def test_a_message_between_the_points_of_a_surface_parts_nothing() -> None:
 def test_a_check_tells_what_is_said_and_the_path_does_not_stop_for_it() -> None:
     built = machine("fig4a", spindle=None)
     program = blocks.read(b"G0X0Y0\nG1F100X1\n(MSG, half)\nX2\n", built, "p")
-    with_it = path.trace(program, built, Kinematics(built), (0.0, 0.0, 50.0, 0.0, 0.0))
+    with_it = path.trace(program, built, kinematics_of(built), (0.0, 0.0, 50.0, 0.0, 0.0))
     assert [note.sentence for note in with_it.notes] == ["Says here: half"]
     assert len(with_it.items) == len(
         path.trace(
-            blocks.read(b"G0X0Y0\nG1F100X1\n\nX2\n", built, "p"), built, Kinematics(built), (0, 0, 50, 0, 0)
+            blocks.read(b"G0X0Y0\nG1F100X1\n\nX2\n", built, "p"),
+            built,
+            kinematics_of(built),
+            (0, 0, 50, 0, 0),
         ).items
     )

@@ -10,7 +10,7 @@ from scipy.interpolate import BSpline as Reference
 from support.machines.traced_programs import assert_whole, mill, named, names, sentences, trace
 from support.parts.nurbs_text import Written, bezier, blade, clamped, nurbs
 
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Machine
 from controller.motions import SurfaceCut
 from controller.plan.route.path import Path, joints_along
@@ -28,7 +28,7 @@ def as_g52(upper: tuple, lower: tuple) -> str:
 
 def along(path: Path, built: Machine, count: int = 601) -> tuple[np.ndarray, np.ndarray]:
     """Even places over all cuts of a path as (s, joints)."""
-    cuts, kinematics = named(path, "cut"), Kinematics(built)
+    cuts, kinematics = named(path, "cut"), kinematics_of(built)
     starts = np.concatenate([[0.0], np.cumsum([c.motion.end for c in cuts])])
     s = np.linspace(0.0, starts[-1], count)
     index = np.clip(np.searchsorted(starts, s, side="right") - 1, 0, len(cuts) - 1)
@@ -100,7 +100,7 @@ def test_a_blade_is_one_block_that_runs_through_and_keeps_contact_on_its_lower_c
     assert "Joins" not in sentences(path)
     assert_whole(path, built)
     top, bottom = _scipy(upper), _scipy(lower)
-    kinematics = Kinematics(built)
+    kinematics = kinematics_of(built)
     for number, cut in enumerate(named(path, "cut")):
         assert isinstance(cut.motion, SurfaceCut)
         s = np.linspace(0.0, cut.motion.end, 41)

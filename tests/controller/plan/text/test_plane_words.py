@@ -12,7 +12,7 @@ from support.oracles import reference_interpreter
 
 from controller import config
 from controller.geometry import subtract
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Machine
 from controller.plan.report import explained
 from controller.plan.report.explained import Step
@@ -37,7 +37,7 @@ def place(text: str, machine: Machine | None = None) -> list[float]:
     machine = machine or on()
     end = steps(text, machine)[-1]
     joints = [(end.axes[axis.name] or 0.0) / axis.shown_per_unit for axis in machine.axes]
-    return [round(float(q), 9) + 0.0 for q in Kinematics(machine).forward(joints, 0.0).tip]
+    return [round(float(q), 9) + 0.0 for q in kinematics_of(machine).forward(joints, 0.0).tip]
 
 
 def turned(text: str, machine: Machine | None = None) -> tuple[float, ...]:
@@ -204,7 +204,7 @@ def test_the_tip_stands_all_the_way_of_g53_6() -> None:
     """As a rapid of one motion, on the great circle or from evenly turning rotaries."""
     for name in ("trunnion", "head_head", "table_head", "oblique45"):
         machine = on("fanuc", name)
-        kinematics = Kinematics(machine)
+        kinematics = kinematics_of(machine)
         made = stretches(trace("G43.1 Z20\nG0 X0 Y0 Z60\nG68.2 I20 J40\nG53.6\n", machine, homed(machine)))
         turn = made[-1]
         assert turn.feed_mm_s is None
@@ -262,7 +262,7 @@ def test_rows_under_g64_follow_the_plane_too() -> None:
     row = "G64 P0.01\nG1 X10 F600\nX20 Y1\nX30 Y3\nX40 Y6\n"
     machine = on()
     made = stretches(trace("G68.2 I30 J40\nG53.1\nG0 X0 Y0 Z0\n" + row, machine, homed(machine)))
-    tip = Kinematics(machine).forward(made[-1].end, 0.0).tip
+    tip = kinematics_of(machine).forward(made[-1].end, 0.0).tip
     assert tip == pytest.approx(place("G68.2 I30 J40\nG53.1\nG0 X40 Y6 Z0\n"), abs=1e-9)
 
 

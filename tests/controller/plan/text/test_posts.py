@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from controller import config
-from controller.kinematics import Kinematics
+from controller.kinematics import kinematics_of
 from controller.machine import Machine
 from controller.plan.report import explained
 from controller.plan.route import path
@@ -48,7 +48,7 @@ def test_a_post_runs_unedited(post: Path) -> None:
     cut = [step for step in told if step.kind in ("line", "arc")]
     assert min(step.program["Z"] or 0.0 for step in cut) == pytest.approx(lowest)
     assert len(cut) == feeds
-    traced = path.trace(read, on, Kinematics(on), homed(on))
+    traced = path.trace(read, on, kinematics_of(on), homed(on))
     assert on.shown(traced.end) == pytest.approx(ends)
     assert any(isinstance(item, Chain) for item in traced.items)
 

@@ -16,11 +16,9 @@ points, c = (A, +-G) in the plane across w2, or one, or none.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from types import ModuleType
-from typing import NamedTuple
 
 import numpy as np
 
@@ -41,34 +39,24 @@ from controller.geometry import (
     subtract,
     unit,
 )
-from controller.machine import Joints, Kind, Machine
+from controller.kinematics.protocol import TURN, Kinematics, Pair
+from controller.kinematics.rotary import Line, spun, turned
+from controller.machine import Kind, Machine
 from controller.touches import Seen
 
-Pair = tuple[float, float]
-Travel = tuple[Pair, Pair]
-
-TURN = 2.0 * math.pi
 NEAR_POLE = 1e-9  # sine of the angle between tool axis and w2 below which w2's angle is a limit
 CLEAR_OF_POLE = 1e-3  # the same sine above which third derivatives keep nine digits
 STILL = 1e-12  # an axis that leaves the pole slower than this (1/u) does not leave it
 SPILL = 1e-13  # square of a reach overshot by rounding
-MOST_TURNS = 1000
 
 
-class Line(NamedTuple):
-    """The line a rotary turns about, machine frame at zero."""
-
-    direction: Vector
-    point: Vector
-
-
-class Kinematics:
-    """The geometry of one machine, prepared for the tick; stateless after construction."""
+class TwoRotaries(Kinematics):
+    """X, Y, Z and two rotaries that tilt the tool against the work."""
 
     def __init__(self, machine: Machine) -> None:
+        super().__init__(machine)
         self._check_linear(machine)
         first, second = machine.rotary()
-        self.order = _order(machine)
         self._tables: list[tuple[int, Line]] = []  # (0 or 1 of the rotary pair, line), base to work
         self._heads: list[tuple[int, Line]] = []  # likewise, base to tool
         for i, axis in enumerate((machine.axes[first], machine.axes[second])):
@@ -268,61 +256,14 @@ class Kinematics:
             pairs.append((q2, q1) if self._work_first else (q1, q2))
         return pairs
 
-    def inverse(
-        self,
-        pose: Pose,
-        near: Pair,
-        length_mm: float,
-        inside: Vector | None = None,
-        seen: Seen | None = None,
-    ) -> Joints | None:
-        """Joints for a pose of the table frame, on branch and turns nearest to ``near``.
-
-        ``near`` and the answer's rotaries are (first, second) of ``machine.rotary()``,
-        rad; ``length_mm`` is the tool's. None where the axis is out of reach.
-        """
-        tip, axis = pose
-        near1, near2 = near
-        best, least = None, math.inf
-        for q1, q2 in self.branches(axis, math, inside, near, seen):
-            if q1 != q1 or q2 != q2:  # nan: out of reach
-                return None
-            q1 += TURN * round((near1 - q1) / TURN)
-            q2 += TURN * round((near2 - q2) / TURN)
-            d1, d2 = q1 - near1, q2 - near2
-            far = d1 * d1 + d2 * d2
-            if far < least:
-                best, least = (q1, q2), far
-        if best is None:
-            return None
-        x, y, z = self.linear(tip, best, length_mm)
-        values, order = (x, y, z, best[0], best[1]), self.order
-        return (values[order[0]], values[order[1]], values[order[2]], values[order[3]], values[order[4]])
-
-    def candidates(
-        self, axis: Vector, inside: Vector | None, travel: Travel, keep: Pair = (0.0, 0.0)
-    ) -> list[Pair]:
-        """All branches in all turns inside the travel of (first, second), rad; empty out of reach."""
-        found: list[Pair] = []
-        for pair in self.branches(axis, math, inside, keep):
-            if not any(map(math.isnan, pair)):
-                turns = [_turns(q, low, high) for q, (low, high) in zip(pair, travel, strict=True)]
-                found += [(q1, q2) for q1, q2 in itertools.product(*turns) if (q1, q2) not in found]
-        return found
-
     def linear(
         self, tip: Vector, rotaries: tuple[Number, Number], length_mm: float, m: ModuleType = math
     ) -> Vector:
         """X, Y, Z (mm) that bring the tip of a tool to ``tip`` of the table frame."""
         for i, line in self._tables_inward:
-            tip = _turned(line, rotaries[i], tip, m)
+            tip = turned(line, rotaries[i], tip, m)
         (x, y, z), (hx, hy, hz) = tip, self._head_vector(rotaries, length_mm, m)
         return x - hx, y - hy, z - hz
-
-    def tool_axis(self, rotaries: Pair) -> Vector:
-        """From tip to spindle, in the table frame, with the rotaries there (floats, rad)."""
-        values = (0.0, 0.0, 0.0, *rotaries)
-        return self.forward([values[i] for i in self.order], 0.0).axis
 
     def of_axes(self, frame: Frame, rotaries: Pair, length_mm: float) -> Frame:
         """A frame of the table in which X Y Z of a tip are read, as the linear axes see it.
@@ -332,7 +273,7 @@ class Kinematics:
         found = []
         for v in (frame.x, frame.y, frame.z):
             for i, line in self._tables_inward:
-                v = _spun(line.direction, rotaries[i], v, math)
+                v = spun(line.direction, rotaries[i], v, math)
             found.append(v)
         return Frame(self.linear(frame.origin, rotaries, length_mm), *found)
 
@@ -340,32 +281,23 @@ class Kinematics:
         """From the gauge point, where the heads' lines are given from, to the tip."""
         vector: Vector = (0.0, 0.0, -length_mm)
         for i, line in self._heads_inward:
-            vector = _turned(line, rotaries[i], vector, m)
+            vector = turned(line, rotaries[i], vector, m)
         return vector
 
     # ---- from the joints to the pose ---------------------------------------------
 
     def forward(self, joints: Sequence[Number], length_mm: float, m: ModuleType = math) -> Pose:
         """Pose in the table frame (rotaries at zero) from joints in the order of ``machine.axes``."""
-        values: list[Number] = [0.0] * 5
-        for joint, place in zip(joints, self.order, strict=True):
-            values[place] = joint
-        x, y, z, *pair = values
+        x, y, z, *pair = self.spread(joints)
         rotaries = (pair[0], pair[1])
         tip = add((x, y, z), self._head_vector(rotaries, length_mm, m))
         axis: Vector = Z
         for i, line in self._heads_inward:
-            axis = _spun(line.direction, rotaries[i], axis, m)
+            axis = spun(line.direction, rotaries[i], axis, m)
         for i, line in self._tables:
-            tip = _turned(line, -rotaries[i], tip, m)
-            axis = _spun(line.direction, -rotaries[i], axis, m)
+            tip = turned(line, -rotaries[i], tip, m)
+            axis = spun(line.direction, -rotaries[i], axis, m)
         return Pose(tip, axis)
-
-
-def _order(machine: Machine) -> tuple[int, int, int, int, int]:
-    places = {index: place for place, index in enumerate((*machine.linear(), *machine.rotary()))}
-    a, b, c, d, e = (places[i] for i in range(5))
-    return a, b, c, d, e
 
 
 def _value(number: Number) -> Number:
@@ -398,7 +330,7 @@ def _leave_pole(
     known: bool,
     m: ModuleType,
 ) -> tuple[Number, Number, Number, Number, Number, Number]:
-    """As ``Kinematics._limit`` for series that start at a pole: (a, b) = h (a', b'), so G = |h| G'.
+    """As ``TwoRotaries._limit`` for series that start at a pole: (a, b) = h (a', b'), so G = |h| G'.
 
     |h| is h ahead and -h behind: ``inside`` tells, and the sign stays with G'.
     """
@@ -411,29 +343,3 @@ def _leave_pole(
     r = m.sqrt(a * a + b * b - c * c) * np.where(pole, side, 1.0)
     behind = np.concatenate((np.zeros_like(r.c[:1]), r.c[:-1])) * np.where(lost, 0.0, 1.0)
     return a, b, c, r, make(np.where(pole, behind, r.c)), lost
-
-
-def _turns(angle: float, low: float, high: float) -> list[float]:
-    """``angle`` in every turn between ``low`` and ``high``; a limit overstepped by rounding is met."""
-    first = math.ceil(max((low - 1e-9 - angle) / TURN, -MOST_TURNS))
-    last = math.floor(min((high + 1e-9 - angle) / TURN, MOST_TURNS))
-    return [min(max(angle + TURN * k, low), high) for k in range(first, last + 1)]
-
-
-def _spun(direction: Vector, angle: Number, v: Vector, m: ModuleType) -> Vector:
-    """Rodrigues as in ``geometry.rotate``, written out in components for the tick."""
-    x, y, z = v
-    dx, dy, dz = direction
-    c, s = m.cos(angle), m.sin(angle)
-    along = (dx * x + dy * y + dz * z) * (1.0 - c)
-    return (
-        x * c + (dy * z - dz * y) * s + dx * along,
-        y * c + (dz * x - dx * z) * s + dy * along,
-        z * c + (dx * y - dy * x) * s + dz * along,
-    )
-
-
-def _turned(line: Line, angle: Number, v: Vector, m: ModuleType) -> Vector:
-    (px, py, pz), (x, y, z) = line.point, v
-    x, y, z = _spun(line.direction, angle, (x - px, y - py, z - pz), m)
-    return x + px, y + py, z + pz
