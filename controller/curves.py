@@ -264,7 +264,7 @@ class ArcLength:
         return s if np.ndim(u) else float(s)
 
 
-LEAST_RATE = 1e-9  # of a curve at an end, as a share of its length: slower there, it stands still
+LEAST_RATE = 1e-6  # of a curve at an end, as a share of its length: slower there, it stands still
 BESIDE_MM = 1e-3  # how far from such an end its derivatives are taken, which are without bound at it
 
 

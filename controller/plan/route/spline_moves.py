@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 
+import numpy as np
+import numpy.typing as npt
+
 from controller.curves import ArcLength, Curve, Even
 from controller.geometry import Vector, add, norm, subtract
 from controller.kinematics import Kinematics
@@ -16,12 +19,19 @@ from controller.plan.text.position import placed, read_in, shifted
 from controller.plan.text.program import JointCurve
 from controller.splines import BSpline, simplest
 
+Array = npt.NDArray[np.float64]
+
+SLOW = 0.01  # of the highest rate of a span: where the least one is below, it is looked for
+SAMPLES = 257  # of a span
+BESIDE_KNOT = 1e-6  # of the parameter: nearer to a knot there is an end already
+
 
 def stretches(
     block: JointCurve, machine: Machine, kinematics: Kinematics, now: Joints, voice: Voice
 ) -> list[Stretch]:
     """The moves of a curve, one for each span between its knots; none where it has no length."""
     whole = spline(block, controls(block, machine, kinematics, now))
+    whole = whole.refined(_slow(whole))
     try:
         arcs = [ArcLength.of(span) for span in _spans(whole)]
     except ValueError:
@@ -58,6 +68,34 @@ def spline(block: JointCurve, points: list[Vector]) -> BSpline:
     spans = len(points) - block.order + 1
     knots = [0.0] * block.order + [float(k) for k in range(1, spans)] + [float(spans)] * block.order
     return BSpline.of(block.order, knots, points, [control.weight for control in block.controls])
+
+
+def _slow(whole: BSpline) -> list[float]:
+    """Parameters inside of the spans where the curve all but stands: at cusps and in hairpins.
+
+    There its direction turns at once, so that they are ends: the path rests there, or passes as slowly.
+    """
+    found = []
+    for low, high in pairwise(whole.breaks):
+        u = np.linspace(low, high, SAMPLES)
+        rate = _rate(whole, u)
+        inner = (rate[1:-1] <= rate[:-2]) & (rate[1:-1] < rate[2:]) & (rate[1:-1] < SLOW * rate.max())
+        for k in np.flatnonzero(inner) + 1:
+            found.append(_least(whole, float(u[k - 1]), float(u[k + 1])))
+    return [u for u in found if min(abs(u - knot) for knot in whole.breaks) > BESIDE_KNOT]
+
+
+def _least(whole: BSpline, low: float, high: float) -> float:
+    """Where between two parameters its rate is least, by ever closer samples."""
+    while high - low > 1e-12:
+        u = np.linspace(low, high, 9)
+        k = int(np.argmin(_rate(whole, u)))
+        low, high = float(u[max(k - 1, 0)]), float(u[min(k + 1, 8)])
+    return 0.5 * (low + high)
+
+
+def _rate(whole: BSpline, u: Array) -> Array:
+    return np.asarray(np.broadcast_to(norm(whole.derivative(u, 1, np), np), u.shape))
 
 
 def _spans(whole: BSpline) -> Iterator[Curve]:
