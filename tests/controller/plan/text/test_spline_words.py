@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline as Reference
 from support.machines.traced_programs import mill, stretches, trace
 from support.oracles import reference_interpreter
+from typer.testing import CliRunner
 
+from controller.__main__ import app
 from controller.geometry import Frame
 from controller.kinematics import kinematics_of
 from controller.plan.report import explained
@@ -294,3 +296,10 @@ def test_what_the_reference_takes_by_chance_is_refused(text: str, tmp_path: Path
     whole = f"G21 G90 G17 F600\nG0 X0 Y0\n{text}\nM2\n"
     assert reference_interpreter.ours(whole, on).refused
     assert not reference_interpreter.reference(whole, tmp_path, on).refused
+
+
+def test_explain_prints_the_points_in_words(tmp_path: Path) -> None:
+    program = tmp_path / "p.ngc"
+    program.write_text("G21 G90 F600 G0 X0 Y0\nG5.1 X10 Y4 I2 J5\nM2\n")
+    said = CliRunner().invoke(app, ["explain", str(program)])
+    assert "order 3 weights 1, 1, 1 points X0.0000 Y0.0000, X2.0000 Y5.0000, X10.0000 Y4.0000" in said.stdout
