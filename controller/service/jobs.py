@@ -202,8 +202,8 @@ class Job:
 
     def to_dict(self, now: Snapshot) -> dict[str, Any]:
         state, left_s = self.state_at(now), self._left_s(now)
-        if not self.active and self.last is not None:  # it has ended: the last place stays
-            now = self.last
+        if self.last is not None and (now.line == 0 or not self.active):
+            now = self.last  # an emergency stop has taken all away, or it has ended: the last place stays
         shown = self.active or self.last is not None
         return {
             "name": self.program.name,
