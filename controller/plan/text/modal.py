@@ -42,6 +42,7 @@ class Cycle:
     level: float  # where the series began, along the cycle's axis in program coordinates
     depth: float | None = None  # Q
     seconds: float | None = None  # P
+    shift: tuple[float, float] | None = None  # of boring: the way off the wall, in the plane
 
 
 @dataclass(frozen=True, slots=True)
@@ -433,8 +434,8 @@ class _Settings:
     def _offset(self, code: str) -> int:
         word = self.ask.codes["offset"][1]
         name = code
-        if code == "G54.1":
-            name = f"{code} P{self._numbered(word)}"
+        if code in ("G54.1", "G154"):
+            name = f"G54.1 P{self._numbered(code, word)}"
         index = OFFSETS.index(name)
         if not self.state.origins.is_set(index, self._machine):
             known = [one for i, one in enumerate(OFFSETS) if self.state.origins.is_set(i, self._machine)]
@@ -445,12 +446,12 @@ class _Settings:
             )
         return index
 
-    def _numbered(self, word: Word) -> int:
-        """P of G54.1."""
+    def _numbered(self, code: str, word: Word) -> int:
+        """P of G54.1 and G154."""
         number = self.ask.words.get("P")
         if number is None or not 1 <= self.ask.whole(number) <= 48:
             raise self.ask.refusal(
-                number or word, "G54.1 takes P1 to P48, the number of a work offset; write one of these"
+                number or word, f"{code} takes P1 to P48, the number of a work offset; write one of these"
             )
         return int(number.value)
 

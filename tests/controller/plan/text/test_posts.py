@@ -91,3 +91,11 @@ def test_haas_writes_tool_centre_control_its_own_way() -> None:
         for code in ("G43.4", "G234")
     )
     assert ours == theirs
+
+
+def test_haas_writes_work_offsets_beyond_g59_its_own_way() -> None:
+    lines = "G10 L20 P1 X7.\n{} P1\nG0 X1.\n"
+    ours, theirs = (
+        blocks.read(lines.format(code).encode(), machine(), "p").blocks[-1] for code in ("G54.1", "G154")
+    )
+    assert ours == theirs and ours.modal.frame(machine()).origin[0] == 7.0
