@@ -273,7 +273,16 @@ class _Turn:
         moving = self.ask.has(self._axes + "IJK") or (named in ("G2", "G3") and self.ask.has("RP"))
         if named in SURFACES or named in CURVES:
             return named
-        return (named or self.state.motion) if moving and named != "G80" else ""
+        if named == "G80":
+            named = self._beneath()
+            return named if moving else ""
+        return (named or self.state.motion) if moving else ""
+
+    def _beneath(self) -> str:
+        """What G80 leaves modal: nothing, under fanuc what was before the cycle."""
+        if self._machine.dialect != "fanuc":
+            return ""
+        return self.state.beneath if self.state.motion in CYCLES else self.state.motion
 
     def _places(self) -> bool:
         """Whether another code than a motion takes the axis words."""
@@ -284,9 +293,13 @@ class _Turn:
             return True
         return length == "G43.1" or any("X" in self._letters(code) for code in self._noted())
 
+    @property
+    def _names_motion(self) -> bool:
+        return self.ask.code("motion") not in ("", "G80")
+
     def _noted(self) -> list[str]:
         """The codes that need no action, of a line that names no motion."""
-        if self.ask.code("motion"):
+        if self._names_motion:
             return []
         return [code for group, (code, _) in self.ask.codes.items() if group == code]
 
@@ -306,7 +319,7 @@ class _Turn:
         """The letters of the table, as far as this line and dialect have them."""
         if code in ("G0", "G1"):
             return "XYZIJK" if self._vectors() else self._axes
-        if self.ask.code("motion") and code in self.ask.codes:  # a noted one, beside a motion
+        if self._names_motion and code in self.ask.codes:  # a noted one, beside a motion
             return letters_of(code, self._machine.dialect, "")
         return letters_of(code, self._machine.dialect, self._axes)
 
@@ -469,7 +482,9 @@ class _Turn:
         named = self.ask.code("motion")
         if self._shifts or not named:
             return
-        if named in _CLEARED:
+        if named == "G80" and (beneath := self._beneath()):
+            self.state = self.state._replace(motion=beneath, cycle=None)
+        elif named in _CLEARED:
             cuts = self.state.cuts or named in SURFACES
             why = _CLEARED[named].format(self.ask.line.number)
             goes = self.state.curve_goes if named == "G5" else None

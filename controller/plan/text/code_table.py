@@ -130,8 +130,9 @@ ROWS: tuple[Code, ...] = (
         "length",
         NIST,
         ("G43", "H", "adds the tool's length to Z"),
-        ("G49", "", "no tool length, no tool-centre control"),
     ),
+    *done("length", NIST, ("G49", "", "no tool length, no tool-centre control"), dialect="rs274"),
+    *done("length", FANUC, ("G49", "H", "no tool length, no tool-centre control; H0 only"), dialect="fanuc"),
     *done(
         "length",
         LINUXCNC,

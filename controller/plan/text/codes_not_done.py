@@ -66,6 +66,8 @@ NOT_DONE: tuple[Code, ...] = (
     *noted(
         HAAS,
         ("G269", "", "tilted plane off", "G268 is never on here; G69 ends G68.2."),
+        ("M12", "", "clamp of the fifth axis on", f"{_NO_OUTPUT}; clamps of axes close by themselves."),
+        ("M13", "", "clamp of the fifth axis off", f"{_NO_OUTPUT}; clamps of axes open by themselves."),
         ("M31", "", "chip conveyor forward", f"{_NO_OUTPUT}."),
         ("M32", "", "chip conveyor back", f"{_NO_OUTPUT}."),
         ("M33", "", "chip conveyor off", f"{_NO_OUTPUT}."),

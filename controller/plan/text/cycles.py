@@ -18,7 +18,7 @@ from types import MappingProxyType
 
 from controller.geometry import angle_between
 from controller.plan.text import boring, line_words
-from controller.plan.text.codes import Ask
+from controller.plan.text.codes import CYCLES, Ask
 from controller.plan.text.cycle_way import PLANES, Way
 from controller.plan.text.modal import Cycle, State, dwell_s
 from controller.plan.text.offset_words import Here
@@ -42,7 +42,9 @@ def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
     cycle, start = _cycle(here, code, word)
     feed = here.state.feed(here.ask, code, word)
     way = Way(here, here.ask.place(word), feed, line_words.targets(here))
-    state = here.state._replace(cycle=cycle, motion=code)
+    before = here.state.motion
+    beneath = here.state.beneath if before in CYCLES else before
+    state = here.state._replace(cycle=cycle, motion=code, beneath=beneath)
     if code in ("G74", "G84"):
         state = _told_floating(way, state, code)
     clearance, bottom = _heights(here, cycle)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
+from itertools import islice
 from types import MappingProxyType
 
 from controller.plan.text.decoding import Text
@@ -45,7 +46,7 @@ _HEIDENHAIN = (
 )
 _HEIDENHAIN_ISO = (_beginning(r"%[A-Z0-9_-]+[ \t]+G7[01]"), r"[0-9][ \t]*\*[ \t]*$")
 _SIEMENS = (
-    _beginning(r"%_N_", r";[ \t]*\$PATH"),
+    _beginning(r"%_N_", r";[ \t]*\$PATH", r"%(?:MPF|SPF)[ \t]*[0-9]"),
     _beginning(r"(?:TRANS|ROT|MIRROR|SCALE|MSG|PROC|DEF[ \t]+(?:REAL|INT|BOOL|STRING))(?![A-Z_])"),
     _beginning(r"RET[ \t]*$"),
     _words(
@@ -68,18 +69,26 @@ _CONTROLS = tuple(
     )
 )
 
+# Okuma's programs of variables have X=XPOS, too, and are read but for their variables.
+_OKUMA = re.compile(
+    _beginning(
+        r"IF[ \t]*\[.*\][ \t]*N[A-Z]", r"GOTO[ \t]*N[A-Z]", r"CALL[ \t]+O", r"VC[0-9]+[ \t]*=", r"MODIN"
+    ),
+    re.IGNORECASE,
+)
+
 # Lines of controls whose other lines are read, and what to write instead.
 _STATEMENTS = MappingProxyType(
     {
         re.compile(_beginning(*forms), re.IGNORECASE): told
         for forms, told in (
             (
-                (r"(?:IF|WHILE)[ \t]*\[", r"GOTO[ \t]*[0-9\[#]", r"(?:DO|END)[ \t]*[0-9]"),
-                "a line of Fanuc's custom macros; write o100 if [...], o100 while [...] and their ends",
+                (r"(?:IF|WHILE)[ \t]*\[", r"GOTO[ \t]*[N0-9\[#]", r"(?:DO|END)[ \t]*[0-9]"),
+                "a line of macros as Fanuc's; write o100 if [...], o100 while [...] and their ends",
             ),
             (
                 (r"(?:POPEN|DPRNT|BPRNT|PCLOS)",),
-                "a line of Fanuc's custom macros; write (PRINT, ...) to tell the operator something",
+                "a line of macros as Fanuc's; write (PRINT, ...) to tell the operator something",
             ),
             ((r"CALL[ \t]+O",), "Okuma's call of a sub; write M98 and P with its number"),
             ((r"MOD(?:IN|OUT)",), "Okuma's modal call; write M98 and P with its number on every line"),
@@ -119,18 +128,22 @@ def judged(
 
 def program(lines: Iterable[str], name: str) -> ProgramError | None:
     """What to tell of a program where a line of it is another control's; else None."""
-    for number, raw in enumerate(lines, start=1):
-        if number > MOST_LINES:
-            break
-        if (found := _control(raw)) is not None:
-            control, at = found
-            sentence = (
-                f"{_shown(raw)} is of a program for {control}, where words have other meanings: none of it "
-                'is read; post the part for Fanuc (dialect = "fanuc") or LinuxCNC (dialect = "rs274"), '
-                "tool-centre control as G43.4, tilted planes as G68.2"
-            )
-            return ProgramError(name, number, at + 1, sentence, control.split()[0])
-    return None
+    other = None
+    for number, raw in enumerate(islice(lines, MOST_LINES), start=1):
+        if other is None and (found := _control(raw)) is not None:
+            other = _told(name, number, raw, *found)
+        if _OKUMA.search(raw):
+            return None
+    return other
+
+
+def _told(name: str, number: int, raw: str, control: str, at: int) -> ProgramError:
+    sentence = (
+        f"{_shown(raw)} is of a program for {control}, where words have other meanings: none of it "
+        'is read; post the part for Fanuc (dialect = "fanuc") or LinuxCNC (dialect = "rs274"), '
+        "tool-centre control as G43.4, tilted planes as G68.2"
+    )
+    return ProgramError(name, number, at + 1, sentence, control.split()[0])
 
 
 def statement(raw: str, name: str, number: int) -> ProgramError | None:

@@ -59,7 +59,8 @@ class State(NamedTuple):
     """Everything one line leaves to the next."""
 
     modal: Modal
-    motion: str = ""  # G0 to G3, or nothing
+    motion: str = ""  # G0 to G3, a cycle, or nothing
+    beneath: str = ""  # of a cycle under fanuc: what was modal before, and is behind G80
     cleared: str = "no motion mode is active at the start of a program"
     mm_per_unit: float = 1.0
     side: str = "G40"
@@ -391,12 +392,21 @@ class _Settings:
         """
         code = self.ask.code("length")
         if code == "G49":
+            self._check_no_length()
             self._set_modal(replace(self.state.modal, length_mm=0.0, tip=Tip.OFF))
         if code not in TIPS:
             return
         modal, said = self.state.modal, self._said_mm(code)
         length = {"G43.2": modal.length_mm + said, "G44": -said}.get(code, said)
         self._set_modal(replace(modal, length_mm=length, tip=TIPS[code]))
+
+    def _check_no_length(self) -> None:
+        """H0 says beside G49 what it says."""
+        word = self.ask.words.get("H")
+        if word is not None and word.value != 0.0:
+            raise self.ask.refusal(
+                word, f"{word.text} stands beside G49, which ends the tool's length; write H0, or G43 with it"
+            )
 
     def _said_mm(self, code: str) -> float:
         """The length that H, or Z of G43.1, names; without one that of the tool in the spindle."""

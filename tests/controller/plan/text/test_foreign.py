@@ -33,6 +33,11 @@ SIEMENS = {
     "jump": ("ANF: G0 X1\nGOTOB ANF\n", 2),
     "declaration": ("DEF REAL DEPTH\nDEPTH=5\n", 1),
     "spindle": ("S1=3000 M1=3\n", 1),
+    "older": ("%MPF  90\n( HEAD )\nL100 (OFFSETS)\nN40 G0 X-54. Y120.\n", 1),
+    "modal call": (
+        "N10 G0 X1 Y1\nN20 MCALL CYCLE81(DEPTH+20,DEPTH,2,,12.5)\nN30 HOLES2(0,92.07,53.9,45,90,4)\n",
+        2,
+    ),
 }
 HEIDENHAIN = {
     "head": ("0  BEGIN PGM PLATE MM\n1  BLK FORM 0.1 Z X+0 Y+0 Z-20\n", 1),
@@ -59,6 +64,7 @@ OURS = (
     "o100 sub\no101 repeat [2]\nG1 X1 F100\no101 endrepeat\no100 endsub\no100 call\nG99.9\n",
     "IF[#1EQ2]GOTO10\nG99.9\n",
     "VC1=5\nX=VC1+5\n",
+    "G15 H=VC32\nG0 X=XPOS Y=YPOS\nIF [VC1 EQ 20] NDTM8\nGOTO NDTM\n",
     "T1 M6\nG65 P9810 Z5. F100\nG05.1 Q1\n",
 )
 
@@ -100,6 +106,8 @@ def test_a_program_that_reads_well_is_never_asked_about(monkeypatch: pytest.Monk
         ("N10 IF [#1 GT 5] GOTO 100", 5, "write o100 if"),
         ("WHILE[#1LT5]DO1", 1, "write o100 if"),
         ("GOTO 100", 1, "write o100 if"),
+        ("N40 IF [ #5405 GE 6000 ] THEN #3000= 15 (TOOL LIFE)", 5, "write o100 if"),
+        ("GOTO NDTM", 1, "write o100 if"),
         ("END1", 1, "write o100 if"),
         ("DPRNT[X#100[53]]", 1, "(PRINT, ...)"),
         ("CALL O100", 1, "write M98"),
