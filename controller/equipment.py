@@ -41,8 +41,9 @@ REST_SHARE = IN_POSITION_SHARE = 0.1
 MOST_BITS = 64  # of a PDO
 MOST_CHANNELS = 4  # of 16 bits in one
 INT16 = -(2**15), 2**15 - 1
-M_CODE = re.compile(r"M(1[01]|2[0-8]|1[0-9][0-9])")  # that programs have for what is the machine's own
-M_CODES = "M10, M11, M20 to M28, M100 to M199"
+# That programs have for what is the machine's own.
+M_CODE = re.compile(r"M(1[0-8]|2[0-8]|3[1-9]|4[0-7]|5[4-9]|69|7[4-9]|8[0-9]|9[0-7]|[1-9][0-9][0-9])")
+M_CODES = "M10 to M18, M20 to M28, M31 to M47, M54 to M59, M69, M74 to M97, M100 to M999"
 MODES = {"csv": 9, "pv": 3}
 
 FindProfile = Callable[[Table], str]  # the profile that a table names
@@ -205,7 +206,7 @@ def io(table: Table, buses: Sequence[Bus], axes: Sequence[Axis], folder: Path | 
 
 
 def _orient(table: Table) -> Orient | None:
-    """``orient = { output, input, angle_deg, within_s }``."""
+    """``orient = { output, input, angle_deg, within_s, shift }``."""
     if not table.has("orient"):
         return None
     entry = table.table("orient", f"{table.name} orient")
@@ -214,6 +215,7 @@ def _orient(table: Table) -> Orient | None:
         input=entry.text("input"),
         angle_deg=entry.number("angle_deg", 0.0, 360.0, default=0.0),
         within_s=entry.number("within_s", 0.1, 120.0, default=10.0),
+        shift=entry.text("shift", ("X+", "X-", "Y+", "Y-")) if entry.has("shift") else "",
     )
     entry.finish()
     return found

@@ -299,6 +299,9 @@ class Orient:
     input: str
     angle_deg: float
     within_s: float
+    shift: str = (
+        ""  # X+ X- Y+ or Y-: which way leads the tip of a boring bar off the wall there; "" = unknown
+    )
 
 
 @dataclass(frozen=True, slots=True)
