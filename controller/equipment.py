@@ -324,28 +324,28 @@ def _inverted(table: Table, names: Sequence[str]) -> tuple[str, ...]:
     return tuple(value)
 
 
-def audit(axes: Sequence[Axis], devices: tuple[Spindle | None, Io | None], file: str) -> None:
+def audit(axes: Sequence[Axis], devices: tuple[Spindle | None, Io | None], top: Table) -> None:
     """What only the whole file can show: nodes used twice, clamps without their bits."""
     turning, found = devices
     taken = {(axis.bus, axis.node): f"axis {axis.name}" for axis in axes}
     others = []
     if turning is not None and turning.is_driven:
-        others.append(("[spindle]", turning.bus, turning.node))
+        others.append(("spindle", turning.bus, turning.node))
     if found is not None:
-        others.append(("[io]", found.bus, found.node))
-    for title, bus, node in others:
-        table = Table(file, title, {"node": node})
+        others.append(("io", found.bus, found.node))
+    for key, bus, node in others:
+        table = top.table(key, f"[{key}]")
         if (bus, node) in taken:
             problem = f"{taken[bus, node]} is this node on bus {bus}"
             table.refuse("node", problem, "a node per device", "change one")
-        taken[bus, node] = title
+        taken[bus, node] = table.name
     for axis in axes:
         if axis.clamp is not None:
-            _audit_clamp(axis, axis.clamp, found, file)
+            _audit_clamp(axis.clamp, top.entry("axis", axis.name), found)
 
 
-def _audit_clamp(axis: Axis, its: Clamp, found: Io | None, file: str) -> None:
-    table = Table(file, f"[[axis]] {axis.name} clamp", {"output": its.output, "input": its.input})
+def _audit_clamp(its: Clamp, axis: Table, found: Io | None) -> None:
+    table = axis.table("clamp", f"{axis.name} clamp")
     if found is None or found.output(its.output) is None:
         names = ", ".join(name for name, _ in found.outputs) if found else "none, for there is no [io]"
         table.refuse("output", "there is no such output in [io]", names, "add it to [io] outputs")
