@@ -193,6 +193,7 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "input": "1: it is there",
         "angle_deg": "where that is",
         "within_s": "not there by then: held, with a fault",
+        "shift": "which way then leads the tip off the wall, for G76 and G87; left out: they are refused",
     },
     "table": {
         "centre_mm": "of the disc's upper face, with all rotaries at zero",
