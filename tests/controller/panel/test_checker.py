@@ -123,7 +123,7 @@ def test_a_check_has_passed_before_its_surfaces_are_looked_at_and_stays_so(store
         program = kept(store, "a", words)
         checker.ask(program)
         assert "blocks" in awaited(checker, program, "passed").result
-        other = kept(store, "b", b"M2 " + text)  # waited for: then the first one is done with
+        other = kept(store, "b", b"M2 " + words)  # waited for: then the first one is done with
         checker.ask(other)
         awaited(checker, other, "passed")
         found = checker.of(program)
