@@ -106,7 +106,7 @@ def test_what_was_modal_before_a_cycle_is_so_again_behind_g80() -> None:
     read = blocks.read(f"{cycle.replace('G0', 'G1 F50.')}G80 Z25.\n".encode(), machine(), "p")
     assert isinstance(read.blocks[-1], JointLine) and read.blocks[-1].feed_mm_s == pytest.approx(100.0 / 60.0)
     for text in (f"{cycle}G80 Z25.\n", f"{cycle}G80\nZ25.\n"):
-        with pytest.raises(ProgramError, match="Z25. has no motion"):
+        with pytest.raises(ProgramError, match=r"Z25\. has no motion"):
             last(text, "rs274")
     with pytest.raises(ProgramError, match="no motion"):
         last("G80\nX1.\n")
