@@ -102,4 +102,28 @@ REFUSALS = {
     "form.long": "must have at most {limit} characters",
     "request_silent": "The sender fell silent before the end of its request; send all of it again.",
     "request_cut": "What was sent was cut off before its end; send it again.",
+    # --- by notices
+    "notice_url": "webhook: this is no address that can be posted to; allowed is http:// or https:// with a "
+    "host, without a user or spaces; set another one.",
+    "notice_host": "mail server {host}: is no host; allowed is a name such as mail.example.org "
+    "or an address, "
+    "without a port; set another one.",
+    "notice_address": "mail address {address}: is none; a sender and at least one receiver are needed, as "
+    "name@example.org, several by commas; set others.",
+    "notice_plain": "A password is not sent unencrypted: choose STARTTLS or TLS, or leave the user empty.",
+    "notice_none": "Neither a webhook nor a mail server is set; set one, then try it.",
+    "notice_failed": "The notice by {way} was not sent ({why}); check the settings and the "
+    "network, then try it.",
+    "way.webhook": "webhook",
+    "way.mail": "mail",
+    "notice.many": "too many are waiting",
+    "notice.silent": "the server is silent",
+    "notice.end": "Program {program} has ended: {result}.",
+    "notice.completed": "completed",
+    "notice.stopped": "stopped",
+    "notice.refused": "refused",
+    "notice.fault": "fault",
+    "notice.interrupted": "interrupted",
+    "notice.lost": "lost",
+    "notice.test": "This is a test: notices of the machine come through.",
 }

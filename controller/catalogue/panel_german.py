@@ -106,4 +106,30 @@ REFUSALS = {
     "form.long": "darf höchstens {limit} Zeichen haben",
     "request_silent": "Der Sender verstummte vor dem Ende seiner Anfrage; sie ganz noch einmal senden.",
     "request_cut": "Was gesendet wurde, brach vor dem Ende ab; noch einmal senden.",
+    # --- by notices
+    "notice_url": "Webhook: Das ist keine Adresse, an die gesendet werden kann; erlaubt ist http:// oder "
+    "https:// mit einem Rechner, ohne Benutzer und Leerzeichen; eine andere eintragen.",
+    "notice_host": "Mailserver {host}: ist kein Rechner; erlaubt ist ein Name wie mail.example.org oder eine "
+    "Adresse, ohne Port; einen anderen eintragen.",
+    "notice_address": "Mailadresse {address}: ist keine; nötig sind ein Absender und "
+    "mindestens ein Empfänger, als "
+    "name@example.org, mehrere mit Komma; andere eintragen.",
+    "notice_plain": "Ein Passwort wird nicht unverschlüsselt gesendet: STARTTLS oder TLS wählen oder den "
+    "Benutzer leer lassen.",
+    "notice_none": "Weder ein Webhook noch ein Mailserver ist eingetragen; einen eintragen, dann probieren.",
+    "notice_failed": "Die Nachricht per {way} wurde nicht gesendet ({why}); Einstellungen und "
+    "Netz prüfen, dann "
+    "probieren.",
+    "way.webhook": "Webhook",
+    "way.mail": "Mail",
+    "notice.many": "es warten zu viele",
+    "notice.silent": "der Server schweigt",
+    "notice.end": "Das Programm {program} ist zu Ende: {result}.",
+    "notice.completed": "fertig",
+    "notice.stopped": "gestoppt",
+    "notice.refused": "abgelehnt",
+    "notice.fault": "Störung",
+    "notice.interrupted": "unterbrochen",
+    "notice.lost": "verloren",
+    "notice.test": "Das ist ein Versuch: Nachrichten der Maschine kommen an.",
 }

@@ -34,6 +34,7 @@ from controller.panel.routes import (
     listen,
     looks,
     machine,
+    notices,
     programs,
     records,
     session,
@@ -53,7 +54,7 @@ STORE_STATUSES = {
 }
 PARTS = (
     *((API, part) for part in (machine, cycle, jog, programs, tables, records, ticks)),
-    *((API, part) for part in (looks, session, users, listen)),
+    *((API, part) for part in (looks, session, users, notices, listen)),
     ("", metrics),
     ("", octoprint),
 )

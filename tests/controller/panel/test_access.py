@@ -42,6 +42,7 @@ BODIES: dict[str, Any] = {
     "/users": {"name": "eve", "password": "long enough", "role": "set_up"},
     "/users/nobody": {"role": "set_up"},
     "/tokens": {"name": "eve", "role": "set_up"},
+    "/notices": {"webhook": "http://127.0.0.1:9/"},
     "/programs/nobody": {"name": "other"},
 }
 WEBSOCKET = "WEBSOCKET"
