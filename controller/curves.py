@@ -17,7 +17,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.geometry import ZERO, Number, Vector, add, norm, scale, subtract
+from controller.geometry import ZERO, Number, Vector, add, dot, norm, scale, subtract
 
 Array = NDArray[np.float64]
 Points = tuple[Vector, ...]
@@ -262,6 +262,47 @@ class ArcLength:
         index = np.clip(np.searchsorted(self.knots_u, at, side="right") - 1, 0, len(self.panels) - 1)
         s = np.array(self.knots_mm)[index] + _length(self.curve, np.array(self.knots_u)[index], at)
         return s if np.ndim(u) else float(s)
+
+
+LEAST_RATE = 1e-6  # of a curve at an end, as a share of its length: slower there, it stands still
+BESIDE_MM = 1e-3  # how far from such an end its derivatives are taken, which are without bound at it
+
+
+@dataclass(frozen=True, slots=True)
+class Even:
+    """A curve run through evenly: over 0 <= u <= 1 by the share of its length."""
+
+    arc: ArcLength
+    _inside: tuple[float, float] = field(init=False, repr=False, compare=False)  # where derivatives are taken
+
+    def __post_init__(self) -> None:
+        length, curve = self.arc.length_mm, self.arc.curve
+        stands = [float(norm(curve.derivative(u))) < LEAST_RATE * length for u in (0.0, 1.0)]
+        first, last = (min(BESIDE_MM / length, 1.0 / 3.0) if stand else 0.0 for stand in stands)
+        object.__setattr__(self, "_inside", (first, 1.0 - last))
+
+    def at(self, u: Number, m: ModuleType = math) -> Vector:
+        return self.arc.curve.at(self._parameter(u, m), m)
+
+    def derivative(self, u: Number, order: int = 1, m: ModuleType = math) -> Vector:
+        low, high = self._inside
+        at = self._parameter(np.clip(u, low, high), m)
+        first, second, third = (self.arc.curve.derivative(at, k, m) for k in (1, 2, 3))
+        # p is the curve's own parameter: dp/ds is one over its speed v, and so on by the chain rule.
+        v = norm(first, m)
+        v1 = dot(first, second) / v
+        v2 = (dot(second, second) + dot(first, third) - v1 * v1) / v
+        p1, p2, p3 = 1.0 / v, -v1 / v**3, (3.0 * v1 * v1 - v * v2) / v**5
+        value = (
+            scale(first, p1),
+            add(scale(second, p1 * p1), scale(first, p2)),
+            add(add(scale(third, p1**3), scale(second, 3.0 * p1 * p2)), scale(first, p3)),
+        )[order - 1]
+        return scale(value, self.arc.length_mm**order)
+
+    def _parameter(self, u: Any, m: ModuleType) -> Any:
+        s = u * self.arc.length_mm
+        return self.arc.u_at(s) if m is math else self.arc.u_along(s)
 
 
 def _refuse_nothing(length: float) -> None:

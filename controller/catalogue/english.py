@@ -368,6 +368,7 @@ REFUSALS = {
     "at.way.cut": "cut",
     "at.way.line": "line",
     "at.way.arc": "arc",
+    "at.way.curve": "curve",
     "at.way.pause": "pause",
     "at.way.swivel": "swivel",
     "at.way.pivot": "pivot",

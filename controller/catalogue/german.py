@@ -381,6 +381,7 @@ REFUSALS = {
     "at.way.cut": "Schnitt",
     "at.way.line": "Gerade",
     "at.way.arc": "Bogen",
+    "at.way.curve": "Kurve",
     "at.way.pause": "Pause",
     "at.way.swivel": "Schwenken",
     "at.way.pivot": "Schwenken am Stoß",

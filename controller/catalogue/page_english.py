@@ -152,6 +152,7 @@ TEXTS: dict[str, str] = {
     "what.cut": "cut",
     "what.line": "line",
     "what.arc": "arc",
+    "what.curve": "curve",
     "what.rapid": "rapid",
     "what.retract": "retract",
     "what.lift": "lift",

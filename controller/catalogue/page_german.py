@@ -156,6 +156,7 @@ TEXTS: dict[str, str] = {
     "what.cut": "Schnitt",
     "what.line": "Gerade",
     "what.arc": "Bogen",
+    "what.curve": "Kurve",
     "what.rapid": "Eilgang",
     "what.retract": "Rückzug",
     "what.lift": "Abheben",

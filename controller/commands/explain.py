@@ -65,4 +65,6 @@ def _plain(value: object) -> str:
         return f"{value:.6g}"
     if isinstance(value, dict):
         return _places(value)
+    if isinstance(value, list):
+        return ", ".join(map(_plain, value))
     return str(value)

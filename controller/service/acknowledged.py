@@ -17,7 +17,7 @@ from controller import catalogue, state
 from controller.door import Answer, DoorError, Values
 from controller.handoff import Outcome, Snapshot
 from controller.machine import Machine
-from controller.service.refused import by_fault, in_both, refused
+from controller.service.refused import by_fault, by_now, in_both, refused
 from controller.state import Fault, Request
 
 LONGEST_S = 5.0  # for the tick to answer: it takes requests in every turn
@@ -116,7 +116,7 @@ def why_refused(machine: Machine, now: Snapshot, number: int, request: Request) 
         return by_fault(why, now.mode.name, request.name)
     words = partial(refusal, machine, now, request)
     mode = now.mode.name
-    return in_both(words, mode, request.name) if words() else refused("by_now", mode, request.name)
+    return in_both(words, mode, request.name) if words() else by_now(now, request.name)
 
 
 def refusal(machine: Machine, now: Snapshot, request: Request, language: str = "en") -> str:

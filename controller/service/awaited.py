@@ -9,11 +9,11 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from controller.door import FACTS
+from controller.door import FACTS, DoorError
 from controller.handoff import Snapshot
 from controller.machine import Joints
 from controller.service.orders import Order
-from controller.service.refused import refused
+from controller.service.refused import by_now, refused
 from controller.state import Mode
 
 TAKEN_S = 120.0  # for the first window to be planned and taken
@@ -41,16 +41,16 @@ class Awaited:
     def in_vain(self, now: Snapshot) -> tuple[str, ...] | None:
         """Why the tick will not take it any more, as the error of an answer; None while it may."""
         if now.mode is not self.mode:
-            return _error("by_now", mode=now.mode.name)
+            return _facts(by_now(now))
         if _queue(now) != self.queue:  # a stop that had been on its way, or a jog
-            return _error("stopped")
-        return _error("not_taken") if time.monotonic() > self.give_up_s else None
+            return _facts(refused("stopped"))
+        return _facts(refused("not_taken")) if time.monotonic() > self.give_up_s else None
 
 
 def _queue(now: Snapshot) -> tuple[int, Joints]:
     return now.epoch, now.joints
 
 
-def _error(key: str, mode: str = "") -> tuple[str, ...]:
-    said = refused(key, mode).to_dict()
+def _facts(error: DoorError) -> tuple[str, ...]:
+    said = error.to_dict()
     return tuple(said[name] for name in FACTS)

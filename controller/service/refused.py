@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from controller import catalogue
 from controller.door import DoorError
+from controller.handoff import Snapshot
 from controller.state import Fault, sentence
 
 
@@ -27,3 +28,9 @@ def in_both(
 def by_fault(fault: Fault, mode: str = "", request: str = "", code: str = "refused") -> DoorError:
     """The refusal whose sentence is a row of the fault table."""
     return in_both(lambda language: sentence(fault, language=language), mode, request, code)
+
+
+def by_now(now: Snapshot, request: str = "") -> DoorError:
+    """The refusal because of the mode that the machine has come to; of a fault with which, and what to do."""
+    mode = now.mode.name
+    return refused("by_now", mode, request) if now.fault is Fault.NONE else by_fault(now.fault, mode, request)

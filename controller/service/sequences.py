@@ -16,7 +16,7 @@ from controller.service import offer, room
 from controller.service.acknowledged import why_refused
 from controller.service.jobs import Job, whole_from
 from controller.service.orders import Program
-from controller.service.refused import by_fault, refused
+from controller.service.refused import by_fault, by_now, refused
 from controller.service.sequencer import Going
 from controller.service.service import Service
 from controller.state import FAULTS, Mode, Recovery, Request
@@ -159,7 +159,7 @@ def _go(service: Service, job: Job, facts: Values, going: Going) -> None:
     with service.lock:
         now = service.now()
         if now.mode is not Mode.READY:
-            raise refused("by_now", now.mode.name, "START")
+            raise by_now(now, "START")
         service.begin(job, facts)
         asked = going.send(lambda: service.engine.request(Request.START))
     if asked is None:

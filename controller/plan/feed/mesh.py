@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from controller.curves import Arc
+from controller.curves import Arc, Even
 from controller.motions import JointMove, SurfaceCut
 from controller.plan.feed import tool_limits
 from controller.plan.feed.course import Course, Index
@@ -101,7 +101,7 @@ def survey(parts: Parts, v: float = 0.0, a: float = 0.0) -> Samples:
 def _even(stretch: Stretch, start: float, low: float, high: float) -> Array:
     """Places of a stretch that begins at ``start``; they gather where its axis passes by the pole."""
     motion = stretch.motion
-    if isinstance(motion, JointMove):
+    if isinstance(motion, JointMove) and not isinstance(motion.curve, Even):
         turn = motion.curve.sweep_rad if isinstance(motion.curve, Arc) else 0.0
         count = 5 + math.ceil(16.0 * abs(turn) * (high - low) / motion.end)
     else:

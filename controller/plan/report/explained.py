@@ -13,12 +13,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from controller.curves import Arc
-from controller.geometry import Frame, norm, subtract
+from controller.geometry import Frame, Vector, norm, subtract
 from controller.kinematics import kinematics_of
 from controller.machine import OFFSETS, Joints, Machine
 from controller.motions import JointMove, Rotaries
-from controller.plan.route import moves
-from controller.plan.route.stretch import Voice
+from controller.plan.route import moves, spline_moves
+from controller.plan.route.stretch import Voice, rotaries_of
 from controller.plan.text.position import Known, Position, read_in
 from controller.plan.text.program import (
     Act,
@@ -30,7 +30,9 @@ from controller.plan.text.program import (
     CutRuled,
     Dwell,
     JointArc,
+    JointCurve,
     JointLine,
+    JointMotion,
     Message,
     Modal,
     Remark,
@@ -56,7 +58,8 @@ class Step:
 
     line: int
     column: int
-    kind: str  # rapid, line, arc, surface, dwell, spindle, tool, coolant, message, stop, optional stop, end
+    # rapid, line, arc, curve, surface, dwell, spindle, tool, coolant, message, stop, optional stop, end
+    kind: str
     program: dict[str, Known]  # position at the end, in program coordinates
     axes: dict[str, Known]  # the same as positions of the machine's axes
     offset: str  # work offset
@@ -94,7 +97,7 @@ class _Explainer:
         self._voice = Voice(name, lambda _, __: None)
 
     def step(self, block: Block) -> Step:
-        before = self._position.joints() if isinstance(block, JointLine | JointArc) else ()
+        before = self._position.joints() if isinstance(block, JointMotion) else ()
         self._position.take(block)
         facts = self._facts(block, before)
         kind = facts.pop("kind")
@@ -131,6 +134,8 @@ class _Explainer:
             )
         if isinstance(block, JointArc):
             return {"kind": "arc", **self._feed(block, before), **self._arc(block, before)}
+        if isinstance(block, JointCurve):
+            return {"kind": "curve", **self._feed(block, before), **self._curve(block, before)}
         if isinstance(block, Dwell):
             return {"kind": "dwell", "seconds": block.seconds}
         if isinstance(block, Remark | Message):
@@ -144,10 +149,10 @@ class _Explainer:
             return {"kind": _KINDS[block.act], **_function(block)}
         return {"kind": "surface", "feed": block.feed_mm_s * 60.0, "unit": "mm/min"}
 
-    def _feed(self, block: JointLine | TipLine | JointArc, before: tuple[Known, ...]) -> dict[str, Any]:
+    def _feed(self, block: JointMotion | TipLine, before: tuple[Known, ...]) -> dict[str, Any]:
         if block.time_s is not None:
             return {"feed": block.time_s, "unit": "s"}
-        degrees = None if isinstance(block, JointArc) else block.feed_deg_s
+        degrees = None if isinstance(block, JointArc | JointCurve) else block.feed_deg_s
         if isinstance(block, JointLine) and degrees is not None and self._turns_only(block, before):
             return {"feed": degrees * 60.0, "unit": "deg/min"}
         return {"feed": (block.feed_mm_s or 0.0) * 60.0, "unit": "mm/min"}
@@ -167,13 +172,29 @@ class _Explainer:
             return told
         found = moves.arc(block, self._machine, self._kinematics, tuple(here), self._voice)
         if found is not None and isinstance(found.motion, JointMove) and isinstance(found.motion.curve, Arc):
-            told["centre"] = self._centre(block, found.motion.curve, found.motion.start_rotaries)
+            told["centre"] = self._shown(found.motion.curve.centre, block, found.motion.start_rotaries)
         return told
 
-    def _centre(self, block: JointArc, curve: Arc, rotaries: Rotaries) -> dict[str, float]:
+    def _curve(self, block: JointCurve, before: tuple[Known, ...]) -> dict[str, Any]:
+        """Order, weights and, where the start is known, control points in program coordinates."""
+        told = {
+            "order": block.order,
+            "weights": [control.weight for control in block.controls],
+            "points": None,
+        }
+        here = [q for q in before if q is not None]
+        if len(here) == len(before):
+            found = spline_moves.controls(block, self._machine, self._kinematics, tuple(here))
+            rotaries = rotaries_of(tuple(here), self._kinematics)
+            told["points"] = [self._shown(point, block, rotaries) for point in found]
+        return told
+
+    def _shown(self, point: Vector, block: JointArc | JointCurve, rotaries: Rotaries) -> dict[str, float]:
+        """A place of the axes as the program's coordinates in the plane have it."""
         frame, length_mm = read_in(block.modal, self._machine, self._kinematics, rotaries)
-        point = frame.from_parent(subtract(curve.centre, (0.0, 0.0, length_mm)))
-        return {"XYZ"[i]: point[i] for i in sorted(block.plane[:2])}
+        place = frame.from_parent(subtract(point, (0.0, 0.0, length_mm)))
+        plane = block.plane[:2] if isinstance(block, JointArc) else (0, 1)
+        return {"XYZ"[i]: place[i] for i in sorted(plane)}
 
 
 def _same(a: Known, b: Known) -> bool:

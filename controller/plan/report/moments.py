@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from controller.curves import Arc, Line
+from controller.curves import Arc, Even, Line
 from controller.motions import JointMove
 from controller.plan.feed import binding, mesh
 from controller.plan.feed.binding import SHOWN_S, Motion, Span
@@ -108,7 +108,7 @@ def _places(course: Course, span: Span) -> int:
 
 def _moments(stretch: Stretch, length: float) -> float:
     motion = stretch.motion
-    if isinstance(motion, JointMove):
+    if isinstance(motion, JointMove) and not isinstance(motion.curve, Even):
         if isinstance(motion.curve, Line):
             return 0.0
         turn = motion.curve.sweep_rad if isinstance(motion.curve, Arc) else 2.0 * math.pi

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.curves import Line
+from controller.curves import Even, Line
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import JointMove, SurfaceCut, ToolLine
@@ -209,7 +209,7 @@ def _places(stretch: Stretch) -> int:
     motion = stretch.motion
     if isinstance(motion, ToolLine):
         return 2
-    if isinstance(motion, JointMove):
+    if isinstance(motion, JointMove) and not isinstance(motion.curve, Even):
         turns = zip(motion.start_rotaries, motion.end_rotaries, strict=True)
         turned = float(np.degrees(max(abs(b - a) for a, b in turns)))
         if not isinstance(motion.curve, Line):

@@ -15,7 +15,7 @@ from controller.motions import Rotaries
 from controller.plan.route import cuts, train, winding
 from controller.plan.route.stretch import Voice, rotaries_of
 from controller.plan.route.winding import Row, Turned, Way
-from controller.plan.text.program import Aside, Block, CutBlock, JointArc, JointLine, ProgramError, TipLine
+from controller.plan.text.program import Aside, Block, CutBlock, JointMotion, ProgramError, TipLine
 
 
 def choices(
@@ -79,7 +79,7 @@ def _ways(
 
 def _moves(blocks: Iterable[Block], machine: Machine) -> Iterator[Turned]:
     for block in blocks:
-        if isinstance(block, JointLine | JointArc):
+        if isinstance(block, JointMotion):
             to = machine.pair(block.targets, None)
             if to != (None, None):
                 yield Turned(to, block.relative)

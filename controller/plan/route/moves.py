@@ -13,7 +13,7 @@ from controller.motions import JointMove
 from controller.plan.contour import circles
 from controller.plan.route.stretch import Stretch, Voice, rotaries_of, round_arc, straight
 from controller.plan.text.position import placed, read_in, shifted
-from controller.plan.text.program import JointArc, JointLine
+from controller.plan.text.program import JointArc, JointLine, JointMotion
 
 TANGENT_RAD = 1e-6
 
@@ -30,7 +30,7 @@ def timed(stretch: Stretch, time_s: float) -> Stretch:
     return replace(stretch, feed_mm_s=stretch.motion.end / time_s)
 
 
-def target(block: JointLine | JointArc, machine: Machine, kinematics: Kinematics, now: Joints) -> Joints:
+def target(block: JointMotion, machine: Machine, kinematics: Kinematics, now: Joints) -> Joints:
     """Joints at the end of a block: program values plus work offset and tool length (G43)."""
     if isinstance(block, JointLine) and block.machine_frame:
         frame, length = Frame(), 0.0
@@ -42,14 +42,15 @@ def target(block: JointLine | JointArc, machine: Machine, kinematics: Kinematics
     linear = machine.linear()
     words = tuple(block.targets[i] for i in linear)
     if any(word is not None for word in words):
-        here = _xyz(now, linear)
+        here = xyz_of(now, linear)
         there = shifted(words, here, frame) if block.relative else placed(words, here, frame, length)
         for i, value in zip(linear, there, strict=True):
             end[i] = value
     return tuple(end)
 
 
-def _xyz(joints: Joints, linear: tuple[int, int, int]) -> Vector:
+def xyz_of(joints: Joints, linear: tuple[int, int, int]) -> Vector:
+    """X Y Z out of joints."""
     return joints[linear[0]], joints[linear[1]], joints[linear[2]]
 
 
@@ -64,7 +65,7 @@ def arc(
     frame, _ = read_in(block.modal, machine, kinematics, rotaries_of(now, kinematics))
     linear = machine.linear()
     # Distances only: the origin of the frame and the tool length cancel out.
-    chord = frame.turn_back(subtract(_xyz(end, linear), _xyz(now, linear)))
+    chord = frame.turn_back(subtract(xyz_of(end, linear), xyz_of(now, linear)))
     a, b, n = block.plane
     # Seen from the end of the normal a, b turn counter-clockwise only if (a, b, n) is right-handed.
     handed = 1.0 if (b - a) % 3 == 1 else -1.0
@@ -85,7 +86,7 @@ def arc(
     first[a], first[b] = -centre[0], -centre[1]
     second[a], second[b] = centre[1] * way, -centre[0] * way
     rise[a], rise[b], rise[n] = *drift, chord[n]
-    middle = subtract(_xyz(now, linear), frame.turn((first[0], first[1], first[2])))
+    middle = subtract(xyz_of(now, linear), frame.turn((first[0], first[1], first[2])))
     vectors = (frame.turn((v[0], v[1], v[2])) for v in (first, second, rise))
     f, s, r = vectors
     if radius * sweep < circles.SAME_MM:

@@ -30,6 +30,7 @@ from controller.plan.route import (
     links,
     moves,
     rows,
+    spline_moves,
     train,
     unwind,
 )
@@ -52,7 +53,9 @@ from controller.plan.text.program import (
     CutRuled,
     Dwell,
     JointArc,
+    JointCurve,
     JointLine,
+    JointMotion,
     Place,
     Program,
     ProgramError,
@@ -208,17 +211,22 @@ class Tracer:
         elif isinstance(block, TipLine):
             self._note_blend(block)
             self._tool(block)
-        elif isinstance(block, JointLine | JointArc):
+        elif isinstance(block, JointMotion):
             self._note_blend(block)
             self._exact(block)
 
-    def _exact(self, block: JointLine | JointArc) -> None:
-        """G0 to G3 without a tool-centre mode, as it stands there."""
-        if isinstance(block, JointLine):
-            made = moves.line(block, self._machine, self._kinematics, self.now)
+    def _exact(self, block: JointMotion) -> None:
+        """G0 to G5.2 without a tool-centre mode, as it stands there."""
+        machine, kinematics, now = self._machine, self._kinematics, self.now
+        made: Sequence[Stretch | None]
+        if isinstance(block, JointCurve):
+            made = spline_moves.stretches(block, machine, kinematics, now, self._voice)
+        elif isinstance(block, JointLine):
+            made = [moves.line(block, machine, kinematics, now)]
         else:
-            made = moves.arc(block, self._machine, self._kinematics, self.now, self._voice)
-        self._move(made, block.relative)
+            made = [moves.arc(block, machine, kinematics, now, self._voice)]
+        for stretch in made:
+            self._move(stretch, block.relative)
 
     # ---- lines of the tool and rows of lines -----------------------------------------
 
@@ -358,7 +366,7 @@ class Tracer:
     def _note(self, place: Place, sentence: str) -> None:
         self.notes.append(Note(place, sentence))
 
-    def _note_blend(self, block: Feed) -> None:
+    def _note_blend(self, block: Feed | JointCurve) -> None:
         if not block.modal.exact and block.feed_mm_s is not None and not self._blends_noted:
             self._blends_noted = True
             self._note(block.place, ALONE)
@@ -407,7 +415,7 @@ class Tracer:
         if not isinstance(stretch.motion, JointMove) and not turns:
             return
         excess = audit.outside_at(self._machine, stretch.end)
-        if excess is None and stretch.name in ("arc", "lead in", "lead out", "pivot", "swivel"):
+        if excess is None and stretch.name in ("arc", "curve", "lead in", "lead out", "pivot", "swivel"):
             s = np.linspace(0.0, stretch.motion.end, ARC_SAMPLES)
             excess = audit.outside(self._machine, s, joints_along(stretch, s, self._kinematics))
         if excess is not None:

@@ -36,12 +36,23 @@ from controller.plan.text import (
     points,
     polar_words,
     reference_words,
+    spline_words,
     surface_words,
     tool_axis_words,
     words,
 )
 from controller.plan.text.code_table import BY_DIALECT, Fate, takers_of
-from controller.plan.text.codes import CYCLES, PLACES, SIDES, SURFACES, TILTS, TO_PLANE, Ask, letters_of
+from controller.plan.text.codes import (
+    CURVES,
+    CYCLES,
+    PLACES,
+    SIDES,
+    SURFACES,
+    TILTS,
+    TO_PLANE,
+    Ask,
+    letters_of,
+)
 from controller.plan.text.decoding import Bytes
 from controller.plan.text.flow import Limits
 from controller.plan.text.functions import Functions
@@ -73,6 +84,7 @@ _CLEARED = MappingProxyType(
         "clears the motion mode",
         "G6.2": "it is surplus after the two whole curves of G6.2 on line {}, which clears the motion mode",
         "G80": "G80 on line {} cleared the motion mode",
+        **dict.fromkeys(CURVES, "each curve names its code, and that of line {} is whole"),
     }
 )
 
@@ -164,10 +176,15 @@ def _behind(line: Line, state: State, machine: Machine, lines: Iterator[Line], a
     named = [f"G{word.value:g}" for word in line.words if word.letter == "G"]
     known = BY_DIALECT[machine.dialect]
     motion = next((code for code in named if code in known and known[code].group == "motion"), state.motion)
-    if motion in SURFACES:  # and its points
-        while (after := ahead.look(lines)) is not None and all(w.letter in "XYZKR" for w in after.words):
+    if motion in SURFACES or motion == "G5.2":  # and its points
+        while (after := ahead.look(lines)) is not None and all(map(_is_part, after.words)):
             next(lines)
-    return state._replace(motion="" if motion in (*SURFACES, "G80") else motion)
+    return state._replace(motion="" if motion in _CLEARED else motion)
+
+
+def _is_part(word: Word) -> bool:
+    """Whether it may stand in the lines behind a surface's or a NURBS' first."""
+    return word.letter in "XYZKRPL" or (word.letter == "G" and word.value in (5.2, 5.3))
 
 
 def _heard(read: Iterator[Line], told: list[Line]) -> Iterator[Line]:
@@ -249,7 +266,7 @@ class _Turn:
             return ""
         named = self.ask.code("motion")
         moving = self.ask.has(self._axes + "IJK") or (named in ("G2", "G3") and self.ask.has("RP"))
-        if named in SURFACES:
+        if named in SURFACES or named in CURVES:
             return named
         return (named or self.state.motion) if moving and named != "G80" else ""
 
@@ -309,6 +326,8 @@ class _Turn:
     def _unowned(self, word: Word) -> ProgramError:
         if self._motion == "G6.2":
             return nurbs_words.refusal(self.ask.line, word, f"found {word.text}")
+        if self._motion in CURVES:
+            return spline_words.refusal(self.ask.line, word, self._motion)
         if self._motion in SURFACES:
             return surface_words.surplus(self.ask, self._motion, word)
         if word.letter in self._axes + "K" and not self._motion and not self._places():
@@ -405,6 +424,9 @@ class _Turn:
         if motion == "G6.2":
             return [nurbs_words.surface(self.ask, self.state, self._machine, self._lines)]
         here, word = self._here(), self._word_of_motion()
+        if motion in CURVES:
+            made_curve, self.state = spline_words.curve(here, motion, word, self._lines)
+            return [made_curve]
         if motion in CYCLES:
             made, self.state = cycles.blocks(here, motion, word)
             return made
@@ -423,14 +445,15 @@ class _Turn:
             self.state = planar_words.for_lines(self.ask, self._motion, word, self.state)
 
     def _keep_motion(self) -> None:
-        """G0 to G3 and cycles stay; G51, G52, G6.2 and G80 leave no motion mode."""
+        """G0 to G3 and cycles stay; G51, G52, G6.2, curves and G80 leave no motion mode."""
         named = self.ask.code("motion")
         if self._shifts or not named:
             return
         if named in _CLEARED:
             cuts = self.state.cuts or named in SURFACES
             why = _CLEARED[named].format(self.ask.line.number)
-            self.state = self.state._replace(motion="", cleared=why, cuts=cuts, cycle=None)
+            goes = self.state.curve_goes if named == "G5" else None
+            self.state = self.state._replace(motion="", cleared=why, cuts=cuts, cycle=None, curve_goes=goes)
         elif named != self.state.motion or (self.state.cycle and named not in CYCLES):
             kept = self.state.cycle if named in CYCLES else None
             self.state = self.state._replace(motion=named, cycle=kept)

@@ -73,6 +73,7 @@ _TESTS = {
     "plan/text/test_blocks.py": "G51 G61 G64 M6 M30",
     "plan/text/test_shifts.py": "G52",
     "plan/text/test_nurbs.py": "G6.2",
+    "plan/text/test_spline_words.py": "G5 G5.1 G5.2 G5.3",
     "plan/text/test_offset_words.py": "G10 G28 G28.1 G30 G43 G43.1 G43.2 G44 G54.1 G68 G91 G92 M61",
     "plan/text/test_compensation.py": "G40 G41 G42 G41.1 G42.1 G43.4 G54 G55 G90",
     "plan/text/test_posts.py": "G80 G234",
@@ -114,6 +115,15 @@ ROWS: tuple[Code, ...] = (
         PAPER,
         ("G51", "XYZIJKHRD", "cone: ruled surface about +Z"),
         ("G52", "XYZ", "ruled surface between two cubic Beziers; without F a shift (below)"),
+    ),
+    *_done(
+        "motion",
+        LINUXCNC,
+        ("G5", "XYIJPQ", "cubic curve in X and Y"),
+        ("G5.1", "XYIJ", "quadratic curve in X and Y"),
+        ("G5.2", "XYPL", "NURBS in X and Y (below)"),
+        ("G5.3", "", "ends a NURBS"),
+        dialect="rs274",
     ),
     *_done("motion", FANUC, ("G6.2", "PQ", "ruled surface between two NURBS curves")),
     *_done(
@@ -297,13 +307,17 @@ ROWS: tuple[Code, ...] = (
     # --- what is refused, and what to write instead
     *_refused(
         LINUXCNC,
-        ("G5", "cubic spline", "write it as G1 lines under G64 P, or a surface as G6.2"),
-        ("G5.1", "quadratic spline", "write it as G1 lines under G64 P, or a surface as G6.2"),
         ("G7", "diameter mode of lathes", f"{_LATHE}; write radii"),
         ("G8", "radius mode of lathes", f"{_LATHE}; leave it out"),
         ("G76", "threading", f"{_NO_SYNC}; mill the thread with G2 or G3 and Z"),
         ("G44", "length taken off Z", "write G43 or G43.1 with the length"),
         dialect="rs274",
+    ),
+    *_refused(
+        LINUXCNC,
+        ("G5.2", "NURBS", "write it as G1 lines under G64 P, or a surface as G6.2"),
+        ("G5.3", "end of a NURBS", "write it as G1 lines under G64 P, or a surface as G6.2"),
+        dialect="fanuc",
     ),
     *_refused(
         FANUC,
@@ -314,8 +328,6 @@ ROWS: tuple[Code, ...] = (
     ),
     *_refused(
         LINUXCNC,
-        ("G5.2", "NURBS", "write it as G1 lines under G64 P, or a surface as G6.2"),
-        ("G5.3", "NURBS", "write it as G1 lines under G64 P, or a surface as G6.2"),
         ("G17.1", "plane UV", "this control has no axes U V W; write G17"),
         ("G18.1", "plane WU", "this control has no axes U V W; write G18"),
         ("G19.1", "plane VW", "this control has no axes U V W; write G19"),

@@ -224,5 +224,8 @@ _NAMED: MappingProxyType[str, Callable[[Given], float]] = MappingProxyType(
         "_feed_hold": lambda g: float(g.state.modal.overrides.stop),
         "_remap_level": lambda g: 0.0,
         "_task": lambda g: 1.0,
+        # The LinuxCNC whose language this is; programs refuse to run under one that is too old for them.
+        "_vmajor": lambda g: 2.9,
+        "_vminor": lambda g: 0.0,
     }
 )

@@ -79,6 +79,7 @@ class State(NamedTuple):
     references: Mapping[str, tuple[Known, ...]] = MappingProxyType({})
     offset_number: Word | None = None  # D of a line without G41 (Fanuc), for the next one without D
     noted: frozenset[str] = frozenset()  # codes that a remark has told of
+    curve_goes: tuple[float, float] | None = None  # mm: where the G5 before leads on to
     begun: Begun | None = None  # a tilted plane that takes more lines
 
     def time(self, ask: Ask, code: str, word: Word) -> float | None:

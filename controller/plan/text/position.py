@@ -19,8 +19,8 @@ from controller.plan.text.program import (
     CutCone,
     CutNurbs,
     CutRuled,
-    JointArc,
     JointLine,
+    JointMotion,
     Modal,
     Tip,
     TipLine,
@@ -31,7 +31,6 @@ Place3 = tuple[Known, Known, Known]
 
 _UNTURNED = Frame()[1:]
 MOST_PENDING = 1000
-_ENDED = (JointLine, JointArc)
 
 
 def homed(machine: Machine) -> Joints:
@@ -92,17 +91,17 @@ class Position:
         self._xyz: list[Known] = [start[i] for i in self._linear]  # axes, or the tip in the table frame
         self._rotaries: list[Known] = [*machine.pair(start, 0.0)]
         self._tips, self._length_mm = False, 0.0
-        self._pending: list[JointLine | JointArc] = []  # absolute, not gone yet: most are never asked for
+        self._pending: list[JointMotion] = []  # absolute, not gone yet: most are never asked for
 
     def take(self, block: Block) -> None:
         """Go where a block leads."""
-        if isinstance(block, _ENDED) and _is_position(block):
+        if isinstance(block, JointMotion) and _is_position(block):
             self._pending.append(block)
             if len(self._pending) > MOST_PENDING:
                 self._go()
             return
         self._go()
-        if isinstance(block, JointLine | JointArc):
+        if isinstance(block, JointMotion):
             self._joint_move(block)
         elif isinstance(block, TipLine):
             self._tip_line(block)
@@ -162,7 +161,7 @@ class Position:
 
     # ---- moves -----------------------------------------------------------------------
 
-    def _joint_move(self, block: JointLine | JointArc) -> None:
+    def _joint_move(self, block: JointMotion) -> None:
         self._as_axes()
         for k, i in enumerate(self._rotary):
             self._rotaries[k] = _moved(self._rotaries[k], block.targets[i], block.relative)
@@ -233,14 +232,14 @@ class Position:
         return self._kinematics
 
 
-def _is_position(block: JointLine | JointArc) -> bool:
+def _is_position(block: JointMotion) -> bool:
     """Whether its words say where it ends, whatever comes before it."""
     if block.relative or block.modal.tilted:
         return False
     return not (isinstance(block, JointLine) and block.machine_frame)
 
 
-def _frame(line: JointLine | JointArc) -> tuple[object, ...]:
+def _frame(line: JointMotion) -> tuple[object, ...]:
     """What says where the words of an absolute line lead."""
     return line.modal.offset, line.modal.part, line.modal.length_mm
 

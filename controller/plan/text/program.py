@@ -250,6 +250,32 @@ class JointArc:
     time_s: float | None = None  # as JointLine
 
 
+class Control(NamedTuple):
+    """A control point in the plane XY, mm: where its words lead, and how far it lies from there."""
+
+    x: float | None  # as a target: None keeps what the start of the curve has
+    y: float | None
+    off: tuple[float, float] = (0.0, 0.0)
+    weight: float = 1.0
+
+
+@dataclass(slots=True, unsafe_hash=True)
+class JointCurve:
+    """G5, G5.1 and G5.2: a B-spline in X and Y with even knots, from the start to the last point."""
+
+    place: Place
+    modal: Modal
+    order: int  # degree + 1
+    controls: tuple[Control, ...]  # the first is the start
+    targets: Targets  # the last
+    relative: bool
+    feed_mm_s: float
+    time_s: float | None = None  # as JointLine
+
+
+JointMotion = JointLine | JointArc | JointCurve
+
+
 @dataclass(frozen=True, slots=True)
 class Dwell:
     """G4 P: standstill for a time that runs on ticks."""
@@ -331,7 +357,7 @@ class Setting:
 
 CutBlock = CutCone | CutRuled | CutNurbs
 Aside = Message | Setting  # parts no motions
-Block = CutBlock | JointLine | TipLine | JointArc | Dwell | Await | Action | Remark | Aside
+Block = CutBlock | JointMotion | TipLine | Dwell | Await | Action | Remark | Aside
 
 
 @dataclass(frozen=True, slots=True)

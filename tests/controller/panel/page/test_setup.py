@@ -199,9 +199,10 @@ def test_a_tool_is_added_changed_and_taken_away(setup: Any, site: Site) -> None:
     setup.wait_for_selector(row, state="detached")
 
 
-def test_without_control_nothing_of_it_can_be_pressed(setup: Any, site: Site) -> None:
-    setup.evaluate("dx.call('DELETE', 'control').then(() => { dx.token = ''; })")
-    setup.wait_for_selector("body[data-control=free]")
+def test_where_another_holds_control_nothing_of_it_can_be_pressed(setup: Any, site: Site) -> None:
+    taken = setup.context.request.post(f"{site.url}api/v1/control", data={"take_over": True})
+    assert taken.ok
+    setup.wait_for_selector("body[data-control=other]")
     for name in ("homing", "offsets", "tools"):
         part(setup, name)
         setup.wait_for_function(

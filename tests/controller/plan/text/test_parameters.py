@@ -78,6 +78,7 @@ def test_values_are_the_references(value: str, expected: float) -> None:
         ("G0X#<_plane>", 170.0),
         ("G19\nG0X#<_plane>", 190.0),
         ("G0X#<_metric>", 1.0),
+        ("G0X[#<_vmajor>+#<_vminor>]", 2.9),
         ("G91\nG0X#<_incremental>", 1.0),
         ("S500 M4\nG0X[#<_spindle_on>*10+#<_spindle_cw>]", 10.0),
         ("S500 M3\nG0X[#<_rpm>+#<_spindle_cw>]", 501.0),
