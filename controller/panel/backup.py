@@ -26,10 +26,10 @@ import zipfile
 from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 
 from controller import config, fitting, whole
 from controller.machine import Machine
+from controller.panel import notice_settings
 from controller.panel.archive import (
     FITTING,
     FORMAT,
@@ -42,7 +42,6 @@ from controller.panel.archive import (
     member_of,
 )
 from controller.panel.database import StoreError
-from controller.panel.notice_settings import SECRETS
 from controller.panel.programs import Program
 from controller.panel.store import Store
 from controller.panel.uploads import MODE
@@ -62,7 +61,7 @@ def save(store: Store, machine: Machine, file: Path, machine_file: Path | None =
     parts = {
         MACHINE: _alone(machine).encode(),
         FITTING: json.dumps(fitting.load(store.folder)).encode(),
-        SETTINGS: json.dumps(_without_secrets(store)).encode(),
+        SETTINGS: json.dumps(notice_settings.without_secrets(store.settings.all())).encode(),
     }
     programs = {program.name: program.sha256 for program in store.programs.list()}
     sums = {name: hashlib.sha256(data).hexdigest() for name, data in parts.items()}
@@ -161,13 +160,8 @@ def _enter(store: Store, contents: Contents, staged: Path, sql: sqlite3.Connecti
     whole.sync(programs.folder)
     for name, sha256 in contents.programs.items():
         programs.enter(Program(name, sha256, *lines[sha256], now_s, BY), sql)
-    secrets = {name: value for name, value in store.settings.all().items() if name in SECRETS}
-    store.settings.replace({**contents.settings, **secrets}, BY, sql)
-
-
-def _without_secrets(store: Store) -> dict[str, Any]:
-    """Whoever carries a back-up away need not be who may send in this shop's name."""
-    return {name: value for name, value in store.settings.all().items() if name not in SECRETS}
+    settings = notice_settings.restored(store.settings.all(), contents.settings)
+    store.settings.replace(settings, BY, sql)
 
 
 def _facts(file: Path) -> tuple[int, int]:

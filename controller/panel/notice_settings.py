@@ -12,10 +12,12 @@ from typing import Any, Literal
 from urllib.parse import urlsplit
 
 from controller.panel.database import StoreError
-from controller.panel.records import Values
+from controller.panel.records import Facts, Values
 
 PREFIX = "notices."
-SECRETS = (f"{PREFIX}webhook", f"{PREFIX}password")
+PASSWORD = f"{PREFIX}password"
+SECRETS = (f"{PREFIX}webhook", PASSWORD)
+TOLD = "notices.told"  # the mark: the newest alarm and run that were
 _HOST = re.compile(r"[A-Za-z0-9_]([A-Za-z0-9_.-]{0,251}[A-Za-z0-9])?|[0-9a-fA-F:]{2,39}")
 _ADDRESS = re.compile(r"[^\s@<>,;:\"()\[\]\\]{1,64}@[A-Za-z0-9.-]{1,255}", re.ASCII)
 _URL = re.compile(r"[!-~]{1,2000}")  # nothing but visible ASCII
@@ -70,6 +72,10 @@ class NoticeSettings:
             raise StoreError.told("form", "notice_plain")
 
 
+OFF = NoticeSettings()
+CHOICES = {"security": ("starttls", "tls", "none"), "language": ("en", "de")}
+
+
 def _is_url(text: str) -> bool:
     try:
         found = urlsplit(text)
@@ -81,11 +87,20 @@ def _is_url(text: str) -> bool:
 
 
 def load(values: Values) -> NoticeSettings:
-    """As they were set last. Raises StoreError."""
-    kept = values.all()
-    return NoticeSettings(
-        **{f.name: kept[PREFIX + f.name] for f in fields(NoticeSettings) if PREFIX + f.name in kept}
-    )
+    """As they were set last; all off where they are not sound (a back-up is anybody's). Raises StoreError."""
+    return _of(values.all())
+
+
+def _of(kept: Facts) -> NoticeSettings:
+    known = {f.name: kept[PREFIX + f.name] for f in fields(NoticeSettings) if PREFIX + f.name in kept}
+    sound = all(type(value) is type(getattr(OFF, name)) for name, value in known.items())
+    sound = sound and all(known.get(name, of[0]) in of for name, of in CHOICES.items())
+    found = NoticeSettings(**known) if sound else OFF
+    try:
+        found.check()
+    except StoreError:
+        return OFF
+    return found if 1 <= found.port <= 65535 else OFF
 
 
 def keep(values: Values, settings: NoticeSettings, by: str) -> None:
@@ -93,3 +108,27 @@ def keep(values: Values, settings: NoticeSettings, by: str) -> None:
     settings.check()
     told: dict[str, Any] = asdict(settings)
     values.put({PREFIX + name: value for name, value in told.items()}, by)
+
+
+def note_told(marks: Values, newest: tuple[int, int] | None) -> tuple[int, int] | None:
+    """Keep the numbers of the newest alarm and run (None: nothing is told); the numbers kept before."""
+    kept = marks.get(TOLD)
+    before = tuple(kept) if isinstance(kept, list) else None
+    if newest is None and before is not None:
+        marks.remove(TOLD)
+    elif newest is not None and newest != before:
+        marks.set(TOLD, newest, "notices")
+    return before
+
+
+def without_secrets(kept: Facts) -> Facts:
+    """What a back-up holds: whoever carries it away need not be who may send in this shop's name."""
+    return {name: value for name, value in kept.items() if name not in SECRETS}
+
+
+def restored(kept: Facts, saved: Facts) -> Facts:
+    """Of a back-up, with what it does not hold as it is here; no password goes to another server."""
+    stays = {name: kept[name] for name in SECRETS if name in kept}
+    if _of(saved).host != _of(kept).host:
+        stays.pop(PASSWORD, None)
+    return {**without_secrets(saved), **stays}

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Request, Response
 from fastapi.responses import JSONResponse
 
 from controller import catalogue
-from controller.panel import models
+from controller.panel import loading, models
 from controller.panel.access import moves, needs, panel_of, stops
 from controller.panel.answers import Refusal, documented
 from controller.panel.roles import Role
@@ -34,18 +34,18 @@ async def load(request: Request, response: Response, body: models.Load) -> model
     """
     if body.restart and (body.line, body.fraction, body.dry_run_mm) != (None, None, None):
         raise Refusal.told(409, "bad", "restart_line")
-    programs = panel_of(request).store.programs
-    program = await asyncio.to_thread(programs.get, body.program)
     where = body.model_dump(include={"line", "fraction", "dry_run_mm"}, exclude_none=True)
     where |= {key: True for key in ("restart", "block_delete") if getattr(body, key)}
-    if files := await asyncio.to_thread(programs.called, program):
-        where |= {"files": files}
-    path = str(programs.path(program.sha256))
-    done = await ask(request, "load", path=path, name=program.name, sha256=program.sha256, **where)
-    if done.result.get("done") is False:
+    panel = panel_of(request)
+    return answered(request, response, await loading.load(panel.store, panel.door, body.program, **where))
+
+
+def answered(request: Request, response: Response, loaded: dict[str, Any]) -> models.Done:
+    """What the service said to a load; 202 where it is still at it."""
+    if loaded.get("done") is False:
         response.status_code = 202
         response.headers.update({"Location": request.url_for("job").path, "Retry-After": "1"})
-    return done
+    return models.Done(request="load", result=loaded)
 
 
 @router.get(

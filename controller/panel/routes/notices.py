@@ -43,13 +43,12 @@ async def test(request: Request) -> models.NoticeFacts:
     found = await _load(panel)
     if not found.wanted:
         raise Refusal.told(409, "refused", "notice_none")
-    one, deliver = notices.test(), panel.notices.deliver
-    await asyncio.gather(*(asyncio.to_thread(deliver, way, one, found) for way in notices.ways(found)))
+    await panel.notices.test(found)
     return _facts(panel, found)
 
 
 async def _load(panel: Panel) -> NoticeSettings:
-    return await asyncio.to_thread(notice_settings.load, panel.store.settings)
+    return await asyncio.to_thread(panel.notices.settings)
 
 
 def _facts(panel: Panel, found: NoticeSettings) -> models.NoticeFacts:

@@ -44,6 +44,9 @@ BODIES: dict[str, Any] = {
     "/tokens": {"name": "eve", "role": "set_up"},
     "/notices": {"webhook": "http://127.0.0.1:9/"},
     "/programs/nobody": {"name": "other"},
+    "/folders/nobody": {"name": "other"},
+    "/queue": {"program": "nobody"},
+    "/queue/1": {"count": 1},
 }
 WEBSOCKET = "WEBSOCKET"
 VERBS = {"/job": "load", "/mdi": "mdi", "/jog": "jog", "/jog/step": "jog_step"}

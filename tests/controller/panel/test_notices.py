@@ -3,21 +3,33 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import itertools
 import json
 import socketserver
+import ssl
 import threading
+import time
+import zipfile
 from collections.abc import Awaitable, Callable, Iterator
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import pytest
+import trustme
+from aiosmtpd.controller import Controller
+from aiosmtpd.smtp import AuthResult, Envelope
 from support.fakes.panels import Scene, sentence
+from support.live.browser import free_port
 
-from controller.panel import notices
+from controller import config
+from controller.panel import backup, notice_ways, notices
+from controller.panel.notice_ways import Notice
 
 KEY = "T0Psecret"
 PATIENCE_S = 20.0
+TEST = Notice("test", 0.0, "A test.", "Ein Versuch.")
 
 
 class Hook:
@@ -68,6 +80,7 @@ def settle(scene: Scene, **values: Any) -> Any:
 
 
 def look(scene: Scene) -> None:
+    scene.panel.watch._at_s = -1e9  # a status that was asked for a moment ago is none any more
     asyncio.run(scene.panel.notices.look())
 
 
@@ -88,7 +101,7 @@ def test_alarm_end_of_program_and_tool_change_are_each_told_once(tmp_path: Path,
     events = {one["event"]: one["text"] for one in hook.heard}
     ended = "Das Programm part.ngc ist zu Ende: fertig."
     assert events == {"alarm": "Not-Halt.", "program_end": ended, "tool_change": "T4 einsetzen."}
-    scene.panel.notices.send(notices.test())
+    scene.panel.notices.send(TEST)
     assert hook.some.acquire(timeout=PATIENCE_S)
     assert len(hook.heard) == 4
 
@@ -110,11 +123,11 @@ def test_a_failing_server_is_tried_thrice_and_then_it_is_shown_why(
     monkeypatch.setattr(notices, "PAUSES_S", (0.0, 0.0))
     scene, bad = Scene(tmp_path), Hook(500)
     settle(scene, webhook=bad.url)
-    scene.panel.notices.send(notices.test())
+    scene.panel.notices.send(TEST)
     for _ in range(notices.TRIES):
         assert bad.some.acquire(timeout=PATIENCE_S)
     settle(scene, webhook=hook.url)
-    scene.panel.notices.send(notices.test())
+    scene.panel.notices.send(TEST)
     assert hook.some.acquire(timeout=PATIENCE_S)
     assert len(bad.heard) == notices.TRIES
     bad.server.shutdown()
@@ -140,10 +153,10 @@ def test_a_server_that_hangs_holds_nothing_up(tmp_path: Path, monkeypatch: pytes
         began.set()
         hangs.wait(PATIENCE_S)
 
-    monkeypatch.setitem(notices.SENDERS, "webhook", hang)
+    monkeypatch.setitem(notice_ways.SENDERS, "webhook", hang)
     settle(scene, webhook="http://127.0.0.1:9/")
     for _ in range(notices.MOST_WAITING + 5):
-        scene.panel.notices.send(notices.test())
+        scene.panel.notices.send(TEST)
     assert began.wait(PATIENCE_S)
     assert asked(scene, lambda client: client.get("/api/v1/status")).status_code == 200
     assert "too many" in scene.panel.notices.outcomes["webhook"].sentence
@@ -151,35 +164,162 @@ def test_a_server_that_hangs_holds_nothing_up(tmp_path: Path, monkeypatch: pytes
     hangs.set()
 
 
-class Mails(socketserver.StreamRequestHandler):
-    """A mail server as far as one letter needs it."""
+class Letters:
+    """What a mail server got."""
 
-    letters: ClassVar[list[str]] = []
+    def __init__(self) -> None:
+        self.letters: list[str] = []
+        self.users: list[str] = []
 
-    def handle(self) -> None:
-        self.wfile.write(b"220 here\r\n")
-        while line := self.rfile.readline():
-            verb = line[:4].upper()
-            self.wfile.write({b"DATA": b"354 go on\r\n", b"QUIT": b"221 bye\r\n"}.get(verb, b"250 ok\r\n"))
-            if verb == b"DATA":
-                letter = iter(self.rfile.readline, b".\r\n")
-                self.letters.append(b"".join(letter).decode())
-                self.wfile.write(b"250 taken\r\n")
-            if verb == b"QUIT":
-                return
+    async def handle_DATA(self, _server: Any, _session: Any, envelope: Envelope) -> str:
+        assert isinstance(envelope.content, bytes)
+        self.letters.append(f"{envelope.rcpt_tos}\n{envelope.content.decode()}")
+        return "250 OK"
+
+    def allowed(self, _server: Any, _session: Any, _envelope: Any, _kind: str, told: Any) -> AuthResult:
+        self.users.append(told.login.decode())
+        return AuthResult(success=told.password == KEY.encode(), handled=False)
+
+
+MAIL = {"sender": "mill@example.org", "to": "a@example.org, b@example.org"}
+
+
+@contextlib.contextmanager
+def mail_server(handler: Letters, **how: Any) -> Iterator[dict[str, Any]]:
+    """Where it is, as settings."""
+    port = free_port()
+    server = Controller(handler, hostname="127.0.0.1", port=port, **how)
+    server.start()
+    try:
+        yield {"host": "127.0.0.1", "port": port, **MAIL}
+    finally:
+        server.stop()
+
+
+def tried(scene: Scene) -> dict[str, Any]:
+    """What came of a test by mail."""
+    last: dict[str, Any] = asked(scene, lambda client: client.post("/api/v1/notices/test")).json()["last"]
+    return last["mail"]
 
 
 def test_a_mail_goes_to_all_receivers_in_both_languages(tmp_path: Path) -> None:
-    scene = Scene(tmp_path)
-    with socketserver.TCPServer(("127.0.0.1", 0), Mails) as server:
+    scene, got = Scene(tmp_path), Letters()
+    with mail_server(got) as where:
+        settle(scene, **where, security="none")
+        assert tried(scene)["sent"] is True
+    (letter,) = got.letters
+    assert letter.startswith("['a@example.org', 'b@example.org']")
+    assert "This is a test" in letter and "Versuch" in letter
+
+
+@pytest.mark.parametrize(("security", "password"), [("starttls", KEY), ("tls", KEY), ("starttls", "wrong")])
+def test_a_mail_is_encrypted_to_a_server_that_proves_who_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, security: str, password: str
+) -> None:
+    scene, got, authority = Scene(tmp_path), Letters(), trustme.CA()
+    trusted = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
+    authority.issue_cert("127.0.0.1").configure_cert(trusted)
+    how = {"tls_context": trusted, "require_starttls": True} if security == "starttls" else {}
+    how |= {"ssl_context": trusted} if security == "tls" else {}
+    more = {"auth_required": True, "authenticator": got.allowed, "auth_require_tls": security == "starttls"}
+    with mail_server(got, **how, **more) as where:
+        settle(scene, **where, security=security, user="mill", password=password)
+        assert "certificate verify failed" in tried(scene)["sentence"] and not got.users
+        authority.cert_pem.write_to_path(str(tmp_path / "ca.pem"))
+        monkeypatch.setenv("SSL_CERT_FILE", str(tmp_path / "ca.pem"))
+        last = tried(scene)
+    assert set(got.users) == {"mill"}
+    assert (last["sent"], len(got.letters)) == ((True, 1) if password == KEY else (False, 0)), last
+    assert last["sent"] or "SMTP 535" in last["sentence"]
+
+
+def test_a_password_is_not_sent_where_the_server_has_no_encryption(tmp_path: Path) -> None:
+    scene, got = Scene(tmp_path), Letters()
+    with mail_server(got, authenticator=got.allowed, auth_require_tls=False) as where:
+        settle(scene, **where, security="starttls", user="mill", password=KEY)
+        last = tried(scene)
+    assert last["sent"] is False and "encryption" in last["sentence"] and not got.users and not got.letters
+
+
+@pytest.mark.parametrize("way", ["webhook", "mail"])
+def test_a_server_that_drips_is_cut_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str) -> None:
+    """Each byte comes well within the time-out of a read; all of them would never have come."""
+    monkeypatch.setattr(notice_ways, "WHOLE_S", 0.3)
+    scene, cut = Scene(tmp_path), threading.Event()
+    drips = {"webhook": b"HTTP/1.1 ", "mail": b"220-"}[way]
+
+    class Drips(socketserver.BaseRequestHandler):
+        def handle(self) -> None:
+            with contextlib.suppress(OSError):
+                for sign in itertools.chain(drips, itertools.repeat(ord("x"), 1000)):
+                    self.request.send(bytes([sign]))
+                    time.sleep(0.02)
+                return
+            cut.set()
+
+    with socketserver.TCPServer(("127.0.0.1", 0), Drips) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
-        where = {"host": "127.0.0.1", "port": server.server_address[1], "security": "none"}
-        settle(scene, **where, sender="mill@example.org", to="a@example.org, b@example.org")
+        port = server.server_address[1]
+        mail = {"host": "127.0.0.1", "port": port, "security": "none", **MAIL}
+        settle(scene, **(mail if way == "mail" else {"webhook": f"http://127.0.0.1:{port}/"}))
         answer = asked(scene, lambda client: client.post("/api/v1/notices/test"))
+        assert cut.wait(PATIENCE_S)
         server.shutdown()
-    assert answer.json()["last"]["mail"]["sent"] is True, answer.text
-    (letter,) = Mails.letters
-    assert "To: a@example.org, b@example.org" in letter and "This is a test" in letter and "Versuch" in letter
+    assert answer.json()["last"][way]["sent"] is False
+
+
+def test_a_way_that_hangs_does_not_hold_up_the_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, got, hangs = Scene(tmp_path), Letters(), threading.Event()
+    monkeypatch.setitem(notice_ways.SENDERS, "webhook", lambda *_: hangs.wait(PATIENCE_S))
+    with mail_server(got) as where:
+        settle(scene, **where, security="none", webhook="http://127.0.0.1:9/")
+        scene.panel.notices.send(TEST)
+        while not got.letters:
+            time.sleep(0.01)
+    assert not hangs.is_set() and "webhook" not in scene.panel.notices.outcomes
+    hangs.set()
+
+
+def test_what_came_while_the_panel_was_away_is_told_once_by_the_next(tmp_path: Path, hook: Hook) -> None:
+    scene = Scene(tmp_path)
+    settle(scene, webhook=hook.url)
+    look(scene)
+    scene.store.alarms.add("ESTOP", "While it was away.")
+    look(Scene(tmp_path))
+    assert hook.some.acquire(timeout=PATIENCE_S)
+    third = Scene(tmp_path)
+    look(third)
+    third.panel.notices.send(TEST)
+    assert hook.some.acquire(timeout=PATIENCE_S)
+    assert [one["text"] for one in hook.heard] == ["While it was away.", TEST.sentence]
+
+
+def test_settings_that_are_not_sound_are_off(tmp_path: Path) -> None:
+    scene = Scene(tmp_path)
+    settle(scene, webhook="http://127.0.0.1:9/")
+    for name, value in (("port", "x"), ("port", 0), ("security", "no"), ("webhook", "file:///etc/passwd")):
+        kept = scene.store.settings.get(f"notices.{name}")
+        scene.store.settings.set(f"notices.{name}", value, "a back-up")
+        answer = asked(scene, lambda client: client.get("/api/v1/notices"))
+        assert (answer.status_code, answer.json()["webhook"]) == (200, ""), name
+        scene.store.settings.set(f"notices.{name}", kept, "me")
+
+
+def test_a_back_up_has_no_secret_and_its_restoring_sends_none_to_another_server(tmp_path: Path) -> None:
+    here, there = Scene(tmp_path / "here"), Scene(tmp_path / "there")
+    for scene, host in ((here, "mail.example.org"), (there, "other.example.org")):
+        settle(scene, host=host, **MAIL, user="mill", password=KEY, webhook=f"http://{host}/{KEY}")
+        look(scene)
+    machine = config.load("trunnion")
+    file = backup.save(here.store, machine, tmp_path / "saved.zip")
+    with zipfile.ZipFile(file) as archive:
+        assert not any(KEY.encode() in archive.read(name) for name in archive.namelist())
+    backup.restore(there.store, backup.check(file), tmp_path / "machine.toml", None)
+    found = there.panel.notices.settings()
+    assert (found.host, found.password) == ("mail.example.org", "")
+    assert found.webhook == f"http://other.example.org/{KEY}"
+    backup.restore(here.store, backup.check(file), tmp_path / "machine.toml", None)
+    assert here.panel.notices.settings().password == KEY
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import { free } from "../control.js";
 import { Act, AxisName, Bar, Card, Chip, Figure, field } from "../parts.js";
 import { Listing } from "../listing.js";
 import { Offer, StateThere, start_question } from "../restart.js";
+import { QueueNext } from "../queue.js";
 import { dx } from "../store.js";
 import { word } from "../texts.js";
 import { touch } from "./setup_tables.js";
@@ -141,7 +142,7 @@ function Cycle() {
   const time = (key) => html`<div class="time"><span class="dim">${word(`run.${key}`)}</span>
     <${Figure} class="strong">${forms.time(job?.[`${key}_s`])}<//></div>`;
   return html`<${Card} title=${word("run.cycle")} class="run-cycle">
-    <${Offer} />
+    <${Offer} /><${QueueNext} />
     <div class="cycle">
       ${tall("start", "start", { kind: "go", ask: start_question(), modes: "READY", icon: "play", keys: "F4", given: Boolean(job), why: "why.no_program" })}
       ${tall("resume", "resume", { kind: "go", modes: "HOLD", icon: "reset", keys: "F6" })}
