@@ -36,10 +36,10 @@ class Panel:
     ) -> None:
         """``checker``: None where programs are not checked here. Raises StoreError."""
         self.anybody_stops = anybody_stops  # also who may only look: hold, stop and e-stop
-        self.store, self.door, self.checker = store, door, checker
+        self.store, self.checker = store, checker
+        self.door = self.watch = Watch(door)
         self.drafts = Drafts(store)
         self.gatherer = Gatherer(store.database, store.folder)
-        self.watch = Watch(door)
         self.latest = Latest(door)  # ticks for scopes
         self.users = Users(store.users)
         self.sizes = Sizes(store.folder)

@@ -3,7 +3,8 @@
 Verbs go in lanes, each with threads of its own: a stop never waits behind anything else, a move
 only behind moves, and what waits for a disk or a plan is in nobody's way, however many ask for it.
 The status is asked at most every ``FRESH_S``, however many want to know it: neither 20
-listeners nor a script that asks without pause load the machine.
+listeners nor a script that asks without pause load the machine. But whoever was answered reads a
+status of after that answer.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ QUICK_S = 5.0
 SLOW_S = 600.0  # a whole program may have to be read
 # Who may look at all asks for these, so they are kept apart from what moves the machine.
 LOOKS = frozenset({"facts", "drives", "alarms", "runs", "rows", "buses", "restart", "acknowledge"})
+TELLS = LOOKS | {"status"}  # what changes nothing
 STOPS = frozenset({"stop", "hold", "estop", "jog_stop", "disable"})
 SLOW = frozenset(
     {
@@ -113,20 +115,29 @@ def refusal(error: DoorError) -> Refusal:
 
 
 class Watch:
-    """The machine's status, asked once for all who want it at about the same time."""
+    """The door, and the machine's status asked once for all who want it at about the same time."""
 
     def __init__(self, door: Door) -> None:
         self._door = door
         self._asking = asyncio.Lock()
         self._last: dict[str, Any] = {}
-        self._at_s = -1e9
+        self._asked_s = self._answered_s = self._fresh_to_s = -1e9  # monotonic
+
+    async def ask(self, verb: str, **args: Any) -> dict[str, Any]:
+        """As the door's."""
+        try:
+            return await self._door.ask(verb, **args)
+        finally:
+            if verb not in TELLS:
+                self._answered_s = time.monotonic()
 
     async def status(self) -> dict[str, Any]:
-        """At most ``FRESH_S`` old. Raises Refusal."""
+        """At most ``FRESH_S`` old, and asked for after the last answer. Raises Refusal."""
         async with self._asking:
-            if time.monotonic() - self._at_s > FRESH_S:
+            asked_s = time.monotonic()
+            if asked_s > self._fresh_to_s or self._asked_s < self._answered_s:
                 self._last = await self._door.ask("status")
-                self._at_s = time.monotonic()
+                self._asked_s, self._fresh_to_s = asked_s, time.monotonic() + FRESH_S
             return self._last
 
     async def in_use(self) -> frozenset[str]:

@@ -15,7 +15,7 @@ from support.fakes.panels import Scene
 
 from controller.door import MOST_PEERS, Answer, Values
 from controller.panel import link
-from controller.panel.link import LOOKS, SLOW, STOPS, SocketDoor
+from controller.panel.link import LOOKS, SLOW, STOPS, SocketDoor, Watch
 from controller.service.server import Server
 
 CROWD = 50  # more than all lanes have places
@@ -118,3 +118,38 @@ def test_the_panel_alone_does_not_fill_the_door(tmp_path: Path) -> None:
 @pytest.mark.parametrize("verb", ["stop", "hold", "estop", "jog_stop"])
 def test_a_stop_has_a_lane_of_its_own(verb: str) -> None:
     assert verb in STOPS and not STOPS & (LOOKS | SLOW)
+
+
+class Held:
+    """A service whose mode is what was asked of it; it tells how often its status was read."""
+
+    def __init__(self) -> None:
+        self.mode, self.reads = "HOLD", 0
+
+    async def ask(self, verb: str, **args: Any) -> dict[str, Any]:
+        if verb == "status":
+            self.reads += 1
+            told = {"mode": self.mode}
+            await asyncio.sleep(0)
+            return told
+        self.mode = verb
+        return {}
+
+
+def test_whoever_was_answered_reads_a_status_of_after_that_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(link, "FRESH_S", 1e9)
+
+    async def story() -> None:
+        door = Held()
+        watch = Watch(door)
+        assert [(await watch.status())["mode"] for _ in range(3)] == ["HOLD"] * 3 and door.reads == 1
+        await watch.ask("resume")
+        assert (await watch.status())["mode"] == "resume", "kept from before the answer"
+        await watch.ask("rows")
+        assert (await watch.status())["mode"] == "resume" and door.reads == 2, "a look changes nothing"
+        asked_before = asyncio.create_task(watch.status())
+        await watch.ask("hold")
+        await asked_before
+        assert (await watch.status())["mode"] == "hold", "asked for before the answer"
+
+    asyncio.run(story())
