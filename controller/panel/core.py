@@ -46,7 +46,7 @@ class Panel:
         self.control = Control()
         self.events = Events(self.watch, store)
         self.notices = Notices(store, self.watch)
-        self.go_on = GoOn(store, door, self.control, self.note)
+        self.go_on = GoOn(store, self.door, self.control, self.note)
         self.audited: dict[
             tuple[str, str, bool], float
         ] = {}  # (user, action, allowed) -> when, monotonic (s)

@@ -41,6 +41,7 @@ from controller.panel.routes import (
     session,
     tables,
     ticks,
+    usage,
     users,
 )
 from controller.panel.slashes import Slashes
@@ -56,7 +57,7 @@ STORE_STATUSES = {
 }
 PARTS = (
     *((API, part) for part in (machine, cycle, jog, programs, tables, records, ticks)),
-    *((API, part) for part in (looks, session, users, notices, queue, listen)),
+    *((API, part) for part in (looks, session, users, notices, queue, usage, listen)),
     ("", metrics),
     ("", octoprint),
 )

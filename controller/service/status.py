@@ -17,6 +17,7 @@ from controller.plan.route.entry import room_along_axis
 from controller.service.jobs import UNDER_WAY
 from controller.service.orders import Way
 from controller.service.pulse import STANDS_S
+from controller.service.usage import Usage
 from controller.state import Binding, Fault, Mode, binding_text, sentence
 
 PER_MIN = 60.0
@@ -116,12 +117,15 @@ def _notice(name: str, key: str, seconds: float) -> dict[str, str]:
     return {"name": name, "sentence": english, "sentence_de": german}
 
 
-def tool_change(machine: Machine, number: int) -> dict[str, Any]:
-    """What the operator is asked to do where a program waits for a tool."""
+def tool_change(machine: Machine, number: int, usage: Usage | None = None) -> dict[str, Any]:
+    """What the operator is asked to do where a program waits for a tool, and whether that one is worn."""
     tool = machine.tool(number)
     name = f" ({tool.name})" if tool is not None and tool.name else ""
     key = "tool_change" if number else "tool_out"
     english, german = catalogue.in_both(key, number=number, name=name)
+    if usage is not None and (worn := usage.worn(number)):
+        told = catalogue.in_both("tool_worn", **worn)
+        english, german = f"{english} {told[0]}", f"{german} {told[1]}"
     return {"number": number, "sentence": english, "sentence_de": german}
 
 

@@ -92,9 +92,10 @@ async def unload(request: Request) -> models.Done:
 async def start(request: Request, body: models.Start | None = None) -> models.Done:
     """Cycle start of the loaded program.
 
-    Where the disk cannot take what the run leaves behind, it is refused with the code "unrecorded".
+    Where the disk cannot take what the run leaves behind, it is refused with the code "unrecorded"; with
+    "worn" where the tool in the spindle is at the end of its life.
     """
-    confirmed = {"unrecorded": True} if body is not None and body.unrecorded else {}
+    confirmed = {key: True for key in ("unrecorded", "worn") if body is not None and getattr(body, key)}
     return await ask(request, "start", **confirmed)
 
 

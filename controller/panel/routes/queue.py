@@ -54,7 +54,7 @@ async def remove(request: Request, number: Number) -> queue_models.QueueFacts:
 
 
 @router.post(
-    "/queue/load", dependencies=[moves()], responses={**LATER, **documented(401, 403, 404, 409, 503)}
+    "/queue/load", dependencies=[moves()], responses={**LATER, **documented(401, 403, 404, 409, 422, 503)}
 )
 async def load_next(request: Request, response: Response) -> models.Done:
     """Load what is next, as POST /job does; it is started by POST /cycle/start."""

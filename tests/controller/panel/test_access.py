@@ -47,6 +47,8 @@ BODIES: dict[str, Any] = {
     "/folders/nobody": {"name": "other"},
     "/queue": {"program": "nobody"},
     "/queue/1": {"count": 1},
+    "/usage/maintenance": {"name": "grease", "counter": "X", "every": 1.0},
+    "/usage/maintenance/done": {"name": "grease"},
 }
 WEBSOCKET = "WEBSOCKET"
 VERBS = {"/job": "load", "/mdi": "mdi", "/jog": "jog", "/jog/step": "jog_step"}

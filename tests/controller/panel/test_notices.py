@@ -80,7 +80,7 @@ def settle(scene: Scene, **values: Any) -> Any:
 
 
 def look(scene: Scene) -> None:
-    scene.panel.watch._at_s = -1e9  # a status that was asked for a moment ago is none any more
+    scene.panel.watch._fresh_to_s = -1e9  # a status that was asked for a moment ago is none any more
     asyncio.run(scene.panel.notices.look())
 
 

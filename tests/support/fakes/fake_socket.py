@@ -15,6 +15,7 @@ from controller.service import looks
 from controller.service.jogging import ENDS, Presses
 
 AXES = ("X", "Y", "Z", "A", "C")
+WEARS = ("tool_life", "tool_renewed", "maintenance", "maintained")
 # verb -> modes in which it is taken, and the mode after it (None: as it was)
 TABLE: dict[str, tuple[set[str], str | None]] = {
     "load": ({"OFF", "READY"}, None),
@@ -42,7 +43,10 @@ TABLE: dict[str, tuple[set[str], str | None]] = {
     "forget": ({"OFF", "READY"}, None),
     "set_tool": ({"OFF", "READY", "HOLD"}, None),
     "acknowledge": (set(), None),
+    **dict.fromkeys(WEARS, (set(), None)),
 }
+
+USAGE: dict[str, Any] = {"tools": [], "counters": [], "items": []}
 
 
 class FakeDoor:
@@ -86,6 +90,7 @@ class FakeDoor:
             "alarms": dict,
             "buses": self.buses,
             "restart": lambda: self.restart,
+            "usage": lambda: dict(USAGE),
         }
         if verb in looks_at:
             return dict(looks_at[verb]())
@@ -99,7 +104,7 @@ class FakeDoor:
         self.asked.append((verb, args))
         self.mode = after or self.mode
         self._keep(verb, args)
-        return self.results.get(verb, {})
+        return self.results.get(verb, USAGE if verb in WEARS else {})
 
     def _keep(self, verb: str, args: dict[str, Any]) -> None:
         if verb == "load":

@@ -72,7 +72,7 @@ AGED = """() => {
 }"""
 MOST_LOOKS = 20
 
-PARTS = {"setup": ("homing", "offsets", "tools", "file", "drives", "users", "notices")}
+PARTS = {"setup": ("homing", "offsets", "tools", "file", "drives", "users", "notices", "usage")}
 RUNNING = [("wide", "light", "en"), ("touch", "dark", "de"), ("phone", "light", "de")]
 
 

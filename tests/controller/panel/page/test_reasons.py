@@ -12,7 +12,7 @@ from controller.state import Mode
 
 pytestmark = pytest.mark.slow
 
-PARTS = ("homing", "offsets", "tools", "file", "drives", "users", "notices")
+PARTS = ("homing", "offsets", "tools", "file", "drives", "users", "notices", "usage")
 # Of every control that is off: its name, the reason as pointer and screen reader have it, what a press says.
 OFF = """() => [...document.querySelectorAll("[aria-disabled=true], :disabled")]
   .filter((one) => one.checkVisibility() && one.tagName !== "OPTION")

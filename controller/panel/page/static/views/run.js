@@ -142,7 +142,7 @@ function Cycle() {
   const time = (key) => html`<div class="time"><span class="dim">${word(`run.${key}`)}</span>
     <${Figure} class="strong">${forms.time(job?.[`${key}_s`])}<//></div>`;
   return html`<${Card} title=${word("run.cycle")} class="run-cycle">
-    <${Offer} /><${QueueNext} />
+    <${Offer} />
     <div class="cycle">
       ${tall("start", "start", { kind: "go", ask: start_question(), modes: "READY", icon: "play", keys: "F4", given: Boolean(job), why: "why.no_program" })}
       ${tall("resume", "resume", { kind: "go", modes: "HOLD", icon: "reset", keys: "F6" })}
@@ -215,6 +215,7 @@ function Program() {
       <${Figure} class="dim">${forms.what(at?.what)}<//><${Figure} class="strong">${forms.percent(at?.fraction)}<//>
       <span class="u"><span class="dim">u </span><${Figure} class="strong">${forms.u(at?.u)}<//></span>
     </div>
+    <${QueueNext} />
     ${job?.message && html`<${Figure} class="strong">${job.message}<//>`}
     <${Bar} class="block-bar" share=${at?.fraction} title=${word("run.block")} />
     <${StateThere} />

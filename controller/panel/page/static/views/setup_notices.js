@@ -37,7 +37,7 @@ const Input = ({ name, type, facts }) => {
   const kept = name === "webhook" ? facts.webhook : name === "password" && facts.password_set && word("kept");
   const more = ["webhook", "password"].includes(name) ? { placeholder: kept || "", autocomplete: "new-password" } : { value: facts[name] };
   return html`<label class="row dim"><span>${word(name)}</span>${CHOICES[name]
-    ? html`<select name=${name} ...${field(RULES)}>${CHOICES[name].map((one) => html`<option key=${one} value=${one} selected=${one === facts[name]}>${one}</option>`)}</select>`
+    ? html`<select name=${name} ...${field(RULES)}>${CHOICES[name].map((one) => html`<option key=${one} value=${one} selected=${one === facts[name]}>${word(`is.${one}`)}</option>`)}</select>`
     : html`<input class="wide" type=${type} name=${name} ...${more} ...${field(RULES)} />`}</label>`;
 };
 
