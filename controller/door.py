@@ -38,7 +38,7 @@ RUNTIME = "runtime"  # in the state folder: a file that says which one that is
 MOST_BYTES = 200_000  # of a request; bigger things go by their path in the store
 MOST_ANSWER = 2 * MOST_BYTES  # of an answer
 MOST_PEERS = 64
-CODES = ("refused", "bad", "busy", "gone", "silent", "unrecorded")
+CODES = ("refused", "bad", "busy", "gone", "silent", "unrecorded", "worn")
 FACTS = ("code", "mode", "request")  # of a refusal, beside what it says
 ANSWER_S = 600.0  # a whole program may have to be read before the answer
 BUFFER_BYTES = 1 << 20  # of a socket
@@ -48,7 +48,8 @@ class DoorError(Exception):
     """Why a request was not done, for the operator; ``sentence`` is it in English.
 
     ``code``: "refused" by the machine's state, "bad" request, "busy", "gone" = nobody is there to
-    answer, "silent" = somebody is, and does not; "unrecorded" = it would be done if that is confirmed.
+    answer, "silent" = somebody is, and does not; "unrecorded", "worn" = it would be done if that were
+    confirmed.
     """
 
     def __init__(self, code: str, said: Said | str, mode: str = "", request: str = "") -> None:

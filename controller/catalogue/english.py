@@ -433,6 +433,14 @@ REFUSALS = {
     "not_written": "{path}: cannot be written: {why}.",
     "unrecorded": "{program} is not started, for this run is not recorded and cannot be gone on with: {why}. "
     "Free space on the disk, or confirm that it runs unrecorded.",
+    "worn": "{program} is not started: the tool in the spindle, T{number}, is worn ({cut:.1f} min of cut, "
+    "{parts} parts). Change it and say that it is new, or confirm that it cuts on.",
+    "tool_worn": "T{number} is worn ({cut:.1f} min of cut, {parts} parts): change it and say that it is new.",
+    "maintenance_due": "Maintenance is due: {name} (every {every:g} {unit}). Do it, and say that it is done.",
+    "no_counter": "counter {counter}: there is none; allowed are {allowed}.",
+    "no_item": "maintenance {name}: there is no such job; make one with an interval.",
+    "no_item_name": "name: must be a text of 1 to {most} signs that can be seen.",
+    "many_items": "There are {most} jobs of maintenance, which is the most; take one out first.",
     "little_room": "{folder} has {free} MB free, and {needed} MB are needed",
     "not_recorded": "{program} runs, but no record of it is kept: {why}. Free space on the disk.",
     "record_ended": "The record of {program} ends before the run: {why}. What came until now is kept; "

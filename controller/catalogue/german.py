@@ -449,6 +449,17 @@ REFUSALS = {
     "unrecorded": "{program} ist nicht gestartet, denn dieser Lauf wird nicht aufgezeichnet und kann nicht "
     "fortgesetzt werden: {why}. Platz auf dem Datenträger schaffen oder den Lauf ohne Aufzeichnung "
     "bestätigen.",
+    "worn": "{program} ist nicht gestartet: Das Werkzeug in der Spindel, T{number}, ist verschlissen "
+    "({cut:.1f} min im Schnitt, {parts} Teile). Es wechseln und als neu melden oder bestätigen, dass es "
+    "weiter schneidet.",
+    "tool_worn": "T{number} ist verschlissen ({cut:.1f} min im Schnitt, {parts} Teile): wechseln und als neu "
+    "melden.",
+    "maintenance_due": "Wartung ist fällig: {name} (alle {every:g} {unit}). Ausführen und "
+    "als erledigt melden.",
+    "no_counter": "Zähler {counter}: gibt es nicht; erlaubt sind {allowed}.",
+    "no_item": "Wartung {name}: gibt es nicht; eine mit Intervall anlegen.",
+    "no_item_name": "name: muss ein Text aus 1 bis {most} sichtbaren Zeichen sein.",
+    "many_items": "Es gibt {most} Wartungen, mehr gehen nicht; erst eine herausnehmen.",
     "little_room": "{folder} hat {free} MB frei, und {needed} MB sind nötig",
     "not_recorded": "{program} läuft, wird aber nicht aufgezeichnet: {why}. "
     "Platz auf dem Datenträger schaffen.",

@@ -29,9 +29,12 @@ REFUSALS = {
     "store_unwritten": "{file}: could not be written ({why}); check space and permission, then repeat.",
     # --- by a program's name
     "bad_name": "program name {name}: {problem}; allowed: {allowed}; rename it.",
-    "allowed_name": 'up to {most} letters, digits, spaces and signs without / \\ : * ? " < > | , not '
-    "beginning with a dot, a minus sign or a space and not ending with a dot or a space",
+    "allowed_name": 'up to {most} letters, digits, spaces and signs without \\ : * ? " < > | , '
+    "with folders before it by /, none beginning with a dot, a minus sign or a space nor ending with a dot "
+    "or a space",
     "name.empty": "is empty",
+    "name.deep": "lies deeper than {sign} folders",
+    "name.gap": "has an empty folder, or an empty name in one",
     "name.long": "is too long",
     "name.holds": "holds {sign}",
     "name.invisible": "holds the invisible sign {sign}",
@@ -121,4 +124,46 @@ REFUSALS = {
     "http.507": "The disk is full.",
     "request_silent": "The sender fell silent before the end of its request; send all of it again.",
     "request_cut": "What was sent was cut off before its end; send it again.",
+    # --- by the queue
+    "what.folder": "folder",
+    "what.entry": "entry of the queue",
+    "queue_full": "The queue has {most} entries, which is the most; take some out first.",
+    "queue_empty": "Nothing in the queue is left to run; add a program, or raise a count.",
+    "queue_done": "The queue is done.",
+    "queue_stopped": "The queue does not go on by itself: hold, stop, emergency stop or drives off was "
+    "pressed; "
+    "start what is next by hand.",
+    "queue_control": "The queue does not go on by itself: whoever chose it holds control no more, or is not "
+    "heard of; take control and start what is next by hand.",
+    "queue_run": "The queue does not go on by itself: {program} ended ({result}); see to it, then start it "
+    "again by hand.",
+    "queue_other": "The queue does not go on by itself: the machine is not ready with {program} as it was; "
+    "start what is next by hand.",
+    # --- by notices
+    "notice_url": "webhook: this is no address that can be posted to; allowed is http:// or https:// with a "
+    "host, without a user or spaces; set another one.",
+    "notice_host": "mail server {host}: is no host; allowed is a name such as mail.example.org "
+    "or an address, "
+    "without a port; set another one.",
+    "notice_address": "mail address {address}: is none; a sender and at least one receiver are needed, as "
+    "name@example.org, several by commas; set others.",
+    "notice_plain": "A password is not sent unencrypted: choose STARTTLS or TLS, or leave the user empty.",
+    "notice_none": "Neither a webhook nor a mail server is set; set one, then try it.",
+    "notice_failed": "The notice by {way} was not sent ({why}); check the settings and the "
+    "network, then try it.",
+    "way.webhook": "webhook",
+    "way.mail": "mail",
+    "notice.many": "too many are waiting",
+    "notice.silent": "the server is silent",
+    "notice.unable": "the server has no such encryption or log-in",
+    "notice.cut": "the connection ended before the answer",
+    "notice_testing": "A test is being sent already; wait for what comes of it.",
+    "notice.end": "Program {program} has ended: {result}.",
+    "notice.completed": "completed",
+    "notice.stopped": "stopped",
+    "notice.refused": "refused",
+    "notice.fault": "fault",
+    "notice.interrupted": "interrupted",
+    "notice.lost": "lost",
+    "notice.test": "This is a test: notices of the machine come through.",
 }

@@ -29,9 +29,12 @@ REFUSALS = {
     "store_unwritten": "{file}: nicht zu schreiben ({why}); Platz und Rechte prüfen, dann wiederholen.",
     # --- by a program's name
     "bad_name": "Programmname {name}: {problem}; erlaubt: {allowed}; umbenennen.",
-    "allowed_name": 'bis zu {most} Buchstaben, Ziffern, Leerzeichen und Zeichen ohne / \\ : * ? " < > | , '
-    "nicht mit Punkt, Minuszeichen oder Leerzeichen am Anfang und nicht mit Punkt oder Leerzeichen am Ende",
+    "allowed_name": 'bis zu {most} Buchstaben, Ziffern, Leerzeichen und Zeichen ohne \\ : * ? " < > | , '
+    "davor Ordner mit /, keiner mit Punkt, Minus oder Leerzeichen am Anfang oder mit Punkt oder Leerzeichen "
+    "am Ende",
     "name.empty": "ist leer",
+    "name.deep": "liegt tiefer als {sign} Ordner",
+    "name.gap": "hat einen leeren Ordner oder darin einen leeren Namen",
     "name.long": "ist zu lang",
     "name.holds": "enthält {sign}",
     "name.invisible": "enthält das unsichtbare Zeichen {sign}",
@@ -125,4 +128,51 @@ REFUSALS = {
     "http.507": "Die Platte ist voll.",
     "request_silent": "Der Sender verstummte vor dem Ende seiner Anfrage; sie ganz noch einmal senden.",
     "request_cut": "Was gesendet wurde, brach vor dem Ende ab; noch einmal senden.",
+    # --- by the queue
+    "what.folder": "Ordner",
+    "what.entry": "Eintrag der Warteschlange",
+    "queue_full": "Die Warteschlange hat {most} Einträge, mehr gehen nicht; erst einige herausnehmen.",
+    "queue_empty": "In der Warteschlange steht nichts mehr an; ein Programm anfügen oder eine Anzahl "
+    "erhöhen.",
+    "queue_done": "Die Warteschlange ist fertig.",
+    "queue_stopped": "Die Warteschlange geht nicht von selbst weiter: Halt, Stopp, Not-Halt oder Antriebe "
+    "aus "
+    "wurde gedrückt; das nächste Programm von Hand starten.",
+    "queue_control": "Die Warteschlange geht nicht von selbst weiter: Wer das wählte, hat das Steuerrecht "
+    "nicht "
+    "mehr oder ist nicht zu hören; das Steuerrecht nehmen und das nächste Programm von Hand starten.",
+    "queue_run": "Die Warteschlange geht nicht von selbst weiter: {program} ist zu Ende ({result}); "
+    "nachsehen, dann von Hand neu starten.",
+    "queue_other": "Die Warteschlange geht nicht von selbst weiter: Die Maschine ist nicht mehr mit "
+    "{program} "
+    "bereit; das nächste Programm von Hand starten.",
+    # --- by notices
+    "notice_url": "Webhook: Das ist keine Adresse, an die gesendet werden kann; erlaubt ist http:// oder "
+    "https:// mit einem Rechner, ohne Benutzer und Leerzeichen; eine andere eintragen.",
+    "notice_host": "Mailserver {host}: ist kein Rechner; erlaubt ist ein Name wie mail.example.org oder eine "
+    "Adresse, ohne Port; einen anderen eintragen.",
+    "notice_address": "Mailadresse {address}: ist keine; nötig sind ein Absender und "
+    "mindestens ein Empfänger, als "
+    "name@example.org, mehrere mit Komma; andere eintragen.",
+    "notice_plain": "Ein Passwort wird nicht unverschlüsselt gesendet: STARTTLS oder TLS wählen oder den "
+    "Benutzer leer lassen.",
+    "notice_none": "Weder ein Webhook noch ein Mailserver ist eingetragen; einen eintragen, dann probieren.",
+    "notice_failed": "Die Nachricht per {way} wurde nicht gesendet ({why}); Einstellungen und "
+    "Netz prüfen, dann "
+    "probieren.",
+    "way.webhook": "Webhook",
+    "way.mail": "Mail",
+    "notice.many": "es warten zu viele",
+    "notice.silent": "der Server schweigt",
+    "notice.unable": "der Server kann diese Verschlüsselung oder Anmeldung nicht",
+    "notice.cut": "die Verbindung endete vor der Antwort",
+    "notice_testing": "Eine Probe wird schon gesendet; abwarten, was daraus wird.",
+    "notice.end": "Das Programm {program} ist zu Ende: {result}.",
+    "notice.completed": "fertig",
+    "notice.stopped": "gestoppt",
+    "notice.refused": "abgelehnt",
+    "notice.fault": "Störung",
+    "notice.interrupted": "unterbrochen",
+    "notice.lost": "verloren",
+    "notice.test": "Das ist ein Versuch: Nachrichten der Maschine kommen an.",
 }

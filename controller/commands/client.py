@@ -110,6 +110,7 @@ def start(
     unrecorded: Annotated[
         bool, typer.Option("--unrecorded", help="Also where the disk takes no record of the run.")
     ] = False,
+    worn: Annotated[bool, typer.Option("--worn", help="Also with a tool at the end of its life.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask before a start in mid program.")] = False,
     take_over: TakeOver = False,
     url: Url = remote.URL,
@@ -132,7 +133,8 @@ def start(
                 loaded = _loaded(machine, {"program": program, **place})
                 if line is not None and not yes:
                     _agreed(loaded, line)
-            done = carried_out(machine, "cycle/start", {"unrecorded": True} if unrecorded else None)
+            confirmed = {"unrecorded": unrecorded, "worn": worn}
+            done = carried_out(machine, "cycle/start", confirmed if any(confirmed.values()) else None)
         tell_done(say("started_program", program=program) if program else say("started"), done, as_json)
 
 

@@ -29,6 +29,7 @@ from pathlib import Path
 
 from controller import config, fitting, whole
 from controller.machine import Machine
+from controller.panel import notice_settings
 from controller.panel.archive import (
     FITTING,
     FORMAT,
@@ -60,7 +61,7 @@ def save(store: Store, machine: Machine, file: Path, machine_file: Path | None =
     parts = {
         MACHINE: _alone(machine).encode(),
         FITTING: json.dumps(fitting.load(store.folder)).encode(),
-        SETTINGS: json.dumps(store.settings.all()).encode(),
+        SETTINGS: json.dumps(notice_settings.without_secrets(store.settings.all())).encode(),
     }
     programs = {program.name: program.sha256 for program in store.programs.list()}
     sums = {name: hashlib.sha256(data).hexdigest() for name, data in parts.items()}
@@ -159,7 +160,8 @@ def _enter(store: Store, contents: Contents, staged: Path, sql: sqlite3.Connecti
     whole.sync(programs.folder)
     for name, sha256 in contents.programs.items():
         programs.enter(Program(name, sha256, *lines[sha256], now_s, BY), sql)
-    store.settings.replace(contents.settings, BY, sql)
+    settings = notice_settings.restored(store.settings.all(), contents.settings)
+    store.settings.replace(settings, BY, sql)
 
 
 def _facts(file: Path) -> tuple[int, int]:

@@ -14,7 +14,9 @@ from controller.panel.disk_use import Sizes
 from controller.panel.drafts import Drafts
 from controller.panel.events import Events
 from controller.panel.gather import Gatherer
+from controller.panel.go_on import GoOn
 from controller.panel.link import Door, Watch
+from controller.panel.notices import Notices
 from controller.panel.roles import Control
 from controller.panel.store import Store
 from controller.panel.ticks import Latest
@@ -43,6 +45,8 @@ class Panel:
         self.sizes = Sizes(store.folder)
         self.control = Control()
         self.events = Events(self.watch, store)
+        self.notices = Notices(store, self.watch)
+        self.go_on = GoOn(store, self.door, self.control, self.note)
         self.audited: dict[
             tuple[str, str, bool], float
         ] = {}  # (user, action, allowed) -> when, monotonic (s)
@@ -69,7 +73,10 @@ class Panel:
         if self.checker is not None:
             loop = asyncio.get_running_loop()
             self.checker.tell = lambda name: loop.call_soon_threadsafe(self._tell_check, name)
-        works = (self.events.run, self._look, self._refresh_users, self._write_notes)
+        works = (
+            *(self.events.run, self.notices.run, self.go_on.run),
+            *(self._look, self._refresh_users, self._write_notes),
+        )
         tasks = [asyncio.create_task(_kept(work)) for work in works]
         try:
             yield
@@ -103,6 +110,7 @@ class Panel:
             await asyncio.to_thread(self.store.audit.add, *note)
 
     def _end(self) -> None:
+        self.notices.end()
         if self.checker is not None:
             self.checker.close()
         with contextlib.suppress(StoreError):

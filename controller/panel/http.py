@@ -35,13 +35,17 @@ from controller.panel.routes import (
     listen,
     looks,
     machine,
+    notices,
     programs,
+    queue,
     records,
     session,
     tables,
     ticks,
+    usage,
     users,
 )
+from controller.panel.slashes import Slashes
 
 API = "/api/v1"
 MOST_BODY_BYTES = 100_000  # of everything but uploads, which count for themselves
@@ -54,7 +58,7 @@ STORE_STATUSES = {
 }
 PARTS = (
     *((API, part) for part in (machine, cycle, jog, programs, tables, records, ticks)),
-    *((API, part) for part in (looks, session, users, listen)),
+    *((API, part) for part in (looks, session, users, notices, queue, usage, listen)),
     ("", metrics),
     ("", octoprint),
 )
@@ -91,6 +95,7 @@ def make_app(panel: Panel) -> FastAPI:
         app.include_router(part.router, prefix=prefix)
     _describe(app)
     _refusals(app)
+    app.add_middleware(Slashes)
     app.add_middleware(Bounds)
     return app
 

@@ -26,7 +26,7 @@ FRESH_S = 0.025  # half of the interval of the events
 QUICK_S = 5.0
 SLOW_S = 600.0  # a whole program may have to be read
 # Who may look at all asks for these, so they are kept apart from what moves the machine.
-LOOKS = frozenset({"facts", "drives", "alarms", "runs", "rows", "buses", "restart", "acknowledge"})
+LOOKS = frozenset({"facts", "drives", "alarms", "runs", "rows", "buses", "restart", "acknowledge", "usage"})
 TELLS = LOOKS | {"status"}  # what changes nothing
 STOPS = frozenset({"stop", "hold", "estop", "jog_stop", "disable"})
 SLOW = frozenset(
@@ -46,7 +46,7 @@ SLOW = frozenset(
 )
 # "bad" is no 422: what the schema cannot say (a word of a program, an axis that this machine
 # has not) depends on the machine, and so does whether it is refused.
-STATUSES = {"refused": 409, "busy": 409, "bad": 409, "unrecorded": 409, "gone": 503}
+STATUSES = {**dict.fromkeys(("refused", "busy", "bad", "unrecorded", "worn"), 409), "gone": 503}
 
 
 class Door(Protocol):

@@ -62,6 +62,9 @@ class Start(Sent):
             "loss of power, nor made again, and a fault in it leaves no recording."
         ),
     ] = False
+    worn: Annotated[
+        bool, Field(description="Also where the tool in the spindle is at the end of its life.")
+    ] = False
 
 
 class Switch(Sent):

@@ -21,6 +21,7 @@ from controller import catalogue
 from controller.panel.access import needs, panel_of
 from controller.panel.answers import Refusal, documented, spoken
 from controller.panel.core import Panel
+from controller.panel.names import leaf_of
 from controller.panel.programs import Program
 from controller.panel.roles import Role
 from controller.panel.routes.programs import BODY, place_of, take
@@ -70,7 +71,12 @@ async def octoprint_upload(request: Request, response: Response) -> dict[str, An
     program = (await take(request)).program
     where = place_of(request, program)
     response.headers["Location"] = where
-    file = {"name": program.name, "path": program.name, "origin": "local", "refs": {"resource": where}}
+    file = {
+        "name": leaf_of(program.name),
+        "path": program.name,
+        "origin": "local",
+        "refs": {"resource": where},
+    }
     return {"done": True, "effectiveSelect": False, "effectivePrint": False, "files": {"local": file}}
 
 
@@ -84,7 +90,7 @@ async def octoprint_files(request: Request) -> dict[str, Any]:
     return {"files": [_file(request, program) for program in kept], "free": disk.free, "total": disk.total}
 
 
-@router.get("/api/files/local/{name}", dependencies=LOOK, responses=documented(401, 403, 404, 422, 503))
+@router.get("/api/files/local/{name:path}", dependencies=LOOK, responses=documented(401, 403, 404, 422, 503))
 async def octoprint_file(request: Request, name: str) -> dict[str, Any]:
     """One program."""
     return _file(request, await asyncio.to_thread(panel_of(request).store.programs.get, name))
@@ -141,6 +147,7 @@ async def octoprint_command(
     verb = await _verb(panel, body)
     if verb in ("start", "resume"):
         panel.control.check(x_control_token)
+    panel.go_on.asked(verb)
     await panel.door.ask(verb)
 
 
@@ -176,7 +183,12 @@ def _file(request: Request, program: Program) -> dict[str, Any]:
     where = place_of(request, program)
     text = str(request.url_for("text", name=quote(program.name, safe="")))
     return {
-        **{"name": program.name, "display": program.name, "path": program.name, "origin": "local"},
+        **{
+            "name": leaf_of(program.name),
+            "display": leaf_of(program.name),
+            "path": program.name,
+            "origin": "local",
+        },
         **{"type": "machinecode", "typePath": ["machinecode", "gcode"]},
         **{"size": program.size, "date": int(program.uploaded_s)},
         "refs": {"resource": where, "download": text},

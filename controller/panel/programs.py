@@ -12,7 +12,7 @@ import json
 import os
 import sqlite3
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -99,7 +99,8 @@ class Programs:
     def called_by(self, name: str, text: bytes) -> dict[str, str]:
         """The same of a text that would have that name. Raises OSError."""
         there = {one.name: self.path(one.sha256) for one in self.list() if one.name != name}
-        _, files = linked.parts(linked.linked(text, linked.among(there)))
+        beside, top = (_in(folder, there) for folder in (names.folder_of(name), ""))
+        _, files = linked.parts(linked.linked(text, lambda label: beside(label) or top(label)))
         return {name: str(there[name]) for name, _ in files.values()}
 
     def opened(self, name: str) -> tuple[Program, BinaryIO]:
@@ -142,8 +143,26 @@ class Programs:
             _free(old, in_use)
             if to != name and _named(sql, to):
                 raise StoreError.told("exists", "exists", what=Key("what.program"), name=to)
-            sql.execute("UPDATE programs SET name = ? WHERE name = ?", (to, name))
+            _rename(sql, {name: to})
         return self.get(to)
+
+    def move(self, folder: str, to: str, in_use: Collection[str] = ()) -> dict[str, str]:
+        """Give a folder another name, all of it or nothing; old names -> new ones.
+
+        Raises StoreError: missing, name, exists, running.
+        """
+        to = names.check(to)
+        with self._database.write() as sql:
+            there = {row[0] for row in sql.execute("SELECT name FROM programs")}
+            moved = {name: names.check(to + name[len(folder) :]) for name in there if _within(folder, name)}
+            if not moved:
+                raise StoreError.told("missing", "missing", what=Key("what.folder"), name=names.shown(folder))
+            for name in moved:
+                _free(self._needed(sql, name), in_use)
+            if taken := sorted(set(moved.values()) & (there - set(moved))):
+                raise StoreError.told("exists", "exists", what=Key("what.program"), name=taken[0])
+            _rename(sql, moved)
+        return moved
 
     def delete(self, name: str, in_use: Collection[str] = ()) -> None:
         """Raises StoreError: missing, running."""
@@ -202,6 +221,25 @@ class Checks:
         """Checks that were waiting or running when their process ended."""
         rows = self._database.rows("SELECT * FROM checks WHERE state IN ('waiting', 'running')")
         return [_check(row) for row in rows]
+
+
+def _within(folder: str, name: str) -> bool:
+    return name.startswith(f"{folder}/")
+
+
+def _in(folder: str, there: Mapping[str, Path]) -> linked.Find:
+    """Finds files of subs in a folder, not in those within it."""
+    return linked.among({name: path for name, path in there.items() if names.folder_of(name) == folder})
+
+
+def _rename(sql: sqlite3.Connection, moved: Mapping[str, str]) -> None:
+    """Programs, and what of the queue names them; by way of names that none has, for one may be another's."""
+    for name, to in (
+        *((old, f"/{new}") for old, new in moved.items()),
+        *((f"/{to}", to) for to in moved.values()),
+    ):
+        sql.execute("UPDATE programs SET name = ? WHERE name = ?", (to, name))
+        sql.execute("UPDATE queue SET program = ? WHERE program = ?", (to, name))
 
 
 def _named(sql: sqlite3.Connection, name: str) -> Program | None:

@@ -212,6 +212,12 @@ class Values:
         with self._database.write() as sql:
             self._put(sql, key, value, by)
 
+    def put(self, values: Mapping[str, Any], by: str) -> None:
+        """Several, all of them or none."""
+        with self._database.write() as sql:
+            for key, value in values.items():
+                self._put(sql, key, value, by)
+
     def remove(self, key: str | int) -> None:
         """Back to what the machine file says; nothing happens where there is no such value."""
         with self._database.write() as sql:

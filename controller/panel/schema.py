@@ -99,4 +99,22 @@ CREATE TABLE sessions (
 ALTER TABLE tokens ADD COLUMN expires_s REAL
 """  # NULL: it does not expire
 
-MIGRATIONS: tuple[str, ...] = (_FIRST, _LOG_INS)
+_QUEUE = """
+CREATE TABLE queue (
+    id INTEGER PRIMARY KEY AUTOINCREMENT,
+    place INTEGER NOT NULL,             -- in its order
+    program TEXT NOT NULL,              -- name
+    count INTEGER NOT NULL,             -- wanted
+    done INTEGER NOT NULL,
+    added_s REAL NOT NULL,
+    added_by TEXT NOT NULL
+) STRICT;
+CREATE TABLE marks (
+    key TEXT PRIMARY KEY,               -- how far somebody has looked at runs and alarms
+    value TEXT NOT NULL,                -- JSON
+    changed_s REAL NOT NULL,
+    changed_by TEXT NOT NULL
+) STRICT
+"""
+
+MIGRATIONS: tuple[str, ...] = (_FIRST, _LOG_INS, _QUEUE)

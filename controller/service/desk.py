@@ -19,7 +19,7 @@ from controller.geometry import Frame
 from controller.handoff import Snapshot, blank
 from controller.machine import Machine
 from controller.plan.aside import RETRACT_MM_S
-from controller.service import hearing, jobs, looks, offer, runs, sequences, status
+from controller.service import hearing, jobs, looks, offer, runs, sequences, status, wear
 from controller.service.acknowledged import Acknowledged, refusal
 from controller.service.arguments import number, whole
 from controller.service.jobs import Job
@@ -78,6 +78,11 @@ class Desk:
             "runs": lambda _: self._errands.submit(lambda: {"runs": runs.list_runs(self._service.state)}),
             "rows": lambda args: self._errands.submit(looks.rows, self._service.engine.recorder, args),
             "buses": lambda _: self._errands.submit(self._buses),
+            "usage": lambda _: self._errands.submit(service.usage.told),
+            "tool_life": lambda args: self._errands.submit(wear.tool_life, service.usage, args),
+            "tool_renewed": lambda args: self._errands.submit(wear.tool_renewed, service.usage, args),
+            "maintenance": lambda args: self._errands.submit(wear.maintenance, service.usage, args),
+            "maintained": lambda args: self._errands.submit(wear.maintained, service.usage, args),
         }
 
     def __call__(self, verb: str, args: Values) -> Answer:
@@ -123,7 +128,7 @@ class Desk:
             "retract_room_mm": self._retract_room_mm(now),
             "tool": service.tool or None,
             **({"in_block": _last_block(job)} if job is not None and not job.active else {}),
-            "tool_change": status.tool_change(service.machine, asked) if asked else None,
+            "tool_change": status.tool_change(service.machine, asked, service.usage) if asked else None,
             "control": None,
             "job": job.to_dict(now) if job is not None else None,
             "drives": hearing.drives(service.machine, now, service.logs, service.homing),
@@ -311,6 +316,9 @@ class Desk:
         if job.state == "refused":
             why = job.said
             raise refused("not_ready", now.mode.name, "START", program=job.program.name, why=why)
+        self._permitted(Request.START)
+        if args.get("worn") is not True:
+            wear.check(service.usage, service.tool, job.program.name)
         return self._begin("start", job, args.get("unrecorded") is True)
 
     def _begin(self, name: str, job: Job, unrecorded: bool = False) -> Answer:

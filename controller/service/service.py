@@ -35,9 +35,10 @@ from controller.service.jobs import Job
 from controller.service.orders import News, Program
 from controller.service.pulse import STANDS_S, LastSecond, Pulse
 from controller.service.refused import refused
-from controller.service.runs import RunRecord
+from controller.service.runs import Rows, RunRecord
 from controller.service.sequencer import Sequencer
 from controller.service.troubles import Troubles
+from controller.service.usage import Usage
 from controller.session.bus_load import overload
 from controller.session.listener import Listener
 from controller.session.recording import Keeper
@@ -69,6 +70,7 @@ class Service:
         fitting.note(state, machine)
         self.machine = fitting.applied(machine, self.fitted)  # as programs see it
         self.alarms = Alarms(state)
+        self.usage = Usage(state, machine)
         self.sequencer = Sequencer(self._failed)
         self.job: Job | None = None  # the loaded program
         self.running: Job | None = None  # it, or an MDI line, from start to end
@@ -145,6 +147,7 @@ class Service:
         self._over.set()
         self._end_job("interrupted", said("service_ended"))
         self._records.shutdown(wait=True)
+        self._save_usage(at_once=True)
         self._close_listener()
         self.engine.end()
         self._folder.cleanup()
@@ -297,6 +300,7 @@ class Service:
             if job.news.tool is not None and (result == "completed" or job.news.tool != self.tool):
                 self._put_in(job.news.tool if result == "completed" else 0)  # it may be in the hand
             self.running = self.record = None
+            self.usage.ended(result == "completed" and not job.is_mdi)
             self.troubles.run_over()
             # Last of all: who is told that it has ended may do at once what a run forbids.
             job.state, job.said = result, why
@@ -308,6 +312,12 @@ class Service:
         while not self._over.wait(SYNC_S):
             if (record := self.record) is not None:
                 record.sync()
+            self._save_usage()
+
+    def _save_usage(self, at_once: bool = False) -> None:
+        """Counters that cannot be kept are kept later."""
+        with contextlib.suppress(OSError):
+            self.usage.save(at_once)
 
     # -- looking on
 
@@ -320,7 +330,7 @@ class Service:
             if now is None:
                 return None
             self._look_at_processes(now)
-            self._look_at_rows()
+            self._look_at_rows(now)
         finally:
             self.lock.release()
         if self.engine.tick_alive:
@@ -374,10 +384,10 @@ class Service:
     def _tick_gone(self, now: Snapshot) -> None:
         why = self.troubles.tick_gone(now, self.engine.last_words())
         self.journal.lost(now)
-        self._look_at_rows()
+        self._look_at_rows(now)
         self._end_job("fault", why)
 
-    def _look_at_rows(self) -> None:
+    def _look_at_rows(self, now: Snapshot) -> None:
         recorder = self.engine.recorder
         if recorder is None:
             return
@@ -386,9 +396,16 @@ class Service:
             if self.running is not None:
                 under_way = rows[:, COLUMN["mode"]] != Mode.READY
                 self.running.pass_rows(rows[under_way, COLUMN["motion_id"]].astype(int).tolist())
+            self._count(rows, now.spindle_actual_rev_min != 0.0)
             if self.record is not None:
                 self.record.take(rows, self.engine.asked, self.engine.snapshot())
                 self._tell_of_record(self.record)
+
+    def _count(self, rows: Rows, turning: bool) -> None:
+        """Travel, hours, the cut of the tool in the spindle; what has come to its end is an alarm, once."""
+        self.usage.take(rows, self.tool, turning)
+        for key, values in self.usage.due():
+            self.alarms.add(key.upper(), said(key, **values))
 
     def _look_at_job(self, now: Snapshot) -> None:
         job, record = self.running, self.record

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from controller import config
-from controller.catalogue import said
+from controller.catalogue import said, several
 from controller.geometry import Frame
 from controller.handoff import Snapshot
 from controller.kinematics import kinematics_of
@@ -18,6 +18,7 @@ from controller.plan.route.entry import room_along_axis
 from controller.service.jobs import UNDER_WAY
 from controller.service.orders import Way
 from controller.service.pulse import STANDS_S
+from controller.service.usage import Usage
 from controller.state import Binding, Fault, Mode, binding_text, told
 
 PER_MIN = 60.0
@@ -108,12 +109,14 @@ def _notices(now: Snapshot) -> list[dict[str, Any]]:
     return [{"name": fault.name, **told(fault)} for fault in faults]
 
 
-def tool_change(machine: Machine, number: int) -> dict[str, Any]:
-    """What the operator is asked to do where a program waits for a tool."""
+def tool_change(machine: Machine, number: int, usage: Usage | None = None) -> dict[str, Any]:
+    """What the operator is asked to do where a program waits for a tool, and whether that one is worn."""
     tool = machine.tool(number)
     name = f" ({tool.name})" if tool is not None and tool.name else ""
     key = "tool_change" if number else "tool_out"
-    return {"number": number, **said(key, number=number, name=name)}
+    asks = said(key, number=number, name=name)
+    worn = usage.worn(number) if usage is not None else None
+    return {"number": number, **(several(asks, said("tool_worn", **worn)) if worn else asks)}
 
 
 def _bits(names: tuple[tuple[str, int], ...], word: int) -> dict[str, bool]:

@@ -8,7 +8,7 @@ from typing import Any
 from fastapi import APIRouter, Request, Response
 
 from controller.catalogue import said
-from controller.panel import models
+from controller.panel import loading, models
 from controller.panel.access import moves, needs, panel_of, stops
 from controller.panel.answers import Answer, Refusal, documented
 from controller.panel.roles import Role
@@ -33,18 +33,18 @@ async def load(request: Request, response: Response, body: models.Load) -> model
     """
     if body.restart and (body.line, body.fraction, body.dry_run_mm) != (None, None, None):
         raise Refusal.told(409, "bad", "restart_line")
-    programs = panel_of(request).store.programs
-    program = await asyncio.to_thread(programs.get, body.program)
     where = body.model_dump(include={"line", "fraction", "dry_run_mm"}, exclude_none=True)
     where |= {key: True for key in ("restart", "block_delete") if getattr(body, key)}
-    if files := await asyncio.to_thread(programs.called, program):
-        where |= {"files": files}
-    path = str(programs.path(program.sha256))
-    done = await ask(request, "load", path=path, name=program.name, sha256=program.sha256, **where)
-    if done.result.get("done") is False:
+    panel = panel_of(request)
+    return answered(request, response, await loading.load(panel.store, panel.door, body.program, **where))
+
+
+def answered(request: Request, response: Response, loaded: dict[str, Any]) -> models.Done:
+    """What the service said to a load; 202 where it is still at it."""
+    if loaded.get("done") is False:
         response.status_code = 202
         response.headers.update({"Location": request.url_for("job").path, "Retry-After": "1"})
-    return done
+    return models.Done(request="load", result=loaded)
 
 
 @router.get(
@@ -86,9 +86,10 @@ async def unload(request: Request) -> models.Done:
 async def start(request: Request, body: models.Start | None = None) -> models.Done:
     """Cycle start of the loaded program.
 
-    Where the disk cannot take what the run leaves behind, it is refused with the code "unrecorded".
+    Where the disk cannot take what the run leaves behind, it is refused with the code "unrecorded"; with
+    "worn" where the tool in the spindle is at the end of its life.
     """
-    confirmed = {"unrecorded": True} if body is not None and body.unrecorded else {}
+    confirmed = {key: True for key in ("unrecorded", "worn") if body is not None and getattr(body, key)}
     return await ask(request, "start", **confirmed)
 
 

@@ -18,7 +18,9 @@ LOOKS = documented(401, 403, 503)
 
 async def ask(request: Request, verb: str, **args: Any) -> models.Done:
     """One verb of the service, done. Raises Refusal."""
-    return models.Done(request=verb, result=await panel_of(request).door.ask(verb, **args))
+    panel = panel_of(request)
+    panel.go_on.asked(verb)
+    return models.Done(request=verb, result=await panel.door.ask(verb, **args))
 
 
 @router.get(

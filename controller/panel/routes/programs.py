@@ -1,4 +1,7 @@
-"""Programs of the store: upload, list, text, rename, delete, check."""
+"""Programs of the store: upload, list, text, rename, move, delete, check.
+
+A name with folders is one part of a path: ``/programs/fixtures%2Fpart.ngc/text``.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +21,7 @@ from controller.panel.multipart import Received
 from controller.panel.programs import Program
 from controller.panel.roles import Role
 from controller.panel.routes.records import Opened
+from controller.panel.slashes import Name
 
 router = APIRouter(tags=["programs"])
 Place = Annotated[int, Query(ge=0, le=10**9)]
@@ -89,7 +93,7 @@ async def programs(request: Request, brief: bool = False) -> models.ProgramList:
 
 
 @router.get("/programs/{name}", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 404, 422))
-async def program(request: Request, name: str) -> models.ProgramFacts:
+async def program(request: Request, name: Name) -> models.ProgramFacts:
     """One program, with its check and its last run."""
     panel = panel_of(request)
     return await asyncio.to_thread(lambda: _facts(panel, panel.store.programs.get(name)))
@@ -104,7 +108,7 @@ async def program(request: Request, name: str) -> models.ProgramFacts:
         **documented(401, 403, 404, 422),
     },
 )
-async def text(request: Request, name: str) -> Opened:
+async def text(request: Request, name: Name) -> Opened:
     """The program as it was uploaded, byte by byte."""
     found, file = await asyncio.to_thread(panel_of(request).store.programs.opened, name)
     # Never shown by a browser as a page: programs come from anywhere.
@@ -116,7 +120,7 @@ async def text(request: Request, name: str) -> Opened:
 @router.get(
     "/programs/{name}/around", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 404, 422)
 )
-async def around(request: Request, name: str, line: Place, column: Place = 0) -> models.LinesAround:
+async def around(request: Request, name: Name, line: Place, column: Place = 0) -> models.LinesAround:
     """The lines up to a place, with a caret below its column: where a check found a mistake."""
     store = panel_of(request).store
 
@@ -140,7 +144,7 @@ async def draft(request: Request, body: models.Draft) -> models.DraftRead:
     dependencies=[needs(Role.OPERATE)],
     responses=documented(401, 403, 404, 409, 422, 503),
 )
-async def rename(request: Request, name: str, body: models.Rename) -> models.ProgramFacts:
+async def rename(request: Request, name: Name, body: models.Rename) -> models.ProgramFacts:
     """Give a program another name; refused for the loaded one."""
     panel = panel_of(request)
     used = await panel.watch.in_use()
@@ -149,13 +153,34 @@ async def rename(request: Request, name: str, body: models.Rename) -> models.Pro
     return await asyncio.to_thread(_facts, panel, renamed)
 
 
+@router.patch(
+    "/folders/{name}",
+    dependencies=[needs(Role.OPERATE)],
+    responses=documented(401, 403, 404, 409, 422, 503),
+)
+async def move(request: Request, name: Name, body: models.Rename) -> models.ProgramList:
+    """Give a folder another name, or put it into another one, with all that is in it; what was moved.
+
+    A folder is there as long as a program is in it. Refused where one of them is loaded.
+    """
+    panel = panel_of(request)
+    used = await panel.watch.in_use()
+    moved = await asyncio.to_thread(panel.store.programs.move, name, body.name, used)
+    panel.events.tell("programs", {"name": name, "done": "moved", "to": body.name})
+
+    def listed() -> list[models.ProgramFacts]:
+        return [_facts(panel, panel.store.programs.get(to)) for to in sorted(moved.values())]
+
+    return models.ProgramList(programs=await asyncio.to_thread(listed))
+
+
 @router.delete(
     "/programs/{name}",
     status_code=204,
     dependencies=[needs(Role.OPERATE)],
     responses=documented(401, 403, 404, 409, 422, 503),
 )
-async def delete(request: Request, name: str) -> None:
+async def delete(request: Request, name: Name) -> None:
     """Delete a program; refused for the loaded one."""
     panel = panel_of(request)
     await asyncio.to_thread(panel.store.programs.delete, name, await panel.watch.in_use())
@@ -165,7 +190,7 @@ async def delete(request: Request, name: str) -> None:
 @router.get(
     "/programs/{name}/check", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 404, 422)
 )
-async def check(request: Request, name: str) -> models.CheckFacts:
+async def check(request: Request, name: Name) -> models.CheckFacts:
     """What the check said, or how far it is."""
     panel = panel_of(request)
     return await asyncio.to_thread(lambda: _check(panel, panel.store.programs.get(name)))
@@ -177,7 +202,7 @@ async def check(request: Request, name: str) -> models.CheckFacts:
     dependencies=[needs(Role.OPERATE)],
     responses=documented(401, 403, 404, 422),
 )
-async def ask_check(request: Request, name: str) -> models.CheckFacts:
+async def ask_check(request: Request, name: Name) -> models.CheckFacts:
     """Have it checked on the machine as it is fitted now, unless it was."""
     panel = panel_of(request)
 

@@ -20,6 +20,7 @@ from controller.panel import models, run_report
 from controller.panel.access import needs, panel_of, principal
 from controller.panel.answers import Refusal, documented, spoken
 from controller.panel.core import Panel
+from controller.panel.names import leaf_of
 from controller.panel.roles import Role
 from controller.panel.store import Run
 
@@ -43,7 +44,7 @@ class Opened(FileResponse):
 
     def __init__(self, file: BinaryIO, name: str, headers: dict[str, str] | None = None) -> None:
         path = f"/proc/self/fd/{file.fileno()}"
-        super().__init__(path, headers=headers, media_type="application/octet-stream", filename=name)
+        super().__init__(path, headers=headers, media_type="application/octet-stream", filename=leaf_of(name))
         self._file = file
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

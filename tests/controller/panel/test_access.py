@@ -42,7 +42,13 @@ BODIES: dict[str, Any] = {
     "/users": {"name": "eve", "password": "long enough", "role": "set_up"},
     "/users/nobody": {"role": "set_up"},
     "/tokens": {"name": "eve", "role": "set_up"},
+    "/notices": {"webhook": "http://127.0.0.1:9/"},
     "/programs/nobody": {"name": "other"},
+    "/folders/nobody": {"name": "other"},
+    "/queue": {"program": "nobody"},
+    "/queue/1": {"count": 1},
+    "/usage/maintenance": {"name": "grease", "counter": "X", "every": 1.0},
+    "/usage/maintenance/done": {"name": "grease"},
 }
 WEBSOCKET = "WEBSOCKET"
 VERBS = {"/job": "load", "/mdi": "mdi", "/jog": "jog", "/jog/step": "jog_step"}

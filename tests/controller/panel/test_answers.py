@@ -28,7 +28,7 @@ CASES: dict[str, tuple[str, str, Any, str]] = {
         {"name": "b.ngc"},
         "diesen Namen gibt es schon",
     ),
-    "its new name is a path": ("PATCH", "/programs/a.ngc", {"name": "a/b"}, "enthält '/'"),
+    "its new name is a path": ("PATCH", "/programs/a.ngc", {"name": "a/../b"}, "beginnt mit '.'"),
     "it is loaded": ("DELETE", "/programs/loaded.ngc", None, "ist geladen oder läuft"),
     "a run that is not there": ("GET", "/runs/7", None, "Lauf 7: gibt es nicht"),
     "an alarm that is not there": ("POST", "/alarms/7/acknowledge", None, "Meldung 7: gibt es nicht"),

@@ -491,7 +491,7 @@ def test_a_disk_that_fills_during_a_run_is_told_once(
     assert service.record is not None and service.record._file is not None
     service.record.began, service.record._file.problem = True, "No space left on device"
     for _ in range(3):
-        service._look_at_rows()
+        service._look_at_rows(engine.now)
     (alarm,) = service.alarms.list()
     assert catalogue.text(alarm).startswith(
         "The record of part.ngc ends before the run: No space left on device"

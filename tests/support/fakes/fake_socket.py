@@ -16,6 +16,7 @@ from controller.service import looks
 from controller.service.jogging import ENDS, Presses
 
 AXES = ("X", "Y", "Z", "A", "C")
+WEARS = ("tool_life", "tool_renewed", "maintenance", "maintained")
 # verb -> modes in which it is taken, and the mode after it (None: as it was)
 TABLE: dict[str, tuple[set[str], str | None]] = {
     "load": ({"OFF", "READY"}, None),
@@ -43,7 +44,10 @@ TABLE: dict[str, tuple[set[str], str | None]] = {
     "forget": ({"OFF", "READY"}, None),
     "set_tool": ({"OFF", "READY", "HOLD"}, None),
     "acknowledge": (set(), None),
+    **dict.fromkeys(WEARS, (set(), None)),
 }
+
+USAGE: dict[str, Any] = {"tools": [], "counters": [], "items": []}
 
 
 class FakeDoor:
@@ -87,6 +91,7 @@ class FakeDoor:
             "alarms": dict,
             "buses": self.buses,
             "restart": lambda: self.restart,
+            "usage": lambda: dict(USAGE),
         }
         if verb in looks_at:
             return dict(looks_at[verb]())
@@ -100,7 +105,7 @@ class FakeDoor:
         self.asked.append((verb, args))
         self.mode = after or self.mode
         self._keep(verb, args)
-        return self.results.get(verb, {})
+        return self.results.get(verb, USAGE if verb in WEARS else {})
 
     def _keep(self, verb: str, args: dict[str, Any]) -> None:
         if verb == "load":

@@ -37,15 +37,23 @@ HOSTILE_NAMES = [
     "-rf",
     "part.",
     "part ",
-    "%2e%2e/part",
     "part/../../x",
-    "programs/part.ngc",
+    "a//b",
+    "a/",
+    "a/./b",
+    "a/.hidden",
+    "a/-rf",
+    "a/b /c",
+    "1/2/3/4/5/6/7/8/9/10",
     "a|b",
     "$(reboot)<script>",
     "\u2028",
     "\uffff",
 ]
-SOUND_NAMES = ["part.ngc", "Teil für Änderung (2).ngc", "O1234", "部品.ngc", "a" * 120, "x'y`z$;&.nc", "a..b"]
+SOUND_NAMES = [
+    *("part.ngc", "Teil für Änderung (2).ngc", "O1234", "部品.ngc", "a" * 120, "x'y`z$;&.nc", "a..b"),
+    *("programs/part.ngc", "Spannmittel/links/Teil 2.ngc", "%2e%2e/part", "50%/a%2Fb.ngc", "x/text"),
+]
 
 
 class Sent(NamedTuple):

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import uvicorn
-from support.fakes.fake_socket import AXES, FakeDoor
+from support.fakes.fake_socket import AXES, WEARS, FakeDoor
 
 from controller import config, fitting
 from controller.catalogue import Key, said
@@ -28,8 +28,9 @@ from controller.panel.page.server import add_page
 from controller.panel.programs import Program, ProgramCheck
 from controller.panel.store import Store
 from controller.plan.report.verdict import Verdict
-from controller.service import status
+from controller.service import status, wear
 from controller.service.refused import refused
+from controller.service.usage import Usage
 from controller.state import ALL_AXES, Fault, Mode, told
 from controller.verify import wording
 
@@ -47,6 +48,7 @@ class MovingDoor(FakeDoor):
         super().__init__()
         self.mode = "READY"
         self._told = folder / TOLD
+        self._usage = Usage(folder, MACHINE)
         self._asked = open(folder / "asked.jsonl", "a", buffering=1)  # noqa: SIM115
         self._where = dict.fromkeys(AXES, 0.0)
         self._jog: tuple[str, float, float, float] | None = None  # axis, speed, last look, until
@@ -57,6 +59,10 @@ class MovingDoor(FakeDoor):
     def answer(self, verb: str, args: dict[str, Any]) -> dict[str, Any]:
         if verb != "status":
             self._asked.write(json.dumps([time.time(), verb, args]) + "\n")
+        if verb in WEARS:
+            return getattr(wear, verb)(self._usage, args)
+        if verb == "usage":
+            return self._usage.told()
         if verb in self._overrides:
             self._overrides[verb] = args["share"]
         if verb in self._switches:

@@ -152,6 +152,22 @@ def yes(page: Any) -> None:
     page.click(".dx-ask button[data-kind=go]")
 
 
+FILL = """async () => {
+  const form = new FormData();
+  form.append("name", "fixtures/queued.ngc");
+  form.append("file", new File(["G21\\nM2\\n"], "queued.ngc"));
+  const sent = {method: "POST", body: form, headers: dx.headers()};
+  const there = (await dx.call("GET", "queue", null, true)).body.entries.length;
+  if (!there && (await fetch("/api/v1/programs", sent)).ok)
+    for (const count of [3, 1]) await dx.call("POST", "queue", {program: "fixtures/queued.ngc", count});
+}"""
+
+
+def fill(page: Any) -> None:
+    """A folder with a program, and a queue with two entries, so that they are seen."""
+    page.evaluate(FILL)
+
+
 @contextlib.contextmanager
 def looker(chromium: Any, site: Site, width: int, height: int, view: str = "run") -> Iterator[Any]:
     """A page without control, for it only looks; its scripts must not have failed."""

@@ -29,14 +29,14 @@ export async function call(method, path, body, quiet = false) {
     said.body = { error: { sentence: word("frame.no_panel") } };
   }
   if (said.status === 401) location.assign("/login");
-  if (!said.ok && !quiet && (await unrecorded(said))) return call(method, path, { ...body, unrecorded: true });
+  if (!said.ok && !quiet && (await confirmed(said))) return call(method, path, { ...body, [said.body.error.code]: true });
   if (!said.ok) refused(said, quiet);
   return said;
 }
 
-// A run that cannot be kept starts only where somebody says so.
-const unrecorded = async ({ body }) =>
-  body.error?.code === "unrecorded" && ask(`${sentence(body.error)} ${word("run.unrecorded_ask")}`);
+// A run that cannot be kept, or cuts with a worn tool, starts only where somebody says so.
+const confirmed = async ({ body }) =>
+  ["unrecorded", "worn"].includes(body.error?.code) && ask(`${sentence(body.error)} ${word(`run.${body.error.code}_ask`)}`);
 
 function refused(said, quiet) {
   const facts = said.body.error ?? {};

@@ -5,7 +5,7 @@ import { html, useEffect, useRef } from "./dom.js";
 import { Act, Wrong } from "./parts.js";
 import { dx } from "./store.js";
 import { sentence, word as text } from "./texts.js";
-import { send } from "./uploads.js";
+import { in_folder, send } from "./uploads.js";
 
 const word = (key, ...values) => text(`edit.${key}`, ...values);
 const MOST_BYTES = 1_000_000; // of what the reader takes as a draft
@@ -24,7 +24,7 @@ export async function edit({ name, size, sha256 }) {
 }
 
 export async function write_new(names) {
-  const name = (await ask_for(word("new_ask"), "edit.new", "part.ngc", { maxlength: 200 }))?.trim();
+  const name = (await ask_for(word("new_ask"), "edit.new", in_folder("part.ngc"), { maxlength: 200 }))?.trim();
   if (!name) return;
   if (names.includes(name.normalize())) return say(word("there", name), "warn");
   open({ name, sha256: "", stored: "" });
@@ -66,7 +66,7 @@ async function keep_it(row) {
   if ((row?.sha256 ?? "") !== own.sha256 && !(await ask(word("other", own.name), "programs.replace"))) return;
   const written = own.area.text;
   const file = new File([written.replaceAll("\n", own.ends)], own.name);
-  const why = await send(file, {});
+  const why = await send(file, {}, own.name);
   if (why) return say(`${own.name}: ${why}`, "warn");
   if (own === draft) close();
   dx.tell("kept", own.name);

@@ -16,6 +16,7 @@ export const dx = {
   inch: false, // lengths of Run and 3-D are shown in inches; programs, tables and steps keep their own unit
   token: "", // "" = this page does not hold it
   view: "",
+  folder: "", // of the programs that are listed; what is uploaded goes into it
   question: null, // { sentence, yes, field, start, end }
   notice: null, // { sentence, tone }
 };

@@ -9,23 +9,25 @@ import { changed, dx } from "./store.js";
 import { sentence, word } from "./texts.js";
 
 const SHOWN_MS = 15000; // one that was refused
+export const in_folder = (name) => (dx.folder ? `${dx.folder}/${name}` : name);
 let uploads = []; // { name, share, said }
 let over = false;
 // One after another: a browser has six connections to a server, and a stop needs one of them.
 let before = Promise.resolve();
 
 function upload(file) {
-  const one = { name: file.name, share: null, said: "" };
+  const name = in_folder(file.name);
+  const one = { name, share: null, said: "" };
   const away = () => {
     uploads = uploads.filter((other) => other !== one);
     dx.draw();
   };
   uploads = [...uploads, one];
   before = before.then(async () => {
-    if (!(await wanted(file.name))) return away();
-    one.said = await send(file, one);
+    if (!(await wanted(name))) return away();
+    one.said = await send(file, one, name);
     if (!one.said) return away();
-    say(`${file.name}: ${one.said}`, "warn");
+    say(`${name}: ${one.said}`, "warn");
     setTimeout(away, SHOWN_MS);
   });
 }
@@ -37,8 +39,9 @@ async function wanted(name) {
 }
 
 // "" where it was taken, else why not.
-export function send(file, one) {
+export function send(file, one, name) {
   const form = new FormData();
+  form.append("name", name); // a file's own name has no folder
   form.append("file", file, file.name);
   const asking = new XMLHttpRequest();
   asking.open("POST", `${API}programs`);

@@ -71,7 +71,7 @@ AGED = """() => {
 }"""
 MOST_LOOKS = 20
 
-PARTS = {"setup": ("homing", "offsets", "tools", "file", "drives", "users")}
+PARTS = {"setup": ("homing", "offsets", "tools", "file", "drives", "users", "notices", "usage")}
 RUNNING = [("wide", "light", "en"), ("touch", "dark", "de"), ("phone", "light", "de")]
 
 
@@ -84,6 +84,7 @@ def looked_at(chromium: Any, site: Site, size: str, theme: str, language: str) -
     context.add_cookies([{"name": name, "value": value, "url": site.url} for name, value in cookies.items()])
     page = browser.opened(context, site)
     page.evaluate("dx.call('POST', 'control', {take_over: true}).then((s) => { dx.token = s.body.token; })")
+    browser.fill(page)
     yield page
     assert not page.errors, page.errors
     context.close()

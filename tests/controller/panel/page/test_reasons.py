@@ -12,7 +12,7 @@ from controller.state import Mode
 
 pytestmark = pytest.mark.slow
 
-PARTS = ("homing", "offsets", "tools", "file", "drives", "users")
+PARTS = ("homing", "offsets", "tools", "file", "drives", "users", "notices", "usage")
 # Of every control that is off: its name, the reason as pointer and screen reader have it, what a press says.
 OFF = """() => [...document.querySelectorAll("[aria-disabled=true], :disabled")]
   .filter((one) => one.checkVisibility() && one.tagName !== "OPTION")
@@ -47,6 +47,7 @@ def silent(found: list[tuple[str, str, str, str]]) -> list[tuple[str, str, str, 
 
 @pytest.mark.parametrize("mode", [mode.name for mode in Mode])
 def test_whatever_is_off_says_why_in_every_mode(mode: str, page: Any, site: Site) -> None:
+    browser.fill(page)
     site.tell(mode=mode)
     page.wait_for_selector(f"body[data-mode={mode}]")
     found = told(page)

@@ -223,3 +223,17 @@ def test_a_figure_can_be_typed_sign_by_sign_whatever_is_told_meanwhile(setup: An
         setup.wait_for_function("(n) => dx.status.tick.number > n + 60", arg=number)
     assert setup.input_value(field) == "0.50"
     setup.keyboard.press("Escape")
+
+
+def test_a_webhook_is_saved_not_shown_again_and_its_failure_is(setup: Any, site: Site) -> None:
+    part(setup, "notices")
+    setup.wait_for_selector("#notices-test[aria-disabled=true]")
+    setup.fill("#notices [name=webhook]", "http://127.0.0.1:9/T0Psecret")
+    setup.click("#notices-save")
+    setup.wait_for_selector("#notices [name=webhook][placeholder='http://127.0.0.1']")
+    assert setup.input_value("#notices [name=webhook]") == ""
+    setup.click("#notices-test:not([aria-disabled])")
+    setup.wait_for_selector("[data-way=webhook] >> text=was not sent")
+    assert "T0Psecret" not in setup.content()
+    setup.click("#notices-off")
+    setup.wait_for_selector("#notices-test[aria-disabled=true]")

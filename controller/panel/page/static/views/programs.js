@@ -8,9 +8,10 @@ import { Icon } from "../icons.js";
 import { Maps, Verdict } from "../maps.js";
 import { Act, Card, Chip, Wrong } from "../parts.js";
 import { Offer, StateThere } from "../restart.js";
+import { Enqueue, Queue } from "../queue.js";
 import { dx } from "../store.js";
 import { known, sentence, word as text } from "../texts.js";
-import { Uploads } from "../uploads.js";
+import { Uploads, in_folder } from "../uploads.js";
 
 const word = (key, ...values) => text(`programs.${key}`, ...values);
 const TONES = { passed: "go", exceeds: "stop", refused: "stop", failed: "stop", running: "info", waiting: "info" };
@@ -26,6 +27,7 @@ const look = every("programs", 1, "programs?brief=true", (body) => take(body.pro
 for (const topic of ["programs", "job"]) dx.on(topic, look);
 dx.on("kept", (name) => {
   told.chosen = name;
+  enter(name.slice(0, Math.max(0, name.lastIndexOf("/"))));
   look();
 });
 
@@ -33,6 +35,7 @@ const tag = (row) => row && `${row.name} ${row.sha256} ${row.check.state} ${row.
 
 function take(rows) {
   told.rows = rows;
+  if (dx.folder && !here().length) dx.folder = ""; // the last of it was moved or deleted
   const row = rows.find(({ name }) => name === told.chosen);
   if (!row) told.one = null;
   else if (tag(row) !== tag(told.one)) detail(row);
@@ -64,8 +67,10 @@ function View() {
       <${Offer} /><${StateThere} /><${Uploads}>
         <${Act} text=${word("new")} needs="role" icon="edit" data-edit="new" press=${() => write_new(told.rows.map(({ name }) => name))} />
       <//><${Wrong} text=${told.wrong} />
+      <${Trail} />
       ${told.rows.length > 5 && html`<input type="search" id="programs-filter" value=${told.wanted} placeholder=${word("filter")} aria-label=${word("filter")} oninput=${search} />`}
       ${told.rows.length ? html`<${List} />` : html`<p class="dim">${word("none")}</p>`}
+      <${Queue} />
     <//>
     <${Card} class="programs-detail">${told.one ? html`<${Detail} key=${told.one.name} one=${told.one} />` : html`<p class="dim">${word("select")}</p>`}<//>
   </div>`;
@@ -79,14 +84,54 @@ function search(event) {
 
 const List = () => html`<div class="scroll" tabindex="0"><table class="list">
   <thead><tr>${["name", "check", "time", "last", "size"].map((column) => html`<th class=${`p-${column}`} scope="col">${word(column)}</th>`)}</tr></thead>
-  <tbody>${told.rows.filter(({ name }) => name.toLowerCase().includes(told.wanted.toLowerCase())).map((row) => html`<${Row} key=${row.name} row=${row} />`)}</tbody>
+  <tbody>${folders().map(([folder, count]) => html`<tr key=${`${folder}/`} class="entry" data-folder=${folder} onclick=${() => enter(in_folder(folder))}>
+    <td colspan="5"><button class="plain" type="button"><${Icon} name="folder" /> ${folder}</button> <span class="dim figures">${count}</span></td></tr>`)}
+    ${shown().map((row) => html`<${Row} key=${row.name} row=${row} />`)}</tbody>
 </table></div>`;
+
+// ---- folders: what stands before a slash in a name
+
+const leaf = (name) => name.slice(name.lastIndexOf("/") + 1);
+const here = () => told.rows.filter(({ name }) => name.startsWith(in_folder("")));
+const rest = ({ name }) => name.slice(in_folder("").length);
+
+// A search looks into all that is within; else what lies in folders is behind them.
+const shown = () => here().filter((row) => (told.wanted ? rest(row).toLowerCase().includes(told.wanted.toLowerCase()) : !rest(row).includes("/")));
+
+function folders() {
+  const within = (told.wanted ? [] : here()).map(rest).filter((name) => name.includes("/")).map((name) => name.split("/")[0]);
+  return [...new Set(within)].map((folder) => [folder, within.filter((one) => one === folder).length]);
+}
+
+function enter(folder) {
+  Object.assign(dx, { folder });
+  told.wanted = "";
+  dx.draw();
+}
+
+async function move_folder() {
+  const to = (await ask_for(word("move_ask", dx.folder), "programs.move", dx.folder, { maxlength: 200 }))?.trim();
+  if (!to || to === dx.folder) return;
+  const said = await call("PATCH", `folders/${encodeURIComponent(dx.folder)}`, { name: to });
+  if (said.ok) enter(to);
+  look();
+}
+
+function Trail() {
+  if (!dx.folder) return null;
+  const parts = dx.folder.split("/");
+  return html`<nav class="row trail" aria-label=${word("folder")}>
+    <${Act} text=${word("top")} needs="" data-trail="" press=${() => enter("")} />
+    ${parts.map((part, i) => html`/ <${Act} text=${part} needs="" aria-current=${i === parts.length - 1 ? "location" : undefined} data-trail=${part} press=${() => enter(parts.slice(0, i + 1).join("/"))} />`)}
+    <${Act} text=${word("move")} needs="role" icon="edit" data-move=${dx.folder} press=${move_folder} />
+  </nav>`;
+}
 
 function Row({ row }) {
   const { name, check, last_run: run } = row;
   return html`<tr class="entry" data-program=${name} aria-selected=${name === told.chosen ? "true" : undefined} onclick=${() => choose(row)}>
     <td class="p-name">
-      <button class="plain" type="button">${name}</button>
+      <button class="plain" type="button">${rest(row)}</button>
       ${name === dx.status?.job?.name && html`<${Chip} tone="info">${word("loaded")}<//>`}
       <div class="dim when"><span>${word("uploaded")}</span> <${Moment} at=${row.uploaded_s} /></div>
     </td>
@@ -129,9 +174,10 @@ function Acts({ one, one: { name } }) {
   return html`<div class="row program-acts">
     <${Act} text=${word("load")} call="POST job" body=${{ program: name }} kind="go" icon="load" modes="OFF READY" />
     ${name === dx.status?.job?.name && html`<${Act} text=${word("unload")} call="DELETE job" icon="eject" modes=${AT_REST} />`}
+    <${Enqueue} name=${name} />
     <${Act} text=${word("edit")} needs="role" icon="edit" data-edit="open" press=${() => edit(one)} />
     <${Act} text=${word("ask_check")} call=${`POST ${path}/check`} needs="role" icon="check" />
-    <a class="act" href=${`/api/v1/${path}/text`} download=${name}><${Icon} name="download" /><span>${word("download")}</span></a>
+    <a class="act" href=${`/api/v1/${path}/text`} download=${leaf(name)}><${Icon} name="download" /><span>${word("download")}</span></a>
     <${Act} text=${word("rename")} data-rename=${name} needs="role" icon="flag" press=${rename} />
     <${Act} text=${word("delete")} call=${`DELETE ${path}`} ask=${word("delete_ask", name)} needs="role" kind="warn" icon="delete" />
   </div>`;

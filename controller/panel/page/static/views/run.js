@@ -7,6 +7,7 @@ import { free } from "../control.js";
 import { Act, AxisName, Bar, Card, Chip, Figure, field } from "../parts.js";
 import { Listing } from "../listing.js";
 import { Offer, StateThere, start_question } from "../restart.js";
+import { QueueNext } from "../queue.js";
 import { dx } from "../store.js";
 import { word } from "../texts.js";
 import { touch } from "./setup_tables.js";
@@ -214,6 +215,7 @@ function Program() {
       <${Figure} class="dim">${forms.what(at?.what)}<//><${Figure} class="strong">${forms.percent(at?.fraction)}<//>
       <span class="u"><span class="dim">u </span><${Figure} class="strong">${forms.u(at?.u)}<//></span>
     </div>
+    <${QueueNext} />
     ${job?.message && html`<${Figure} class="strong">${job.message}<//>`}
     <${Bar} class="block-bar" share=${at?.fraction} title=${word("run.block")} />
     <${StateThere} />

@@ -4,11 +4,13 @@ import { Act, AxisName, Card, Chip, Wrong } from "../parts.js";
 import { dx } from "../store.js";
 import { known, word as text } from "../texts.js";
 import { File, read_anew } from "./setup_file.js";
+import { Notices } from "./setup_notices.js";
+import { Usage } from "./setup_usage.js";
 import { Users } from "./setup_users.js";
 import { Offsets, Tools, figure, forget_pick, wrong } from "./setup_tables.js";
 
 const word = (key, ...values) => text(`setup.${key}`, ...values);
-const PARTS = { homing: Homing, offsets: Offsets, tools: Tools, file: File, drives: Drives, users: Users };
+const PARTS = { homing: Homing, offsets: Offsets, tools: Tools, usage: Usage, file: File, drives: Drives, users: Users, notices: Notices };
 export const at = { part: "homing" };
 
 function View() {

@@ -17,7 +17,7 @@ export const wrong = () => Object.values(told.wrong).find(Boolean);
 
 export const figure = (v) => (typeof v === "number" ? String(Number(v.toFixed(6))) : "");
 // A decimal comma is what half of the shops type.
-const number = (typed) => (typed.trim() ? Number(typed.trim().replace(",", ".").replace("−", "-")) : NaN);
+export const number = (typed) => (typed.trim() ? Number(typed.trim().replace(",", ".").replace("−", "-")) : NaN);
 const same = (name, a, b) => a === b || (name !== "name" && number(a) === number(b));
 
 async function ask_number(sentence, start) {
@@ -158,7 +158,7 @@ export async function touch(name, axis, by = tool) {
 // ---- tools
 
 const FIELDS = ["radius_mm", "length_mm", "flute_mm", "corner_mm", "taper_deg"];
-const tools = () => Object.entries(told.tools).sort((a, b) => Number(a[0]) - Number(b[0]));
+export const tools = () => Object.entries(told.tools).sort((a, b) => Number(a[0]) - Number(b[0]));
 const of_tool = (values, field) => (field === "taper_deg" ? ((values.taper_rad ?? 0) * 180) / Math.PI : (values[field] ?? (field === "name" ? "" : 0)));
 // What stays is left out where it may be: turned to degrees and back it would be another taper by a hair.
 const stays = (field, one, values) => ["corner_mm", "taper_deg"].includes(field) && one === of_tool(values, field);

@@ -1,0 +1,266 @@
+"""What wears: how far each axis has gone, how long spindle and axes have run, how much each tool has cut.
+
+Counted from the recorder's rows, so while programs run as while somebody jogs, and kept over restarts. A tool
+may have a life (minutes of cutting, parts), a job of maintenance an interval (of one of the counters): what
+comes to its end is an alarm, once, and a program is not started with a worn tool unless that is confirmed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import threading
+import time
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from controller import whole
+from controller.handoff import COLUMN, of_axes
+from controller.machine import Machine
+from controller.service.refused import refused
+from controller.state import Mode
+
+FILE = "usage.json"
+SAVE_S = 5.0  # a loss of power costs so much of the counters
+FASTER = 1.5  # than an axis may go: its zero was found, or rows are missing; that is no travel
+SPINDLE, MOTION = "spindle", "motion"
+MM_PER_M, DEG_PER_TURN, S_PER_H = 1000.0, 360.0, 3600.0
+MOST_ITEMS = 50
+MOST_GAP = 50.0  # ticks that are missing between two rows
+
+Rows = npt.NDArray[np.float64]
+
+
+@dataclass(slots=True)
+class ToolUse:
+    """Since the tool, or its insert, was new."""
+
+    cut_s: float = 0.0
+    parts: int = 0
+    since_s: float | None = None  # seconds since 1970; None: since it is counted
+    most_cut_min: float | None = None
+    most_parts: int | None = None
+    told: bool = False  # that it is worn
+
+    @property
+    def worn(self) -> bool:
+        cut = self.most_cut_min is not None and self.cut_s >= self.most_cut_min * 60.0
+        return cut or (self.most_parts is not None and self.parts >= self.most_parts)
+
+
+@dataclass(slots=True)
+class Item:
+    """A job of maintenance, due every so many units of a counter."""
+
+    counter: str
+    every: float
+    base: float = 0.0  # the counter when it was done last
+    done_s: float | None = None
+    done_by: str = ""
+    told: bool = False  # that it is due
+
+
+@dataclass(slots=True)
+class Kept:
+    """All that is kept."""
+
+    travel: dict[str, float] = field(default_factory=dict)  # by axis: m, or turns
+    hours: dict[str, float] = field(default_factory=dict)  # spindle, motion
+    tools: dict[str, ToolUse] = field(default_factory=dict)  # by number
+    items: dict[str, Item] = field(default_factory=dict)  # by name
+
+
+class Usage:
+    """``take`` rows as they come; any thread may ask and change; ``save`` waits for the disk."""
+
+    def __init__(self, state: Path, machine: Machine) -> None:
+        self._file, self._machine = state / FILE, machine
+        self._lock = threading.Lock()
+        self._kept = _read(self._file)
+        self._last: Rows | None = None
+        self._used: set[str] = set()  # tools that have cut in this run
+        self._changed, self._saved_s = False, 0.0
+        axes = len(machine.axes)
+        self._command = of_axes("joint_command", axes)
+        shown = (abs(axis.shown_per_unit) for axis in machine.axes)
+        per = [DEG_PER_TURN if axis.is_rotary else MM_PER_M for axis in machine.axes]
+        self._units = np.array([k / one for k, one in zip(shown, per, strict=True)])
+        self._most = np.array([FASTER * axis.limits.velocity * machine.period_s for axis in machine.axes])
+
+    # -- counted
+
+    def take(self, rows: Rows, tool: int, turning: bool) -> None:
+        """The next rows; ``tool``: in the spindle, 0 = not known; ``turning``: the spindle."""
+        rows = rows[rows[:, COLUMN["mode"]] != Mode.OFF]
+        if not len(rows):
+            return
+        before = self._last if self._last is not None else rows[:1]
+        steps = np.abs(np.diff(np.vstack((before, rows))[:, self._command], axis=0))
+        ticks = np.diff(np.append(before[-1, COLUMN["tick"]], rows[:, COLUMN["tick"]]))
+        steps[steps > self._most * np.clip(ticks, 1.0, MOST_GAP)[:, None]] = 0.0
+        self._last = rows[-1:]
+        cutting = (rows[:, COLUMN["cutting"]] != 0.0) & (rows[:, COLUMN["rate"]] > 0.0)
+        with self._lock:
+            self._add(steps, int(np.count_nonzero(cutting)), len(rows) if turning else 0, tool)
+
+    def _add(self, steps: Rows, cut: int, turned: int, tool: int) -> None:
+        period_s, kept = self._machine.period_s, self._kept
+        moved = int(np.count_nonzero(steps.any(axis=1)))
+        self._changed |= bool(moved or cut or turned)
+        for axis, gone in zip(self._machine.axes, steps.sum(axis=0) * self._units, strict=True):
+            kept.travel[axis.name] = kept.travel.get(axis.name, 0.0) + float(gone)
+        for name, ticks in ((MOTION, moved), (SPINDLE, turned)):
+            kept.hours[name] = kept.hours.get(name, 0.0) + ticks * period_s / S_PER_H
+        if cut and tool:
+            kept.tools.setdefault(str(tool), ToolUse()).cut_s += cut * period_s
+            self._used.add(str(tool))
+
+    def ended(self, whole_part: bool) -> None:
+        """A run ended; a whole one is a part of every tool that cut in it."""
+        with self._lock:
+            for tool in self._used if whole_part else ():
+                self._kept.tools[tool].parts += 1
+            self._used.clear()
+            self._changed = True
+
+    # -- told
+
+    def told(self) -> dict[str, Any]:
+        """Tools, counters and items."""
+        with self._lock:
+            tools = [
+                {"number": int(n), **asdict(use), "worn": use.worn} for n, use in self._kept.tools.items()
+            ]
+            counters = [
+                {"name": name, "value": self._value(name), "unit": unit}
+                for name, unit in self._counters().items()
+            ]
+            items = [self._item(name, item) for name, item in self._kept.items.items()]
+        return {"tools": sorted(tools, key=lambda one: one["number"]), "counters": counters, "items": items}
+
+    def worn(self, tool: int) -> dict[str, Any]:
+        """What a sentence about a worn tool has places for; nothing where it is not. Waits for nobody."""
+        use = self._kept.tools.get(str(tool))
+        if use is None or not use.worn:
+            return {}
+        return {"number": tool, "cut": use.cut_s / 60.0, "parts": use.parts}
+
+    def due(self) -> list[tuple[str, dict[str, Any]]]:
+        """What has come to its end and was not told yet, as keys of the refusals with their values."""
+        found: list[tuple[str, dict[str, Any]]] = []
+        with self._lock:
+            for number, use in self._kept.tools.items():
+                if use.worn and not use.told:
+                    use.told = True
+                    found.append(("tool_worn", self.worn(int(number))))
+            for name, item in self._kept.items.items():
+                told = self._item(name, item)
+                if told["due"] and not item.told:
+                    item.told = True
+                    found.append(
+                        ("maintenance_due", {"name": name, "every": item.every, "unit": told["unit"]})
+                    )
+            self._changed |= bool(found)
+        return found
+
+    def _counters(self) -> dict[str, str]:
+        """Names and units."""
+        axes = {axis.name: "turns" if axis.is_rotary else "m" for axis in self._machine.axes}
+        return {**axes, MOTION: "h", SPINDLE: "h"}
+
+    def _value(self, counter: str) -> float:
+        return self._kept.travel.get(counter, self._kept.hours.get(counter, 0.0))
+
+    def _item(self, name: str, item: Item) -> dict[str, Any]:
+        used = max(0.0, self._value(item.counter) - item.base)
+        unit = self._counters().get(item.counter, "")
+        told = {key: value for key, value in asdict(item).items() if key not in ("base", "told")}
+        return {"name": name, **told, "used": used, "unit": unit, "due": used >= item.every}
+
+    # -- changed
+
+    def set_life(self, tool: int, most_cut_min: float | None, most_parts: int | None) -> None:
+        """None: it has no such limit."""
+        with self._lock:
+            use = self._kept.tools.setdefault(str(tool), ToolUse())
+            use.most_cut_min, use.most_parts = most_cut_min, most_parts
+            use.told = use.told and use.worn
+            self._changed = True
+
+    def renew(self, tool: int) -> None:
+        """It has a new edge: counted from nothing."""
+        with self._lock:
+            use = self._kept.tools.setdefault(str(tool), ToolUse())
+            use.cut_s, use.parts, use.told, use.since_s = 0.0, 0, False, time.time()
+            self._changed = True
+
+    def set_item(self, name: str, counter: str, every: float) -> None:
+        """Make one, or give it another interval. Raises DoorError."""
+        allowed = self._counters()
+        if counter not in allowed:
+            raise refused("no_counter", code="bad", counter=counter, allowed=", ".join(allowed))
+        with self._lock:
+            items = self._kept.items
+            if name not in items and len(items) >= MOST_ITEMS:
+                raise refused("many_items", code="bad", most=MOST_ITEMS)
+            old = items.get(name)
+            if old is None or old.counter != counter:
+                old = Item(counter, every, base=self._value(counter))
+            old.every, old.told = every, False
+            items[name] = old
+            self._changed = True
+
+    def remove_item(self, name: str) -> None:
+        """Raises DoorError."""
+        with self._lock:
+            if self._kept.items.pop(name, None) is None:
+                raise refused("no_item", code="bad", name=name)
+            self._changed = True
+
+    def done(self, name: str, by: str) -> None:
+        """It was done just now. Raises DoorError."""
+        with self._lock:
+            if (item := self._kept.items.get(name)) is None:
+                raise refused("no_item", code="bad", name=name)
+            item.base, item.done_s, item.done_by, item.told = (
+                self._value(item.counter),
+                time.time(),
+                by,
+                False,
+            )
+            self._changed = True
+
+    # -- kept
+
+    def save(self, at_once: bool = False) -> None:
+        """Keep what has changed, whole or not at all, now and then. Raises OSError."""
+        now_s = time.monotonic()
+        if not self._changed or not (at_once or now_s - self._saved_s >= SAVE_S):
+            return
+        self._saved_s = now_s
+        with self._lock:
+            text, self._changed = json.dumps(asdict(self._kept), indent=1), False
+        try:
+            whole.write(self._file, text)
+        except OSError:
+            self._changed = True
+            raise
+
+
+def _read(file: Path) -> Kept:
+    """What is not sound is counted anew: nothing moves by it."""
+    with contextlib.suppress(OSError, ValueError, TypeError, AttributeError):
+        told = json.loads(file.read_text(encoding="utf-8"))
+        numbers = {key: {str(n): float(v) for n, v in told[key].items()} for key in ("travel", "hours")}
+        if not all(math.isfinite(v) for of in numbers.values() for v in of.values()):
+            return Kept()
+        tools = {str(int(number)): ToolUse(**use) for number, use in told["tools"].items()}
+        return Kept(
+            **numbers, tools=tools, items={name: Item(**item) for name, item in told["items"].items()}
+        )
+    return Kept()

@@ -1,0 +1,222 @@
+"""What wears is counted as it was, kept over restarts, told once at its end, asked about before a start."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from support.fakes.fake_engine import FakeEngine, done
+from support.machines.stepped_runs import shipped
+
+from controller import catalogue
+from controller.door import DoorError
+from controller.handoff import COLUMN, ROW, of_axes
+from controller.service import status
+from controller.service import usage as module
+from controller.service.desk import Desk
+from controller.service.service import Service
+from controller.service.usage import Usage
+from controller.state import Mode
+
+MACHINE = shipped()
+NAMES = [axis.name for axis in MACHINE.axes]
+TEXT = "G21 G90 G54\nG1 X10. F3000\nM30\n"
+
+
+def rows(path: np.ndarray, mode: Mode = Mode.RUNNING, cutting: bool = True, first: int = 0) -> np.ndarray:
+    """Of the recorder: commanded joints (mm, rad) tick by tick."""
+    made = np.zeros((len(path), len(ROW)))
+    made[:, COLUMN["tick"]] = np.arange(first, first + len(path))
+    made[:, COLUMN["mode"]], made[:, COLUMN["cutting"]], made[:, COLUMN["rate"]] = mode, cutting, 1.0
+    made[:, of_axes("joint_command", len(MACHINE.axes))] = path
+    return made
+
+
+def walk(ticks: int, seed: int = 3) -> np.ndarray:
+    """To and fro, each axis at up to nine tenths of what it may."""
+    most = np.array([0.9 * axis.limits.velocity * MACHINE.period_s for axis in MACHINE.axes])
+    steps = np.random.default_rng(seed).uniform(-1.0, 1.0, (ticks, len(most)))
+    return np.cumsum(steps * most, axis=0)
+
+
+def value(usage: Usage, name: str) -> float:
+    return next(float(one["value"]) for one in usage.told()["counters"] if one["name"] == name)
+
+
+def gone(path: np.ndarray, axis: int) -> float:
+    """Metres, or turns, by hand."""
+    way = float(np.abs(np.diff(path[:, axis])).sum())
+    return way / (2.0 * np.pi) if MACHINE.axes[axis].is_rotary else way / 1000.0
+
+
+def test_every_axis_is_counted_to_and_fro_however_the_rows_come(tmp_path: Path) -> None:
+    path, usage, at = walk(1000), Usage(tmp_path, MACHINE), 0
+    for size in (1, 7, 2, 490, 500):
+        usage.take(rows(path[at : at + size], Mode.JOG, cutting=False, first=at), 1, turning=True)
+        at += size
+    assert at == len(path)
+    for i, name in enumerate(NAMES):
+        assert value(usage, name) == pytest.approx(gone(path, i), rel=1e-9), name
+    hours = MACHINE.period_s / 3600.0
+    assert value(usage, "motion") == pytest.approx(999 * hours)
+    assert value(usage, "spindle") == pytest.approx(1000 * hours)
+    assert usage.told()["tools"] == []
+
+
+def test_a_zero_that_is_found_is_no_travel_nor_is_a_drive_that_is_off(tmp_path: Path) -> None:
+    usage, there = Usage(tmp_path, MACHINE), walk(1)
+    usage.take(rows(np.vstack((there, there + 250.0, there + 250.0))), 1, turning=False)
+    usage.take(rows(there + 250.0 + walk(50), Mode.OFF, first=3), 1, turning=False)
+    assert [value(usage, name) for name in (*NAMES, "motion", "spindle")] == [0.0] * (len(NAMES) + 2)
+
+
+def test_a_tick_that_was_skipped_loses_no_way(tmp_path: Path) -> None:
+    usage, path = Usage(tmp_path, MACHINE), walk(100)
+    kept = np.delete(np.arange(100), slice(40, 44))
+    usage.take(rows(path)[kept], 1, turning=False)
+    for i, name in enumerate(NAMES):
+        assert value(usage, name) == pytest.approx(gone(path[kept], i), rel=1e-9)
+
+
+def test_a_tool_counts_its_cut_and_the_parts_that_it_was_in(tmp_path: Path) -> None:
+    usage = Usage(tmp_path, MACHINE)
+    usage.take(rows(walk(500)), 3, turning=False)
+    usage.take(rows(walk(300), cutting=False, first=500), 4, turning=False)
+    usage.ended(whole_part=True)
+    usage.take(rows(walk(100), first=800), 3, turning=False)
+    usage.ended(whole_part=False)
+    (tool,) = usage.told()["tools"]
+    assert (tool["number"], tool["parts"]) == (3, 1)
+    assert tool["cut_s"] == pytest.approx(600 * MACHINE.period_s)
+
+
+def test_all_of_it_is_there_after_a_restart(tmp_path: Path) -> None:
+    usage = Usage(tmp_path, MACHINE)
+    usage.take(rows(walk(200)), 2, turning=True)
+    usage.ended(whole_part=True)
+    usage.set_life(2, 5.0, None)
+    usage.set_item("grease", NAMES[0], 0.5)
+    usage.save(at_once=True)
+    assert Usage(tmp_path, MACHINE).told() == usage.told()
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"travel": 1}', '{"travel": {"X": 1e999}, "hours": {}}', "\x00"])
+def test_a_file_that_is_not_sound_is_begun_anew(tmp_path: Path, text: str) -> None:
+    (tmp_path / module.FILE).write_text(text)
+    assert Usage(tmp_path, MACHINE).told() == Usage(tmp_path / "none", MACHINE).told()
+
+
+def test_it_is_kept_now_and_then_and_a_full_disk_loses_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    usage, real = Usage(tmp_path, MACHINE), module.whole.write
+
+    def full(*_: Any) -> None:
+        raise OSError("full")
+
+    usage.take(rows(walk(10)), 1, turning=False)
+    monkeypatch.setattr(module.whole, "write", full)
+    with pytest.raises(OSError):
+        usage.save(at_once=True)
+    monkeypatch.setattr(module.whole, "write", real)
+    usage.save()
+    assert not (tmp_path / module.FILE).exists(), "a moment after the last try"
+    usage.save(at_once=True)
+    assert json.loads((tmp_path / module.FILE).read_text())["hours"]["motion"] > 0.0
+
+
+def test_what_comes_to_its_end_is_told_once_and_again_after_it_was_done(tmp_path: Path) -> None:
+    usage = Usage(tmp_path, MACHINE)
+    usage.set_life(1, None, 2)
+    usage.set_item("grease", NAMES[0], 1e-6)
+    assert usage.due() == []
+    for part in range(3):
+        usage.take(rows(walk(50, seed=part)), 1, turning=False)
+        usage.ended(whole_part=True)
+        assert [key for key, _ in usage.due()] == [["maintenance_due"], ["tool_worn"], []][part]
+    usage.save(at_once=True)
+    assert Usage(tmp_path, MACHINE).due() == [], "nor after a restart"
+    usage.renew(1)
+    usage.done("grease", "anna")
+    assert usage.worn(1) == {} and usage.told()["items"][0]["used"] == 0.0
+    usage.take(rows(walk(50)), 1, turning=False)
+    assert [key for key, _ in usage.due()] == ["maintenance_due"]
+
+
+def test_an_interval_begins_when_it_is_made(tmp_path: Path) -> None:
+    usage = Usage(tmp_path, MACHINE)
+    usage.take(rows(walk(200)), 1, turning=False)
+    usage.set_item("grease", NAMES[0], 1e-3)
+    assert usage.told()["items"][0]["used"] == 0.0
+
+
+# ---- at the door
+
+
+def loaded(desk: Desk, service: Service) -> None:
+    path = service.state / "part.ngc"
+    path.write_text(TEXT)
+    done(desk, "load", path=str(path))
+
+
+def worn(service: Service, tool: int) -> None:
+    service.usage.set_life(tool, None, 1)
+    service.usage.take(rows(walk(5)), tool, turning=False)
+    service.usage.ended(whole_part=True)
+
+
+def test_a_worn_tool_in_the_spindle_starts_no_program_but_by_confirmation(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    loaded(desk, service)
+    worn(service, 2)
+    done(desk, "start")  # T1 is in the spindle
+    done(desk, "stop")
+    engine.now = engine.now._replace(mode=Mode.READY)
+    service.look()
+    worn(service, 1)
+    with pytest.raises(DoorError, match="T1, is worn") as refused:
+        done(desk, "start")
+    assert refused.value.code == "worn" and "verschlissen" in catalogue.text(refused.value.said, "de")
+    done(desk, "tool_renewed", tool=1)
+    assert service.usage.worn(1) == {}
+    worn(service, 1)
+    assert service.usage.worn(1)
+    done(desk, "start", worn=True)
+
+
+def test_a_worn_tool_is_an_alarm_while_it_cuts(service: Service) -> None:
+    service.usage.set_life(1, 1e-3, None)
+    service._count(rows(walk(100)), False)
+    service._count(rows(walk(100), first=100), False)
+    assert [one["name"] for one in service.alarms.list()] == ["TOOL_WORN"]
+
+
+def test_a_worn_tool_that_is_asked_for_is_told_as_such(service: Service) -> None:
+    worn(service, 5)
+    told = status.tool_change(MACHINE, 5, service.usage)
+    assert "T5 is worn" in catalogue.text(told) and "T5 ist verschlissen" in catalogue.text(told, "de")
+
+
+@pytest.mark.parametrize(
+    ("verb", "args"),
+    [
+        ("tool_life", {"tool": 0}),
+        ("tool_life", {"tool": 1, "cut_min": 0.0}),
+        ("tool_life", {"tool": 1, "parts": "many"}),
+        ("tool_life", {"tool": 10**9}),
+        ("maintenance", {"name": "", "counter": "X", "every": 1.0}),
+        ("maintenance", {"name": "a\nb", "counter": "X", "every": 1.0}),
+        ("maintenance", {"name": "a", "counter": "W", "every": 1.0}),
+        ("maintenance", {"name": "a", "counter": "X", "every": float("nan")}),
+        ("maintenance", {"name": "nobody"}),
+        ("maintained", {"name": "nobody"}),
+    ],
+)
+def test_what_cannot_be_is_refused(desk: Desk, verb: str, args: dict[str, Any]) -> None:
+    with pytest.raises(DoorError) as refused:
+        done(desk, verb, **args)
+    assert refused.value.code == "bad" and catalogue.text(refused.value.said, "de") != refused.value.sentence
