@@ -140,7 +140,7 @@ def _blocks(
     common = CommonLines(machine)
     functions = Functions(common)
     told: list[Line] = []
-    lines = ahead.given(_heard(read, told))
+    lines = ahead.given(read, told)
     for line in lines:
         if told:
             yield from _said(told, state)
@@ -190,18 +190,6 @@ def _behind(line: Line, state: State, machine: Machine, lines: Iterator[Line], a
 def _is_part(word: Word) -> bool:
     """Whether it may stand in the lines behind a surface's or a NURBS' first."""
     return word.letter in "XYZKRPL" or (word.letter == "G" and word.value in (5.2, 5.3))
-
-
-def _heard(read: Iterator[Line], told: list[Line]) -> Iterator[Line]:
-    """The lines with words; those that say something are noted."""
-    for line in read:
-        if line.is_plain:
-            yield line
-            continue
-        if line.says:
-            told.append(line)
-        if line.words:
-            yield line
 
 
 def _said(told: list[Line], state: State) -> list[Block]:
