@@ -62,7 +62,7 @@ from controller.plan.text.given import Given
 from controller.plan.text.line import Upcoming
 from controller.plan.text.modal import TIPS, State
 from controller.plan.text.offset_words import Here
-from controller.plan.text.parameters import Parameters
+from controller.plan.text.parameters import OF_FANUC, Parameters
 from controller.plan.text.plain import CommonLines
 from controller.plan.text.position import Position, homed
 from controller.plan.text.program import (
@@ -122,7 +122,8 @@ def stream(
         label: (file, decoding.text_of(content, file)[0].whole()) for label, (file, content) in behind.items()
     }
     given = Given(machine, modal.begun(machine), Position(machine, start or homed(machine)))
-    parameters = Parameters(given, machine.parameters, machine.kept)
+    system = OF_FANUC if machine.dialect == "fanuc" else range(0)
+    parameters = Parameters(given, machine.parameters, machine.kept, system)
     limits = Limits(machine.call_levels, machine.program_passes)
     lines = words.read(text, name, block_delete, parameters, limits, files, refused)
     if remark is not None:
