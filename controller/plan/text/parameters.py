@@ -96,8 +96,8 @@ class Parameters:
         if isinstance(key, int) and key in self._system and not self._is_kept(key):
             raise NoValue(
                 f"#{key} is a system variable on controls of this dialect, and not here: parameters of a "
-                "program are #1 to #999; write (MSG, ...) and M0 for #3000 and #3006, #5420 on for positions, "
-                "G10 to set offsets"
+                "program are #1 to #999; write (MSG, ...) and M0 for #3000 and #3006, #5420 on for "
+                "positions, G10 to set offsets"
             )
 
     def _is_kept(self, key: int) -> bool:
