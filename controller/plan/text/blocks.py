@@ -62,7 +62,7 @@ from controller.plan.text.given import Given
 from controller.plan.text.line import Upcoming
 from controller.plan.text.modal import TIPS, State
 from controller.plan.text.offset_words import Here
-from controller.plan.text.parameters import Parameters
+from controller.plan.text.parameters import OF_FANUC, Parameters
 from controller.plan.text.plain import CommonLines
 from controller.plan.text.position import Position, homed
 from controller.plan.text.program import (
@@ -122,7 +122,8 @@ def stream(
         label: (file, decoding.text_of(content, file)[0].whole()) for label, (file, content) in behind.items()
     }
     given = Given(machine, modal.begun(machine), Position(machine, start or homed(machine)))
-    parameters = Parameters(given, machine.parameters, machine.kept)
+    system = OF_FANUC if machine.dialect == "fanuc" else range(0)
+    parameters = Parameters(given, machine.parameters, machine.kept, system)
     limits = Limits(machine.call_levels, machine.program_passes)
     lines = words.read(text, name, block_delete, parameters, limits, files, refused)
     if remark is not None:
@@ -140,7 +141,7 @@ def _blocks(
     common = CommonLines(machine)
     functions = Functions(common)
     told: list[Line] = []
-    lines = ahead.given(_heard(read, told))
+    lines = ahead.given(read, told)
     for line in lines:
         if told:
             yield from _said(told, state)
@@ -190,18 +191,6 @@ def _behind(line: Line, state: State, machine: Machine, lines: Iterator[Line], a
 def _is_part(word: Word) -> bool:
     """Whether it may stand in the lines behind a surface's or a NURBS' first."""
     return word.letter in "XYZKRPL" or (word.letter == "G" and word.value in (5.2, 5.3))
-
-
-def _heard(read: Iterator[Line], told: list[Line]) -> Iterator[Line]:
-    """The lines with words; those that say something are noted."""
-    for line in read:
-        if line.is_plain:
-            yield line
-            continue
-        if line.says:
-            told.append(line)
-        if line.words:
-            yield line
 
 
 def _said(told: list[Line], state: State) -> list[Block]:

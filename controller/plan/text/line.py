@@ -146,6 +146,12 @@ class Line:
         made.where, made.message, made.kept = self.where, self.message, self.kept
         return made
 
+    def place_of(self, part: int) -> Place:
+        """Where the word of one of ``parts`` stands."""
+        if self.where is None and self._match is not None:  # millions of lines
+            return Place._make((self.number, self._match.start(part + 1), 0, ""))
+        return self.place(self.column(part))
+
     def place(self, column: int) -> Place:
         if self.where is None:
             return Place._make((self.number, column, 0, ""))
@@ -163,9 +169,14 @@ class Upcoming:
     def __init__(self) -> None:
         self._seen: list[Line] = []
 
-    def given(self, lines: Iterator[Line]) -> Iterator[Line]:
-        """The same lines; those that have been looked at come after all."""
+    def given(self, lines: Iterator[Line], told: list[Line]) -> Iterator[Line]:
+        """Those with words; those that say something are noted. What has been looked at comes after all."""
         for line in lines:
+            if not line.is_plain:
+                if line.says:
+                    told.append(line)
+                if not line.words:
+                    continue
             yield line
             while self._seen:
                 yield self._seen.pop()

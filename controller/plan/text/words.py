@@ -27,6 +27,7 @@ LARGEST = 1e9
 
 _O_WORD = re.compile(r"o[ \t]*(?:<[^<>]*>|[0-9 \t]+)[ \t]*[a-z]{2}")
 _MARK = re.compile(r"[ \t]*%[ \t]*")
+_LEVEL = re.compile(rf"[1-9][{GAPS}]*[a-z#]")
 # As controls name programs before the first block: O1234, :1234, O1234 <PART>, <PART>.
 _TITLE = re.compile(rf"[{GAPS}]*(?:[oO:][ \t]*[0-9]{{1,8}}[{GAPS}]*)?(?:[oO]?[{GAPS}]*<[^<>]*>)?[{GAPS}]*")
 
@@ -153,7 +154,8 @@ class _Words(Values):
         self._text = self._text.lower()
         words: list[Word] = []
         settings: dict[Key, float] = {}
-        self.take("/")
+        if self.take("/") and self.peek() in "123456789" and _LEVEL.match(self._text, self._at):
+            self._at += 1  # Fanuc's /2: there is one switch for all of them
         if self.peek() == "n":
             self._line_number()
         while self.peek():

@@ -49,8 +49,8 @@ def test_a_contour_that_is_wrong_at_the_end_of_the_file_is_refused_with_its_plac
 
 
 def test_each_line_knows_its_number() -> None:
-    sub = b"o1 sub\nG0 X#<_line> Y#100 Z EXISTS[#<_line>]\no1 endsub\n"
-    text = b"(debug, #<_line>)\n#100=#<_line>\n" + sub + b"o1 call\n"
+    sub = b"o1 sub\nG0 X#<_line> Y#100 Z EXISTS[#<_line>]\no1 endsub\no1 call\n"
+    text = b"(debug, #<_line>)\n#100=#<_line>\n" + sub
     said, move = blocks.read(text, MACHINE, "p.ngc").blocks
     assert isinstance(said, Message) and said.text == "1.000000"
     assert isinstance(move, JointLine) and move.targets[:3] == (4.0, 2.0, 1.0)
