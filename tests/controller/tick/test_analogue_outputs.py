@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+from dataclasses import replace
 
 import pytest
 from support.machines.spindle_machine import SPINDLE, Mill, mill, text
@@ -124,6 +125,20 @@ def test_a_spindle_that_does_not_come_to_its_angle_holds_the_program() -> None:
     assert run.result == "completed"
     held = [now for now in made.seen if now.mode is Mode.HOLD]
     assert held and {now.fault for now in held} == {Fault.INPUT_MISSING}
+
+
+def test_fine_boring_leads_the_tip_off_the_wall_while_the_spindle_stands() -> None:
+    file = WITH.replace("within_s = 2.0", 'within_s = 2.0, shift = "Y-"')
+    made = Mill(replace(mill(SPINDLE, file, ""), dialect="fanuc", without_point="unit"))
+    bore = "G98 G76 X20. Y5. Z-2. R2. Q0.5 F3000."
+    assert made.run(f"G21 G90 G54\nS3000 M3\nG0 Z20.\n{bore}\nG80\nM30\n").result == "completed"
+    stood = [now for now in made.seen if now.outputs >> ORIENT & 1]
+    assert {now.spindle_rev_min for now in stood} == {0.0}
+    xs, ys, zs = ([now.joints[axis] for now in stood] for axis in range(3))
+    assert max(xs) - min(xs) < 1e-9 and max(ys) - min(ys) == pytest.approx(0.5, abs=1e-6)
+    assert zs[-1] - zs[0] == pytest.approx(22.0, abs=1e-6)
+    up = [now.joints[1] for now in stood if zs[0] + 0.01 < now.joints[2] < zs[-1] - 0.01]
+    assert up and max(up) == pytest.approx(max(ys) - 0.5, abs=1e-6)  # off the wall all the way
 
 
 # ---- refused -----------------------------------------------------------------------
