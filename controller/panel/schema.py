@@ -41,7 +41,7 @@ CREATE TABLE alarms (
     name TEXT NOT NULL,                 -- of the row in the fault table
     axis TEXT NOT NULL,
     sentence TEXT NOT NULL,
-    facts TEXT NOT NULL,                -- JSON: German sentence, recovery, position trusted, recording, ...
+    facts TEXT NOT NULL,                -- JSON: key and values of what is said, recovery, recording, ...
     acknowledged_s REAL,
     acknowledged_by TEXT,
     source TEXT UNIQUE                  -- the service's line it was read from

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
+from support.fakes.panels import Scene
 
 from controller import fitting
 from controller.panel.gather import Gatherer
@@ -60,6 +63,26 @@ def test_alarms_are_taken_in_once_and_completed_by_later_lines(store: Store) -> 
     assert alarm.values == ALARM["values"] and alarm.facts == {"recording": "x.npz", "number": 1}
     assert Gatherer(store.database, store.folder).gather()
     assert len(store.alarms.list()) == 1
+
+
+def test_what_was_kept_as_a_sentence_before_keys_were_is_still_told(tmp_path: Path) -> None:
+    """Of the machine's file, and of rows of the store: the sentence as it was, whatever is asked for."""
+    scene = Scene(tmp_path)
+    old = {name: value for name, value in ALARM.items() if name not in ("key", "values")}
+    append(scene.store, {**old, "sentence": "X lags.", "cause": "A collision."}, {**ALARM, "id": 2})
+    run = scene.store.runs.begin("part.ngc", "0" * 64)
+    scene.store.runs.end(run, "fault", sentence="The tick was gone.")
+
+    async def story() -> tuple[Any, Any]:
+        async with scene.client() as client:
+            client.headers["Accept-Language"] = "de"
+            alarms = (await client.get("/api/v1/alarms")).json()["alarms"]
+            return alarms, (await client.get("/api/v1/runs/1")).json()
+
+    (new, kept), told = asyncio.run(story())
+    assert (kept["sentence"], kept["key"], kept["facts"]["cause"]) == ("X lags.", None, "A collision.")
+    assert new["sentence"].startswith("Achse X: ") and new["key"] == "of_axis"
+    assert told["facts"]["sentence"] == "The tick was gone."
 
 
 def test_an_acknowledgement_of_either_side_counts_and_is_not_undone(store: Store) -> None:
