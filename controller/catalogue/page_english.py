@@ -139,6 +139,8 @@ TEXTS: dict[str, str] = {
     "run.return": "Return",
     "run.single": "Single block",
     "run.optional": "Optional stop",
+    "run.skip": "Block skip",
+    "why.not_whole": "Load a whole program first: what begins with / is left out when it is loaded.",
     "run.elapsed": "elapsed",
     "run.left": "left",
     "run.duration": "in all",

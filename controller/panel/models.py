@@ -196,6 +196,7 @@ class JobFacts(Told):
         description="loading, loaded or refused; from its start on starting, running, held, stopping; then "
         "completed, stopped, refused, fault or interrupted.",
     )
+    block_delete: bool | None = Field(None, description="Lines that begin with / were left out.")
     sentence: str | None = Field(None, description="Why it was refused, or ended before its end.")
     sentence_de: str | None = Field(None, description="The same in German, where it is known.")
     message: str | None = Field(None, description="What the program said last, by MSG and the like.")
