@@ -92,7 +92,11 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
 
     ``folder`` is where drive profiles named by file are looked for. Raises ``ConfigError``.
     """
-    top = parse(text, file)
+    return read_table(parse(text, file), text, folder)
+
+
+def read_table(top: Table, text: str, folder: Path | None = None) -> Machine:
+    """As ``read``; the table then knows which keys it was asked for, and in which range each is."""
     general = top.table("machine", "[machine]")
     tools = top.table("tools", "[tools]", optional=True)
     tools.text("file", default=TOOL_TABLE)  # its entries are in the text by now
@@ -146,7 +150,7 @@ def read(text: str, file: str, folder: Path | None = None) -> Machine:
     )
     for table in (general, tools, top):
         table.finish()
-    _audit(machine, file, general)
+    _audit(machine, top, general)
     return machine
 
 
@@ -369,27 +373,27 @@ def _spindle(top: Table, buses: tuple[Bus, ...], folder: Path | None) -> Spindle
     return equipment.spindle(table, buses, lambda of: _profile(of, folder), folder)
 
 
-def _audit(machine: Machine, file: str, general: Table) -> None:
+def _audit(machine: Machine, top: Table, general: Table) -> None:
     """What only the whole file can show."""
-    axes = Table(file, "[[axis]]", {"name": [axis.name for axis in machine.axes]})
+    axes = Table(top.file, "[[axis]]", {"name": [axis.name for axis in machine.axes]})
     names = [axis.name for axis in machine.axes]
     rotaries, build = [axis for axis in machine.axes if axis.is_rotary], BUILDS[machine.kinematics]
     if len(rotaries) != build.rotaries or len(names) != 3 + build.rotaries or len(set(names)) != len(names):
         problem = f"are not the axes of a machine with kinematics = {machine.kinematics!r}"
         axes.refuse("name", problem, build.axes, "add or remove axes, or say another kinematics in [machine]")
     for axis in machine.axes:
-        _audit_axis(axis, machine, file)
-    equipment.audit(machine.axes, (machine.spindle, machine.io), file)
+        _audit_axis(axis, machine, top)
+    equipment.audit(machine.axes, (machine.spindle, machine.io), top)
     z = machine.axes[names.index("Z")]
     if not z.travel_min <= machine.retract_mm <= z.travel_max:
         travel = f"a number {span(z.travel_min, z.travel_max)}, the travel of Z"
         general.refuse("retract_mm", "is outside of Z's travel", travel, "change one of the two")
     if len(rotaries) == 2:
-        _audit_rotaries(rotaries, file)
+        _audit_rotaries(rotaries, top)
 
 
-def _audit_axis(axis: Axis, machine: Machine, file: str) -> None:
-    table = Table(file, f"[[axis]] {axis.name}", {"node": axis.node, "direction": list(axis.direction)})
+def _audit_axis(axis: Axis, machine: Machine, top: Table) -> None:
+    table = top.entry("axis", axis.name)
     if not axis.is_rotary and norm(subtract(axis.direction, LINEAR[axis.name])) > PARALLEL:
         wanted = str(list(LINEAR[axis.name]))
         table.refuse("direction", "X Y Z are the machine frame", wanted, "correct it")
@@ -398,7 +402,7 @@ def _audit_axis(axis: Axis, machine: Machine, file: str) -> None:
         table.refuse("node", f"{twins} share it on bus {axis.bus}", "a node per drive", "change one")
 
 
-def _audit_rotaries(rotaries: Sequence[Axis], file: str) -> None:
+def _audit_rotaries(rotaries: Sequence[Axis], top: Table) -> None:
     """Only two rotaries that can tilt the tool against the work make five axes.
 
     In every build the rotary next to the tool must not stand along the tool (Z at
@@ -407,7 +411,7 @@ def _audit_rotaries(rotaries: Sequence[Axis], file: str) -> None:
     first, second = rotaries
     # Tables are listed base to work, and the base is what stands nearer to the tool; heads base to tool.
     next_to_tool = first if second.kind is Kind.TABLE else second
-    table = Table(file, f"[[axis]] {next_to_tool.name}", {"direction": list(next_to_tool.direction)})
+    table = top.entry("axis", next_to_tool.name)
     if norm(cross(next_to_tool.direction, Z)) < PARALLEL:
         problem = "this rotary is next to the tool and parallel to it, so it cannot tilt it"
         order = "list table rotaries from base to work and head rotaries from base to tool"

@@ -5,8 +5,10 @@ and gets one answer with its ``id``; what takes long answers late, and others ov
 
     {"id": 7, "verb": "hold", "args": {}}
     {"id": 7, "ok": true, "result": {...}}
-    {"id": 7, "ok": false, "error": {"code": "refused", "mode": "RUNNING", "request": "HOME", ...}}
+    {"id": 7, "ok": false, "error": {"code": "refused", "mode": "RUNNING", "request": "HOME",
+                                     "key": "refused", "values": {...}}}
 
+What is said is a key with its values (see ``catalogue``): whoever asked puts it into words.
 The kernel tells who connects (SO_PEERCRED): the same user, root, and members of the group that
 owns the socket are let in. The answering side is ``controller.service.server``.
 """
@@ -25,7 +27,8 @@ from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
-from controller import internal_error, whole
+from controller import catalogue, internal_error, whole
+from controller.catalogue import Key, Said, plain, said
 
 Values = dict[str, Any]
 Answer = Values | Future[Values]
@@ -36,32 +39,37 @@ MOST_BYTES = 200_000  # of a request; bigger things go by their path in the stor
 MOST_ANSWER = 2 * MOST_BYTES  # of an answer
 MOST_PEERS = 64
 CODES = ("refused", "bad", "busy", "gone", "silent", "unrecorded", "worn")
-FACTS = ("code", "sentence", "mode", "request", "sentence_de")  # of a refusal
+FACTS = ("code", "mode", "request")  # of a refusal, beside what it says
 ANSWER_S = 600.0  # a whole program may have to be read before the answer
 BUFFER_BYTES = 1 << 20  # of a socket
 
 
 class DoorError(Exception):
-    """Why a request was not done: ``sentence`` for the operator, also in German where it is known.
+    """Why a request was not done, for the operator; ``sentence`` is it in English.
 
     ``code``: "refused" by the machine's state, "bad" request, "busy", "gone" = nobody is there to
     answer, "silent" = somebody is, and does not; "unrecorded", "worn" = it would be done if that were
     confirmed.
     """
 
-    def __init__(
-        self, code: str, sentence: str, mode: str = "", request: str = "", sentence_de: str = ""
-    ) -> None:
-        super().__init__(sentence)
-        self.code, self.sentence, self.mode, self.request = code, sentence, mode, request
-        self.sentence_de = sentence_de
+    def __init__(self, code: str, said: Said | str, mode: str = "", request: str = "") -> None:
+        """``said``: a sentence alone where it has no key, as that of a program's reader."""
+        self.said = plain(said)
+        super().__init__(self.sentence)
+        self.code, self.mode, self.request = code, mode, request
+
+    @property
+    def sentence(self) -> str:
+        return catalogue.text(self.said)
 
     def to_dict(self) -> Values:
-        return {name: getattr(self, name) for name in FACTS}
+        return {**{name: getattr(self, name) for name in FACTS}, **self.said}
 
     @classmethod
-    def from_dict(cls, said: Mapping[str, Any]) -> DoorError:
-        return cls(**{name: str(said.get(name, "")) for name in FACTS})
+    def from_dict(cls, told: Mapping[str, Any]) -> DoorError:
+        values = told.get("values")
+        key = Said(key=str(told.get("key") or "no_reason"), values=values if isinstance(values, dict) else {})
+        return cls(said=key, **{name: str(told.get(name, "")) for name in FACTS})
 
 
 def control_path(runtime: Path) -> Path:
@@ -162,24 +170,24 @@ class Client:
             number = self._number
         packet = packed({"id": number, "verb": verb, "args": args})
         if len(packet) > MOST_BYTES:
-            raise DoorError("bad", f"{verb}: {len(packet)} bytes are too many for one request; send a path.")
+            raise DoorError("bad", said("long_request", verb=verb, bytes=len(packet)))
         return number, packet
 
     def _answer(self, own: socket.socket, number: int) -> Values:
         while True:
-            said = unpacked(_received(own))
-            if said is None:
+            told = unpacked(_received(own))
+            if told is None:
                 raise ConnectionResetError
-            if said.get("id") in (number, None):
+            if told.get("id") in (number, None):
                 break
-        if said.get("id") is None:  # this peer was sent away
+        if told.get("id") is None:  # this peer was sent away
             own.close()
         else:
             with self._lock:
                 self._idle.append(own)
-        if said.get("ok"):
-            return dict(said.get("result") or {})
-        raise DoorError.from_dict(said.get("error") or {})
+        if told.get("ok"):
+            return dict(told.get("result") or {})
+        raise DoorError.from_dict(told.get("error") or {})
 
     def _take(self, fresh: bool = False) -> socket.socket:
         """A connection; ``fresh``: those that are there are of no use any more."""
@@ -197,7 +205,7 @@ class Client:
             own.connect(str(self._path))
         except (FileNotFoundError, ConnectionError) as error:
             own.close()
-            raise DoorError("gone", f"{self._gone()} ({error.strerror})") from error
+            raise DoorError("gone", said("no_service", path=self._path, why=error.strerror)) from error
         except OSError as error:
             own.close()
             raise self._silent(error) from error
@@ -209,23 +217,14 @@ class Client:
             self._take(fresh=True).close()
         except DoorError as error:
             return error
-        return DoorError(
-            "silent",
-            f"{self._path}: the machine's service was started anew before it answered; look at the "
-            f"machine: whether {verb} was done is not known.",
-        )
+        return DoorError("silent", said("started_anew", path=self._path, verb=verb))
 
     def _silent(self, error: OSError) -> DoorError:
         """Somebody holds the socket: what is loaded there may be running."""
         if isinstance(error, PermissionError):
-            return DoorError("silent", stranger(self._path))
-        why = error.strerror or f"no answer within {self._longest_s:g} s"
-        return DoorError(
-            "silent", f"{self._path}: the machine's service is there and gives no answer ({why}); repeat."
-        )
-
-    def _gone(self) -> str:
-        return f"{self._path}: the machine's service does not answer; start it with directrix serve."
+            return DoorError("silent", said("stranger", path=self._path))
+        why = error.strerror or Key("no_answer_within")
+        return DoorError("silent", said("silent_door", path=self._path, why=why, seconds=self._longest_s))
 
 
 def _received(own: socket.socket) -> bytes:
@@ -239,20 +238,13 @@ def _received(own: socket.socket) -> bytes:
 # ---- what both sides need
 
 
-def stranger(path: Path) -> str:
-    """Why somebody is not let in."""
-    return f"This user may not use {path}; add it to the group that owns the socket."
-
-
 def own_error(error: BaseException) -> DoorError:
     """A mistake of ours as an answer."""
-    return DoorError(
-        "busy", f"The service met an error of its own; report this: {internal_error.told(error)}"
-    )
+    return DoorError("busy", said("own_error", error=internal_error.told(error)))
 
 
-def packed(said: Values) -> bytes:
-    return json.dumps(_plain(said), allow_nan=False, separators=(",", ":")).encode()
+def packed(told: Values) -> bytes:
+    return json.dumps(_plain(told), allow_nan=False, separators=(",", ":")).encode()
 
 
 def _plain(value: Any) -> Any:
@@ -268,10 +260,10 @@ def _plain(value: Any) -> Any:
 
 def unpacked(packet: bytes) -> Values | None:
     try:
-        said = json.loads(packet, parse_constant=_no_number)
+        told = json.loads(packet, parse_constant=_no_number)
     except (ValueError, RecursionError):
         return None
-    return said if isinstance(said, dict) else None
+    return told if isinstance(told, dict) else None
 
 
 def _no_number(name: str) -> float:

@@ -41,8 +41,9 @@ REST_SHARE = IN_POSITION_SHARE = 0.1
 MOST_BITS = 64  # of a PDO
 MOST_CHANNELS = 4  # of 16 bits in one
 INT16 = -(2**15), 2**15 - 1
-M_CODE = re.compile(r"M(1[01]|2[0-8]|1[0-9][0-9])")  # that programs have for what is the machine's own
-M_CODES = "M10, M11, M20 to M28, M100 to M199"
+# That programs have for what is the machine's own.
+M_CODE = re.compile(r"M(1[0-8]|2[0-8]|3[1-9]|4[0-7]|5[4-9]|69|7[4-9]|8[0-9]|9[0-7]|[1-9][0-9][0-9])")
+M_CODES = "M10 to M18, M20 to M28, M31 to M47, M54 to M59, M69, M74 to M97, M100 to M999"
 MODES = {"csv": 9, "pv": 3}
 
 FindProfile = Callable[[Table], str]  # the profile that a table names
@@ -205,7 +206,7 @@ def io(table: Table, buses: Sequence[Bus], axes: Sequence[Axis], folder: Path | 
 
 
 def _orient(table: Table) -> Orient | None:
-    """``orient = { output, input, angle_deg, within_s }``."""
+    """``orient = { output, input, angle_deg, within_s, shift }``."""
     if not table.has("orient"):
         return None
     entry = table.table("orient", f"{table.name} orient")
@@ -214,6 +215,7 @@ def _orient(table: Table) -> Orient | None:
         input=entry.text("input"),
         angle_deg=entry.number("angle_deg", 0.0, 360.0, default=0.0),
         within_s=entry.number("within_s", 0.1, 120.0, default=10.0),
+        shift=entry.text("shift", ("X+", "X-", "Y+", "Y-")) if entry.has("shift") else "",
     )
     entry.finish()
     return found
@@ -324,28 +326,28 @@ def _inverted(table: Table, names: Sequence[str]) -> tuple[str, ...]:
     return tuple(value)
 
 
-def audit(axes: Sequence[Axis], devices: tuple[Spindle | None, Io | None], file: str) -> None:
+def audit(axes: Sequence[Axis], devices: tuple[Spindle | None, Io | None], top: Table) -> None:
     """What only the whole file can show: nodes used twice, clamps without their bits."""
     turning, found = devices
     taken = {(axis.bus, axis.node): f"axis {axis.name}" for axis in axes}
     others = []
     if turning is not None and turning.is_driven:
-        others.append(("[spindle]", turning.bus, turning.node))
+        others.append(("spindle", turning.bus, turning.node))
     if found is not None:
-        others.append(("[io]", found.bus, found.node))
-    for title, bus, node in others:
-        table = Table(file, title, {"node": node})
+        others.append(("io", found.bus, found.node))
+    for key, bus, node in others:
+        table = top.table(key, f"[{key}]")
         if (bus, node) in taken:
             problem = f"{taken[bus, node]} is this node on bus {bus}"
             table.refuse("node", problem, "a node per device", "change one")
-        taken[bus, node] = title
+        taken[bus, node] = table.name
     for axis in axes:
         if axis.clamp is not None:
-            _audit_clamp(axis, axis.clamp, found, file)
+            _audit_clamp(axis.clamp, top.entry("axis", axis.name), found)
 
 
-def _audit_clamp(axis: Axis, its: Clamp, found: Io | None, file: str) -> None:
-    table = Table(file, f"[[axis]] {axis.name} clamp", {"output": its.output, "input": its.input})
+def _audit_clamp(its: Clamp, axis: Table, found: Io | None) -> None:
+    table = axis.table("clamp", f"{axis.name} clamp")
     if found is None or found.output(its.output) is None:
         names = ", ".join(name for name, _ in found.outputs) if found else "none, for there is no [io]"
         table.refuse("output", "there is no such output in [io]", names, "add it to [io] outputs")

@@ -16,7 +16,7 @@ The time in which a machine stands is a sum, and the fault matrix measures it:
 from __future__ import annotations
 
 from controller import catalogue
-from controller.catalogue import english
+from controller.catalogue import DEFAULT, LANGUAGES, Key, Said, said, several
 from controller.faults import Fault, FaultRow, Reaction, Recovery, Times, Wait
 
 
@@ -28,7 +28,7 @@ def _row(
     syncs: int = 2,
     wait: Wait = Wait.NONE,
 ) -> tuple[Fault, FaultRow]:
-    words = english.FAULTS[fault]
+    words = LANGUAGES[DEFAULT].faults[fault]
     return fault, FaultRow(words, position_trusted, reaction, recovery, syncs, wait)
 
 
@@ -89,18 +89,19 @@ _ROWS = (
 FAULTS: dict[Fault, FaultRow] = dict(_ROWS)
 
 
-def sentence(fault: Fault, axis: str = "", also: Fault = Fault.NONE, language: str = "en") -> str:
-    """Text and remedy for the operator, with the axis concerned and what came on top.
-
-    Raises ValueError where the catalogue has no such language.
-    """
-    said = catalogue.of(language)
-    text, _, remedy = said.faults[fault]
-    told = f"{said.frames['axis'].format(axis=axis, text=text) if axis else text} {remedy}"
+def told(fault: Fault, axis: str = "", also: Fault = Fault.NONE) -> Said:
+    """Text and remedy for the operator, with the axis concerned and what came on top."""
+    text, remedy = said(f"fault.{fault.name}"), said(f"remedy.{fault.name}")
+    first = said("of_axis", axis=axis, text=text) if axis else text
     if also in (Fault.NONE, fault):
-        return told
-    more = said.faults[also]
-    return told + said.frames["also"].format(text=more.text, remedy=more.remedy)
+        return several(first, remedy)
+    more = said("also", text=Key(f"fault.{also.name}"), remedy=Key(f"remedy.{also.name}"))
+    return several(first, remedy, more)
+
+
+def sentence(fault: Fault, axis: str = "", also: Fault = Fault.NONE, language: str = DEFAULT) -> str:
+    """The same in words. Raises ValueError where the catalogue has no such language."""
+    return catalogue.text(told(fault, axis, also), language)
 
 
 def stands_within_s(fault: Fault, times: Times) -> float:

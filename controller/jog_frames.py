@@ -25,12 +25,12 @@ _STUCK = 1e-9  # mm or rad: less is no motion
 
 
 class JogError(Exception):
-    """One sentence on what cannot be jogged, with what is allowed; ``german``: the same."""
+    """What cannot be jogged, with what is allowed: ``said``, and in words."""
 
     def __init__(self, key: str, **values: object) -> None:
         """``key``: of the catalogue's text."""
-        english, self.german = catalogue.in_both(key, **values)
-        super().__init__(english)
+        self.said = catalogue.said(key, **values)
+        super().__init__(catalogue.text(self.said))
 
 
 def continuous(

@@ -27,7 +27,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from controller import catalogue, whole
+from controller import whole
+from controller.catalogue import Key, Said, chain, said
 from controller.handoff import COLUMN, Snapshot
 from controller.machine import REFERENCES, Joints, Machine
 from controller.plan.route.spot import ENTRY_ID, FORMER, Spot
@@ -124,16 +125,16 @@ def write(entry: Entry, file: Path) -> None:
     whole.write(file, text)
 
 
-def read(file: Path) -> tuple[Entry | None, str]:
-    """The entry and "", or None and a sentence; the sentence is "" where there is no journal."""
+def read(file: Path) -> tuple[Entry | None, Said | None]:
+    """The entry and None, or None and why; neither where there is no journal."""
     try:
-        return _entry(json.loads(file.read_text())), ""
+        return _entry(json.loads(file.read_text())), None
     except FileNotFoundError:
-        return None, ""
+        return None, None
     except OSError as error:
-        return None, f"{file}: the journal cannot be read ({error.strerror}); start at a line instead."
+        return None, said("journal_unread", file=file, why=error.strerror)
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        return None, f"{file}: is no journal of this version; start the program at a line instead."
+        return None, said("journal_of_other_version", file=file)
 
 
 def _entry(values: Any) -> Entry:
@@ -150,16 +151,14 @@ def _entry(values: Any) -> Entry:
 # --- whether a restart may be offered
 
 
-def refusal(
-    entry: Entry | None, now: Job, homed: int, untrusted: int, axes: int, language: str = "en"
-) -> str:
-    """Why the program is not gone on with, as a sentence; "" where a restart may be offered.
+def refusal(entry: Entry | None, now: Job, homed: int, untrusted: int, axes: int) -> Said | None:
+    """Why the program is not gone on with; None where a restart may be offered.
 
     ``now``: the same program on the machine as it is now; ``homed`` and ``untrusted``: bit
     masks of the ``axes`` axes. A changed tool is no reason: the rest is cut as the new one does it.
     """
     if entry is None or entry.ended:
-        return catalogue.refusal("not_interrupted", language)
+        return said("not_interrupted")
     then = entry.job
     changed = [
         name
@@ -171,12 +170,11 @@ def refusal(
         if not same
     ]
     if changed:
-        said = catalogue.of(language).refusals
-        what = said["and"].join(said[name] for name in changed)
-        return said["changed"].format(program=then.name, line=entry.spot.line, what=what)
+        what = chain("and", [Key(name) for name in changed])
+        return said("changed", program=then.name, line=entry.spot.line, what=what)
     if homed != (1 << axes) - 1 or untrusted:
-        return catalogue.refusal("lost", language, program=then.name, line=entry.spot.line)
-    return ""
+        return said("lost", program=then.name, line=entry.spot.line)
+    return None
 
 
 def spot_of(entry: Entry, now: Job) -> Spot:

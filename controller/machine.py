@@ -299,6 +299,7 @@ class Orient:
     input: str
     angle_deg: float
     within_s: float
+    shift: str = ""  # X+ X- Y+ or Y-: that way leads the tip of a boring bar off the wall; "" = unknown
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,15 +16,15 @@ KEPT_BY_DIALECT: dict[str, tuple[tuple[int, int], ...]] = {"rs274": (), "fanuc":
 def kept(general: Table, dialect: str) -> tuple[tuple[int, int], ...]:
     """Numbered parameters that outlive a program: ``kept_parameters = [100, [500, 549]]``."""
     key, (low, high) = "kept_parameters", KEPT_NUMBERS
+    allowed = f"a list of numbers from {low} to {high}, or of [first, last], as [100, [500, 549]]"
+    rows = general.get(key, allowed, KEPT_BY_DIALECT[dialect])
     if not general.has(key):
         return KEPT_BY_DIALECT[dialect]
-    rows = general.get(key, "")
     rows = rows if isinstance(rows, list) else [0]
     pairs = [row if isinstance(row, list) else [row, row] for row in rows]
     for pair in pairs:
         whole = len(pair) == 2 and all(isinstance(n, int) and not isinstance(n, bool) for n in pair)
         if not (whole and low <= pair[0] <= pair[1] <= high):
-            allowed = f"a list of numbers from {low} to {high}, or of [first, last], as [100, [500, 549]]"
             general.refuse(key, "names parameters that cannot be kept", allowed, "correct it")
     return tuple((first, last) for first, last in pairs)
 

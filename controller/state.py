@@ -30,8 +30,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import IntEnum
 
-from controller import catalogue
-from controller.fault_table import FAULTS, sentence, stands_within_s, waits_s
+from controller.catalogue import Key, Said, chain, said
+from controller.fault_table import FAULTS, sentence, stands_within_s, told, waits_s
 from controller.faults import Fault, FaultRow, Reaction, Recovery, Times, Wait
 
 __all__ = [
@@ -58,6 +58,7 @@ __all__ = [
     "refusal",
     "sentence",
     "stands_within_s",
+    "told",
     "waits_s",
 ]
 
@@ -190,27 +191,26 @@ def refusal(
     interlock: Fault = Fault.NONE,
     away: bool = False,
     axes: Sequence[str] = (),
-    language: str = "en",
-) -> str:
-    """Why ``request`` is refused: mode, request, reason and what to do, in one sentence; "" if it is not.
+) -> Said | None:
+    """Why ``request`` is refused: mode, request, reason and what to do, in one sentence; None if it is not.
 
     ``homed`` and ``untrusted`` are bit masks of the axes, whose names are ``axes``; ``away``: the tool has
-    been jogged off the place of the hold. Raises ValueError where the catalogue has no such language.
+    been jogged off the place of the hold.
     """
     if request in ALWAYS:
-        return ""
+        return None
     if (mode, request) not in TRANSITIONS:
-        why = _where_then(mode, request, language)
+        why = _where_then(mode, request)
     elif condition := _condition(mode, request, standing, away):
-        why = catalogue.refusal(condition, language)
+        why = said(condition)
     elif bars(interlock, request):
-        why = sentence(interlock, language=language)
+        why = told(interlock)
     elif request is Request.START and (missing := untrusted | (_every(axes) & ~homed)):
         names = ", ".join(name for i, name in enumerate(axes) if missing >> i & 1)
-        why = catalogue.refusal("not_homed", language, axes=names or catalogue.Key("some_axes"))
+        why = said("not_homed", axes=names or Key("some_axes"))
     else:
-        return ""
-    return catalogue.refusal("refused", language, request=request.name, mode=mode.name, why=why)
+        return None
+    return said("refused", request=request.name, mode=mode.name, why=why)
 
 
 def _every(axes: Sequence[str]) -> int:
@@ -218,18 +218,17 @@ def _every(axes: Sequence[str]) -> int:
     return (1 << len(axes)) - 1 if axes else ALL_AXES
 
 
-def _where_then(mode: Mode, request: Request, language: str) -> str:
+def _where_then(mode: Mode, request: Request) -> Said:
     """What the mode is, what to do, and the modes that know the request."""
     nothing = request in _NOTHING_TO and (
         request is not Request.ENABLE or mode not in (Mode.FAULT, Mode.HOMING)
     )
-    return catalogue.refusal(
+    return said(
         "known",
-        language,
-        now=catalogue.Key(f"now.{mode.name}"),
-        way_out=catalogue.Key(f"nothing_to.{request.name}" if nothing else f"way_out.{mode.name}"),
+        now=Key(f"now.{mode.name}"),
+        way_out=Key(f"nothing_to.{request.name}" if nothing else f"way_out.{mode.name}"),
         request=request.name,
-        modes=catalogue.refusal("or", language).join(m.name for m, r in TRANSITIONS if r is request),
+        modes=chain("or", [m.name for m, r in TRANSITIONS if r is request]),
     )
 
 

@@ -44,8 +44,9 @@ ARROWS: dict[str, set[str]] = {
     "whole": set(),  # files replaced whole
     "internal_error": set(),  # a mistake of our own, in words
     "packed_rows": {"handoff"},  # rows of the recorder, for the door
-    "door": {"whole", "internal_error"},  # the service's local protocol, and its asking side
+    "door": {"whole", "internal_error", "catalogue"},  # the service's local protocol, and its asking side
     "toml_table": {"geometry"},  # reads tables for config, knows no machine
+    "machine_keys": {"toml_table"},  # what the keys mean: config/KEYS.md
     "drive_objects": {"toml_table"},  # objects of drives in tables, and where data sheets are wrong
     # config's: spindle, inputs and outputs, clamps
     "equipment": {"machine", "geometry", "toml_table", "drive_objects"},

@@ -1,58 +1,73 @@
-"""What the operator reads about faults, by language; each text stands here once.
+"""Every text that an operator reads, by language; and how a text travels.
 
-A fault has the same three sentences in every language: what happened, where that usually
-comes from, what to do. What the machine does about it is no matter of language and stands
-in ``fault_table``. Plain values in plain modules, so that no file can be missing at the
-moment when something has gone wrong. Refusals, which are no faults, stand beside them by a key
-each, as sentences or parts of one with {placeholders}.
+What is said is a key with its values (``Said``): through the shared state, the service's socket and the
+store, in no language. Who shows it asks for the words in the reader's language (``text``, ``told``).
+
+A language is whatever the modules of this folder say under its LANGUAGE: one module is enough, English and
+German are in several, a room each. Plain values in plain modules, so that no file can be missing at the
+moment when something has gone wrong. A fault has the same three sentences in every language: what happened,
+where that usually comes from, what to do. What the machine does about it is no matter of language and
+stands in ``fault_table``.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import pkgutil
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from typing import Any, NamedTuple, TypedDict
 
-from controller.catalogue import (
-    english,
-    form_english,
-    form_german,
-    german,
-    panel_english,
-    panel_german,
-)
 from controller.faults import Fault, Reaction, Recovery, Words
+
+DEFAULT = "en"
 
 
 class Catalogue(NamedTuple):
-    """All texts of one language. ``frames``: what is put round them; both it and ``refusals`` with
-    {placeholders}."""
+    """All texts of one language. ``name``: of the language, in itself; ``frames``: what is put round the
+    words of a fault; both it and ``refusals`` with {placeholders}; ``page``: the page's own, with {0} ...
+    """
 
+    name: str
     faults: dict[Fault, Words]
     classes: dict[Reaction, str]
     recoveries: dict[Recovery, str]
     frames: dict[str, str]
     refusals: dict[str, str]
+    page: dict[str, str]
+    texts: dict[str, str]  # all that a Said may name: refusals, and faults by part and name
 
 
-LANGUAGES: dict[str, Catalogue] = {
-    module.LANGUAGE: Catalogue(
-        module.FAULTS,
-        module.CLASSES,
-        module.RECOVERIES,
-        module.FRAMES,
-        {**module.REFUSALS, **panel.REFUSALS, **form.REFUSALS},
+def languages() -> dict[str, Catalogue]:
+    """What the modules of this folder have. Raises KeyError where a language lacks a section."""
+    names = sorted((one.name for one in pkgutil.iter_modules(__path__)), key=lambda name: ("_" in name, name))
+    found: dict[str, dict[str, Any]] = {}
+    for module in (vars(import_module(f"{__name__}.{name}")) for name in names):
+        known = found.setdefault(module["LANGUAGE"], {})
+        for section, texts in module.items():
+            if section.isupper() and not section.startswith("_"):
+                known[section] = {**known.get(section, {}), **texts} if isinstance(texts, dict) else texts
+    return {code: _catalogue(known) for code, known in found.items()}
+
+
+def _catalogue(known: Mapping[str, Any]) -> Catalogue:
+    texts = {
+        f"{part}.{fault.name}": text
+        for fault, words in known["FAULTS"].items()
+        for part, text in zip(("fault", "cause", "remedy"), words, strict=True)
+    }
+    return Catalogue(
+        known["NAME"],
+        known["FAULTS"],
+        known["CLASSES"],
+        known["RECOVERIES"],
+        known["FRAMES"],
+        known["REFUSALS"],
+        known["PAGE"],
+        {**known["REFUSALS"], **texts},
     )
-    for module, panel, form in (
-        (english, panel_english, form_english),
-        (german, panel_german, form_german),
-    )
-}
 
 
-class Key(str):
-    """A value of a refusal that is itself a text of the refusals, for instance what was waited for.
-
-    Its places are filled with the other values.
-    """
+LANGUAGES = languages()
 
 
 def of(language: str) -> Catalogue:
@@ -65,16 +80,118 @@ def of(language: str) -> Catalogue:
     )
 
 
-def refusal(key: str, language: str = "en", **values: object) -> str:
-    """The text of a refusal. Raises ValueError where the catalogue has no such language."""
-    said = of(language).refusals
+def chosen(*wanted: str) -> str:
+    """The first language of which there are texts; English where there is none.
+
+    Each of ``wanted`` is a code, or an Accept-Language header: "fr, de-CH;q=0.9, en;q=0.8" is 'de'.
+    """
+    for header in wanted:
+        ranked = sorted(map(_ranked, header.split(",")), key=lambda one: -one[0])
+        for language in (code for weight, code in ranked if weight > 0.0):
+            if language in LANGUAGES:
+                return language
+    return DEFAULT
+
+
+def _ranked(part: str) -> tuple[float, str]:
+    """Weight and language of one part of an Accept-Language header."""
+    code, _, weight = part.replace(" ", "").partition(";q=")
+    try:
+        return float(weight or 1.0), code.split("-")[0].lower()
+    except ValueError:
+        return 0.0, ""
+
+
+# ---- how a text travels
+
+
+class Said(TypedDict):
+    """A text in no language. A value is plain JSON, another ``Said``, or a list of them, which are read
+    one after the other; a text among the values may use the values beside it.
+    """
+
+    key: str
+    values: dict[str, Any]
+
+
+class Key(str):
+    """A value that is itself a text, by its key, for instance what was waited for."""
+
+
+def said(key: str, **values: object) -> Said:
+    """The text of a key, with what it has places for."""
     if "why" in values and not str(values["why"] or "").strip():  # an OSError may have no words, for one
         values["why"] = Key("no_why")
-    plain = {name: value for name, value in values.items() if not isinstance(value, Key)}
-    keys = {name: said[value].format(**plain) for name, value in values.items() if isinstance(value, Key)}
-    return said[key].format(**plain, **keys)
+    return Said(key=key, values={name: _value(value) for name, value in values.items()})
 
 
-def in_both(key: str, **values: object) -> tuple[str, str]:
-    """The text of a refusal in English and in German."""
-    return refusal(key, "en", **values), refusal(key, "de", **values)
+def plain(sentence: Said | str) -> Said:
+    """Also of what is known as a sentence only, of a program's reader for one."""
+    return said("text", text=sentence) if isinstance(sentence, str) else sentence
+
+
+def several(*texts: Said | str) -> Said:
+    """One after the other, without those that are empty."""
+    return said("text", text=[plain(one) for one in texts if one])
+
+
+def chain(link: str, texts: Sequence[Said | str]) -> Said | str:
+    """Several as one: ``link`` is "and" or "or"; each is a key or plain words."""
+    last: Said | str = texts[-1]
+    for one in texts[-2::-1]:
+        last = said(link, one=one, other=last)
+    return last
+
+
+def _value(value: object) -> Any:
+    if isinstance(value, Key):
+        return Said(key=str(value), values={})
+    if isinstance(value, list | tuple):
+        return [_value(one) for one in value]
+    return value if isinstance(value, str | int | float | dict | None) else str(value)
+
+
+def _is_said(value: object) -> bool:
+    return isinstance(value, Mapping) and "key" in value and "values" in value
+
+
+def text(said: Mapping[str, Any] | None, language: str = DEFAULT) -> str:
+    """In words; what was kept as a ``sentence`` alone, before keys were, is that. "" where there is neither.
+
+    Raises ValueError for a language that there is not.
+    """
+    if said and said.get("key"):
+        return _filled(said, of(language).texts, {})
+    return str((said or {}).get("sentence") or "")
+
+
+def facts(said: Said | None) -> dict[str, Any]:
+    """Key and values as facts of something else; both are null where there is nothing to be said."""
+    return dict(said) if said else {"key": None, "values": None}
+
+
+def _filled(said: Mapping[str, Any], texts: Mapping[str, str], around: Mapping[str, Any]) -> str:
+    """A key of another version, and values that do not fit it, are shown as they are: it must not fail."""
+
+    def words(value: Any) -> Any:
+        if _is_said(value):
+            return _filled(value, texts, figures)
+        return " ".join(map(words, value)) if isinstance(value, list) and all(map(_is_said, value)) else value
+
+    key, values = str(said["key"]), {**around, **(said["values"] or {})}
+    figures = {name: value for name, value in values.items() if isinstance(value, str | int | float)}
+    try:
+        return texts[key].format(**{name: words(value) for name, value in values.items()})
+    except (KeyError, ValueError, IndexError, TypeError):
+        return f"{key} {figures}"
+
+
+def told(tree: Any, language: str = DEFAULT) -> Any:
+    """JSON values with the ``sentence`` of every text in them, beside its key and values."""
+    if isinstance(tree, Mapping):
+        own = {"sentence": text(tree, language) or None} if _is_said(tree) else {}
+        kept = {name: one if own and name == "values" else told(one, language) for name, one in tree.items()}
+        return {**kept, **own}
+    if isinstance(tree, list | tuple):
+        return [told(one, language) if isinstance(one, Mapping | list | tuple) else one for one in tree]
+    return tree

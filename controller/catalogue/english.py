@@ -5,10 +5,9 @@ from __future__ import annotations
 from controller.faults import Fault, Reaction, Recovery, Words
 
 LANGUAGE = "en"
+NAME = "English"
 
 FRAMES = {
-    "axis": "Axis {axis}: {text}",
-    "also": " Also: {text} {remedy}",
     "cause": "Cause: {cause}",
     "remedy": "Remedy: {remedy}",
     "trusted": "The position is still trusted.",
@@ -266,10 +265,13 @@ FAULTS: dict[Fault, Words] = {
 }
 
 REFUSALS = {
+    "text": "{text}",
+    "of_axis": "Axis {axis}: {text}",
+    "also": "Also: {text} {remedy}",
     # --- by the machine's mode: "START is refused in OFF: the drives are off; enable them first (...)."
     "refused": "{request} is refused in {mode}: {why}",
     "known": "{now}; {way_out} ({request} is for {modes}).",
-    "or": " or ",
+    "or": "{one} or {other}",
     "now.OFF": "the drives are off",
     "now.READY": "the machine is ready and no program runs",
     "now.RUNNING": "a program runs",
@@ -339,12 +341,32 @@ REFUSALS = {
     "no_plan": "The planner is gone; it is started anew. Ask again.",
     "not_taken": "The tick does not take the program; enable the drives and ask again.",
     "busy_tick": "The tick does not take requests; is the computer very busy?",
+    # --- at the service's door
+    "no_object": "A request is one JSON object of at most {most} bytes; correct it.",
+    "no_verb_or_args": 'A request has a "verb" (text) and "args" (an object); correct it.',
+    "long_request": "{verb}: {bytes} bytes are too many for one request; send a path.",
+    "stranger": "This user may not use {path}; add it to the group that owns the socket.",
+    "many_peers": "{path} has {most} users, which is all it serves; repeat.",
+    "started_anew": "{path}: the machine's service was started anew before it answered; look at the machine: "
+    "whether {verb} was done is not known.",
+    "silent_door": "{path}: the machine's service is there and gives no answer ({why}); repeat.",
+    "no_answer_within": "no answer within {seconds:g} s",
+    "own_error": "The service met an error of its own; report this: {error}",
+    # --- what became of a program
+    "given_up": "The {verb} was given up.",
+    "service_ended": "The service was ended.",
+    "stands_before": "The tool stands on the path before that block.",
+    "beside": "By the drives' own count the tool came to rest {off_mm:.3f} mm beside the path near line "
+    "{line}, its axis turned by {off_deg:.3f} degrees. Retract it by hand along its axis before "
+    "anything else.",
+    "journal_unread": "{file}: the journal cannot be read ({why}); start at a line instead.",
+    "journal_of_other_version": "{file}: is no journal of this version; start the program at a line instead.",
     # --- by what was interrupted
     "not_interrupted": "There is no interrupted program to go on with; start one from its beginning or at a "
     "line.",
     "changed": "{program} cannot be gone on with at line {line}: {what} changed since it was interrupted; "
     "undo the change, or start at a line by your own judgement.",
-    "and": " and ",
+    "and": "{one} and {other}",
     "the_program": "the program",
     "the_machine_file": "the machine file",
     "a_work_offset": "a work offset",
@@ -354,9 +376,10 @@ REFUSALS = {
     "start another one.",
     # --- where a program is entered: no refusal, but read before it is started from there
     "at.place": "Line {line}, {percent} % of its block ({what}).",
-    "at.tool": "Tool T{tool}{size}, work offset {offset}, G43 length {length} mm.",
+    "at.tool": "Tool T{tool}, work offset {offset}, G43 length {length} mm.",
+    "at.sized_tool": "Tool T{tool} (radius {radius} mm, length {long} mm), work offset {offset}, "
+    "G43 length {length} mm.",
     "at.tilted": "Tilted plane, seen from the table at zero: origin {origin}, X along {x}, Z along {z}.",
-    "at.size": "(radius {radius} mm, length {length} mm)",
     "at.spindle": "Spindle {rev_min} 1/min, coolant {coolant}, feed {feed}.",
     "at.outputs": "Outputs {outputs}.",
     "at.entry": "Entry along the tool axis to {joints}.",
@@ -389,6 +412,7 @@ REFUSALS = {
     "wrong_password": "Name or password is wrong; try again.",
     # --- by what was sent
     "no_verb": "{verb}: there is no such verb; allowed are {allowed}.",
+    "no_axes": "axes {axes}: allowed is a list out of {allowed}, or null for all.",
     "no_alarm": "There is no alarm {number}; ask for the list of alarms.",
     "not_number": "{name} {value!r}: must be a number from {lowest:g} to {highest:g}; correct it.",
     "not_whole": "{name} {value!r}: must be a whole number from 0; correct it.",

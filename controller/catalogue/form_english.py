@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+LANGUAGE = "en"
+
 REFUSALS = {
     "form.within": "Every surface keeps its tolerance: {off} µm off at most, {tolerance} µm allowed "
     "(line {line}).",
-    "form.exceeds": "the surface of line {line} exceeds its form tolerance of {tolerance} mm by "
+    "form.exceeds": "The surface of line {line} exceeds its form tolerance of {tolerance} mm by "
     "{exceeds} mm: it is {off} mm {way} at u = {u}, {height} mm above its lower edge, by the {motion} "
     "of line {by_line}",
+    "form.exceeding": "{text}.",
     "form.overcut": "too deep",
     "form.undercut": "short of being cut",
     "form.would_do": "{sentence}; what helps: {remedies}",

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+LANGUAGE = "de"
+
 REFUSALS = {
     "form.within": "Jede Fläche hält ihre Toleranz: höchstens {off} µm Abweichung, {tolerance} µm erlaubt "
     "(Zeile {line}).",
-    "form.exceeds": "die Fläche in Zeile {line} überschreitet ihre Formtoleranz von {tolerance} mm um "
+    "form.exceeds": "Die Fläche in Zeile {line} überschreitet ihre Formtoleranz von {tolerance} mm um "
     "{exceeds} mm: sie ist {off} mm {way} bei u = {u}, {height} mm über der Unterkante, in "
     "Bewegung „{motion}“ von Zeile {by_line}",
+    "form.exceeding": "{text}.",
     "form.overcut": "zu tief geschnitten",
     "form.undercut": "stehen geblieben",
     "form.would_do": "{sentence}; es hilft: {remedies}",

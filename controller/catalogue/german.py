@@ -5,10 +5,9 @@ from __future__ import annotations
 from controller.faults import Fault, Reaction, Recovery, Words
 
 LANGUAGE = "de"
+NAME = "Deutsch"
 
 FRAMES = {
-    "axis": "Achse {axis}: {text}",
-    "also": " Außerdem: {text} {remedy}",
     "cause": "Ursache: {cause}",
     "remedy": "Abhilfe: {remedy}",
     "trusted": "Die Position gilt noch.",
@@ -279,10 +278,13 @@ FAULTS: dict[Fault, Words] = {
 }
 
 REFUSALS = {
+    "text": "{text}",
+    "of_axis": "Achse {axis}: {text}",
+    "also": "Außerdem: {text} {remedy}",
     # --- by the machine's mode
     "refused": "{request} ist in {mode} abgelehnt: {why}",
     "known": "{now}; {way_out} ({request} gilt in {modes}).",
-    "or": " oder ",
+    "or": "{one} oder {other}",
     "now.OFF": "die Antriebe sind aus",
     "now.READY": "die Maschine ist bereit, und kein Programm läuft",
     "now.RUNNING": "ein Programm läuft",
@@ -353,11 +355,33 @@ REFUSALS = {
     "no_plan": "Die Planung ist weg und wird neu gestartet; noch einmal anfordern.",
     "not_taken": "Der Takt nimmt das Programm nicht an; die Antriebe freigeben und erneut anfragen.",
     "busy_tick": "Der Takt nimmt keine Anforderungen an; ist der Rechner überlastet?",
+    # --- at the service's door
+    "no_object": "Eine Anfrage ist ein JSON-Objekt von höchstens {most} Bytes; verbessern.",
+    "no_verb_or_args": 'Eine Anfrage hat ein "verb" (Text) und "args" (ein Objekt); verbessern.',
+    "long_request": "{verb}: {bytes} Bytes sind zu viel für eine Anfrage; einen Pfad schicken.",
+    "stranger": "Dieser Benutzer darf {path} nicht benutzen; in die Gruppe aufnehmen, der der Socket gehört.",
+    "many_peers": "{path} hat {most} Benutzer, mehr bedient er nicht; noch einmal versuchen.",
+    "started_anew": "{path}: Der Dienst der Maschine wurde neu gestartet, bevor er antwortete; nach der "
+    "Maschine sehen: Ob {verb} ausgeführt wurde, ist nicht bekannt.",
+    "silent_door": "{path}: Der Dienst der Maschine ist da und gibt keine Antwort ({why}); noch einmal "
+    "versuchen.",
+    "no_answer_within": "keine Antwort binnen {seconds:g} s",
+    "own_error": "Der Dienst traf auf einen eigenen Fehler; das bitte melden: {error}",
+    # --- what became of a program
+    "given_up": "{verb} wurde aufgegeben.",
+    "service_ended": "Der Dienst wurde beendet.",
+    "stands_before": "Das Werkzeug steht auf der Bahn vor diesem Satz.",
+    "beside": "Nach der Zählung der Antriebe kam das Werkzeug {off_mm:.3f} mm neben der Bahn bei Zeile "
+    "{line} zur Ruhe, seine Achse um {off_deg:.3f} Grad gedreht. Es zuerst von Hand entlang seiner Achse "
+    "zurückziehen.",
+    "journal_unread": "{file}: Das Journal ist nicht lesbar ({why}); stattdessen an einer Zeile starten.",
+    "journal_of_other_version": "{file}: ist kein Journal dieser Version; das Programm stattdessen an einer "
+    "Zeile starten.",
     # --- by what was interrupted
     "not_interrupted": "Kein Programm ist unterbrochen; eines von vorn oder ab einer Zeile starten.",
     "changed": "{program} kann ab Zeile {line} nicht fortgesetzt werden: seit der Unterbrechung geändert: "
     "{what}; die Änderung rückgängig machen oder nach eigenem Urteil ab einer Zeile starten.",
-    "and": " und ",
+    "and": "{one} und {other}",
     "the_program": "das Programm",
     "the_machine_file": "die Maschinendatei",
     "a_work_offset": "ein Nullpunkt",
@@ -367,9 +391,10 @@ REFUSALS = {
     "ein anderes starten.",
     # --- where a program is entered: no refusal, but read before it is started from there
     "at.place": "Zeile {line}, {percent} % des Satzes ({what}).",
-    "at.tool": "Werkzeug T{tool}{size}, Nullpunkt {offset}, Länge nach G43 {length} mm.",
+    "at.tool": "Werkzeug T{tool}, Nullpunkt {offset}, Länge nach G43 {length} mm.",
+    "at.sized_tool": "Werkzeug T{tool} (Radius {radius} mm, Länge {long} mm), Nullpunkt {offset}, "
+    "Länge nach G43 {length} mm.",
     "at.tilted": "Geschwenkte Ebene, gesehen vom Tisch in Null: Ursprung {origin}, X längs {x}, Z längs {z}.",
-    "at.size": "(Radius {radius} mm, Länge {length} mm)",
     "at.spindle": "Spindel {rev_min} 1/min, Kühlmittel {coolant}, Vorschub {feed}.",
     "at.outputs": "Ausgänge {outputs}.",
     "at.entry": "Einfahrt entlang der Werkzeugachse nach {joints}.",
@@ -402,6 +427,7 @@ REFUSALS = {
     "wrong_password": "Name oder Passwort ist falsch; noch einmal versuchen.",
     # --- by what was sent
     "no_verb": "{verb}: gibt es nicht; erlaubt sind {allowed}.",
+    "no_axes": "axes {axes}: erlaubt ist eine Liste aus {allowed}, oder null für alle.",
     "no_alarm": "Die Meldung {number} gibt es nicht; die Liste der Meldungen abfragen.",
     "not_number": "{name} {value!r}: muss eine Zahl von {lowest:g} bis {highest:g} sein; berichtigen.",
     "not_whole": "{name} {value!r}: muss eine ganze Zahl ab 0 sein; berichtigen.",

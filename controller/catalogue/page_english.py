@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-TEXTS: dict[str, str] = {
+LANGUAGE = "en"
+
+PAGE: dict[str, str] = {
     # The frame round every view
     "frame.hold": "HOLD",
     "frame.hold_title": "Come to rest on the path; Resume goes on (F8)",
@@ -43,7 +45,6 @@ TEXTS: dict[str, str] = {
     "frame.no_tick": "The machine's clock stands still",
     "frame.since": "for",
     "frame.theme": "Dark or light",
-    "frame.language": "Deutsch",
     "frame.views": "Views",
     "frame.reset": "Reset",
     "frame.trusted": "Position trusted",
@@ -653,7 +654,6 @@ TEXTS: dict[str, str] = {
     "report.check.overcut_mm": "Overcut, mm",
     "report.check.undercut_mm": "Left standing, mm",
     "report.check.form": "Form of the surfaces",
-    "report.form.sentence": "sentence",
     "report.joint": "Axis",
     "report.velocity_share": "velocity",
     "report.acceleration_share": "acceleration",

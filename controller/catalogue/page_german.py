@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-TEXTS: dict[str, str] = {
+LANGUAGE = "de"
+
+PAGE: dict[str, str] = {
     # The frame round every view
     "frame.hold": "HALT",
     "frame.hold_title": "Auf der Bahn anhalten; Weiter fährt fort (F8)",
@@ -47,7 +49,6 @@ TEXTS: dict[str, str] = {
     "frame.no_tick": "Der Takt der Maschine steht still",
     "frame.since": "seit",
     "frame.theme": "Dunkel oder hell",
-    "frame.language": "English",
     "frame.views": "Ansichten",
     "frame.reset": "Quittieren",
     "frame.trusted": "Position gültig",
@@ -659,7 +660,6 @@ TEXTS: dict[str, str] = {
     "report.check.overcut_mm": "Überschnitt, mm",
     "report.check.undercut_mm": "Stehengelassen, mm",
     "report.check.form": "Form der Flächen",
-    "report.form.sentence": "sentence_de",
     "report.joint": "Achse",
     "report.velocity_share": "Geschwindigkeit",
     "report.acceleration_share": "Beschleunigung",

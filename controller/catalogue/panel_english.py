@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+LANGUAGE = "en"
+
 REFUSALS = {
     # --- names of what is meant
     "what.run": "run",
@@ -38,6 +40,9 @@ REFUSALS = {
     "name.invisible": "holds the invisible sign {sign}",
     "name.begins": "begins with {sign}",
     "name.ends": "ends with {sign}",
+    "could_not_check": "{program}: could not be checked: {why}",
+    "check_not_started": "{program}: the check could not be started ({why}).",
+    "check_without_result": "{program}: the check ended without a result; ask for it again.",
     # --- by an upload
     "draft_busy": "Another text is being read; ask again in a moment.",
     "draft_unread": "{name}: the text could not be read; start directrix serve on this state folder once, "
@@ -103,6 +108,20 @@ REFUSALS = {
     "form.below": "must be less than {limit}",
     "form.short": "must have at least {limit} characters",
     "form.long": "must have at most {limit} characters",
+    "body_large": "At most {most} bytes are taken here; send less.",
+    "no_topic": "{name} is no topic; allowed: {allowed}.",
+    # --- by the status alone
+    "http.401": "Not logged in, or the log-in ended.",
+    "http.403": "The role does not allow it, or the request did not come from this server's own page.",
+    "http.404": "There is no such thing.",
+    "http.405": "The path does not know this method; Allow says which.",
+    "http.408": "The sender fell silent before the end of what it announced; send it again.",
+    "http.409": "Not now: mode of the machine, control token, or a name that is taken.",
+    "http.413": "Too large.",
+    "http.422": "What was sent is not what the schema says.",
+    "http.429": "Too often; Retry-After says when again (s).",
+    "http.503": "The controller's service does not answer, or the store cannot be used.",
+    "http.507": "The disk is full.",
     "request_silent": "The sender fell silent before the end of its request; send all of it again.",
     "request_cut": "What was sent was cut off before its end; send it again.",
     # --- by the queue

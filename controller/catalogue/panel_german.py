@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+LANGUAGE = "de"
+
 REFUSALS = {
     # --- names of what is meant
     "what.run": "Lauf",
@@ -38,6 +40,9 @@ REFUSALS = {
     "name.invisible": "enthält das unsichtbare Zeichen {sign}",
     "name.begins": "beginnt mit {sign}",
     "name.ends": "endet mit {sign}",
+    "could_not_check": "{program}: konnte nicht geprüft werden: {why}",
+    "check_not_started": "{program}: Die Prüfung konnte nicht gestartet werden ({why}).",
+    "check_without_result": "{program}: Die Prüfung endete ohne Ergebnis; sie noch einmal verlangen.",
     # --- by an upload
     "draft_busy": "Ein anderer Text wird gerade gelesen; gleich wieder fragen.",
     "draft_unread": "{name}: Der Text konnte nicht gelesen werden; directrix serve einmal mit diesem Ordner "
@@ -107,6 +112,20 @@ REFUSALS = {
     "form.below": "muss kleiner als {limit} sein",
     "form.short": "muss mindestens {limit} Zeichen haben",
     "form.long": "darf höchstens {limit} Zeichen haben",
+    "body_large": "Hier werden höchstens {most} Bytes genommen; weniger schicken.",
+    "no_topic": "{name} ist kein Thema; erlaubt: {allowed}.",
+    # --- by the status alone
+    "http.401": "Nicht angemeldet, oder die Anmeldung ist beendet.",
+    "http.403": "Die Rolle erlaubt es nicht, oder die Anfrage kam nicht von der Seite dieses Servers.",
+    "http.404": "Das gibt es nicht.",
+    "http.405": "Der Pfad kennt diese Methode nicht; Allow sagt, welche er kennt.",
+    "http.408": "Der Absender verstummte vor dem Ende dessen, was er ankündigte; noch einmal schicken.",
+    "http.409": "Nicht jetzt: Zustand der Maschine, Bedienung, oder ein Name, der vergeben ist.",
+    "http.413": "Zu groß.",
+    "http.422": "Was geschickt wurde, ist nicht, was das Schema sagt.",
+    "http.429": "Zu oft; Retry-After sagt, wann wieder (s).",
+    "http.503": "Der Dienst der Steuerung antwortet nicht, oder die Ablage ist nicht benutzbar.",
+    "http.507": "Die Platte ist voll.",
     "request_silent": "Der Sender verstummte vor dem Ende seiner Anfrage; sie ganz noch einmal senden.",
     "request_cut": "Was gesendet wurde, brach vor dem Ende ab; noch einmal senden.",
     # --- by the queue

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from controller import fitting
+from controller.catalogue import plain, said
 from controller.commands import internal_error
 from controller.plan.report.picture import Picture
 from controller.plan.route.stretch import Stretch
@@ -76,11 +77,11 @@ def check(
         )
     except ProgramError as error:
         place = {"line": error.line, "column": error.column}
-        return "refused", {"sentence": error.sentence, **place, **error.facts, **_others(error, task)}
+        return "refused", {**plain(error.sentence), **place, **error.facts, **_others(error, task)}
     except (ConfigError, OSError) as error:
-        return "failed", {"sentence": f"{name}: could not be checked: {error}"}
+        return "failed", {**said("could_not_check", program=name, why=error)}
     except Exception as error:  # the operator gets a sentence, and we the rest
-        return "failed", {"sentence": f"{name}: could not be checked. {internal_error.sentence(error)}"}
+        return "failed", {**said("could_not_check", program=name, why=internal_error.sentence(error))}
     with contextlib.suppress(OSError):  # a program runs without its picture
         picture.shape().save(state / PICTURES / f"{task.key}.npz")
     if kept.overcuts:
@@ -98,7 +99,7 @@ def _others(first: ProgramError, task: checked.Task) -> dict[str, Any]:
     found = refusals.of(task.text, task.machine, task.name, task.start)
     if len(found) < 2 or str(found[0]) != str(first):
         return {}
-    return {"sentence": f"{first.sentence} ({refusals.summed(found)})", **refusals.facts(found)}
+    return {**plain(f"{first.sentence} ({refusals.summed(found)})"), **refusals.facts(found)}
 
 
 def verified(task: checked.Task, stretches: Mapping[int, Stretch]) -> dict[str, Any]:

@@ -18,6 +18,7 @@ import typer
 
 from controller.commands import remote
 from controller.commands.remote import Machine
+from controller.commands.speech import say, speaking
 from controller.verify.console import Refused, refusals, show, tell
 
 Url = Annotated[str, typer.Option("--url", envvar="DIRECTRIX_URL", help="Address of the machine's panel.")]
@@ -50,7 +51,7 @@ def carried_out(machine: Machine, path: str, values: Mapping[str, Any] | None = 
         time.sleep(LOOK_S)
         sequence = machine.get("status").get("sequence") or {}
         if sequence.get("state") == "failed":
-            raise Refused(str(sequence.get("sentence") or f"{path}: failed without a reason."))
+            raise Refused(str(sequence.get("sentence") or say("failed", path=path)))
         if sequence.get("state") != "running":
             answer["result"] = {**answer["result"], "done": True}
     return answer
@@ -70,26 +71,26 @@ def tell_done(sentence: str, facts: Any, as_json: bool) -> None:
 def hold(url: Url = remote.URL, as_json: Json = False) -> None:
     """Stop on the path at once; resume goes on from there."""
     with asked(url, as_json) as machine:
-        _halted(machine.post("cycle/hold"), "Held.", as_json)
+        _halted(machine.post("cycle/hold"), say("held"), as_json)
 
 
 def stop(url: Url = remote.URL, as_json: Json = False) -> None:
     """Stop on the path at once, and drop the rest of the program."""
     with asked(url, as_json) as machine:
-        _halted(machine.post("cycle/stop"), "Stopped.", as_json)
+        _halted(machine.post("cycle/stop"), say("stopped"), as_json)
 
 
 def estop(url: Url = remote.URL, as_json: Json = False) -> None:
     """Ask every drive for a quick stop. This is software: the button on the machine is the safe one."""
     with asked(url, as_json) as machine:
-        tell_done("Emergency stop asked for.", machine.post("machine/estop"), as_json)
+        tell_done(say("estop"), machine.post("machine/estop"), as_json)
 
 
 def _halted(answer: Any, sentence: str, as_json: bool) -> None:
     """What came of a hold or a stop: the tick has taken it, or what was being prepared is given up."""
     result = answer.get("result") or {}
     given_up = result.get("outcome") == "given_up"
-    tell_done(f"Given up before it began: {result['what']}." if given_up else sentence, answer, as_json)
+    tell_done(say("given_up", what=result["what"]) if given_up else sentence, answer, as_json)
 
 
 # --- cycle
@@ -119,11 +120,9 @@ def start(
     with asked(url, as_json) as machine:
         place: dict[str, Any] = {"line": line, "fraction": fraction, "dry_run_mm": dry_run}
         if not (program or restart) and any(value is not None for value in place.values()):
-            raise Refused("--line, --fraction and --dry-run need the name of a program; give it.")
+            raise Refused(say("need_name"))
         if as_json and not yes and (restart or line is not None):
-            raise Refused(
-                "In mid program --json needs --yes: nobody can be asked whether the state is right."
-            )
+            raise Refused(say("need_yes"))
         with machine.control(take_over):
             if restart:
                 offer = _interrupted(machine, program)
@@ -136,7 +135,7 @@ def start(
                     _agreed(loaded, line)
             confirmed = {"unrecorded": unrecorded, "worn": worn}
             done = carried_out(machine, "cycle/start", confirmed if any(confirmed.values()) else None)
-        tell_done(f"Started{f' {program}' if program else ''}.", done, as_json)
+        tell_done(say("started_program", program=program) if program else say("started"), done, as_json)
 
 
 def _loaded(machine: Machine, values: Mapping[str, Any]) -> Any:
@@ -146,9 +145,7 @@ def _loaded(machine: Machine, values: Mapping[str, Any]) -> Any:
         time.sleep(LOOK_S)
         job = machine.get("job")
         if job["name"] != values["program"] or job["state"] not in ("loading", "loaded"):
-            raise Refused(
-                str(job["sentence"] or f"{values['program']}: another program was loaded meanwhile.")
-            )
+            raise Refused(str(job["sentence"] or say("other_loaded", program=values["program"])))
         if job["state"] == "loaded":
             answer["result"] = job
     return answer
@@ -160,40 +157,36 @@ def _interrupted(machine: Machine, program: str) -> dict[str, Any]:
     if not offer["offered"]:
         raise Refused(str(offer["sentence"]), line=offer.get("line"))
     if program and program != offer["program"]:
-        raise Refused(f"{offer['program']} was interrupted, not {program}; name that one, or none.")
+        raise Refused(say("other_interrupted", program=offer["program"], other=program))
     return offer
 
 
 def _agreed(loaded: Any, line: int) -> None:
     """A start in mid program shows the state that it begins with, and asks."""
-    for name, value in (loaded.get("result") or {}).items():
-        tell.print(f"{name.replace('_', ' ')}: {_shown(value)}", markup=False)
-    if not typer.confirm(f"Start at line {line} with this state?", err=True):
-        raise Refused("Not started; the program is loaded.")
-
-
-def _shown(value: Any) -> str:
-    return value if isinstance(value, str) else json.dumps(value)
+    for one in (loaded.get("result") or {}).get("restart") or ():
+        tell.print(one["sentence"], markup=False)
+    if not typer.confirm(say("agree", line=line), err=True):
+        raise Refused(say("not_agreed"))
 
 
 def resume(take_over: TakeOver = False, url: Url = remote.URL, as_json: Json = False) -> None:
     """Go on after a hold."""
-    _moving("cycle/resume", "Resumed.", take_over, url, as_json)
+    _moving("cycle/resume", "resumed", take_over, url, as_json)
 
 
 def reset(take_over: TakeOver = False, url: Url = remote.URL, as_json: Json = False) -> None:
     """Leave a fault, once its cause is gone and the machine stands."""
-    _moving("machine/reset", "Reset.", take_over, url, as_json)
+    _moving("machine/reset", "reset", take_over, url, as_json)
 
 
 def enable(take_over: TakeOver = False, url: Url = remote.URL, as_json: Json = False) -> None:
     """Switch the drives on; nothing moves."""
-    _moving("machine/enable", "Enabled.", take_over, url, as_json)
+    _moving("machine/enable", "enabled", take_over, url, as_json)
 
 
 def disable(take_over: TakeOver = False, url: Url = remote.URL, as_json: Json = False) -> None:
     """Switch the drives off, brakes first."""
-    _moving("machine/disable", "Disabled.", take_over, url, as_json)
+    _moving("machine/disable", "disabled", take_over, url, as_json)
 
 
 def retract(
@@ -205,17 +198,17 @@ def retract(
     """In a hold, or ready as after a fault: move the tool off the part along its axis."""
     with asked(url, as_json) as machine, machine.control(take_over):
         done = carried_out(machine, "cycle/retract", {"mm": mm})
-        tell_done(f"Retracted by {mm:g} mm.", done, as_json)
+        tell_done(say("retracted", mm=mm), done, as_json)
 
 
 def return_(take_over: TakeOver = False, url: Url = remote.URL, as_json: Json = False) -> None:
     """After a retract: back to the path by the same way."""
-    _moving("cycle/return", "Returned.", take_over, url, as_json)
+    _moving("cycle/return", "returned", take_over, url, as_json)
 
 
-def _moving(path: str, sentence: str, take_over: bool, url: str, as_json: bool) -> None:
+def _moving(path: str, done: str, take_over: bool, url: str, as_json: bool) -> None:
     with asked(url, as_json) as machine, machine.control(take_over):
-        tell_done(sentence, carried_out(machine, path), as_json)
+        tell_done(say(done), carried_out(machine, path), as_json)
 
 
 def home(
@@ -224,7 +217,7 @@ def home(
     """Let the drives find their zero: every axis, or those that are named."""
     with asked(url, as_json) as machine, machine.control(take_over):
         wanted = [name.upper() for name in axes] if axes else None
-        tell_done("Homed.", carried_out(machine, "machine/home", {"axes": wanted}), as_json)
+        tell_done(say("homed"), carried_out(machine, "machine/home", {"axes": wanted}), as_json)
 
 
 def mdi(
@@ -235,7 +228,7 @@ def mdi(
 ) -> None:
     """Run a few blocks at once."""
     with asked(url, as_json) as machine, machine.control(take_over):
-        tell_done("Started.", carried_out(machine, "mdi", {"text": text}), as_json)
+        tell_done(say("started"), carried_out(machine, "mdi", {"text": text}), as_json)
 
 
 def override(
@@ -246,10 +239,10 @@ def override(
     as_json: Json = False,
 ) -> None:
     """Scale the feed, or the speed of rapids."""
-    path, what = ("rapid", "Rapid override") if rapid else ("feed", "Override")
+    path, what = ("rapid", "rapid_override") if rapid else ("feed", "override")
     with asked(url, as_json) as machine, machine.control(take_over):
         tell_done(
-            f"{what} {percent:g} %.", machine.put(f"overrides/{path}", {"share": percent / 100.0}), as_json
+            say(what, percent=percent), machine.put(f"overrides/{path}", {"share": percent / 100.0}), as_json
         )
 
 
@@ -274,18 +267,19 @@ def jog(
             if distance is not None:
                 done = machine.post("jog/step", {**where, "distance": distance})
                 _until_rest(machine, (done.get("result") or {}).get("tick", 0))
-                tell_done(f"Moved {axis.upper()} by {distance:g}.", done, as_json)
+                tell_done(say("moved_by", axis=axis.upper(), distance=distance), done, as_json)
             else:
                 _pressed(machine, {**where, "speed": speed}, seconds or 0.0)
-                tell_done(f"Moved {axis.upper()} for {seconds:g} s.", {"seconds": seconds}, as_json)
+                moved = say("moved_for", axis=axis.upper(), seconds=seconds)
+                tell_done(moved, {"seconds": seconds}, as_json)
 
 
 def _one_of(distance: float | None, speed: float | None, seconds: float | None) -> None:
     both = (distance is None) == (speed is None) or (speed is None) != (seconds is None)
     if both:
-        raise Refused("jog: give a distance, or --speed with --seconds; for instance: directrix jog X -10")
+        raise Refused(say("jog_usage"))
     if seconds is not None and not 0.0 < seconds <= LONGEST_JOG_S:
-        raise Refused(f"--seconds {seconds:g}: allowed are numbers above 0 up to {LONGEST_JOG_S:g}.")
+        raise Refused(say("jog_seconds", seconds=seconds, most=LONGEST_JOG_S))
 
 
 def _until_rest(machine: Machine, tick: int) -> None:
@@ -330,7 +324,7 @@ def register(app: typer.Typer) -> None:
         mdi,
         override,
     ):
-        app.command(verb.__name__.rstrip("_"), rich_help_panel=PANEL)(verb)
+        app.command(verb.__name__.rstrip("_"), rich_help_panel=PANEL)(speaking(verb))
     # A distance such as -10 is no option.
     loose = {"ignore_unknown_options": True}
-    app.command("jog", context_settings=loose, rich_help_panel=PANEL)(jog)
+    app.command("jog", context_settings=loose, rich_help_panel=PANEL)(speaking(jog))

@@ -21,6 +21,7 @@ from rich.text import Text
 from controller.commands import remote, status_view
 from controller.commands.client import PANEL, Json, Url, asked, tell_done
 from controller.commands.remote import Machine
+from controller.commands.speech import say, speaking, word
 from controller.verify.console import Refused, bar, show, tell
 
 Watch = Annotated[bool, typer.Option("--watch", help="Go on showing it, until Ctrl-C.")]
@@ -111,13 +112,13 @@ def upload(
         check = sent.get("check") or {}
         if check.get("state") in ("refused", "failed"):
             raise Refused(_why_not(str(sent["name"]), check["result"]), **sent)
-        tell_done(f"{sent['name']}: stored, {_said(check)}.", sent, as_json)
+        tell_done(_stored(str(sent["name"]), check), sent, as_json)
 
 
 def _sent(machine: Machine, file: Path, name: str) -> dict[str, Any]:
     """Streamed, with the checksum first: what was cut off on the way is not kept."""
     if not file.is_file():
-        raise Refused(f"{file}: there is no such file; give the path of a part program.")
+        raise Refused(say("no_file", file=file))
     with file.open("rb") as content:
         form = {"sha256": hashlib.file_digest(content, "sha256").hexdigest()}
         content.seek(0)
@@ -127,7 +128,7 @@ def _sent(machine: Machine, file: Path, name: str) -> dict[str, Any]:
 
 def _checked(machine: Machine, name: str, quiet: bool) -> dict[str, Any]:
     """The program's facts once its check has ended."""
-    with bar(f"checking {name}", quiet) as progress:
+    with bar(say("checking", name=name), quiet) as progress:
         while True:
             facts: dict[str, Any] = machine.get(f"programs/{quote(name, safe='')}")
             check = facts.get("check") or {"state": "none"}
@@ -137,16 +138,17 @@ def _checked(machine: Machine, name: str, quiet: bool) -> dict[str, Any]:
             time.sleep(CHECK_S)
 
 
-def _said(check: Mapping[str, Any]) -> str:
-    if check.get("state") == "passed":
-        duration_s = (check.get("result") or {}).get("duration_s")
-        return "checked" + (f", {status_view.clock(duration_s)} long" if duration_s is not None else "")
-    return "not checked yet"
+def _stored(name: str, check: Mapping[str, Any]) -> str:
+    if check.get("state") != "passed":
+        return say("stored_only", name=name)
+    duration_s = (check.get("result") or {}).get("duration_s")
+    long = duration_s is not None
+    return say("stored_long" if long else "stored", name=name, clock=status_view.clock(duration_s))
 
 
 def _why_not(name: str, result: Mapping[str, Any]) -> str:
     """The check's own sentence, with its place."""
-    sentence = str(result.get("sentence") or "the check gave no reason; look at the panel's log.")
+    sentence = str(result.get("sentence") or say("check_failed"))
     place = ":".join(str(result[key]) for key in ("line", "column") if result.get(key) is not None)
     return f"{name}:{place}: {sentence}" if place and not sentence.startswith(name) else sentence
 
@@ -161,17 +163,18 @@ def runs(most: Most = 20, url: Url = remote.URL, as_json: Json = False) -> None:
         if as_json:
             print(json.dumps({"ok": True, "runs": found}))
             return
-        table = Table("run", "began", "program", "result", "took", box=None, pad_edge=False)
+        heads = [say(head) for head in ("run", "began", "program", "result", "took")]
+        table = Table(*heads, box=None, pad_edge=False)
         for run in found:
             ended_s = run["ended_s"]
             took = status_view.clock(None if ended_s is None else ended_s - run["began_s"])
-            table.add_row(str(run["id"]), _when(run["began_s"]), run["program"], run["result"], took)
-        show.print(table if found else "Nothing was run yet.")
+            result = word(f"result.{run['result']}", run["result"])
+            table.add_row(str(run["id"]), _when(run["began_s"]), run["program"], result, took)
+        show.print(table if found else say("no_runs"))
 
 
 def alarms(
     most: Most = 20,
-    german: Annotated[bool, typer.Option("--german", help="The sentences in German.")] = False,
     acknowledge: Annotated[int | None, typer.Option("--acknowledge", help="The number of one.")] = None,
     url: Url = remote.URL,
     as_json: Json = False,
@@ -180,22 +183,22 @@ def alarms(
     with asked(url, as_json) as machine:
         if acknowledge is not None:
             done = machine.post(f"alarms/{acknowledge}/acknowledge")
-            tell_done(f"Alarm {acknowledge} is acknowledged.", done, as_json)
+            tell_done(say("acknowledged", number=acknowledge), done, as_json)
             return
         found = machine.get("alarms", most=most)["alarms"]
         if as_json:
             print(json.dumps({"ok": True, "alarms": found}))
             return
         for alarm in found:
-            tell_done(_alarm(alarm, german), None, False)
+            tell_done(_alarm(alarm), None, False)
         if not found:
-            tell.print("There are no alarms.")
+            tell.print(say("no_alarms"))
 
 
-def _alarm(alarm: Mapping[str, Any], german: bool) -> str:
-    sentence = alarm["facts"].get("sentence_de") if german else None
-    seen = f"acknowledged by {alarm['acknowledged_by']}" if alarm["acknowledged_s"] else "open"
-    return f"{alarm['id']}  {_when(alarm['at_s'])}  {seen}\n    {sentence or alarm['sentence']}"
+def _alarm(alarm: Mapping[str, Any]) -> str:
+    by = say("acknowledged_by", name=alarm["acknowledged_by"])
+    seen = by if alarm["acknowledged_s"] else say("open")
+    return f"{alarm['id']}  {_when(alarm['at_s'])}  {seen}\n    {alarm['sentence']}"
 
 
 def _when(at_s: float) -> str:
@@ -205,4 +208,4 @@ def _when(at_s: float) -> str:
 def register(app: typer.Typer) -> None:
     """Adds these verbs to the command line."""
     for verb in (status, upload, runs, alarms):
-        app.command(verb.__name__, rich_help_panel=PANEL)(verb)
+        app.command(verb.__name__, rich_help_panel=PANEL)(speaking(verb))

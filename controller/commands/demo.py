@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from controller import door, fitting
+from controller import catalogue, door, fitting
 from controller.door import Client, DoorError
 from controller.handoff import COLUMN
 from controller.machine import Machine
@@ -133,7 +133,7 @@ class Operator:
             look(now)
             sequence = now["sequence"] or {}
             if sequence.get("state") == "failed":
-                raise Refused(str(sequence["sentence"]))
+                raise Refused(catalogue.text(sequence))
             answer = {"done": sequence.get("state") != "running"}
 
     def run(self, look: Callable[[Values], None]) -> tuple[Rows, Values]:
@@ -175,9 +175,9 @@ def _told(rows: Rows, last: Values, stamps_s: dict[str, Rows]) -> Cut:
     sentence = ""
     if shown:
         kept = f" Recording: {shown['recording']}" if shown["recording"] else ""
-        sentence = f"{shown['sentence']}{kept}"
+        sentence = f"{catalogue.text(shown)}{kept}"
     elif job["state"] != "completed":
-        sentence = str(job["sentence"] or f"The program ended as {job['state']}.")
+        sentence = catalogue.text(job) or f"The program ended as {job['state']}."
     return Cut(rows, job["state"], fault, sentence, last["tick"]["skips"], stamps_s)
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from controller import config
+from controller import catalogue, config
 from controller.commands import fitted as fittings
 from controller.commands import machine_check
 from controller.commands.fitted import Fitted
@@ -180,7 +180,7 @@ def check(
             facts = {"ok": True, "program": str(program), "sheets": sheets, **found.to_dict()}
             key = None if warning else task.key
             overcuts = {"overcuts": [asdict(one) for one in kept.overcuts]}
-            verdict = {"verdict": checked.verdict_of(kept)}
+            verdict = {"verdict": catalogue.told(checked.verdict_of(kept))}
             rows.write(
                 {
                     **{**facts, **overcuts, **verdict, "fitted": fittings.said(fitted)},
@@ -200,7 +200,8 @@ def check(
             tell.print(warning, markup=False)
         show.print(tables.whole(found, program.name, task.machine.name), markup=False)
         if kept.overcuts:
-            show.print(wording.summed(kept.verdicts) or tables.overcut(kept.overcuts), markup=False)
+            form = catalogue.text(wording.summed(kept.verdicts))
+            show.print(form or tables.overcut(kept.overcuts), markup=False)
 
 
 def _checked(

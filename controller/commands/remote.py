@@ -19,6 +19,8 @@ import os
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from controller.commands import speech
+from controller.commands.speech import say
 from controller.door import state_folder
 from controller.verify.console import Refused
 
@@ -30,10 +32,6 @@ URL = "http://127.0.0.1:8080"
 PATIENCE_S = 150.0  # homing, reading a program: the panel itself gives up after two minutes
 CONNECT_S = 5.0
 CONTROL = "X-Control-Token"
-HELD = "holds control; ask for it to be given back, or take it with --take-over."
-EXTRA = (
-    "The client verbs need httpx: install directrix with its extra panel (pip install 'directrix[panel]')."
-)
 
 
 class Machine:
@@ -64,8 +62,8 @@ class Machine:
         except Refused as refused:
             if refused.facts.get("code") != "control":
                 raise
-            whose = str(self.get("control")["holder"] or "somebody")
-            raise Refused(f"{whose} {HELD}", **refused.facts) from refused
+            whose = self.get("control")["holder"] or say("somebody")
+            raise Refused(say("control_held", holder=whose), **refused.facts) from refused
         self._http.headers[CONTROL] = token
         try:
             yield
@@ -78,14 +76,11 @@ class Machine:
         import httpx
 
         try:
-            answer = self._http.request(method, API + path, **more)
+            answer = self._http.request(method, API + path, headers=speech.header(), **more)
         except httpx.TimeoutException as error:
-            raise Refused(f"{self._http.base_url} did not answer in time; look at the machine.") from error
+            raise Refused(say("late", url=self._http.base_url)) from error
         except (httpx.HTTPError, httpx.InvalidURL) as error:
-            raise Refused(
-                f"{self._http.base_url} does not answer ({error}); start the panel with: directrix panel, "
-                "or give its address by --url."
-            ) from error
+            raise Refused(say("gone", url=self._http.base_url, why=error)) from error
         if answer.is_success:
             return answer.json() if answer.content else None
         raise _refused(answer)
@@ -95,7 +90,7 @@ class Machine:
 def connected(url: str, token: str) -> Iterator[Machine]:
     """A machine at an address. Raises Refused where httpx is not installed or the address is none."""
     if not url.startswith(("http://", "https://")):
-        raise Refused(f"--url {url}: is no address of a panel; allowed are http:// and https://; correct it.")
+        raise Refused(say("bad_url", url=url))
     with client(url, {"Authorization": f"Bearer {token}"} if token else {}) as http:
         yield Machine(http)
 
@@ -105,7 +100,7 @@ def client(url: str, headers: Mapping[str, str]) -> httpx.Client:
     try:
         import httpx
     except ImportError as error:
-        raise Refused(EXTRA) from error
+        raise Refused(say("no_httpx")) from error
     limits = httpx.Timeout(PATIENCE_S, connect=CONNECT_S)
     return httpx.Client(base_url=url, headers=dict(headers), timeout=limits, mounts={"all://": None})
 
@@ -128,6 +123,6 @@ def _refused(answer: httpx.Response) -> Refused:
     facts = said.get("error") if isinstance(said, dict) else None
     if not isinstance(facts, dict) or "sentence" not in facts:
         where = f"{answer.request.method} {answer.request.url}"
-        return Refused(f"{where}: answered {answer.status_code} without a reason; is this a panel?")
+        return Refused(say("no_reason", asked=where, status=answer.status_code))
     told = {name: facts[name] for name in ("code", "mode", "request") if facts.get(name)}
     return Refused(str(facts["sentence"]), status=answer.status_code, **told)

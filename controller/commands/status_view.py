@@ -15,6 +15,8 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from controller.commands.speech import say, word
+
 Status = Mapping[str, Any]
 
 COLOURS = {
@@ -43,7 +45,8 @@ def line(status: Status) -> str:
     job = status.get("job") or {}
     words = [str(status.get("mode", "?"))]
     if job:
-        words += [f"line {job.get('line', '-')}", percent(done(job)), f"left {clock(job.get('left_s'))}"]
+        left = clock(job.get("left_s"))
+        words.append(say("line", line=job.get("line", "-"), done=percent(done(job)), left=left))
     fault = status.get("fault")
     if fault:
         words.append(str(fault.get("name", fault)))
@@ -72,16 +75,16 @@ def _headline(status: Status) -> Text:
     mode = str(status.get("mode", "?"))
     told = Text.assemble((f" {mode} ", f"reverse {COLOURS.get(mode, '')}".strip()))
     if status.get("tick_alive") is False:
-        told.append("  no tick", "bold red")
+        told.append(f"  {say('no_tick')}", "bold red")
     if status.get("not_homed"):
-        told.append("  not homed", "yellow")
-    for name, said in (("single_block", "single block"), ("optional_stop", "optional stop")):
+        told.append(f"  {say('not_homed')}", "yellow")
+    for name in ("single_block", "optional_stop"):
         if status.get(name):
-            told.append(f"  {said}", "cyan")
-    for word in _waits(status):
-        told.append(f"  {word}", "yellow")
+            told.append(f"  {say(name)}", "cyan")
+    for what in _waits(status):
+        told.append(f"  {what}", "yellow")
     if holder := status.get("control"):
-        told.append(f"  control: {holder}", "dim")
+        told.append(f"  {say('control', holder=holder)}", "dim")
     return told
 
 
@@ -89,25 +92,33 @@ def _waits(status: Status) -> Iterator[str]:
     """What is under way, or waited for."""
     sequence = status.get("sequence") or {}
     if sequence.get("state") == "running":
-        yield f"{sequence.get('name')} is under way"
+        yield say("under_way", name=sequence.get("name"))
     if message := (status.get("job") or {}).get("message"):
         yield str(message)
     if change := status.get("tool_change"):
         yield str(change.get("sentence", ""))
     elif status.get("waiting"):
-        yield "waiting for spindle, coolant or clamps"
+        yield say("waiting")
     if interlock := status.get("interlock"):
-        yield f"interlock: {interlock}"
+        yield say("interlock", name=interlock)
+
+
+def _bound(limited_by: str) -> str:
+    """What holds the feed down, for instance "C acceleration", as the page has it."""
+    axis, _, kind = limited_by.partition(" ")
+    of_axis = f"{axis} {word(f'bound.{kind}')}" if word(f"bound.{kind}") else limited_by
+    return word(f"bound.{limited_by}", of_axis)
 
 
 def _joints(status: Status) -> Table:
     table = Table(box=None, pad_edge=False)
-    table.add_column("axis")
+    table.add_column(say("axis"))
     for column in COLUMNS:
-        table.add_column(column.replace("_", " "), justify="right", min_width=10)
+        table.add_column(say(column), justify="right", min_width=10)
     table.add_column("")
     for name, joint in (status.get("joints") or {}).items():
-        marks = ("" if joint.get("homed") else "not homed", "at its limit" if joint.get("limit") else "")
+        homed, limit = joint.get("homed"), joint.get("limit")
+        marks = ("" if homed else say("not_homed"), say("at_limit") if limit else "")
         figures = (number(joint.get(column)) for column in COLUMNS)
         table.add_row(name, *figures, Text(" ".join(filter(None, marks)), "yellow"))
     return table
@@ -115,14 +126,16 @@ def _joints(status: Status) -> Table:
 
 def _feed(status: Status) -> Text:
     feed = status.get("feed_mm_min") or {}
-    told = Text(f"F {number(feed.get('programmed'), 0)}, actual {number(feed.get('actual'), 0)} mm/min")
+    programmed, actual = (number(feed.get(name), 0) for name in ("programmed", "actual"))
+    told = Text(say("feed", programmed=programmed, actual=actual))
     if limited := status.get("limited_by"):
-        told.append(f", limited by {limited}")
-    told.append(f"   override {percent(status.get('override'))}")
-    told.append(f", rapid {percent(status.get('rapid_override'))}")
+        told.append(f", {say('limited_by', what=_bound(str(limited)))}")
+    shares = {"feed": percent(status.get("override")), "rapid": percent(status.get("rapid_override"))}
+    told.append(f"   {say('overrides', **shares)}")
     spindle = status.get("spindle") or {}
     if spindle.get("on") or spindle.get("actual_rev_min") or spindle.get("rev_min"):
-        told.append(f"   spindle {number(spindle.get('actual_rev_min', spindle.get('rev_min')), 0)} 1/min")
+        turns = number(spindle.get("actual_rev_min", spindle.get("rev_min")), 0)
+        told.append(f"   {say('spindle', rev_min=turns)}")
     return told
 
 
@@ -130,17 +143,18 @@ def _bits(status: Status) -> Iterator[Text]:
     """Inputs and outputs by name: bold is 1. What a drive reported goes below them."""
     for kind in ("inputs", "outputs"):
         if bits := status.get(kind):
-            told = Text(f"{kind}:")
+            told = Text(f"{say(kind)}:")
             for name, on in bits.items():
                 told.append(f"  {name} {'1' if on else '0'}", "bold" if on else "")
             yield told
     if levels := status.get("analogue_outputs"):
-        yield Text("analogue outputs:  " + "  ".join(f"{name} {value:g}" for name, value in levels.items()))
+        values = "  ".join(f"{name} {value:g}" for name, value in levels.items())
+        yield Text(f"{say('analogue_outputs')}:  {values}")
     for drive in status.get("drives") or ():
         malformed = drive.get("malformed")
-        for said in (drive.get("error"), f"{malformed} frames of a wrong length" if malformed else None):
-            if said:
-                yield Text(f"drive of {drive.get('axis', '-')}: {said}", "yellow")
+        for what in (drive.get("error"), say("malformed", number=malformed) if malformed else None):
+            if what:
+                yield Text(say("drive_of", axis=drive.get("axis", "-"), what=what), "yellow")
 
 
 def done(job: Mapping[str, Any]) -> float | None:
@@ -154,16 +168,18 @@ def done(job: Mapping[str, Any]) -> float | None:
 def _job(status: Status) -> Iterator[RenderableType]:
     job = status.get("job")
     if not job:
-        yield Text("no program loaded", "dim")
+        yield Text(say("no_program"), "dim")
         return
-    blocks = f", block {job.get('block', '-')} of {job['blocks']}" if job.get("blocks") else ""
-    yield Text(f"{job.get('name', '-')}: line {job.get('line', '-')}{blocks}, {job.get('state') or 'loaded'}")
+    state = str(job.get("state") or "loaded")
+    values = {key: job.get(key, "-") for key in ("name", "line", "block", "blocks")}
+    values["state"] = word(f"state.{state}", state)
+    yield Text(say("job_block" if job.get("blocks") else "job", **values))
     share = done(job)
     row = Table.grid(padding=(0, 1))
     row.add_row(
         ProgressBar(total=1.0, completed=share or 0.0, width=BAR_CELLS),
         percent(share),
-        f"{clock(job.get('elapsed_s'))} done, {clock(job.get('left_s'))} left",
+        say("times", done=clock(job.get("elapsed_s")), left=clock(job.get("left_s"))),
     )
     yield row
 
@@ -187,4 +203,5 @@ def _troubles(status: Status) -> Iterator[Text]:
 def _alarms(alarms: Sequence[Mapping[str, Any]]) -> Iterator[Text]:
     """Those that nobody has acknowledged yet."""
     for alarm in alarms:
-        yield Text(f"alarm {alarm.get('id', '-')}: {alarm.get('sentence', '')}", "red")
+        number, sentence = alarm.get("id", "-"), alarm.get("sentence", "")
+        yield Text(say("alarm", number=number, sentence=sentence), "red")

@@ -13,7 +13,7 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from controller import config
+from controller import catalogue, config
 from controller.machine import Machine, Tool
 from controller.plan.report.verdict import Verdict
 from controller.plan.route.stretch import Stretch
@@ -74,7 +74,7 @@ class Found:
         """The first gouge, or else the surface that exceeds its tolerance most."""
         if not self.gouges:
             more = self.exceeding - 1
-            return wording.summed(self.verdicts) + (f" ({more} more)" if more else "")
+            return catalogue.text(wording.summed(self.verdicts)) + (f" ({more} more)" if more else "")
         first, more = self.gouges[0], len(self.gouges) - 1
         others = f" ({more} more)" if more else ""
         return f"line {first.by_line}: {first.sentence}; {first.advice}{others}."
@@ -88,7 +88,7 @@ class Found:
             "surfaces": [one.to_dict() for one in self.judged],
             "gouges": [{**one.to_dict(), "sentence": one.sentence} for one in self.gouges],
             "ends": [{**one.to_dict(), "sentence": one.sentence} for one in self.ends],
-            "verdict": wording.told(self.verdicts),
+            "verdict": catalogue.told(wording.told(self.verdicts)),
             **({"bounds": [one.to_dict() for one in self.bounds]} if self.bounds is not None else {}),
             "notes": [{"line": line, "note": sentence} for line, sentence in self.notes],
         }
@@ -261,7 +261,7 @@ def _show(found: Found) -> None:
         show.print(f"Bound, line {bounded.line}: {bounded.sentence}", markup=False)
     if found.bounds == []:
         show.print("No bound: no surface has its cutter placed off its rulings (P2, P3).", markup=False)
-    if sentence := wording.summed(found.verdicts):
+    if sentence := catalogue.text(wording.summed(found.verdicts)):
         show.print(sentence, markup=False)
 
 

@@ -1,6 +1,9 @@
 """What every route answers when it does not do what was asked: one form, one sentence.
 
-    {"error": {"code": "refused", "sentence": "...", "mode": "RUNNING", "request": "HOME"}}
+    {"error": {"code": "refused", "key": "...", "values": {...}, "sentence": "...", "mode": "RUNNING", ...}}
+
+Inside the panel a text is a key with its values; here, at the edge, it becomes a sentence in the language
+that was asked for: of the page's choice, or of ``Accept-Language``.
 
 The status says whose turn it is: 401 and 403 access, 404 no such thing, 409 not now (the
 machine's mode, the control token, a name that is taken), 413 and 422 what was sent, 429 too
@@ -11,20 +14,50 @@ often, 503 the controller's service is not there or the store cannot be used, 50
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextvars import ContextVar
 from typing import Any
 
 from fastapi.responses import JSONResponse
-from pydantic import BaseModel
+from pydantic import BaseModel, Field
+from starlette.requests import HTTPConnection
 
 from controller import catalogue
+from controller.catalogue import Said, plain, said
+
+LANGUAGE_COOKIE = "directrix_language"  # which one was chosen on the page
+VARY = "Accept-Language, Cookie"
+spoken: ContextVar[str] = ContextVar("spoken", default=catalogue.DEFAULT)  # by who is answered
 
 
-class ErrorFacts(BaseModel):
+def language_of(connection: HTTPConnection) -> str:
+    """That was chosen on the page, else that is preferred."""
+    chosen = connection.cookies.get(LANGUAGE_COOKIE, "")
+    return catalogue.chosen(chosen, connection.headers.get("accept-language", ""))
+
+
+class Answer(JSONResponse):
+    """JSON in which every text has its sentence."""
+
+    def __init__(
+        self, content: Any, status_code: int = 200, headers: Mapping[str, str] | None = None, **more: Any
+    ) -> None:
+        language = spoken.get()
+        super().__init__(catalogue.told(content, language), status_code, headers, **more)
+        self.headers["Content-Language"], self.headers["Vary"] = language, VARY
+
+
+class Texts(BaseModel):
+    """What is said, in the language asked for, and for machines."""
+
+    key: str | None = Field(default=None, description="Of the text; null: nothing is said.")
+    values: dict[str, Any] | None = Field(default=None, description="For the places of the text.")
+    sentence: str | None = Field(default=None, description="The text in the language asked for.")
+
+
+class ErrorFacts(Texts):
     """Why something was not done."""
 
     code: str
-    sentence: str
-    sentence_de: str | None = None  # the same in German, where it is known
     mode: str | None = None  # of the machine, where that is the reason
     request: str | None = None  # what was asked of the machine
 
@@ -42,48 +75,37 @@ class Refusal(Exception):
         self,
         status: int,
         code: str,
-        sentence: str,
+        text: Said | str,
         *,
         mode: str | None = None,
         request: str | None = None,
-        sentence_de: str | None = None,
         headers: Mapping[str, str] | None = None,
     ) -> None:
-        super().__init__(sentence)
+        """``text``: a sentence alone where it has no key."""
+        self.said = plain(text)
+        super().__init__(catalogue.text(self.said))
         self.status, self.headers = status, dict(headers or {})
-        self.facts = ErrorFacts(
-            code=code, sentence=sentence, sentence_de=sentence_de, mode=mode, request=request
-        )
+        self.facts = ErrorFacts(code=code, mode=mode, request=request, **self.said)
 
     @classmethod
     def told(
         cls, status: int, code: str, key: str, *, headers: Mapping[str, str] | None = None, **values: Any
     ) -> Refusal:
-        """With the catalogue's text of that key, in both languages; a mode and a request among the values
-        are facts of their own, too.
+        """With the catalogue's text of that key; a mode and a request among the values are facts of their
+        own, too.
         """
-        english, german = catalogue.in_both(key, **values)
         asked = {name: values[name] for name in ("mode", "request") if name in values}
-        return cls(status, code, english, sentence_de=german, headers=headers, **asked)
+        return cls(status, code, said(key, **values), headers=headers, **asked)
 
     def response(self) -> JSONResponse:
-        body = ErrorAnswer(error=self.facts).model_dump()
-        return JSONResponse(body, self.status, self.headers)
+        return Answer(ErrorAnswer(error=self.facts).model_dump(), self.status, self.headers)
 
 
 # For OpenAPI: what a route may answer beside success.
 DESCRIPTIONS = {
-    401: "Not logged in, or the log-in ended.",
-    403: "The role does not allow it, or the request did not come from this server's own page.",
-    404: "There is no such thing.",
-    408: "The sender fell silent before the end of what it announced; send it again.",
-    405: "The path does not know this method; Allow says which.",
-    409: "Not now: mode of the machine, control token, or a name that is taken.",
-    413: "Too large.",
-    422: "What was sent is not what the schema says.",
-    429: "Too often; Retry-After says when again (s).",
-    503: "The controller's service does not answer, or the store cannot be used.",
-    507: "The disk is full.",
+    int(key.removeprefix("http.")): text
+    for key, text in catalogue.of(catalogue.DEFAULT).refusals.items()
+    if key.startswith("http.")
 }
 
 

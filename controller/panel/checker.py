@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from controller import fitting
+from controller.catalogue import said
 from controller.panel.programs import Program, ProgramCheck
 from controller.panel.store import Store, StoreError
 
@@ -119,7 +120,7 @@ class Checker:
                     timer.cancel()
                     child.kill()
         except OSError as error:
-            return "failed", {"sentence": f"{program.name}: the check could not be started ({error})."}
+            return "failed", {**said("check_not_started", program=program.name, why=error)}
 
     def _started(self) -> subprocess.Popen[str]:
         with self._lock:
@@ -141,19 +142,18 @@ class Checker:
         _give(child.stdin, job)
         last_s, told = 0.0, None
         for line in child.stdout:
-            said = json.loads(line)
-            if "state" in said:
-                told = str(said["state"]), dict(said["result"])
-                if not said.get("more"):
+            answer = json.loads(line)
+            if "state" in answer:
+                told = str(answer["state"]), dict(answer["result"])
+                if not answer.get("more"):
                     return told
                 self._keep(program, machine, *told)
             elif time.monotonic() - last_s > TELL_S:
                 last_s = time.monotonic()
-                self._store.checks.set(program.sha256, machine, "running", float(said["progress"]))
+                self._store.checks.set(program.sha256, machine, "running", float(answer["progress"]))
         if told is not None:
             return told  # what was to come is no part of the check
-        sentence = f"{program.name}: the check ended without a result; ask for it again."
-        return "failed", {"sentence": sentence}
+        return "failed", {**said("check_without_result", program=program.name)}
 
 
 def _give(stdin: IO[str], job: str) -> None:

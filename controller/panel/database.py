@@ -25,22 +25,23 @@ WAIT_S = 10.0  # for another process to end its transaction; all of them are sho
 
 
 class StoreError(Exception):
-    """One sentence for the user, also in German where the page may show it; ``code`` says which
-    kind it is, for the answer's status.
+    """What is ``said`` to the user; ``code`` says which kind it is, for the answer's status.
 
     missing: there is no such thing; exists: the name is taken; running: the program is in use;
     name, size (too large), cut (not all of it), empty, sha256, form: what was sent is wrong; slow: it did
     not come; many: others are under way; space: the disk is full; store: the store itself cannot be used.
     """
 
-    def __init__(self, code: str, sentence: str, sentence_de: str = "") -> None:
-        super().__init__(sentence)
-        self.code, self.sentence, self.sentence_de = code, sentence, sentence_de
+    def __init__(self, code: str, text: catalogue.Said | str) -> None:
+        """``text``: a sentence alone where it has no key."""
+        self.said = catalogue.plain(text)
+        super().__init__(catalogue.text(self.said))
+        self.code = code
 
     @classmethod
     def told(cls, code: str, key: str, **values: object) -> StoreError:
-        """With the catalogue's text of that key, in both languages."""
-        return cls(code, *catalogue.in_both(key, **values))
+        """With the catalogue's text of that key."""
+        return cls(code, catalogue.said(key, **values))
 
 
 class Database:

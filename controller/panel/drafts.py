@@ -11,6 +11,7 @@ import os
 import sys
 from typing import Any
 
+from controller.catalogue import plain
 from controller.panel.answers import Refusal
 from controller.panel.store import Store
 
@@ -46,9 +47,9 @@ class Drafts:
             *self._worker, stdin=pipe, stdout=pipe, stderr=nothing, limit=MOST_BYTES
         )
         try:
-            said, _ = await child.communicate(json.dumps(job).encode())
-            found: list[dict[str, Any]] = json.loads(said)["refusals"]
-            return found
+            answer, _ = await child.communicate(json.dumps(job).encode())
+            found: list[dict[str, Any]] = json.loads(answer)["refusals"]
+            return [{**one, **plain(str(one["sentence"]))} for one in found]
         finally:
             if child.returncode is None:
                 child.kill()

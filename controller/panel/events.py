@@ -8,7 +8,7 @@
     {"event": "programs", "data": {...}}  the store changed, or a check ended: name and what was done
     {"event": "service", "data": {...}}   whether the controller's service answers
 
-A text is made once for all listeners. One who reads slowly misses statuses, never the others,
+A text is made once for all listeners of a language. One who reads slowly misses statuses, never the others,
 until too many wait: then it is let go. Nothing is asked of the machine while nobody listens.
 """
 
@@ -22,6 +22,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
+from controller import catalogue
 from controller.panel.answers import Refusal
 from controller.panel.link import Watch
 from controller.panel.store import Store
@@ -38,6 +39,7 @@ class Listener:
     """One who is told."""
 
     topics: frozenset[str]
+    language: str = catalogue.DEFAULT
     lost: bool = False  # did not read for too long
     _status: str = ""
     _waiting: deque[str] = field(default_factory=deque)
@@ -71,20 +73,20 @@ class Events:
         self._watch, self._store = watch, store
         self._listeners: list[Listener] = []
         self._wanted = asyncio.Event()
-        self._told: dict[str, str] = {}  # by topic: what was told last of what is told on change
+        self._told: dict[str, Any] = {}  # by topic: what was told last of what is told on change
 
     @property
     def listeners(self) -> int:
         return len(self._listeners)
 
     @contextmanager
-    def listening(self, topics: frozenset[str]) -> Iterator[Listener]:
+    def listening(self, topics: frozenset[str], language: str = catalogue.DEFAULT) -> Iterator[Listener]:
         """A listener, told at once what holds now. Raises Refusal."""
         if len(self._listeners) >= MOST_LISTENERS:
             raise Refusal.told(429, "too_often", "many_listeners", most=MOST_LISTENERS)
-        listener = Listener(topics)
-        for topic, text in self._told.items() if self._listeners else ():
-            listener.tell(topic, text)
+        listener = Listener(topics, language)
+        for topic, data in self._told.items() if self._listeners else ():
+            listener.tell(topic, _text(topic, data, language))
         self._listeners.append(listener)
         self._wanted.set()
         try:
@@ -94,7 +96,11 @@ class Events:
 
     def tell(self, topic: str, data: Any) -> None:
         """Tell all listeners of the topic."""
-        self._send(topic, _text(topic, data))
+        texts: dict[str, str] = {}
+        for listener in self._listeners:
+            if listener.language not in texts:
+                texts[listener.language] = _text(topic, data, listener.language)
+            listener.tell(topic, texts[listener.language])
 
     async def run(self) -> None:
         """Never ends."""
@@ -114,8 +120,7 @@ class Events:
         try:
             status = await self._watch.status()
         except Refusal as refusal:
-            said = refusal.facts.model_dump(include={"sentence", "sentence_de"})
-            self._changed("service", {"answers": False, **said})
+            self._changed("service", {"answers": False, **refusal.said})
             return
         self._changed("service", {"answers": True})
         self.tell("status", status)
@@ -128,15 +133,10 @@ class Events:
         self._changed("alarms", {"newest": newest[0].id if newest else None})
 
     def _changed(self, topic: str, data: Any) -> None:
-        text = _text(topic, data)
-        if self._told.get(topic) != text:
-            self._told[topic] = text
-            self._send(topic, text)
-
-    def _send(self, topic: str, text: str) -> None:
-        for listener in self._listeners:
-            listener.tell(topic, text)
+        if topic not in self._told or self._told[topic] != data:
+            self._told[topic] = data
+            self.tell(topic, data)
 
 
-def _text(topic: str, data: Any) -> str:
-    return json.dumps({"event": topic, "data": data}, separators=(",", ":"))
+def _text(topic: str, data: Any, language: str) -> str:
+    return json.dumps({"event": topic, "data": catalogue.told(data, language)}, separators=(",", ":"))

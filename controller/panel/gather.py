@@ -101,7 +101,7 @@ def _alarm(sql: sqlite3.Connection, line: str) -> bool:
             float(told["time_s"]),
             str(told["name"]),
             str(told.get("axis") or ""),
-            str(told["sentence"]),
+            str(told.get("sentence") or ""),  # of those that were kept before keys were
             json.dumps({k: v for k, v in told.items() if k not in _OWN} | {"number": told["id"]}),
             source,
         )

@@ -12,7 +12,7 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
-from controller import catalogue
+from controller.catalogue import Said, said
 from controller.panel import loading
 from controller.panel.answers import Refusal
 from controller.panel.database import StoreError
@@ -35,7 +35,7 @@ class GoOn:
     def __init__(self, store: Store, door: Door, control: Control, note: Note) -> None:
         self._store, self._door, self._control, self._note = store, door, control, note
         self._since_s: float | None = None  # of the hold of control for which it was chosen; None: it is off
-        self.why: tuple[str, str] = ("", "")  # it ended, in both languages
+        self.why: Said | None = None  # it ended
 
     @property
     def on(self) -> bool:
@@ -44,7 +44,7 @@ class GoOn:
     def choose(self, on: bool) -> None:
         """By whoever holds control now."""
         self._since_s = self._control.since_s if on else None
-        self.why = ("", "")
+        self.why = None
 
     def asked(self, verb: str) -> None:
         """Somebody asks that of the machine."""
@@ -53,11 +53,11 @@ class GoOn:
 
     def end(self, key: str, **values: Any) -> None:
         """Nothing starts by itself any more."""
-        self._end(*catalogue.in_both(key, **values))
+        self._end(said(key, **values))
 
-    def _end(self, english: str, german: str) -> None:
+    def _end(self, why: Said) -> None:
         if self.on:
-            self._since_s, self.why = None, (english, german)
+            self._since_s, self.why = None, why
 
     async def run(self) -> None:
         """Never ends."""
@@ -93,11 +93,8 @@ class GoOn:
             if await self._stands(last, "completed"):
                 await loading.load(self._store, self._door, front.program)
                 await self._started(front.program)
-        except Refusal as refusal:
-            said = refusal.facts
-            self._end(said.sentence, said.sentence_de or said.sentence)
-        except StoreError as error:
-            self._end(error.sentence, error.sentence_de or error.sentence)
+        except (Refusal, StoreError) as error:
+            self._end(error.said)
 
     async def _started(self, program: str) -> None:
         """Wait until it is read, and start it where all is as it was. Raises Refusal."""
@@ -113,8 +110,8 @@ class GoOn:
         if ready := told["mode"] == "READY" and _state(told, program) == state:
             return ready
         job: dict[str, Any] = told.get("job") or {}
-        english, german = str(job.get("sentence") or ""), str(job.get("sentence_de") or "")
-        self._end(english, german or english) if english else self.end("queue_other", program=program)
+        known = Said(key=job["key"], values=job["values"]) if job.get("key") else None
+        self._end(known or said("queue_other", program=program))
         return False
 
 

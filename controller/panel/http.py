@@ -18,13 +18,14 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from fastapi.routing import APIRoute, APIWebSocketRoute
 from starlette.exceptions import HTTPException
-from starlette.requests import ClientDisconnect
+from starlette.requests import ClientDisconnect, HTTPConnection
 from starlette.routing import compile_path
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from controller.catalogue import plain, said
 from controller.panel import metrics, octoprint
 from controller.panel.access import COOKIE, needs, panel_of
-from controller.panel.answers import DESCRIPTIONS, Refusal, of_form
+from controller.panel.answers import DESCRIPTIONS, Answer, Refusal, language_of, of_form, spoken
 from controller.panel.core import Panel
 from controller.panel.database import StoreError
 from controller.panel.roles import Role
@@ -86,6 +87,7 @@ def make_app(panel: Panel) -> FastAPI:
         redoc_url=None,
         openapi_url=None,
         redirect_slashes=False,
+        default_response_class=Answer,
     )
     app.state.panel = panel
     _check_guards()
@@ -136,8 +138,7 @@ def _refusals(app: FastAPI) -> None:
 
     @app.exception_handler(StoreError)
     async def not_stored(_: Request, error: StoreError) -> JSONResponse:
-        status, german = STORE_STATUSES[error.code], error.sentence_de or None
-        return Refusal(status, error.code, error.sentence, sentence_de=german).response()
+        return Refusal(STORE_STATUSES[error.code], error.code, error.said).response()
 
     @app.exception_handler(RequestValidationError)
     async def not_as_described(_: Request, error: RequestValidationError) -> JSONResponse:
@@ -155,8 +156,9 @@ def _refusals(app: FastAPI) -> None:
             headers["Allow"] = ", ".join(sorted(_methods(request.scope["path"])))
         # 400 is a body that is no JSON: one more that is not as the description says.
         status = 422 if error.status_code == 400 else error.status_code
-        sentence = DESCRIPTIONS.get(status, str(error.detail)) if status != 413 else str(error.detail)
-        return Refusal(status, "http", sentence, headers=headers).response()
+        known = said(f"http.{status}") if status in DESCRIPTIONS else plain(str(error.detail))
+        text = error.said if isinstance(error, TooLarge) else known
+        return Refusal(status, "http", text, headers=headers).response()
 
 
 def routes() -> Iterator[tuple[str, APIRoute | APIWebSocketRoute]]:
@@ -186,6 +188,14 @@ def _methods(path: str) -> set[str]:
     return {m for regex, route in found if regex.match(path) for m in getattr(route, "methods", ())}
 
 
+class TooLarge(HTTPException):
+    """A body of more bytes than are taken here; as this kind it comes through whoever reads the body."""
+
+    def __init__(self, most: int) -> None:
+        super().__init__(413)
+        self.said = said("body_large", most=most)
+
+
 class Bounds:
     """Around the application: bodies of a bounded size, and headers for browsers."""
 
@@ -193,6 +203,8 @@ class Bounds:
         self._app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] in ("http", "websocket"):
+            spoken.set(language_of(HTTPConnection(scope)))
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
@@ -203,7 +215,7 @@ class Bounds:
             message = await receive()
             taken += len(message.get("body", b""))
             if taken > most:
-                raise HTTPException(413, f"At most {most} bytes are taken here; send less.")
+                raise TooLarge(most)
             return message
 
         async def headed(message: Message) -> None:

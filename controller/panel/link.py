@@ -19,7 +19,6 @@ from typing import Any, Protocol
 
 from anyio import CapacityLimiter, to_thread
 
-from controller import catalogue
 from controller.door import Client, DoorError
 from controller.panel.answers import Refusal
 
@@ -45,7 +44,6 @@ SLOW = frozenset(
         "forget",
     }
 )
-UNANSWERED = {"gone": "no_service", "silent": "silent_service"}  # texts of the catalogue
 # "bad" is no 422: what the schema cannot say (a word of a program, an axis that this machine
 # has not) depends on the machine, and so does whether it is refused.
 STATUSES = {**dict.fromkeys(("refused", "busy", "bad", "unrecorded", "worn"), 409), "gone": 503}
@@ -101,17 +99,9 @@ class SocketDoor:
 
 
 def refusal(error: DoorError) -> Refusal:
-    """What the service said, as an answer; what it does not say itself is the catalogue's."""
-    unanswered = UNANSWERED.get(error.code)
-    english, german = catalogue.in_both(unanswered or "no_reason")
-    return Refusal(
-        STATUSES.get(error.code, 503),
-        error.code,
-        error.sentence or english,
-        mode=error.mode or None,
-        request=error.request or None,
-        sentence_de=error.sentence_de or (german if unanswered or not error.sentence else None),
-    )
+    """What the service said, as an answer."""
+    status = STATUSES.get(error.code, 503)
+    return Refusal(status, error.code, error.said, mode=error.mode or None, request=error.request or None)
 
 
 class Watch:

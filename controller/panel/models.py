@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from controller.panel.answers import Texts
 from controller.panel.models_of_tick import DriveFacts, OfTick
 from controller.state import MOST_AXES
 
@@ -169,11 +170,9 @@ class Done(Told):
     result: dict[str, Any] = {}
 
 
-class FaultFacts(Told):
+class FaultFacts(Told, Texts):
     name: str
     axis: str | None = None
-    sentence: str | None = None
-    sentence_de: str | None = None
     recovery: str | None = None
     position_trusted: bool | None = None
     recording: str | None = None
@@ -181,7 +180,9 @@ class FaultFacts(Told):
     time_s: Number = Field(None, description="When it came, seconds since 1970.")
 
 
-class JobFacts(Told):
+class JobFacts(Told, Texts):
+    """The texts say why it was refused, or ended before its end."""
+
     name: str | None = None
     sha256: str | None = None
     line: int | None = None
@@ -197,19 +198,15 @@ class JobFacts(Told):
         "completed, stopped, refused, fault or interrupted.",
     )
     block_delete: bool | None = Field(None, description="Lines that begin with / were left out.")
-    sentence: str | None = Field(None, description="Why it was refused, or ended before its end.")
-    sentence_de: str | None = Field(None, description="The same in German, where it is known.")
     message: str | None = Field(None, description="What the program said last, by MSG and the like.")
     messages: list[str] | None = Field(None, description="The last of them, newest last.")
     verdict: VerdictFacts | None = Field(None, description="On its surfaces; None: none has a tolerance.")
 
 
-class RestartFacts(Told):
-    """The program that was interrupted last, and whether it may be gone on with."""
+class RestartFacts(Told, Texts):
+    """The program that was interrupted last, and whether it may be gone on with; the texts say why not."""
 
     offered: bool
-    sentence: str | None = Field(None, description="Why it is not offered.")
-    sentence_de: str | None = Field(None, description="The same in German, where it is known.")
     program: str | None = Field(None, description="Its name in the store: POST /job with restart = true.")
     name: str | None = Field(None, description="What it was called when it ran.")
     sha256: str | None = None
@@ -252,7 +249,9 @@ class Status(OfTick, Told):
     tip: Any = None
     axis: Any = None
     on_table: Any = Field(None, description="Tip and axis seen from the table with its rotaries at zero.")
-    limited_by: Any = Field(None, description="What holds the feed down now, in words.")
+    limited_by: Any = Field(
+        None, description="What holds the feed down now: feed, corner ... or an axis and its limit."
+    )
     in_block: Any = Field(None, description="What the motion is, the share of it that is done, and u.")
     codes: Any = Field(None, description="Modal codes in which the motion runs: G17, G54, G61, T1 ...")
     coolant: Any = None
@@ -290,15 +289,13 @@ class SurfaceFacts(Told):
     radius_mm: float = Field(description="Of a cutter that would do, about; 0 = none is known.")
 
 
-class VerdictFacts(Told):
+class VerdictFacts(Told, Texts):
     """Whether all surfaces keep their form tolerance; the figures are of the one that is worst."""
 
     within: bool
     tolerance_mm: float
     largest_mm: float
     exceeds_mm: float
-    sentence: str
-    sentence_de: str
     surfaces: list[SurfaceFacts]
     left_out: int = Field(description="More surfaces than are told.")
 
@@ -331,10 +328,9 @@ class Draft(Sent):
     text: Annotated[str, Field(max_length=1_000_000)]
 
 
-class DraftRefusal(Told):
+class DraftRefusal(Told, Texts):
     line: int
     column: int
-    sentence: str
 
 
 class DraftRead(Told):
@@ -349,12 +345,11 @@ class ProgramList(Told):
     programs: list[ProgramFacts]
 
 
-class AlarmFacts(Told):
+class AlarmFacts(Told, Texts):
     id: int
     at_s: float = Field(description="Seconds since 1970.")
     name: str
     axis: str
-    sentence: str
     facts: dict[str, Any]
     acknowledged_s: Number
     acknowledged_by: str | None

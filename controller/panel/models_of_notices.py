@@ -4,11 +4,21 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
+from controller import catalogue
+from controller.panel.answers import Texts
 from controller.panel.models import Number, Sent, Told
 
 Text = Annotated[str, Field(max_length=2000)]
+
+
+def _known(language: str) -> str:
+    catalogue.of(language)
+    return language
+
+
+Language = Annotated[str, AfterValidator(_known)]
 Security = Literal["starttls", "tls", "none"]
 
 
@@ -18,7 +28,7 @@ class NoticeChange(Sent):
     alarms: bool | None = None
     program_end: bool | None = None
     tool_change: bool | None = None
-    language: Literal["en", "de"] | None = None
+    language: Language | None = None
     webhook: Annotated[Text | None, Field(description="URL, http or https; empty: none.")] = None
     host: Annotated[Text | None, Field(description="Of the mail server; empty: no mail.")] = None
     port: Annotated[int | None, Field(ge=1, le=65535)] = None
@@ -31,20 +41,18 @@ class NoticeChange(Sent):
     to: Annotated[Text | None, Field(description="Addresses, by commas.")] = None
 
 
-class Delivery(Told):
-    """What came of the last notice by a way; null: none was sent yet."""
+class Delivery(Told, Texts):
+    """What came of the last notice by a way, and why it was not sent."""
 
     at_s: Number = None
     sent: bool | None = None
-    sentence: str | None = None
-    sentence_de: str | None = None
 
 
 class NoticeFacts(Told):
     alarms: bool
     program_end: bool
     tool_change: bool
-    language: Literal["en", "de"]
+    language: str
     webhook: str = Field(description="Scheme and host alone: what follows may be a key.")
     host: str
     port: int

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from controller.panel.answers import Texts
 from controller.panel.models import Number, Sent, Told
 
 Count = Annotated[int, Field(ge=1, le=10_000)]
@@ -32,9 +33,9 @@ class EntryFacts(Told):
     added_by: str
 
 
-class QueueFacts(Told):
+class QueueFacts(Told, Texts):
+    """What is said is why it does not go on by itself any more."""
+
     entries: list[EntryFacts]
     next: int | None = Field(description="The entry that is next: the first that is not done.")
     go_on: bool = Field(description="What is next is loaded and started when a run has ended whole.")
-    sentence: str | None = Field(description="Why it does not go on by itself any more.")
-    sentence_de: str | None

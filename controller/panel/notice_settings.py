@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any, Literal
 from urllib.parse import urlsplit
 
+from controller import catalogue
 from controller.panel.database import StoreError
 from controller.panel.records import Facts, Values
 
@@ -30,7 +31,7 @@ class NoticeSettings:
     alarms: bool = True
     program_end: bool = True
     tool_change: bool = True
-    language: Literal["en", "de"] = "en"
+    language: str = catalogue.DEFAULT
     webhook: str = ""  # URL to which JSON is posted
     host: str = ""  # of the mail server
     port: int = 587
@@ -73,7 +74,7 @@ class NoticeSettings:
 
 
 OFF = NoticeSettings()
-CHOICES = {"security": ("starttls", "tls", "none"), "language": ("en", "de")}
+CHOICES = {"security": ("starttls", "tls", "none"), "language": tuple(catalogue.LANGUAGES)}
 
 
 def _is_url(text: str) -> bool:

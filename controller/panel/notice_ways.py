@@ -19,7 +19,8 @@ from email.message import EmailMessage
 from typing import Any
 from urllib.parse import urlsplit
 
-from controller.catalogue import Key
+from controller import catalogue
+from controller.catalogue import Key, Said
 from controller.panel.notice_settings import NoticeSettings
 
 SILENT_S = 10.0  # of a server, before it is given up
@@ -32,13 +33,12 @@ class Notice:
 
     event: str  # 'alarm', 'program_end', 'tool_change', 'test'
     at_s: float  # seconds since 1970
-    sentence: str
-    sentence_de: str
+    said: Said
     facts: Mapping[str, Any] = field(default_factory=dict)
 
     def text(self, settings: NoticeSettings) -> str:
         """In the language that was chosen, on one line."""
-        return " ".join((self.sentence_de if settings.language == "de" else self.sentence).split())
+        return " ".join(catalogue.text(self.said, settings.language).split())
 
 
 class NotTaken(Exception):
@@ -62,7 +62,7 @@ def send(way: str, notice: Notice, settings: NoticeSettings) -> None:
 def _post(notice: Notice, settings: NoticeSettings) -> None:
     """As JSON; ``text`` is what chat servers show. Another place that the server names is not gone to."""
     told = {"event": notice.event, "at_s": notice.at_s, "text": notice.text(settings)}
-    told |= {"sentence": notice.sentence, "sentence_de": notice.sentence_de, **notice.facts}
+    told |= {**notice.said, **notice.facts}
     headers = {"Content-Type": "application/json", "User-Agent": "Directrix"}
     url = urlsplit(settings.webhook)
     kind = _Https if url.scheme == "https" else _Http
@@ -77,7 +77,7 @@ def _mail(notice: Notice, settings: NoticeSettings) -> None:
     mail = EmailMessage()
     mail["Subject"], mail["From"] = f"Directrix: {notice.text(settings)}"[:200], settings.sender
     mail["To"] = ", ".join(settings.receivers)
-    mail.set_content(f"{notice.sentence}\n\n{notice.sentence_de}\n")
+    mail.set_content(f"{catalogue.text(notice.said, settings.language)}\n")
     with _server(settings) as server:
         if settings.security == "starttls":
             server.starttls(context=ssl.create_default_context())

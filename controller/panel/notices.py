@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from controller import catalogue
-from controller.catalogue import Key
+from controller.catalogue import Key, Said, plain, said
 from controller.panel import notice_settings, notice_ways
 from controller.panel.answers import Refusal
 from controller.panel.database import StoreError
@@ -41,8 +41,7 @@ class Outcome:
 
     at_s: float
     sent: bool
-    sentence: str = ""  # why not
-    sentence_de: str = ""
+    why: Said | None = None  # it was not
 
 
 class Notices:
@@ -95,8 +94,8 @@ class Notices:
         with contextlib.suppress(Refusal):  # a service that is away asks for nothing
             asked = (await self._watch.status()).get("tool_change")
             if asked and asked != self._asked:
-                words = str(asked.get("sentence", "")), str(asked.get("sentence_de", ""))
-                self.send(Notice("tool_change", time.time(), *words, {"tool": asked.get("number")}))
+                words = Said(key=asked["key"], values=asked["values"])
+                self.send(Notice("tool_change", time.time(), words, {"tool": asked.get("number")}))
             self._asked = asked
 
     # -- sending
@@ -112,7 +111,7 @@ class Notices:
             raise Refusal.told(409, "busy", "notice_testing")
         self._testing = True
         try:
-            notice = Notice("test", time.time(), *catalogue.in_both("notice.test"))
+            notice = Notice("test", time.time(), said("notice.test"))
             wanted = [self.ways[name] for name in notice_ways.ways(settings)]
             await asyncio.gather(*(asyncio.to_thread(way.deliver, notice, settings) for way in wanted))
         finally:
@@ -170,22 +169,21 @@ class Way:
                 return
 
     def _note(self, why: str | None) -> Outcome:
-        told = {"way": Key(f"way.{self.name}"), "why": why}
-        words = ("", "") if why is None else catalogue.in_both("notice_failed", **told)
-        self.last = Outcome(time.time(), why is None, *words)
+        told = None if why is None else said("notice_failed", way=Key(f"way.{self.name}"), why=why)
+        self.last = Outcome(time.time(), why is None, told)
         return self.last
 
 
 def of_alarm(alarm: Alarm) -> Notice:
-    german = str(alarm.facts.get("sentence_de") or alarm.sentence)
     facts = {"name": alarm.name, "axis": alarm.axis or None}
-    return Notice("alarm", alarm.at_s, alarm.sentence, german, facts)
+    told = Said(key=alarm.key, values=dict(alarm.values or {})) if alarm.key else plain(alarm.sentence)
+    return Notice("alarm", alarm.at_s, told, facts)
 
 
 def of_run(run: Run) -> Notice:
-    words = catalogue.in_both("notice.end", program=run.program, result=in_words(run.result))
+    words = said("notice.end", program=run.program, result=in_words(run.result))
     facts = {"program": run.program, "result": run.result, "run": run.id}
-    return Notice("program_end", run.ended_s or run.began_s, *words, facts)
+    return Notice("program_end", run.ended_s or run.began_s, words, facts)
 
 
 def in_words(result: str) -> str:

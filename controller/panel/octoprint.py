@@ -17,8 +17,9 @@ from urllib.parse import quote
 from fastapi import APIRouter, Header, Request, Response
 from pydantic import BaseModel
 
+from controller import catalogue
 from controller.panel.access import needs, panel_of
-from controller.panel.answers import Refusal, documented
+from controller.panel.answers import Refusal, documented, spoken
 from controller.panel.core import Panel
 from controller.panel.names import leaf_of
 from controller.panel.programs import Program
@@ -126,7 +127,8 @@ async def octoprint_job(request: Request) -> dict[str, Any]:
         "state": text,
     }
     fault: Mapping[str, Any] = status.get("fault") or {}
-    return {**told, "error": fault.get("sentence") or fault.get("name")} if text == "Error" else told
+    words = catalogue.text(fault, spoken.get()) or fault.get("name")
+    return {**told, "error": words} if text == "Error" else told
 
 
 @router.post(

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from controller.catalogue import Key
+from controller.catalogue import Key, Said, plain
 from controller.panel.database import Database, StoreError
 
 Facts = Mapping[str, Any]
@@ -44,8 +44,10 @@ class Alarm:
     at_s: float
     name: str  # of the row in the fault table
     axis: str  # "" = of none
+    key: str | None  # of what is said, with its values; None: it was kept as a sentence, before keys were
+    values: Facts | None
     sentence: str
-    facts: Facts  # sentence_de, recovery, position_trusted, recording, ...
+    facts: Facts  # cause, remedy, recovery, position_trusted, recording, ...
     acknowledged_s: float | None
     acknowledged_by: str | None
 
@@ -147,12 +149,12 @@ class Alarms:
     _database: Database
     _clock: Clock = time.time
 
-    def add(self, name: str, sentence: str, axis: str = "", **facts: Any) -> int:
+    def add(self, name: str, said: Said | str, axis: str = "", **facts: Any) -> int:
         """An alarm is raised; its number."""
         with self._database.write() as sql:
             done = sql.execute(
                 "INSERT INTO alarms (at_s, name, axis, sentence, facts) VALUES (?, ?, ?, ?, ?)",
-                (self._clock(), name, axis, sentence, _json(facts)),
+                (self._clock(), name, axis, "", _json({**facts, **plain(said)})),
             )
         return done.lastrowid or 0
 
@@ -359,6 +361,7 @@ def _run(row: sqlite3.Row) -> Run:
 
 
 def _alarm(row: sqlite3.Row) -> Alarm:
-    values = dict(row)
-    del values["source"]
-    return Alarm(**{**values, "facts": json.loads(values["facts"])})
+    columns, facts = dict(row), json.loads(row["facts"])
+    del columns["source"]
+    said = {name: facts.pop(name, None) for name in ("key", "values")}
+    return Alarm(**{**columns, **said, "facts": facts})

@@ -7,15 +7,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from html import escape
 from typing import Any
 
-from controller.panel.page import texts
-from controller.panel.page.texts import Language
+from controller import catalogue
 from controller.panel.records import Alarm, Run
 
-OF_RUN = ("duration_s", "planned_s", "cut_time_s", "ticks", "skips", "line", "sentence")
+OF_RUN = ("duration_s", "planned_s", "cut_time_s", "ticks", "skips", "line")
 OF_CHECK = ("duration_s", "cut_length_mm", "blocks")
 SHARES = ("velocity_share", "acceleration_share", "jerk_share")
 _STYLE = (
@@ -37,25 +36,26 @@ class Facts:
     files: Sequence[str]  # of its record
 
 
-def page(told: Facts, language: Language) -> str:
+def page(told: Facts, language: str) -> str:
     """The whole document, which needs no other file."""
-    word = {key.removeprefix("report."): text for key, text in texts.PAGE[language].items()}
+    word = {key.removeprefix("report."): text for key, text in catalogue.of(language).page.items()}
     run = told.run
     title = escape(word["title"].format(run.id, run.program))
-    parts = "".join(_parts(told, word))
+    parts = "".join(_parts(told, word, language))
     return (
         f'<!doctype html><html lang="{language}"><head><meta charset="utf-8"><title>{title}</title>'
         f"<style>{_STYLE}</style></head><body><h1>{title}</h1>{parts}</body></html>\n"
     )
 
 
-def _parts(told: Facts, word: Mapping[str, str]) -> Iterator[str]:
-    run = told.run
+def _parts(told: Facts, word: Mapping[str, str], language: str) -> Iterator[str]:
+    run, why = told.run, catalogue.text(told.run.facts, language)
     rows = [
         (word["result"], run.result),
         (word["began"], _moment(run.began_s)),
         (word["ended"], _moment(run.ended_s)),
         *((word[key], _figure(run.facts[key])) for key in OF_RUN if run.facts.get(key) is not None),
+        *([(word["sentence"], why)] if why else []),
         (word["sha256"], run.sha256),
     ]
     yield _table(rows)
@@ -63,20 +63,23 @@ def _parts(told: Facts, word: Mapping[str, str]) -> Iterator[str]:
     yield f"<h2>{word['following_error']} ({word['unit']})</h2>"
     yield _table([(axis, _figure(value)) for axis, value in errors.items()]) or f"<p>{word['none']}</p>"
     if told.check:
-        yield from _check(told.check, word)
+        yield from _check(told.check, word, language)
     yield f"<h2>{word['alarms']}</h2>"
-    alarms = [(f"{_moment(one.at_s)} {one.name} {one.axis}", one.sentence) for one in told.alarms]
+    alarms = [
+        (f"{_moment(one.at_s)} {one.name} {one.axis}", catalogue.text(asdict(one), language))
+        for one in told.alarms
+    ]
     yield _table(alarms) or f"<p>{word['none']}</p>"
     yield f"<h2>{word['files']}</h2>"
     yield "".join(f"<p>{escape(file)}</p>" for file in told.files) or f"<p>{word['none']}</p>"
 
 
-def _check(check: Mapping[str, Any], word: Mapping[str, str]) -> Iterator[str]:
+def _check(check: Mapping[str, Any], word: Mapping[str, str], language: str) -> Iterator[str]:
     verified = check.get("verified") or {}
     rows = [(word[f"check.{key}"], _figure(check[key])) for key in OF_CHECK if check.get(key) is not None]
     verdict = check.get("verdict") or {}
     if verdict:
-        rows.append((word["check.form"], str(verdict[word["form.sentence"]])))
+        rows.append((word["check.form"], catalogue.text(verdict, language)))
     for key in ("overcut_mm", "undercut_mm"):
         if verified.get(key) is not None:
             rows.append((word[f"check.{key}"], _figure(verified[key])))

@@ -10,14 +10,14 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Protocol
 
-from controller import catalogue, state
+from controller import state
+from controller.catalogue import Key, Said
 from controller.door import Answer, DoorError, Values
 from controller.handoff import Outcome, Snapshot
 from controller.machine import Machine
-from controller.service.refused import by_fault, by_now, in_both, refused
+from controller.service.refused import by_fault, by_now, refused
 from controller.state import Fault, Request
 
 LONGEST_S = 5.0  # for the tick to answer: it takes requests in every turn
@@ -94,7 +94,7 @@ class Acknowledged:
         if not self._engine().tick_alive:
             raise refused("no_tick", code="gone", request=asked.request.name)
         if time.monotonic() > asked.give_up_s:
-            mode, what = now.mode.name if now is not None else "", catalogue.Key("answer")
+            mode, what = now.mode.name if now is not None else "", Key("answer")
             raise refused("waited", mode, asked.request.name, "silent", seconds=LONGEST_S, what=what)
 
     def _answer(self, asked: _Asked, now: Snapshot | None) -> Values | None:
@@ -114,13 +114,12 @@ def why_refused(machine: Machine, now: Snapshot, number: int, request: Request) 
     why = now.came_of(number)[1]
     if why is not Fault.NONE:
         return by_fault(why, now.mode.name, request.name)
-    words = partial(refusal, machine, now, request)
-    mode = now.mode.name
-    return in_both(words, mode, request.name) if words() else by_now(now, request.name)
+    said = refusal(machine, now, request)
+    return DoorError("refused", said, now.mode.name, request.name) if said else by_now(now, request.name)
 
 
-def refusal(machine: Machine, now: Snapshot, request: Request, language: str = "en") -> str:
-    """Why the machine as it is refuses a request; "" where it does not."""
+def refusal(machine: Machine, now: Snapshot, request: Request) -> Said | None:
+    """Why the machine as it is refuses a request; None where it does not."""
     return state.refusal(
         now.mode,
         request,
@@ -130,5 +129,4 @@ def refusal(machine: Machine, now: Snapshot, request: Request, language: str = "
         interlock=now.interlock,
         away=now.away,
         axes=[axis.name for axis in machine.axes],
-        language=language,
     )

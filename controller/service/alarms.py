@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import Any
 
 from controller import whole
+from controller.catalogue import Said, said
 from controller.handoff import Snapshot
 from controller.machine import Machine
 from controller.service.refused import refused
-from controller.state import FAULTS, Fault, sentence
+from controller.state import FAULTS, Fault, told
 
 FILE = "alarms.jsonl"
 KEPT = 1000
@@ -36,14 +37,14 @@ class Alarms:
             self._known[int(alarm["id"])] = alarm
         self._write_all()
 
-    def add(self, name: str, words: str, **more: Any) -> dict[str, Any]:
+    def add(self, name: str, what: Said, **more: Any) -> dict[str, Any]:
         """A new alarm; the disk being full does not stop the machine from telling it."""
         with self._lock:
             alarm = {
                 "id": max(self._known, default=0) + 1,
                 "time_s": time.time(),
                 "name": name,
-                "sentence": words,
+                **what,
                 "acknowledged_s": None,
                 **more,
             }
@@ -102,16 +103,15 @@ def _read(file: Path) -> list[dict[str, Any]]:
 def of(
     machine: Machine, fault: Fault, axis: int, also: Fault = Fault.NONE, off: float = 0.0
 ) -> dict[str, Any]:
-    """A fault as it is shown, in both languages; ``off``: of a following error, mm or rad."""
+    """A fault as it is shown; ``off``: of a following error, mm or rad."""
     name = machine.axis_off(axis, off)
     row = FAULTS[fault]
     return {
         "name": fault.name,
         "axis": machine.axis_off(axis) or None,
-        "sentence": sentence(fault, name, also),
-        "sentence_de": sentence(fault, name, also, "de"),
-        "cause": row.cause,
-        "remedy": row.remedy,
+        **told(fault, name, also),
+        "cause": said(f"cause.{fault.name}"),
+        "remedy": said(f"remedy.{fault.name}"),
         "recovery": row.recovery.name.lower(),
         "position_trusted": row.position_trusted,
     }

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from typing import Any
 
-from controller.door import FACTS, DoorError
+from controller.door import DoorError
 from controller.handoff import Snapshot
 from controller.machine import Joints
 from controller.service.orders import Order
@@ -38,7 +39,7 @@ class Awaited:
     def taken(self, now: Snapshot) -> bool:
         return now.accepted > self.before
 
-    def in_vain(self, now: Snapshot) -> tuple[str, ...] | None:
+    def in_vain(self, now: Snapshot) -> tuple[Any, ...] | None:
         """Why the tick will not take it any more, as the error of an answer; None while it may."""
         if now.mode is not self.mode:
             return _facts(by_now(now))
@@ -51,6 +52,5 @@ def _queue(now: Snapshot) -> tuple[int, Joints]:
     return now.epoch, now.joints
 
 
-def _facts(error: DoorError) -> tuple[str, ...]:
-    said = error.to_dict()
-    return tuple(said[name] for name in FACTS)
+def _facts(error: DoorError) -> tuple[Any, ...]:
+    return error.code, error.said, error.mode, error.request

@@ -12,7 +12,8 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
-from controller import catalogue, fitting
+from controller import fitting
+from controller.catalogue import Key
 from controller.door import Answer, DoorError, Values
 from controller.geometry import Frame
 from controller.handoff import Snapshot, blank
@@ -23,7 +24,7 @@ from controller.service.acknowledged import Acknowledged, refusal
 from controller.service.arguments import number, whole
 from controller.service.jobs import Job
 from controller.service.jogging import ENDS, Jogging, Presses
-from controller.service.refused import by_fault, in_both, refused
+from controller.service.refused import by_fault, refused
 from controller.service.sequencer import Going
 from controller.service.service import Service
 from controller.state import Mode, Request, bars
@@ -166,9 +167,8 @@ class Desk:
     def _permitted(self, request: Request) -> Snapshot:
         """The newest snapshot. Raises DoorError where it refuses the request."""
         now = self._service.now()
-        words = partial(refusal, self._service.machine, now, request)
-        if words():
-            raise in_both(words, now.mode.name, request.name)
+        if why := refusal(self._service.machine, now, request):
+            raise DoorError("refused", why, now.mode.name, request.name)
         return now
 
     def _jog(self, args: Values) -> Answer:
@@ -222,7 +222,7 @@ class Desk:
         """Along the program only from where it was held: off it the tool must return first."""
         service = self._service
         if not service.sequencer.busy and (why := service.no_resume):
-            raise refused("refused", service.now().mode.name, "RESUME", why=catalogue.Key(why))
+            raise refused("refused", service.now().mode.name, "RESUME", why=Key(why))
         return self._ask(Request.RESUME)
 
     def _switch(self, request: Request, args: Values) -> Answer:
@@ -256,10 +256,7 @@ class Desk:
     def _home(self, args: Values) -> Answer:
         service = self._service
         now = service.now()
-        try:
-            axes = status.axis_numbers(service.machine, args.get("axes"))
-        except ValueError as error:
-            raise DoorError("bad", str(error), now.mode.name, "HOME") from error
+        axes = _axis_numbers(service.machine, args.get("axes"), now.mode)
         if now.mode is not Mode.READY:  # there the drives are switched off first
             self._permitted(Request.HOME)
         self._not_running("HOME")
@@ -290,7 +287,7 @@ class Desk:
             try:
                 return sequences.load(service, job)
             except DoorError as error:
-                job.state, job.sentence, job.sentence_de = "refused", error.sentence, error.sentence_de
+                job.state, job.said = "refused", error.said
                 raise
 
         return self._sequence("load", work)
@@ -317,7 +314,8 @@ class Desk:
         if job.state == "loading":
             raise refused("still_loading", now.mode.name, "START", program=job.program.name)
         if job.state == "refused":
-            raise in_both(partial(_not_ready, job), now.mode.name, "START")
+            why = job.said
+            raise refused("not_ready", now.mode.name, "START", program=job.program.name, why=why)
         self._permitted(Request.START)
         if args.get("worn") is not True:
             wear.check(service.usage, service.tool, job.program.name)
@@ -415,7 +413,7 @@ class Desk:
         with service.fitting:  # one change at a time, and no start in the middle of one
             now = service.engine.snapshot()
             if now is not None and not self._may_fit(what, now):
-                raise refused("not_fitted", now.mode.name, request, what=catalogue.Key(what))
+                raise refused("not_fitted", now.mode.name, request, what=Key(what))
             try:
                 yield
             except ConfigError as error:
@@ -433,9 +431,14 @@ def _given_up(name: str) -> Values | None:
     return {"outcome": "given_up", "what": name} if name else None
 
 
-def _not_ready(job: Job, language: str) -> str:
-    why = (job.sentence_de if language == "de" else "") or job.sentence
-    return catalogue.refusal("not_ready", language, program=job.program.name, why=why)
+def _axis_numbers(machine: Machine, names: object, mode: Mode) -> tuple[int, ...]:
+    """Numbers of axes by their names, all of them for None. Raises DoorError."""
+    known = [axis.name for axis in machine.axes]
+    if names is None:
+        return tuple(range(len(known)))
+    if not isinstance(names, list) or not names or not all(name in known for name in names):
+        raise refused("no_axes", mode.name, "HOME", "bad", axes=repr(names), allowed=" ".join(known))
+    return tuple(sorted({known.index(name) for name in names}))
 
 
 def _last_block(job: Job) -> Values | None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from controller import catalogue
-from controller.catalogue import Key
+from controller.catalogue import DEFAULT, LANGUAGES, Key, Said, said
 from controller.geometry import Frame
 from controller.machine import OFFSETS, Machine
 from controller.plan.route.restart import Rest
@@ -12,23 +11,19 @@ from controller.plan.text.program import Modal
 COOLANT = (Key("at.off"), Key("at.mist"), Key("at.flood"), Key("at.mist_and_flood"))
 
 
-def told(rest: Rest, language: str = "en") -> list[str]:
-    """The place, what is in force there, and how it is entered. Raises ValueError for an unknown language."""
+def told(rest: Rest) -> list[Said]:
+    """The place, what is in force there, and how it is entered."""
     at, machine, spot = rest.target.modal, rest.source.machine, rest.spot
     feed = Key("at.none") if at.feed_mm_s is None else f"{at.feed_mm_s * 60.0:g} mm/min"
     offset, length = OFFSETS[at.offset], f"{at.length_mm:.3f}"
     spindle = {"rev_min": f"{at.spindle_rev_min:g}", "coolant": COOLANT[at.coolant], "feed": feed}
-
-    def said(key: str, **values: object) -> str:
-        return catalogue.refusal(key, language, **values)
-
-    what = catalogue.of(language).refusals.get(f"at.way.{rest.what}", rest.what)
+    way = f"at.way.{rest.what}"
+    what = Key(way) if way in LANGUAGES[DEFAULT].texts else rest.what
     size = _size(machine, at.tool)
-    fitted = " " + said("at.size", **size) if size else ""
     tilted = [said("at.tilted", **_plane(at.frame(machine)))] if at.tilted else []
     return [
         said("at.place", line=spot.line, percent=f"{spot.fraction * 100.0:.1f}", what=what),
-        said("at.tool", tool=at.tool, size=fitted, offset=offset, length=length),
+        said("at.sized_tool" if size else "at.tool", tool=at.tool, offset=offset, length=length, **size),
         *tilted,
         said("at.spindle", **spindle),
         *([said("at.outputs", outputs=names)] if (names := _on(machine, at)) else []),
@@ -57,7 +52,7 @@ def _on(machine: Machine, at: Modal) -> str:
 def _size(machine: Machine, number: int) -> dict[str, str]:
     """Of a tool; nothing where the table has none of that number."""
     tool = machine.tool(number)
-    return {"radius": f"{tool.radius_mm:.3f}", "length": f"{tool.length_mm:.3f}"} if tool else {}
+    return {"radius": f"{tool.radius_mm:.3f}", "long": f"{tool.length_mm:.3f}"} if tool else {}
 
 
 def _joints(rest: Rest) -> str:

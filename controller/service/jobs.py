@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from controller import journal
+from controller import catalogue, journal
 from controller.changes import Change
 from controller.handoff import Snapshot
 from controller.machine import Joints, Machine, Tool
@@ -51,8 +51,7 @@ class Job:
     blocks: int | None = None
     notes: list[dict[str, Any]] = field(default_factory=list)
     verdict: dict[str, Any] | None = None  # on the form of its surfaces
-    restart: list[str] = field(default_factory=list)  # the state at the place where it begins
-    restart_de: list[str] = field(default_factory=list)  # the same in German
+    restart: list[catalogue.Said] = field(default_factory=list)  # the state at the place where it begins
     entry: journal.Entry | None = None  # of the journal, where it goes on with that
     start: Start | None = None  # of its last run
     origin_s: float = 0.0  # plan time at which its first piece begins
@@ -60,8 +59,7 @@ class Job:
     fed: set[int] = field(default_factory=set)  # motions at feed, until they are passed
     changes: dict[int, tuple[int, ...]] = field(default_factory=dict)  # tools that it asks for, by line
     news: News = field(default_factory=News)
-    sentence: str = ""  # why it ended, or was not loaded
-    sentence_de: str = ""  # the same in German, where it is known
+    said: catalogue.Said | None = None  # why it ended, or was not loaded
     taken: bool = False  # the tick has begun with it
     refused: bool = False  # a block on the way was; the tool stands before it
     lost: bool = False  # the plan that knew the rest of it is gone
@@ -98,7 +96,7 @@ class Job:
         self._due.clear()
         self._reached, self.messages = -1, []
         self.news = News(finished=False)
-        self.state, self.sentence, self.sentence_de = "starting", "", ""
+        self.state, self.said = "starting", None
         self.taken = self.refused = self.lost = False
         self.nominal_s, self._seen_s, self.last = self.before_s, None, None
 
@@ -216,8 +214,8 @@ class Job:
 
     def to_dict(self, now: Snapshot) -> dict[str, Any]:
         state, left_s = self.state_at(now), self._left_s(now)
-        if not self.active and self.last is not None:  # it has ended: the last place stays
-            now = self.last
+        if self.last is not None and (now.line == 0 or not self.active):
+            now = self.last  # an emergency stop has taken all away, or it has ended: the last place stays
         shown = self.active or self.last is not None
         return {
             "name": self.program.name,
@@ -226,7 +224,6 @@ class Job:
             "state": state,
             "line": now.line if shown else self.program.spot.line if self.program.spot else None,
             "restart": self.restart,
-            "restart_de": self.restart_de,
             "dry_run_mm": self.program.dry_run_mm or None,
             "block_delete": self.block_delete,
             "block": now.motion_id if shown and now.motion_id >= 0 else None,
@@ -240,8 +237,7 @@ class Job:
             "messages": self.messages,
             "notes": self.notes,
             "verdict": self.verdict,
-            "sentence": self.sentence or None,
-            "sentence_de": self.sentence_de or None,
+            **catalogue.facts(self.said),
         }
 
     def _typed(self) -> str | None:

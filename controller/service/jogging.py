@@ -80,7 +80,7 @@ class Jogging:
             ):  # under way it comes to rest there, and is asked for until it is let go
                 jog_frames.goes(machine, now.joints, line.direction, now.homed)
         except JogError as error:
-            raise DoorError("bad", str(error), now.mode.name, "JOG", error.german) from error
+            raise DoorError("bad", error.said, now.mode.name, "JOG") from error
         self._key, self._line = key, line
         return line
 
@@ -95,7 +95,7 @@ class Jogging:
             jog_frames.goes(machine, now.joints, line.direction, now.homed)
             return line
         except JogError as error:
-            raise DoorError("bad", str(error), now.mode.name, "JOG", error.german) from error
+            raise DoorError("bad", error.said, now.mode.name, "JOG") from error
 
     def _kinematics_of(self, machine: Machine) -> Kinematics:
         if self._kinematics is None or self._of is not machine:

@@ -3,36 +3,34 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 from controller import catalogue, fitting, journal
+from controller.catalogue import said
 from controller.door import DoorError
 from controller.service.jobs import Job
-from controller.service.refused import in_both, refused
+from controller.service.refused import refused
 from controller.service.service import JOURNAL, Service
 
 
 def restart(service: Service) -> dict[str, Any]:
-    """The journal's entry as plain values; ``sentence`` says why it is not ``offered``.
+    """The journal's entry as plain values; key and values say why it is not ``offered``.
 
     Whether the program is still there as it was is for who keeps the programs: it is told by its
     ``sha256``. A load with ``restart`` looks at everything again.
     """
     entry, why = journal.read(service.state / JOURNAL)
     if entry is None or entry.ended:
-        none = partial(catalogue.refusal, "not_interrupted")
-        return {"offered": False, **({"sentence": why} if why else _sentences(none))}
+        return {"offered": False, **(why or said("not_interrupted"))}
     here = journal.Job.of(entry.job.name, b"", service.machine, entry.job.start, entry.job.dry_run_mm)
     same_program = replace(here, program_sha256=entry.job.program_sha256)
     homed, untrusted = _trusted(service)
     axes = len(service.machine.axes)
-    words = _sentences(partial(journal.refusal, entry, same_program, homed, untrusted, axes))
+    why = journal.refusal(entry, same_program, homed, untrusted, axes)
     return {
-        "offered": words["sentence"] is None,
-        **words,
+        "offered": why is None,
+        **catalogue.facts(why),
         "name": entry.job.name,
         "sha256": entry.job.program_sha256,
         "line": entry.spot.line,
@@ -53,11 +51,6 @@ def restart(service: Service) -> dict[str, Any]:
 def _share(entry: journal.Entry) -> float | None:
     """Of a whole run at 100 % that is done."""
     return entry.passed_s / entry.duration_s if entry.passed_s is not None and entry.duration_s else None
-
-
-def _sentences(why: Callable[..., str]) -> dict[str, str | None]:
-    """The same in both languages; None where there is no reason."""
-    return {"sentence": why() or None, "sentence_de": why(language="de") or None}
 
 
 def _trusted(service: Service) -> tuple[int, int]:
@@ -88,9 +81,8 @@ def look_again(service: Service, job: Job, request: str = "START") -> None:
     entry, program, now = job.entry, job.program, service.now()
     assert entry is not None
     here = journal.Job.of(program.name, program.text, service.machine, entry.job.start, program.dry_run_mm)
-    changed = partial(journal.refusal, entry, here, now.homed, now.untrusted, len(service.machine.axes))
-    if changed():
-        raise in_both(changed, now.mode.name, request)
+    if why := journal.refusal(entry, here, now.homed, now.untrusted, len(service.machine.axes)):
+        raise DoorError("refused", why, now.mode.name, request)
     # Its lines set anew what they had set, so it is begun with what was fitted then, but for other tools.
     job.fitted = service.fitted if entry.job.fitted is None else entry.job.fitted
     if here.tools_sha256 != entry.job.tools_sha256:
@@ -107,6 +99,5 @@ def tell_beside(service: Service) -> None:
         return
     program = replace(job.program, spot=entry.spot, start=entry.job.start)
     with contextlib.suppress(DoorError):  # the program may be refused by now, and this is only told
-        said = str(service.engine.line.order("beside", program=program)["sentence"])
-        if said:  # on the path there is nothing to tell
-            service.alarms.add("BESIDE_THE_PATH", said, line=entry.spot.line)
+        if found := service.engine.line.order("beside", program=program)["said"]:
+            service.alarms.add("BESIDE_THE_PATH", found, line=entry.spot.line)

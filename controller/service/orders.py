@@ -62,7 +62,7 @@ class Answer:
 
     number: int
     facts: dict[str, Any] = field(default_factory=dict)
-    error: tuple[str, ...] | None = None  # what a DoorError is made of: code, sentence ...
+    error: tuple[Any, ...] | None = None  # what a DoorError is made of: code, what is said ...
 
 
 @dataclass(frozen=True, slots=True)

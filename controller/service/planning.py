@@ -14,10 +14,11 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from controller.catalogue import said
 from controller.geometry import Frame
 from controller.handoff import Snapshot
 from controller.kinematics import kinematics_of
@@ -52,7 +53,6 @@ UNCHECKED: dict[str, Any] = {
     "duration_s": None,
     "blocks": None,
     "restart": [],
-    "restart_de": [],
     "notes": [],
     "verdict": None,
     "marks": (),
@@ -142,7 +142,7 @@ class Planning:
         except ProgramError as error:
             self._answer(Answer(order.number, error=("bad", str(error))))
         except GivenUp:
-            self._answer(Answer(order.number, error=("refused", f"The {order.verb} was given up.")))
+            self._answer(Answer(order.number, error=("refused", said("given_up", verb=order.verb))))
         except (*EXPECTED, NotPossible) as error:
             self._answer(Answer(order.number, error=("refused", str(error))))
         except Exception as error:
@@ -183,7 +183,6 @@ class Planning:
             "duration_s": kept.duration_s,
             "blocks": kept.blocks,
             "restart": entered.told(rest) if rest else [],
-            "restart_de": entered.told(rest, "de") if rest else [],
             "notes": [{"line": note.place.line, "note": note.sentence} for note in kept.notes[:MOST_NOTES]],
             "verdict": checked.verdict_of(kept, most=0),  # the job is told many times a second
         }
@@ -260,7 +259,7 @@ class Planning:
         """How far off the path the drives came to rest by themselves."""
         program, now = _program(order), self._end.snapshot()
         found = beside(self._rest(program, self._kept(program)), now.actual, kinematics_of(program.machine))
-        return {"sentence": found.sentence if found is not None else ""}
+        return {"said": said("beside", **asdict(found)) if found is not None else None}
 
     def _watched(self, items: Iterable[Chain | Pause], spot: Spot | None) -> Iterator[Chain | Pause]:
         """The same path; what it changes the tool to and says is noted as it is read.

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from concurrent.futures import Future, InvalidStateError, ThreadPoolExecutor
 from dataclasses import dataclass
 
+from controller import catalogue
 from controller.door import DoorError, Values, own_error
 from controller.service.refused import refused
 
@@ -23,12 +24,10 @@ class Sequence:
 
     name: str
     state: str
-    sentence: str = ""
-    sentence_de: str = ""
+    said: catalogue.Said | None = None  # why it failed
 
     def to_dict(self) -> Values:
-        words = {"sentence": self.sentence or None, "sentence_de": self.sentence_de or None}
-        return {"name": self.name, "state": self.state, **words}
+        return {"name": self.name, "state": self.state, **catalogue.facts(self.said)}
 
 
 class Going:
@@ -110,7 +109,7 @@ class Sequencer:
             result = work()
         except Exception as error:
             known = error if isinstance(error, DoorError) else own_error(error)
-            self.now = Sequence(name, "failed", known.sentence, known.sentence_de)
+            self.now = Sequence(name, "failed", known.said)
             self._failed(name, known)
             raise known from error
         self.now = Sequence(name, "done")

@@ -9,6 +9,7 @@ import contextlib
 from dataclasses import replace
 
 from controller import fitting, times
+from controller.catalogue import plain
 from controller.door import DoorError, Values
 from controller.handoff import Jog, Outcome, Snapshot
 from controller.machine import Machine
@@ -118,7 +119,7 @@ def load(service: Service, job: Job) -> Values:
         job.marks, job.before_s = facts.pop("marks"), facts.pop("passed_s")
         job.duration_s, job.blocks, job.notes = facts["duration_s"], facts["blocks"], facts["notes"]
         job.verdict = facts["verdict"]
-        job.state, job.restart, job.restart_de = "loaded", facts["restart"], facts["restart_de"]
+        job.state, job.restart = "loaded", facts["restart"]
     return {"sha256": job.sha256, "name": job.program.name, **facts}
 
 
@@ -134,7 +135,7 @@ def start(service: Service, job: Job, going: Going, unrecorded: bool = False) ->
         facts = service.engine.line.order("arm", program=replace(job.program, in_spindle=service.tool))
         _go(service, job, facts, going)
     except Exception as error:  # whatever it was: what did not start must not bar the next start
-        service.not_started(job, str(error))
+        service.not_started(job, error.said if isinstance(error, DoorError) else plain(str(error)))
         _drop(service)
         raise
     return {"mode": service.now().mode.name}

@@ -31,9 +31,9 @@ from controller.door import (
     is_served,
     own_error,
     packed,
-    stranger,
     unpacked,
 )
+from controller.service.refused import refused
 
 Handler = Callable[[str, Values], Answer]
 
@@ -116,9 +116,9 @@ class Server:
     def _unwelcome(self, own: socket.socket) -> DoorError | None:
         """Why a peer is sent away; None where it may stay."""
         if not _let_in(own, self._gid):
-            return DoorError("refused", stranger(self._path))
+            return refused("stranger", path=self._path)
         if len(self._peers) >= MOST_PEERS:
-            return DoorError("busy", f"{self._path} has {MOST_PEERS} users, which is all it serves; repeat.")
+            return refused("many_peers", code="busy", path=self._path, most=MOST_PEERS)
         return None
 
     def _read(self, fileno: int) -> None:
@@ -173,10 +173,10 @@ def _number(said: Values | None) -> int | str | None:
 def _asked(said: Values | None) -> tuple[str, Values]:
     """Verb and arguments of a packet. Raises DoorError."""
     if said is None:
-        raise DoorError("bad", f"A request is one JSON object of at most {MOST_BYTES} bytes; correct it.")
+        raise refused("no_object", code="bad", most=MOST_BYTES)
     verb, args = said.get("verb"), said.get("args", {})
     if not isinstance(verb, str) or not isinstance(args, dict):
-        raise DoorError("bad", 'A request has a "verb" (text) and "args" (an object); correct it.')
+        raise refused("no_verb_or_args", code="bad")
     return verb, args
 
 

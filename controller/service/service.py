@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from controller import catalogue, config, fitting, journal
+from controller.catalogue import Said, plain, said, several
 from controller.changes import Change, laid
 from controller.door import DoorError
 from controller.handoff import COLUMN, Snapshot
@@ -144,7 +145,7 @@ class Service:
         self.engine.end_run()
         self.sequencer.wait()
         self._over.set()
-        self._end_job("interrupted", "The service was ended.")
+        self._end_job("interrupted", said("service_ended"))
         self._records.shutdown(wait=True)
         self._save_usage(at_once=True)
         self._close_listener()
@@ -228,7 +229,7 @@ class Service:
         with self.lock:
             start: Start = facts["start"]
             job.duration_s, job.blocks = facts["duration_s"], facts["blocks"]
-            job.origin_s, job.sentence = start.plan_time_s, ""
+            job.origin_s, job.said = start.plan_time_s, None
             job.start = start
             if not job.is_mdi:
                 self.journal.begin(job.journalled(self.machine), self.tool, job.program.spot)
@@ -280,19 +281,18 @@ class Service:
             return
         self._told_of_record = record
         name, key = str(record.what.get("name", "")), "record_ended" if record.began else "not_recorded"
-        words = refused(key, program=name, why=record.problem)
-        self.alarms.add("NOT_RECORDED", words.sentence, sentence_de=words.sentence_de)
+        self.alarms.add("NOT_RECORDED", said(key, program=name, why=record.problem))
 
-    def not_started(self, job: Job, sentence: str) -> None:
+    def not_started(self, job: Job, why: Said) -> None:
         with self.lock:
-            job.state, job.sentence = "loaded", sentence
+            job.state, job.said = "loaded", why
             if self.running is job:
                 self.running = None
             record, self.record = self.record, None
         if record is not None:
             record.throw_away()
 
-    def _end_job(self, result: str, sentence: str = "") -> None:
+    def _end_job(self, result: str, why: Said | None = None) -> None:
         with self.lock:
             job, record = self.running, self.record
             if job is None:
@@ -303,10 +303,9 @@ class Service:
             self.usage.ended(result == "completed" and not job.is_mdi)
             self.troubles.run_over()
             # Last of all: who is told that it has ended may do at once what a run forbids.
-            job.state, job.sentence = result, sentence
+            job.state, job.said = result, why
         if record is not None:
-            more = {"sentence": sentence or None, "planned_s": job.duration_s}
-            self._records.submit(record.end, result, **more)
+            self._records.submit(record.end, result, planned_s=job.duration_s, **catalogue.facts(why))
 
     def _sync_records(self) -> None:
         """Nobody waits for the disk but this thread."""
@@ -345,8 +344,8 @@ class Service:
     def _feel_pulse(self, now: Snapshot) -> None:
         """A tick that stands is told once, as soon as it is seen."""
         if self.pulse.stands_now(now.tick):
-            english, german = catalogue.in_both("tick_stands", seconds=STANDS_S)
-            self.alarms.add("TICK_STANDS", english, sentence_de=german, **alarm_values.where(now))
+            stands = said("tick_stands", seconds=STANDS_S)
+            self.alarms.add("TICK_STANDS", stands, **alarm_values.where(now))
 
     def _queue_left_s(self, now: Snapshot) -> float | None:
         """Of a program that moves, and of which the plan has more to send; None otherwise."""
@@ -383,10 +382,10 @@ class Service:
         self._plan_died = False
 
     def _tick_gone(self, now: Snapshot) -> None:
-        said = self.troubles.tick_gone(now, self.engine.last_words())
+        why = self.troubles.tick_gone(now, self.engine.last_words())
         self.journal.lost(now)
         self._look_at_rows(now)
-        self._end_job("fault", said)
+        self._end_job("fault", why)
 
     def _look_at_rows(self, now: Snapshot) -> None:
         recorder = self.engine.recorder
@@ -408,8 +407,7 @@ class Service:
         """Travel, hours, the cut of the tool in the spindle; what has come to its end is an alarm, once."""
         self.usage.take(rows, self.tool, turning, fed)
         for key, values in self.usage.due():
-            words = refused(key, **values)
-            self.alarms.add(key.upper(), words.sentence, sentence_de=words.sentence_de)
+            self.alarms.add(key.upper(), said(key, **values))
 
     def _look_at_job(self, now: Snapshot) -> None:
         job, record = self.running, self.record
@@ -420,8 +418,7 @@ class Service:
         if now.mode is Mode.FAULT:
             if now.at_rest or now.stopping is False:
                 self._set(job, job.say(now), now)
-                shown = self.troubles.shown
-                self._end_job("fault", str(shown["sentence"]) if shown else "")
+                self._end_job("fault", self.troubles.said)
         elif now.mode in (Mode.RUNNING, Mode.HOLD, Mode.STOPPING, Mode.JOG):
             job.state = job.state_at(now) if job.taken else job.state
             job.pass_time(now)
@@ -434,7 +431,7 @@ class Service:
             whole = job.news.whole and not record.stopped and not job.refused
             if whole and not job.is_mdi:
                 self.journal.completed(now)
-            self._end_job("completed" if whole else "refused" if job.refused else "stopped", job.sentence)
+            self._end_job("completed" if whole else "refused" if job.refused else "stopped", job.said)
 
     def _set(self, job: Job, changes: list[Change], now: Snapshot) -> None:
         """What the program has set by now is so from now on, for whatever comes after it."""
@@ -445,7 +442,7 @@ class Service:
             try:
                 machine = fitting.applied(self.file, values)
             except ConfigError as error:  # what the reader takes the table should, too
-                self.alarms.add("NOT_KEPT", str(error))
+                self.alarms.add("NOT_KEPT", plain(str(error)))
                 return
             if not job.is_mdi:
                 self.journal.fitted(machine, now)
@@ -458,8 +455,7 @@ class Service:
                 self._not_written("NOT_KEPT", error)
 
     def _not_written(self, what: str, error: OSError) -> None:
-        words = refused("not_written", code="busy", path=self.state, why=error.strerror)
-        self.alarms.add(what, words.sentence, sentence_de=words.sentence_de)
+        self.alarms.add(what, said("not_written", path=self.state, why=error.strerror))
 
     def _see_tool(self, now: Snapshot, job: Job) -> None:
         """The one in the spindle: the program goes on from where it asked for it, or moves with it."""
@@ -493,12 +489,12 @@ class Service:
         """A block was refused on the way: the tool stands before it, and the program ends there."""
         if now.mode is Mode.RUNNING and job.news.refusal and now.at_rest and not job.refused:
             job.refused = True
-            job.sentence = f"{job.news.refusal} The tool stands on the path before that block."
-            self.alarms.add("PROGRAM", job.sentence, **alarm_values.where(now))
+            job.said = several(job.news.refusal, said("stands_before"))
+            self.alarms.add("PROGRAM", job.said, **alarm_values.where(now))
             with contextlib.suppress(DoorError):
                 self.engine.request(Request.STOP)
 
     def _failed(self, name: str, error: DoorError) -> None:
         """Work that came to nothing after its answer may have gone out already."""
         if error.code != "busy" and name in ("power up", "home", "enable", "reset"):
-            self.alarms.add(f"{name} failed".upper().replace(" ", "_"), error.sentence)
+            self.alarms.add(f"{name} failed".upper().replace(" ", "_"), error.said)

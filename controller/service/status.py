@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from controller import catalogue, config
+from controller import config
+from controller.catalogue import said, several
 from controller.geometry import Frame
 from controller.handoff import Snapshot
 from controller.kinematics import kinematics_of
@@ -18,7 +19,7 @@ from controller.service.jobs import UNDER_WAY
 from controller.service.orders import Way
 from controller.service.pulse import STANDS_S
 from controller.service.usage import Usage
-from controller.state import Binding, Fault, Mode, binding_text, sentence
+from controller.state import Binding, Fault, Mode, binding_text, told
 
 PER_MIN = 60.0
 AT_LIMIT = 1e-3  # mm or rad from the end of the travel
@@ -56,8 +57,8 @@ def machine_values(
         "tick": {**told["tick"], "period_ms": machine.period_s * 1e3, "age_s": age_s},
         "notices": [
             *_notices(now),
-            *([_notice("TICK_STANDS", "tick_stands", age_s)] if age_s >= STANDS_S else []),
-            *([_notice("PLAN_SILENT", "plan_silent", ends_s)] if ends_s is not None else []),
+            *([{"name": "TICK_STANDS", **said("tick_stands", seconds=age_s)}] if age_s >= STANDS_S else []),
+            *([{"name": "PLAN_SILENT", **said("plan_silent", seconds=ends_s)}] if ends_s is not None else []),
         ],
     }
 
@@ -102,19 +103,10 @@ def unknown(value: Any) -> Any:
     return [] if isinstance(value, list) else None
 
 
-def _told(fault: Fault) -> dict[str, str]:
-    """What stands in the way, or stopped nothing, in both languages."""
-    german = sentence(fault, language="de")
-    return {"name": fault.name, "sentence": sentence(fault), "sentence_de": german}
-
-
-def _notices(now: Snapshot) -> list[dict[str, str]]:
-    return [_told(fault) for fault in (now.interlock, now.warning) if fault is not Fault.NONE]
-
-
-def _notice(name: str, key: str, seconds: float) -> dict[str, str]:
-    english, german = catalogue.in_both(key, seconds=seconds)
-    return {"name": name, "sentence": english, "sentence_de": german}
+def _notices(now: Snapshot) -> list[dict[str, Any]]:
+    """What stands in the way, or stopped nothing."""
+    faults = [fault for fault in (now.interlock, now.warning) if fault is not Fault.NONE]
+    return [{"name": fault.name, **told(fault)} for fault in faults]
 
 
 def tool_change(machine: Machine, number: int, usage: Usage | None = None) -> dict[str, Any]:
@@ -122,11 +114,9 @@ def tool_change(machine: Machine, number: int, usage: Usage | None = None) -> di
     tool = machine.tool(number)
     name = f" ({tool.name})" if tool is not None and tool.name else ""
     key = "tool_change" if number else "tool_out"
-    english, german = catalogue.in_both(key, number=number, name=name)
-    if usage is not None and (worn := usage.worn(number)):
-        told = catalogue.in_both("tool_worn", **worn)
-        english, german = f"{english} {told[0]}", f"{german} {told[1]}"
-    return {"number": number, "sentence": english, "sentence_de": german}
+    asks = said(key, number=number, name=name)
+    worn = usage.worn(number) if usage is not None else None
+    return {"number": number, **(several(asks, said("tool_worn", **worn)) if worn else asks)}
 
 
 def _bits(names: tuple[tuple[str, int], ...], word: int) -> dict[str, bool]:
@@ -283,13 +273,3 @@ def facts(machine: Machine, fitted: Mapping[str, Any]) -> dict[str, Any]:
         "clearance_mm": machine.clearance_mm,
         **fitted,
     }
-
-
-def axis_numbers(machine: Machine, names: object) -> tuple[int, ...]:
-    """Numbers of axes by their names, all of them for None. Raises ValueError."""
-    known = [axis.name for axis in machine.axes]
-    if names is None:
-        return tuple(range(len(known)))
-    if not isinstance(names, list) or not names or not all(name in known for name in names):
-        raise ValueError(f"axes {names!r}: allowed is a list out of {' '.join(known)}, or null for all.")
-    return tuple(sorted({known.index(name) for name in names}))

@@ -11,6 +11,7 @@ from concurrent.futures import Executor, Future
 from pathlib import Path
 from typing import Any
 
+from controller.catalogue import Said, several
 from controller.handoff import Snapshot
 from controller.machine import Machine
 from controller.service import alarms as alarm_values
@@ -74,15 +75,20 @@ class Troubles:
         """What becomes of a program has been told."""
         self._told_before = None
 
-    def tick_gone(self, now: Snapshot, words: str) -> str:
-        """The drives stop by themselves; what the last ticks were is kept. The sentence."""
+    @property
+    def said(self) -> Said | None:
+        """What the present fault says."""
+        return _said(self.shown) if self.shown is not None else None
+
+    def tick_gone(self, now: Snapshot, words: str) -> Said:
+        """The drives stop by themselves; what the last ticks were is kept. What is said of it."""
         gone = Fault.CONTROLLER_GONE
         shown = {**alarm_values.of(self._machine, gone, -1), "recording": None}
         self._show(gone, shown, now, words)
         if (keeper := self.keeper) is not None:
             keeper.keep(now, gone)
             self._pay(self._owed, keeper.saved)
-        return str(shown["sentence"])
+        return _said(shown)
 
     def _of(self, now: Snapshot) -> dict[str, Any]:
         known = alarm_values.of(self._machine, now.fault, now.fault_axis, now.warning, now.fault_off)
@@ -133,11 +139,15 @@ class Troubles:
 
     def _tell(self, fault: Fault, shown: dict[str, Any], now: Snapshot, words: str = "") -> dict[str, Any]:
         """An alarm out of a fault, with the last words of a process."""
-        left_out = ("name", "sentence", "recording")
+        left_out = ("name", "key", "values", "recording")
         entry = {name: value for name, value in shown.items() if name not in left_out}
-        said = f"{shown['sentence']} {words}".strip()
-        alarm = self._alarms.add(shown["name"], said, **entry, **alarm_values.where(now))
+        what = several(_said(shown), words) if words else _said(shown)
+        alarm = self._alarms.add(shown["name"], what, **entry, **alarm_values.where(now))
         if not self._owed:
             self._first = now._replace(fault=fault)
         self._owed.append(alarm["id"])
         return alarm
+
+
+def _said(shown: dict[str, Any]) -> Said:
+    return Said(key=shown["key"], values=shown["values"])

@@ -11,6 +11,7 @@ from dataclasses import replace
 from itertools import count
 from typing import NamedTuple
 
+from controller.catalogue import text
 from controller.kinematics import Kinematics
 from controller.machine import Machine
 from controller.motions import SurfaceCut
@@ -89,7 +90,7 @@ def audit(
         raise _form_refusal(findings.verdicts, places, name)
     told = [*(("Gouge", one) for one in found), *(("Overcut", one) for one in findings.ends)]
     notes = [Note(places[one.by_line], f"{what}: {one.sentence}; {one.advice}.") for what, one in told]
-    notes += [Note(places[one.line], f"Form: {wording.exceeds(one)}.") for one in exceeding]
+    notes += [Note(places[one.line], f"Form: {text(wording.exceeds(one))}.") for one in exceeding]
     if watched.left_out:
         sentence = f"{watched.left_out} motions beside surfaces were not held against them."
         notes.append(Note(Place(1, 1), sentence))
@@ -107,7 +108,7 @@ def _form_refusal(verdicts: list[Verdict], places: Mapping[int, Place], name: st
     one, more = wording.worst(verdicts), sum(not other.within for other in verdicts) - 1
     assert one is not None
     others = f" ({more} more with --gouge warn)" if more else ""
-    sentence = f'{wording.exceeds(one)}; or set gouge = "warn" to cut it anyway{others}'
+    sentence = f'{text(wording.exceeds(one))}; or set gouge = "warn" to cut it anyway{others}'
     place = places[one.line]
     refused = FormRefused(name, place.line, place.column, sentence)
     refused.facts = {"verdict": wording.told(verdicts)}

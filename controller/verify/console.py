@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import typer
 from rich.console import Console
 
+from controller import catalogue
+
 if TYPE_CHECKING:
     from controller.plan.text.program import ProgramError
 
@@ -84,7 +86,7 @@ def _of_programs() -> type[ProgramError]:
 
 def _refuse(as_json: bool, sentence: str, facts: dict[str, Any], exit_code: int = 1) -> NoReturn:
     if as_json:
-        print(json.dumps({"ok": False, "error": sentence, **facts}))
+        print(json.dumps({"ok": False, "error": sentence, **catalogue.told(facts)}))
     else:
         tell.print(sentence, markup=False)
     raise typer.Exit(exit_code)

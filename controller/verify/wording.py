@@ -1,11 +1,11 @@
-"""Verdicts on surfaces in words, in the reader's language."""
+"""What is said of verdicts on surfaces."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from controller import catalogue
+from controller.catalogue import DEFAULT, LANGUAGES, Key, Said, chain, facts, said
 from controller.plan.report.verdict import Verdict
 
 MOST = 1000  # surfaces that are told one by one
@@ -16,40 +16,35 @@ def worst(verdicts: Iterable[Verdict]) -> Verdict | None:
     return max(verdicts, key=lambda one: (one.exceeds_mm, one.largest_mm / one.tolerance_mm), default=None)
 
 
-def exceeds(one: Verdict, language: str = "en") -> str:
+def exceeds(one: Verdict) -> Said:
     """By how much a surface exceeds its tolerance, where, and what would do; without a full stop."""
-    said = catalogue.of(language).refusals
     motion = f"form.motion.{one.by}"
-    sentence = said["form.exceeds"].format(
+    sentence = said(
+        "form.exceeds",
         line=one.line,
         tolerance=f"{one.tolerance_mm:.4g}",
         exceeds=f"{one.exceeds_mm:.4f}",
         off=f"{one.largest_mm:.4f}",
-        way=said["form.overcut" if one.overcut_mm >= one.undercut_mm else "form.undercut"],
+        way=Key("form.overcut" if one.overcut_mm >= one.undercut_mm else "form.undercut"),
         u=f"{one.u:.4f}",
         height=f"{one.height_mm:.3f}",
-        motion=said.get(motion, said["form.motion.other"]),
+        motion=Key(motion if motion in LANGUAGES[DEFAULT].texts else "form.motion.other"),
         by_line=one.by_line,
     )
-    remedies = [
-        said[f"form.do.{key}"].format(radius=f"{one.radius_mm:.3g}", by_line=one.by_line)
-        for key in one.remedies
-    ]
-    if not remedies:
-        return sentence
-    return said["form.would_do"].format(sentence=sentence, remedies=said["or"].join(remedies))
+    radius = f"{one.radius_mm:.3g}"
+    remedies = [said(f"form.do.{key}", radius=radius, by_line=one.by_line) for key in one.remedies]
+    return said("form.would_do", sentence=sentence, remedies=chain("or", remedies)) if remedies else sentence
 
 
-def summed(verdicts: Sequence[Verdict], language: str = "en") -> str:
-    """One sentence on all surfaces; "" where none has a tolerance."""
+def summed(verdicts: Sequence[Verdict]) -> Said | None:
+    """One sentence on all surfaces; None where none has a tolerance."""
     one = worst(verdicts)
     if one is None:
-        return ""
+        return None
     if not one.within:
-        sentence = exceeds(one, language)
-        return f"{sentence[0].upper()}{sentence[1:]}."
+        return said("form.exceeding", text=exceeds(one))
     off, tolerance = f"{1e3 * one.largest_mm:.1f}", f"{1e3 * one.tolerance_mm:.4g}"
-    return catalogue.refusal("form.within", language, off=off, tolerance=tolerance, line=one.line)
+    return said("form.within", off=off, tolerance=tolerance, line=one.line)
 
 
 def told(verdicts: Sequence[Verdict], most: int = MOST) -> dict[str, Any] | None:
@@ -62,8 +57,7 @@ def told(verdicts: Sequence[Verdict], most: int = MOST) -> dict[str, Any] | None
         "tolerance_mm": one.tolerance_mm,  # of the surface that is worst
         "largest_mm": one.largest_mm,
         "exceeds_mm": one.exceeds_mm,
-        "sentence": summed(verdicts),
-        "sentence_de": summed(verdicts, "de"),
+        **facts(summed(verdicts)),
         "surfaces": [other.to_dict() for other in verdicts[:most]],
         "left_out": max(0, len(verdicts) - most),
     }

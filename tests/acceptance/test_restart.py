@@ -29,7 +29,7 @@ from support.machines.interrupted_runs import (
 )
 from support.machines.stepped_runs import Cut, cut, shipped
 
-from controller import journal
+from controller import catalogue, journal
 from controller.handoff import COLUMN, Jog, Snapshot, send_jog
 from controller.journal import Journal
 from controller.machine import Joints, Machine
@@ -152,14 +152,14 @@ def test_at_every_standstill_the_journal_has_the_very_place_and_the_rest_is_cut_
     stepped.request(how)
     rows = np.concatenate([rows, run_for(stepped, kept, 4000, (Mode.HOLD, Mode.READY, Mode.FAULT))])
     entry, why = journal.read(file)
-    assert entry is not None and why == "" and not entry.ended
+    assert entry is not None and why is None and not entry.ended
     if how is Request.ESTOP:  # each drive by a ramp of its own: at or before where the path was left
         assert not entry.exact and (entry.spot.motion_id, entry.spot.s) <= last_place(rows)
     else:
         assert entry.exact and (entry.spot.motion_id, entry.spot.s) == last_place(rows)
     again = fresh()
     now = job("example 2", again)
-    assert journal.refusal(entry, now, 0x1F, 0, 5) == ""
+    assert journal.refusal(entry, now, 0x1F, 0, 5) is None
     assert_goes_on("example 2", "trunnion", journal.spot_of(entry, now), again)
 
 
@@ -201,7 +201,7 @@ def test_a_program_that_came_to_its_end_is_not_gone_on_with(tmp_path: Path) -> N
     kept.completed(looking(stepped, kept))
     entry, _ = journal.read(file)
     assert entry is not None and entry.ended
-    assert "no interrupted program" in journal.refusal(entry, entry.job, 0x1F, 0, 5)
+    assert "no interrupted program" in catalogue.text(journal.refusal(entry, entry.job, 0x1F, 0, 5))
 
 
 # --- hold, look, go on

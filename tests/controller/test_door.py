@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 
 from controller import door
+from controller.catalogue import plain, text
 from controller.door import Answer, Client, DoorError, Values
 from controller.service import server
 from controller.service.server import Server
@@ -76,7 +77,7 @@ def test_a_verb_and_its_arguments_arrive_and_are_answered(opened: Opened) -> Non
 
 def test_a_refusal_keeps_code_mode_request_and_sentence(opened: Opened) -> None:
     error = error_of(lambda: opened[1].ask("refuse"))
-    said = {"code": "refused", "mode": "RUNNING", "request": "HOME", "sentence": "No.", "sentence_de": ""}
+    said = {"code": "refused", "mode": "RUNNING", "request": "HOME", **plain("No.")}
     assert error.to_dict() == said
 
 
@@ -95,7 +96,7 @@ def test_an_answer_that_no_packet_can_hold_is_an_error_of_ours(opened: Opened, v
         client.ask("status")
         handler.late[0].set_result(NO_ANSWERS[verb])
     answer = json.loads(own.recv(1 << 20))
-    assert answer["id"] == 1 and "error of its own" in answer["error"]["sentence"]
+    assert answer["id"] == 1 and answer["error"]["key"] == "own_error"
     own.close()
     assert client.ask("status")
 
@@ -151,7 +152,7 @@ def test_what_is_no_request_is_answered_with_a_sentence(opened: Opened, packet: 
     own = raw(path)
     own.send(packet)
     answer = json.loads(own.recv(1 << 18))
-    assert not answer["ok"] and answer["error"]["code"] == "bad" and answer["error"]["sentence"].endswith(".")
+    assert not answer["ok"] and answer["error"]["code"] == "bad" and text(answer["error"]).endswith(".")
     own.close()
     assert client.ask("status") and handler.asked == ["status"]
 

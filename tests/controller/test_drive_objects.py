@@ -28,7 +28,7 @@ def test_every_word_of_a_data_sheet_may_be_overridden() -> None:
     [
         (
             LEAST,
-            r"mine\.toml: \[\[override\]\] 1: object = .*: nothing of it is overridden; allowed: one of",
+            r"mine\.toml:\d+: \[\[override\]\] 1: object = .*: nothing of it is overridden; allowed: one of",
         ),
         (LEAST.replace("reason", "high = 3\n#"), "reason: is missing"),
         (LEAST.replace('"so"', '" "') + "high = 3\n", "reason = .*: is empty"),

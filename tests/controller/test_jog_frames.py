@@ -10,6 +10,7 @@ import pytest
 from support.machines.shipped_kinds import ROTARIES, machine, random_machine
 
 from controller import jog_frames
+from controller.catalogue import text
 from controller.geometry import Frame, add, norm, rotate, scale, subtract
 from controller.jog_frames import JogError
 from controller.kinematics import kinematics_of
@@ -126,7 +127,8 @@ def test_what_cannot_be_jogged_is_said_in_a_sentence(
     with pytest.raises(JogError) as caught:
         jog_frames.continuous(built, kinematics_of(built), (0.0,) * 5, frame, axis, share, Frame(), homed)
     assert said in str(caught.value) and str(caught.value).endswith(".")
-    assert caught.value.german.endswith(".") and caught.value.german != str(caught.value)
+    german = text(caught.value.said, "de")
+    assert german.endswith(".") and german != str(caught.value)
 
 
 @pytest.mark.parametrize("distance", [0.0, math.nan, math.inf])

@@ -12,6 +12,7 @@ import pytest
 from support.machines.stepped_runs import shipped
 
 from controller import journal, whole
+from controller.catalogue import text
 from controller.handoff import blank
 from controller.journal import Entry, Job, Known
 from controller.plan.route.spot import FORMER, Spot
@@ -32,7 +33,7 @@ def entry() -> Entry:
 def test_what_is_written_is_read_back_bit_for_bit(tmp_path: Path) -> None:
     kept = replace(entry(), spot=Spot(3, 1.0 / 3.0, 7, 0.1 + 0.2))
     journal.write(kept, tmp_path / "state" / "journal.json")
-    assert journal.read(tmp_path / "state" / "journal.json") == (kept, "")
+    assert journal.read(tmp_path / "state" / "journal.json") == (kept, None)
 
 
 def test_a_journal_that_cannot_be_replaced_leaves_the_old_one_and_nothing_beside_it(
@@ -52,19 +53,19 @@ def test_a_journal_that_cannot_be_replaced_leaves_the_old_one_and_nothing_beside
 
 
 def test_without_a_journal_there_is_nothing_to_offer_and_no_complaint(tmp_path: Path) -> None:
-    assert journal.read(tmp_path / "journal.json") == (None, "")
-    assert "no interrupted program" in journal.refusal(None, job(), ALL, 0, 5)
+    assert journal.read(tmp_path / "journal.json") == (None, None)
+    assert "no interrupted program" in text(journal.refusal(None, job(), ALL, 0, 5))
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_a_damaged_journal_is_told_in_a_sentence(seed: int, tmp_path: Path) -> None:
     rng, file = random.Random(seed), tmp_path / "journal.json"
     journal.write(entry(), file)
-    text = file.read_text()
-    cut = rng.randrange(len(text))
-    file.write_text(rng.choice([text[:cut], text[:cut] + "\0" + text[cut:], "[]", '{"format": 1}', "null"]))
+    kept = file.read_text()
+    cut = rng.randrange(len(kept))
+    file.write_text(rng.choice([kept[:cut], kept[:cut] + "\0" + kept[cut:], "[]", '{"format": 1}', "null"]))
     found, why = journal.read(file)
-    assert found is None and str(file) in why
+    assert found is None and str(file) in text(why)
 
 
 def test_a_journal_of_another_format_is_not_read(tmp_path: Path) -> None:
@@ -90,7 +91,7 @@ def test_a_journal_of_another_format_is_not_read(tmp_path: Path) -> None:
 def test_a_restart_is_offered_only_where_the_machine_and_the_program_are_the_same(
     changes: dict[str, str], homed: int, untrusted: int, words: str
 ) -> None:
-    why = journal.refusal(entry(), replace(job(), **changes), homed, untrusted, 5)  # type: ignore[arg-type]
+    why = text(journal.refusal(entry(), replace(job(), **changes), homed, untrusted, 5))  # type: ignore[arg-type]
     assert (words in why) if words else why == ""
 
 
@@ -161,6 +162,6 @@ def test_a_program_that_came_to_its_end_is_not_offered_again(tmp_path: Path) -> 
     looked.journal.completed(looked.snapshot)
     entry, _ = journal.read(looked.file)
     assert entry is not None and entry.ended
-    assert "no interrupted program" in journal.refusal(entry, job(), ALL, 0, 5)
+    assert "no interrupted program" in text(journal.refusal(entry, job(), ALL, 0, 5))
     looked.look()
     assert journal.read(looked.file)[0] == entry, "looks after that leave it so"

@@ -62,7 +62,7 @@ def test_a_data_sheet_is_looked_for_beside_the_profile(tmp_path: Path) -> None:
     ("text", "sentence"),
     [
         ("", r"mine\.toml: top level: drive: is missing"),
-        ("[drive]\n", r"mine\.toml: \[drive\]: supervision: is missing; allowed: \"heartbeat\" or"),
+        ("[drive]\n", r"mine\.toml:\d+: \[drive\]: supervision: is missing; allowed: \"heartbeat\" or"),
         (LEAST + "rpd = 2\n", r"rpd = 2: this key is not known; .* did you mean 'rpdo'"),
         (LEAST + '[[override]]\nobject = "1016:01"\nhigh = 3\n', r"\[\[override\]\] 1: reason: is missing"),
         (LEAST + "[more]\n", r"top level: more = .* this key is not known"),

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
+from controller.catalogue import text
 from controller.state import (
     ALL_AXES,
     ALWAYS,
@@ -20,11 +23,16 @@ from controller.state import (
 PAIRS = [(mode, request) for mode in Mode for request in Request]
 
 
+def text_of(*asked: Any, **more: Any) -> str:
+    """A refusal in words; "" where there is none."""
+    return text(refusal(*asked, **more))
+
+
 @pytest.mark.parametrize(("mode", "request_"), PAIRS)
 def test_every_refusal_names_mode_request_and_reason_and_nothing_else_is_refused(
     mode: Mode, request_: Request
 ) -> None:
-    said = refusal(mode, request_)
+    said = text_of(mode, request_)
     assert (said == "") is (follows(mode, request_) is not None)
     if said:
         assert said.startswith(f"{request_.name} is refused in {mode.name}: ") and said.endswith(").")
@@ -48,9 +56,9 @@ def test_a_jog_starts_out_of_rest_only_and_comes_back_to_where_it_began() -> Non
 
 def test_a_start_names_the_axes_to_be_homed() -> None:
     axes = ("X", "Y", "Z", "A", "C")
-    assert "Y, C must be homed" in refusal(Mode.READY, Request.START, untrusted=0b10010, axes=axes)
-    assert "X must be homed" in refusal(Mode.READY, Request.START, homed=ALL_AXES & ~1, axes=axes)
-    assert refusal(Mode.READY, Request.START) == ""
+    assert "Y, C must be homed" in text_of(Mode.READY, Request.START, untrusted=0b10010, axes=axes)
+    assert "X must be homed" in text_of(Mode.READY, Request.START, homed=ALL_AXES & ~1, axes=axes)
+    assert text_of(Mode.READY, Request.START) == ""
 
 
 @pytest.mark.parametrize(
@@ -68,12 +76,12 @@ def test_a_start_names_the_axes_to_be_homed() -> None:
 def test_an_interlock_is_told_with_its_own_text(
     mode: Mode, request_: Request, interlock: Fault, granted: bool
 ) -> None:
-    said = refusal(mode, request_, interlock=interlock)
+    said = text_of(mode, request_, interlock=interlock)
     assert said == ("" if granted else f"{request_.name} is refused in {mode.name}: {sentence(interlock)}")
 
 
 def test_what_must_stand_or_be_back_is_said() -> None:
-    assert "still move" in refusal(Mode.HOLD, Request.JOG, standing=False)
-    assert "still move" in refusal(Mode.FAULT, Request.RESET, standing=False)
-    assert refusal(Mode.JOG, Request.JOG, standing=False) == ""
-    assert "let it return" in refusal(Mode.HOLD, Request.RESUME, away=True)
+    assert "still move" in text_of(Mode.HOLD, Request.JOG, standing=False)
+    assert "still move" in text_of(Mode.FAULT, Request.RESET, standing=False)
+    assert text_of(Mode.JOG, Request.JOG, standing=False) == ""
+    assert "let it return" in text_of(Mode.HOLD, Request.RESUME, away=True)

@@ -13,8 +13,9 @@ from fastapi import FastAPI
 from starlette.requests import HTTPConnection, Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
+from controller import catalogue
 from controller.panel.access import check_local, note_refused, panel_of, principal
-from controller.panel.answers import Refusal
+from controller.panel.answers import VARY, Refusal, language_of
 from controller.panel.page import files, texts
 
 LOG_IN = "/login"
@@ -24,7 +25,7 @@ POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; font-src 'self'; "
     "connect-src 'self'; form-action 'none'; frame-ancestors 'none'; base-uri 'none'"
 )
-HEADERS = {"Content-Security-Policy": POLICY, "Cache-Control": "no-store"}
+HEADERS = {"Content-Security-Policy": POLICY, "Cache-Control": "no-store", "Vary": VARY}
 
 
 def add_page(app: FastAPI) -> None:
@@ -52,8 +53,10 @@ async def _log_in(request: Request) -> Response:
     return _document(request, "login.html")
 
 
-async def _texts(request: Request, language: texts.Language) -> Response:
+async def _texts(request: Request, language: str) -> Response:
     _open(request)
+    if language not in catalogue.LANGUAGES:
+        raise Refusal.told(404, "missing", "no_page_file", name=language)
     return files.Packed.of(texts.document(language), "application/json").answer(request)
 
 
@@ -81,7 +84,5 @@ def _noted(request: HTTPConnection, refusal: Refusal) -> None:
 
 def _document(request: Request, name: str) -> HTMLResponse:
     """Dark unless light was chosen: most shops are, and a bright page blinds."""
-    spoken = request.headers.get("accept-language", "")
-    language = texts.chosen(request.cookies.get("directrix_language", ""), spoken)
     theme = "light" if request.cookies.get("directrix_theme") == "light" else "dark"
-    return HTMLResponse(files.filled(name, language=language, theme=theme), headers=HEADERS)
+    return HTMLResponse(files.filled(name, language=language_of(request), theme=theme), headers=HEADERS)

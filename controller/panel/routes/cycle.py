@@ -6,12 +6,11 @@ import asyncio
 from typing import Any
 
 from fastapi import APIRouter, Request, Response
-from fastapi.responses import JSONResponse
 
-from controller import catalogue
+from controller.catalogue import said
 from controller.panel import loading, models
 from controller.panel.access import moves, needs, panel_of, stops
-from controller.panel.answers import Refusal, documented
+from controller.panel.answers import Answer, Refusal, documented
 from controller.panel.roles import Role
 from controller.panel.routes.machine import LOOKS, MOVES, ask
 
@@ -54,12 +53,12 @@ def answered(request: Request, response: Response, loaded: dict[str, Any]) -> mo
     response_model=models.JobFacts,
     responses=documented(401, 403, 404, 503),
 )
-async def job(request: Request) -> JSONResponse:
+async def job(request: Request) -> Answer:
     """The program that is loaded, being loaded or under way, or that was last, as the status has it."""
     found = (await panel_of(request).watch.status()).get("job")
     if not found:
         raise Refusal.told(404, "missing", "not_loaded")
-    return JSONResponse(found)
+    return Answer(found)
 
 
 @router.get("/restart", dependencies=[needs(Role.VIEW)], responses=LOOKS)
@@ -72,14 +71,9 @@ async def restart(request: Request) -> models.RestartFacts:
     kept = await asyncio.to_thread(panel.store.programs.list)
     same = [program.name for program in kept if program.sha256 == found["sha256"]]
     if not same:
-        words = {} if found.get("sentence") else _gone(found["name"])
+        words = {} if found.get("key") else dict(said("not_stored", program=found["name"]))
         return models.RestartFacts(**{**found, "offered": False, **words})
     return models.RestartFacts(**found, program=found["name"] if found["name"] in same else same[0])
-
-
-def _gone(name: str) -> dict[str, str]:
-    english, german = catalogue.in_both("not_stored", program=name)
-    return {"sentence": english, "sentence_de": german}
 
 
 @router.delete("/job", dependencies=[moves()], responses=MOVES)

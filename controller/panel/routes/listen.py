@@ -8,8 +8,9 @@ from collections.abc import Awaitable, Callable
 from anyio import create_task_group, sleep
 from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 
+from controller import catalogue
 from controller.panel.access import needs, panel_of, principal
-from controller.panel.answers import Refusal
+from controller.panel.answers import Refusal, language_of
 from controller.panel.events import TOPICS, Listener
 from controller.panel.roles import Role
 
@@ -20,13 +21,16 @@ TRY_LATER = 1013
 
 
 @router.websocket("/events", dependencies=[needs(Role.VIEW)])
-async def events(websocket: WebSocket, topics: str = ",".join(TOPICS)) -> None:
-    """Status 20 times a second, alarms, jobs; ``topics``: names with commas between, default all."""
+async def events(websocket: WebSocket, topics: str = ",".join(TOPICS), language: str = "") -> None:
+    """Status 20 times a second, alarms, jobs; ``topics``: names with commas between, default all.
+
+    ``language``: for browsers, which cannot set the header.
+    """
     panel = panel_of(websocket)
     wanted = frozenset(topics.split(","))
     if unknown := sorted(wanted - set(TOPICS)):
-        raise Refusal(422, "topics", f"{unknown[0][:40]!r} is no topic; allowed: {', '.join(TOPICS)}.")
-    with panel.events.listening(wanted) as listener:
+        raise Refusal.told(422, "topics", "no_topic", name=repr(unknown[0][:40]), allowed=", ".join(TOPICS))
+    with panel.events.listening(wanted, catalogue.chosen(language, language_of(websocket))) as listener:
         await websocket.accept()
         async with create_task_group() as tasks:
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from fastapi import APIRouter, Request
-from fastapi.responses import JSONResponse
 
 from controller.panel import models
 from controller.panel.access import moves, needs, panel_of, stops
-from controller.panel.answers import documented
+from controller.panel.answers import Answer, documented
 from controller.panel.roles import Role
 
 router = APIRouter(tags=["machine"])
@@ -30,12 +29,12 @@ async def ask(request: Request, verb: str, **args: Any) -> models.Done:
     dependencies=[needs(Role.VIEW)],
     responses=documented(401, 403, 503),
 )
-async def status(request: Request) -> JSONResponse:
+async def status(request: Request) -> Answer:
     """What the machine is doing: mode, job with its exact time left, joints, what limits the feed."""
     panel = panel_of(request)
     now = await panel.watch.status()
     # As it is, not through the model: this is asked for a hundred times a second.
-    return JSONResponse({**now, "control": panel.control.holder or None})
+    return Answer({**now, "control": panel.control.holder or None})
 
 
 @router.get("/facts", dependencies=[needs(Role.VIEW)], responses=LOOKS)

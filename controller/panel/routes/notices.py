@@ -8,6 +8,7 @@ from typing import Any
 
 from fastapi import APIRouter, Request
 
+from controller import catalogue
 from controller.panel import models_of_notices as models
 from controller.panel import notice_settings, notices
 from controller.panel.access import needs, panel_of, principal
@@ -53,6 +54,10 @@ async def _load(panel: Panel) -> NoticeSettings:
 
 def _facts(panel: Panel, found: NoticeSettings) -> models.NoticeFacts:
     shown = {name: value for name, value in asdict(found).items() if name not in ("webhook", "password")}
-    last = {way: models.Delivery(**asdict(one)) for way, one in panel.notices.outcomes.items()}
+    last = {way: _delivery(one) for way, one in panel.notices.outcomes.items()}
     hidden: dict[str, Any] = {"webhook": found.webhook_shown, "password_set": bool(found.password)}
     return models.NoticeFacts(**shown, **hidden, last=last)
+
+
+def _delivery(one: notices.Outcome) -> models.Delivery:
+    return models.Delivery(at_s=one.at_s, sent=one.sent, **catalogue.facts(one.why))

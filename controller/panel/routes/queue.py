@@ -8,6 +8,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Path, Request, Response
 
+from controller import catalogue
 from controller.panel import loading, models
 from controller.panel import models_of_queue as queue_models
 from controller.panel.access import moves, needs, panel_of, principal
@@ -82,11 +83,9 @@ async def _changed(panel: Panel) -> queue_models.QueueFacts:
 async def _facts(panel: Panel) -> queue_models.QueueFacts:
     entries = await asyncio.to_thread(panel.store.queue.all)
     waiting = (one.id for one in entries if one.done < one.count)
-    english, german = panel.go_on.why
     return queue_models.QueueFacts(
         entries=[queue_models.EntryFacts(**asdict(one)) for one in entries],
         next=next(waiting, None),
         go_on=panel.go_on.on,
-        sentence=english or None,
-        sentence_de=german or None,
+        **catalogue.facts(panel.go_on.why),
     )

@@ -8,16 +8,17 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path as FilePath
-from typing import Annotated, Any, BinaryIO, Literal
+from typing import Annotated, Any, BinaryIO
 
 from fastapi import APIRouter, Path, Query, Request, Response
 from fastapi.responses import FileResponse, HTMLResponse
 from starlette.types import Receive, Scope, Send
 
+from controller import catalogue
 from controller.catalogue import Key
 from controller.panel import models, run_report
 from controller.panel.access import needs, panel_of, principal
-from controller.panel.answers import Refusal, documented
+from controller.panel.answers import Refusal, documented, spoken
 from controller.panel.core import Panel
 from controller.panel.names import leaf_of
 from controller.panel.roles import Role
@@ -28,7 +29,7 @@ Most = Annotated[int, Query(ge=1, le=1000, description="At most so many.")]
 Before = Annotated[int | None, Query(ge=0, le=2**53, description="Those before this number.")]
 Only = Annotated[str, Query(pattern="^(all|open)$", description="'open': not acknowledged yet.")]
 Number = Annotated[int, Path(ge=1, le=2**53)]
-Speaks = Annotated[Literal["en", "de"], Query(description="Language of the page.")]
+Speaks = Annotated[str, Query(max_length=20, description="Language of the page; empty: the one asked for.")]
 MOST_ALARMS = 1000  # looked through for those of a run
 PAGE = documented(401, 403, 422)
 FileName = Annotated[str, Path(pattern=r"^[0-9A-Za-z][0-9A-Za-z._-]{0,100}$")]
@@ -120,12 +121,12 @@ async def run_file(request: Request, number: Number, file: FileName) -> Opened:
         **documented(401, 403, 404, 422),
     },
 )
-async def report(request: Request, number: Number, language: Speaks = "en") -> HTMLResponse:
+async def report(request: Request, number: Number, language: Speaks = "") -> HTMLResponse:
     """One run as a page to be printed: how it went, its check, its alarms."""
     panel = panel_of(request)
     found = await _run(panel, number)
     told = await asyncio.to_thread(_reported, panel, found)
-    return HTMLResponse(run_report.page(told, language))
+    return HTMLResponse(run_report.page(told, catalogue.chosen(language, spoken.get())))
 
 
 def _reported(panel: Panel, run: Run) -> run_report.Facts:

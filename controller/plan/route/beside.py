@@ -34,14 +34,6 @@ class Beside:
     off_mm: float
     off_deg: float
 
-    @property
-    def sentence(self) -> str:
-        return (
-            f"By the drives' own count the tool came to rest {self.off_mm:.3f} mm beside the path near line "
-            f"{self.line}, its axis turned by {self.off_deg:.3f} degrees. Retract it by hand along its axis "
-            "before anything else."
-        )
-
 
 def beside(rest: Rest, joints: Joints, kinematics: Kinematics) -> Beside | None:
     """Of a machine that stands at ``joints``; None where nothing of the path is left. Raises ProgramError."""

@@ -61,9 +61,12 @@ def _centre(here: Here, motion: str, word: Word) -> tuple[tuple[float, float] | 
     ask, plane = here.ask, here.state.modal.plane
     first, second, normal = PLANES[plane]
     given, radius = ask.words, ask.words.get("R")
-    centre = [letter for letter in "IJK" if letter in given]
+    harmless = (
+        here.machine.dialect == "fanuc" and given.get("IJK"[normal], word).value == 0.0
+    )  # of some posts
+    centre = [letter for letter in "IJK" if letter in given and not (harmless and letter == "IJK"[normal])]
     allowed = "IJK"[min(first, second)] + " " + "IJK"[max(first, second)]
-    if "IJK"[normal] in given:
+    if "IJK"[normal] in given and not harmless:
         extra = given["IJK"[normal]]
         raise ask.refusal(
             extra,

@@ -25,6 +25,7 @@ from controller.plan.text import (
     compensation,
     cycles,
     decoding,
+    foreign,
     kept,
     line_words,
     linked,
@@ -41,7 +42,8 @@ from controller.plan.text import (
     tool_axis_words,
     words,
 )
-from controller.plan.text.code_table import BY_DIALECT, Fate, takers_of
+from controller.plan.text.code_rows import Fate
+from controller.plan.text.code_table import BY_DIALECT, takers_of
 from controller.plan.text.codes import (
     CURVES,
     CYCLES,
@@ -60,7 +62,7 @@ from controller.plan.text.given import Given
 from controller.plan.text.line import Upcoming
 from controller.plan.text.modal import TIPS, State
 from controller.plan.text.offset_words import Here
-from controller.plan.text.parameters import Parameters
+from controller.plan.text.parameters import OF_FANUC, Parameters
 from controller.plan.text.plain import CommonLines
 from controller.plan.text.position import Position, homed
 from controller.plan.text.program import (
@@ -116,15 +118,19 @@ def stream(
     """
     program, behind = linked.parts(data)
     text, remark = decoding.text_of(program, name)
-    files = {label: (file, decoding.text_of(content, file)[0]) for label, (file, content) in behind.items()}
+    files = {
+        label: (file, decoding.text_of(content, file)[0].whole()) for label, (file, content) in behind.items()
+    }
     given = Given(machine, modal.begun(machine), Position(machine, start or homed(machine)))
-    parameters = Parameters(given, machine.parameters, machine.kept)
+    system = OF_FANUC if machine.dialect == "fanuc" else range(0)
+    parameters = Parameters(given, machine.parameters, machine.kept, system)
     limits = Limits(machine.call_levels, machine.program_passes)
     lines = words.read(text, name, block_delete, parameters, limits, files, refused)
     if remark is not None:
         yield Remark(remark[0], given.state.modal, remark[1])
     read = _blocks(lines, machine, given, refused)
-    yield from compensation.beside(read, given.position, machine, name, refused)
+    beside = compensation.beside(read, given.position, machine, name, refused)
+    yield from foreign.judged(beside, text, name, refused)
 
 
 def _blocks(
@@ -135,7 +141,7 @@ def _blocks(
     common = CommonLines(machine)
     functions = Functions(common)
     told: list[Line] = []
-    lines = ahead.given(_heard(read, told))
+    lines = ahead.given(read, told)
     for line in lines:
         if told:
             yield from _said(told, state)
@@ -185,18 +191,6 @@ def _behind(line: Line, state: State, machine: Machine, lines: Iterator[Line], a
 def _is_part(word: Word) -> bool:
     """Whether it may stand in the lines behind a surface's or a NURBS' first."""
     return word.letter in "XYZKRPL" or (word.letter == "G" and word.value in (5.2, 5.3))
-
-
-def _heard(read: Iterator[Line], told: list[Line]) -> Iterator[Line]:
-    """The lines with words; those that say something are noted."""
-    for line in read:
-        if line.is_plain:
-            yield line
-            continue
-        if line.says:
-            told.append(line)
-        if line.words:
-            yield line
 
 
 def _said(told: list[Line], state: State) -> list[Block]:
@@ -268,7 +262,16 @@ class _Turn:
         moving = self.ask.has(self._axes + "IJK") or (named in ("G2", "G3") and self.ask.has("RP"))
         if named in SURFACES or named in CURVES:
             return named
-        return (named or self.state.motion) if moving and named != "G80" else ""
+        if named == "G80":
+            named = self._beneath()
+            return named if moving else ""
+        return (named or self.state.motion) if moving else ""
+
+    def _beneath(self) -> str:
+        """What G80 leaves modal: nothing, under fanuc what was before the cycle."""
+        if self._machine.dialect != "fanuc":
+            return ""
+        return self.state.beneath if self.state.motion in CYCLES else self.state.motion
 
     def _places(self) -> bool:
         """Whether another code than a motion takes the axis words."""
@@ -277,7 +280,17 @@ class _Turn:
             return "X" in self.ask.words and "X" in self._letters("G4")
         if once in PLACES or self.ask.code("rotation") in ("G68", *TILTS):
             return True
-        return length == "G43.1"
+        return length == "G43.1" or any("X" in self._letters(code) for code in self._noted())
+
+    @property
+    def _names_motion(self) -> bool:
+        return self.ask.code("motion") not in ("", "G80")
+
+    def _noted(self) -> list[str]:
+        """The codes that need no action, of a line that names no motion."""
+        if self._names_motion:
+            return []
+        return [code for group, (code, _) in self.ask.codes.items() if group == code]
 
     # ---- words and their codes ---------------------------------------------------------
 
@@ -295,6 +308,8 @@ class _Turn:
         """The letters of the table, as far as this line and dialect have them."""
         if code in ("G0", "G1"):
             return "XYZIJK" if self._vectors() else self._axes
+        if self._names_motion and code in self.ask.codes:  # a noted one, beside a motion
+            return letters_of(code, self._machine.dialect, "")
         return letters_of(code, self._machine.dialect, self._axes)
 
     def _side_letters(self, takers: list[tuple[str, str]]) -> str:
@@ -383,10 +398,17 @@ class _Turn:
         """A remark for the first of each code that needs no action here."""
         for code, word in self.ask.codes.values():
             row = BY_DIALECT[self._machine.dialect][code]
+            if row.only and not self._has(row.only):
+                raise self.ask.refusal(word, f"{code} ({row.meaning}) is not done here: {row.instead}")
             if row.fate is Fate.NOTED and code not in self.state.noted:
                 sentence = f"{code} ({row.meaning}) needs no action here. {row.told}"
                 self.made.append(Remark(self.ask.place(word), self.state.modal, sentence))
                 self.state = self.state._replace(noted=self.state.noted | {code})
+
+    def _has(self, written: str) -> bool:
+        """Whether the line has a word such as P0."""
+        word = self.ask.words.get(written[0])
+        return word is not None and word.value == float(written[1:])
 
     def _here(self) -> Here:
         return Here(self.ask, self.state, self._position, self._machine)
@@ -449,7 +471,9 @@ class _Turn:
         named = self.ask.code("motion")
         if self._shifts or not named:
             return
-        if named in _CLEARED:
+        if named == "G80" and (beneath := self._beneath()):
+            self.state = self.state._replace(motion=beneath, cycle=None)
+        elif named in _CLEARED:
             cuts = self.state.cuts or named in SURFACES
             why = _CLEARED[named].format(self.ask.line.number)
             goes = self.state.curve_goes if named == "G5" else None

@@ -7,61 +7,10 @@ where RS-274/NGC and Fanuc-like controls mean different things by one name.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from enum import Enum
 from types import MappingProxyType
 
-AXES = "@"  # in ``letters``: the axes of the machine
-
-NIST = "RS-274/NGC"
-LINUXCNC = "LinuxCNC"
-FANUC = "Fanuc"
-HAAS = "Haas"
-PAPER = "Lin & Koren"
-OURS = "Directrix"
-
-
-class Fate(Enum):
-    """What comes of a code."""
-
-    DONE = "done"
-    NOTED = "noted"
-    REFUSED = "refused"
-
-
-@dataclass(frozen=True, slots=True)
-class Code:
-    """One row; ``told`` is what is done, or what a noted one would have done, or what to use instead."""
-
-    name: str
-    group: str  # of one group a line takes one code; a noted code is a group of its own
-    letters: str  # the words that it takes
-    source: str
-    meaning: str
-    told: str = ""
-    fate: Fate = Fate.DONE
-    dialect: str = ""  # "" = both
-
-    @property
-    def test(self) -> str:
-        """The file of tests, in tests/controller, that shows what comes of it."""
-        return TEST_OF.get(self.name, _NOT_DONE if self.fate is not Fate.DONE else _EACH)
-
-
-def _done(group: str, source: str, *rows: tuple[str, str, str], dialect: str = "") -> list[Code]:
-    return [Code(name, group, letters, source, meaning, dialect=dialect) for name, letters, meaning in rows]
-
-
-def _noted(source: str, *rows: tuple[str, str, str, str], dialect: str = "") -> list[Code]:
-    made = []
-    for name, letters, meaning, told in rows:
-        made.append(Code(name, name, letters, source, meaning, told, Fate.NOTED, dialect))
-    return made
-
-
-def _refused(source: str, *rows: tuple[str, str, str], dialect: str = "") -> list[Code]:
-    return [Code(name, "", "", source, meaning, told, Fate.REFUSED, dialect) for name, meaning, told in rows]
-
+from controller.plan.text.code_rows import AXES, FANUC, HAAS, LINUXCNC, NIST, PAPER, Code, Fate, done
+from controller.plan.text.codes_not_done import NOT_DONE
 
 # Where a code is tried; those that are not named here, in ``test_each_code`` and ``test_codes_not_done``.
 _EACH, _NOT_DONE = "plan/text/test_each_code.py", "plan/text/test_codes_not_done.py"
@@ -70,13 +19,14 @@ _TESTS = {
     "plan/text/test_plane_words.py": "G18 G53 G68.2 G68.3 G53.1 G53.3 G53.6",
     "plan/text/test_tilted_planes.py": "G68.4 G69",
     "plan/text/test_cycles.py": "G73 G74 G81 G82 G83 G84 G85 G86 G89 G98 G99 G19 M4 M5",
+    "plan/text/test_boring.py": "G76 G87",
     "plan/text/test_blocks.py": "G51 G61 G64 M6 M30",
     "plan/text/test_shifts.py": "G52",
     "plan/text/test_nurbs.py": "G6.2",
     "plan/text/test_spline_words.py": "G5 G5.1 G5.2 G5.3",
     "plan/text/test_offset_words.py": "G10 G28 G28.1 G30 G43 G43.1 G43.2 G44 G54.1 G68 G91 G92 M61",
     "plan/text/test_compensation.py": "G40 G41 G42 G41.1 G42.1 G43.4 G54 G55 G90",
-    "plan/text/test_posts.py": "G80 G234",
+    "plan/text/test_posts.py": "G80 G154 G234",
     "plan/text/test_parameters.py": "G90.1 G95 M70 M72 M73",
     "plan/text/test_override_words.py": "M48 M49 M50 M51 M52 M53",
     "plan/text/test_flow.py": "M98 M99",
@@ -86,13 +36,16 @@ _TESTS = {
 }
 TEST_OF = MappingProxyType({name: file for file, names in _TESTS.items() for name in names.split()})
 
+
+def test_of(row: Code) -> str:
+    """The file of tests, in tests/controller, that shows what comes of a code."""
+    return TEST_OF.get(row.name, _NOT_DONE if row.fate is not Fate.DONE else _EACH)
+
+
 _CYCLE = AXES + "RLK"
-_LATHE = "this control has no lathe axis"
-_NO_SYNC = "no spindle here is tied to the feed"
-_PROBE = "touch the part off by hand on the set-up page"
 
 ROWS: tuple[Code, ...] = (
-    *_done(
+    *done(
         "motion",
         NIST,
         ("G0", AXES + "IJK", "rapid; I J K under G43.5"),
@@ -110,13 +63,20 @@ ROWS: tuple[Code, ...] = (
         ("G86", _CYCLE + "P", "boring, spindle stopped, out at rapid"),
         ("G89", _CYCLE + "P", "boring, dwell P, out at feed"),
     ),
-    *_done(
+    *done(
+        "motion",
+        FANUC,
+        ("G76", _CYCLE + "QPIJ", "fine boring: out with the spindle at its angle, the tip Q off the wall"),
+        ("G87", _CYCLE + "QPIJ", "back boring: down likewise, up at feed from R to Z"),
+        dialect="fanuc",
+    ),
+    *done(
         "motion",
         PAPER,
         ("G51", "XYZIJKHRD", "cone: ruled surface about +Z"),
         ("G52", "XYZ", "ruled surface between two cubic Beziers; without F a shift (below)"),
     ),
-    *_done(
+    *done(
         "motion",
         LINUXCNC,
         ("G5", "XYIJPQ", "cubic curve in X and Y"),
@@ -125,8 +85,8 @@ ROWS: tuple[Code, ...] = (
         ("G5.3", "", "ends a NURBS"),
         dialect="rs274",
     ),
-    *_done("motion", FANUC, ("G6.2", "PQ", "ruled surface between two NURBS curves")),
-    *_done(
+    *done("motion", FANUC, ("G6.2", "PQ", "ruled surface between two NURBS curves")),
+    *done(
         "one-line",
         NIST,
         ("G10", AXES + "LPR", "sets work offsets (L2, L20) and tools (L1, L10, L11), for good"),
@@ -142,68 +102,70 @@ ROWS: tuple[Code, ...] = (
         ("G92.2", "", "suspends the shift of G92"),
         ("G92.3", "", "takes the shift of G92 up again"),
     ),
-    *_done("one-line", NIST, ("G4", "P", "dwell of P seconds"), dialect="rs274"),
-    *_done("one-line", FANUC, ("G4", "PX", "dwell of P or X seconds; ms without a point"), dialect="fanuc"),
-    *_done(
+    *done("one-line", NIST, ("G4", "P", "dwell of P seconds"), dialect="rs274"),
+    *done("one-line", FANUC, ("G4", "PX", "dwell of P or X seconds; ms without a point"), dialect="fanuc"),
+    *done(
         "one-line",
         LINUXCNC,
         ("G28.1", "", "the position becomes the reference point, for good"),
         ("G30.1", "", "the position becomes the second reference point, for good"),
     ),
-    *_done("plane", NIST, ("G17", "", "plane XY"), ("G18", "", "plane ZX"), ("G19", "", "plane YZ")),
-    *_done("unit", NIST, ("G20", "", "inches"), ("G21", "", "millimetres")),
-    *_done("unit", FANUC, ("G70", "", "inches, as G20"), ("G71", "", "millimetres, as G21"), dialect="fanuc"),
-    *_done(
+    *done("plane", NIST, ("G17", "", "plane XY"), ("G18", "", "plane ZX"), ("G19", "", "plane YZ")),
+    *done("unit", NIST, ("G20", "", "inches"), ("G21", "", "millimetres")),
+    *done("unit", FANUC, ("G70", "", "inches, as G20"), ("G71", "", "millimetres, as G21"), dialect="fanuc"),
+    *done(
         "side",
         PAPER,
         ("G40", "", "ends G41 and G42; cutter on the right of surfaces"),
         ("G41", "", "cutter on the left: of lines and arcs in the plane with D, of surfaces"),
         ("G42", "", "cutter on the right: of lines and arcs in the plane with D, of surfaces"),
     ),
-    *_done(
+    *done(
         "side",
         LINUXCNC,
         ("G41.1", "DL", "cutter with the diameter D on the left of lines and arcs in the plane"),
         ("G42.1", "DL", "cutter with the diameter D on the right of lines and arcs in the plane"),
     ),
-    *_done(
+    *done(
         "length",
         NIST,
         ("G43", "H", "adds the tool's length to Z"),
-        ("G49", "", "no tool length, no tool-centre control"),
     ),
-    *_done(
+    *done("length", NIST, ("G49", "", "no tool length, no tool-centre control"), dialect="rs274"),
+    *done("length", FANUC, ("G49", "H", "no tool length, no tool-centre control; H0 only"), dialect="fanuc"),
+    *done(
         "length",
         LINUXCNC,
         ("G43.1", "Z", "adds the length Z to Z"),
         ("G43.2", "H", "adds the length of one more tool"),
     ),
-    *_done("length", FANUC, ("G44", "H", "takes the tool's length off Z"), dialect="fanuc"),
-    *_done(
+    *done("length", FANUC, ("G44", "H", "takes the tool's length off Z"), dialect="fanuc"),
+    *done(
         "length",
         FANUC,
         ("G43.4", "H", "tool-centre control, rotary words"),
         ("G43.5", "H", "tool-centre control, tool vectors I J K"),
     ),
-    *_done("length", HAAS, ("G234", "H", "tool-centre control, as G43.4"), dialect="fanuc"),
-    *_done("offset", NIST, *((f"G{54 + i}", "", f"work offset {i + 1}") for i in range(6))),
-    *_done("offset", NIST, *((f"G59.{i}", "", f"work offset {6 + i}") for i in (1, 2, 3))),
-    *_done("offset", FANUC, ("G54.1", "P", "work offset P1 to P48 beyond the nine")),
-    *_done("path", NIST, ("G61", "", "exact path"), ("G61.1", "", "exact path, stop at corners")),
-    *_done("path", NIST, ("G64", "PQ", "blends within P mm and Q degrees")),
-    *_done("distance", NIST, ("G90", "", "positions"), ("G91", "", "distances")),
-    *_done("centre", LINUXCNC, ("G90.1", "", "I J K of arcs are positions"), ("G91.1", "", "distances")),
-    *_done(
+    *done("length", HAAS, ("G234", "H", "tool-centre control, as G43.4"), dialect="fanuc"),
+    *done("offset", NIST, *((f"G{54 + i}", "", f"work offset {i + 1}") for i in range(6))),
+    *done("offset", NIST, *((f"G59.{i}", "", f"work offset {6 + i}") for i in (1, 2, 3))),
+    *done("offset", FANUC, ("G54.1", "P", "work offset P1 to P48 beyond the nine")),
+    *done("offset", HAAS, ("G154", "P", "work offset, as G54.1"), dialect="fanuc"),
+    *done("path", NIST, ("G61", "", "exact path"), ("G61.1", "", "exact path, stop at corners")),
+    *done("path", NIST, ("G64", "PQ", "blends within P mm and Q degrees")),
+    *done("distance", NIST, ("G90", "", "positions"), ("G91", "", "distances")),
+    *done("centre", LINUXCNC, ("G90.1", "", "I J K of arcs are positions"), ("G91.1", "", "distances")),
+    *done(
         "feed", NIST, ("G93", "", "inverse time"), ("G94", "", "feed a minute"), ("G95", "", "feed a turn")
     ),
-    *_done("speed", LINUXCNC, ("G97", "", "S is turns a minute")),
-    *_done(
+    *done("speed", LINUXCNC, ("G97", "", "S is turns a minute")),
+    *done(
         "return",
         NIST,
         ("G98", "", "cycles end at the height they began from"),
         ("G99", "", "cycles end at R"),
     ),
-    *_done(
+    *done(
         "rotation",
         FANUC,
         ("G68", AXES + "R", "turns the coordinates by R in the plane"),
@@ -212,16 +174,16 @@ ROWS: tuple[Code, ...] = (
         ("G68.4", "XYZIJKPQR", "tilted plane seen from the active one"),
         ("G69", "", "ends G68 and the tilted plane"),
     ),
-    *_done("one-line", FANUC, ("G53.1", "P", "turns the tool along the tilted plane's Z, X Y Z stand")),
-    *_done("one-line", FANUC, ("G53.6", "PH", "the same, the tip stands on the part"), dialect="fanuc"),
-    *_done(
+    *done("one-line", FANUC, ("G53.1", "P", "turns the tool along the tilted plane's Z, X Y Z stand")),
+    *done("one-line", FANUC, ("G53.6", "PH", "the same, the tip stands on the part"), dialect="fanuc"),
+    *done(
         "one-line",
         LINUXCNC,
         ("G53.3", "XYZP", "the same, and to X Y Z of the plane meanwhile"),
         ("G53.6", "P", "the same, the tip stands on the part"),
         dialect="rs274",
     ),
-    *_done(
+    *done(
         "stop",
         NIST,
         ("M0", "", "stop"),
@@ -230,13 +192,13 @@ ROWS: tuple[Code, ...] = (
         ("M30", "", "end"),
         ("M60", "", "stop, as M0: there is no pallet to change"),
     ),
-    *_done(
+    *done(
         "spindle", NIST, ("M3", "", "spindle, clockwise"), ("M4", "", "counter-clockwise"), ("M5", "", "off")
     ),
-    *_done("spindle", LINUXCNC, ("M19", "RQP", "brings the spindle to its angle, within Q seconds")),
-    *_done("tool change", NIST, ("M6", "", "puts T into the spindle")),
-    *_done("tool change", LINUXCNC, ("M61", "Q", "says that tool Q is in the spindle")),
-    *_done(
+    *done("spindle", LINUXCNC, ("M19", "RQP", "brings the spindle to its angle, within Q seconds")),
+    *done("tool change", NIST, ("M6", "", "puts T into the spindle")),
+    *done("tool change", LINUXCNC, ("M61", "Q", "says that tool Q is in the spindle")),
+    *done(
         "state",
         LINUXCNC,
         ("M70", "", "keeps the modal state"),
@@ -244,8 +206,8 @@ ROWS: tuple[Code, ...] = (
         ("M72", "", "gives the kept state back"),
         ("M73", "", "keeps the state until the sub ends"),
     ),
-    *_done("call", FANUC, ("M98", "PL", "calls sub P, L times"), ("M99", "", "ends a sub")),
-    *_done(
+    *done("call", FANUC, ("M98", "PL", "calls sub P, L times"), ("M99", "", "ends a sub")),
+    *done(
         "output",
         LINUXCNC,
         ("M62", "P", "output P on, with the motion that comes next"),
@@ -256,7 +218,7 @@ ROWS: tuple[Code, ...] = (
         ("M67", "EQ", "analogue output E to Q, with the motion that comes next"),
         ("M68", "EQ", "analogue output E to Q, at rest"),
     ),
-    *_done(
+    *done(
         "overrides",
         LINUXCNC,
         ("M48", "", "the operator's override of feeds counts"),
@@ -265,99 +227,8 @@ ROWS: tuple[Code, ...] = (
         ("M52", "P", "adaptive feed off (P0); on it is refused, as no input leads the feed"),
         ("M53", "P", "the input feed_stop stops motion (P1) or not (P0)"),
     ),
-    *_done("coolant", NIST, ("M7", "", "mist"), ("M8", "", "flood"), ("M9", "", "both off")),
-    # --- what needs no action here
-    *_noted(
-        FANUC,
-        ("G5", "P", "high-precision mode", "The feed is always planned as far ahead as the limits ask."),
-        ("G5.1", "QR", "look-ahead mode", "The feed is always planned as far ahead as the limits ask."),
-        ("G8", "P", "look-ahead mode", "The feed is always planned as far ahead as the limits ask."),
-        dialect="fanuc",
-    ),
-    *_noted(
-        FANUC,
-        ("G15", "", "polar coordinates off", "They are never on here."),
-        ("G23", "", "stored stroke limits off", "The travel of the axes is always watched."),
-        (
-            "G25",
-            "",
-            "spindle speed watch off",
-            "The spindle is watched wherever the machine file names its drive.",
-        ),
-        ("G50", "", "scaling off", "It is never on here."),
-        ("G67", "", "modal macro off", "It is never on here."),
-        ("M10", "", "clamp on", "m_codes in [io] has no output for it; clamps of axes close by themselves."),
-        ("M11", "", "clamp off", "m_codes in [io] has no output for it; clamps of axes open by themselves."),
-    ),
-    *_noted(
-        HAAS,
-        ("G103", "P", "limits look-ahead", "The whole program is read and planned ahead."),
-        ("G187", "PE", "smoothness", "G64 P says here how far the path may be left; without it it is exact."),
-        ("G255", "", "dynamic work offset off", "It is never on here; G43.4 follows the turned part."),
-    ),
-    Code(
-        "M51",
-        "overrides",
-        "P",
-        LINUXCNC,
-        "spindle override counts (P1) or not (P0)",
-        "There is none here: the spindle turns as S says.",
-        Fate.NOTED,
-    ),
-    # --- what is refused, and what to write instead
-    *_refused(
-        LINUXCNC,
-        ("G7", "diameter mode of lathes", f"{_LATHE}; write radii"),
-        ("G8", "radius mode of lathes", f"{_LATHE}; leave it out"),
-        ("G76", "threading", f"{_NO_SYNC}; mill the thread with G2 or G3 and Z"),
-        ("G44", "length taken off Z", "write G43 or G43.1 with the length"),
-        dialect="rs274",
-    ),
-    *_refused(
-        LINUXCNC,
-        ("G5.2", "NURBS", "write it as G1 lines under G64 P, or a surface as G6.2"),
-        ("G5.3", "end of a NURBS", "write it as G1 lines under G64 P, or a surface as G6.2"),
-        dialect="fanuc",
-    ),
-    *_refused(
-        FANUC,
-        ("G53.3", "tool along the tilted plane's Z with a move", "write G53.1, and G0 on the next line"),
-        ("G7", "imaginary axis", "write the moves themselves"),
-        ("G76", "fine boring with a shift", "write M19 and the moves themselves, or G85, G86 or G89"),
-        dialect="fanuc",
-    ),
-    *_refused(
-        LINUXCNC,
-        ("G17.1", "plane UV", "this control has no axes U V W; write G17"),
-        ("G18.1", "plane WU", "this control has no axes U V W; write G18"),
-        ("G19.1", "plane VW", "this control has no axes U V W; write G19"),
-        ("G33", "spindle-synchronised motion", f"{_NO_SYNC}; mill the thread with G2 or G3 and Z"),
-        ("G33.1", "rigid tapping", f"{_NO_SYNC}; write G84 with a floating holder"),
-        ("G38.2", "probing", _PROBE),
-        ("G38.3", "probing", _PROBE),
-        ("G38.4", "probing", _PROBE),
-        ("G38.5", "probing", _PROBE),
-        ("G87", "back boring", "write M19 and the moves themselves"),
-        ("G88", "boring with retraction by hand", "write G86, or M0 at the bottom"),
-        ("G96", "constant surface speed", f"{_LATHE}; write G97 and S"),
-    ),
-    *_refused(
-        FANUC,
-        ("G16", "polar coordinates", "write X and Y"),
-        ("G22", "stored stroke limits", "the travel of the axes in the machine file is always watched"),
-        ("G26", "spindle speed watch", "leave it out"),
-        ("G27", "reference point check", "write G28"),
-        ("G29", "return from the reference point", "write G0 and the position"),
-        ("G31", "skip", _PROBE),
-        ("G54.2", "offset that follows the table", "write G43.4, which follows the turned part"),
-        ("G65", "macro call", "write M98 and its number"),
-        ("G66", "modal macro", "write M98 and its number on every line"),
-        ("M29", "rigid tapping", f"{_NO_SYNC}; write G84 with a floating holder"),
-    ),
-    *_refused(
-        HAAS,
-        ("G254", "dynamic work offset", "write G43.4, which follows the turned part"),
-    ),
+    *done("coolant", NIST, ("M7", "", "mist"), ("M8", "", "flood"), ("M9", "", "both off")),
+    *NOT_DONE,
 )
 
 
@@ -391,5 +262,7 @@ def _order(row: Code) -> tuple[str, float, str]:
 
 def _markdown(row: Code) -> str:
     here = {Fate.DONE: "", Fate.NOTED: "noted: ", Fate.REFUSED: "refused: "}[row.fate] + (row.told or "done")
-    told = (row.name, row.dialect or "both", row.source, row.meaning, here, f"`{row.test}`")
+    if row.only:
+        here = f"with {row.only} {here} Else refused: {row.instead}"
+    told = (row.name, row.dialect or "both", row.source, row.meaning, here, f"`{test_of(row)}`")
     return f"| {' | '.join(told)} |"

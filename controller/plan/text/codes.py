@@ -10,14 +10,15 @@ from dataclasses import dataclass
 from functools import cache
 
 from controller.machine import Machine
-from controller.plan.text.code_table import AXES, BY_DIALECT, Code, Fate
+from controller.plan.text.code_rows import AXES, Code, Fate
+from controller.plan.text.code_table import BY_DIALECT
 from controller.plan.text.program import Place, ProgramError
 from controller.plan.text.words import Line, Word
 
 SIDES = ("G40", "G41", "G42")
 SURFACES = ("G51", "G52", "G6.2")
 CURVES = ("G5", "G5.1", "G5.2", "G5.3")
-CYCLES = ("G73", "G74", "G81", "G82", "G83", "G84", "G85", "G86", "G89")
+CYCLES = ("G73", "G74", "G76", "G81", "G82", "G83", "G84", "G85", "G86", "G87", "G89")
 PLACES = ("G10", "G28", "G30", "G53.3", "G92")  # of the codes for one line those that take the axis words
 TILTS = ("G68.2", "G68.3", "G68.4")
 TO_PLANE = ("G53.1", "G53.3", "G53.6")  # turn the tool to it
@@ -128,7 +129,10 @@ def _code(line: Line, word: Word, dialect: str) -> Code:
         return found
     done = (code.name for code in BY_DIALECT[dialect].values() if code.fate is Fate.DONE)
     known = " ".join(sorted((c for c in done if c[0] == word.letter), key=lambda c: float(c[1:])))
-    raise line.refusal(word, f"{word.text} is not a code of this control: it knows {known}; use one of these")
+    own = ", or name an output for it in m_codes of [io]" if word.letter == "M" else ""
+    raise line.refusal(
+        word, f"{word.text} is not a code of this control: it knows {known}; use one of these{own}"
+    )
 
 
 def _check_letter(line: Line, word: Word, before: dict[str, Word], machine: Machine) -> None:

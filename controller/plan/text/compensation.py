@@ -179,8 +179,8 @@ class _Path:
         axes = PLANES[self._owed][:2]
         linear = self._machine.linear()
         words = block.tip if isinstance(block, TipLine) else [block.targets[i] for i in linear]
-        if all(words[axis] is None for axis in axes):
-            return block
+        if all(words[axis] is None for axis in axes) and not isinstance(block, JointArc):
+            return block  # a whole circle has no words of the plane
         self._owed = ""
         if isinstance(block, JointArc):
             raise NotBesideError(

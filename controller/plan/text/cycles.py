@@ -1,4 +1,4 @@
-"""Canned cycles G73, G74 and G81 to G89 as the canonical moves they stand for (RS-274/NGC 3.5.16).
+"""Canned cycles G73, G74, G76 and G81 to G89 as the canonical moves they stand for (RS-274/NGC 3.5.16).
 
     ---- level   where the series began; G98 ends here
     ---- R       clearance; rapids go down to here, G99 ends here
@@ -17,22 +17,13 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from controller.geometry import angle_between
-from controller.plan.text import line_words, polar_words
-from controller.plan.text.codes import Ask
+from controller.plan.text import boring, line_words
+from controller.plan.text.codes import CYCLES, Ask
+from controller.plan.text.cycle_way import PLANES, Way
 from controller.plan.text.modal import Cycle, State, dwell_s
 from controller.plan.text.offset_words import Here
 from controller.plan.text.position import Known
-from controller.plan.text.program import (
-    Act,
-    Action,
-    Block,
-    Dwell,
-    JointLine,
-    Place,
-    Remark,
-    Targets,
-    Tip,
-)
+from controller.plan.text.program import Block, Remark, Tip
 from controller.plan.text.words import Word
 
 BREAK_MM = 0.254  # what G73 draws back, and where G83 ends its rapid above the last depth, as LinuxCNC
@@ -43,7 +34,6 @@ MOST_PECKS = 10_000  # ... in all of them
 FLOATING = (
     "is tapped with a floating holder: the feed is not tied to the spindle, which turns back at the bottom."
 )
-PLANES = MappingProxyType({"G17": (0, 1, 2), "G18": (2, 0, 1), "G19": (1, 2, 0)})
 
 
 def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
@@ -51,8 +41,10 @@ def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
     _check(here, code, word)
     cycle, start = _cycle(here, code, word)
     feed = here.state.feed(here.ask, code, word)
-    way = _Way(here, here.ask.place(word), feed, line_words.targets(here))
-    state = here.state._replace(cycle=cycle, motion=code)
+    way = Way(here, here.ask.place(word), feed, line_words.targets(here))
+    before = here.state.motion
+    beneath = here.state.beneath if before in CYCLES else before
+    state = here.state._replace(cycle=cycle, motion=code, beneath=beneath)
     if code in ("G74", "G84"):
         state = _told_floating(way, state, code)
     clearance, bottom = _heights(here, cycle)
@@ -67,12 +59,12 @@ def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
     for _ in range(way.repeats):
         x, y = way.hole(x, y, relative)
         way.rapid(x, y, start)
-        if start != clearance:
+        if start != clearance and code != "G87":
             way.rapid(None, None, clearance)
         _DRILL[code](way, cycle, clearance, bottom)
         way.rapid(None, None, way.end)
         start = way.end
-    return way.made, state
+    return way.made, state._replace(modal=replace(state.modal, outputs=way.modal.outputs))
 
 
 def _check(here: Here, code: str, word: Word) -> None:
@@ -87,8 +79,10 @@ def _check(here: Here, code: str, word: Word) -> None:
     elif code in ("G74", "G84") and state.turning != (1 if code == "G84" else -1):
         way, start = ("clockwise", "M3") if code == "G84" else ("counter-clockwise", "M4")
         why = f"while the spindle does not turn {way}; write S and {start} before it"
-    elif code == "G86" and state.turning == 0:
+    elif code in ("G76", "G86", "G87") and state.turning == 0:
         why = "while the spindle stands; write S and M3 or M4 before it"
+    elif code == "G87" and state.to_clearance:
+        why = "under G99, and its R is below the part: it ends where it began; write G98 before it"
     if why:
         raise ask.refusal(word, f"{code} stands {why}")
     _check_along(here, code, word)
@@ -131,7 +125,7 @@ def _cycle(here: Here, code: str, word: Word) -> tuple[Cycle, float]:
     level = before.level if before is not None and keeps else now
     old = before if before is not None and keeps else None
     depth, seconds = _depth(here, code, word, old), _seconds(here, code, word, old)
-    return Cycle(code, bottom, clearance, level, depth, seconds), start
+    return Cycle(code, bottom, clearance, level, depth, seconds, boring.shift(here, code, word, old)), start
 
 
 def _depth(here: Here, code: str, word: Word, before: Cycle | None) -> Known:
@@ -160,13 +154,15 @@ def _seconds(here: Here, code: str, word: Word, before: Cycle | None) -> Known:
 
 
 def _heights(here: Here, cycle: Cycle) -> tuple[float, float]:
-    """Clearance and bottom in program coordinates."""
+    """Clearance and bottom in program coordinates; of G87, which cuts upwards, R and Z."""
     clearance, bottom = cycle.clearance, cycle.bottom
     if not here.state.absolute:
         clearance += cycle.level
         bottom += clearance
-    if bottom > clearance:
-        word = here.ask.words.get("R") or here.ask.line.words[0]
+    word = here.ask.words.get("R") or here.ask.line.words[0]
+    if cycle.code == "G87":
+        boring.check_heights(here, word, clearance, bottom, cycle.level)
+    elif bottom > clearance:
         raise here.ask.refusal(
             word,
             f"{cycle.code} has its clearance R at {clearance:.4g} mm, below its bottom at {bottom:.4g} mm: R "
@@ -175,7 +171,7 @@ def _heights(here: Here, cycle: Cycle) -> tuple[float, float]:
     return clearance, bottom
 
 
-def _repeats(ask: Ask, way: _Way) -> int:
+def _repeats(ask: Ask, way: Way) -> int:
     word = ask.words.get("L") or ask.words.get("K")
     if word is None:
         return 1
@@ -186,80 +182,19 @@ def _repeats(ask: Ask, way: _Way) -> int:
     return count
 
 
-def _told_floating(way: _Way, state: State, code: str) -> State:
+def _told_floating(way: Way, state: State, code: str) -> State:
     if code in state.noted:
         return state
     way.made.append(Remark(way.place, state.modal, f"{code} {FLOATING}"))
     return state._replace(noted=state.noted | {code})
 
 
-class _Way:
-    """Collects the moves of one line, in program coordinates of the plane: first, second and normal axis."""
-
-    def __init__(self, here: Here, place: Place, feed: float, targets: Targets) -> None:
-        self.here, self.place, self.feed = here, place, feed
-        self.targets = targets  # of the line's words
-        self.made: list[Block] = []
-        self.modal = here.state.modal  # as the spindle turns just now
-        self.repeats, self.end = 1, 0.0  # holes, and the height to which each is left
-        first, second, _ = PLANES[here.state.modal.plane]
-        now = here.position.in_frame(here.state.modal)
-        absolute = here.state.absolute
-        said = [here.length_mm("XYZ"[i]) if absolute else None for i in (first, second)]
-        values = [now[i] if word is None else word for i, word in zip((first, second), said, strict=True)]
-        word = here.ask.line.words[0]
-        a, b = here.known(word, values, "a canned cycle")
-        self.begin = (a, b)
-
-    @property
-    def fanuc(self) -> bool:
-        return self.here.machine.dialect == "fanuc"
-
-    def hole(self, x: float, y: float, relative: bool) -> tuple[float, float]:
-        """The next hole: under G91 one step on."""
-        if not relative:
-            return x, y
-        if (steps := self.here.ask.polar) is not None:
-            return polar_words.stepped(self.here.ask, self.here.ask.line.words[0], (x, y), steps)
-        first, second, _ = PLANES[self.modal.plane]
-        dx, dy = (self.here.length_mm("XYZ"[i]) or 0.0 for i in (first, second))
-        return x + dx, y + dy
-
-    def rapid(self, x: Known, y: Known, height: Known) -> None:
-        self._go(x, y, height, None)
-
-    def cut(self, height: float) -> None:
-        self._go(None, None, height, self.feed)
-
-    def _go(self, x: Known, y: Known, height: Known, feed: Known) -> None:
-        """To a place; a rotary of the line's words turns with the rapid over the hole."""
-        machine, modal = self.here.machine, self.modal
-        made: list[Known] = [None] * len(machine.axes)
-        if x is not None:
-            for i in machine.rotary():
-                made[i] = self.targets[i]
-        for axis, value in zip(PLANES[modal.plane], (x, y, height), strict=True):
-            made[machine.linear()[axis]] = value
-        line = JointLine(self.place, modal, tuple(made), False, False, feed, feed)
-        self.made.append(line)
-
-    def wait(self, seconds: Known) -> None:
-        if seconds:
-            self.made.append(Dwell(self.place, self.modal, seconds))
-
-    def spindle(self, share: float) -> None:
-        """The spindle at ``share`` of its speed: -1 turns it back."""
-        said = self.here.state.modal.spindle_rev_min
-        self.modal = replace(self.modal, spindle_rev_min=share * said)
-        self.made.append(Action(self.place, self.modal, Act.SPINDLE))
-
-
-def _drill(way: _Way, cycle: Cycle, clearance: float, bottom: float) -> None:
+def _drill(way: Way, cycle: Cycle, clearance: float, bottom: float) -> None:
     way.cut(bottom)
     way.wait(cycle.seconds if cycle.code == "G82" else None)
 
 
-def _peck(way: _Way, cycle: Cycle, clearance: float, bottom: float) -> None:
+def _peck(way: Way, cycle: Cycle, clearance: float, bottom: float) -> None:
     """G73 draws back a little after each peck, G83 to the clearance and down again."""
     depth = cycle.depth or 0.0
     pecks = (clearance - bottom) / depth * way.repeats
@@ -278,7 +213,7 @@ def _peck(way: _Way, cycle: Cycle, clearance: float, bottom: float) -> None:
     way.cut(bottom)
 
 
-def _tap(way: _Way, cycle: Cycle, clearance: float, bottom: float) -> None:
+def _tap(way: Way, cycle: Cycle, clearance: float, bottom: float) -> None:
     way.cut(bottom)
     way.spindle(-1.0)
     way.wait(cycle.seconds)
@@ -286,14 +221,14 @@ def _tap(way: _Way, cycle: Cycle, clearance: float, bottom: float) -> None:
     way.spindle(1.0)
 
 
-def _bore(way: _Way, cycle: Cycle, clearance: float, bottom: float) -> None:
+def _bore(way: Way, cycle: Cycle, clearance: float, bottom: float) -> None:
     """Out at feed: G85 to the clearance; G89, after a dwell, all the way under rs274."""
     way.cut(bottom)
     way.wait(cycle.seconds if cycle.code == "G89" else None)
     way.cut(way.end if cycle.code == "G89" and not way.fanuc else clearance)
 
 
-def _bore_standing(way: _Way, cycle: Cycle, clearance: float, bottom: float) -> None:
+def _bore_standing(way: Way, cycle: Cycle, clearance: float, bottom: float) -> None:
     """G86: out at rapid with the spindle stopped."""
     way.cut(bottom)
     way.wait(cycle.seconds)
@@ -302,12 +237,14 @@ def _bore_standing(way: _Way, cycle: Cycle, clearance: float, bottom: float) -> 
     way.spindle(1.0)
 
 
-_DRILL: MappingProxyType[str, Callable[[_Way, Cycle, float, float], None]] = MappingProxyType(
+_DRILL: MappingProxyType[str, Callable[[Way, Cycle, float, float], None]] = MappingProxyType(
     {
         **dict.fromkeys(("G81", "G82"), _drill),
         **dict.fromkeys(("G73", "G83"), _peck),
         **dict.fromkeys(("G74", "G84"), _tap),
         **dict.fromkeys(("G85", "G89"), _bore),
         "G86": _bore_standing,
+        "G76": boring.fine,
+        "G87": boring.back,
     }
 )

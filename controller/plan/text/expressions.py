@@ -66,6 +66,7 @@ _FUNCTIONS: dict[str, Callable[[float], float]] = {
     "sqrt": math.sqrt,
     "tan": lambda x: math.tan(math.radians(x)),
 }
+LINE = "_line"  # the name of the line number, which each line has by itself
 _FUNCTION = re.compile(rf"({'|'.join(_FUNCTIONS)}|atan|exists)[ \t]*(?=\[)")
 
 
@@ -171,7 +172,9 @@ class Values:
         self.take("#")
         if self.peek() == "<":
             return self._named()
-        value = self.value(start, "#")[0]
+        return self._in_range(start, self.value(start, "#")[0])
+
+    def _in_range(self, start: int, value: float) -> int:
         if value != math.floor(value) or int(value) not in NUMBERED:
             raise self.refusal(
                 start,
@@ -222,6 +225,8 @@ class Values:
     def _parameter(self) -> float:
         start = self._at
         key = self.key()
+        if key == LINE:
+            return float(self._number)
         try:
             return self._parameters.value(key)
         except NoValue as why:
@@ -256,7 +261,11 @@ class Values:
         self.take("[")
         if self.peek() != "#":
             raise self.refusal(start, "EXISTS asks for a parameter: write EXISTS[#<name>]")
-        key = self.key()
+        at = self._at
+        self.take("#")
+        key: Key | float = self._named() if self.peek() == "<" else self.value(at, "#")[0]
         if not self.take("]"):
             raise self.refusal(start, "EXISTS takes one parameter and a ]: write EXISTS[#<name>]")
-        return float(self._parameters.exists(key))
+        if isinstance(key, float):  # no number is no parameter, rather than a mistake
+            return float(key in NUMBERED and self._parameters.exists(int(key)))
+        return float(key == LINE or self._parameters.exists(key))

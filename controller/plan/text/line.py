@@ -12,13 +12,14 @@ from controller.plan.text.program import Place, ProgramError
 
 # A common line as programs from CAM systems have them in millions: an N, G0 to G3, words in the usual order,
 # one M of spindle or coolant, a comment. Nothing in it can be refused as text, or says something. Nine digits
-# are below what any word may be.
-_SHORT_NUMBER = r"[+-]?(?:[0-9]{1,9}+(?:\.[0-9]*+)?+|\.[0-9]++)"
+# are below what any word may be. Only single characters repeat possessively: Python before 3.11.5 goes on
+# behind the begin of a group that it gave up (gh-106052), so that "G0X" would match as G0.
+_SHORT_NUMBER = r"[+-]?(?:[0-9]{1,9}+(?:\.[0-9]*+)?|\.[0-9]++)"
 LETTERS = "XYZABCIJKRFS"
-_WORDS = "".join(rf"(?:[{letter}{letter.lower()}]({_SHORT_NUMBER})[ \t]*+)?+" for letter in LETTERS)
+_WORDS = "".join(rf"(?:[{letter}{letter.lower()}]({_SHORT_NUMBER})[ \t]*+)?" for letter in LETTERS)
 COMMON = re.compile(
-    rf"[ \t]*+(?:[Nn][0-9]++[ \t]*+)?+(?:[Gg](0?[0-3])[ \t]*+)?+{_WORDS}(?:[Mm](0?[3-57-9])[ \t]*+)?+"
-    r"(?:\([^(),;]*+\)[ \t]*+)?+(?:;.*+)?+",
+    rf"[ \t]*+(?:[Nn][0-9]++[ \t]*+)?(?:[Gg](0?[0-3])[ \t]*+)?{_WORDS}(?:[Mm](0?[3-57-9])[ \t]*+)?"
+    r"(?:\([^(),;]*+\)[ \t]*+)?(?:;.*+)?",
     re.DOTALL,
 )
 # Of ``Line.parts``, and of the groups of a match less one.
@@ -145,6 +146,12 @@ class Line:
         made.where, made.message, made.kept = self.where, self.message, self.kept
         return made
 
+    def place_of(self, part: int) -> Place:
+        """Where the word of one of ``parts`` stands."""
+        if self.where is None and self._match is not None:  # millions of lines
+            return Place._make((self.number, self._match.start(part + 1), 0, ""))
+        return self.place(self.column(part))
+
     def place(self, column: int) -> Place:
         if self.where is None:
             return Place._make((self.number, column, 0, ""))
@@ -162,9 +169,14 @@ class Upcoming:
     def __init__(self) -> None:
         self._seen: list[Line] = []
 
-    def given(self, lines: Iterator[Line]) -> Iterator[Line]:
-        """The same lines; those that have been looked at come after all."""
+    def given(self, lines: Iterator[Line], told: list[Line]) -> Iterator[Line]:
+        """Those with words; those that say something are noted. What has been looked at comes after all."""
         for line in lines:
+            if not line.is_plain:
+                if line.says:
+                    told.append(line)
+                if not line.words:
+                    continue
             yield line
             while self._seen:
                 yield self._seen.pop()

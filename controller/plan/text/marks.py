@@ -12,7 +12,7 @@ structure that is wrong is refused wherever it stands. A text without O-words ha
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from controller.plan.text.comments import without_comments
@@ -95,6 +95,20 @@ def found(text: str, name: str) -> Marks:
     numbered = {mark.label: mark for mark in marks if mark.keyword == ALONE}
     by_number = _CALLS_BY_NUMBER.search(text) is not None
     return Marks({mark.at: mark for mark in marks}, subs, numbered, by_number, end)
+
+
+def plain(parts: Iterable[str]) -> bool:
+    """Whether lines just follow: the text, in pieces of whole lines, has at most one number alone."""
+    numbers = 0
+    for part in parts:
+        try:
+            words = [mark.keyword for mark in _marks(part, "", len(part))]
+        except ProgramError:
+            return False
+        numbers += len(words)
+        if any(words) or numbers > 1 or _CALLS_BY_NUMBER.search(part):
+            return False
+    return True
 
 
 def _marks(text: str, name: str, end: int) -> Iterator[Mark]:

@@ -42,6 +42,7 @@ class Cycle:
     level: float  # where the series began, along the cycle's axis in program coordinates
     depth: float | None = None  # Q
     seconds: float | None = None  # P
+    shift: tuple[float, float] | None = None  # of boring: the way off the wall, in the plane
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +59,8 @@ class State(NamedTuple):
     """Everything one line leaves to the next."""
 
     modal: Modal
-    motion: str = ""  # G0 to G3, or nothing
+    motion: str = ""  # G0 to G3, a cycle, or nothing
+    beneath: str = ""  # of a cycle under fanuc: what was modal before, and is behind G80
     cleared: str = "no motion mode is active at the start of a program"
     mm_per_unit: float = 1.0
     side: str = "G40"
@@ -390,12 +392,21 @@ class _Settings:
         """
         code = self.ask.code("length")
         if code == "G49":
+            self._check_no_length()
             self._set_modal(replace(self.state.modal, length_mm=0.0, tip=Tip.OFF))
         if code not in TIPS:
             return
         modal, said = self.state.modal, self._said_mm(code)
         length = {"G43.2": modal.length_mm + said, "G44": -said}.get(code, said)
         self._set_modal(replace(modal, length_mm=length, tip=TIPS[code]))
+
+    def _check_no_length(self) -> None:
+        """H0 says beside G49 what it says."""
+        word = self.ask.words.get("H")
+        if word is not None and word.value != 0.0:
+            raise self.ask.refusal(
+                word, f"{word.text} stands beside G49, which ends the tool's length; write H0, or G43 with it"
+            )
 
     def _said_mm(self, code: str) -> float:
         """The length that H, or Z of G43.1, names; without one that of the tool in the spindle."""
@@ -433,8 +444,8 @@ class _Settings:
     def _offset(self, code: str) -> int:
         word = self.ask.codes["offset"][1]
         name = code
-        if code == "G54.1":
-            name = f"{code} P{self._numbered(word)}"
+        if code in ("G54.1", "G154"):
+            name = f"G54.1 P{self._numbered(code, word)}"
         index = OFFSETS.index(name)
         if not self.state.origins.is_set(index, self._machine):
             known = [one for i, one in enumerate(OFFSETS) if self.state.origins.is_set(i, self._machine)]
@@ -445,12 +456,12 @@ class _Settings:
             )
         return index
 
-    def _numbered(self, word: Word) -> int:
-        """P of G54.1."""
+    def _numbered(self, code: str, word: Word) -> int:
+        """P of G54.1 and G154."""
         number = self.ask.words.get("P")
         if number is None or not 1 <= self.ask.whole(number) <= 48:
             raise self.ask.refusal(
-                number or word, "G54.1 takes P1 to P48, the number of a work offset; write one of these"
+                number or word, f"{code} takes P1 to P48, the number of a work offset; write one of these"
             )
         return int(number.value)
 

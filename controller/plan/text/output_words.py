@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import MappingProxyType
 
 from controller.machine import Machine
 from controller.plan.text.codes import Ask
@@ -68,14 +69,9 @@ def led(ask: Ask, code: str, word: Word, machine: Machine) -> tuple[int, float]:
 
 def oriented(ask: Ask, word: Word, machine: Machine) -> tuple[int, int, float]:
     """M19 R Q P: the numbers of output and input, and the seconds that it may take. Raises ProgramError."""
-    io, r, q, p = machine.io, *(ask.words.get(letter) for letter in "RQP")
-    if io is None or io.orient is None:
-        raise ask.refusal(
-            word,
-            "M19 has nothing to work on: the machine file has no orient in [io], the output that brings the "
-            "spindle to its angle and the input that says so; name them there, or write M5",
-        )
-    angle = io.orient.angle_deg
+    output, back, most_s = standing(ask, word, machine, "M19")
+    r, q, p = (ask.words.get(letter) for letter in "RQP")
+    angle = machine.io.orient.angle_deg if machine.io and machine.io.orient else 0.0
     if r is not None and (r.value - angle) % 360.0 != 0.0:
         raise ask.refusal(
             r,
@@ -91,7 +87,25 @@ def oriented(ask: Ask, word: Word, machine: Machine) -> tuple[int, int, float]:
             q,
             f"{q.text} is no time: Q is the seconds that it may take, above 0 and at most a week; correct it",
         )
-    return len(io.digital_out), len(io.digital_in), io.orient.within_s if q is None else q.value
+    return output, back, most_s if q is None else q.value
+
+
+_INSTEAD = MappingProxyType(
+    {"M19": "M5", "G76": "G85, G86 or G89", "G87": "the moves of a cutter from below"}
+)
+
+
+def standing(ask: Ask, word: Word, machine: Machine, code: str) -> tuple[int, int, float]:
+    """With what the spindle is brought to its angle: output, input, seconds at most. Raises ProgramError."""
+    io = machine.io
+    if io is None or io.orient is None:
+        raise ask.refusal(
+            word,
+            f"{code} has nothing to work on: the machine file has no orient in [io], the output that brings "
+            "the spindle to its angle and the input that says so; name them there, or write "
+            f"{_INSTEAD[code]}",
+        )
+    return len(io.digital_out), len(io.digital_in), io.orient.within_s
 
 
 def _named(ask: Ask, code: str, word: Word, key: str, names: Sequence[str]) -> int:

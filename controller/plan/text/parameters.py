@@ -14,6 +14,7 @@ Key = int | str
 ARGUMENTS = range(1, 31)  # a sub's own
 SAYS_DEBUG = 5599  # 0: what (DEBUG,) would say is not said
 OF_THE_MACHINE = range(5061, 5603)  # positions, offsets and tools: the control gives them
+OF_FANUC = range(1000, 5161)  # its system variables: alarms, clocks, modal codes, positions
 RETURNED = ("_value", "_value_returned")  # what the last sub gave back, and whether it did
 
 
@@ -43,8 +44,13 @@ class Parameters:
         given: Given | None = None,
         begun: Sequence[tuple[int, float]] = (),
         kept: Sequence[tuple[int, int]] = (),
+        system: range = range(0),
     ) -> None:
-        """``begun``: what earlier programs have left; ``kept``: numbers, from to, that later ones find."""
+        """``begun``: what earlier programs have left; ``kept``: numbers, from to, that later ones find.
+
+        ``system``: numbers that another control means itself by, and that a program cannot use for that.
+        """
+        self._system = system
         self._given = given or Nothing()
         self._global: dict[Key, float] = {**dict.fromkeys(RETURNED, 0.0), SAYS_DEBUG: 1.0, **dict(begun)}
         self._kept, self._fresh = kept, dict[int, float]()
@@ -57,6 +63,7 @@ class Parameters:
 
     def value(self, key: Key) -> float:
         """Raises NoValue."""
+        self._check_own(key)
         if (found := self._room(key).get(key)) is not None:
             return found
         if (given := self._of_the_control(key)) is not None:
@@ -75,6 +82,7 @@ class Parameters:
 
     def check_settable(self, key: Key) -> None:
         """Raises NoValue for what a program cannot set."""
+        self._check_own(key)
         if isinstance(key, int) and key in OF_THE_MACHINE and key != SAYS_DEBUG:
             raise NoValue(
                 f"#{key} cannot be set: parameters {OF_THE_MACHINE.start} to {OF_THE_MACHINE.stop - 1} are "
@@ -84,11 +92,22 @@ class Parameters:
         if key in RETURNED or (isinstance(key, str) and self._is_given(key)):
             raise NoValue(f"#<{key}> is given by the control and can only be read; use another name")
 
+    def _check_own(self, key: Key) -> None:
+        if isinstance(key, int) and key in self._system and not self._is_kept(key):
+            raise NoValue(
+                f"#{key} is a system variable on controls of this dialect, and not here: parameters of a "
+                "program are #1 to #999; write (MSG, ...) and M0 for #3000 and #3006, #5420 on for "
+                "positions, G10 to set offsets"
+            )
+
+    def _is_kept(self, key: int) -> bool:
+        return any(low <= key <= high for low, high in self._kept)
+
     def set(self, settings: Mapping[Key, float]) -> None:
         """The settings of a line, which take effect together."""
         for key, value in settings.items():
             self._room(key)[key] = value
-            if self._kept and isinstance(key, int) and any(low <= key <= high for low, high in self._kept):
+            if isinstance(key, int) and self._is_kept(key):
                 self._fresh[key] = value
 
     def fresh(self) -> dict[int, float]:

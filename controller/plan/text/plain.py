@@ -153,8 +153,10 @@ class CommonLines:
         if feed is None or parts[RADIUS] is not None:
             return None
         mm, degrees, time = feed
-        has_vector = any_of(parts[CENTRE:RADIUS])
-        if not (has_vector or any_of(targets)):
+        has_vector = (
+            parts[CENTRE] is not None or parts[CENTRE + 1] is not None or parts[CENTRE + 2] is not None
+        )
+        if not has_vector and targets.count(None) == len(targets):
             return None
         if modal.tip is Tip.OFF:
             if has_vector or (modal.tilted and self._turns(parts)):
@@ -230,9 +232,9 @@ def _arc(line: Line, parts: Sequence[Part], targets: Targets, motion: str, state
 def _place(line: Line, parts: Sequence[Part]) -> Place:
     """Of the motion's word, or of the first that it takes."""
     if parts[MOTION] is not None:
-        return line.place(line.column(MOTION))
+        return line.place_of(MOTION)
     if parts[AXES] is not None and line.is_plain:
-        return line.place(line.column(AXES))
+        return line.place_of(AXES)
     return line.place(min(line.column(at) for at in range(AXES, RADIUS) if parts[at] is not None))
 
 

@@ -10,6 +10,7 @@ import re
 from dataclasses import replace
 
 from controller.machine import Machine
+from controller.plan.text.code_table import BY_DIALECT
 from controller.plan.text.codes import CYCLES, SIDES, SURFACES, TILTS, TO_PLANE, Ask
 from controller.plan.text.modal import INCHES, State
 from controller.plan.text.words import Word
@@ -29,7 +30,8 @@ def counted(ask: Ask, state: State, machine: Machine) -> Ask:
     if not count(machine) or _has_its_own(ask):
         return ask
     inches = ask.code("unit") in INCHES if "unit" in ask.codes else state.mm_per_unit != 1.0
-    lengths, angles = _letters(ask, state)
+    noted = _letters_of_noted(ask)
+    lengths, angles = ("".join(c for c in letters if c not in noted) for letters in _letters(ask, state))
     words = {letter: _word(ask, word, lengths, angles, inches, machine) for letter, word in ask.words.items()}
     return replace(ask, words=words)
 
@@ -43,10 +45,17 @@ def _letters(ask: Ask, state: State) -> tuple[str, str]:
 
 
 def _has_its_own(ask: Ask) -> bool:
-    """Surfaces count in BLU, dwells in milliseconds, and what is only noted in nothing."""
+    """Surfaces count in BLU, dwells in milliseconds."""
     motion = ask.code("motion")
     own = motion in SURFACES and not (motion == "G52" and "F" not in ask.words)
-    return own or ask.code("one-line") == "G4" or any(group[0] in "GM" for group in ask.codes)
+    return own or ask.code("one-line") == "G4"
+
+
+def _letters_of_noted(ask: Ask) -> str:
+    """The words of codes that need no action count nothing."""
+    return "".join(
+        BY_DIALECT["fanuc"][code].letters for group, (code, _) in ask.codes.items() if group == code
+    )
 
 
 def _in_cycle(ask: Ask, state: State) -> bool:

@@ -7,7 +7,6 @@ departure is planned, and for the rotaries under tool vectors. What is lost is N
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -96,9 +95,10 @@ class Position:
     def take(self, block: Block) -> None:
         """Go where a block leads."""
         if isinstance(block, JointMotion) and _is_position(block):
-            self._pending.append(block)
-            if len(self._pending) > MOST_PENDING:
+            pending = self._pending
+            if (pending and not _in_one_frame(block.modal, pending[-1].modal)) or len(pending) > MOST_PENDING:
                 self._go()
+            self._pending.append(block)
             return
         self._go()
         if isinstance(block, JointMotion):
@@ -109,15 +109,15 @@ class Position:
             self._xyz, self._rotaries = [None] * 3, self._lost()
 
     def _go(self) -> None:
-        """Go where all pending lines lead: of those in one frame the last word of each axis counts."""
+        """Go where all pending lines lead, which are of one frame: the last word of each axis counts."""
         pending, self._pending = self._pending, []
-        for _, lines in itertools.groupby(pending, _frame):
-            row = list(lines)
-            if len(row) > 1:
-                columns = zip(*(line.targets for line in reversed(row)), strict=True)
-                targets = tuple(next((q for q in column if q is not None), None) for column in columns)
-                row[-1] = replace(row[-1], targets=targets)
-            self._joint_move(row[-1])
+        if not pending:
+            return
+        last = pending[-1]
+        if len(pending) > 1:
+            columns = zip(*[line.targets for line in reversed(pending)], strict=True)
+            last = replace(last, targets=tuple([_first(column) for column in columns]))
+        self._joint_move(last)
 
     def _lost(self) -> list[Known]:
         """Nobody knows where the rotaries are; one that the machine has not stands still."""
@@ -239,9 +239,16 @@ def _is_position(block: JointMotion) -> bool:
     return not (isinstance(block, JointLine) and block.machine_frame)
 
 
-def _frame(line: JointMotion) -> tuple[object, ...]:
-    """What says where the words of an absolute line lead."""
-    return line.modal.offset, line.modal.part, line.modal.length_mm
+def _in_one_frame(a: Modal, b: Modal) -> bool:
+    """Whether words of absolute lines lead to the same places under both."""
+    return a is b or (a.offset, a.part, a.length_mm) == (b.offset, b.part, b.length_mm)
+
+
+def _first(column: Sequence[Known]) -> Known:
+    """The first value that is one."""
+    if column.count(None) == len(column):
+        return None
+    return next(q for q in column if q is not None)
 
 
 def _moved(here: Known, word: Known, relative: bool) -> Known:

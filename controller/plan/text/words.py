@@ -9,10 +9,11 @@ each as often as it is.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
+from controller.plan.text import foreign, marks
 from controller.plan.text.comments import message, without_comments
-from controller.plan.text.decoding import lines_of
+from controller.plan.text.decoding import Text
 from controller.plan.text.expressions import GAPS, Values
 from controller.plan.text.flow import Limits, Run, Source
 from controller.plan.text.line import COMMON, SIMPLE, Line, Word, simple
@@ -26,12 +27,13 @@ LARGEST = 1e9
 
 _O_WORD = re.compile(r"o[ \t]*(?:<[^<>]*>|[0-9 \t]+)[ \t]*[a-z]{2}")
 _MARK = re.compile(r"[ \t]*%[ \t]*")
+_LEVEL = re.compile(rf"[1-9][{GAPS}]*[a-z#]")
 # As controls name programs before the first block: O1234, :1234, O1234 <PART>, <PART>.
 _TITLE = re.compile(rf"[{GAPS}]*(?:[oO:][ \t]*[0-9]{{1,8}}[{GAPS}]*)?(?:[oO]?[{GAPS}]*<[^<>]*>)?[{GAPS}]*")
 
 
 def read(
-    whole: str,
+    whole: Text,
     name: str,
     block_delete: bool = False,
     parameters: Parameters | None = None,
@@ -48,14 +50,14 @@ def read(
     is noted there and left out.
     """
     scan = _Scan(parameters or Parameters(), block_delete, refused)
-    source = Source.of(name, whole)
-    if source.marks.none:
-        yield from scan.lines(whole, name)
+    source = None if marks.plain(whole.parts()) else Source.of(name, whole.whole())
+    if source is None or source.marks.none:
+        yield from scan.lines(whole.lines(), name)
     else:
         run = Run(source, scan.line, scan.parameters, limits or Limits(), files or {}, block_delete)
         yield from run.lines()
     if not scan.found:
-        what = "only blank lines and comments" if whole.strip() else "nothing"
+        what = "only blank lines and comments" if whole.body else "nothing"
         raise ProgramError(
             name, 1, 1, f"the file holds {what}: a program needs at least one word; send the whole program"
         )
@@ -72,9 +74,9 @@ class _Scan:
         self.found = False  # a word
         self._opened = self._named = False
 
-    def lines(self, whole: str, name: str) -> Iterator[Line]:
+    def lines(self, whole: Iterable[str], name: str) -> Iterator[Line]:
         """All of a text, as it stands."""
-        for number, raw in enumerate(lines_of(whole), start=1):
+        for number, raw in enumerate(whole, start=1):
             if (common := COMMON.fullmatch(raw)) is not None and common.lastindex is not None:
                 self.found = self._opened = True
                 yield Line(name, number, (), common, _plain_words)
@@ -98,8 +100,9 @@ class _Scan:
         try:
             return self._words_of(raw, name, number)
         except ProgramError as error:
+            error = foreign.statement(raw, name, number) or error
             if self._refused is None:
-                raise
+                raise error from None
             self._refused.append(error)
             self.found = self._opened = True
             return None
@@ -151,7 +154,8 @@ class _Words(Values):
         self._text = self._text.lower()
         words: list[Word] = []
         settings: dict[Key, float] = {}
-        self.take("/")
+        if self.take("/") and self.peek() in "123456789" and _LEVEL.match(self._text, self._at):
+            self._at += 1  # Fanuc's /2: there is one switch for all of them
         if self.peek() == "n":
             self._line_number()
         while self.peek():

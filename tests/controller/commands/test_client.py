@@ -17,6 +17,7 @@ from rich.console import Console
 from typer.testing import CliRunner, Result
 
 from controller.__main__ import app
+from controller.catalogue import plain
 from controller.commands import client as verbs
 from controller.commands import client_lists, remote
 from controller.panel.answers import Refusal
@@ -25,6 +26,7 @@ from controller.panel.http import make_app
 from controller.panel.link import Watch
 from controller.panel.store import Store
 from controller.panel.users import new_token
+from controller.state import Fault, told
 
 ASK = CliRunner()
 PROGRAM = b"g90\ng0 x1\nm30\n"
@@ -36,7 +38,7 @@ class NotingDoor:
 
     def __init__(self) -> None:
         self.asked: list[tuple[str, dict[str, Any]]] = []
-        self.results: dict[str, dict[str, Any]] = {"load": {"tool": 1, "offset": "G54"}}
+        self.results: dict[str, dict[str, Any]] = {"load": {"restart": [plain("Work offset G54.")]}}
         self.coming: list[dict[str, Any]] = []  # sequences of the next statuses
         self.jobs: list[dict[str, Any]] = []  # likewise; the last one stays
         self.refused: dict[str, Refusal] = {}
@@ -200,7 +202,12 @@ def test_what_fails_on_the_way_is_refused_with_its_sentence(panel: Panel, door: 
     assert panel.control.holder == ""
 
 
-JOB = {"name": "part.ngc", "state": "loaded", "sentence": None, "restart": ["Line 2, 0 % of its block."]}
+JOB = {
+    "name": "part.ngc",
+    "state": "loaded",
+    "sentence": None,
+    "restart": [plain("Line 2, 0 % of its block.")],
+}
 
 
 def test_a_program_that_takes_long_to_read_is_waited_for_and_its_state_is_shown(
@@ -255,7 +262,7 @@ def test_a_start_in_mid_program_shows_the_state_and_asks(
 ) -> None:
     done("upload", str(program))
     no = run("start", "part.ngc", "--line", "2", answer="n\n")
-    assert no.exit_code == 1 and "offset: G54" in no.stderr and door.verbs == ["load"]
+    assert no.exit_code == 1 and "Work offset G54." in no.stderr and door.verbs == ["load"]
     yes = run("start", "part.ngc", "--line", "2", "--fraction", "0.5", answer="y\n")
     assert yes.exit_code == 0 and door.verbs == ["load", "load", "start"]
     assert [args.get("fraction") for verb, args in door.asked if verb == "load"] == [None, 0.5]
@@ -279,7 +286,7 @@ def test_what_was_interrupted_is_shown_and_gone_on_with(
     done("upload", str(program))
     door.results["restart"] = OFFER
     no = run("start", "--restart", answer="n\n")
-    assert no.exit_code == 1 and "offset: G54" in no.stderr and "start" not in door.verbs
+    assert no.exit_code == 1 and "Work offset G54." in no.stderr and "start" not in door.verbs
     assert run("start", "--restart", answer="y\n").exit_code == 0
     assert [args.get("restart") for verb, args in door.asked if verb == "load"] == [True, True]
     assert door.verbs[-1] == "start"
@@ -336,7 +343,7 @@ def test_a_jog_needs_a_distance_or_a_speed_with_its_time(
 
 
 def test_status_shows_the_machine_and_what_nobody_acknowledged(panel: Panel, door: NotingDoor) -> None:
-    panel.store.alarms.add("DOOR_OPEN", "The door is open.", sentence_de="Die Tür ist offen.")
+    panel.store.alarms.add("DOOR_OPEN", "The door is open.")
     told = done("status")
     assert "READY" in told and "The door is open." in told
     assert json.loads(done("status", "--json"))["mode"] == "READY"
@@ -386,8 +393,10 @@ def test_a_watch_in_a_terminal_shows_the_whole_view(
 
 
 def test_alarms_are_listed_in_either_language_and_acknowledged(panel: Panel) -> None:
-    panel.store.alarms.add("DOOR_OPEN", "The door is open.", sentence_de="Die Tür ist offen.")
-    assert "The door is open." in done("alarms") and "Die Tür ist offen." in done("alarms", "--german")
+    panel.store.alarms.add("DOOR_OPEN", told(Fault.DOOR_OPEN))
+    assert "The door is open." in done("alarms") and "Die Tür ist offen." in done(
+        "alarms", "--language", "de"
+    )
     done("alarms", "--acknowledge", "1")
     assert "acknowledged by local" in done("alarms") and "The door is open." not in done("status")
     assert json.loads(done("alarms", "--json"))["alarms"][0]["acknowledged_by"] == "local"

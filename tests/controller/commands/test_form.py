@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from controller import config, fitting
 from controller.__main__ import app
+from controller.catalogue import text
 from controller.commands import check_worker
 
 TWISTED = program("example2_ready").replace("G41 R1.", "G41")  # the paper's placement, cutter of 3 mm
@@ -123,5 +124,5 @@ def test_the_services_check_tells_it_in_both_languages(
     job = {"name": "part", "program": str(part), "lines": 20, "state": str(tmp_path)}
     found, result = check_worker.check(job, lambda _: None)
     assert found == state and not result["verdict"]["within"]
-    assert "exceeds its form tolerance" in result["verdict"]["sentence"]
-    assert "überschreitet ihre Formtoleranz" in result["verdict"]["sentence_de"]
+    assert "exceeds its form tolerance" in text(result["verdict"])
+    assert "überschreitet ihre Formtoleranz" in text(result["verdict"], "de")

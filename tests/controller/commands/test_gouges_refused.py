@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 
 from controller import config, fitting
 from controller.__main__ import app
+from controller.catalogue import text
 from controller.commands import check_worker
 
 SHIPPED = Path(config.__file__).parents[1] / "config"
@@ -129,7 +130,7 @@ def test_the_services_own_check_refuses_it_too(case: Case, tmp_path: Path) -> No
     fitting.note(tmp_path, config.load(machine))
     job = {"name": "part.ngc", "program": str(program), "lines": 30, "state": str(tmp_path)}
     state, result = check_worker.check(job, lambda _: None)
-    assert state == "refused" and result["line"] == case.line and matches(case, result["sentence"])
+    assert state == "refused" and result["line"] == case.line and matches(case, text(result))
 
 
 @pytest.mark.slow

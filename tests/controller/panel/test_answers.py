@@ -1,4 +1,4 @@
-"""What the panel refuses is told in English and in German, by one text of the catalogue each."""
+"""What the panel refuses is told in the language that is asked for, by one text of the catalogue each."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from support.fakes.fake_socket import FakeDoor
 from support.fakes.panels import Scene, take_control
 
 from controller import panel
-from controller.catalogue import LANGUAGES
+from controller.catalogue import LANGUAGES, text
 from controller.panel import events
 from controller.panel.answers import of_form
 
 ROOM = Path(str(panel.__file__)).parent
 # Told by what is sent by scripts alone, or at the command line before there is a page.
-ENGLISH_ONLY = {"multipart.py", "listen.py", "records.py", "programs.py", "database.py"}
+ENGLISH_ONLY = {"multipart.py", "records.py", "programs.py", "database.py"}
 CASES: dict[str, tuple[str, str, Any, str]] = {
     "a program that is not there": ("GET", "/programs/none.ngc", None, "Programm 'none.ngc'"),
     "its new name is another's": (
@@ -52,18 +52,17 @@ def calls() -> Iterator[tuple[Path, ast.Call]]:
         yield from ((file, node) for node in nodes if isinstance(node, ast.Call))
 
 
-def test_a_refusal_without_german_is_only_where_no_page_shows_it() -> None:
+def test_a_refusal_without_a_key_is_only_where_no_page_shows_it() -> None:
     plain = {
         file.name
         for file, call in calls()
         if isinstance(call.func, ast.Name) and call.func.id in ("Refusal", "StoreError")
-        if not any(word.arg == "sentence_de" for word in call.keywords) and file.name != "http.py"
     }
-    assert plain <= ENGLISH_ONLY
+    assert plain <= ENGLISH_ONLY | {"http.py", "link.py"}
 
 
 def test_every_text_that_a_refusal_names_is_in_the_catalogue() -> None:
-    words = LANGUAGES["de"].refusals
+    words = LANGUAGES["de"].texts
     for file, call in calls():
         if not isinstance(call.func, ast.Attribute) or call.func.attr != "told":
             continue
@@ -84,48 +83,59 @@ async def prepared(folder: Path) -> Scene:
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_what_the_page_may_be_refused_is_told_in_german_too(case: str, tmp_path: Path) -> None:
+def test_what_the_page_may_be_refused_is_told_in_the_language_asked_for(case: str, tmp_path: Path) -> None:
     method, path, body, german = CASES[case]
 
-    async def story() -> dict[str, Any]:
+    async def story() -> tuple[dict[str, Any], ...]:
         scene = await prepared(tmp_path)
         async with scene.client() as client:
             await take_control(client)
-            answer = await client.request(method, f"/api/v1{path}", json=body)
-        assert answer.status_code >= 400, answer.text
-        return dict(answer.json()["error"])
+            told = []
+            for language in ("de-CH, en;q=0.8", "fr, en"):
+                spoken = {"Accept-Language": language}
+                answer = await client.request(method, f"/api/v1{path}", json=body, headers=spoken)
+                assert answer.status_code >= 400, answer.text
+                assert answer.headers["Content-Language"] == ("de" if language[0] == "d" else "en")
+                assert "Accept-Language" in answer.headers["Vary"]
+                told.append(dict(answer.json()["error"]))
+        return tuple(told)
 
-    error = asyncio.run(story())
-    assert german in error["sentence_de"], error
-    assert error["sentence"] and error["sentence"] != error["sentence_de"]
+    in_german, in_english = asyncio.run(story())
+    assert german in in_german["sentence"], in_german
+    assert in_english["sentence"] and in_english["sentence"] != in_german["sentence"]
+    assert (in_english["key"], in_english["values"]) == (in_german["key"], in_german["values"])
 
 
 @pytest.mark.parametrize("path", ["/status", "/machine/buses"])
-def test_that_the_service_is_gone_is_told_in_german_too(path: str, tmp_path: Path) -> None:
+def test_that_the_service_is_gone_is_told_in_the_language_of_the_page(path: str, tmp_path: Path) -> None:
     async def story() -> dict[str, Any]:
         scene = Scene(tmp_path)
         scene.door.there = False
         async with scene.client() as client:
-            return dict((await client.get(f"/api/v1{path}")).json()["error"])
+            client.cookies.set("directrix_language", "de")
+            spoken = {"Accept-Language": "en"}  # of the browser: what was chosen on the page comes first
+            return dict((await client.get(f"/api/v1{path}", headers=spoken)).json()["error"])
 
-    assert "antwortet nicht" in asyncio.run(story())["sentence_de"]
+    assert "antwortet nicht" in asyncio.run(story())["sentence"]
 
 
-def test_listeners_hear_in_german_too_that_the_service_is_gone(tmp_path: Path) -> None:
-    async def story() -> str:
+def test_every_listener_hears_in_a_language_of_its_own_that_the_service_is_gone(tmp_path: Path) -> None:
+    async def story() -> list[str]:
         scene = Scene(tmp_path, FakeDoor())
         scene.door.there = False
-        with scene.panel.events.listening(frozenset(events.TOPICS)) as listener:
-            running = asyncio.create_task(scene.panel.events.run())
-            told = "".join(await asyncio.wait_for(listener.next(), 30.0))
+        topics, own = frozenset(events.TOPICS), scene.panel.events
+        with own.listening(topics, "de") as german, own.listening(topics, "en") as english:
+            running = asyncio.create_task(own.run())
+            told = ["".join(await asyncio.wait_for(one.next(), 30.0)) for one in (german, english)]
             running.cancel()
         return told
 
-    assert "antwortet nicht" in asyncio.run(story())
+    german, english = asyncio.run(story())
+    assert "antwortet nicht" in german and "does not answer" in english
 
 
 def test_what_does_not_fit_in_a_way_without_a_word_is_told_as_it_was_found() -> None:
     error = {"type": "new_kind", "loc": ("body", "x"), "msg": "Not a plum.", "input": "y" * 99}
-    facts = of_form([error]).facts
-    assert facts.sentence.startswith("body.x: Not a plum (found 'yyy") and "..." in facts.sentence
-    assert facts.sentence_de is not None and "passt nicht (Not a plum)" in facts.sentence_de
+    told = of_form([error]).said
+    assert text(told).startswith("body.x: Not a plum (found 'yyy") and "..." in text(told)
+    assert "passt nicht (Not a plum)" in text(told, "de")

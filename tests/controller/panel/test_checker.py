@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from controller import config, fitting
+from controller.catalogue import text
 from controller.commands import check_worker
 from controller.panel.checker import Checker
 from controller.panel.store import Program, ProgramCheck, Store
@@ -82,7 +83,7 @@ def test_a_wrong_program_is_refused_with_its_line(store: Store) -> None:
     said: list[float] = []
     job = {"name": "b", "program": store.programs.path(program.sha256), "lines": 3, "state": store.folder}
     state, result = check_worker.check(job, said.append)
-    assert (state, result["line"]) == ("refused", 2) and "X" in result["sentence"]
+    assert (state, result["line"]) == ("refused", 2) and "X" in text(result)
 
 
 def test_a_check_belongs_to_the_tools_and_offsets_it_was_made_with(store: Store) -> None:
@@ -101,7 +102,7 @@ def test_a_worker_that_dies_is_a_failed_check_and_the_next_one_is_made(store: St
     first, second = kept(store, "a", b"die\n"), kept(store, "b", b"M2\n")
     checker.ask(first)
     checker.ask(second)
-    assert "without a result" in awaited(checker, first, "failed").result["sentence"]
+    assert "without a result" in text(awaited(checker, first, "failed").result)
     assert awaited(checker, second, "passed").result == {"name": "b"}
     checker.close()
 
@@ -118,11 +119,11 @@ if "die" not in open(job["program"]).read():
 
 def test_a_check_has_passed_before_its_surfaces_are_looked_at_and_stays_so(store: Store) -> None:
     checker = Checker(store, (sys.executable, "-c", MORE))
-    for text, verified in ((b"M2\n", True), (b"die\n", False)):
-        program = kept(store, "a", text)
+    for words, verified in ((b"M2\n", True), (b"die\n", False)):
+        program = kept(store, "a", words)
         checker.ask(program)
         assert "blocks" in awaited(checker, program, "passed").result
-        other = kept(store, "b", b"M2 " + text)  # waited for: then the first one is done with
+        other = kept(store, "b", b"M2 " + words)  # waited for: then the first one is done with
         checker.ask(other)
         awaited(checker, other, "passed")
         found = checker.of(program)

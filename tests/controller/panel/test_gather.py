@@ -16,8 +16,8 @@ ALARM = {
     "time_s": 1000.5,
     "name": "FOLLOWING_ERROR",
     "axis": "X",
-    "sentence": "X lags.",
-    "sentence_de": "X eilt nach.",
+    "key": "of_axis",
+    "values": {"axis": "X", "text": "It lags."},
     "acknowledged_s": None,
 }
 RUN = {
@@ -56,8 +56,8 @@ def test_alarms_are_taken_in_once_and_completed_by_later_lines(store: Store) -> 
     append(store, {**ALARM, "recording": "x.npz"}, "{cut off")
     assert gatherer.gather()
     [alarm] = store.alarms.list()
-    assert (alarm.at_s, alarm.name, alarm.axis, alarm.sentence) == (1000.5, "FOLLOWING_ERROR", "X", "X lags.")
-    assert alarm.facts == {"sentence_de": "X eilt nach.", "recording": "x.npz", "number": 1}
+    assert (alarm.at_s, alarm.name, alarm.axis, alarm.key) == (1000.5, "FOLLOWING_ERROR", "X", "of_axis")
+    assert alarm.values == ALARM["values"] and alarm.facts == {"recording": "x.npz", "number": 1}
     assert Gatherer(store.database, store.folder).gather()
     assert len(store.alarms.list()) == 1
 

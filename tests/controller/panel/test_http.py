@@ -63,8 +63,9 @@ def test_a_refusal_of_the_machine_names_mode_request_and_reason(tmp_path: Path) 
             assert answer.status_code == 409
             assert answer.json()["error"] == {
                 "code": "refused",
+                "key": "text",
+                "values": {"text": "start is refused in OFF."},
                 "sentence": "start is refused in OFF.",
-                "sentence_de": None,
                 "mode": "OFF",
                 "request": "START",
             }

@@ -23,13 +23,15 @@ from aiosmtpd.smtp import AuthResult, Envelope
 from support.fakes.panels import Scene, sentence
 from support.live.browser import free_port
 
-from controller import config
+from controller import catalogue, config, fault_table
+from controller.catalogue import said
+from controller.faults import Fault
 from controller.panel import backup, notice_ways, notices
 from controller.panel.notice_ways import Notice
 
 KEY = "T0Psecret"
 PATIENCE_S = 20.0
-TEST = Notice("test", 0.0, "A test.", "Ein Versuch.")
+TEST = Notice("test", 0.0, said("notice.test"))
 
 
 class Hook:
@@ -89,10 +91,10 @@ def test_alarm_end_of_program_and_tool_change_are_each_told_once(tmp_path: Path,
     scene.store.alarms.add("ESTOP", "An old one.")
     assert settle(scene, webhook=hook.url, language="de").status_code == 200
     look(scene)
-    scene.store.alarms.add("ESTOP", "Emergency stop.", sentence_de="Not-Halt.")
+    scene.store.alarms.add("ESTOP", fault_table.told(Fault.ESTOP_INPUT))
     scene.store.runs.end(scene.store.runs.begin("part.ngc", "0" * 64), "completed")
     scene.store.runs.end(scene.store.runs.begin("MDI", "0" * 64), "completed")
-    told, asks = scene.door.status, {"number": 4, "sentence": "Put in T4.", "sentence_de": "T4 einsetzen."}
+    told, asks = scene.door.status, {"number": 4, **said("tool_change", number=4, name="")}
     scene.door.status = lambda: {**told(), "tool_change": asks}  # type: ignore[method-assign]
     look(scene)
     look(scene)
@@ -100,7 +102,10 @@ def test_alarm_end_of_program_and_tool_change_are_each_told_once(tmp_path: Path,
         assert hook.some.acquire(timeout=PATIENCE_S)
     events = {one["event"]: one["text"] for one in hook.heard}
     ended = "Das Programm part.ngc ist zu Ende: fertig."
-    assert events == {"alarm": "Not-Halt.", "program_end": ended, "tool_change": "T4 einsetzen."}
+    stop, tool = scene.store.alarms.list()[0], "T4 in die Spindel einsetzen, dann das Programm fortsetzen."
+    alarm = catalogue.text({"key": stop.key, "values": stop.values}, "de")
+    assert events == {"alarm": " ".join(alarm.split()), "program_end": ended, "tool_change": tool}
+    assert alarm.startswith("Der Not-Halt")
     scene.panel.notices.send(TEST)
     assert hook.some.acquire(timeout=PATIENCE_S)
     assert len(hook.heard) == 4
@@ -159,7 +164,8 @@ def test_a_server_that_hangs_holds_nothing_up(tmp_path: Path, monkeypatch: pytes
         scene.panel.notices.send(TEST)
     assert began.wait(PATIENCE_S)
     assert asked(scene, lambda client: client.get("/api/v1/status")).status_code == 200
-    assert "too many" in scene.panel.notices.outcomes["webhook"].sentence
+    told = scene.panel.notices.outcomes["webhook"].why
+    assert "too many" in catalogue.text(told)
     scene.panel.notices.end()
     hangs.set()
 
@@ -202,14 +208,14 @@ def tried(scene: Scene) -> dict[str, Any]:
     return last["mail"]
 
 
-def test_a_mail_goes_to_all_receivers_in_both_languages(tmp_path: Path) -> None:
+def test_a_mail_goes_to_all_receivers_in_the_language_that_was_chosen(tmp_path: Path) -> None:
     scene, got = Scene(tmp_path), Letters()
     with mail_server(got) as where:
-        settle(scene, **where, security="none")
+        settle(scene, **where, security="none", language="de")
         assert tried(scene)["sent"] is True
     (letter,) = got.letters
     assert letter.startswith("['a@example.org', 'b@example.org']")
-    assert "This is a test" in letter and "Versuch" in letter
+    assert "Versuch" in letter and "This is a test" not in letter
 
 
 @pytest.mark.parametrize(("security", "password"), [("starttls", KEY), ("tls", KEY), ("starttls", "wrong")])
@@ -291,7 +297,7 @@ def test_what_came_while_the_panel_was_away_is_told_once_by_the_next(tmp_path: P
     look(third)
     third.panel.notices.send(TEST)
     assert hook.some.acquire(timeout=PATIENCE_S)
-    assert [one["text"] for one in hook.heard] == ["While it was away.", TEST.sentence]
+    assert [one["text"] for one in hook.heard] == ["While it was away.", catalogue.text(TEST.said)]
 
 
 def test_settings_that_are_not_sound_are_off(tmp_path: Path) -> None:

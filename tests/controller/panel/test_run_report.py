@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from controller.catalogue import said
 from controller.panel.records import Alarm, Run
 from controller.panel.run_report import Facts, page
 
@@ -14,7 +15,7 @@ CHECK = {
     "verified": {"overcut_mm": 0.0021},
     "joints": [{"name": "X", "velocity_share": 0.42, "acceleration_share": 0.3, "jerk_share": 0.9}],
 }
-ALARM = Alarm(3, 1010.0, "FEED_LOW", "X", "It was slow.", {}, None, None)
+ALARM = Alarm(3, 1010.0, "FEED_LOW", "X", None, None, "It was slow.", {}, None, None)
 
 
 def test_it_tells_what_the_store_has_of_the_run_its_check_and_its_alarms() -> None:
@@ -24,8 +25,8 @@ def test_it_tells_what_the_store_has_of_the_run_its_check_and_its_alarms() -> No
 
 
 def test_it_tells_whether_the_surfaces_kept_their_tolerance_in_its_language() -> None:
-    check = {**CHECK, "verdict": {"within": False, "sentence": "Too deep.", "sentence_de": "Zu tief."}}
-    for language, sentence in (("en", "Too deep."), ("de", "Zu tief.")):
+    check = {**CHECK, "verdict": {"within": False, **said("form.overcut")}}
+    for language, sentence in (("en", "too deep"), ("de", "zu tief geschnitten")):
         assert sentence in page(Facts(RUN, check, [], []), language)  # type: ignore[arg-type]
 
 

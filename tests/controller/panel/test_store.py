@@ -146,7 +146,7 @@ def test_a_run_has_a_beginning_an_end_and_facts_of_both(store: Store) -> None:
 
 
 def test_the_first_acknowledgement_of_an_alarm_counts(store: Store) -> None:
-    alarm = store.alarms.add("FOLLOWING_ERROR", "X lags.", "X", sentence_de="X eilt nach.")
+    alarm = store.alarms.add("FOLLOWING_ERROR", "X lags.", "X")
     assert [a.id for a in store.alarms.list(open_only=True)] == [alarm]
     store.alarms.acknowledge(alarm, "anna")
     assert store.alarms.acknowledge(alarm, "ben").acknowledged_by == "anna"

@@ -8,6 +8,8 @@ import pytest
 from support.live.served_machine import Serving, calm, serving
 from support.machines.stepped_runs import program
 
+from controller import catalogue
+
 pytestmark = [pytest.mark.slow, pytest.mark.live]
 
 TEXT = program("example2_ready.ngc", "1000.")
@@ -89,7 +91,7 @@ def test_a_stop_off_the_path_ends_the_program_and_the_rest_is_offered(service: S
     assert not service.status()["aside"]
     path = str(service.state / "part.ngc")
     service.done("load", path=path, name="part.ngc", restart=True)
-    assert any("Entry along the tool axis" in line for line in service.status()["job"]["restart"])
+    assert any(line["key"] == "at.entry" for line in service.status()["job"]["restart"])
 
 
 def test_after_a_fault_in_a_cut_the_remedy_can_be_followed(service: Serving) -> None:
@@ -124,7 +126,7 @@ def test_a_plan_killed_while_the_tool_stands_aside_is_a_fault_with_one_alarm_and
     assert {name: axis["machine"] for name, axis in now["joints"].items()} == off
     assert now["fault"]["name"] == "PLANNER_GONE" and now["fault"]["position_trusted"]
     now = service.ended()
-    assert now["job"]["state"] == "fault" and "planner" in now["job"]["sentence"]
+    assert now["job"]["state"] == "fault" and "planner" in catalogue.text(now["job"])
     assert len(service.ask("alarms")["alarms"]) == before + 1
     service.until(lambda now: now["plan_alive"])
     service.done("reset")

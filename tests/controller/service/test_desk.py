@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from support.fakes.fake_engine import HANGS_S, FakeEngine, done, heard
 
-from controller import fitting, journal
+from controller import catalogue, fitting, journal
 from controller.door import DoorError
 from controller.handoff import Snapshot
 from controller.kinematics import kinematics_of
@@ -201,7 +201,9 @@ def test_a_tick_that_answers_nothing_is_told_and_keeps_nobody_waiting(
     assert isinstance(asked, Future), "the door's thread goes on"
     with pytest.raises(DoorError) as error:
         asked.result(HANGS_S)
-    assert error.value.code == "silent" and error.value.request == "HOLD" and error.value.sentence_de
+    assert (
+        error.value.code == "silent" and error.value.request == "HOLD" and error.value.said["key"] == "waited"
+    )
     asked = desk("stop", {})
     engine.tick_alive = False
     assert isinstance(asked, Future)
@@ -242,7 +244,7 @@ def test_from_ready_as_after_a_fault_the_tool_goes_off_along_its_axis_slowly(
     done(desk, "retract", mm=after)  # what is told may be asked for
     with pytest.raises(DoorError, match=r"up to 0\.000 mm") as error:
         done(desk, "retract", mm=0.1)
-    assert error.value.mode == "READY" and "0.000 mm im Verfahrweg" in error.value.sentence_de
+    assert error.value.mode == "READY" and "0.000 mm im Verfahrweg" in catalogue.text(error.value.said, "de")
 
 
 @pytest.mark.parametrize("mm", [0.0, 1000.0])
@@ -305,7 +307,7 @@ def test_of_a_tick_that_was_killed_in_a_cut_the_very_next_status_tells(
     assert (before["mode"], before["job"]["state"], before["fault"]) == ("RUNNING", "running", None)
     assert (now["mode"], now["job"]["state"], now["tick_alive"]) == ("FAULT", "fault", False)
     assert now["fault"]["name"] == "CONTROLLER_GONE" and not now["fault"]["position_trusted"]
-    assert now["fault"]["sentence"] and now["fault"]["sentence_de"]
+    assert catalogue.text(now["fault"])
     assert now["at_rest"] is None and now["feed_mm_min"]["actual"] is None and now["retract_room_mm"] is None
     assert now["not_homed"] == ["X", "Y", "Z", "A", "C"]
     assert now.keys() == before.keys()
@@ -359,7 +361,7 @@ def test_a_tick_that_stands_is_told_in_every_status_and_once_as_an_alarm(
     told = done(desk, "status")
     (notice,) = told["notices"]
     assert notice["name"] == "TICK_STANDS"
-    assert "1.0 s" in notice["sentence"] and "1.0 s" in notice["sentence_de"]
+    assert "1.0 s" in catalogue.text(notice)
     assert [alarm["name"] for alarm in service.alarms.list()] == ["TICK_STANDS"]
     frozen = frozen._replace(tick=frozen.tick + 1)
     service.look()
@@ -391,9 +393,7 @@ def test_in_the_last_second_of_the_queue_the_operator_is_told_and_not_before(
     assert not told(0.9), "where a program begins that is nothing"
     assert not told(0.8)
     (notice,) = told(0.7)
-    assert (
-        notice["name"] == "PLAN_SILENT" and "0.7 s" in notice["sentence"] and "0.7 s" in notice["sentence_de"]
-    )
+    assert notice["name"] == "PLAN_SILENT" and "0.7 s" in catalogue.text(notice)
     assert not told(2.0), "it has sent again"
     assert not service.alarms.list()
     for _ in range(3):
@@ -417,7 +417,8 @@ def test_a_plan_that_is_killed_in_a_hold_is_a_fault_with_one_alarm(
     (alarm,) = service.alarms.list()
     assert (alarm["name"], now["fault"]["number"]) == ("PLANNER_GONE", alarm["id"])
     assert service.running is None and service.job is not None
-    assert (service.job.state, service.job.sentence) == ("fault", now["fault"]["sentence"])
+    assert service.job.state == "fault"
+    assert catalogue.text(service.job.said) == catalogue.text(now["fault"])
 
 
 def test_a_later_death_of_the_plan_is_another_alarm(desk: Desk, service: Service, engine: FakeEngine) -> None:
@@ -478,7 +479,7 @@ def test_a_start_on_a_full_disk_is_confirmed_costs_the_record_and_the_program_en
     ended(service, engine)
     assert service.running is None and service.job is not None and service.job.state == "completed"
     (alarm,) = service.alarms.list()
-    assert alarm["name"] == "NOT_RECORDED" and alarm["sentence_de"]
+    assert alarm["name"] == "NOT_RECORDED" and alarm["key"] == "not_recorded"
     done(desk, "start", unrecorded=True)
 
 
@@ -492,7 +493,9 @@ def test_a_disk_that_fills_during_a_run_is_told_once(
     for _ in range(3):
         service._look_at_rows(engine.now)
     (alarm,) = service.alarms.list()
-    assert alarm["sentence"].startswith("The record of part.ngc ends before the run: No space left on device")
+    assert catalogue.text(alarm).startswith(
+        "The record of part.ngc ends before the run: No space left on device"
+    )
     ended(service, engine)
 
 
@@ -623,7 +626,7 @@ def test_a_restart_that_is_loaded_is_not_started_with_another_offset(
     done(desk, "set_offset", name="G54", values=[1.0, 2.0, 3.0])
     with pytest.raises(DoorError, match="a work offset changed") as error:
         done(desk, "start")
-    assert (error.value.mode, error.value.request) == ("READY", "START") and error.value.sentence_de
+    assert (error.value.mode, error.value.request) == ("READY", "START")
     assert "arm" not in engine.orders and service.running is None
     done(desk, "set_offset", name="G54", values=before)
     done(desk, "start")
@@ -672,9 +675,7 @@ def test_a_start_before_the_program_is_read_or_after_its_refusal_says_why_in_bot
     def check(**_: Any) -> dict[str, Any]:
         reading.set()
         go.wait(HANGS_S)
-        raise DoorError(
-            "bad", "part.ngc: line 2: X99. is beyond the travel.", sentence_de="Zeile 2: zu weit."
-        )
+        raise DoorError("bad", "part.ngc: line 2: X99. is beyond the travel.")
 
     engine.answers["check"] = check
     (service.state / "part.ngc").write_text(TEXT)
@@ -682,16 +683,16 @@ def test_a_start_before_the_program_is_read_or_after_its_refusal_says_why_in_bot
     assert reading.wait(HANGS_S)
     with pytest.raises(DoorError, match=r"part\.ngc is still being read and checked; wait") as error:
         done(desk, "start")
-    assert "wird noch gelesen" in error.value.sentence_de
+    assert "wird noch gelesen" in catalogue.text(error.value.said, "de")
     go.set()
     assert isinstance(load, Future)
     with pytest.raises(DoorError):
         load.result(HANGS_S)
     with pytest.raises(DoorError, match=r"was not loaded.* X99\. is beyond the travel\.$") as error:
         done(desk, "start")
-    assert error.value.sentence_de.endswith("Zeile 2: zu weit.")
+    assert catalogue.text(error.value.said, "de").endswith("beyond the travel.")
     job = done(desk, "status")["job"]
-    assert (job["state"], job["sentence_de"]) == ("refused", "Zeile 2: zu weit.")
+    assert job["state"] == "refused" and catalogue.text(job).endswith("beyond the travel.")
 
 
 @pytest.mark.parametrize(
@@ -710,7 +711,7 @@ def test_a_jog_into_a_soft_limit_says_that_it_will_not_move_and_why(
     for verb, args in (("jog", {"speed": 0.5 * sign}), ("jog_step", {"distance": 1.0 * sign})):
         with pytest.raises(DoorError, match=words) as error:
             done(desk, verb, axis=axis, frame="joint", **args)
-        assert "bewegt sich nicht" in error.value.sentence_de and not engine.jogged
+        assert "bewegt sich nicht" in catalogue.text(error.value.said, "de") and not engine.jogged
     done(desk, "jog_step", axis=axis, frame="joint", distance=-1.0 * sign)
     assert len(engine.jogged) == 1, "away from the limit it moves"
     engine.now = engine.now._replace(joints=joints, actual=joints, homed=0, mode=Mode.READY)

@@ -6,6 +6,7 @@ import pytest
 from support.machines.interrupted_runs import EXAMPLE_2, rest_of
 from support.machines.stepped_runs import shipped
 
+from controller.catalogue import text
 from controller.kinematics import kinematics_of
 from controller.plan.route.spot import Spot
 from controller.service import entered
@@ -27,7 +28,7 @@ SECOND = 19  # line of the second surface of Example 2
     ],
 )
 def test_the_state_at_a_place_inside_of_a_surface_is_told(language: str, starts: tuple[str, ...]) -> None:
-    told = entered.told(rest_of(EXAMPLE_2, Spot(SECOND, 0.25), shipped()), language)
+    told = [text(one, language) for one in entered.told(rest_of(EXAMPLE_2, Spot(SECOND, 0.25), shipped()))]
     assert len(told) == len(starts)
     for sentence, start in zip(told, starts, strict=True):
         assert sentence.startswith(start) and sentence.endswith(".")
@@ -59,7 +60,7 @@ M30
 )
 def test_a_tilted_plane_is_told_and_entered(language: str, sentence: str) -> None:
     rest = rest_of(TILTED, Spot(7, 0.5), shipped(dialect="fanuc", without_point="unit"))
-    told = entered.told(rest, language)
+    told = [text(one, language) for one in entered.told(rest)]
     assert len(told) == 5 and told[2].startswith(sentence) and told[2].endswith("K0.9397.")
     kinematics = kinematics_of(rest.source.machine)
     tip, axis = kinematics.forward(rest.target.joints, 0.0)

@@ -114,6 +114,13 @@ def test_the_place_stays_after_an_end_before_the_end(state: str, job: Job) -> No
     assert job.to_dict(snapshot())["fraction"] == 0.0
 
 
+def test_the_place_stays_when_the_tick_has_dropped_all_and_nobody_has_seen_it_yet(job: Job) -> None:
+    job.state = "running"
+    job.pass_time(snapshot(mode=Mode.RUNNING, line=7, motion_id=3, plan_time_s=104.0))
+    told = job.to_dict(snapshot(mode=Mode.FAULT, line=0, motion_id=-1, plan_time_s=104.5))
+    assert (told["line"], told["block"]) == (7, 3)
+
+
 def test_what_begins_inside_has_only_its_rest_left(job: Job) -> None:
     job.state, job.before_s = "loaded", 6.0
     told = job.to_dict(snapshot(mode=Mode.READY))

@@ -12,7 +12,7 @@ from support.machines.interrupted_runs import with_tool
 from support.machines.planning_bench import Bench
 from support.machines.stepped_runs import program
 
-from controller import door
+from controller import catalogue, door
 from controller.handoff import COLUMN
 from controller.plan.route.spot import Spot
 from controller.plan.route.stretch import Note
@@ -149,10 +149,10 @@ def test_how_far_the_drives_stopped_beside_the_path_is_told(bench: Bench) -> Non
     held(bench, 5)
     spot = bench.planner.spot(bench.snapshot())
     program = Program(TEXT.encode(), "part.ngc", bench.machine, spot=spot)
-    on_path = bench.order("beside", program=program).facts["sentence"]
+    on_path = catalogue.text(bench.order("beside", program=program).facts["said"])
     assert "0.000 mm beside the path near line 5" in on_path
     led(bench, "retract", distance_mm=3.0)
-    off = bench.order("beside", program=program).facts["sentence"]
+    off = catalogue.text(bench.order("beside", program=program).facts["said"])
     assert 2.0 < float(off.split("rest ")[1].split(" mm")[0]) <= 3.0005
 
 
@@ -198,7 +198,7 @@ def test_a_start_that_is_void_before_it_is_taken_is_answered_at_once(
     bench.stepped.request(request_)
     bench.go(lambda: bench.answers[-1].number == 1000)
     error = bench.answers[-1].error
-    assert error is not None and error[0] == "refused" and why in error[1] and error[-1]
+    assert error is not None and error[0] == "refused" and why in catalogue.text(error[1])
 
 
 def test_a_way_off_that_is_void_before_it_is_taken_is_answered_at_once(bench: Bench) -> None:
@@ -208,7 +208,7 @@ def test_a_way_off_that_is_void_before_it_is_taken_is_answered_at_once(bench: Be
     bench.stepped.request(Request.STOP)
     bench.go(lambda: bench.answers[-1].number == 1000)
     error = bench.answers[-1].error
-    assert error is not None and "by now" in error[1]
+    assert error is not None and "by now" in catalogue.text(error[1])
     bench.until(Mode.READY)
     armed(bench)
     bench.until(Mode.READY)

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import pytest
 from support.fakes.fake_engine import FakeEngine, done
 
+from controller import catalogue
 from controller.door import DoorError
 from controller.service import room
 from controller.service.desk import Desk
@@ -40,7 +41,7 @@ def test_with_too_little_room_nothing_starts_and_both_languages_say_why(
     monkeypatch.setattr(shutil, "disk_usage", lambda _: Usage(10 << 30, 10 << 30, 3 << 20))
     with pytest.raises(DoorError, match=r"part\.ngc is not started, .* has 3 MB free, and 65 MB") as error:
         done(desk, "start")
-    assert error.value.code == "unrecorded" and "hat 3 MB frei" in error.value.sentence_de
+    assert error.value.code == "unrecorded" and "hat 3 MB frei" in catalogue.text(error.value.said, "de")
     assert engine.now.mode is Mode.READY and "arm" not in engine.orders
     assert not list((service.state / "runs").glob("*")), "nothing of it is left behind"
     done(desk, "start", unrecorded=True)

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from support.machines.stepped_runs import shipped
 
+from controller import catalogue
 from controller.door import DoorError
 from controller.handoff import Snapshot, blank
 from controller.service import jobs
@@ -93,4 +94,4 @@ def test_a_reset_before_anybody_saw_the_tick_die_loses_no_alarm(tmp_path: Path) 
     service.look()
     (alarm,) = service.alarms.list()
     assert alarm["name"] == "CONTROLLER_GONE"
-    assert "SIGKILL" in alarm["sentence"]
+    assert "SIGKILL" in catalogue.text(alarm)

@@ -183,7 +183,7 @@ def test_an_emergency_stop_is_an_alarm_with_a_recording_and_reset_leads_to_off(s
     service.ask("estop")
     now = service.until(lambda now: now["fault"] and now["fault"]["recording"])
     assert (now["mode"], now["fault"]["name"]) == ("FAULT", "EMERGENCY_STOP")
-    assert Path(now["fault"]["recording"]).is_dir() and now["fault"]["sentence_de"]
+    assert Path(now["fault"]["recording"]).is_dir() and now["fault"]["key"]
     alarm = service.ask("alarms")["alarms"][0]
     assert alarm["name"] == "EMERGENCY_STOP" and alarm["acknowledged_s"] is None
     assert service.ask("acknowledge", id=alarm["id"]) == {"acknowledged": 1}

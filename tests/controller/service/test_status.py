@@ -14,7 +14,7 @@ from controller.kinematics import kinematics_of
 from controller.machine import Machine
 from controller.service import status
 from controller.service.orders import Way
-from controller.state import ALL_AXES, Fault, Mode, sentence
+from controller.state import ALL_AXES, Fault, Mode, told
 
 
 def snapshot(**values: object) -> Snapshot:
@@ -101,12 +101,11 @@ def test_the_work_position_follows_what_shifts_and_turns_the_coordinates(machine
     assert joints["Y"]["work"] == pytest.approx(10.0 - joints["X"]["machine"])
 
 
-def test_what_stands_in_the_way_and_what_stopped_nothing_is_told_in_both_languages(machine: Machine) -> None:
+def test_what_stands_in_the_way_and_what_stopped_nothing_is_told(machine: Machine) -> None:
     now = snapshot(interlock=Fault.DOOR_OPEN, warning=Fault.DRIVE_WARNING)
-    told = status.machine_values(machine, now, None)["notices"]
-    assert told == [
-        {"name": fault.name, "sentence": sentence(fault), "sentence_de": sentence(fault, language="de")}
-        for fault in (Fault.DOOR_OPEN, Fault.DRIVE_WARNING)
+    notices = status.machine_values(machine, now, None)["notices"]
+    assert notices == [
+        {"name": fault.name, **told(fault)} for fault in (Fault.DOOR_OPEN, Fault.DRIVE_WARNING)
     ]
     assert status.machine_values(machine, snapshot(), None)["notices"] == []
 

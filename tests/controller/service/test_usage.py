@@ -11,6 +11,7 @@ import pytest
 from support.fakes.fake_engine import FakeEngine, done
 from support.machines.stepped_runs import shipped
 
+from controller import catalogue
 from controller.door import DoorError
 from controller.handoff import COLUMN, ROW, of_axes
 from controller.service import status
@@ -181,7 +182,7 @@ def test_a_worn_tool_in_the_spindle_starts_no_program_but_by_confirmation(
     worn(service, 1)
     with pytest.raises(DoorError, match="T1, is worn") as refused:
         done(desk, "start")
-    assert refused.value.code == "worn" and "verschlissen" in refused.value.sentence_de
+    assert refused.value.code == "worn" and "verschlissen" in catalogue.text(refused.value.said, "de")
     done(desk, "tool_renewed", tool=1)
     assert service.usage.worn(1) == {}
     worn(service, 1)
@@ -199,7 +200,7 @@ def test_a_worn_tool_is_an_alarm_while_it_cuts(service: Service) -> None:
 def test_a_worn_tool_that_is_asked_for_is_told_as_such(service: Service) -> None:
     worn(service, 5)
     told = status.tool_change(MACHINE, 5, service.usage)
-    assert "T5 is worn" in told["sentence"] and "T5 ist verschlissen" in told["sentence_de"]
+    assert "T5 is worn" in catalogue.text(told) and "T5 ist verschlissen" in catalogue.text(told, "de")
 
 
 @pytest.mark.parametrize(
@@ -220,4 +221,4 @@ def test_a_worn_tool_that_is_asked_for_is_told_as_such(service: Service) -> None
 def test_what_cannot_be_is_refused(desk: Desk, verb: str, args: dict[str, Any]) -> None:
     with pytest.raises(DoorError) as refused:
         done(desk, verb, **args)
-    assert refused.value.code == "bad" and refused.value.sentence_de != refused.value.sentence
+    assert refused.value.code == "bad" and catalogue.text(refused.value.said, "de") != refused.value.sentence

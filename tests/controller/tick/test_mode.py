@@ -107,7 +107,7 @@ def test_every_request_in_every_state_is_taken_or_refused_as_its_sentence_says(
             before, wanted = values_of(modes), group.wanted
             taken = modes.request(request_, value, standing, away)
             sound = not (value == 4.0 and request_ in VALUED)
-            assert taken is (said == "" and sound), (said, before)
+            assert taken is (not said and sound), (said, before)
             if not taken:
                 assert values_of(modes) == before and group.wanted is wanted
                 continue

@@ -32,7 +32,7 @@ from controller.state import ALL_AXES, ALWAYS, TRANSITIONS, Fault, Mode, Request
 HANGS_S = 60.0  # no test is meant to come near
 Plan = Callable[..., dict[str, Any]]
 CHECKED = {
-    **{"duration_s": 1.0, "blocks": 2, "notes": [], "restart": [], "restart_de": [], "verdict": None},
+    **{"duration_s": 1.0, "blocks": 2, "notes": [], "restart": [], "verdict": None},
     **{"marks": (), "passed_s": 0.0},
 }
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from controller.catalogue import said
 from controller.door import DoorError
 from controller.handoff import Recorder
 from controller.panel.link import refusal
@@ -80,7 +81,7 @@ class FakeDoor:
     def answer(self, verb: str, args: dict[str, Any]) -> dict[str, Any]:
         """As the service's handler. Raises DoorError."""
         if not self.there:
-            raise DoorError("gone", "The machine's service does not answer; start it with directrix serve.")
+            raise DoorError("gone", said("no_service"))
         if verb == "rows":
             return looks.rows(self.recorder, args)
         looks_at = {

@@ -19,6 +19,7 @@ import uvicorn
 from support.fakes.fake_socket import AXES, WEARS, FakeDoor
 
 from controller import config, fitting
+from controller.catalogue import Key, said
 from controller.handoff import blank
 from controller.panel.checker import Checker
 from controller.panel.core import Panel
@@ -30,7 +31,7 @@ from controller.plan.report.verdict import Verdict
 from controller.service import status, wear
 from controller.service.refused import refused
 from controller.service.usage import Usage
-from controller.state import ALL_AXES, Mode
+from controller.state import ALL_AXES, Fault, Mode, told
 from controller.verify import wording
 
 DEAD_MAN_S = 0.2
@@ -83,7 +84,7 @@ class MovingDoor(FakeDoor):
     def _keep(self, verb: str, args: dict[str, Any]) -> None:
         super()._keep(verb, args)
         if verb == "load" and self.job and {"line", "restart"} & args.keys():
-            self.job |= {"restart": STATE_THERE, "restart_de": STATE_THERE_DE}
+            self.job |= {"restart": STATE_THERE}
 
     def _jogged(self) -> None:
         """Let the axis have moved until now, or until the dead-man has ended it."""
@@ -147,13 +148,14 @@ class MovingDoor(FakeDoor):
         return {**super().facts(), **told}
 
 
-STATE_THERE = ["tool 1", "work offset G54", "spindle 12000 rev/min"]
-STATE_THERE_DE = ["Werkzeug 1", "Nullpunkt G54", "Spindel 12000 1/min"]
+STATE_THERE = [
+    said("at.tool", tool=1, offset="G54", length="0.000"),
+    said("at.spindle", rev_min="12000", coolant=Key("at.off"), feed=Key("at.none")),
+]
 FAULT = {
     "name": "ESTOP",
     "axis": None,
-    "sentence": "The emergency stop was asked for. Release it, reset, and enable the drives.",
-    "sentence_de": "Not-Halt wurde verlangt. Entriegeln, quittieren, Antriebe einschalten.",
+    **told(Fault.EMERGENCY_STOP),
     "recovery": "reset",
     "position_trusted": True,
     "recording": None,

@@ -14,7 +14,7 @@ import numpy as np
 from support.machines.stepped_runs import shipped
 from support.oracles import latched_setpoints
 
-from controller import config, fitting
+from controller import catalogue, config, fitting
 from controller.commands import demo
 from controller.commands.demo import Operator
 from controller.door import Client, DoorError
@@ -78,7 +78,7 @@ class Live:
             rows.append(self.recorder.drain())
             look(now_of(self))
             if not self.tick.is_alive() and self.service.running is None:
-                raise SessionError(self.service.alarms.list()[0]["sentence"])
+                raise SessionError(catalogue.text(self.service.alarms.list()[0]))
             time.sleep(LOOK_S)
         rows.append(self.recorder.drain())
         return np.concatenate(rows), now_of(self)

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from controller import config
+from controller import catalogue, config
 from controller.door import Client, DoorError, control_path
 from controller.machine import Machine
 
@@ -110,7 +110,9 @@ class Serving:
         self.done("start")
         asked = self.until(lambda now: now["tool_change"] or now["mode"] == "READY", "the change")
         if asked["tool_change"]:
-            assert asked["tool_change"]["number"] == tool and f"T{tool}" in asked["tool_change"]["sentence"]
+            assert asked["tool_change"]["number"] == tool and f"T{tool}" in catalogue.text(
+                asked["tool_change"]
+            )
             self.ask("resume")
         assert self.ended()["tool"] == tool
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from support.machines.spindle_machine import SPINDLE, mill
 
 from controller import config, state
+from controller.catalogue import Said
 from controller.handoff import Jog, Outcome, Snapshot, send_jog
 from controller.plan.aside import NotPossible
 from controller.plan.planner import Planner
@@ -66,7 +67,7 @@ class Taken:
     request: Request
     before: Mode
     after: Mode
-    refusal: str  # that it must have, "" = none
+    refusal: Said | None  # that it must have
     sound: bool  # its value is one
 
 
@@ -110,7 +111,7 @@ class AskedMachine:
         cycle.answers.give = given  # type: ignore[method-assign]
         cycle._request = requested  # type: ignore[method-assign]
 
-    def _refusal(self, request: Request) -> str:
+    def _refusal(self, request: Request) -> Said | None:
         cycle = self.bench.cycle
         modes, follow = cycle.modes, cycle.follow
         standing = follow.at_rest and not (request is Request.JOG and follow.stopping)

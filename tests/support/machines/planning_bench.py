@@ -155,7 +155,7 @@ class Bench:
         assert entry is not None, why
         now, job = self.snapshot(), entry.job
         same = journal.Job.of("part.ngc", text.encode(), self.machine, job.start, job.dry_run_mm)
-        assert journal.refusal(entry, same, now.homed, now.untrusted, 5) == ""
+        assert journal.refusal(entry, same, now.homed, now.untrusted, 5) is None
         return entry
 
     def recover(self) -> None:

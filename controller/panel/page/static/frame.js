@@ -7,7 +7,7 @@ import { Icon } from "./icons.js";
 import { old } from "./live.js";
 import { Act, Bar, Figure } from "./parts.js";
 import { dx, keep } from "./store.js";
-import { word } from "./texts.js";
+import { languages, word } from "./texts.js";
 
 export function Page({ views }) {
   const built = views.filter(({ name }) => dx.shown(name) || seen.has(name));
@@ -82,8 +82,10 @@ function Control() {
 
 function Choices() {
   const out = `${word("frame.log_out")}: ${dx.user?.name}`;
+  const there = languages();
+  const other = there[(there.indexOf(dx.language) + 1) % there.length];
   return html`<div class="choices">
-    <button class="small" id="dx-language" type="button" title=${word("frame.language")} aria-label=${word("frame.language")} onclick=${speak}>${dx.language === "en" ? "DE" : "EN"}</button>
+    <button class="small" id="dx-language" type="button" title=${word(`language.${other}`)} aria-label=${word(`language.${other}`)} onclick=${() => speak(other)}>${other.toUpperCase()}</button>
     <button class="small" id="dx-theme" type="button" title=${word("frame.theme")} aria-label=${word("frame.theme")} onclick=${theme}>
       <${Icon} name="contrast" /></button>
     ${dx.shown("run") && html`<button class="small" id="dx-large" type="button" title=${word("frame.large")} aria-label=${word("frame.large")} aria-pressed=${String(large())} onclick=${enlarge}>A+</button>`}
@@ -95,8 +97,8 @@ function Choices() {
 
 const remember = (key, value) => (document.cookie = `directrix_${key}=${value}; path=/; max-age=31536000; samesite=strict`);
 
-function speak() {
-  remember("language", dx.language === "en" ? "de" : "en");
+function speak(language) {
+  remember("language", language);
   location.reload();
 }
 

@@ -72,7 +72,7 @@ export function old() {
 
 function connect() {
   const scheme = location.protocol === "https:" ? "wss:" : "ws:";
-  dx.socket = new WebSocket(`${scheme}//${location.host}${API}events`);
+  dx.socket = new WebSocket(`${scheme}//${location.host}${API}events?language=${dx.language}`);
   lastWord = performance.now();
   dx.socket.onmessage = (message) => heard(message.data);
   dx.socket.onopen = () => dx.tell("connected", null);

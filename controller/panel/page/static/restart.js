@@ -36,6 +36,6 @@ export function start_question() {
 
 export function StateThere() {
   const { job } = dx.status ?? {};
-  const rows = (job?.state === "loaded" && ((dx.language === "de" && job.restart_de) || job.restart)) || [];
-  return rows.length > 0 && html`<div class="restart"><h2>${word("programs.state_there")}</h2><ul>${rows.map((row) => html`<li>${row}</li>`)}</ul></div>`;
+  const rows = (job?.state === "loaded" && job.restart) || [];
+  return rows.length > 0 && html`<div class="restart"><h2>${word("programs.state_there")}</h2><ul>${rows.map((row) => html`<li>${sentence(row)}</li>`)}</ul></div>`;
 }

@@ -13,6 +13,9 @@ export const word = (key, ...values) =>
 // The text of a key where there is one.
 export const known = (key, otherwise = "") => dx.words[key] ?? otherwise;
 
-// Of an answer or a fault: its sentence in the page's language, where it was told in both.
-export const sentence = (facts, english = facts?.sentence) =>
-  (dx.language === "de" && facts?.sentence_de) || english || "";
+// Of an answer or a fault: the panel says it in the page's language.
+export const sentence = (facts) => facts?.sentence ?? "";
+
+// The languages that there are, by their codes.
+export const languages = () =>
+  Object.keys(dx.words).flatMap((key) => (key.startsWith("language.") ? [key.slice("language.".length)] : []));

@@ -258,7 +258,10 @@ def restarts_inside_the_block(day: Day) -> None:
     page.tap(f"{offer} button:not([aria-disabled=true])")
     job = day.told(lambda now: now["job"]["state"] == "loaded", "the loading")["job"]
     shown = page.locator("section[data-view=run] .restart li")
-    browser.until(lambda: job["restart"] and shown.all_inner_texts() == job["restart"], "the state there")
+    browser.until(
+        lambda: job["restart"] and shown.all_inner_texts() == [one["sentence"] for one in job["restart"]],
+        "the state there",
+    )
     page.click(".run [data-call='POST cycle/start']:not([aria-disabled=true])")
     browser.yes(page)
     first = day.told(lambda now: now["mode"] == "RUNNING" and along(now) > 0.0, "the cut")

@@ -11,6 +11,8 @@ import pytest
 from support.live import browser
 from support.live.browser import Site
 
+from controller.state import Fault, told
+
 pytestmark = pytest.mark.slow
 
 SIZES = {
@@ -20,10 +22,7 @@ SIZES = {
 ALARM = {
     "name": "FOLLOWING_ERROR",
     "axis": "Y",
-    "sentence": "Axis Y: The actual position is too far from the commanded one. Look for a collision, reset, "
-    "retract along the tool axis.",
-    "sentence_de": "Achse Y: Die Istposition ist zu weit von der Sollposition entfernt. Nach einer Kollision "
-    "sehen, zurücksetzen, längs der Werkzeugachse freifahren.",
+    **told(Fault.FOLLOWING_ERROR, "Y"),
     "position_trusted": True,
 }
 # What reaches over the right edge, or is cut off within its own box, where nothing scrolls.

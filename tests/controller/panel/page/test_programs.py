@@ -45,9 +45,9 @@ def test_a_program_is_dropped_and_loaded_from_the_second_line(page: Any, site: S
     assert (asked["name"], asked["line"], asked["fraction"]) == ("part.ngc", 2, 0.25)
     page.evaluate("dx.show('run')")
     page.wait_for_selector("#run-listing >> text=G1 X1 F100")
-    for language, words in (("en", "tool 1"), ("de", "Werkzeug 1")):
-        page.evaluate("(language) => { dx.language = language; }", language)
-        page.wait_for_selector(f".run .restart li:text-is('{words}')")
+    for language, words in (("en", "Tool T1"), ("de", "Werkzeug T1")):
+        page.evaluate("(language) => { dx.language = language; dx.socket.close(); }", language)
+        page.wait_for_selector(f".run .restart li:has-text('{words}')")
     page.evaluate("dx.call('DELETE', 'job')")
 
 

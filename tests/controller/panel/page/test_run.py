@@ -112,9 +112,7 @@ def test_what_stands_in_the_way_is_shown(
     told: dict[str, Any], place: str, words: str, page: Any, site: Site
 ) -> None:
     assert not page.is_visible(place) or page.inner_text(place) == ""
-    site.tell(
-        notices=[{"name": "DOOR_OPEN", "sentence": "The door is open.", "sentence_de": "Offen."}], **told
-    )
+    site.tell(notices=[{"name": "DOOR_OPEN", "sentence": "The door is open."}], **told)
     until_shown(page, place, words)
     assert page.is_visible(place)
 

@@ -65,7 +65,7 @@ def test_maintenance_is_made_done_and_taken_out(page: Any, site: Site) -> None:
 def test_a_start_with_a_worn_tool_is_asked_for_and_then_confirmed(page: Any, site: Site) -> None:
     site.tell(mode="READY", job={"name": "a", "sha256": "0", "state": "loaded"})
     page.evaluate("dx.show('run')")
-    refused = {"error": {"code": "worn", "sentence": "T1 is worn.", "sentence_de": "T1 ist verschlissen."}}
+    refused = {"error": {"code": "worn", "sentence": "T1 is worn."}}
     sent: list[Any] = []
 
     def start(route: Any) -> None:

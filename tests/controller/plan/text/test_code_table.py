@@ -12,11 +12,21 @@ from support.machines.traced_programs import mill
 
 from controller.machine import AnalogueOut, Io, Orient
 from controller.plan.text import blocks, code_table
-from controller.plan.text.code_table import BY_DIALECT, ROWS, Code, Fate
+from controller.plan.text.code_rows import Code, Fate
+from controller.plan.text.code_table import BY_DIALECT, ROWS
 from controller.plan.text.program import ProgramError, Remark
 
 README = Path(__file__).parents[4] / "config/programs/README.md"
-SAYS = {"G52": "X0", "G4": "P0", "G43.1": "Z1", "G43.2": "H1", "G53": "G0 X0", "G54.1": "P1", "G68": "R1"}
+SAYS = {
+    "G52": "X0",
+    "G4": "P0",
+    "G43.1": "Z1",
+    "G43.2": "H1",
+    "G53": "G0 X0",
+    "G54.1": "P1",
+    "G154": "P1",
+    "G68": "R1",
+}
 SAYS |= {
     "M62": "P0",
     "M63": "P0",
@@ -55,7 +65,7 @@ def test_what_the_table_says_of_a_code_comes_of_it(row: Code) -> None:
         mill(unset=()), dialect=dialect, offsets=mill().offsets + mill().offsets[:4], without_point="unit"
     )
     on = replace(on, io=IO)
-    line = f"{row.name} {SAYS.get(row.name, '')}\nG0 X1.\n"
+    line = f"{row.name} {SAYS.get(row.name, row.only)}\nG0 X1.\n"
     if row.fate is Fate.REFUSED:
         with pytest.raises(ProgramError) as refused:
             blocks.read(line.encode(), on, "p.ngc")
@@ -96,7 +106,7 @@ def test_the_file_of_tests_that_the_table_names_is_there_and_tries_the_code(row:
     said = re.compile(
         rf"(?:(?<![A-Za-z0-9.])|(?<=\\n))[{letter}{letter.lower()}]0?{number}(?![0-9]|[.][0-9])"
     )
-    assert said.search((TESTS / row.test).read_text(encoding="utf-8"))
+    assert said.search((TESTS / code_table.test_of(row)).read_text(encoding="utf-8"))
 
 
 def test_no_code_is_named_for_a_test_that_the_table_does_not_have() -> None:

@@ -13,7 +13,8 @@ from controller.kinematics import kinematics_of
 from controller.plan.report import explained
 from controller.plan.route import path
 from controller.plan.text import blocks
-from controller.plan.text.code_table import AXES, ROWS, Fate
+from controller.plan.text.code_rows import AXES, Fate
+from controller.plan.text.code_table import ROWS
 from controller.plan.text.position import homed
 from controller.plan.text.program import Program, ProgramError
 

@@ -9,11 +9,31 @@ from support.oracles import reference_interpreter
 
 from controller.machine import Machine
 from controller.plan.text import blocks
-from controller.plan.text.code_table import BY_DIALECT, Fate
+from controller.plan.text.code_rows import Fate
+from controller.plan.text.code_table import BY_DIALECT
 from controller.plan.text.program import JointLine, ProgramError, Remark
 
 NOTED = {
-    "fanuc": ("G5 P10000", "G5.1 Q1", "G8 P1", "G187 P3 E0.01", "G15", "G23", "G25", "G50", "G67"),
+    "fanuc": (
+        *("G5 P10000", "G5.1 Q1 R5", "G5.1 Q2 X0. Y0. Z0.", "G5.3 P50", "G8 P1", "G9", "G10.9 X0.", "G11"),
+        *("G13.1", "G15", "G23", "G25", "G50", "G50.1 X0. Y0.", "G54.2 P0", "G54.4 P0", "G62", "G67"),
+        *(
+            "G187 P3 E0.01",
+            "G269",
+            "M12",
+            "M13",
+            "M31",
+            "M32",
+            "M33",
+            "M41",
+            "M42",
+            "M84",
+            "M89",
+            "M138 P500 E300",
+            "M139",
+        ),
+        "M298 L3",
+    ),
     "rs274": ("G103 P1", "G187 P2", "G255", "M51 P1", "G15", "G50"),
 }
 REFUSED = {
@@ -25,15 +45,13 @@ REFUSED = {
             "G19.1",
             "G33 Z-2. K0.125",
             "G33.1 Z-5. K1.",
-            "G76 P0.05 Z-1. I-.075 J.008 K.045",
         ),
         *("G38.2 Z-10. F50.", "G38.3 Z-10. F50.", "G38.4 Z1. F5.", "G38.5 Z1. F5.", "G44 H1"),
-        *("G87 X1. Y1. Z-1. R1. I.5 J.5 K-2. F100.", "G88 X1. Z-1. R1. P1. F100.", "G96 D2500 S250"),
+        *("G88 X1. Z-1. R1. P1. F100.", "G96 D2500 S250"),
     ),
     "fanuc": (
         *(
             "G5.2 P1 X0. Y1. L3",
-            "G5.3",
             "G7",
             "G16",
             "G22 X1. Y1. Z1. I0. J0. K0.",
@@ -42,8 +60,18 @@ REFUSED = {
             "G29 X1. Y1.",
             "G31 Z-10. F50.",
         ),
-        *("G54.2 P1", "G65 P9010 A1. B2.", "G66 P9010 A1.", "M29 S500", "G254", "G53.3 X1. Y1. Z1."),
-        "G76 X1. Y1. Z-1. R1. Q.1 F100.",
+        *(
+            "G12 I5. D1 F100.",
+            "G13 I5. D1 F100.",
+            "G12.1",
+            "G43.3 H1",
+            "G45 X1. D1",
+            "G46 X1. D1",
+            "G47 X1. D1",
+        ),
+        *("G48 X1. D1", "G51.1 X0.", "G60 X1.", "G63", "G100 T1 X0. Y0. Z50.", "G107 C20.", "G150 X0. Y0."),
+        *("G253", "G268 X0. Y0. Z0. I0. J30. K0.", "M83", "M88", "M97 P100", "M198 P100"),
+        *("G65 P9010 A1. B2.", "G66 P9010 A1.", "M29 S500", "G254", "G53.3 X1. Y1. Z1."),
     ),
 }
 
@@ -70,3 +98,26 @@ def test_a_noted_code_changes_nothing_and_is_told_once(dialect: str, line: str) 
     assert moves[0] == moves[1]
     (remark,) = [block.sentence for block in told if isinstance(block, Remark)]
     assert remark.startswith(line.split()[0])
+
+
+@pytest.mark.parametrize(
+    ("line", "only"),
+    [("G54.2 P1", "P0"), ("G54.4 P1", "P0"), ("G54.2", "P0"), ("G10.9 X1.", "X0")],
+)
+def test_what_is_noted_with_one_word_is_refused_with_others(line: str, only: str) -> None:
+    row = BY_DIALECT["fanuc"][line.split()[0]]
+    with pytest.raises(ProgramError) as error:
+        blocks.read(f"G0 X5.\n{line}\n".encode(), machine("fanuc"), "p.ngc")
+    assert row.only == only and row.instead in error.value.sentence
+
+
+def test_words_of_a_noted_code_do_not_move_and_a_motion_beside_it_does() -> None:
+    told = blocks.read(b"G0 X5.\nG05.1 Q2 X0. Y0. Z0.\nG5.1 Q1 G0 X7.\n", machine("fanuc"), "p.ngc").blocks
+    assert [b.targets[0] for b in told if isinstance(b, JointLine)] == [5.0, 7.0]
+
+
+def test_a_noted_code_beside_a_motion_leaves_its_words_to_count_as_ever() -> None:
+    on = replace(machine("fanuc"), without_point="thousandth")
+    for code in ("M31", "M10", "G9", "G187 P3 E1"):
+        told = blocks.read(f"{code} G0 X5000\n".encode(), on, "p.ngc").blocks
+        assert [b.targets[0] for b in told if isinstance(b, JointLine)] == [5.0]

@@ -6,6 +6,7 @@ import pytest
 from support.machines.shipped_kinds import machine
 
 from controller.plan.text import blocks, flow, words
+from controller.plan.text.decoding import text_of
 from controller.plan.text.program import JointLine, ProgramError
 
 SUM = "o100 sub\nG0X#1\no101 if [#1 gt 0]\no100 call [#1 - 1]\no101 endif\nG0Y#1\no100 endsub\n"
@@ -105,7 +106,7 @@ def test_a_wrong_structure_is_refused_where_it_is_wrong(text: str, place: str, p
 
 
 def test_a_loop_without_end_ends_with_a_sentence() -> None:
-    read = words.read("o1 while [1]\no1 endwhile\n", "p", limits=flow.Limits(passes=50))
+    read = words.read(text_of(b"o1 while [1]\no1 endwhile\n", "p")[0], "p", limits=flow.Limits(passes=50))
     with pytest.raises(ProgramError, match=r"50 times, which is the most \(program_passes"):
         list(read)
 

@@ -15,7 +15,7 @@ from controller.plan.route import path
 from controller.plan.route.stretch import Chain
 from controller.plan.text import blocks
 from controller.plan.text.position import homed
-from controller.plan.text.program import ProgramError
+from controller.plan.text.program import JointLine, ProgramError
 
 POSTS = sorted((Path(__file__).parents[3] / "programs/posts").glob("*.nc"))
 HOME = (0.0, 0.0, 260.0, 0.0, 0.0)  # where the shipped trunnion is homed
@@ -31,6 +31,24 @@ ENDS = {
     "mazak_iso": ((-2.0, 96.0, 260.0, 0.0, 0.0), 0.0, 2),
     "okuma_like": (HOME, -1.0, 5),
     "five_axis_fanuc": (HOME, 49.0, 3),
+    "bobcad_haas": ((28.0, 0.0, 0.0, 0.0, 0.0), -1.0, 8),
+    "brother_speedio": ((20.0, 108.0, 260.0, 0.0, 0.0), -8.0, 24),
+    "camworks_fanuc": (HOME, -3.0, 6),
+    "doosan_fanuc_tapping": (HOME, -10.0, 6),
+    "esprit_fanuc": (HOME, -2.0, 9),
+    "estlcam": ((22.5, 104.0, 125.0, 0.0, 0.0), -3.0, 3),
+    "freecad_linuxcnc": ((18.0, 110.0, 135.0, 0.0, 0.0), -6.0, 4),
+    "fusion_haas_five_axis": ((0.0, 0.0, 0.0, 0.0, 0.0), 19.0, 4),
+    "fusion_mazak": (HOME, -0.5, 4),
+    "fusion_okuma": (HOME, -1.5, 10),
+    "hypermill_fanuc": (HOME, -6.0, 10),
+    "mastercam_fanuc_five_axis": (HOME, 50.0, 3),
+    "mastercam_haas_four_axis": (HOME, -1.0, 3),
+    "matsuura_macro_free": (HOME, -1.0, 3),
+    "nx_five_axis": ((22.416787962745634, 103.26053727537393, 260.0, 0.0, 0.0), 29.5, 2),
+    "powermill_fanuc": (HOME, 0.5, 6),
+    "solidcam_fanuc": (HOME, -1.0, 15),
+    "vectric_mm": ((8.0, 96.0, 140.0, 0.0, 0.0), -2.0, 3),
 }
 
 
@@ -77,6 +95,35 @@ def test_a_word_without_a_point_is_refused_where_nobody_says_what_it_counts(text
     list(blocks.stream(b"G0 X0 Y0\nG1 X1. F100\nX0\nG4 P100\nG81 Z0 R1. K2\n", machine(), "p"))
 
 
+def last(text: str, dialect: str = "fanuc") -> dict[str, float | None]:
+    on = replace(machine(), dialect=dialect, without_point="unit")
+    return list(explained.steps(blocks.stream(text.encode(), on, "p"), on, "p", homed(on)))[-1].program
+
+
+def test_what_was_modal_before_a_cycle_is_so_again_behind_g80() -> None:
+    cycle = "G0 X1. Y1. Z20.\nM3 S100\nG98 G81 X5. Z-1. R2. F100.\nX6.\n"
+    assert last(f"{cycle}G80 Z25.\n")["Z"] == last(f"{cycle}G80\nZ25.\n")["Z"] == 25.0
+    read = blocks.read(f"{cycle.replace('G0', 'G1 F50.')}G80 Z25.\n".encode(), machine(), "p")
+    assert isinstance(read.blocks[-1], JointLine) and read.blocks[-1].feed_mm_s == pytest.approx(100.0 / 60.0)
+    for text in (f"{cycle}G80 Z25.\n", f"{cycle}G80\nZ25.\n"):
+        with pytest.raises(ProgramError, match=r"Z25\. has no motion"):
+            last(text, "rs274")
+    with pytest.raises(ProgramError, match="no motion"):
+        last("G80\nX1.\n")
+
+
+def test_zeros_that_posts_write_without_need() -> None:
+    arc = "G1 X0. Y0. F100.\nG2 X10. Y0. I5. J0. K0.\n"
+    assert last(arc)["X"] == 10.0
+    with pytest.raises(ProgramError, match="not in the plane"):
+        last(arc.replace("K0.", "K1."))
+    with pytest.raises(ProgramError, match="not in the plane"):
+        last(arc, "rs274")
+    assert last("G49 H0 G0 X1.\n")["X"] == 1.0
+    with pytest.raises(ProgramError, match="H1 stands beside G49"):
+        last("G49 H1\n")
+
+
 def test_the_safety_line_in_both_dialects() -> None:
     for dialect in ("rs274", "fanuc"):
         on = replace(machine(), dialect=dialect)
@@ -91,3 +138,26 @@ def test_haas_writes_tool_centre_control_its_own_way() -> None:
         for code in ("G43.4", "G234")
     )
     assert ours == theirs
+
+
+def test_haas_writes_work_offsets_beyond_g59_its_own_way() -> None:
+    lines = "G10 L20 P1 X7.\n{} P1\nG0 X1.\n"
+    ours, theirs = (
+        blocks.read(lines.format(code).encode(), machine(), "p").blocks[-1] for code in ("G54.1", "G154")
+    )
+    assert ours == theirs and ours.modal.frame(machine()).origin[0] == 7.0
+
+
+@pytest.mark.parametrize("text", ["#3000=15 (TOOL LIFE)", "#3006=1", "#101=#5041", "G0 X#4014", "#1000=1"])
+def test_a_system_variable_is_no_parameter(text: str) -> None:
+    with pytest.raises(ProgramError, match="is a system variable"):
+        last(f"{text}\nG0 X1.\n")
+    assert last("#100=2. #999=3.\nG0 X#100 Y#999 Z#5221\n")["Y"] == 3.0
+    last(f"{text}\nG0 X1.\n", "rs274")
+
+
+@pytest.mark.parametrize(("line", "x"), [("/2 G0 X5.", 5.0), ("/ G0 X5.", 5.0), ("/9N10 G0 X5.", 5.0)])
+def test_a_block_skip_may_have_a_number(line: str, x: float) -> None:
+    assert last(f"G0 X1.\n{line}\n")["X"] == x
+    deleted = blocks.read(f"G0 X1.\n{line}\n".encode(), machine(), "p", block_delete=True).blocks
+    assert len(deleted) == 1

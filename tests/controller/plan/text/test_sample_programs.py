@@ -46,3 +46,26 @@ def test_a_contour_that_is_wrong_at_the_end_of_the_file_is_refused_with_its_plac
         blocks.read(text, MACHINE, "p.ngc")
     assert (error.value.line, "narrower than the cutter" in error.value.sentence) == (6, True)
     assert [one.line for one in refusals.of(text, MACHINE, "p.ngc")] == [6]
+
+
+def test_each_line_knows_its_number() -> None:
+    sub = b"o1 sub\nG0 X#<_line> Y#100 Z EXISTS[#<_line>]\no1 endsub\no1 call\n"
+    text = b"(debug, #<_line>)\n#100=#<_line>\n" + sub
+    said, move = blocks.read(text, MACHINE, "p.ngc").blocks
+    assert isinstance(said, Message) and said.text == "1.000000"
+    assert isinstance(move, JointLine) and move.targets[:3] == (4.0, 2.0, 1.0)
+
+
+def test_a_number_that_no_parameter_has_does_not_exist() -> None:
+    (move,) = blocks.read(
+        b"#1=7.5 #2=2\nG0 X EXISTS[#99999] Y EXISTS[##1] Z EXISTS[##2]\n", MACHINE, "p"
+    ).blocks
+    assert isinstance(move, JointLine) and move.targets[:3] == (0.0, 0.0, 1.0)
+    with pytest.raises(ProgramError, match="#99999 is no parameter"):
+        blocks.read(b"G0 X#99999\n", MACHINE, "p.ngc")
+
+
+def test_a_whole_circle_leads_out_no_better_than_another_arc() -> None:
+    with pytest.raises(ProgramError, match="first move after G40 is an arc") as error:
+        blocks.read(b"G0 X0 Y0 Z0\nG41.1 D.25\nG1 X1 F1\nG1 X2\nG40\nG2 I1\n", MACHINE, "p.ngc")
+    assert error.value.line == 6

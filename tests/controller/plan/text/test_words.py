@@ -7,11 +7,12 @@ import random
 import pytest
 
 from controller.plan.text import words
+from controller.plan.text.decoding import text_of
 from controller.plan.text.program import ProgramError
 
 
 def lines(text: str) -> list[int]:
-    return [line.number for line in words.read(text, "p.ngc")]
+    return [line.number for line in words.read(text_of(text.encode(), "p.ngc")[0], "p.ngc")]
 
 
 @pytest.mark.parametrize("number", ["O1234", "o 12", ":0777", "O1234 (PART)", "(PART) :5 ; red"])
@@ -60,7 +61,7 @@ def test_words_of_plain_numbers_are_read_as_any_other(seed: int) -> None:
 
     def read(text: str) -> object:
         try:
-            return [found.words for found in words.read(text, "p")]
+            return [found.words for found in words.read(text_of(text.encode(), "p")[0], "p")]
         except ProgramError as error:
             return str(error)
 

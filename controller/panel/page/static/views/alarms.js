@@ -8,7 +8,7 @@ import { known, sentence, word as text } from "../texts.js";
 import { open_scope } from "./scope.js";
 
 const word = (key) => text(`alarms.${key}`);
-const said = (name, what, facts) => known(`alarms.${what}.${name}`, facts[what] ?? "");
+const said = (name, what, facts) => known(`alarms.${what}.${name}`, sentence(facts[what]));
 
 let only_open = false;
 const list = history("alarms", 2, (most) => `alarms?most=${most}&only=${only_open ? "open" : "all"}`, (body) => body.alarms);
@@ -59,12 +59,12 @@ function Now({ fault }) {
     </dl>`;
 }
 
-function Alarm({ alarm: { id, name, axis, at_s, facts, acknowledged_s, acknowledged_by, sentence: english } }) {
+function Alarm({ alarm: { id, name, axis, at_s, facts, acknowledged_s, acknowledged_by, sentence: told } }) {
   const open = acknowledged_s === null;
   const acknowledge = async () => (await call("POST", `alarms/${id}/acknowledge`)).ok && list.look();
   return html`<article class="alarm-card" data-open=${open ? "1" : undefined}>
     <${Head} number=${facts.number ?? id} name=${name} axis=${axis} facts=${facts} at_s=${at_s} />
-    <p><strong>${sentence(facts, english)}</strong></p>
+    <p><strong>${told}</strong></p>
     <dl class="facts">
       ${["cause", "remedy"].map((what) => said(name, what, facts) && html`<dt>${word(what)}</dt><dd>${said(name, what, facts)}</dd>`)}
       ${facts.line && html`<dt>${word("line")}</dt><dd class="figures">${facts.line}</dd>`}

@@ -1,0 +1,30 @@
+( Sign Relief )
+( File created: Tuesday, November 24, 2026 - 09:12 AM)
+( for a Fanuc-like router from Vectric )
+( Material Size)
+( X= 200.000, Y= 100.000, Z= 18.000)
+()
+(Toolpaths used in this file:)
+(Profile 1)
+(Tools used in this file: )
+(1 = End Mill {6 mm})
+N100G00G21G17G90G40G49G80
+N110G71G91.1
+N120T1M06
+N130 (End Mill {6 mm})
+N140G00G43Z20.000H1
+N150S18000M03
+N160(Toolpath:- Profile 1)
+N170()
+N180G94
+N190X0.000Y0.000F3000.0
+N200G00X10.500Y7.250Z6.000
+N210G1Z-2.000F1000.0
+N220G3X14.500Y11.250I0.000J4.000F3000.0
+N230G1Y30.000
+N240G00Z6.000
+N250G00Z20.000
+N260G00X0.000Y0.000
+N270M09
+N280M30
+%
