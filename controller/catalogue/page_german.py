@@ -144,6 +144,8 @@ PAGE: dict[str, str] = {
     "run.return": "Zurück",
     "run.single": "Einzelsatz",
     "run.optional": "Wahlhalt",
+    "run.skip": "Ausblend\u00adsatz",
+    "why.not_whole": "Erst ein ganzes Programm laden: Was mit / beginnt, entfällt beim Laden.",
     "run.elapsed": "vergangen",
     "run.left": "Rest",
     "run.duration": "gesamt",

@@ -197,6 +197,7 @@ class JobFacts(Told, Texts):
         description="loading, loaded or refused; from its start on starting, running, held, stopping; then "
         "completed, stopped, refused, fault or interrupted.",
     )
+    block_delete: bool | None = Field(None, description="Lines that begin with / were left out.")
     message: str | None = Field(None, description="What the program said last, by MSG and the like.")
     messages: list[str] | None = Field(None, description="The last of them, newest last.")
     verdict: VerdictFacts | None = Field(None, description="On its surfaces; None: none has a tolerance.")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -46,6 +46,7 @@ class Job:
     program: Program
     sha256: str
     state: str = "loading"
+    block_delete: bool = False  # lines that begin with / were left out when it was loaded
     duration_s: float | None = None
     blocks: int | None = None
     notes: list[dict[str, Any]] = field(default_factory=list)
@@ -55,6 +56,7 @@ class Job:
     start: Start | None = None  # of its last run
     origin_s: float = 0.0  # plan time at which its first piece begins
     ways: dict[int, Way] = field(default_factory=dict)
+    fed: set[int] = field(default_factory=set)  # motions at feed, until they are passed
     changes: dict[int, tuple[int, ...]] = field(default_factory=dict)  # tools that it asks for, by line
     news: News = field(default_factory=News)
     said: catalogue.Said | None = None  # why it ended, or was not loaded
@@ -70,6 +72,7 @@ class Job:
     fitted: dict[str, Any] = field(default_factory=dict)  # with which it was started ...
     tools: tuple[Tool, ...] = ()  # ... and the tool table as it has made it since
     _due: deque[Said] = field(default_factory=deque)  # what it will say
+    _passed: int = 0  # motions before this one are no more among ``fed``
     _reached: int = -1  # the last motion that was under way
     _seen_s: float | None = None  # plan time of the last look
 
@@ -87,6 +90,8 @@ class Job:
         """What was of the run before is over; ``tick`` is the newest one."""
         self.armed_tick = tick
         self.ways.clear()
+        self.fed.clear()
+        self._passed = 0
         self.changes.clear()
         self._due.clear()
         self._reached, self.messages = -1, []
@@ -151,10 +156,19 @@ class Job:
         if self.lost:
             return  # it is another plan, which knows nothing of this program
         self.ways.update(news.ways)
+        self.fed.update(number for number, way in news.ways.items() if way.feed_mm_s is not None)
         for line, tools in news.changes.items():
             self.changes[line] = (*self.changes.get(line, ()), *tools)
         self._due.extend(news.messages)
         self.news = news
+
+    def fed_in(self, motion_ids: Collection[int]) -> set[int]:
+        """Those of the motions of the newest ticks at which the tool is fed through the part."""
+        found = self.fed.intersection(motion_ids) if not self.program.dry_run_mm else set()
+        first = min((number for number in motion_ids if 0 <= number < ENTRY_ID), default=0)
+        self.fed.difference_update(range(self._passed, first))
+        self._passed = max(self._passed, first)
+        return {number for number in found if number < ENTRY_ID}
 
     def pass_rows(self, motion_ids: Iterable[int]) -> None:
         """The motions of the ticks since: of short ones, and of the last before a stop, no snapshot tells."""
@@ -211,6 +225,7 @@ class Job:
             "line": now.line if shown else self.program.spot.line if self.program.spot else None,
             "restart": self.restart,
             "dry_run_mm": self.program.dry_run_mm or None,
+            "block_delete": self.block_delete,
             "block": now.motion_id if shown and now.motion_id >= 0 else None,
             "fraction": self._share(),
             "blocks": self.blocks,
@@ -272,9 +287,10 @@ def read(args: dict[str, Any], machine: Machine) -> Job:
     unchecked = args.get("unchecked") is True and spot is None  # a place in the middle needs the whole
     name = str(args.get("name") or path.name)
     text = linked.linked(text, linked.among({str(file): Path(str(at)) for file, at in _files(args).items()}))
-    if args.get("block_delete") is True:
-        text = linked.without_deleted(text)
-    return Job(Program(text, name, machine, spot, dry_run_mm=dry_run_mm, unchecked=unchecked), found)
+    skips = args.get("block_delete") is True
+    text = linked.without_deleted(text) if skips else text
+    program = Program(text, name, machine, spot, dry_run_mm=dry_run_mm, unchecked=unchecked)
+    return Job(program, found, block_delete=skips)
 
 
 def _files(args: dict[str, Any]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ import contextlib
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -392,18 +392,20 @@ class Service:
         if recorder is None:
             return
         with self.lock:
-            rows = recorder.drain()
+            rows, fed = recorder.drain(), set[int]()
             if self.running is not None:
                 under_way = rows[:, COLUMN["mode"]] != Mode.READY
-                self.running.pass_rows(rows[under_way, COLUMN["motion_id"]].astype(int).tolist())
-            self._count(rows, now.spindle_actual_rev_min != 0.0)
+                motions = rows[under_way, COLUMN["motion_id"]].astype(int).tolist()
+                self.running.pass_rows(motions)
+                fed = self.running.fed_in(set(motions))
+            self._count(rows, now.spindle_actual_rev_min != 0.0, fed)
             if self.record is not None:
                 self.record.take(rows, self.engine.asked, self.engine.snapshot())
                 self._tell_of_record(self.record)
 
-    def _count(self, rows: Rows, turning: bool) -> None:
+    def _count(self, rows: Rows, turning: bool, fed: Collection[int]) -> None:
         """Travel, hours, the cut of the tool in the spindle; what has come to its end is an alarm, once."""
-        self.usage.take(rows, self.tool, turning)
+        self.usage.take(rows, self.tool, turning, fed)
         for key, values in self.usage.due():
             self.alarms.add(key.upper(), said(key, **values))
 

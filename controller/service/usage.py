@@ -12,6 +12,7 @@ import json
 import math
 import threading
 import time
+from collections.abc import Collection
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -94,8 +95,10 @@ class Usage:
 
     # -- counted
 
-    def take(self, rows: Rows, tool: int, turning: bool) -> None:
-        """The next rows; ``tool``: in the spindle, 0 = not known; ``turning``: the spindle."""
+    def take(self, rows: Rows, tool: int, turning: bool, fed: Collection[int] = ()) -> None:
+        """The next rows; ``tool``: in the spindle, 0 = not known; ``turning``: the spindle; ``fed``: motions
+        at feed, in the part. The rows' own "cutting" is of surfaces alone.
+        """
         rows = rows[rows[:, COLUMN["mode"]] != Mode.OFF]
         if not len(rows):
             return
@@ -104,7 +107,7 @@ class Usage:
         ticks = np.diff(np.append(before[-1, COLUMN["tick"]], rows[:, COLUMN["tick"]]))
         steps[steps > self._most * np.clip(ticks, 1.0, MOST_GAP)[:, None]] = 0.0
         self._last = rows[-1:]
-        cutting = (rows[:, COLUMN["cutting"]] != 0.0) & (rows[:, COLUMN["rate"]] > 0.0)
+        cutting = np.isin(rows[:, COLUMN["motion_id"]], list(fed)) & (rows[:, COLUMN["rate"]] > 0.0)
         with self._lock:
             self._add(steps, int(np.count_nonzero(cutting)), len(rows) if turning else 0, tool)
 

@@ -158,7 +158,20 @@ def test_a_job_is_the_program_with_the_files_that_it_calls(tmp_path: Path) -> No
     (tmp_path / "b2").write_bytes(b"o<pocket> sub\nG0X5\no<pocket> endsub\n")
     files = {"pocket.ngc": str(tmp_path / "b2")}
     told = {"path": str(tmp_path / "a1"), "name": "main.ngc", "files": files, "block_delete": True}
-    program = jobs.read(told, shipped()).program
+    made = jobs.read(told, shipped())
+    assert made.to_dict(snapshot())["block_delete"] is True
+    program = made.program
     text, behind = linked.parts(program.text)
     assert text == b"o<pocket> call\n;/G0X1\nM30\n"
     assert behind == {"pocket": ("pocket.ngc", (tmp_path / "b2").read_bytes())}
+
+
+def test_motions_at_feed_are_known_until_they_are_passed_and_none_of_a_dry_run(job: Job) -> None:
+    job.hear(News(finished=False, ways={1: way(None), 2: way(5.0), 3: way(5.0), 4: way(None), 5: way(1.0)}))
+    assert job.fed_in({1, 2}) == {2}
+    assert job.fed_in({3, 4, -1, ENTRY_ID}) == {3} and job.fed == {3, 5}
+    assert job.fed_in({-1}) == set() and job.fed == {3, 5}
+    job.program = replace(job.program, dry_run_mm=10.0)
+    assert job.fed_in({5}) == set()
+    job.arm(0)
+    assert job.fed == set()

@@ -23,14 +23,16 @@ from controller.state import Mode
 
 MACHINE = shipped()
 NAMES = [axis.name for axis in MACHINE.axes]
+FED = 7  # a motion at feed; the next one is a rapid
 TEXT = "G21 G90 G54\nG1 X10. F3000\nM30\n"
 
 
-def rows(path: np.ndarray, mode: Mode = Mode.RUNNING, cutting: bool = True, first: int = 0) -> np.ndarray:
+def rows(path: np.ndarray, mode: Mode = Mode.RUNNING, fed: bool = True, first: int = 0) -> np.ndarray:
     """Of the recorder: commanded joints (mm, rad) tick by tick."""
     made = np.zeros((len(path), len(ROW)))
     made[:, COLUMN["tick"]] = np.arange(first, first + len(path))
-    made[:, COLUMN["mode"]], made[:, COLUMN["cutting"]], made[:, COLUMN["rate"]] = mode, cutting, 1.0
+    made[:, COLUMN["mode"]], made[:, COLUMN["rate"]] = mode, 1.0
+    made[:, COLUMN["motion_id"]] = FED if fed else FED + 1
     made[:, of_axes("joint_command", len(MACHINE.axes))] = path
     return made
 
@@ -55,7 +57,7 @@ def gone(path: np.ndarray, axis: int) -> float:
 def test_every_axis_is_counted_to_and_fro_however_the_rows_come(tmp_path: Path) -> None:
     path, usage, at = walk(1000), Usage(tmp_path, MACHINE), 0
     for size in (1, 7, 2, 490, 500):
-        usage.take(rows(path[at : at + size], Mode.JOG, cutting=False, first=at), 1, turning=True)
+        usage.take(rows(path[at : at + size], Mode.JOG, fed=False, first=at), 1, turning=True, fed={FED})
         at += size
     assert at == len(path)
     for i, name in enumerate(NAMES):
@@ -68,25 +70,25 @@ def test_every_axis_is_counted_to_and_fro_however_the_rows_come(tmp_path: Path) 
 
 def test_a_zero_that_is_found_is_no_travel_nor_is_a_drive_that_is_off(tmp_path: Path) -> None:
     usage, there = Usage(tmp_path, MACHINE), walk(1)
-    usage.take(rows(np.vstack((there, there + 250.0, there + 250.0))), 1, turning=False)
-    usage.take(rows(there + 250.0 + walk(50), Mode.OFF, first=3), 1, turning=False)
+    usage.take(rows(np.vstack((there, there + 250.0, there + 250.0))), 1, turning=False, fed={FED})
+    usage.take(rows(there + 250.0 + walk(50), Mode.OFF, first=3), 1, turning=False, fed={FED})
     assert [value(usage, name) for name in (*NAMES, "motion", "spindle")] == [0.0] * (len(NAMES) + 2)
 
 
 def test_a_tick_that_was_skipped_loses_no_way(tmp_path: Path) -> None:
     usage, path = Usage(tmp_path, MACHINE), walk(100)
     kept = np.delete(np.arange(100), slice(40, 44))
-    usage.take(rows(path)[kept], 1, turning=False)
+    usage.take(rows(path)[kept], 1, turning=False, fed={FED})
     for i, name in enumerate(NAMES):
         assert value(usage, name) == pytest.approx(gone(path[kept], i), rel=1e-9)
 
 
 def test_a_tool_counts_its_cut_and_the_parts_that_it_was_in(tmp_path: Path) -> None:
     usage = Usage(tmp_path, MACHINE)
-    usage.take(rows(walk(500)), 3, turning=False)
-    usage.take(rows(walk(300), cutting=False, first=500), 4, turning=False)
+    usage.take(rows(walk(500)), 3, turning=False, fed={FED})
+    usage.take(rows(walk(300), fed=False, first=500), 4, turning=False, fed={FED})
     usage.ended(whole_part=True)
-    usage.take(rows(walk(100), first=800), 3, turning=False)
+    usage.take(rows(walk(100), first=800), 3, turning=False, fed={FED})
     usage.ended(whole_part=False)
     (tool,) = usage.told()["tools"]
     assert (tool["number"], tool["parts"]) == (3, 1)
@@ -95,7 +97,7 @@ def test_a_tool_counts_its_cut_and_the_parts_that_it_was_in(tmp_path: Path) -> N
 
 def test_all_of_it_is_there_after_a_restart(tmp_path: Path) -> None:
     usage = Usage(tmp_path, MACHINE)
-    usage.take(rows(walk(200)), 2, turning=True)
+    usage.take(rows(walk(200)), 2, turning=True, fed={FED})
     usage.ended(whole_part=True)
     usage.set_life(2, 5.0, None)
     usage.set_item("grease", NAMES[0], 0.5)
@@ -117,7 +119,7 @@ def test_it_is_kept_now_and_then_and_a_full_disk_loses_nothing(
     def full(*_: Any) -> None:
         raise OSError("full")
 
-    usage.take(rows(walk(10)), 1, turning=False)
+    usage.take(rows(walk(10)), 1, turning=False, fed={FED})
     monkeypatch.setattr(module.whole, "write", full)
     with pytest.raises(OSError):
         usage.save(at_once=True)
@@ -134,7 +136,7 @@ def test_what_comes_to_its_end_is_told_once_and_again_after_it_was_done(tmp_path
     usage.set_item("grease", NAMES[0], 1e-6)
     assert usage.due() == []
     for part in range(3):
-        usage.take(rows(walk(50, seed=part)), 1, turning=False)
+        usage.take(rows(walk(50, seed=part)), 1, turning=False, fed={FED})
         usage.ended(whole_part=True)
         assert [key for key, _ in usage.due()] == [["maintenance_due"], ["tool_worn"], []][part]
     usage.save(at_once=True)
@@ -142,13 +144,13 @@ def test_what_comes_to_its_end_is_told_once_and_again_after_it_was_done(tmp_path
     usage.renew(1)
     usage.done("grease", "anna")
     assert usage.worn(1) == {} and usage.told()["items"][0]["used"] == 0.0
-    usage.take(rows(walk(50)), 1, turning=False)
+    usage.take(rows(walk(50)), 1, turning=False, fed={FED})
     assert [key for key, _ in usage.due()] == ["maintenance_due"]
 
 
 def test_an_interval_begins_when_it_is_made(tmp_path: Path) -> None:
     usage = Usage(tmp_path, MACHINE)
-    usage.take(rows(walk(200)), 1, turning=False)
+    usage.take(rows(walk(200)), 1, turning=False, fed={FED})
     usage.set_item("grease", NAMES[0], 1e-3)
     assert usage.told()["items"][0]["used"] == 0.0
 
@@ -164,7 +166,7 @@ def loaded(desk: Desk, service: Service) -> None:
 
 def worn(service: Service, tool: int) -> None:
     service.usage.set_life(tool, None, 1)
-    service.usage.take(rows(walk(5)), tool, turning=False)
+    service.usage.take(rows(walk(5)), tool, turning=False, fed={FED})
     service.usage.ended(whole_part=True)
 
 
@@ -190,8 +192,8 @@ def test_a_worn_tool_in_the_spindle_starts_no_program_but_by_confirmation(
 
 def test_a_worn_tool_is_an_alarm_while_it_cuts(service: Service) -> None:
     service.usage.set_life(1, 1e-3, None)
-    service._count(rows(walk(100)), False)
-    service._count(rows(walk(100), first=100), False)
+    service._count(rows(walk(100)), False, {FED})
+    service._count(rows(walk(100), first=100), False, {FED})
     assert [one["name"] for one in service.alarms.list()] == ["TOOL_WORN"]
 
 

@@ -110,6 +110,7 @@ class FakeDoor:
     def _keep(self, verb: str, args: dict[str, Any]) -> None:
         if verb == "load":
             self.job = {"name": args["name"], "sha256": args["sha256"], "state": "loaded", "left_s": 60.0}
+            self.job["block_delete"] = args.get("block_delete") is True
         elif verb == "unload":
             self.job = None
         elif verb == "set_offset":

@@ -1,4 +1,4 @@
-"""The queue and folders on the page: put in, counted, moved, loaded; found again by name."""
+"""The queue, folders and block skip on the page: put in, counted, moved, loaded; found again by name."""
 
 from __future__ import annotations
 
@@ -104,3 +104,17 @@ def test_folders_are_entered_moved_and_searched(page: Any, site: Site) -> None:
     page.fill(".dx-ask input", "../two.ngc")
     browser.yes(page)
     page.wait_for_selector("#dx-said >> text=begins with")
+
+
+def test_block_skip_loads_the_program_anew_and_shows_how_it_is_loaded(page: Any, site: Site) -> None:
+    site.tell(mode="READY")
+    upload(page, "skip.ngc")
+    page.evaluate("dx.call('DELETE', 'job')")
+    page.evaluate("dx.show('run')")
+    page.wait_for_selector("#run-skip[aria-disabled=true][title^='Load a whole program first']")
+    page.evaluate("dx.call('POST', 'job', {program: 'skip.ngc'})")
+    for on in (True, False):
+        page.click(f"#run-skip:not([aria-disabled])[aria-pressed={str(not on).lower()}]")
+        page.wait_for_selector(f"#run-skip[aria-pressed={str(on).lower()}]")
+        assert bool(site.asked("load")[-1][2].get("block_delete")) is on
+    page.evaluate("dx.call('DELETE', 'job')")

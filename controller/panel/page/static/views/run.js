@@ -147,7 +147,7 @@ function Cycle() {
       ${tall("start", "start", { kind: "go", ask: start_question(), modes: "READY", icon: "play", keys: "F4", given: Boolean(job), why: "why.no_program" })}
       ${tall("resume", "resume", { kind: "go", modes: "HOLD", icon: "reset", keys: "F6" })}
       <${Aside} />
-      <${Toggle} key="single" name="single" path="single_block" /><${Toggle} key="optional" name="optional" path="optional_stop" />
+      <div class="toggles"><${Toggle} key="single" name="single" path="single_block" /><${Toggle} key="optional" name="optional" path="optional_stop" /><${Skip} job=${job} /></div>
     </div>
     <div class="row times">${["elapsed", "left", "duration"].map(time)}
       <div class="time"><span class="dim">${word("run.parts")}</span><${Figure} class="strong" id="run-parts">${made(job)}<//></div></div>
@@ -164,6 +164,12 @@ const Toggle = ({ name, path }) => {
   const on = Boolean(dx.status?.[path]);
   return html`<${Act} text=${word(`run.${name}`)} class="toggle" data-toggle=${`PUT cycle/${path}`} aria-pressed=${String(on)} press=${() => call("PUT", `cycle/${path}`, { on: !on })} />`;
 };
+
+// Lines that begin with /, left out or not: the program is loaded anew so, from its beginning.
+const Skip = ({ job }) =>
+  html`<${Act} text=${word("run.skip")} class="toggle" id="run-skip" modes="OFF READY" aria-pressed=${String(Boolean(job?.block_delete))}
+    given=${Boolean(job?.name) && job.state === "loaded" && typeof job.text !== "string" && !job.restart?.length && !job.dry_run_mm} why="why.not_whole"
+    press=${() => call("POST", "job", { program: job.name, block_delete: !job.block_delete })} />`;
 
 // What a newcomer would do next, from cold to the first motion.
 function Next() {
