@@ -20,6 +20,7 @@ from enum import Enum
 from functools import cache
 from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
+from controller.catalogue import Said
 from controller.requests import ANSWERS, PLAN_IDS, Outcome, outcome
 from controller.state import MOST_AXES, Fault, Mode
 
@@ -193,7 +194,7 @@ class DriveRow(NamedTuple):
     state: Annotated[str, "of CiA 402, by its statusword"]
     cyclic_mode: Annotated[str, "in which it follows setpoints"]
     statusword: Annotated[int | None, "6041h as it came last"]
-    error: Annotated[str | None, "its last emergency in words"]
+    error: Annotated[Said | None, "its last emergency"]
     heartbeat_age_s: Annotated[float | None, "since it showed life"]
     emcy: Annotated[int | None, "code of its last emergency"]
     homing: Annotated[bool, "it was asked to home and has not done it yet"]

@@ -124,10 +124,15 @@ TEXTS: dict[int, str] = {
 KEPT_DIGITS = (0xFFFF, 0xFFF0, 0xFF00, 0xF000)
 
 
+UNLISTED = "not in CiA 301 or CiA 402, see the drive's manual"
+
+
+def listed(code: int) -> int | None:
+    """The code, or else its class, of which there is a text; None where there is none."""
+    return next((code & mask for mask in KEPT_DIGITS if code & mask in TEXTS), None)
+
+
 def text(code: int) -> str:
     """'8611h: following error'; an unlisted code has the text of its class, and says so by its digits."""
-    for mask in KEPT_DIGITS:
-        known = TEXTS.get(code & mask)
-        if known is not None:
-            return f"{code:04X}h: {known}"
-    return f"{code:04X}h: not in CiA 301 or CiA 402, see the drive's manual"
+    known = listed(code)
+    return f"{code:04X}h: {UNLISTED if known is None else TEXTS[known]}"

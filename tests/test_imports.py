@@ -38,7 +38,7 @@ ARROWS: dict[str, set[str]] = {
     "motions": LEAVES | {"curves", "surfaces", "touches", "kinematics"},
     "pieces": {"motions"},  # values of the hand-over
     "requests": {"state", "pieces"},  # how they travel, for the hand-over
-    "live_state": {"requests", "state"},  # what every tick leaves for others, declared
+    "live_state": {"requests", "state", "catalogue"},  # what every tick leaves for others, declared
     "handoff": LEAVES | {"pieces", "requests", "live_state", "motions", "curves", "surfaces"},
     "jog_frames": LEAVES | {"kinematics", "pieces", "catalogue"},  # what is jogged, as a line of the joints
     "whole": set(),  # files replaced whole
@@ -126,6 +126,7 @@ ROOMS: dict[str, dict[str, set[str]]] = {
 
 # Who may import which part of drives ("*" = all).
 TO_DRIVES: dict[str, set[str]] = {
+    "catalogue": {"emergency_codes"},  # the words of CiA's tables
     "machine": {"profile"},  # where its data sheets are wrong, as values
     "drive_objects": {"profile"},
     "config": {"settings", "profile"},

@@ -152,7 +152,10 @@ def _bits(status: Status) -> Iterator[Text]:
         yield Text(f"{say('analogue_outputs')}:  {values}")
     for drive in status.get("drives") or ():
         malformed = drive.get("malformed")
-        for what in (drive.get("error"), say("malformed", number=malformed) if malformed else None):
+        for what in (
+            (drive.get("error") or {}).get("sentence"),
+            say("malformed", number=malformed) if malformed else None,
+        ):
             if what:
                 yield Text(say("drive_of", axis=drive.get("axis", "-"), what=what), "yellow")
 

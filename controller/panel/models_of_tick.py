@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, create_model
 
 from controller import live_state
 from controller.live_state import DriveRow
+from controller.panel.answers import Texts
 
 Fields = dict[str, Any]  # name -> type and description, as pydantic takes them
 
@@ -51,6 +52,7 @@ def _of_tick() -> Fields:
 def _of_drives() -> Fields:
     hints = get_type_hints(DriveRow, include_extras=True)
     declared = {name: get_args(hints[name]) for name in DriveRow._fields}
+    declared["error"] = (Texts, declared["error"][1])  # with its sentence
     return {name: (kind | None, Field(None, description=said)) for name, (kind, said) in declared.items()}
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from controller import config
+from controller.catalogue import Key, Said, said
 from controller.live_state import DriveRow, Snapshot
 from controller.machine import Machine, Temperature
 from controller.state import Mode
@@ -94,7 +95,7 @@ def _drive(
         state=State(now.drive_states[i]).name,
         cyclic_mode=node.profile.mode.name,
         statusword=word,
-        error=emergency_codes.text(code) if code else None,
+        error=_emergency(code) if code else None,
         heartbeat_age_s=age_s,
         emcy=code or None,
         homing=homing,
@@ -102,3 +103,10 @@ def _drive(
         malformed=now.malformed[i],
         temperature_c=None,
     )
+
+
+def _emergency(code: int) -> Said:
+    """A code by its text, or its class's."""
+    known = emergency_codes.listed(code)
+    what = Key("emcy.unlisted" if known is None else f"emcy.{known:04X}")
+    return said("emcy", code=f"{code:04X}", what=what)

@@ -87,7 +87,7 @@ def test_a_tick_that_is_gone_or_stands_is_told() -> None:
 
 
 def test_inputs_outputs_and_what_drives_reported_are_shown() -> None:
-    drives = [{"axis": "C", "error": "8611h: following error"}, {"axis": "X", "error": None}]
+    drives = [{"axis": "C", "error": {"sentence": "8611h: following error"}}, {"axis": "X", "error": None}]
     drives.append({"axis": "Z", "error": None, "malformed": 3})
     told = shown({**RUNNING, "inputs": {"estop": True, "door": False}, "outputs": {}, "drives": drives})
     assert "inputs:  estop 1  door 0" in told and "outputs" not in told

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from support.machines.spindle_machine import mill
 
-from controller import config
+from controller import catalogue, config
 from controller.config import ConfigError
 from controller.live_state import blank
 from controller.machine import Machine, Temperature
@@ -104,3 +104,16 @@ def test_a_mistake_is_told_with_its_key(old: str, new: str, said: str) -> None:
     with pytest.raises(ConfigError, match="X") as refused:
         warm(TOLD.replace(old, new))
     assert said in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("code", "words"),
+    [(0x8611, "8611h: Schleppfehler"), (0x8619, "8619h: Positionieren"), (0xE123, "E123h: weder in CiA 301")],
+)
+def test_what_a_drive_reported_is_told_in_any_language_by_its_code_or_its_class(
+    code: int, words: str
+) -> None:
+    machine, log = warm(), LastFrames()
+    log(pdo.frame(pdo.EMCY + 1, code.to_bytes(2, "little") + bytes(6)), 1.0)
+    rows = hearing.drives(machine, NOW, {machine.axes[0].bus: log})
+    assert catalogue.text(rows[0]["error"], "de").startswith(words) and rows[1]["error"] is None

@@ -4,7 +4,7 @@ import { html } from "../dom.js";
 import { forms } from "../forms.js";
 import { AxisName, Card, Chip, Facts, Figure, Meter, Wrong } from "../parts.js";
 import { dx } from "../store.js";
-import { known, word as text } from "../texts.js";
+import { known, sentence, word as text } from "../texts.js";
 
 const word = (key, ...values) => text(`drives.${key}`, ...values);
 const TONES = { OPERATION_ENABLED: "go", FAULT: "stop", FAULT_REACTION_ACTIVE: "stop", QUICK_STOP_ACTIVE: "hold" };
@@ -58,7 +58,7 @@ function Drive({ drive }) {
     ${cell("error", forms.um(joint.error))}
     ${cell("warmth", typeof drive.temperature_c === "number" ? `${drive.temperature_c.toFixed(1)} °C` : "–", "figures d-warmth")}
     ${cell("age", typeof drive.heartbeat_age_s === "number" ? `${Math.round(drive.heartbeat_age_s * 1000)} ms` : "–", "figures d-age")}
-    ${cell("said", drive.error ? html`<span class="wrong">${drive.error}</span>` : html`<span class="dim">${word("nothing")}</span>`, "")}
+    ${cell("said", drive.error ? html`<span class="wrong">${sentence(drive.error)}</span>` : html`<span class="dim">${word("nothing")}</span>`, "")}
     ${cell("bits", bits(drive.statusword), "d-bits")}
   </tr>`;
 }
