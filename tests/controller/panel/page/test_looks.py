@@ -156,7 +156,7 @@ def test_nothing_is_clipped_either_while_a_program_runs(
         page.evaluate("dx.show('runs')")
         page.click("#runs-list tr:nth-child(2) button")
         page.evaluate("dx.show('programs')")
-        page.click("section[data-view=programs] tr.entry button")
+        page.click("section[data-view=programs] tr[data-program] button")
         page.wait_for_selector(".program-title")
         found = findings(page, f"{size}-{theme}-{language}", tmp_path)
     assert not found, "\n".join(found)
