@@ -80,9 +80,9 @@ class Usage:
     """``take`` rows as they come; any thread may ask and change; ``save`` waits for the disk."""
 
     def __init__(self, state: Path, machine: Machine) -> None:
-        self._file, self._machine = state / FILE, machine
+        self.file, self._machine = state / FILE, machine
         self._lock = threading.Lock()
-        self._kept = _read(self._file)
+        self._kept = _read(self.file)
         self._last: Rows | None = None
         self._used: set[str] = set()  # tools that have cut in this run
         self._changed, self._saved_s = False, 0.0
@@ -249,7 +249,7 @@ class Usage:
         with self._lock:
             text, self._changed = json.dumps(asdict(self._kept), indent=1), False
         try:
-            whole.write(self._file, text)
+            whole.write(self.file, text)
         except OSError:
             self._changed = True
             raise
