@@ -176,7 +176,7 @@ def test_a_jog_stops_in_time_when_the_socket_drops(context: Any, machine: LiveMa
         sockets.append(socket)
 
     def begin(page: Any) -> None:
-        page.route_web_socket("**/api/v1/events", through)
+        page.route_web_socket("**/api/v1/events*", through)
         page.reload()
         page.wait_for_selector("body[data-control=mine][data-mode=READY]")
         press(page)
