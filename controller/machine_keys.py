@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 
+from controller.equipment import M_CODES
 from controller.toml_table import Known, Table
 
 ARRAYS = ("bus", "axis", "tool")  # of tables, in double brackets
@@ -176,7 +177,7 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "digital_in": "names of inputs that programs wait for: P0, P1 ... of M66",
         "digital_out": "names of outputs that they switch: P0, P1 ... of M62 to M65",
         "held": "of them those that stay as they are at a program's end, a stop and a fault",
-        "m_codes": "what M10, M11, M20 to M28, M100 to M199 switch",
+        "m_codes": f"what {M_CODES} switch",
         "analogue_out": "E0, E1 ... of M67 and M68, by name",
         "orient": "of M19: the spindle's drive goes to its angle",
     },

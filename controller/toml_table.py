@@ -173,9 +173,9 @@ class Table:
 
     def entry(self, key: str, name: str) -> Table:
         """The entry of an array of tables that has this name. Raises KeyError."""
-        for one in self.tables(key):
-            if one._values.get("name") == name:
-                return one
+        for n, values in enumerate(self._values.get(key, ()), 1):
+            if values.get("name") == name:
+                return self._of(f"[[{key}]] {name}", values, f"{key}#{n}")
         raise KeyError(name)
 
     def finish(self) -> None:

@@ -46,7 +46,7 @@ ARROWS: dict[str, set[str]] = {
     "packed_rows": {"handoff"},  # rows of the recorder, for the door
     "door": {"whole", "internal_error", "catalogue"},  # the service's local protocol, and its asking side
     "toml_table": {"geometry"},  # reads tables for config, knows no machine
-    "machine_keys": {"toml_table"},  # what the keys mean: config/KEYS.md
+    "machine_keys": {"toml_table", "equipment"},  # what the keys mean: config/KEYS.md
     "drive_objects": {"toml_table"},  # objects of drives in tables, and where data sheets are wrong
     # config's: spindle, inputs and outputs, clamps
     "equipment": {"machine", "geometry", "toml_table", "drive_objects"},

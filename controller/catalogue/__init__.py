@@ -165,6 +165,11 @@ def text(said: Mapping[str, Any] | None, language: str = DEFAULT) -> str:
     return str((said or {}).get("sentence") or "")
 
 
+def kept(facts: Mapping[str, Any]) -> Said | None:
+    """What ``facts`` has made facts of; None where nothing is said."""
+    return Said(key=facts["key"], values=facts["values"] or {}) if facts.get("key") else None
+
+
 def facts(said: Said | None) -> dict[str, Any]:
     """Key and values as facts of something else; both are null where there is nothing to be said."""
     return dict(said) if said else {"key": None, "values": None}

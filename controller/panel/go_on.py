@@ -12,7 +12,7 @@ import asyncio
 from collections.abc import Callable
 from typing import Any
 
-from controller.catalogue import Said, said
+from controller.catalogue import Said, kept, said
 from controller.panel import loading
 from controller.panel.answers import Refusal
 from controller.panel.database import StoreError
@@ -110,8 +110,7 @@ class GoOn:
         if ready := told["mode"] == "READY" and _state(told, program) == state:
             return ready
         job: dict[str, Any] = told.get("job") or {}
-        known = Said(key=job["key"], values=job["values"]) if job.get("key") else None
-        self._end(known or said("queue_other", program=program))
+        self._end(kept(job) or said("queue_other", program=program))
         return False
 
 

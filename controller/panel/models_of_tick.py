@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, get_args, get_type_hints
 from pydantic import BaseModel, ConfigDict, Field, create_model
 
 from controller import live_state
+from controller.catalogue import Said
 from controller.live_state import DriveRow
 from controller.panel.answers import Texts
 
@@ -52,8 +53,8 @@ def _of_tick() -> Fields:
 def _of_drives() -> Fields:
     hints = get_type_hints(DriveRow, include_extras=True)
     declared = {name: get_args(hints[name]) for name in DriveRow._fields}
-    declared["error"] = (Texts, declared["error"][1])  # with its sentence
-    return {name: (kind | None, Field(None, description=said)) for name, (kind, said) in declared.items()}
+    shown = {name: Texts if kind == Said | None else kind for name, (kind, _) in declared.items()}
+    return {name: (shown[name] | None, Field(None, description=told)) for name, (_, told) in declared.items()}
 
 
 if TYPE_CHECKING:

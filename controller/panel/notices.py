@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from controller import catalogue
-from controller.catalogue import Key, Said, plain, said
+from controller.catalogue import Key, Said, kept, plain, said
 from controller.panel import notice_settings, notice_ways
 from controller.panel.answers import Refusal
 from controller.panel.database import StoreError
@@ -93,8 +93,7 @@ class Notices:
     async def _look_at_tool(self) -> None:
         with contextlib.suppress(Refusal):  # a service that is away asks for nothing
             asked = (await self._watch.status()).get("tool_change")
-            if asked and asked != self._asked:
-                words = Said(key=asked["key"], values=asked["values"])
+            if asked and asked != self._asked and (words := kept(asked)) is not None:
                 self.send(Notice("tool_change", time.time(), words, {"tool": asked.get("number")}))
             self._asked = asked
 
@@ -176,8 +175,8 @@ class Way:
 
 def of_alarm(alarm: Alarm) -> Notice:
     facts = {"name": alarm.name, "axis": alarm.axis or None}
-    told = Said(key=alarm.key, values=dict(alarm.values or {})) if alarm.key else plain(alarm.sentence)
-    return Notice("alarm", alarm.at_s, told, facts)
+    told = kept({"key": alarm.key, "values": alarm.values})
+    return Notice("alarm", alarm.at_s, told or plain(alarm.sentence), facts)
 
 
 def of_run(run: Run) -> Notice:

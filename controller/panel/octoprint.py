@@ -24,6 +24,7 @@ from controller.panel.core import Panel
 from controller.panel.names import leaf_of
 from controller.panel.programs import Program
 from controller.panel.roles import Role
+from controller.panel.routes.machine import ask
 from controller.panel.routes.programs import BODY, place_of, take
 
 router = APIRouter(tags=["OctoPrint's way to upload and to look"])
@@ -147,8 +148,7 @@ async def octoprint_command(
     verb = await _verb(panel, body)
     if verb in ("start", "resume"):
         panel.control.check(x_control_token)
-    panel.go_on.asked(verb)
-    await panel.door.ask(verb)
+    await ask(request, verb)
 
 
 async def _verb(panel: Panel, body: JobCommand) -> str:

@@ -31,7 +31,7 @@ ENDS = (
 
 
 def base(dialect: str = "rs274") -> Machine:
-    return replace(reference_interpreter.machine(dialect), kept=((500, 510),), without_point="unit")
+    return reference_interpreter.machine(dialect, kept=((500, 510),), without_point="unit")
 
 
 def left(text: str, on: Machine, values: Mapping[str, Any]) -> dict[str, Any]:

@@ -41,6 +41,13 @@ class Shop:
     async def load(self) -> None:
         assert (await self.client.post("/api/v1/queue/load")).status_code == 200
 
+    async def going(self, *entries: tuple[str, int]) -> None:
+        """These are in the queue, the first is loaded, and it is to go on by itself."""
+        for program, count in entries:
+            await self.add(program, count)
+        await self.choose()
+        await self.load()
+
     async def ran(self, result: str = "completed") -> None:
         """The program that is loaded was started, and ended like that."""
         runs, job = self.scene.store.runs, self.scene.door.job
@@ -100,10 +107,7 @@ def test_nothing_is_started_that_nobody_chose_to(tmp_path: Path) -> None:
 
 def test_it_goes_on_through_all_of_it_and_then_says_so(tmp_path: Path) -> None:
     async def story(shop: Shop) -> None:
-        await shop.add("a.ngc", 2)
-        await shop.add("b.ngc", 1)
-        await shop.choose()
-        await shop.load()
+        await shop.going(("a.ngc", 2), ("b.ngc", 1))
         for _ in range(3):
             await shop.ran()
         assert shop.moved == ["a.ngc", "a.ngc", "start", "b.ngc", "start"]
@@ -158,9 +162,7 @@ def test_it_ends_where_anything_is_not_as_it_was(
     tmp_path: Path, act: Callable[[Shop], Awaitable[None]], why: str
 ) -> None:
     async def story(shop: Shop) -> None:
-        await shop.add("a.ngc", 3)
-        await shop.choose()
-        await shop.load()
+        await shop.going(("a.ngc", 3))
         await act(shop)
         await shop.ran()
         assert shop.moved == ["a.ngc"]
@@ -174,9 +176,7 @@ def test_it_ends_where_anything_is_not_as_it_was(
 @pytest.mark.parametrize("result", ["fault", "stopped", "refused", "interrupted", "lost"])
 def test_a_run_that_is_not_whole_ends_it(tmp_path: Path, result: str) -> None:
     async def story(shop: Shop) -> None:
-        await shop.add("a.ngc", 3)
-        await shop.choose()
-        await shop.load()
+        await shop.going(("a.ngc", 3))
         await shop.ran(result)
         assert shop.moved == ["a.ngc"] and "a.ngc ended" in (await shop.told())["sentence"]
         shop.scene.door.mode = "READY"
@@ -188,10 +188,7 @@ def test_a_run_that_is_not_whole_ends_it(tmp_path: Path, result: str) -> None:
 
 def test_what_the_machine_refuses_ends_it_with_its_sentence(tmp_path: Path) -> None:
     async def story(shop: Shop) -> None:
-        await shop.add("a.ngc", 1)
-        await shop.add("b.ngc", 1)
-        await shop.choose()
-        await shop.load()
+        await shop.going(("a.ngc", 1), ("b.ngc", 1))
         shop.scene.store.programs.delete("b.ngc")
         await shop.ran()
         assert shop.moved == ["a.ngc"] and "b.ngc" in (await shop.told())["sentence"]
@@ -204,9 +201,7 @@ def test_what_happens_while_the_next_is_read_keeps_it_from_starting(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, act: Callable[[Shop], Awaitable[None]]
 ) -> None:
     async def story(shop: Shop) -> None:
-        await shop.add("a.ngc", 2)
-        await shop.choose()
-        await shop.load()
+        await shop.going(("a.ngc", 2))
         keep, turns = shop.scene.door._keep, iter(range(3))
 
         def slowly(verb: str, args: dict[str, Any]) -> None:
@@ -233,9 +228,7 @@ def test_what_happens_while_the_next_is_read_keeps_it_from_starting(
 
 def test_a_panel_that_is_restarted_counts_what_ended_meanwhile_and_starts_nothing(tmp_path: Path) -> None:
     async def story(shop: Shop) -> None:
-        await shop.add("a.ngc", 3)
-        await shop.choose()
-        await shop.load()
+        await shop.going(("a.ngc", 3))
         job = shop.scene.door.job
         assert job is not None
         shop.scene.store.runs.end(shop.scene.store.runs.begin("a.ngc", job["sha256"]), "completed")

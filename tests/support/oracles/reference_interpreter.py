@@ -15,6 +15,7 @@ import subprocess
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from support.machines.traced_programs import mill
 
@@ -35,13 +36,13 @@ def program() -> str | None:
     return os.environ.get("DIRECTRIX_RS274") or shutil.which("rs274")
 
 
-def machine(dialect: str = "rs274") -> Machine:
-    """X Y Z A C with all work offsets at zero and no limit that matters."""
+def machine(dialect: str = "rs274", **changes: Any) -> Machine:
+    """X Y Z A C with all work offsets at zero and no limit that matters; ``changes``: of its fields."""
     tools = tuple(
         replace(tool, length_mm=length) for tool, length in zip(mill().tools, (10.0, 25.4), strict=False)
     )
     nine = tuple(Frame() for _ in OFFSETS[:9])
-    return replace(mill(), offsets=nine, unset=(), tools=tools, dialect=dialect)
+    return replace(mill(), offsets=nine, unset=(), tools=tools, dialect=dialect, **changes)
 
 
 @dataclass(frozen=True, slots=True)

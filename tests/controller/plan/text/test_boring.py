@@ -22,7 +22,7 @@ START = "G21 G90 G0 X0. Y0. Z10.\nF60. S100 M3\n"
 def machine(shift: str = "X+", dialect: str = "fanuc") -> Machine:
     orient = Orient("orient", "oriented", 0.0, 5.0, shift)
     io = Io("can0", 9, "", (("oriented", 0),), (("orient", 0),), orient=orient)
-    return replace(reference_interpreter.machine(dialect), without_point="unit", io=io)
+    return reference_interpreter.machine(dialect, without_point="unit", io=io)
 
 
 def told(program: str, on: Machine) -> list[str]:

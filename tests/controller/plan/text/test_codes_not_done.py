@@ -77,7 +77,7 @@ REFUSED = {
 
 
 def machine(dialect: str) -> Machine:
-    return replace(reference_interpreter.machine(dialect), without_point="unit")
+    return reference_interpreter.machine(dialect, without_point="unit")
 
 
 @pytest.mark.parametrize(("dialect", "line"), [(d, line) for d, lines in REFUSED.items() for line in lines])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 from support.machines.traced_programs import mill, sentences, trace
 from support.oracles import reference_interpreter
@@ -19,7 +17,7 @@ UP1, UP4 = "-0.746", "-3.746"  # 0.254 mm above the last depth
 
 def told(text: str, dialect: str = "rs274") -> list[str]:
     """What happens behind START: r, f with the place of each motion, d with seconds, s with the speed."""
-    on = replace(reference_interpreter.machine(dialect), without_point="unit")
+    on = reference_interpreter.machine(dialect, without_point="unit")
     made, here = [], ""
     for step in explained.steps(blocks.stream((START + text).encode(), on, "p"), on, "p", homed(on)):
         place = " ".join(f"{step.axes[name]:g}" for name in "XYZ")
@@ -92,7 +90,7 @@ def test_what_fanuc_has_its_own_way(text: str, moves: str) -> None:
 
 
 def test_a_rotary_turns_with_the_way_over_the_hole_under_fanuc() -> None:
-    on = replace(reference_interpreter.machine("fanuc"), without_point="unit")
+    on = reference_interpreter.machine("fanuc", without_point="unit")
     text = START + "G99 G81 X1. C30. Z-5. R2.\nC60."
     found = list(explained.steps(blocks.stream(text.encode(), on, "p"), on, "p", homed(on)))
     assert [step.axes["C"] for step in found if step.axes["Z"] == -5.0] == pytest.approx([30.0, 60.0])

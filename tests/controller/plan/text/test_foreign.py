@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -70,7 +69,7 @@ OURS = (
 
 
 def machine(dialect: str) -> Machine:
-    return replace(reference_interpreter.machine(dialect), without_point="unit")
+    return reference_interpreter.machine(dialect, without_point="unit")
 
 
 @pytest.mark.parametrize("dialect", ["rs274", "fanuc"])

@@ -24,7 +24,7 @@ def steps(text: str, on: Machine) -> list[Step]:
 
 def axes(text: str, dialect: str = "rs274") -> tuple[float | None, ...]:
     """X Y Z A C where a program ends."""
-    on = replace(reference_interpreter.machine(dialect), without_point="unit")
+    on = reference_interpreter.machine(dialect, without_point="unit")
     return tuple(steps(text, on)[-1].axes[name] for name in "XYZAC")
 
 
