@@ -40,9 +40,10 @@ class Way:
         self.velocity = (limits.velocity / limits.jerk)[:, None]
         times = np.linspace(first_s, last_s, max(int((last_s - first_s) / NODE_STEP_S), 4) + 1)
         s, v = _rising(*profile.along(times)[:2])
-        inner = course.starts[1:-1]
-        inner = inner[(inner > s[0]) & (inner < s[-1])]
-        places = np.unique(np.concatenate([s, inner, inner - LEAST_STEP]))
+        marks = course.marks[(course.marks > s[0]) & (course.marks < s[-1])]
+        # A sum of lengths may fall short of a joint of a spline: a little behind it as well.
+        sides = np.array([-LEAST_STEP, 0.0, 0.5 * LEAST_STEP])
+        places = np.unique(np.concatenate([s, (marks[:, None] + sides).ravel()]))
         places, derived = self._refined(course, places, s, v)
         self._fill(places, derived)
         rooms, before, ahead = _rooms(course, places, s, v)
