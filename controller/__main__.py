@@ -1,6 +1,6 @@
 """The command line: the one file that knows all parts.
 
-A file of ``controller/commands`` is imported when one of its commands is asked for: ``hold`` must
+A file of ``controller/cli`` is imported when one of its commands is asked for: ``hold`` must
 not wait for what plans and simulates.
 """
 
@@ -17,7 +17,7 @@ from typing import Annotated, Any, TextIO
 import typer
 from typer.core import TyperGroup
 
-# File of controller/commands: the commands that it adds, as --help lists them. It has a function of that
+# File of controller/cli: the commands that it adds, as --help lists them. It has a function of that
 # name, or a Typer called ``app`` or like the command; or ``register(app)`` where there is more to say.
 FILES = {
     "programs": ("check", "simulate", "demo", "paper"),
@@ -68,7 +68,7 @@ class Commands(TyperGroup):
 
 def _loaded(file: str) -> dict[str, Any]:
     """The commands of one file, by name."""
-    module = _imported(f"controller.commands.{file}")
+    module = _imported(f"controller.cli.{file}")
     holder = typer.Typer()
     if hasattr(module, "register"):
         module.register(holder)
@@ -134,7 +134,7 @@ def main() -> None:
     except (typer.Abort, KeyboardInterrupt):
         code = ENDED_CODE
     except Exception as error:  # nobody reads a traceback
-        from controller.commands import internal_error
+        from controller.cli import internal_error
 
         sys.exit(internal_error.end(error, as_json))
     if code == ENDED_CODE:

@@ -12,11 +12,12 @@ from support.machines.shipped_kinds import TILTING
 from typer.testing import CliRunner
 
 from controller import __main__ as command_line
-from controller import config
+from controller.machine import machine_file
 from controller.plan.report import stored
-from controller.session import checked, stepped
+from controller.runtime import checked, stepped
 
 PROGRAMS = Path(__file__).parent / "programs"
+EXAMPLE_2 = machine_file.shipped_program("example2")
 SHIPPED = ("example1", "example2", "example1_ready", "example2_ready")
 CONE = "G51 X0. Y15. Z0. I0. J0. K0. H10. R10. D5. F1000.\n"
 
@@ -107,7 +108,7 @@ GEOMETRY = [
     ("travel of G53", "G53 G0 Z400\n", "1:5", "Z would reach 400.000 mm, 100.000 mm beyond"),
     ("travel of a rotary", "G0 A-150\n", "1:1", "A would reach -150.000 deg, 30.000 deg beyond"),
     ("turns", CONE.replace("D5.", "D36000."), "1:1", "C would reach"),
-    ("gouging lead", config.shipped_program("example2").read_text(), "1:6", "mm too deep into the surface"),
+    ("gouging lead", EXAMPLE_2.read_text(), "1:6", "mm too deep into the surface"),
     ("arc", "G2 X10 Y0 I3 J0 F100\n", "1:1", "ends 97.1648 mm from it"),
     ("nothing to do", "G21 G90\n", "1:1", "no block that does anything"),
 ]  # fmt: skip
@@ -131,7 +132,7 @@ def test_simulate_refuses_as_check_does_and_writes_nothing(at_work):
 
 
 def test_gouge_warn_cuts_it_anyway_and_says_so():
-    code, out, err = run("check", config.shipped_program("example2"), "--gouge", "warn")
+    code, out, err = run("check", machine_file.shipped_program("example2"), "--gouge", "warn")
     assert code == 0
     for line, what in (
         (1, "lead in"),
@@ -228,7 +229,7 @@ def test_an_error_of_our_own_is_one_sentence_and_a_file_to_send_in(at_work, monk
     def wrong(*_: object) -> None:
         raise IndexError("index 7 is out of\nbounds")
 
-    monkeypatch.setattr("controller.session.checked.task", wrong)
+    monkeypatch.setattr("controller.runtime.checked.task", wrong)
     monkeypatch.setattr("tempfile.tempdir", str(at_work))
     words = ["check", program(CONE), *(["--json"] if as_json else [])]
     monkeypatch.setattr("sys.argv", ["directrix", *words])
@@ -344,7 +345,7 @@ def test_another_period_runs_at_that_period(at_work, period_ms):
 
 def test_warnings_of_the_machine_file_are_told(at_work):
     coarse = (
-        Path(config.SHIPPED / "trunnion.toml")
+        Path(machine_file.SHIPPED / "trunnion.toml")
         .read_text()
         .replace("counts_per_mm = 200_000", "counts_per_mm = 100")
     )
@@ -388,7 +389,7 @@ SLOW = [("example1_ready", 8, "C velocity"), ("example2_ready", 10, "Y velocity"
 
 @pytest.mark.parametrize("name, line, binds", SLOW, ids=["cone", "ruled"])
 def test_at_low_limits_the_check_of_the_papers_parts_names_what_binds(at_work, name, line, binds):
-    text = config.shipped_program(name).read_text().replace("F100.", "F1000.")
+    text = machine_file.shipped_program(name).read_text().replace("F100.", "F1000.")
     words = ("check", program(text), "--machine", "xyzac_linuxcnc")
     code, out, _ = run(*words)
     assert code == 0 and binds in out
@@ -499,7 +500,9 @@ def test_unchecked_runs_a_sound_program_to_its_end(at_work, no_second_look):
 @pytest.mark.parametrize("machine", TILTING)
 def test_every_shipped_program_can_run_on_every_shipped_machine_that_tilts_the_tool(machine):
     for name in SHIPPED:
-        code, found = as_json("check", config.shipped_program(name), "--machine", machine, "--gouge", "warn")
+        code, found = as_json(
+            "check", machine_file.shipped_program(name), "--machine", machine, "--gouge", "warn"
+        )
         lengths = [94.2478] if "1" in name else [50.5115, 36.7618]
         assert code == 0 and found["cuts_mm"] == pytest.approx(lengths, abs=1e-4), name
 
@@ -507,7 +510,7 @@ def test_every_shipped_program_can_run_on_every_shipped_machine_that_tilts_the_t
 @pytest.mark.slow
 @pytest.mark.parametrize("machine", TILTING)
 def test_the_cone_is_simulated_on_every_shipped_machine_as_long_as_planned(machine):
-    words = (config.shipped_program("example1"), "--machine", machine)
+    words = (machine_file.shipped_program("example1"), "--machine", machine)
     _, found = as_json("check", *words)
     code, figures = as_json("simulate", *words)
     assert (code, figures["result"], figures["skips"]) == (0, "completed", 0)

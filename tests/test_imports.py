@@ -9,136 +9,75 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-LEAVES = {"machine", "state", "geometry"}
-SHAPES = {"jets", "curves", "splines", "hulls", "rulings", "surfaces"} | {
-    *("placement", "touches", "kinematics", "motions"),
-}
 
-# Part of controller -> parts of controller it may import. A file of a folder counts as
-# the folder, and every part may import itself.
+# Room of controller -> rooms of controller that it may import; a file beside the rooms is a room of its own,
+# and every room may import itself.
+VALUES = {"faults", "geometry", "machine", "motion", "state", "messages"}
 ARROWS: dict[str, set[str]] = {
+    "atomic_file": set(),  # files replaced whole
+    "faults": set(),  # what a fault is made of: words for all
     "geometry": set(),
-    "machine": {"geometry"},
-    "faults": set(),
-    "catalogue": {"faults"},  # texts of the faults, by language
-    "fault_table": {"faults", "catalogue"},
-    "state": {"faults", "fault_table", "catalogue"},
-    "changes": LEAVES,  # what programs change for good
-    "jets": set(),
-    "arrays": set(),  # components as tables
-    "banded": set(),  # linear systems
-    "curves": {"geometry", "jets"},
-    "splines": {"geometry", "jets", "curves"},
-    "rulings": {"geometry", "curves", "splines"},
-    "hulls": {"geometry", "curves", "splines"},
-    "surfaces": LEAVES | {"jets", "arrays", "curves", "splines", "hulls", "rulings"},
-    "placement": LEAVES | {"curves", "surfaces"},
-    "touches": {"geometry"},  # of a cut's axis and the pole
-    "kinematics": LEAVES | {"jets", "curves", "touches"},
-    "motions": LEAVES | {"curves", "surfaces", "touches", "kinematics"},
-    "pieces": {"motions"},  # values of the hand-over
-    "requests": {"state", "pieces"},  # how they travel, for the hand-over
-    "live_state": {"requests", "state", "catalogue"},  # what every tick leaves for others, declared
-    "handoff": LEAVES | {"pieces", "requests", "live_state", "motions", "curves", "surfaces"},
-    "jog_frames": LEAVES | {"kinematics", "pieces", "catalogue"},  # what is jogged, as a line of the joints
-    "whole": set(),  # files replaced whole
-    "internal_error": set(),  # a mistake of our own, in words
-    "packed_rows": {"handoff"},  # rows of the recorder, for the door
-    "door": {"whole", "internal_error", "catalogue"},  # the service's local protocol, and its asking side
-    "toml_table": {"geometry"},  # reads tables for config, knows no machine
-    "machine_keys": {"toml_table", "equipment"},  # what the keys mean: config/KEYS.md
-    "drive_objects": {"toml_table"},  # objects of drives in tables, and where data sheets are wrong
-    # config's: spindle, inputs and outputs, clamps
-    "equipment": {"machine", "geometry", "toml_table", "drive_objects"},
-    "profiles": {"toml_table", "drive_objects"},  # drive profiles, for config
-    "nodes": {
-        "machine",
-        "toml_table",
-        "profiles",
-    },  # the machine as the bus side knows it; config hands it on
-    "offset_table": {"machine", "geometry", "toml_table"},  # config's: work offsets and kept parameters
-    "config": {"machine", "geometry", "toml_table", "equipment", "offset_table"}
-    | {"drive_objects", "profiles", "nodes"},
-    "plan": LEAVES | SHAPES | {"arrays", "banded", "handoff", "changes"},
-    "arranged": {"machine", "geometry", "whole"},  # how drives were found, on disk
-    "times": LEAVES | {"handoff"},  # what a machine's faults take
-    "tick": LEAVES | (SHAPES - {"jets"}) | {"handoff", "live_state", "times"},
-    "journal": LEAVES | {"handoff", "plan", "catalogue", "whole"},  # where the running program is, on disk
-    "verify": LEAVES | SHAPES | {"arrays", "plan", "handoff", "catalogue"},
-    # Puts the parts together, as the command line does; nothing but that imports it.
-    "session": LEAVES
-    | SHAPES
-    | {"config", "handoff", "plan", "tick", "verify", "times", "arranged", "internal_error"},
-    # What was changed at the machine, laid over its file.
-    "fitting": LEAVES | {"changes", "config", "offset_table", "toml_table", "whole"},
-    # The process of `serve`: parent of tick and plan, and the far side of the door.
-    "service": LEAVES
-    | SHAPES
-    | {"config", "toml_table", "changes", "fitting", "jog_frames", "door", "journal", "catalogue", "whole"}
-    | {"handoff", "live_state", "packed_rows", "plan", "session", "tick", "times", "arranged"},
-    "panel": LEAVES
-    | {
-        "handoff",
-        "live_state",
-        "packed_rows",
-        "config",
-        "toml_table",
-        "changes",
-        "fitting",
-        "door",
-        "plan",
-        "verify",
-    }
-    | {"faults", "catalogue", "whole"},
-    "cad": LEAVES | SHAPES | {"plan"},  # faces of a CAD file as a program
-    "post": LEAVES | SHAPES | {"plan"},  # a planned path as lines
-    # Commands of the command line, each a file of its own: as free as that, but for tick.
-    "commands": LEAVES
-    | SHAPES
-    | {"config", "nodes", "profiles", "toml_table", "handoff", "plan", "verify", "session", "times"}
-    | {"catalogue", "door", "fitting", "service", "panel", "cad", "post", "arranged"}
-    | {"internal_error", "whole", "packed_rows"},
+    "machine": {"geometry", "atomic_file"},
+    "motion": {"geometry", "machine"},  # what both sides compute alike
+    "messages": {"faults"},  # texts, a file per language
+    "state": {"faults", "machine", "motion", "messages"},
+    "ipc": {"motion", "state", "messages", "atomic_file"},  # between the processes
+    "program": {"geometry", "machine"},
+    "plan": {"geometry", "machine", "motion", "state", "ipc", "program"},
+    "tick": {"geometry", "machine", "motion", "state", "ipc"},
+    "verify": VALUES | {"ipc", "program", "plan"},
+    # Puts the parts together: clock, tick, plan and drives.
+    "runtime": VALUES | {"ipc", "program", "plan", "tick", "verify"},
+    # The process of `serve`: parent of tick and plan, and the far side of the control socket.
+    "service": VALUES | {"atomic_file", "ipc", "program", "plan", "tick", "runtime"},
+    "api": VALUES | {"atomic_file", "ipc", "program", "plan", "verify"},
+    "web": {"api", "messages"},
+    "cad": {"geometry", "machine", "program", "plan"},  # faces of a CAD file as a program
+    "post": {"geometry", "machine", "motion", "program", "plan"},  # a planned path as lines
+    # Verbs of the command line: free, but for tick.
+    "cli": VALUES
+    | {"atomic_file", "ipc", "program", "plan", "verify", "runtime", "service", "api", "web", "cad", "post"},
 }
 
 # Parts of drives that are values and tables, for all.
-VALUES = {"settings", "arranged", "profile", "scale", "pdo", "cia402", "emergency_codes", "sheet_text"}
+OF_DRIVES = {"settings", "arranged", "profile", "scale", "pdo", "cia402", "emergency_codes", "sheet_text"}
 
 # Room of a folder -> rooms of it that it may import; files beside the rooms may import all.
 ROOMS: dict[str, dict[str, set[str]]] = {
+    "controller/program": {"contour": set()},  # lines and arcs in a plane, as numbers
     "controller/plan": {
-        "contour": set(),  # lines and arcs in a plane, as numbers
-        "text": {"contour"},
-        "route": {"contour", "text"},
-        "feed": {"text", "route"},
+        "banded": set(),  # linear systems
+        "stretch": set(),  # what a path is made of
+        "rotaries": {"stretch"},
+        "surfaces": {"stretch", "rotaries"},
+        "lines": {"stretch", "rotaries", "surfaces", "banded"},
+        "path": {"stretch", "rotaries", "surfaces", "lines"},
+        "restart": {"stretch", "rotaries", "surfaces", "path"},
+        "feed": {"stretch", "rotaries", "surfaces", "banded"},
         "stops": {"feed"},
     },
     "drives": {
-        "load": VALUES,
-        "log": VALUES,
-        "virtual": VALUES | {"load"},
-        "ports": VALUES | {"virtual"},
-        "cyclic": VALUES | {"ports"},
-        "commissioning": VALUES,
-        "gateways": VALUES | {"bus", "ports", "virtual", "log"},
-        "simulated": VALUES | {"virtual", "gateways"},
+        "load": OF_DRIVES,
+        "log": OF_DRIVES,
+        "virtual": OF_DRIVES | {"load"},
+        "ports": OF_DRIVES | {"virtual"},
+        "cyclic": OF_DRIVES | {"ports"},
+        "commissioning": OF_DRIVES,
+        "gateways": OF_DRIVES | {"bus", "ports", "virtual", "log"},
+        "simulated": OF_DRIVES | {"virtual", "gateways"},
     },
 }
 
 # Who may import which part of drives ("*" = all).
 TO_DRIVES: dict[str, set[str]] = {
-    "catalogue": {"emergency_codes"},  # the words of CiA's tables
-    "machine": {"profile"},  # where its data sheets are wrong, as values
-    "drive_objects": {"profile"},
-    "config": {"settings", "profile"},
+    "messages": {"emergency_codes"},  # the words of CiA's tables
+    "machine": {"settings", "profile", "arranged"},
+    "state": {"settings", "arranged"},  # what the stops take
     "tick": {"settings", "scale", "cia402", "pdo", "bus", "cyclic"},
-    "session": VALUES | {"bus", "cyclic", "load", "log", "commission", "simulated", "virtual"},
-    "service": VALUES | {"bus", "load", "log"},
-    "profiles": {"profile"},
-    "nodes": {"settings"},
-    "times": {"settings", "arranged"},
-    "arranged": {"arranged"},
+    "runtime": OF_DRIVES | {"bus", "cyclic", "load", "log", "commission", "simulated", "virtual"},
+    "service": OF_DRIVES | {"bus", "load", "log"},
     "verify": {"load"},  # to show it
-    "commands": {"*"},
+    "cli": {"*"},
     "__main__": {"*"},
 }
 
@@ -254,33 +193,41 @@ def test_the_drawing_itself_has_no_way_round() -> None:
 
 PLANTED = [
     # file, source, why it must be found
-    ("controller/plan/route/path.py", "from controller.tick import loop", "plan must not know the tick"),
-    ("controller/plan/route/path.py", "def f():\n    import controller.tick.loop", "also inside a function"),
+    ("controller/plan/path/path.py", "from controller.tick import loop", "plan must not know the tick"),
+    ("controller/plan/path/path.py", "def f():\n    import controller.tick.loop", "also inside a function"),
     ("controller/tick/loop.py", "from ..plan import profile", "also a relative import"),
     ("controller/tick/loop.py", "from controller import plan", "also by the package"),
-    ("controller/tick/loop.py", "from controller.panel import http", "never tick to panel"),
+    ("controller/tick/loop.py", "from controller.api import http", "never tick to panel"),
     ("controller/tick/cycle.py", "import numpy as np", "plain floats in the tick"),
     ("controller/tick/cycle.py", "import logging", "no log in the tick"),
     ("controller/tick/loop.py", "from threading import Lock", "no lock in the tick"),
     ("controller/tick/loop.py", "from drives import commission", "no SDO in the real-time process"),
     ("controller/tick/loop.py", "import drives", "the whole package is not one of its files"),
-    ("controller/curves.py", "from controller.surfaces import Cone", "curves know no surfaces"),
-    ("controller/geometry.py", "from controller import machine", "a leaf imports no other part"),
-    ("controller/config.py", "from controller.kinematics import Kinematics", "config reads, others compute"),
     (
-        "controller/plan/route/path.py",
+        "controller/geometry/curves.py",
+        "from controller.machine.kinematics import X",
+        "curves know no machine",
+    ),
+    ("controller/geometry/vectors.py", "from controller import machine", "a leaf imports no other part"),
+    (
+        "controller/machine/machine_file.py",
+        "from controller.motion import motions",
+        "a machine moves nothing",
+    ),
+    (
+        "controller/plan/path/path.py",
         "from drives.cyclic.group import Group",
         "only the tick speaks to drives",
     ),
-    ("controller/plan/text/words.py", "from controller.plan.feed import limits", "text knows no limits"),
+    ("controller/program/words.py", "from controller.plan.feed import limits", "text knows no limits"),
     (
-        "controller/plan/route/path.py",
+        "controller/plan/path/path.py",
         "from controller.plan.feed import profile",
         "first the way",
     ),
     ("drives/cyclic/group.py", "from drives.virtual.hub import Hub", "the tick's side knows no hub"),
-    ("controller/unknown.py", "from controller.geometry import X", "a part that is not drawn"),
-    ("drives/cyclic/group.py", "from controller.machine import Axis", "drives stand on their own"),
+    ("controller/unknown.py", "from controller.geometry.vectors import X", "a part that is not drawn"),
+    ("drives/cyclic/group.py", "from controller.machine.model import Axis", "drives stand on their own"),
     ("drives/simulated/node.py", "import importlib\nimportlib.import_module('controller')", "also by call"),
     ("drives/cyclic/group.py", "def f():\n    import can", "python-can has one door"),
     ("drives/simulated/node.py", "import canopen.sdo", "canopen has one door"),
@@ -296,9 +243,9 @@ def test_a_planted_arrow_is_found(path: str, source: str, reason: str) -> None:
 
 DRAWN = [
     ("controller/tick/cycle.py", "from drives.cyclic.group import Group\nfrom . import follow\nimport math"),
-    ("controller/plan/feed/limits.py", "import numpy as np\nfrom controller import jets, motions"),
-    ("controller/__main__.py", "from controller import config, tick\nfrom drives import commission"),
-    ("controller/config.py", "from drives.settings import NodeSettings"),
+    ("controller/plan/feed/limits.py", "import numpy as np\nfrom controller.motion import motions"),
+    ("controller/__main__.py", "from controller import machine, tick\nfrom drives import commission"),
+    ("controller/machine/machine_file.py", "from drives.settings import NodeSettings"),
     ("drives/bus.py", "def f():\n    import can"),
     ("drives/simulated/node.py", "from ..virtual.virtual_bus import connect"),
 ]

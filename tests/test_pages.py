@@ -14,8 +14,8 @@ import typer
 from typer.testing import CliRunner
 
 from controller.__main__ import app
-from controller.equipment import INPUTS, OUTPUTS
-from controller.state import Fault
+from controller.machine.equipment import INPUTS, OUTPUTS
+from controller.state.modes import Fault
 
 ROOT = Path(__file__).resolve().parent.parent
 ROOMS = (".", "config", "config/programs", "controller", "drives", "systemd", "tests")

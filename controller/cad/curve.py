@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
-from controller.geometry import Vector
-from controller.splines import ORDERS, BadSpline, BSpline, check
+from controller.geometry.splines import ORDERS, BadSpline, BSpline, check
+from controller.geometry.vectors import Vector
 
 Array = NDArray[np.float64]
 Shape = Callable[[Array], Array]  # shares (N,) from 0 to 1 -> points (N, 3)

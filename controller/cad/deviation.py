@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from controller.cad.outline import Outline
-from controller.plan.text.program import Block, CutCone, CutNurbs, CutRuled
-from controller.surfaces import Surface
+from controller.geometry.surfaces import Surface
+from controller.program.program import Block, CutCone, CutNurbs, CutRuled
 
 if TYPE_CHECKING:
     from controller.cad.kernel import Face
@@ -51,7 +51,7 @@ def places(count: int) -> tuple[Array, Array]:
 
 def surfaces(blocks: Iterable[Block]) -> list[Surface]:
     """What a program cuts, in its order."""
-    from controller.plan.route.cuts import surface_of
+    from controller.plan.surfaces.cuts import surface_of
 
     return [surface_of(block) for block in blocks if isinstance(block, CutCone | CutRuled | CutNurbs)]
 

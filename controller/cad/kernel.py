@@ -35,7 +35,7 @@ from OCP.TopLoc import TopLoc_Location
 from OCP.TopoDS import TopoDS
 
 from controller.cad.curve import Nurbs
-from controller.geometry import Frame
+from controller.geometry.vectors import Frame
 
 Array = NDArray[np.float64]
 Box = tuple[float, float, float, float]  # u from, to, v from, to

@@ -17,7 +17,7 @@ import numpy as np
 from controller.cad import words
 from controller.cad.curve import Array, Nurbs
 from controller.cad.strip import Strip
-from controller.machine import Machine, Tool
+from controller.machine.model import Machine, Tool
 
 MEET_MM = 1e-3  # ends of rulings that are nearer are one
 TWISTED_RAD = 1e-5

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from controller.cad.curve import NoFit, Nurbs, fit
 from controller.cad.outline import NOT_RULINGS, Outline, Side, Trimmed, TurnedPlane
-from controller.geometry import Vector
-from controller.plan.route.cuts import describe
-from controller.surfaces import RuledSurface, concave_radius, defect
+from controller.geometry.surfaces import RuledSurface, concave_radius, defect
+from controller.geometry.vectors import Vector
+from controller.plan.surfaces.cuts import describe
 
 if TYPE_CHECKING:
     from controller.cad.kernel import Face, Spline

@@ -25,19 +25,19 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
-from controller.handoff import PieceMessage, Snapshot
-from controller.kinematics import Kinematics
-from controller.machine import Machine
-from controller.plan.aside import Aside
-from controller.plan.detour import Detour
-from controller.plan.places import place_at
-from controller.plan.route.path import Chain, Pause, Stretch
-from controller.plan.route.restart import Rest
-from controller.plan.route.spot import Spot
-from controller.plan.text.program import ProgramError
+from controller.ipc.handoff import PieceMessage, Snapshot
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Machine
+from controller.plan.look_ahead import Orders, Place, Sent, Windows
+from controller.plan.off_path import Detour
+from controller.plan.path.path import Chain, Pause, Stretch
+from controller.plan.path_position import place_at
+from controller.plan.restart.program_position import Spot
+from controller.plan.restart.restart import Rest
+from controller.plan.retract import Aside
 from controller.plan.track import Track
-from controller.plan.window import Orders, Place, Sent, Windows
-from controller.state import Mode
+from controller.program.program import ProgramError
+from controller.state.modes import Mode
 
 AHEAD_S = 2.5  # of motion that is not to be replaced, before the tick needs it
 BUNDLE_S = 0.5  # short runs and pauses go together, up to this

@@ -11,13 +11,13 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from controller.kinematics import Kinematics
-from controller.machine import Machine
-from controller.motions import ToolSpline
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Machine
+from controller.motion.motions import ToolSpline
 from controller.plan.feed import profile
-from controller.plan.route.spot import ENTRY_ID, FORMER, Spot, fraction_at, line_of, order_of
-from controller.plan.route.stretch import Chain, Pause, Stretch
-from controller.plan.text.program import ProgramError
+from controller.plan.restart.program_position import ENTRY_ID, FORMER, Spot, fraction_at, line_of, order_of
+from controller.plan.stretch import Chain, Pause, Stretch
+from controller.program.program import ProgramError
 
 STANDS = -1  # motion id of a pause
 

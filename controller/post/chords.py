@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.kinematics import Kinematics
-from controller.motions import JointMove
-from controller.plan.route.branch import joints_along
-from controller.plan.route.stretch import Stretch
+from controller.machine.kinematics import Kinematics
+from controller.motion.motions import JointMove
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.stretch import Stretch
 
 Array = NDArray[np.float64]
 Ends = tuple[Array, Array]  # tips and tops, each (N, 3), table frame

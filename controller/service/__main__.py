@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from controller.session import children
+from controller.runtime import children
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -15,8 +15,8 @@ def main(arguments: Sequence[str]) -> int:
     children.end_with(int(parent))
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent ends us, in order
     children.name_process(f"directrix-{role}")
+    from controller.runtime import processes
     from controller.service import planning
-    from controller.session import processes
 
     return processes.run(role, planning.main, Path(job))
 

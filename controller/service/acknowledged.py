@@ -12,13 +12,13 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from controller import state
-from controller.catalogue import Key, Said
-from controller.door import Answer, DoorError, Values
-from controller.handoff import Outcome, Snapshot
-from controller.machine import Machine
-from controller.service.refused import by_fault, by_now, refused
-from controller.state import Fault, Request
+from controller.ipc.control_socket import Answer, DoorError, Values
+from controller.ipc.handoff import Outcome, Snapshot
+from controller.machine.model import Machine
+from controller.messages import Key, Said
+from controller.service.refusals import by_fault, by_now, refused
+from controller.state import modes
+from controller.state.modes import Fault, Request
 
 LONGEST_S = 5.0  # for the tick to answer: it takes requests in every turn
 LOOK_S = 0.002
@@ -120,7 +120,7 @@ def why_refused(machine: Machine, now: Snapshot, number: int, request: Request) 
 
 def refusal(machine: Machine, now: Snapshot, request: Request) -> Said | None:
     """Why the machine as it is refuses a request; None where it does not."""
-    return state.refusal(
+    return modes.refusal(
         now.mode,
         request,
         standing=now.at_rest,

@@ -14,12 +14,12 @@ import time
 from pathlib import Path
 from typing import Any
 
-from controller import whole
-from controller.catalogue import Said, said
-from controller.handoff import Snapshot
-from controller.machine import Machine
-from controller.service.refused import refused
-from controller.state import FAULTS, Fault, told
+from controller import atomic_file
+from controller.ipc.handoff import Snapshot
+from controller.machine.model import Machine
+from controller.messages import Said, said
+from controller.service.refusals import refused
+from controller.state.modes import FAULTS, Fault, told
 
 FILE = "alarms.jsonl"
 KEPT = 1000
@@ -86,7 +86,7 @@ class Alarms:
         with contextlib.suppress(OSError):
             self._file.parent.mkdir(parents=True, exist_ok=True)
             lines = (json.dumps(self._known[number]) + "\n" for number in sorted(self._known)[-KEPT:])
-            whole.write(self._file, "".join(lines))
+            atomic_file.write(self._file, "".join(lines))
 
 
 def _read(file: Path) -> list[dict[str, Any]]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from controller.service.refused import refused
+from controller.service.refusals import refused
 
 
 def number(args: Mapping[str, Any], key: str, lowest: float, highest: float) -> float:

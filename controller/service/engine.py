@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import NamedTuple
 
-from controller.handoff import (
+from controller.ipc.handoff import (
     Jog,
     Recorder,
     Snapshot,
@@ -34,14 +34,14 @@ from controller.handoff import (
     send_jog,
     send_request,
 )
-from controller.machine import Machine
+from controller.machine.model import Machine
+from controller.runtime import children, hubs
+from controller.runtime.children import Child, Job
 from controller.service.folders import Folders
-from controller.service.orders import Line, News
+from controller.service.planner_client import Line, News
 from controller.service.planning import PlanJob
-from controller.service.refused import by_fault, refused
-from controller.session import children, hubs
-from controller.session.children import Child, Job
-from controller.state import Fault, Request
+from controller.service.refusals import by_fault, refused
+from controller.state.modes import Fault, Request
 
 SERVICE = "controller.service"
 MOST_ASKED = 10_000  # requests that no record has looked for yet

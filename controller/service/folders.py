@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from controller import arranged
+from controller.machine import arrangement
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class Folders:
     @property
     def arranged(self) -> Path:
         """How the drives were found."""
-        return self.state / arranged.FOLDER
+        return self.state / arrangement.FOLDER
 
     def make(self) -> None:
         """Raises OSError."""

@@ -9,18 +9,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from controller import catalogue, journal
-from controller.changes import Change
-from controller.handoff import Snapshot
-from controller.machine import Joints, Machine, Tool
+from controller import messages as catalogue
+from controller.ipc.handoff import Snapshot
+from controller.machine.changes import Change
+from controller.machine.model import Joints, Machine, Tool
 from controller.plan.report.passing import Mark, Passed, passed_s
-from controller.plan.route.spot import ENTRY_ID, Spot
-from controller.plan.text import linked
+from controller.plan.restart.program_position import ENTRY_ID, Spot
+from controller.program import linked
+from controller.runtime.starts import Start
+from controller.service import journal
 from controller.service.arguments import number, whole
-from controller.service.orders import News, Program, Said, Way
-from controller.service.refused import refused
-from controller.session.starts import Start
-from controller.state import Mode
+from controller.service.planner_client import News, Program, Said, Way
+from controller.service.refusals import refused
+from controller.state.modes import Mode
 
 MDI = "MDI"
 MOST_BYTES = 1 << 30  # of a program

@@ -5,14 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from controller import jog_frames
-from controller.door import DoorError
-from controller.geometry import Frame
-from controller.handoff import Jog, Snapshot
-from controller.jog_frames import JogError
-from controller.kinematics import Kinematics, kinematics_of
-from controller.machine import Machine
-from controller.state import Mode
+from controller.geometry.vectors import Frame
+from controller.ipc.control_socket import DoorError
+from controller.ipc.handoff import Jog, Snapshot
+from controller.machine.kinematics import Kinematics, kinematics_of
+from controller.machine.model import Machine
+from controller.service import jog_frames
+from controller.service.jog_frames import JogError
+from controller.state.modes import Mode
 
 MOST_ENDED = 100  # presses that are remembered
 SILENCE_S = 0.2  # of a press without a name: longer, and the next request is another one

@@ -6,8 +6,8 @@ when it was read, and the motion itself is told by its name.
 
 from __future__ import annotations
 
-from controller.machine import OFFSETS
-from controller.plan.text.program import Modal, Side, Tip
+from controller.machine.model import OFFSETS
+from controller.program.program import Modal, Side, Tip
 
 COOLANT = ("M9", "M7", "M8", "M7 M8")
 TIPS = {Tip.ROTARIES: "G43.4", Tip.VECTORS: "G43.5"}

@@ -18,30 +18,30 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from controller.catalogue import said
-from controller.geometry import Frame
-from controller.handoff import Snapshot
-from controller.kinematics import kinematics_of
-from controller.machine import STILL, Machine, Pair
-from controller.motions import SurfaceCut
-from controller.plan.aside import NotPossible
+from controller.geometry.vectors import Frame
+from controller.ipc.handoff import Snapshot
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import STILL, Machine, Pair
+from controller.messages import said
+from controller.motion.motions import SurfaceCut
 from controller.plan.report.passing import passed_s, place_of
 from controller.plan.report.stored import Stored
-from controller.plan.route.beside import beside
-from controller.plan.route.restart import Rest
-from controller.plan.route.spot import ENTRY_ID, FORMER, LinePart, Spot, lines_along, order_of
-from controller.plan.route.stretch import Chain, Pause, Stretch
-from controller.plan.text.program import Act, Aside, Block, Message, ProgramError, Setting
-from controller.service import entered, modal_codes
-from controller.service.awaited import Awaited
+from controller.plan.restart.path_offset import beside
+from controller.plan.restart.program_position import ENTRY_ID, FORMER, LinePart, Spot, lines_along, order_of
+from controller.plan.restart.restart import Rest
+from controller.plan.retract import NotPossible
+from controller.plan.stretch import Chain, Pause, Stretch
+from controller.program.program import Act, Aside, Block, Message, ProgramError, Setting
+from controller.runtime import checked, cores, starts
+from controller.runtime.checked import Task
+from controller.runtime.plan_end import PLAN_TURN_S, PlanEnd
+from controller.runtime.processes import EXPECTED, own_error
+from controller.runtime.starts import Start
+from controller.runtime.startup import SessionError
+from controller.service import entry_state, modal_codes
 from controller.service.folders import Folders
-from controller.service.orders import Answer, News, Order, Program, Said, Turn, Way
-from controller.session import checked, cores, starts
-from controller.session.checked import Task
-from controller.session.plan_end import PLAN_TURN_S, PlanEnd
-from controller.session.processes import EXPECTED, own_error
-from controller.session.starts import Start
-from controller.session.startup import SessionError
+from controller.service.pending_command import Awaited
+from controller.service.planner_client import Answer, News, Order, Program, Said, Turn, Way
 
 NEWS_S = 0.1
 MOST_OFFSETS = 99
@@ -182,7 +182,7 @@ class Planning:
             "passed_s": passed_s(kept.marks, here) if here else 0.0,
             "duration_s": kept.duration_s,
             "blocks": kept.blocks,
-            "restart": entered.told(rest) if rest else [],
+            "restart": entry_state.told(rest) if rest else [],
             "notes": [{"line": note.place.line, "note": note.sentence} for note in kept.notes[:MOST_NOTES]],
             "verdict": checked.verdict_of(kept, most=0),  # the job is told many times a second
         }

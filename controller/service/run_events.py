@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from controller.handoff import COLUMN
+from controller.ipc.handoff import COLUMN
 
 REMEMBERED_TICKS = 1 << 16  # longer than any turn of the planner takes
 

@@ -15,8 +15,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from controller import whole
-from controller.session import events
+from controller import atomic_file
+from controller.runtime import events
 
 PART = "setpoints.part"
 MOST_BYTES = 256 << 20  # of setpoints in one run: six hours at 2 ms
@@ -77,8 +77,8 @@ class RunFile:
         for name, data in sources.items():
             _keep(self._folder / name, data)
         self.sync()
-        whole.sync(self._folder)
-        whole.sync(self._folder.parent)
+        atomic_file.sync(self._folder)
+        atomic_file.sync(self._folder.parent)
 
     def close(self) -> None:
         """Nothing more comes."""

@@ -32,8 +32,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from controller import whole
-from controller.handoff import (
+from controller import atomic_file
+from controller.ipc.handoff import (
     COLUMN,
     OFF_PATH,
     OPTIONAL_STOP,
@@ -45,17 +45,17 @@ from controller.handoff import (
     Snapshot,
     of_axes,
 )
-from controller.journal import sha256
-from controller.machine import Machine
+from controller.machine.model import Machine
+from controller.runtime import events
+from controller.runtime.recording import forget_oldest, new_folder
+from controller.runtime.replay import SETPOINTS, WHOLE
+from controller.runtime.starts import Start
 from controller.service.engine import Asked
-from controller.service.orders import Program, Turn
+from controller.service.journal import sha256
+from controller.service.planner_client import Program, Turn
 from controller.service.run_events import RunEvents
 from controller.service.run_file import PART, RunFile
-from controller.session import events
-from controller.session.recording import forget_oldest, new_folder
-from controller.session.replay import SETPOINTS, WHOLE
-from controller.session.starts import Start
-from controller.state import Fault, Mode
+from controller.state.modes import Fault, Mode
 
 FOLDER, RUN, BEGUN = "runs", "run.json", "begun.json"
 KEPT = 200
@@ -152,7 +152,7 @@ class RunRecord:
             if self._file is not None:
                 self._file.events([{"tick": -1, "request": events.BEGIN, "value": value}])
                 self._file.begin({events.PROGRAM: program.text, events.MACHINE: machine_text})
-            whole.sync(self.folder.parent)
+            atomic_file.sync(self.folder.parent)
 
     def planned(self, turns: tuple[Turn, ...], fitted: dict[str, Any]) -> None:
         """When the planner acted, and on which tick's snapshot; ``fitted``: now."""
@@ -313,7 +313,7 @@ def _asked_line(one: Asked) -> dict[str, Any]:
 
 
 def _write_facts(file: Path, facts: dict[str, Any]) -> None:
-    whole.write(file, json.dumps(facts, indent=1))
+    atomic_file.write(file, json.dumps(facts, indent=1))
 
 
 def _stem(name: str) -> str:

@@ -11,9 +11,9 @@ from collections.abc import Callable
 from concurrent.futures import Future, InvalidStateError, ThreadPoolExecutor
 from dataclasses import dataclass
 
-from controller import catalogue
-from controller.door import DoorError, Values, own_error
-from controller.service.refused import refused
+from controller import messages
+from controller.ipc.control_socket import DoorError, Values, own_error
+from controller.service.refusals import refused
 
 ANSWER_S = 4.0  # an answer comes so soon, with {"done": false} where the work goes on
 
@@ -24,10 +24,10 @@ class Sequence:
 
     name: str
     state: str
-    said: catalogue.Said | None = None  # why it failed
+    said: messages.Said | None = None  # why it failed
 
     def to_dict(self) -> Values:
-        return {"name": self.name, "state": self.state, **catalogue.facts(self.said)}
+        return {"name": self.name, "state": self.state, **messages.facts(self.said)}
 
 
 class Going:

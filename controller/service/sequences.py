@@ -8,19 +8,20 @@ from __future__ import annotations
 import contextlib
 from dataclasses import replace
 
-from controller import fitting, times
-from controller.catalogue import plain
-from controller.door import DoorError, Values
-from controller.handoff import Jog, Outcome, Snapshot
-from controller.machine import Machine
-from controller.service import offer, room
+from controller.ipc.control_socket import DoorError, Values
+from controller.ipc.handoff import Jog, Outcome, Snapshot
+from controller.machine import setup_data
+from controller.machine.model import Machine
+from controller.messages import plain
+from controller.service import disk_space, restart_preview
 from controller.service.acknowledged import why_refused
 from controller.service.jobs import Job, whole_from
-from controller.service.orders import Program
-from controller.service.refused import by_fault, by_now, refused
+from controller.service.planner_client import Program
+from controller.service.refusals import by_fault, by_now, refused
 from controller.service.sequencer import Going
 from controller.service.service import Service
-from controller.state import FAULTS, Mode, Recovery, Request
+from controller.state import stop_times
+from controller.state.modes import FAULTS, Mode, Recovery, Request
 from drives.cia402 import State
 
 MARGIN_S = 2.0  # on top of what the tick itself waits
@@ -35,7 +36,7 @@ def enable(service: Service) -> Values:
     _commissioned(service)
     _asked(service, Request.ENABLE)
     now = service.wait_for(
-        lambda now: now.mode in (Mode.READY, Mode.FAULT), times.ENABLE_S + MARGIN_S, "enabled"
+        lambda now: now.mode in (Mode.READY, Mode.FAULT), stop_times.ENABLE_S + MARGIN_S, "enabled"
     )
     if now.mode is not Mode.READY:
         raise by_fault(now.fault, now.mode.name, "ENABLE")
@@ -87,7 +88,7 @@ def _disable(service: Service) -> None:
     """A drive changes its mode of operation without torque."""
     if service.now().mode is not Mode.OFF:
         _asked(service, Request.DISABLE)
-    service.wait_for(_off, times.ENABLE_S, "switched_off")
+    service.wait_for(_off, stop_times.ENABLE_S, "switched_off")
 
 
 def _off(now: Snapshot) -> bool:
@@ -99,7 +100,7 @@ def reset(service: Service) -> Values:
     if not service.engine.tick_alive:
         service.start_engine()
         service.commission()
-        offer.tell_beside(service)
+        restart_preview.tell_beside(service)
         return {"mode": service.now().mode.name}
     now = service.now()
     if now.mode is Mode.FAULT:
@@ -130,7 +131,7 @@ def start(service: Service, job: Job, going: Going, unrecorded: bool = False) ->
     """
     try:
         if not (unrecorded or job.is_mdi):
-            room.check(service.state, job)
+            disk_space.check(service.state, job)
         _arm(service, job)
         facts = service.engine.line.order("arm", program=replace(job.program, in_spindle=service.tool))
         _go(service, job, facts, going)
@@ -152,7 +153,7 @@ def _arm(service: Service, job: Job) -> None:
     with service.fitting:
         job.program, job.fitted = replace(job.program, machine=service.machine), service.fitted
         if job.entry is not None:
-            offer.look_again(service, job)
+            restart_preview.look_again(service, job)
         service.arming(job)
 
 
@@ -178,7 +179,7 @@ def aside(service: Service, verb: str, distance_mm: float, going: Going) -> Valu
     job, program = service.running, None
     with service.fitting:
         if verb == "return" and job is not None and job.tools != service.machine.tools:
-            program = _refitted(job, fitting.applied(service.file, service.with_tools(job)))
+            program = _refitted(job, setup_data.applied(service.file, service.with_tools(job)))
     service.engine.line.order(verb, program=program, distance_mm=distance_mm)
     if program is not None and job is not None:
         service.refit(job, program)

@@ -18,34 +18,35 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from controller import catalogue, config, fitting, journal
-from controller.catalogue import Said, plain, said, several
-from controller.changes import Change, laid
-from controller.door import DoorError
-from controller.handoff import COLUMN, Snapshot
-from controller.journal import Journal
-from controller.machine import Machine
+from controller import messages
+from controller.ipc.control_socket import DoorError
+from controller.ipc.handoff import COLUMN, Snapshot
+from controller.machine import machine_file, setup_data
+from controller.machine.changes import Change, laid
+from controller.machine.model import Machine
+from controller.machine.toml_table import ConfigError
+from controller.messages import Said, plain, said, several
+from controller.runtime.bus_load import overload
+from controller.runtime.listener import Listener
+from controller.runtime.recording import Keeper
+from controller.runtime.starts import Start
+from controller.runtime.startup import SessionError
 from controller.service import alarms as alarm_values
-from controller.service import runs
+from controller.service import journal, runs
 from controller.service.alarms import Alarms
 from controller.service.engine import Engine
+from controller.service.fault_reporter import Troubles
 from controller.service.folders import Folders
-from controller.service.hearing import LastFrames
 from controller.service.jobs import Job
-from controller.service.orders import News, Program
-from controller.service.pulse import STANDS_S, LastSecond, Pulse
-from controller.service.refused import refused
+from controller.service.journal import Journal
+from controller.service.node_status import LastFrames
+from controller.service.planner_client import News, Program
+from controller.service.refusals import refused
 from controller.service.runs import Rows, RunRecord
 from controller.service.sequencer import Sequencer
-from controller.service.troubles import Troubles
 from controller.service.usage import Usage
-from controller.session.bus_load import overload
-from controller.session.listener import Listener
-from controller.session.recording import Keeper
-from controller.session.starts import Start
-from controller.session.startup import SessionError
-from controller.state import Mode, Request
-from controller.toml_table import ConfigError
+from controller.service.watchdog import STANDS_S, LastSecond, Pulse
+from controller.state.modes import Mode, Request
 from drives.bus import BusError
 
 JOURNAL = "journal.json"
@@ -65,10 +66,10 @@ class Service:
         kept.make()
         self._kept, self.state = kept, kept.state
         state = kept.state
-        self.fitted: dict[str, Any] = fitting.load(state)
+        self.fitted: dict[str, Any] = setup_data.load(state)
         self.file = machine  # as its builder wrote it
-        fitting.note(state, machine)
-        self.machine = fitting.applied(machine, self.fitted)  # as programs see it
+        setup_data.note(state, machine)
+        self.machine = setup_data.applied(machine, self.fitted)  # as programs see it
         self.alarms = Alarms(state)
         self.usage = Usage(state, machine)
         self.sequencer = Sequencer(self._failed)
@@ -80,7 +81,7 @@ class Service:
         self.homing: tuple[int, ...] = ()  # axes that were asked to, while they do
         self._asked_tool: int | None = None  # that a program waited for at the last look ...
         self._asked_line = 0  # ... and on which line
-        self.tool = fitting.in_spindle(state)  # number of the one in the spindle; 0 = not known
+        self.tool = setup_data.in_spindle(state)  # number of the one in the spindle; 0 = not known
         self.lock = threading.RLock()  # of jobs and records; the door's thread never takes it
         self.fitting = threading.Lock()  # of what is fitted and what begins with it; taken before ``lock``
         self._records = ThreadPoolExecutor(1, "records")  # writes what runs leave behind
@@ -127,7 +128,7 @@ class Service:
             self.pulse.begin()
         self.wait_for(lambda now: now.tick >= 0, FIRST_TICK_S, "first_tick")
         try:
-            self._listener = Listener(config.bus_settings(self.engine.machine), LastFrames)
+            self._listener = Listener(machine_file.bus_settings(self.engine.machine), LastFrames)
         except BusError as error:
             raise DoorError("gone", str(error)) from error
         recorder = self.engine.recorder
@@ -205,7 +206,7 @@ class Service:
                 raise DoorError("gone", words) if words else refused("no_tick", code="gone")
             if time.monotonic() > give_up_s:
                 mode = now.mode.name if now is not None else ""
-                raise refused("waited", mode, seconds=longest_s, what=catalogue.Key(what))
+                raise refused("waited", mode, seconds=longest_s, what=messages.Key(what))
             time.sleep(WAIT_S)
 
     def commission(self) -> None:
@@ -216,7 +217,7 @@ class Service:
     def fit(self, machine: Machine, values: dict[str, Any]) -> None:
         """Other offsets or tools from now on. Raises DoorError."""
         try:
-            fitting.save(self.state, values)
+            setup_data.save(self.state, values)
         except OSError as error:
             raise refused("not_written", code="busy", path=self.state, why=error.strerror) from error
         with self.lock:
@@ -305,7 +306,7 @@ class Service:
             # Last of all: who is told that it has ended may do at once what a run forbids.
             job.state, job.said = result, why
         if record is not None:
-            self._records.submit(record.end, result, planned_s=job.duration_s, **catalogue.facts(why))
+            self._records.submit(record.end, result, planned_s=job.duration_s, **messages.facts(why))
 
     def _sync_records(self) -> None:
         """Nobody waits for the disk but this thread."""
@@ -440,7 +441,7 @@ class Service:
         with self.fitting:
             values = laid(self.fitted, self.machine, changes)
             try:
-                machine = fitting.applied(self.file, values)
+                machine = setup_data.applied(self.file, values)
             except ConfigError as error:  # what the reader takes the table should, too
                 self.alarms.add("NOT_KEPT", plain(str(error)))
                 return
@@ -450,7 +451,7 @@ class Service:
                 job.tools = machine.tools
                 self.fitted, self.machine = values, machine
             try:
-                fitting.save(self.state, values)
+                setup_data.save(self.state, values)
             except OSError as error:
                 self._not_written("NOT_KEPT", error)
 
@@ -472,7 +473,7 @@ class Service:
     def _put_in(self, tool: int) -> None:
         self.tool = tool
         try:
-            fitting.put_in(self.state, tool)
+            setup_data.put_in(self.state, tool)
         except OSError as error:
             self._not_written("TOOL", error)
 

@@ -7,19 +7,19 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from controller import config
-from controller.catalogue import said, several
-from controller.geometry import Frame
-from controller.handoff import Snapshot
-from controller.kinematics import kinematics_of
-from controller.live_state import told as told_by_tick
-from controller.machine import OFFSETS, Machine, Pair
-from controller.plan.route.entry import room_along_axis
+from controller.geometry.vectors import Frame
+from controller.ipc.handoff import Snapshot
+from controller.machine import machine_file
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import OFFSETS, Machine, Pair
+from controller.messages import said, several
+from controller.plan.restart.entry import room_along_axis
 from controller.service.jobs import UNDER_WAY
-from controller.service.orders import Way
-from controller.service.pulse import STANDS_S
+from controller.service.planner_client import Way
 from controller.service.usage import Usage
-from controller.state import Binding, Fault, Mode, binding_text, told
+from controller.service.watchdog import STANDS_S
+from controller.state.live_state import told as told_by_tick
+from controller.state.modes import Binding, Fault, Mode, binding_text, told
 
 PER_MIN = 60.0
 AT_LIMIT = 1e-3  # mm or rad from the end of the travel
@@ -259,7 +259,7 @@ def facts(machine: Machine, fitted: Mapping[str, Any]) -> dict[str, Any]:
                 "direction": list(axis.direction),
                 "point_mm": list(axis.point_mm),
             }
-            for axis, node in zip(machine.axes, config.node_settings(machine), strict=True)
+            for axis, node in zip(machine.axes, machine_file.node_settings(machine), strict=True)
             for k in (axis.shown_per_unit,)
         ],
         "buses": [

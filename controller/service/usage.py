@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from controller import whole
-from controller.handoff import COLUMN, of_axes
-from controller.machine import Machine
-from controller.service.refused import refused
-from controller.state import Mode
+from controller import atomic_file
+from controller.ipc.handoff import COLUMN, of_axes
+from controller.machine.model import Machine
+from controller.service.refusals import refused
+from controller.state.modes import Mode
 
 FILE = "usage.json"
 SAVE_S = 5.0  # a loss of power costs so much of the counters
@@ -249,7 +249,7 @@ class Usage:
         with self._lock:
             text, self._changed = json.dumps(asdict(self._kept), indent=1), False
         try:
-            whole.write(self.file, text)
+            atomic_file.write(self.file, text)
         except OSError:
             self._changed = True
             raise

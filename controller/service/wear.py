@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from controller.door import Values
+from controller.ipc.control_socket import Values
 from controller.service.arguments import number, whole
-from controller.service.refused import refused
+from controller.service.refusals import refused
 from controller.service.usage import Usage
 
 MOST_TOOL = 100_000

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 
-from controller.machine import Joints, Machine
-from controller.state import Fault
+from controller.machine.model import Joints, Machine
+from controller.state.modes import Fault
 
 TOLERANCE = 1.001  # of velocity and acceleration
 TRAVEL_SLACK = 1e-6  # mm or rad

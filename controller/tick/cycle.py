@@ -11,8 +11,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from controller import times
-from controller.handoff import (
+from controller.ipc.handoff import (
     OFF_PATH,
     OPTIONAL_STOP,
     PLANNER_SILENCE_S,
@@ -27,9 +26,10 @@ from controller.handoff import (
     RequestInbox,
     SnapshotBoard,
 )
-from controller.kinematics import kinematics_of
-from controller.machine import Joints, Machine
-from controller.state import ALWAYS, DROPS, Fault, Mode, Request, bars
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Joints, Machine
+from controller.state import stop_times
+from controller.state.modes import ALWAYS, DROPS, Fault, Mode, Request, bars
 from controller.tick.check import Check
 from controller.tick.drives import Drives
 from controller.tick.follow import Follow, Step
@@ -37,7 +37,7 @@ from controller.tick.jog import Jogging
 from controller.tick.joints import Encoder
 from controller.tick.mode import Modes, Phase
 from controller.tick.peripherals import Peripherals
-from controller.tick.telling import Telling
+from controller.tick.status_publisher import Telling
 from drives.cyclic.drive_fault import DriveFault
 
 LATE_SHARE = 0.25  # of the period: a later tick sends nothing
@@ -74,7 +74,7 @@ class Cycle:
     ) -> None:
         self.machine = machine
         self.group = group
-        stops_s = times.path_stop_s(machine), times.quick_stop_s(machine)
+        stops_s = stop_times.path_stop_s(machine), stop_times.quick_stop_s(machine)
         absolute = sum(1 << i for i, axis in enumerate(machine.axes) if axis.homing.absolute)
         self.modes = Modes(group, machine.period_s, *stops_s, absolute)
         self.follow = Follow(machine, kinematics_of(machine))
@@ -117,10 +117,10 @@ class Cycle:
         self.again: Again | None = None  # of a run that is made again
         self._waits = False  # motion waits for spindle, coolant or clamps in this tick
         self._stood_before = False  # so it was before this tick, in a run that is made again
-        self._deaf_s = times.deaf_s(machine)
+        self._deaf_s = stop_times.deaf_s(machine)
         self._blamed = 0  # ticks in which what the drives have to say is of our silence
         self._unsent = 0  # SYNCs in a row that the bus did not take
-        self._most_unsent = round(times.LOST_BUS_S / machine.period_s)
+        self._most_unsent = round(stop_times.LOST_BUS_S / machine.period_s)
         self.tick = -1
         self.skips = 0
         self.late_max_s = 0.0

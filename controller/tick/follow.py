@@ -16,10 +16,11 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-from controller.handoff import STANDSTILL, Piece, PieceMessage, commit_lead_s
-from controller.kinematics import Kinematics
-from controller.machine import Joints, Machine
-from controller.motions import Motion
+from controller.ipc.handoff import STANDSTILL, Piece, PieceMessage
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Joints, Machine
+from controller.motion.motions import Motion
+from controller.motion.pieces import commit_lead_s
 from controller.tick.queue import SAME_TIME_S, Brake, Entry, Stops, entries_of
 
 SAME_PLACE = 1e-6  # mm or rad: a queue that begins elsewhere by more (and by a count) is refused

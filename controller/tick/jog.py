@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import math
 
-from controller.handoff import DEAD_MAN_S, Jog
-from controller.machine import Axis, Joints, Machine
-from controller.state import Mode, Request
+from controller.ipc.handoff import DEAD_MAN_S, Jog
+from controller.machine.model import Axis, Joints, Machine
+from controller.state.modes import Mode, Request
 from controller.tick.check import Check
 from controller.tick.follow import Follow, Step
 from controller.tick.mode import Modes, Phase

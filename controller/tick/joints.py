@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
-from controller.machine import Joints, Machine
+from controller.machine.model import Joints, Machine
 
 INT32 = 1 << 31
 

@@ -25,7 +25,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from controller.state import Fault, Request
+from controller.state.modes import Fault, Request
 from controller.tick.cycle import Cycle
 from drives.cia402 import State, Wanted
 

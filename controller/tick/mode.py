@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 from enum import IntEnum
 
-from controller.state import ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Reaction, Request, bars
+from controller.state.modes import ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Reaction, Request, bars
+from controller.state.stop_times import ENABLE_S, HOMING_S
 from controller.tick.drives import Drives
-from controller.times import ENABLE_S, HOMING_S
 from drives.cia402 import State, Wanted
 from drives.cyclic.drive import DriveFault
 

@@ -23,9 +23,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from controller.handoff import ANALOGUE, Awaited, Piece
-from controller.machine import Axis, Clamp, Io, Machine
-from controller.state import Fault, Mode
+from controller.ipc.handoff import ANALOGUE, Awaited, Piece
+from controller.machine.model import Axis, Clamp, Io, Machine
+from controller.state.modes import Fault, Mode
 from controller.tick.mode import Modes
 from drives.settings import MasterSettings
 

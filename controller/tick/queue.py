@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from controller.handoff import STANDSTILL, Piece, PieceMessage, StopTable
-from controller.motions import Motion, ToolSpline
+from controller.ipc.handoff import STANDSTILL, Piece, PieceMessage, StopTable
+from controller.motion.motions import Motion, ToolSpline
 
 SAME_TIME_S = 1e-9  # plan and tick sum up the same durations; this much is rounding
 ON_GRID_S = 1e-7  # a stop begins at just its time, or it is not for this tick

@@ -11,14 +11,14 @@ from dataclasses import replace
 from itertools import count
 from typing import NamedTuple
 
-from controller.catalogue import text
-from controller.kinematics import Kinematics
-from controller.machine import Machine
-from controller.motions import SurfaceCut
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Machine
+from controller.messages import text
+from controller.motion.motions import SurfaceCut
 from controller.plan.report.stored import Overcut
 from controller.plan.report.verdict import Verdict
-from controller.plan.route.stretch import Chain, Note, Pause, Stretch
-from controller.plan.text.program import Block, Place, ProgramError
+from controller.plan.stretch import Chain, Note, Pause, Stretch
+from controller.program.program import Block, Place, ProgramError
 from controller.verify import passes, wording
 from controller.verify.gouges import Findings, Gouge, gouges, in_table
 

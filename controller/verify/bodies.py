@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.machine import Tool
+from controller.machine.model import Tool
 
 Array = NDArray[np.float64]
 

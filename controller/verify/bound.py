@@ -27,10 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
-from controller.arrays import columns
-from controller.geometry import Vector
-from controller.placement import AT_LOWER, Placed
-from controller.surfaces import Surface
+from controller.geometry.arrays import columns
+from controller.geometry.placement import AT_LOWER, Placed
+from controller.geometry.surfaces import Surface
+from controller.geometry.vectors import Vector
 from controller.verify.judge import INSIDE
 from controller.verify.nominal import Nominal, grid
 

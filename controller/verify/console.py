@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import typer
 from rich.console import Console
 
-from controller import catalogue
+from controller import messages
 
 if TYPE_CHECKING:
-    from controller.plan.text.program import ProgramError
+    from controller.program.program import ProgramError
 
 tell = Console(stderr=True, highlight=False, soft_wrap=True)  # sentences, progress
 show = Console(highlight=False)  # results
@@ -79,14 +79,14 @@ def refusals(as_json: bool, expected: Callable[[], tuple[type[Exception], ...]])
 
 def _of_programs() -> type[ProgramError]:
     """Imported when there is an error to look at: most commands never read a program."""
-    from controller.plan.text.program import ProgramError
+    from controller.program.program import ProgramError
 
     return ProgramError
 
 
 def _refuse(as_json: bool, sentence: str, facts: dict[str, Any], exit_code: int = 1) -> NoReturn:
     if as_json:
-        print(json.dumps({"ok": False, "error": sentence, **catalogue.told(facts)}))
+        print(json.dumps({"ok": False, "error": sentence, **messages.told(facts)}))
     else:
         tell.print(sentence, markup=False)
     raise typer.Exit(exit_code)

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.arrays import columns
-from controller.curves import ArcLength
-from controller.geometry import Frame
-from controller.machine import Tool
-from controller.placement import Strategy
-from controller.plan.route.placing import Cutter, place
-from controller.surfaces import Surface, concave_radius
+from controller.geometry.arrays import columns
+from controller.geometry.curves import ArcLength
+from controller.geometry.placement import Strategy
+from controller.geometry.surfaces import Surface, concave_radius
+from controller.geometry.vectors import Frame
+from controller.machine.model import Tool
+from controller.plan.surfaces.placing import Cutter, place
 from controller.verify import forms
 from controller.verify.looks import Look
 from controller.verify.nominal import Nominal, grid

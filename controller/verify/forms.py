@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.placement import AT_LOWER, Placed
+from controller.geometry.placement import AT_LOWER, Placed
 from controller.plan.report.verdict import Verdict
 from controller.verify.judge import Judged
 from controller.verify.looks import Look

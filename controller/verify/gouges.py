@@ -25,11 +25,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.geometry import Vector
-from controller.machine import Tool, WorkTable
+from controller.geometry.vectors import Vector
+from controller.machine.model import Tool, WorkTable
 from controller.plan.report.stored import Overcut
 from controller.plan.report.verdict import Verdict
-from controller.plan.route.leads import LEADS
+from controller.plan.surfaces.leads import LEADS
 from controller.verify import forms
 from controller.verify.bodies import Body, cutter, holder
 from controller.verify.looks import LEAST_MM, Hurt, Look

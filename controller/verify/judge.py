@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.arrays import columns
-from controller.geometry import Vector
-from controller.machine import Tool
+from controller.geometry.arrays import columns
+from controller.geometry.vectors import Vector
+from controller.machine.model import Tool
 from controller.verify.bodies import cutter
 from controller.verify.envelope import deviation
 from controller.verify.nominal import Nominal, grid

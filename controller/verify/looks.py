@@ -23,8 +23,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.curves import ArcLength
-from controller.machine import Tool
+from controller.geometry.curves import ArcLength
+from controller.machine.model import Tool
 from controller.verify.bodies import Body, cutter, holder
 from controller.verify.envelope import deviation, nearest
 from controller.verify.nominal import Nominal, grid

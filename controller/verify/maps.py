@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from controller.kinematics import Kinematics
-from controller.machine import Machine
-from controller.plan.route.stretch import Stretch
-from controller.plan.text.program import Block
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Machine
+from controller.plan.stretch import Stretch
+from controller.program.program import Block
 from controller.verify import passes
 from controller.verify.judge import Cutting, Field, Map, Worst, Zone
 from controller.verify.nominal import Nominal

@@ -8,10 +8,10 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.arrays import columns
-from controller.geometry import Frame, Vector
-from controller.machine import Tool
-from controller.surfaces import Surface
+from controller.geometry.arrays import columns
+from controller.geometry.surfaces import Surface
+from controller.geometry.vectors import Frame, Vector
+from controller.machine.model import Tool
 
 Array = NDArray[np.float64]
 

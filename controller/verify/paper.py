@@ -26,12 +26,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.curves import ArcLength, Bezier, Polynomial
-from controller.geometry import Pose, Vector, angle_between, dot, norm, subtract
-from controller.kinematics import kinematics_of
-from controller.machine import Machine
-from controller.motions import SurfaceCut
-from controller.surfaces import Cone, RuledSurface, Surface
+from controller.geometry.curves import ArcLength, Bezier, Polynomial
+from controller.geometry.surfaces import Cone, RuledSurface, Surface
+from controller.geometry.vectors import Pose, Vector, angle_between, dot, norm, subtract
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Machine
+from controller.motion.motions import SurfaceCut
 
 Array = NDArray[np.float64]
 

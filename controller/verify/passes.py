@@ -13,14 +13,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.arrays import columns
-from controller.kinematics import Kinematics
-from controller.machine import Machine, Tool
-from controller.motions import SurfaceCut
-from controller.plan.route.branch import joints_along
-from controller.plan.route.cuts import tolerance_mm
-from controller.plan.route.stretch import Stretch
-from controller.plan.text.program import Block
+from controller.geometry.arrays import columns
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Machine, Tool
+from controller.motion.motions import SurfaceCut
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.stretch import Stretch
+from controller.plan.surfaces.cuts import tolerance_mm
+from controller.program.program import Block
 from controller.verify.bodies import cutter, holder
 from controller.verify.nominal import Nominal
 from controller.verify.sweep import FIT_MM, Pass, Poses, sampled

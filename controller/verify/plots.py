@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.kinematics import kinematics_of
-from controller.machine import Machine
-from controller.motions import SurfaceCut
-from controller.surfaces import Surface
+from controller.geometry.surfaces import Surface
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Machine
+from controller.motion.motions import SurfaceCut
 from controller.verify.trace import HasMotion, Summary, Trace, following_error, speeds, summary
 
 if TYPE_CHECKING:

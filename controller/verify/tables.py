@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
-from controller.handoff import COLUMN
-from controller.machine import Machine
+from controller.ipc.handoff import COLUMN
+from controller.machine.model import Machine
 from controller.plan.feed.binding import NUMBER_OF_CODES
 from controller.plan.report.stored import Overcut
 from controller.plan.report.survey import BlockUse, Survey

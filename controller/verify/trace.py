@@ -22,14 +22,14 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.arrays import columns
-from controller.geometry import Frame, Pose, Vector, angle_between, scale, subtract
-from controller.handoff import COLUMN, of_axes, rows_of
-from controller.kinematics import Kinematics
-from controller.machine import Machine
-from controller.motions import Motion, SurfaceCut
-from controller.placement import Placed
-from controller.state import MOST_AXES, Mode
+from controller.geometry.arrays import columns
+from controller.geometry.placement import Placed
+from controller.geometry.vectors import Frame, Pose, Vector, angle_between, scale, subtract
+from controller.ipc.handoff import COLUMN, of_axes, rows_of
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Machine
+from controller.motion.motions import Motion, SurfaceCut
+from controller.state.modes import MOST_AXES, Mode
 
 Array = NDArray[np.float64]
 

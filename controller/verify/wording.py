@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from controller.catalogue import DEFAULT, LANGUAGES, Key, Said, chain, facts, said
+from controller.messages import DEFAULT, LANGUAGES, Key, Said, chain, facts, said
 from controller.plan.report.verdict import Verdict
 
 MOST = 1000  # surfaces that are told one by one

@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 from support.live.shop import Shop, Values, opened
 
-from controller import config
+from controller.machine import machine_file
 
 SPIN = "while True: pass"
 PERIOD_S = 0.005
@@ -77,7 +77,7 @@ def test_a_served_machine_finishes_both_parts(seed: int, tmp_path: Path) -> None
         for name, tool in EXAMPLES.items():
             if tool:
                 shop.put_in(tool)
-            shop.upload(name, config.shipped_program(name).read_bytes())
+            shop.upload(name, machine_file.shipped_program(name).read_bytes())
             looked_at(shop, name)
 
 

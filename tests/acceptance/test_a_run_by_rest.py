@@ -11,11 +11,11 @@ import pytest
 from support.live.shop import Shop, opened
 from typer.testing import CliRunner
 
-from controller import config
 from controller.__main__ import app
+from controller.machine import machine_file
 
 NAME = "example2_ready.ngc"
-TEXT = config.shipped_program(NAME).read_bytes()
+TEXT = machine_file.shipped_program(NAME).read_bytes()
 PART = b"G21 G90 G54\nG0 X40.\nG1 X-40. Y10. F400\nG1 X30. Y-10. F400\nG0 X0 Y0\nM30\n"
 ACTIVE = ("RUNNING", "HOLD", "STOPPING")
 

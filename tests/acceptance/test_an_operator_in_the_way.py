@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from support.machines.stepped_runs import Cut, cut, largest, off_the_path, off_the_plan, program, shipped
 
-from controller.handoff import Snapshot
+from controller.ipc.handoff import Snapshot
+from controller.plan.path import path
 from controller.plan.planner import AHEAD_S
-from controller.plan.route import path
-from controller.plan.text import blocks
-from controller.session.events import Event
-from controller.session.stepped import Run, SteppedMachine
-from controller.state import Fault, Mode, Request
+from controller.program import blocks
+from controller.runtime.events import Event
+from controller.runtime.stepped import Run, SteppedMachine
+from controller.state.modes import Fault, Mode, Request
 from controller.verify import trace
 
 VELOCITY, ACCELERATION, JERK = 1.0005, 1.002, 1.02

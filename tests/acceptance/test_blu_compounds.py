@@ -14,11 +14,11 @@ from support.machines.traced_programs import trace
 from support.parts import blu_compounds
 from support.parts.random_surfaces import Pair
 
-from controller.machine import Machine, Tool
+from controller.machine.model import Machine, Tool
 from controller.plan.feed.course import Course
 from controller.plan.feed.limits import JointLimits
-from controller.plan.route.path import Stretch
-from controller.plan.text.program import ProgramError
+from controller.plan.path.path import Stretch
+from controller.program.program import ProgramError
 
 FEED = 2000.0  # mm/min
 BESIDE_MM = 4.0  # of a joint: as far as a blend reaches, and some

@@ -12,10 +12,10 @@ import pytest
 from support.machines.stepped_runs import cut, program, shipped
 from support.oracles.bus_times import Wire, take_the_worst
 
-from controller.session.bus_load import budgets, overload
-from controller.session.startup import SessionError
-from controller.session.stepped import SteppedMachine
-from controller.state import Fault
+from controller.runtime.bus_load import budgets, overload
+from controller.runtime.startup import SessionError
+from controller.runtime.stepped import SteppedMachine
+from controller.state.modes import Fault
 from drives import pdo
 from drives.load import budget
 from drives.settings import BusSettings, MasterSettings, NodeSettings

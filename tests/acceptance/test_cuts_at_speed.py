@@ -12,11 +12,11 @@ from support.machines.stepped_runs import Cut, cut, shipped
 from support.oracles.trace_limits import assert_in_limits
 from support.parts.random_surfaces import compound, text
 
-from controller import config
-from controller.motions import SurfaceCut
-from controller.plan.route.path import Stretch
-from controller.session.events import Event
-from controller.state import Request
+from controller.machine import machine_file
+from controller.motion.motions import SurfaceCut
+from controller.plan.path.path import Stretch
+from controller.runtime.events import Event
+from controller.state.modes import Request
 
 NEWTON = 30
 
@@ -66,8 +66,8 @@ def assert_at_feed(done: Cut, share: float = 1.0) -> None:
 @pytest.mark.parametrize("feed", ["100.", "1500."])
 @pytest.mark.parametrize("name", ["example1_ready", "example2_ready"])
 def test_the_ready_examples_begin_and_end_at_their_feed(name: str, feed: str) -> None:
-    source = config.shipped_program(name).read_text().replace("F100.", f"F{feed}")
-    done = cut(source, config.load("trunnion"))
+    source = machine_file.shipped_program(name).read_text().replace("F100.", f"F{feed}")
+    done = cut(source, machine_file.load("trunnion"))
     if (name, feed) == ("example2_ready", "1500."):
         # Its last ruling is vertical: Y and Z run ten times as fast as the contact there, at their limit.
         (i, stretch) = cuts(done)[0]
@@ -112,24 +112,24 @@ def test_a_cut_does_not_rest_at_its_end_for_some_micrometres_within_its_toleranc
 
 def test_under_an_override_the_cut_begins_at_its_share_of_the_feed() -> None:
     source = (
-        config.shipped_program("example1_ready")
+        machine_file.shipped_program("example1_ready")
         .read_text()
         .replace("F100.", "F600.")
         .replace("D360.", "D40.")
     )
-    done = cut(source, config.load("trunnion"), [Event(0, Request.OVERRIDE, 0.5)])
+    done = cut(source, machine_file.load("trunnion"), [Event(0, Request.OVERRIDE, 0.5)])
     assert_at_feed(done, 0.5)
     assert_in_limits(done, "override")
 
 
 @pytest.mark.parametrize("motion", ["lead in", "lead out"])
 def test_a_hold_on_a_lead_stands_on_the_path_and_goes_on(motion: str) -> None:
-    source = config.shipped_program("example1_ready").read_text().replace("D360.", "D40.")
-    plain = cut(source, config.load("trunnion"))
+    source = machine_file.shipped_program("example1_ready").read_text().replace("D360.", "D40.")
+    plain = cut(source, machine_file.load("trunnion"))
     which = next(i for i, stretch in plain.stretches.items() if stretch.name == motion)
     tick = int(np.median(np.flatnonzero(plain.column("motion_id") == which)))
     events = [Event(tick, Request.HOLD, 0.0), Event(tick + 300, Request.RESUME, 0.0)]
-    done = cut(source, config.load("trunnion"), events)
+    done = cut(source, machine_file.load("trunnion"), events)
     assert done.run.result == "completed"
     assert len(done.joints) > len(plain.joints) + 250
     assert done.joints[-1] == pytest.approx(plain.joints[-1], abs=1e-9)

@@ -13,8 +13,8 @@ from support.oracles import tool_paths
 from support.oracles.trace_limits import assert_in_limits
 from support.parts import cam_programs
 
-from controller.machine import Machine
-from controller.session.events import Event
+from controller.machine.model import Machine
+from controller.runtime.events import Event
 
 EXACT_MM, EXACT_DEG = 1e-6, 1e-6
 ROUNDING = 1e-6  # mm over P

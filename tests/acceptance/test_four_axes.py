@@ -10,9 +10,9 @@ from support.machines.stepped_runs import cut, off_the_path, shipped
 from support.machines.traced_programs import trace
 from support.oracles.trace_limits import BOUNDS, worst
 
-from controller.machine import Machine
-from controller.plan.text.position import homed
-from controller.plan.text.program import ProgramError
+from controller.machine.model import Machine
+from controller.program.position import homed
+from controller.program.program import ProgramError
 
 # Rulings that lean in Y alone, which A gives.
 LEANING = """\

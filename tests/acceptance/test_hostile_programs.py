@@ -9,15 +9,15 @@ from pathlib import Path
 import pytest
 from support.parts.hostile_programs import MACHINES, outcome, program
 
-from controller import config
-from controller.machine import Machine
+from controller.machine import machine_file
+from controller.machine.model import Machine
 
 FEW, MANY = 12, 40
 
 
 @pytest.fixture(scope="module")
 def machines() -> dict[str, Machine]:
-    return {name: config.load(name) for name in MACHINES}
+    return {name: machine_file.load(name) for name in MACHINES}
 
 
 def checked(seeds: range, machines: dict[str, Machine], folder: Path) -> list[str]:

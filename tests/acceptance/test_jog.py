@@ -9,12 +9,12 @@ import pytest
 from support.machines.interrupted_runs import Items, source, up
 from support.machines.stepped_runs import largest
 
-from controller import jog_frames
-from controller.geometry import Frame, dot, scale, subtract
-from controller.handoff import COLUMN, DEAD_MAN_S, Jog, send_jog
-from controller.plan.route import path
-from controller.session.stepped import SteppedMachine
-from controller.state import ALL_AXES, Fault, Mode
+from controller.geometry.vectors import Frame, dot, scale, subtract
+from controller.ipc.handoff import COLUMN, DEAD_MAN_S, Jog, send_jog
+from controller.plan.path import path
+from controller.runtime.stepped import SteppedMachine
+from controller.service import jog_frames
+from controller.state.modes import ALL_AXES, Fault, Mode
 
 REFRESH_S = 0.05
 SERVO_S = 0.15  # a servo comes up with its setpoint

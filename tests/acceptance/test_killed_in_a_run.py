@@ -23,11 +23,12 @@ from support.live.replayed_runs import Again, again, assert_cut, assert_same_set
 from support.live.served_machine import ROOT, Serving, Values, calm, calm_machine, serving
 from support.machines.stepped_runs import program
 
-from controller import catalogue, journal
-from controller.handoff import COLUMN
-from controller.journal import Entry
-from controller.plan.route.spot import ENTRY_ID, Spot
-from controller.state import Mode
+from controller import messages
+from controller.ipc.handoff import COLUMN
+from controller.plan.restart.program_position import ENTRY_ID, Spot
+from controller.service import journal
+from controller.service.journal import Entry
+from controller.state.modes import Mode
 
 pytestmark = [pytest.mark.slow, pytest.mark.live]
 
@@ -159,9 +160,7 @@ def test_a_killed_tick_costs_at_most_a_second_of_cut(service: Serving, instant: 
     assert_same_setpoints(first, ended_itself=False)
     assert_at_or_before(entry, first)
     service.done("reset")
-    told = [
-        catalogue.text(one) for one in service.ask("alarms")["alarms"] if one["name"] == "BESIDE_THE_PATH"
-    ]
+    told = [messages.text(one) for one in service.ask("alarms")["alarms"] if one["name"] == "BESIDE_THE_PATH"]
     assert "mm beside the path" in told[0]
     service.ready()
     assert_rest(finish(service), entry)

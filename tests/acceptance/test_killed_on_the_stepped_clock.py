@@ -16,9 +16,9 @@ import pytest
 from support.machines.planning_bench import Bench
 from support.machines.stepped_runs import program
 
-from controller.handoff import COLUMN
-from controller.plan.route.spot import ENTRY_ID
-from controller.state import Fault, Mode
+from controller.ipc.handoff import COLUMN
+from controller.plan.restart.program_position import ENTRY_ID
+from controller.state.modes import Fault, Mode
 
 pytestmark = pytest.mark.slow
 

@@ -10,9 +10,9 @@ import pytest
 from support.machines.stepped_runs import Cut, cut, off_the_plan, program, shipped
 from support.oracles import latched_setpoints
 
-from controller.handoff import COLUMN, STOOD
-from controller.session.stepped import SteppedMachine
-from controller.state import Fault, Mode
+from controller.ipc.handoff import COLUMN, STOOD
+from controller.runtime.stepped import SteppedMachine
+from controller.state.modes import Fault, Mode
 from drives.simulated.parameters import LostSync
 
 ACCELERATION = 1.002

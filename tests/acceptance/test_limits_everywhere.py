@@ -21,11 +21,11 @@ from support.parts import random_nurbs
 from support.parts.paper_surfaces import POINTS
 from support.parts.random_surfaces import compound, text
 
-from controller.handoff import COLUMN
-from controller.machine import Homing, Machine
-from controller.plan.text.program import ProgramError
-from controller.session.events import Event
-from controller.state import Request
+from controller.ipc.handoff import COLUMN
+from controller.machine.model import Homing, Machine
+from controller.program.program import ProgramError
+from controller.runtime.events import Event
+from controller.state.modes import Request
 
 Surface = ruled_surfaces.Ruled | ruled_surfaces.Frustum | tool_paths.RuledNurbs
 TIP_MM, AXIS_DEG = 1e-6, 1e-6
@@ -163,7 +163,7 @@ def test_the_judge_names_axis_tick_and_what_happened() -> None:
 
 
 def test_the_forward_kinematics_by_hand_agree_with_the_controllers() -> None:
-    from controller.kinematics import kinematics_of
+    from controller.machine.kinematics import kinematics_of
 
     rng = np.random.default_rng(3)
     for seed in range(20):

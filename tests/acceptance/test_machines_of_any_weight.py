@@ -11,9 +11,9 @@ from support.machines.stepped_runs import Cut, cut, off_the_plan
 from support.oracles import jerk_limited_time
 from support.oracles.trace_limits import assert_in_limits
 
-from controller.machine import Machine
-from controller.plan.route.leads import LEADS
-from controller.plan.text.program import ProgramError
+from controller.machine.model import Machine
+from controller.plan.surfaces.leads import LEADS
+from controller.program.program import ProgramError
 
 TIP_MM = 1e-6
 

@@ -9,11 +9,11 @@ import pytest
 from support.drives.makers_sheets import SHEETS, sheet_of
 from support.machines.stepped_runs import cut
 
-from controller import config, profiles
-from controller.handoff import COLUMN
-from controller.machine import Machine
-from controller.session.stepped import SteppedMachine
-from controller.state import Fault, Mode, Request
+from controller.ipc.handoff import COLUMN
+from controller.machine import drive_profiles, machine_file
+from controller.machine.model import Machine
+from controller.runtime.stepped import SteppedMachine
+from controller.state.modes import Fault, Mode, Request
 from drives.cia402 import State
 from drives.simulated import family_sheet
 
@@ -25,7 +25,7 @@ def sheet(name: str, folder: Path) -> str:
     """The maker's; of a Gold that is not at hand one of the family, with the slip of its maker's."""
     if name in SHEETS:
         return sheet_of(name)
-    made = family_sheet.write(folder / f"{name}.eds", profiles.load(name))
+    made = family_sheet.write(folder / f"{name}.eds", drive_profiles.load(name))
     text = made.read_text("latin-1").replace("[1016sub1]", "[1016sub1]\nHighLimit=65535")
     made.write_text(text, "latin-1")
     return str(made)
@@ -33,14 +33,14 @@ def sheet(name: str, folder: Path) -> str:
 
 def machine(name: str, folder: Path) -> Machine:
     """The trunnion with such drives; 10 ms, as most makers have them."""
-    method = next(m for m in HERE if m in profiles.load(name).homing_methods)
-    text = (config.SHIPPED / "trunnion.toml").read_text()
+    method = next(m for m in HERE if m in drive_profiles.load(name).homing_methods)
+    text = (machine_file.SHIPPED / "trunnion.toml").read_text()
     text = text.replace('profile = "simulated"', f'profile = "{name}"\neds = "{sheet(name, folder)}"')
     text = re.sub(r"method = \d+", f"method = {method}", text)
     text = re.sub(r"period_s = [\d.]+", f"period_s = {PERIOD_S}", text)
     text = text.replace("= 200_000", "= 200")  # within the speeds that the makers' sheets begin with
     (folder / "mine.toml").write_text(text)
-    return config.load(folder / "mine.toml")
+    return machine_file.load(folder / "mine.toml")
 
 
 PROGRAM = "G21 G90 G0 X20. Y-10. Z80. A10. C-20.\nG1 X-20. F6000.\nM2\n"

@@ -7,7 +7,7 @@ from scipy.interpolate import BSpline
 from support.machines.stepped_runs import T2, cut, largest, shipped
 from support.parts.nurbs_text import blade, nurbs
 
-from controller.motions import SurfaceCut
+from controller.motion.motions import SurfaceCut
 
 RADIUS_MM = 1.5
 

@@ -22,11 +22,11 @@ from support.oracles import time_bound
 from support.oracles.placed_cuts import LINE, TIP_MM, assert_on_placed_surfaces, small
 from support.oracles.trace_limits import assert_in_limits
 
-from controller.machine import Machine
-from controller.placement import Placed
-from controller.plan.route.spot import Spot
-from controller.session.events import Event
-from controller.state import Request
+from controller.geometry.placement import Placed
+from controller.machine.model import Machine
+from controller.plan.restart.program_position import Spot
+from controller.runtime.events import Event
+from controller.state.modes import Request
 
 
 def example_2(placement: int, feed: str) -> str:

@@ -22,9 +22,9 @@ from support.machines.stepped_runs import shipped
 from typer.testing import CliRunner
 
 from controller import __main__ as command_line
-from controller.machine import Machine
-from controller.session.observer import LATENCY, Seen, Sight
-from controller.state import Fault, Mode
+from controller.machine.model import Machine
+from controller.runtime.observer import LATENCY, Seen, Sight
+from controller.state.modes import Fault, Mode
 
 IN_A_BATCH = 40
 SCRIPTS = int(os.environ.get("DIRECTRIX_FAULT_SCRIPTS", "10000"))

@@ -15,7 +15,7 @@ from support.live.recordings import LIVE, STEPPED
 from typer.testing import CliRunner
 
 from controller import __main__ as command_line
-from controller.session import events
+from controller.runtime import events
 
 RUNS = Path(__file__).resolve().parents[1] / "data" / "runs"
 NAMES = sorted(folder.name for folder in RUNS.iterdir())

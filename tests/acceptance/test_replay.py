@@ -20,10 +20,10 @@ from support.machines.spindle_machine import DOOR, mill
 from typer.testing import CliRunner
 
 from controller import __main__ as command_line
-from controller import config
-from controller.handoff import Jog
-from controller.session import events, replay
-from controller.state import Fault, Mode, Request
+from controller.ipc.handoff import Jog
+from controller.machine import machine_file
+from controller.runtime import events, replay
+from controller.state.modes import Fault, Mode, Request
 
 TEXT = """G21 G90 G55 T2 M6
 G43.4
@@ -310,7 +310,7 @@ def test_the_command_makes_a_faulted_run_again_and_fails_where_the_record_is_of_
 
 
 def test_a_run_at_another_period_than_the_machine_files_comes_again_at_its_own(tmp_path: Path) -> None:
-    bench = RecordedBench(tmp_path, config.with_period(config.load("trunnion"), 0.005))
+    bench = RecordedBench(tmp_path, machine_file.with_period(machine_file.load("trunnion"), 0.005))
     bench.started(TEXT)
     bench.until(Mode.READY)
     folder = bench.ended()

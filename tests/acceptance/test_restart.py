@@ -29,14 +29,15 @@ from support.machines.interrupted_runs import (
 )
 from support.machines.stepped_runs import Cut, cut, shipped
 
-from controller import catalogue, journal
-from controller.handoff import COLUMN, Jog, Snapshot, send_jog
-from controller.journal import Journal
-from controller.machine import Joints, Machine
-from controller.plan.route import restart
-from controller.plan.route.spot import Spot
-from controller.session.stepped import SteppedMachine
-from controller.state import Mode, Request
+from controller import messages
+from controller.ipc.handoff import COLUMN, Jog, Snapshot, send_jog
+from controller.machine.model import Joints, Machine
+from controller.plan.restart import restart
+from controller.plan.restart.program_position import Spot
+from controller.runtime.stepped import SteppedMachine
+from controller.service import journal
+from controller.service.journal import Journal
+from controller.state.modes import Mode, Request
 
 PROGRAMS = {"example 2": EXAMPLE_2, "lines": LINES, "tips": TIPS}
 
@@ -201,7 +202,7 @@ def test_a_program_that_came_to_its_end_is_not_gone_on_with(tmp_path: Path) -> N
     kept.completed(looking(stepped, kept))
     entry, _ = journal.read(file)
     assert entry is not None and entry.ended
-    assert "no interrupted program" in catalogue.text(journal.refusal(entry, entry.job, 0x1F, 0, 5))
+    assert "no interrupted program" in messages.text(journal.refusal(entry, entry.job, 0x1F, 0, 5))
 
 
 # --- hold, look, go on

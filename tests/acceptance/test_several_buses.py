@@ -6,8 +6,8 @@ import pytest
 from support.machines.stepped_runs import Cut, cut, program, shipped
 from support.oracles.bus_times import Wire, take_the_worst
 
-from controller.session.bus_load import budgets
-from controller.session.stepped import SteppedMachine
+from controller.runtime.bus_load import budgets
+from controller.runtime.stepped import SteppedMachine
 
 CASES = [("trunnion_two_buses", 0.001, [3, 2]), ("trunnion_five_buses", 0.0005, [1, 1, 1, 1, 1])]
 

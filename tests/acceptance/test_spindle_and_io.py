@@ -19,11 +19,11 @@ from support.machines.spindle_machine import (
     mill,
 )
 
-from controller.handoff import Snapshot
-from controller.machine import Machine
-from controller.session.events import Event
-from controller.session.startup import SessionError
-from controller.state import Fault, Mode, Request
+from controller.ipc.handoff import Snapshot
+from controller.machine.model import Machine
+from controller.runtime.events import Event
+from controller.runtime.startup import SessionError
+from controller.state.modes import Fault, Mode, Request
 
 PROGRAM = """G21 G90 G54 G40
 S6000 M3 M8

@@ -18,11 +18,11 @@ from support.oracles import jerk_limited_stop
 from support.oracles.trace_limits import assert_in_limits
 from support.parts.random_surfaces import compound, text
 
-from controller.machine import Machine
-from controller.plan.route.path import joints_along
-from controller.plan.text.program import ProgramError
-from controller.session.events import Event
-from controller.state import Request
+from controller.machine.model import Machine
+from controller.plan.path.path import joints_along
+from controller.program.program import ProgramError
+from controller.runtime.events import Event
+from controller.state.modes import Request
 
 MOST = 1.3  # times the shortest stop
 LEAVE = 2  # ticks from the request within which the path speed leaves the plan

@@ -12,8 +12,8 @@ from support.machines.stepped_runs import SHIPPED, Cut, cut, largest, program, s
 from support.oracles import ruled_surfaces
 from support.parts.paper_surfaces import POINTS, turned
 
-from controller.kinematics import kinematics_of
-from controller.machine import Homing
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Homing
 
 CONE = (ruled_surfaces.Frustum((0.0, 15.0, 0.0), (0.0, 0.0, 0.0), 10.0, 10.0, 360.0),)
 LENGTHS = {"example1": (94.2478,), "example2": (50.5115, 36.7618)}
@@ -169,7 +169,7 @@ def random_oblique(seed: int) -> object:
 @pytest.mark.slow
 def test_random_oblique_machines_cut_example_2() -> None:
     """Those that can tilt the tool to all its rulings; the rest must say so in a sentence."""
-    from controller.plan.text.program import ProgramError
+    from controller.program.program import ProgramError
 
     cuts = 0
     for seed in range(12):
@@ -199,7 +199,7 @@ def test_joints_give_the_pose_back_on_random_poses_and_machines() -> None:
             axis = np.array([rng.gauss(0, 1) for _ in range(3)])
             axis /= np.linalg.norm(axis)
             tip = tuple(rng.uniform(-100, 100) for _ in range(3))
-            from controller.geometry import Pose
+            from controller.geometry.vectors import Pose
 
             joints = kinematics.inverse(Pose(tip, tuple(map(float, axis))), (0.3, -2.0), 80.0)  # type: ignore[arg-type]
             if joints is None:

@@ -23,19 +23,19 @@ from support.fakes.fake_engine import CHECKED, FakeEngine, engine_of, served
 from support.fakes.panels import Scene
 from typer.testing import CliRunner
 
-from controller import catalogue
+from controller import messages
 from controller.__main__ import app
-from controller.catalogue import LANGUAGES, Key, plain, said, told
-from controller.commands import remote, status_view
-from controller.door import Client, DoorError
+from controller.api.service_client import SocketDoor
+from controller.cli import remote, status_view
 from controller.faults import Fault, Words
-from controller.panel.link import SocketDoor
-from controller.panel.page import texts
-from controller.panel.page.server import add_page
-from controller.service.desk import Desk
-from controller.service.server import Server
+from controller.ipc.control_socket import Client, DoorError
+from controller.messages import LANGUAGES, Key, plain, said, told
+from controller.service.command_handlers import Desk
 from controller.service.service import Service
-from controller.state import Mode
+from controller.service.socket_server import Server
+from controller.state.modes import Mode
+from controller.web import texts
+from controller.web.server import add_page
 
 XX = {"Accept-Language": "xx"}
 PROGRAM = b"G21\nG1 X1 F100\nM2\n"
@@ -52,7 +52,7 @@ def bracketed(text: Any) -> Any:
     return f"⟦{text}⟧" if isinstance(text, str) else {key: bracketed(one) for key, one in text.items()}
 
 
-def source(english: catalogue.Catalogue) -> str:
+def source(english: messages.Catalogue) -> str:
     """The one file."""
     lines = ["from controller.faults import Fault, Reaction, Recovery, Words"]
     lines += ['LANGUAGE = "xx"', 'NAME = "⟦X⟧"']
@@ -71,10 +71,10 @@ def third(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     folder = tmp_path / "catalogue"
     folder.mkdir()
     (folder / "xx.py").write_text(source(LANGUAGES["en"]), encoding="utf-8")
-    monkeypatch.setattr(catalogue, "__path__", [*catalogue.__path__, str(folder)])
-    monkeypatch.setitem(LANGUAGES, "xx", catalogue.languages()["xx"])
+    monkeypatch.setattr(messages, "__path__", [*messages.__path__, str(folder)])
+    monkeypatch.setitem(LANGUAGES, "xx", messages.languages()["xx"])
     yield
-    sys.modules.pop("controller.catalogue.xx", None)
+    sys.modules.pop("controller.messages.xx", None)
 
 
 def outside(text: str) -> str:
@@ -310,4 +310,4 @@ def test_the_command_line_speaks_it(
 def test_a_sentence_of_the_programs_reader_is_the_value_of_a_text_of_its_own() -> None:
     """Its hundreds of refusals have no keys yet: they come through whole, in whatever language."""
     sentence = "part.ngc:3:1: G99 is no code; correct it."
-    assert catalogue.text(plain(sentence), "xx") == f"⟦{sentence}⟧"
+    assert messages.text(plain(sentence), "xx") == f"⟦{sentence}⟧"

@@ -17,14 +17,14 @@ from support.machines.stepped_runs import Cut, cut, off_the_plan, shipped
 from support.machines.traced_programs import named, trace
 from support.oracles.trace_limits import BOUNDS, worst
 
-from controller import config
-from controller.handoff import Jog, of_axes
-from controller.machine import Machine
-from controller.plan.text.position import homed
-from controller.plan.text.program import ProgramError
-from controller.session.events import Event
-from controller.state import MOST_AXES, Mode, Request
-from controller.toml_table import ConfigError
+from controller.ipc.handoff import Jog, of_axes
+from controller.machine import machine_file
+from controller.machine.model import Machine
+from controller.machine.toml_table import ConfigError
+from controller.program.position import homed
+from controller.program.program import ProgramError
+from controller.runtime.events import Event
+from controller.state.modes import MOST_AXES, Mode, Request
 
 PART = """\
 G21 G90 G54 G17
@@ -66,7 +66,7 @@ CONE = "T2 M6\nS12000 M3\nG51 X10. Y0. Z0. I0. J0. K0. H10. R{upper} D90. F900.\
 
 
 def mill(**changes: object) -> Machine:
-    return replace(config.load("three_axes"), **changes)  # type: ignore[arg-type]
+    return replace(machine_file.load("three_axes"), **changes)  # type: ignore[arg-type]
 
 
 def trunnion() -> Machine:
@@ -202,6 +202,6 @@ def test_planes_turned_about_z_and_tool_centre_control_upright_are_as_they_were(
 )
 def test_a_file_whose_axes_do_not_fit_is_refused(tmp_path, old: str, new: str, sentence: str) -> None:
     file = tmp_path / "mill.toml"
-    file.write_text((config.SHIPPED / "three_axes.toml").read_text().replace(old, new, 1))
+    file.write_text((machine_file.SHIPPED / "three_axes.toml").read_text().replace(old, new, 1))
     with pytest.raises(ConfigError, match=sentence):
-        config.load(file)
+        machine_file.load(file)

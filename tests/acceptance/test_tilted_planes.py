@@ -11,10 +11,10 @@ from support.machines.traced_programs import stretches, trace
 from support.oracles import tilted_planes
 from support.oracles.tilted_planes import Array, Bench
 
-from controller.kinematics import kinematics_of
-from controller.machine import Machine
-from controller.plan.route.path import joints_along
-from controller.plan.text.position import homed
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Machine
+from controller.plan.path.path import joints_along
+from controller.program.position import homed
 
 LENGTH = 12.5
 COUNT_MM = 2e-5  # what counts of the drives leave of a position, at the lever of the rotaries

@@ -13,9 +13,9 @@ from support.drives.random_drives import INC, METRE, PER_SECOND, REV, any_drive,
 from support.machines.stepped_runs import cut
 from support.oracles.motor_units import LATENCY_S, SERVO_S, SETTLES_S, judge
 
-from controller import config
-from controller.session.stepped import SteppedMachine
-from controller.state import Fault, Request
+from controller.machine import machine_file
+from controller.runtime.stepped import SteppedMachine
+from controller.state.modes import Fault, Request
 from drives.commission import CommissionError
 
 SHIPPED = Mechanics(1_000_000, (1, 1), 5.0)  # 200 000 counts per mm, where nothing else is said
@@ -167,17 +167,17 @@ def test_no_motor_is_told_to_turn_faster_than_its_maker_says(
 
 def test_an_epos4_is_not_told_to_turn_a_million_times_a_minute(tmp_path: Path) -> None:
     """2000 counts per revolution and 200 000 per mm: 200 mm/s were 1 200 000 1/min."""
-    text = (config.SHIPPED / "trunnion.toml").read_text()
+    text = (machine_file.SHIPPED / "trunnion.toml").read_text()
     text = text.replace(
         'profile = "simulated"', f'profile = "maxon_epos4"\neds = "{sheet_of("maxon_epos4")}"', 1
     )
     text = re.sub(r"period_s = [\d.]+", "period_s = 0.01", text)
     (tmp_path / "mine.toml").write_text(text)
-    (tmp_path / "tools.toml").write_bytes((config.SHIPPED / "tools.toml").read_bytes())
+    (tmp_path / "tools.toml").write_bytes((machine_file.SHIPPED / "tools.toml").read_bytes())
     with pytest.raises(
         CommissionError, match=r"drive X \(node 1\): object 6080h lets the motor turn at 50000"
     ):
-        SteppedMachine(config.load(tmp_path / "mine.toml"))
+        SteppedMachine(machine_file.load(tmp_path / "mine.toml"))
 
 
 # ---- contradictions ------------------------------------------------------------------------
@@ -226,13 +226,13 @@ def odd_sheet() -> Sheet:
 @pytest.mark.parametrize("extra", ["", "feed_forward = true\n"])
 def test_a_machine_with_such_a_drive_cuts_and_stops_as_it_is_told(extra: str, tmp_path: Path) -> None:
     eds = odd_sheet().write(tmp_path / "odd.eds", "generic")
-    text = (config.SHIPPED / "trunnion.toml").read_text()
+    text = (machine_file.SHIPPED / "trunnion.toml").read_text()
     mine = f'{extra}profile = "generic"\neds = "{eds}"'
     text = text.replace("counts_per_mm = 200_000", "counts_per_mm = -100_000", 1)
     text = text.replace('profile = "simulated"', mine, 1)
     (tmp_path / "mine.toml").write_text(text)
-    (tmp_path / "tools.toml").write_bytes((config.SHIPPED / "tools.toml").read_bytes())
-    made = config.load(tmp_path / "mine.toml")
+    (tmp_path / "tools.toml").write_bytes((machine_file.SHIPPED / "tools.toml").read_bytes())
+    made = machine_file.load(tmp_path / "mine.toml")
     mill = SteppedMachine(made)
     mill.come_up()
     seen = mill.observe()

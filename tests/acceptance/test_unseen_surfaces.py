@@ -10,7 +10,7 @@ from support.machines.stepped_runs import SHIPPED, cut, largest, shipped
 from support.oracles import ruled_surfaces
 from support.parts.random_surfaces import compound, text
 
-from controller.plan.text.program import ProgramError
+from controller.program.program import ProgramError
 
 
 def run_one(seed: int) -> bool:

@@ -21,7 +21,7 @@ from support.parts.vertical_rulings import (
     straight,
 )
 
-from controller.plan.text.program import ProgramError
+from controller.program.program import ProgramError
 
 TIP_MM, AXIS_DEG = 1e-6, 1e-6
 MACHINES = (*SHIPPED, "xyzac_linuxcnc")

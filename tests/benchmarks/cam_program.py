@@ -25,15 +25,15 @@ import numpy as np  # noqa: E402
 import toppra  # noqa: E402
 from support.parts import cam_lines  # noqa: E402
 
-from controller import config  # noqa: E402
-from controller.kinematics import Kinematics, kinematics_of  # noqa: E402
-from controller.machine import Joints, Machine  # noqa: E402
-from controller.motions import ToolSpline  # noqa: E402
+from controller.machine import machine_file  # noqa: E402
+from controller.machine.kinematics import Kinematics, kinematics_of  # noqa: E402
+from controller.machine.model import Joints, Machine  # noqa: E402
+from controller.motion.motions import ToolSpline  # noqa: E402
 from controller.plan.feed import profile as profiles  # noqa: E402
 from controller.plan.feed.course import Course  # noqa: E402
-from controller.plan.route import path  # noqa: E402
-from controller.plan.route.stretch import Chain, Pause, Stretch  # noqa: E402
-from controller.plan.text import blocks  # noqa: E402
+from controller.plan.path import path  # noqa: E402
+from controller.plan.stretch import Chain, Pause, Stretch  # noqa: E402
+from controller.program import blocks  # noqa: E402
 
 HOME: Joints = (0.0, 0.0, 260.0, 0.0, 0.0)
 DEVIATION_EVERY = 200  # of the motions is held against the lines
@@ -180,7 +180,7 @@ def main() -> None:
     ask.add_argument("--machine", default="trunnion")
     ask.add_argument("--plan", type=int, default=0, metavar="ITEMS", help="plan so many items of the path")
     given = ask.parse_args()
-    machine = config.load(given.machine)
+    machine = machine_file.load(given.machine)
     kinematics = kinematics_of(machine)
     with tempfile.TemporaryDirectory() as folder:
         file = written(given.lines, given.vectors, folder)

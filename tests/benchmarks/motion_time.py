@@ -28,12 +28,12 @@ from support.machines.stepped_runs import program, shipped  # noqa: E402
 from support.oracles import jerk_limited_time, time_bound  # noqa: E402
 from support.parts.random_surfaces import compound, text  # noqa: E402
 
-from controller.kinematics import kinematics_of  # noqa: E402
-from controller.machine import Machine  # noqa: E402
+from controller.machine.kinematics import kinematics_of  # noqa: E402
+from controller.machine.model import Machine  # noqa: E402
 from controller.plan.feed import profile  # noqa: E402
 from controller.plan.feed.course import Course  # noqa: E402
-from controller.plan.route.path import Chain  # noqa: E402
-from controller.plan.text.program import ProgramError  # noqa: E402
+from controller.plan.path.path import Chain  # noqa: E402
+from controller.program.program import ProgramError  # noqa: E402
 
 FEEDS = ("100.", "1000.", "3000.")
 MACHINES = ("trunnion", "fig4b", "fig4c", "fig4d", "table_head", "head_head", "oblique45")

@@ -25,7 +25,7 @@ from panel_load import ENOUGH, lateness_s, options, percentiles, show_beside, ti
 from support.live import browser  # noqa: E402
 from support.live.shop import Shop, opened  # noqa: E402
 
-from controller.door import Client, control_path  # noqa: E402
+from controller.ipc.control_socket import Client, control_path  # noqa: E402
 
 PAGES = 20
 SETTLE_S = 2.0  # after the pages came or went

@@ -25,9 +25,9 @@ sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 from support.live import browser  # noqa: E402
 from support.parts import cam_lines  # noqa: E402
 
-from controller import config  # noqa: E402
+from controller.machine import machine_file  # noqa: E402
 from controller.plan.report.picture import Picture, Shape  # noqa: E402
-from controller.session import checked  # noqa: E402
+from controller.runtime import checked  # noqa: E402
 
 LONG = "long"
 WAITS_MS = 300_000
@@ -54,7 +54,7 @@ EMPTIED = """(empty) => {
 
 def shape(lines: int) -> Shape:
     """Of a program of five-axis lines, as its check leaves it."""
-    machine = config.load("trunnion")
+    machine = machine_file.load("trunnion")
     text = "".join(cam_lines.program(cam_lines.places(lines), False, "G21 G90 G61"))
     task = checked.task(text.encode(), "long.ngc", machine)
     picture = Picture(machine, task.kinematics)

@@ -34,8 +34,8 @@ sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 
 from support.live.shop import Shop, opened  # noqa: E402
 
-from controller.door import Client, control_path  # noqa: E402
-from controller.handoff import COLUMN  # noqa: E402
+from controller.ipc.control_socket import Client, control_path  # noqa: E402
+from controller.ipc.handoff import COLUMN  # noqa: E402
 
 LISTENERS, PER_S = 20, 100
 SETTLE_S = 1.0  # after a change of the load

@@ -19,11 +19,11 @@ sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 from support.machines.shipped_kinds import machine as make_machine  # noqa: E402
 from support.parts.paper_surfaces import example_2  # noqa: E402
 
-from controller.curves import ArcLength  # noqa: E402
-from controller.kinematics import Kinematics, kinematics_of  # noqa: E402
-from controller.motions import SurfaceCut  # noqa: E402
-from controller.placement import Strategy  # noqa: E402
-from controller.plan.route.placing import Cutter, place  # noqa: E402
+from controller.geometry.curves import ArcLength  # noqa: E402
+from controller.geometry.placement import Strategy  # noqa: E402
+from controller.machine.kinematics import Kinematics, kinematics_of  # noqa: E402
+from controller.motion.motions import SurfaceCut  # noqa: E402
+from controller.plan.surfaces.placing import Cutter, place  # noqa: E402
 
 PLACES = 1000
 

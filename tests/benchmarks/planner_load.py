@@ -28,8 +28,8 @@ class PretendedTick:
     """Takes messages, and stands at the plan time at which the planner has something to do."""
 
     def __init__(self) -> None:
-        from controller.handoff import PieceMessage, Snapshot
-        from controller.state import Fault, Mode
+        from controller.ipc.handoff import PieceMessage, Snapshot
+        from controller.state.modes import Fault, Mode
 
         self.length_mm = 0.0
         self.bytes = 0
@@ -48,7 +48,7 @@ class PretendedTick:
         assert isinstance(message, self._message)
         if message.is_keepalive:
             return True
-        from controller.handoff import encode
+        from controller.ipc.handoff import encode
 
         self.bytes += sum(len(packet) for packet in encode(message))
         self.first_s = self.first_s or time.perf_counter()
@@ -63,12 +63,12 @@ class PretendedTick:
 
 
 def planner(file: str, machine_name: str) -> None:
-    from controller import config
+    from controller.machine import machine_file
     from controller.plan.planner import Planner
-    from controller.session import checked
+    from controller.runtime import checked
 
     began_s = time.perf_counter()
-    machine = config.load(machine_name)
+    machine = machine_file.load(machine_name)
     asked = checked.task(Path(file).read_bytes(), file, machine)
     tick = PretendedTick()
     plan = Planner(machine, asked.kinematics, tick.take)

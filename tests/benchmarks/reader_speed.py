@@ -72,7 +72,7 @@ def ours_s(data: bytes) -> float:
     """Processor seconds of our reader."""
     from support.machines.shipped_kinds import machine
 
-    from controller.plan.text import blocks
+    from controller.program import blocks
 
     made = machine("fig4a", spindle=None)
     begun = time.process_time()
@@ -136,7 +136,7 @@ def read(file: Path) -> int:
     """Read a file as ``explain`` has it; the most memory of its own that this process ever had, bytes."""
     from support.machines.shipped_kinds import machine
 
-    from controller.plan.text import blocks, linked
+    from controller.program import blocks, linked
 
     most, text = 0, linked.linked(linked.mapped(file), linked.beside(file))
     for count, _ in enumerate(blocks.stream(text, machine("fig4a", spindle=None), file.name)):

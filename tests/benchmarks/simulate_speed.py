@@ -86,8 +86,8 @@ def _environment(tree: Path, folder: str) -> dict[str, str]:
 def inside(marks: str, words: list[str]) -> None:
     """The command itself; processor seconds of its parts go into the file ``marks``."""
     from controller import __main__ as command_line
-    from controller.commands import programs
-    from controller.session.stepped import SteppedMachine
+    from controller.cli import programs
+    from controller.runtime.stepped import SteppedMachine
 
     parts_s: dict[str, float] = {}
     before_s = 0.0

@@ -27,7 +27,7 @@ sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 from support.machines.shipped_kinds import machine as make_machine  # noqa: E402
 from support.machines.tick_bench import cut_start, ruled_cut  # noqa: E402
 
-from controller.handoff import (  # noqa: E402
+from controller.ipc.handoff import (  # noqa: E402
     PieceInbox,
     PieceMessage,
     PieceOutbox,
@@ -38,8 +38,8 @@ from controller.handoff import (  # noqa: E402
     request_pair,
     send_request,
 )
-from controller.machine import Machine  # noqa: E402
-from controller.state import Mode, Request  # noqa: E402
+from controller.machine.model import Machine  # noqa: E402
+from controller.state.modes import Mode, Request  # noqa: E402
 from controller.tick import loop  # noqa: E402
 from controller.tick.cycle import Cycle  # noqa: E402
 from drives import pdo  # noqa: E402

@@ -9,7 +9,7 @@ import pytest
 from support.drives.group_bench import GroupBench
 from support.drives.makers_sheets import SHEETS, sheet_of
 
-from controller import profiles
+from controller.machine import drive_profiles
 from drives import commission, pdo
 from drives.commissioning import possible, sheet
 from drives.cyclic.drive_fault import DriveFault
@@ -22,7 +22,7 @@ MASTER = MasterSettings(period_s=0.01)
 
 
 def five(name: str, **changes: object) -> list[NodeSettings]:
-    profile = profiles.load(name)
+    profile = drive_profiles.load(name)
     node = NodeSettings(
         "",
         "can",
@@ -45,7 +45,9 @@ def bench(nodes: list[NodeSettings]) -> tuple[Rig, commission.Network]:
 
 @pytest.mark.parametrize("name", SHEETS)
 def test_a_family_has_all_that_its_profile_needs(name: str) -> None:
-    found, _ = possible.of_profile(profiles.load(name), sheet.load(sheet_of(name), 1), MASTER, 1_000_000)
+    found, _ = possible.of_profile(
+        drive_profiles.load(name), sheet.load(sheet_of(name), 1), MASTER, 1_000_000
+    )
     assert found == []
 
 
@@ -58,7 +60,7 @@ def test_five_drives_of_a_family_are_commissioned_within_two_seconds_and_once(na
     assert made.now_s - began_s < 2.0
     assert all(outcome.changes for outcome in first)
     assert all(drive.nmt == pdo.NMT_OPERATIONAL for drive in made.drives.values())
-    assert all(drive.axis.mode == profiles.load(name).mode.value for drive in made.drives.values())
+    assert all(drive.axis.mode == drive_profiles.load(name).mode.value for drive in made.drives.values())
     second = commission.commission(network, nodes, MASTER, bit_rate=BUS.bit_rate)
     assert [outcome.changes for outcome in second] == [[]] * 5
 
@@ -168,7 +170,7 @@ def test_what_a_family_cannot_do_is_refused_with_the_reason(
 def test_a_profile_of_another_family_is_found_out_object_by_object(
     sheet_name: str, name: str, why: str
 ) -> None:
-    found, _ = possible.of_profile(profiles.load(name), sheet.load(sheet_of(sheet_name), 1), MASTER)
+    found, _ = possible.of_profile(drive_profiles.load(name), sheet.load(sheet_of(sheet_name), 1), MASTER)
     assert any(re.search(why, sentence) for sentence in found), found
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from support.drives.group_bench import GroupBench
 
-from controller import profiles
+from controller.machine import drive_profiles
 from drives import commission, pdo
 from drives.commission import CommissionError
 from drives.commissioning import possible, sheet
@@ -151,13 +151,13 @@ def test_an_override_is_of_its_drive_alone(tmp_path: Path) -> None:
 
 
 def gold(folder: Path) -> Path:
-    made = family_sheet.write(folder / "gold.eds", profiles.load("elmo_gold"))
+    made = family_sheet.write(folder / "gold.eds", drive_profiles.load("elmo_gold"))
     made.write_text(edited(made.read_text("latin-1"), "1016sub1", HighLimit="65535"), "latin-1")
     return made
 
 
 def test_the_gold_sheet_as_its_maker_ships_it_does_all_that_the_profile_needs(tmp_path: Path) -> None:
-    family, found = profiles.load("elmo_gold"), sheet.load(str(gold(tmp_path)), 1)
+    family, found = drive_profiles.load("elmo_gold"), sheet.load(str(gold(tmp_path)), 1)
     assert possible.of_profile(family, found, MASTER)[0]
     found = sheet.load(str(gold(tmp_path)), 1, family.overrides)
     problems, remarks = possible.of_profile(family, found, MASTER, 1_000_000)
@@ -166,7 +166,7 @@ def test_the_gold_sheet_as_its_maker_ships_it_does_all_that_the_profile_needs(tm
 
 
 def test_five_gold_drives_are_commissioned_enabled_and_moved(tmp_path: Path) -> None:
-    family = profiles.load("elmo_gold")
+    family = drive_profiles.load("elmo_gold")
     one = node(gold(tmp_path), profile=family, feed_forward=True)
     bench = GroupBench([replace(one, name=name, node=n) for n, name in enumerate("XYZAC", 1)])
     assert all(drive.dictionary.get(0x1016, 1) == 127 << 16 | 200 for drive in bench.devices)

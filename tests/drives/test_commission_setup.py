@@ -11,7 +11,7 @@ import pytest
 from support.drives.makers_sheets import SHEETS, sheet_of
 from support.drives.stepped_drives import Bench, nodes
 
-from controller import profiles
+from controller.machine import drive_profiles
 from drives import commission, pdo
 from drives.commission import CommissionError
 from drives.commissioning import dcf, setup, sheet
@@ -228,7 +228,7 @@ def test_makers_node_ids_and_bit_rates_stay_where_they_are(name: str, address: b
 
 @pytest.mark.parametrize("name", SHEETS)
 def test_drives_by_their_makers_sheets_are_kept_and_put_back(name: str, tmp_path: Path) -> None:
-    profile: Profile = profiles.load(name)
+    profile: Profile = drive_profiles.load(name)
     master = MasterSettings(period_s=0.01)
     made = NodeSettings("X", "can", 1, sheet_of(name), period_s=0.01, profile=profile)
     made = replace(made, homing_method=profile.homing_methods[0], following_error_counts=900)

@@ -11,7 +11,7 @@ import pytest
 from support.drives.makers_sheets import SHEETS, sheet_of
 from support.drives.stepped_drives import EDS, Bench, nodes
 
-from controller import profiles
+from controller.machine import drive_profiles
 from drives import commission, pdo
 from drives.arranged import Arranged
 from drives.commission import CommissionError
@@ -291,7 +291,7 @@ def test_polarity_of_one_half_is_refused_before_anything_is_written() -> None:
 
 def of_family(name: str, **changes: object) -> list[NodeSettings]:
     """1e5 counts/s within a second, at 10 ms."""
-    profile = profiles.load(name)
+    profile = drive_profiles.load(name)
     made = NodeSettings(
         "X",
         "can",

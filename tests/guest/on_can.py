@@ -14,10 +14,10 @@ from guest import absence
 from support.live.live_machines import Listener, Live, now_of, session, until
 from support.machines.stepped_runs import shipped
 
-from controller.handoff import Snapshot
-from controller.machine import Bus, Machine
-from controller.session.startup import SessionError
-from controller.state import Fault
+from controller.ipc.handoff import Snapshot
+from controller.machine.model import Bus, Machine
+from controller.runtime.startup import SessionError
+from controller.state.modes import Fault
 from drives import pdo
 
 HERE = Path(__file__).parent

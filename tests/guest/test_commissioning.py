@@ -10,8 +10,8 @@ import pytest
 from guest import on_can
 from support.live.live_machines import Listener
 
-from controller import config
-from controller.machine import Machine
+from controller.machine import machine_file
+from controller.machine.model import Machine
 from drives import bus, commission, pdo
 from drives.settings import NodeSettings
 
@@ -25,17 +25,17 @@ def machine() -> Iterator[Machine]:
 
 
 def commissioned(machine: Machine, nodes: tuple[NodeSettings, ...]) -> None:
-    (settings,) = config.bus_settings(machine)
+    (settings,) = machine_file.bus_settings(machine)
     port = bus.open(settings, pdo.SERVICE_FILTERS)
     try:
         network = commission.Network(port, commission.wall_pump(port.fileno()))
-        commission.commission(network, nodes, config.master_settings(machine))
+        commission.commission(network, nodes, machine_file.master_settings(machine))
     finally:
         port.close()
 
 
 def test_five_drives_are_commissioned_and_another_client_reads_it_in_them(machine: Machine) -> None:
-    nodes = config.node_settings(machine)
+    nodes = machine_file.node_settings(machine)
     commissioned(machine, nodes)
     network = canopen.Network()
     network.connect(interface="socketcan", channel="vcan0")
@@ -62,7 +62,7 @@ def downloads(listener: Listener) -> int:
 
 
 def test_commissioning_again_writes_nothing(machine: Machine) -> None:
-    nodes = config.node_settings(machine)
+    nodes = machine_file.node_settings(machine)
     listener = Listener(machine)
     commissioned(machine, nodes)
     assert downloads(listener) > 5 * len(nodes)
@@ -71,7 +71,7 @@ def test_commissioning_again_writes_nothing(machine: Machine) -> None:
 
 
 def test_a_drive_that_is_not_there_is_refused_by_name_and_node(machine: Machine) -> None:
-    nodes = config.node_settings(machine)
+    nodes = machine_file.node_settings(machine)
     absent = replace(nodes[2], node=9)
     with pytest.raises(commission.CommissionError, match=r"Z \(node 9\).*no answer"):
         commissioned(machine, (*nodes[:2], absent))

@@ -7,9 +7,9 @@ from guest import on_can
 from support.live.live_machines import assert_within_limits, off_path, traced
 from support.machines.stepped_runs import program
 
-from controller.handoff import COLUMN
-from controller.machine import Machine
-from controller.state import Fault, Mode
+from controller.ipc.handoff import COLUMN
+from controller.machine.model import Machine
+from controller.state.modes import Fault, Mode
 
 ON_PATH_MM = 1e-6
 

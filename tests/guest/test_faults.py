@@ -10,10 +10,10 @@ import pytest
 from guest import on_can
 from support.live.live_machines import Listener, Live, at, run, until
 
-from controller.handoff import Snapshot
-from controller.machine import Machine
-from controller.session.startup import SessionError
-from controller.state import FAULTS, Fault, Mode
+from controller.ipc.handoff import Snapshot
+from controller.machine.model import Machine
+from controller.runtime.startup import SessionError
+from controller.state.modes import FAULTS, Fault, Mode
 from drives import pdo
 
 PROGRAM = "G21 G90 G54 G1 X150. F2400.\nM30\n"

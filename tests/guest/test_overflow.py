@@ -6,7 +6,7 @@ import socket
 
 from guest import on_can
 
-from controller import config
+from controller.machine import machine_file
 from drives import bus, pdo
 from drives.bus import Port
 from drives.cia402 import Wanted
@@ -32,7 +32,7 @@ def emptied(port: Port) -> int:
 
 
 def test_a_port_counts_the_frames_that_its_full_queue_lost() -> None:
-    (settings,) = config.bus_settings(on_can.machine())
+    (settings,) = machine_file.bus_settings(on_can.machine())
     port = bus.open(settings)
     flood(100)
     assert (emptied(port), port.overflows) == (100, 0)
@@ -46,10 +46,10 @@ def test_a_port_counts_the_frames_that_its_full_queue_lost() -> None:
 
 def test_a_group_makes_a_fault_of_it() -> None:
     machine = on_can.machine()
-    (settings,) = config.bus_settings(machine)
+    (settings,) = machine_file.bus_settings(machine)
     port = bus.open(settings)
-    drives = [Drive(node) for node in config.node_settings(machine)]
-    group = Group(drives, {settings.name: port}, config.master_settings(machine))
+    drives = [Drive(node) for node in machine_file.node_settings(machine)]
+    group = Group(drives, {settings.name: port}, machine_file.master_settings(machine))
     group.want(Wanted.ENABLED)
     group.receive(0.0)
     assert group.fault(0.0)[0] is DriveFault.NONE

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from controller import banded
+from controller.plan import banded
 
 Array = npt.NDArray[np.float64]
 

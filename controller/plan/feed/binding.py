@@ -23,12 +23,12 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from controller.handoff import Law
+from controller.ipc.handoff import Law
 from controller.plan.feed import tool_limits
 from controller.plan.feed.course import Course
 from controller.plan.feed.law import along
-from controller.plan.route.rates import Derivatives
-from controller.state import Binding, axis_binding
+from controller.plan.surfaces.rates import Derivatives
+from controller.state.modes import Binding, axis_binding
 
 Array = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.int64]

@@ -19,7 +19,7 @@ from controller.plan.feed.course import MARGIN, SPREAD, Course, Index
 from controller.plan.feed.limits import JUMP_SHARE
 from controller.plan.feed.mesh import Parts
 from controller.plan.feed.tool_limits import ToolRates
-from controller.plan.route.rates import Derivatives
+from controller.plan.surfaces.rates import Derivatives
 
 Array = npt.NDArray[np.float64]
 

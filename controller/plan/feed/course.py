@@ -16,12 +16,12 @@ from functools import cached_property, lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from controller.kinematics import Kinematics
-from controller.machine import Machine
-from controller.motions import ToolSpline
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Machine
+from controller.motion.motions import ToolSpline
 from controller.plan.feed.limits import JUMP_SHARE, JointLimits
-from controller.plan.route.rates import Derivatives, derivatives, kind, together
-from controller.plan.route.stretch import Stretch
+from controller.plan.stretch import Stretch
+from controller.plan.surfaces.rates import Derivatives, derivatives, kind, together
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]

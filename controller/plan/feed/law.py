@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
-from controller.handoff import Law, Quintic
+from controller.ipc.handoff import Law, Quintic
 
 Array = npt.NDArray[np.float64]
 

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from controller.machine import Machine
-from controller.plan.route.rates import Derivatives
+from controller.machine.model import Machine
+from controller.plan.surfaces.rates import Derivatives
 
 Array = npt.NDArray[np.float64]
 

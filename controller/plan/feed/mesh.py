@@ -14,14 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from controller.curves import Arc, Even
-from controller.motions import JointMove, SurfaceCut
+from controller.geometry.curves import Arc, Even
+from controller.motion.motions import JointMove, SurfaceCut
 from controller.plan.feed import tool_limits
 from controller.plan.feed.course import Course, Index
 from controller.plan.feed.limits import JointLimits, ramp_length
-from controller.plan.route.branch import beside_pole
-from controller.plan.route.rates import Derivatives
-from controller.plan.route.stretch import Stretch
+from controller.plan.rotaries.branch import beside_pole
+from controller.plan.stretch import Stretch
+from controller.plan.surfaces.rates import Derivatives
 
 Array = npt.NDArray[np.float64]
 

@@ -17,16 +17,16 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from controller.curves import Line
-from controller.handoff import Law
-from controller.kinematics import Kinematics
-from controller.machine import Machine
-from controller.motions import JointMove
+from controller.geometry.curves import Line
+from controller.ipc.handoff import Law
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Machine
+from controller.motion.motions import JointMove
 from controller.plan.feed import cruise, search
 from controller.plan.feed.course import Course, unhindered
 from controller.plan.feed.law import split, straight
 from controller.plan.feed.tool_limits import has_limits
-from controller.plan.route.stretch import Stretch
+from controller.plan.stretch import Stretch
 
 Array = npt.NDArray[np.float64]
 Run = tuple[Stretch, ...]

@@ -18,10 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from controller import jets
+from controller.geometry import series as jets
 from controller.plan.feed.course import Course, Index
-from controller.plan.route.branch import joints_along
-from controller.plan.route.rates import Derivatives, derivatives
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.surfaces.rates import Derivatives, derivatives
 
 Array = npt.NDArray[np.float64]
 

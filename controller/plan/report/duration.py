@@ -10,9 +10,9 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from controller.machine import MOST_PROGRAM_H, Machine
-from controller.plan.route.stretch import Chain, Pause, Stretch
-from controller.plan.text.program import Place, ProgramError
+from controller.machine.model import MOST_PROGRAM_H, Machine
+from controller.plan.stretch import Chain, Pause, Stretch
+from controller.program.program import Place, ProgramError
 
 HOUR_S = 3600.0
 

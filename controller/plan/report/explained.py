@@ -12,15 +12,15 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from controller.curves import Arc
-from controller.geometry import Frame, Vector, norm, subtract
-from controller.kinematics import kinematics_of
-from controller.machine import OFFSETS, Joints, Machine
-from controller.motions import JointMove, Rotaries
-from controller.plan.route import moves, spline_moves
-from controller.plan.route.stretch import Voice, rotaries_of
-from controller.plan.text.position import Known, Position, read_in
-from controller.plan.text.program import (
+from controller.geometry.curves import Arc
+from controller.geometry.vectors import Frame, Vector, norm, subtract
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import OFFSETS, Joints, Machine
+from controller.motion.motions import JointMove, Rotaries
+from controller.plan.lines import moves, spline_moves
+from controller.plan.stretch import Voice, rotaries_of
+from controller.program.position import Known, Position, read_in
+from controller.program.program import (
     Act,
     Action,
     Await,

@@ -19,13 +19,13 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from controller.curves import Arc, Even, Line
-from controller.motions import JointMove
+from controller.geometry.curves import Arc, Even, Line
+from controller.motion.motions import JointMove
 from controller.plan.feed import binding, mesh
 from controller.plan.feed.binding import SHOWN_S, Motion, Span
 from controller.plan.feed.course import Course
 from controller.plan.feed.law import along
-from controller.plan.route.stretch import Stretch
+from controller.plan.stretch import Stretch
 
 Array = npt.NDArray[np.float64]
 

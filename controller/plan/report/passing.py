@@ -21,8 +21,8 @@ from controller.plan.feed.binding import Span
 from controller.plan.feed.course import Course
 from controller.plan.feed.law import along
 from controller.plan.report.planned import Planned
-from controller.plan.route.spot import LinePart, lines_along, part_at
-from controller.plan.route.stretch import Chain, Pause, Stretch
+from controller.plan.restart.program_position import LinePart, lines_along, part_at
+from controller.plan.stretch import Chain, Pause, Stretch
 
 MOST = 4000  # marks
 APART_S = 0.02  # of two marks inside of a window ...

@@ -21,14 +21,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from controller.curves import Even, Line
-from controller.kinematics import Kinematics
-from controller.machine import Machine
-from controller.motions import JointMove, SurfaceCut, ToolLine
+from controller.geometry.curves import Even, Line
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Machine
+from controller.motion.motions import JointMove, SurfaceCut, ToolLine
+from controller.plan.path.path import joints_along
 from controller.plan.report.thinning import thin
-from controller.plan.route.path import joints_along
-from controller.plan.route.stretch import Chain, Pause, Stretch
-from controller.plan.text.program import Act
+from controller.plan.stretch import Chain, Pause, Stretch
+from controller.program.program import Act
 
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]

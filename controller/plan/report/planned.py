@@ -16,17 +16,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controller.kinematics import Kinematics
-from controller.machine import Machine
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Machine
 from controller.plan.feed import cruise, mesh, pace
 from controller.plan.feed.binding import Laws, Marks, Span
 from controller.plan.feed.course import Course
 from controller.plan.feed.profile import Profile
+from controller.plan.look_ahead import WHOLE_SHARE, WINDOW_S, Orders, Place, Sent, Windows
+from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import RETRY_S
-from controller.plan.route.path import Chain, Pause
-from controller.plan.route.stretch import Stretch
+from controller.plan.stretch import Stretch
 from controller.plan.track import Track
-from controller.plan.window import WHOLE_SHARE, WINDOW_S, Orders, Place, Sent, Windows
 
 SIGHT = 2.0 * WHOLE_SHARE  # times a window of motion at the feed: none looks as far ahead
 FEWEST = 2  # windows that are rolled on at once

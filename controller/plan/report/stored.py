@@ -19,13 +19,13 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from controller.machine import Joints, Machine
-from controller.motions import Rotaries
+from controller.machine.model import Joints, Machine
+from controller.motion.motions import Rotaries
 from controller.plan.report.passing import Mark
 from controller.plan.report.verdict import Verdict
-from controller.plan.route.placements import Recipe
-from controller.plan.route.stretch import Note
-from controller.plan.text.program import Place
+from controller.plan.stretch import Note
+from controller.plan.surfaces.placements import Recipe
+from controller.program.program import Place
 
 FORMAT = 4  # of the files
 KEPT = 500  # files; the oldest go

@@ -18,24 +18,24 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from controller.kinematics import Kinematics
-from controller.machine import Machine
-from controller.motions import SurfaceCut, ToolSpline
-from controller.placement import Placed
+from controller.geometry.placement import Placed
+from controller.geometry.surfaces import Cone
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Machine
+from controller.motion.motions import SurfaceCut, ToolSpline
 from controller.plan.feed import binding
 from controller.plan.feed.binding import Span
 from controller.plan.feed.course import Course
 from controller.plan.feed.law import along
+from controller.plan.path.path import Chain, Pause, Stretch, joints_along
 from controller.plan.report import moments
 from controller.plan.report.passing import Passing
 from controller.plan.report.planned import Planned, planned
 from controller.plan.report.tally import Bound, Part, Tally, bounds
 from controller.plan.report.waits import Waits
-from controller.plan.route import rates
-from controller.plan.route.path import Chain, Pause, Stretch, joints_along
-from controller.plan.route.spot import BESIDE
-from controller.plan.text.program import Act
-from controller.surfaces import Cone
+from controller.plan.restart.program_position import BESIDE
+from controller.plan.surfaces import rates
+from controller.program.program import Act
 
 Array = npt.NDArray[np.float64]
 

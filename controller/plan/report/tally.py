@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from controller.machine import Machine
+from controller.machine.model import Machine
 from controller.plan.feed.binding import NUMBER_OF_CODES
-from controller.state import AXIS_KINDS, Binding, binding_text
+from controller.state.modes import AXIS_KINDS, Binding, binding_text
 
 Array = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.int64]

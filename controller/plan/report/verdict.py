@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from controller.geometry import Vector
+from controller.geometry.vectors import Vector
 
 ROUNDING_MM = 1e-6  # a surface that is off by its very tolerance is within it
 

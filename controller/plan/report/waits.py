@@ -7,9 +7,9 @@ counts on what the machine file says.
 
 from __future__ import annotations
 
-from controller.machine import Machine
-from controller.plan.route.stretch import Pause
-from controller.plan.text.program import Act, Place
+from controller.machine.model import Machine
+from controller.plan.stretch import Pause
+from controller.program.program import Act, Place
 
 
 class Waits:

@@ -19,7 +19,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from controller.handoff import StopTable
+from controller.ipc.handoff import StopTable
 from controller.plan.feed.course import Course
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile

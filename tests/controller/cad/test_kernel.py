@@ -18,7 +18,7 @@ from support.parts.cad_cases import ABOVE, CUBIC, HALF_TURN, WITHIN_MM, off, one
 
 from controller.cad import kernel
 from controller.cad.strip import strip
-from controller.geometry import Frame
+from controller.geometry.vectors import Frame
 
 
 @pytest.mark.parametrize("unit", ["MM", "INCH", "M"])

@@ -10,13 +10,13 @@ import pytest
 from support.machines import traced_programs
 from support.machines.stepped_runs import program, shipped
 
-from controller.handoff import Law, Piece, PieceMessage, Snapshot
-from controller.kinematics import kinematics_of
-from controller.machine import Machine
+from controller.ipc.handoff import Law, Piece, PieceMessage, Snapshot
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Machine
+from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import AHEAD_S, Planner
-from controller.plan.route.path import Chain, Pause
-from controller.plan.text.program import ProgramError
-from controller.state import Fault, Mode
+from controller.program.program import ProgramError
+from controller.state.modes import Fault, Mode
 
 MOVES = "G0 X100.\nG1 F600. X120.\nX120. Y30.\nG4 P1.5\nM0\nG1 X0. Y0.\nM30\n"
 LONG = "G0 X10. Y0.\nG2 F600. X10. Y0. I40. J0. P2\nM30\n"  # two turns: 50 s

@@ -7,14 +7,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from controller import config
-from controller.machine import Machine
-from controller.motions import SurfaceCut
-from controller.plan.route.branch import joints_along
-from controller.plan.route.stretch import Chain, Stretch
+from controller.machine import machine_file
+from controller.machine.model import Machine
+from controller.motion.motions import SurfaceCut
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.stretch import Chain, Stretch
 from controller.post.chords import Form, corners, poses
 from controller.post.text import Asked, height_mm, post
-from controller.session import checked
+from controller.runtime import checked
 
 Array = NDArray[np.float64]
 
@@ -76,7 +76,7 @@ def apart(wanted: Array, there: Array) -> float:
 def test_the_lines_as_the_reader_takes_them_stay_within_the_chord_of_the_cut(
     form: Form, chord_mm: float
 ) -> None:
-    machine = config.load("trunnion")
+    machine = machine_file.load("trunnion")
     ours = task(TWISTED, machine)
     (cut,) = [one for one in stretches(ours) if isinstance(one.motion, SurfaceCut)]
     height = height_mm(cut, machine.tools[0])
@@ -93,7 +93,7 @@ def test_the_lines_as_the_reader_takes_them_stay_within_the_chord_of_the_cut(
 
 def test_chords_are_as_long_as_they_may_be() -> None:
     """On a cylinder a chord of sagitta e spans 2 acos(1 - e / r): the tip runs on r + tool radius."""
-    machine = config.load("trunnion")
+    machine = machine_file.load("trunnion")
     whole = b"T1 M6\nS8000 M3\nG51 X10. Y0. Z0. I0. J0. K0. H6. R10. D180. F600.\nM30\n"
     ours = task(whole, machine)
     (cut,) = [one for one in stretches(ours) if isinstance(one.motion, SurfaceCut)]
@@ -106,7 +106,7 @@ def test_chords_are_as_long_as_they_may_be() -> None:
 
 
 def test_spindle_tool_and_end_are_written_where_they_were(tmp_path: object) -> None:
-    machine = config.load("trunnion")
+    machine = machine_file.load("trunnion")
     ours = task(TWISTED, machine)
     asked = Asked(machine, ours.kinematics, Form.TIP, 0.01, 0, True)
     text = post(items(ours), [(0, machine.tools[0])], asked).splitlines()

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from support.fakes.fake_engine import FakeEngine, engine_of, served
 
-from controller.service.desk import Desk
+from controller.service.command_handlers import Desk
 from controller.service.service import Service
 
 

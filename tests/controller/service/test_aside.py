@@ -8,7 +8,7 @@ import pytest
 from support.live.served_machine import Serving, calm, serving
 from support.machines.stepped_runs import program
 
-from controller import catalogue
+from controller import messages
 
 pytestmark = [pytest.mark.slow, pytest.mark.live]
 
@@ -126,7 +126,7 @@ def test_a_plan_killed_while_the_tool_stands_aside_is_a_fault_with_one_alarm_and
     assert {name: axis["machine"] for name, axis in now["joints"].items()} == off
     assert now["fault"]["name"] == "PLANNER_GONE" and now["fault"]["position_trusted"]
     now = service.ended()
-    assert now["job"]["state"] == "fault" and "planner" in catalogue.text(now["job"])
+    assert now["job"]["state"] == "fault" and "planner" in messages.text(now["job"])
     assert len(service.ask("alarms")["alarms"]) == before + 1
     service.until(lambda now: now["plan_alive"])
     service.done("reset")

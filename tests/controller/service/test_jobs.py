@@ -8,15 +8,15 @@ from pathlib import Path
 import pytest
 from support.machines.stepped_runs import shipped
 
-from controller.handoff import Snapshot, blank
-from controller.plan.detour import FIRST_ID
+from controller.ipc.handoff import Snapshot, blank
+from controller.plan.off_path import FIRST_ID
 from controller.plan.report.passing import OWN
-from controller.plan.route.spot import ENTRY_ID, LinePart
-from controller.plan.text import linked
+from controller.plan.restart.program_position import ENTRY_ID, LinePart
+from controller.program import linked
 from controller.service import jobs
 from controller.service.jobs import Job
-from controller.service.orders import News, Said, Way
-from controller.state import Mode
+from controller.service.planner_client import News, Said, Way
+from controller.state.modes import Mode
 
 
 def snapshot(**values: object) -> Snapshot:

@@ -16,7 +16,7 @@ import pytest
 from support.live.live_machines import gone
 from support.live.served_machine import CALM_S, Serving, calm, serving
 
-from controller.door import Client, DoorError, control_path
+from controller.ipc.control_socket import Client, DoorError, control_path
 
 pytestmark = [pytest.mark.slow, pytest.mark.live]
 

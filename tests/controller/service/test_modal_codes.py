@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from controller import config
-from controller.plan.text import blocks
+from controller.machine import machine_file
+from controller.program import blocks
 from controller.service import modal_codes
 
 START = "G17 G49 G54 G61"
@@ -24,7 +24,7 @@ START = "G17 G49 G54 G61"
 )
 def test_the_codes_in_force_are_those_of_the_program(said: str, shown: str) -> None:
     text = f"G21 G90\n{said}\nG1 X1. F100.\nM30\n"
-    program = blocks.read(text.encode(), config.load("trunnion"), "a")
+    program = blocks.read(text.encode(), machine_file.load("trunnion"), "a")
     moves = [
         block for block in program.blocks if block.place.line == text[: text.index("G1 ")].count("\n") + 1
     ]

@@ -12,13 +12,14 @@ from support.machines.interrupted_runs import with_tool
 from support.machines.planning_bench import Bench
 from support.machines.stepped_runs import program
 
-from controller import catalogue, door
-from controller.handoff import COLUMN
-from controller.plan.route.spot import Spot
-from controller.plan.route.stretch import Note
-from controller.plan.text.program import Place
-from controller.service.orders import Answer, Order, Program
-from controller.state import Fault, Mode, Request, sentence
+from controller import messages
+from controller.ipc import control_socket
+from controller.ipc.handoff import COLUMN
+from controller.plan.restart.program_position import Spot
+from controller.plan.stretch import Note
+from controller.program.program import Place
+from controller.service.planner_client import Answer, Order, Program
+from controller.state.modes import Fault, Mode, Request, sentence
 
 SAME = 1e-6
 LONGEST = 20_000  # ticks
@@ -80,7 +81,7 @@ def test_a_program_of_which_much_is_to_be_noted_leaves_room_for_the_status(
         kept, notes=(Note(Place(1, 1), "Turns the rotary axis under the standing tool. " * 5),) * 5000
     )
     monkeypatch.setattr(bench.planning, "_kept", lambda _: much)
-    assert len(door.packed(bench.order("check", program=program).facts)) < door.MOST_BYTES
+    assert len(control_socket.packed(bench.order("check", program=program).facts)) < control_socket.MOST_BYTES
 
 
 def test_a_rest_begins_in_the_middle_of_a_line_from_wherever_the_machine_stands(bench: Bench) -> None:
@@ -149,10 +150,10 @@ def test_how_far_the_drives_stopped_beside_the_path_is_told(bench: Bench) -> Non
     held(bench, 5)
     spot = bench.planner.spot(bench.snapshot())
     program = Program(TEXT.encode(), "part.ngc", bench.machine, spot=spot)
-    on_path = catalogue.text(bench.order("beside", program=program).facts["said"])
+    on_path = messages.text(bench.order("beside", program=program).facts["said"])
     assert "0.000 mm beside the path near line 5" in on_path
     led(bench, "retract", distance_mm=3.0)
-    off = catalogue.text(bench.order("beside", program=program).facts["said"])
+    off = messages.text(bench.order("beside", program=program).facts["said"])
     assert 2.0 < float(off.split("rest ")[1].split(" mm")[0]) <= 3.0005
 
 
@@ -198,7 +199,7 @@ def test_a_start_that_is_void_before_it_is_taken_is_answered_at_once(
     bench.stepped.request(request_)
     bench.go(lambda: bench.answers[-1].number == 1000)
     error = bench.answers[-1].error
-    assert error is not None and error[0] == "refused" and why in catalogue.text(error[1])
+    assert error is not None and error[0] == "refused" and why in messages.text(error[1])
 
 
 def test_a_way_off_that_is_void_before_it_is_taken_is_answered_at_once(bench: Bench) -> None:
@@ -208,7 +209,7 @@ def test_a_way_off_that_is_void_before_it_is_taken_is_answered_at_once(bench: Be
     bench.stepped.request(Request.STOP)
     bench.go(lambda: bench.answers[-1].number == 1000)
     error = bench.answers[-1].error
-    assert error is not None and "by now" in catalogue.text(error[1])
+    assert error is not None and "by now" in messages.text(error[1])
     bench.until(Mode.READY)
     armed(bench)
     bench.until(Mode.READY)

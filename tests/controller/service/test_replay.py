@@ -10,8 +10,8 @@ from support.live.live_machines import gone, until
 from support.live.replayed_runs import again, assert_same_setpoints, facts, records
 from support.live.served_machine import Serving, calm, calm_machine, serving
 
-from controller.session import events
-from controller.session.events import EventError
+from controller.runtime import events
+from controller.runtime.events import EventError
 
 MACHINE = calm_machine()
 LONG = "G21 G90 G54 G43.4\nG0 X0 Y0 Z60. A0 C0\n" + "G1 X60. F3000\nG1 X-60. A4.\n" * 20 + "M30\n"

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from support.machines.stepped_runs import shipped
 
-from controller.handoff import COLUMN, ROW
+from controller.ipc.handoff import COLUMN, ROW
+from controller.runtime.starts import Start
 from controller.service import runs
-from controller.service.orders import Program, Turn
+from controller.service.planner_client import Program, Turn
 from controller.service.runs import RunRecord
-from controller.session.starts import Start
-from controller.state import Mode
+from controller.state.modes import Mode
 
 MACHINE = shipped()
 WHAT = {"name": "part.ngc", "sha256": "00", "line": None}

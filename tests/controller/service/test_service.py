@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 from support.machines.stepped_runs import shipped
 
-from controller import catalogue
-from controller.door import DoorError
-from controller.handoff import Snapshot, blank
+from controller import messages
+from controller.ipc.control_socket import DoorError
+from controller.ipc.handoff import Snapshot, blank
 from controller.service import jobs
 from controller.service.folders import Folders
 from controller.service.service import Service
-from controller.state import Fault, Mode
+from controller.state.modes import Fault, Mode
 
 
 class _Fault:
@@ -94,4 +94,4 @@ def test_a_reset_before_anybody_saw_the_tick_die_loses_no_alarm(tmp_path: Path) 
     service.look()
     (alarm,) = service.alarms.list()
     assert alarm["name"] == "CONTROLLER_GONE"
-    assert "SIGKILL" in catalogue.text(alarm)
+    assert "SIGKILL" in messages.text(alarm)

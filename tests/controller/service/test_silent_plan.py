@@ -13,7 +13,7 @@ from support.live.live_machines import until
 from support.live.replayed_runs import again, assert_same_setpoints, records
 from support.live.served_machine import Serving, calm, calm_machine, serving
 
-from controller import catalogue
+from controller import messages
 
 LONG = "G21 G90 G54 G43.4\nG0 X0 Y0 Z60. A0 C0\n" + "G1 X60. F3000\nG1 X-60. A4.\n" * 8 + "M30\n"
 NAME = "PLAN_SILENT"
@@ -67,7 +67,7 @@ def test_a_plan_that_does_not_come_back_is_told_before_the_queue_ends_and_then_n
             assert (
                 now["mode"] == "RUNNING"
                 and not now["at_rest"]
-                and " s unless" in catalogue.text(notices(now)[0])
+                and " s unless" in messages.text(notices(now)[0])
             )
             now = service.until(lambda now: now["mode"] == "FAULT" and now["at_rest"])
             assert now["fault"]["name"] == "PLANNER_GONE" and now["not_homed"] == []

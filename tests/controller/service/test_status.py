@@ -7,14 +7,13 @@ from dataclasses import replace
 import pytest
 from support.machines.stepped_runs import SHIPPED, shipped
 
-from controller import jog_frames
-from controller.geometry import Frame, X, Y, Z
-from controller.handoff import Snapshot, blank
-from controller.kinematics import kinematics_of
-from controller.machine import Machine
-from controller.service import status
-from controller.service.orders import Way
-from controller.state import ALL_AXES, Fault, Mode, told
+from controller.geometry.vectors import Frame, X, Y, Z
+from controller.ipc.handoff import Snapshot, blank
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Machine
+from controller.service import jog_frames, status
+from controller.service.planner_client import Way
+from controller.state.modes import ALL_AXES, Fault, Mode, told
 
 
 def snapshot(**values: object) -> Snapshot:

@@ -11,15 +11,15 @@ import pytest
 from support.fakes.fake_engine import FakeEngine, done
 from support.machines.stepped_runs import shipped
 
-from controller import catalogue
-from controller.door import DoorError
-from controller.handoff import COLUMN, ROW, of_axes
+from controller import messages
+from controller.ipc.control_socket import DoorError
+from controller.ipc.handoff import COLUMN, ROW, of_axes
 from controller.service import status
 from controller.service import usage as module
-from controller.service.desk import Desk
+from controller.service.command_handlers import Desk
 from controller.service.service import Service
 from controller.service.usage import Usage
-from controller.state import Mode
+from controller.state.modes import Mode
 
 MACHINE = shipped()
 NAMES = [axis.name for axis in MACHINE.axes]
@@ -182,7 +182,7 @@ def test_a_worn_tool_in_the_spindle_starts_no_program_but_by_confirmation(
     worn(service, 1)
     with pytest.raises(DoorError, match="T1, is worn") as refused:
         done(desk, "start")
-    assert refused.value.code == "worn" and "verschlissen" in catalogue.text(refused.value.said, "de")
+    assert refused.value.code == "worn" and "verschlissen" in messages.text(refused.value.said, "de")
     done(desk, "tool_renewed", tool=1)
     assert service.usage.worn(1) == {}
     worn(service, 1)
@@ -200,7 +200,7 @@ def test_a_worn_tool_is_an_alarm_while_it_cuts(service: Service) -> None:
 def test_a_worn_tool_that_is_asked_for_is_told_as_such(service: Service) -> None:
     worn(service, 5)
     told = status.tool_change(MACHINE, 5, service.usage)
-    assert "T5 is worn" in catalogue.text(told) and "T5 ist verschlissen" in catalogue.text(told, "de")
+    assert "T5 is worn" in messages.text(told) and "T5 ist verschlissen" in messages.text(told, "de")
 
 
 @pytest.mark.parametrize(
@@ -221,4 +221,4 @@ def test_a_worn_tool_that_is_asked_for_is_told_as_such(service: Service) -> None
 def test_what_cannot_be_is_refused(desk: Desk, verb: str, args: dict[str, Any]) -> None:
     with pytest.raises(DoorError) as refused:
         done(desk, verb, **args)
-    assert refused.value.code == "bad" and catalogue.text(refused.value.said, "de") != refused.value.sentence
+    assert refused.value.code == "bad" and messages.text(refused.value.said, "de") != refused.value.sentence

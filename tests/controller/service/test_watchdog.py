@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from controller.config import load
-from controller.service import engine, serving
+from controller.machine.machine_file import load
+from controller.service import engine, main
 from controller.service.engine import Engine
 from controller.service.folders import Folders
 
@@ -44,16 +44,16 @@ class Watched:
 def test_the_watchdog_is_fed_by_a_tick_that_goes_on_or_is_known_to_be_gone(
     ticks: list[int], alive: bool, fed: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(serving, "FEED_S", 0.0)
+    monkeypatch.setattr(main, "FEED_S", 0.0)
     watched, told = Watched(ticks, alive), []
-    serving.watch(watched, lambda: watched.yes, told.append, 0.0)  # type: ignore[arg-type]
+    main.watch(watched, lambda: watched.yes, told.append, 0.0)  # type: ignore[arg-type]
     assert told.count("WATCHDOG=1") == fed
 
 
 def test_the_watchdog_is_fed_while_another_tick_starts(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(serving, "FEED_S", 0.0)
+    monkeypatch.setattr(main, "FEED_S", 0.0)
     watched, told = Watched([-1] * 4, alive=False, starting=True), []
-    serving.watch(watched, lambda: watched.yes, told.append, 0.0)  # type: ignore[arg-type]
+    main.watch(watched, lambda: watched.yes, told.append, 0.0)  # type: ignore[arg-type]
     assert told.count("WATCHDOG=1") == 4
 
 

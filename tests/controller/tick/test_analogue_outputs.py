@@ -9,12 +9,12 @@ from dataclasses import replace
 import pytest
 from support.machines.spindle_machine import SPINDLE, Mill, mill, text
 
-from controller import config
-from controller.machine import Machine
-from controller.plan.text import blocks
-from controller.plan.text.program import ProgramError
-from controller.session.events import Event
-from controller.state import Fault, Mode, Request
+from controller.machine import machine_file
+from controller.machine.model import Machine
+from controller.program import blocks
+from controller.program.program import ProgramError
+from controller.runtime.events import Event
+from controller.state.modes import Fault, Mode, Request
 
 ORIENT = 4  # bit of the node
 WITH = """
@@ -182,5 +182,5 @@ def test_a_machine_without_them_says_what_its_file_lacks(line: str, key: str) ->
 )
 def test_a_machine_file_that_errs_is_refused(old: str, new: str, why: str) -> None:
     assert old in WITH
-    with pytest.raises(config.ConfigError, match=re.escape(why)):
-        config.read(text(SPINDLE, WITH.replace(old, new), ""), "mill.toml")
+    with pytest.raises(machine_file.ConfigError, match=re.escape(why)):
+        machine_file.read(text(SPINDLE, WITH.replace(old, new), ""), "mill.toml")

@@ -9,8 +9,8 @@ from dataclasses import replace
 import pytest
 from support.machines.shipped_kinds import machine
 
-from controller.machine import Joints
-from controller.state import Fault
+from controller.machine.model import Joints
+from controller.state.modes import Fault
 from controller.tick.check import Check
 from controller.tick.joints import Encoder
 

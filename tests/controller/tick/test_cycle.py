@@ -13,9 +13,9 @@ from support.machines.shipped_kinds import machine
 from support.machines.tick_bench import Bench, FakeDrive, commands, excess, s_curve, stops, straight
 from support.oracles import latched_setpoints
 
-from controller.handoff import COLUMN, PLANNER_SILENCE_S, STOOD, Arrangement, Law, dwell, send_arrangement
-from controller.machine import Joints
-from controller.state import Fault, Mode, Request
+from controller.ipc.handoff import COLUMN, PLANNER_SILENCE_S, STOOD, Arrangement, Law, dwell, send_arrangement
+from controller.machine.model import Joints
+from controller.state.modes import Fault, Mode, Request
 from controller.tick.cycle import LONG_GAP
 from controller.tick.loop import Loop, WallClock
 from drives.cia402 import Wanted

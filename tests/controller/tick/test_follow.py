@@ -23,12 +23,12 @@ from support.machines.tick_bench import (
     straight,
 )
 
-from controller.handoff import COLUMN, Piece, PieceMessage, dwell
-from controller.kinematics import kinematics_of
-from controller.machine import Joints
-from controller.motions import Motion, SurfaceCut
+from controller.ipc.handoff import COLUMN, Piece, PieceMessage, dwell
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Joints
+from controller.motion.motions import Motion, SurfaceCut
 from controller.plan.feed.law import split
-from controller.state import Fault, Mode, Request
+from controller.state.modes import Fault, Mode, Request
 
 HERE: Joints = (0.0, 0.0, 0.0, 0.0, 0.0)
 THERE: Joints = (100.0, 60.0, -80.0, 1.0, 2.0)

@@ -12,9 +12,9 @@ import pytest
 from support.machines.shipped_kinds import machine
 from support.machines.tick_bench import Bench, commands, excess, rapid_law, s_curve, stops, straight
 
-from controller.handoff import DEAD_MAN_S, PLANNER_SILENCE_S, Jog, dwell
-from controller.machine import Joints, Machine
-from controller.state import ALL_AXES, Fault, Mode, Request
+from controller.ipc.handoff import DEAD_MAN_S, PLANNER_SILENCE_S, Jog, dwell
+from controller.machine.model import Joints, Machine
+from controller.state.modes import ALL_AXES, Fault, Mode, Request
 from controller.tick.jog import UNHOMED_SHARE
 from controller.tick.mode import Phase
 from drives.cia402 import Wanted

@@ -10,9 +10,9 @@ from support.machines.shipped_kinds import machine
 from support.machines.tick_bench import Bench, rest_of, s_curve, stops, straight
 from support.oracles import latched_setpoints
 
-from controller.handoff import COLUMN, STOOD, Jog, dwell, send_jog
-from controller.machine import Joints
-from controller.state import Fault, Mode, Request
+from controller.ipc.handoff import COLUMN, STOOD, Jog, dwell, send_jog
+from controller.machine.model import Joints
+from controller.state.modes import Fault, Mode, Request
 from controller.tick.cycle import LONG_GAP
 from drives.cyclic.drive import DriveFault
 

@@ -8,7 +8,7 @@ from itertools import product
 import pytest
 from support.machines.tick_bench import FakeGroup
 
-from controller.state import (
+from controller.state.modes import (
     ALL_AXES,
     ALWAYS,
     DROPS,
@@ -22,8 +22,8 @@ from controller.state import (
     follows,
     refusal,
 )
+from controller.state.stop_times import ENABLE_S
 from controller.tick.mode import DRIVE_FAULTS, PHASES, Modes, Phase
-from controller.times import ENABLE_S
 from drives.cia402 import State, Wanted
 from drives.cyclic.drive import DriveFault
 

@@ -8,13 +8,13 @@ import pytest
 from support.machines.interrupted_runs import Items, rest_of
 from support.machines.spindle_machine import SPINDLE, Mill, mill, text
 
-from controller import config
-from controller.machine import Machine
-from controller.plan.route.spot import ENTRY_ID, Spot
-from controller.plan.text import blocks
-from controller.plan.text.program import ProgramError, Remark
-from controller.session.events import Event
-from controller.state import Fault, Mode, Request, sentence
+from controller.machine import machine_file
+from controller.machine.model import Machine
+from controller.plan.restart.program_position import ENTRY_ID, Spot
+from controller.program import blocks
+from controller.program.program import ProgramError, Remark
+from controller.runtime.events import Event
+from controller.state.modes import Fault, Mode, Request, sentence
 
 VACUUM, AIR = 4, 5  # bits of the node
 WITH = """
@@ -137,8 +137,8 @@ def test_what_is_held_stays_for_the_next_program() -> None:
 )
 def test_a_machine_file_that_errs_is_refused(old: str, new: str, why: str) -> None:
     made = text(SPINDLE, WITH.replace(old, new), "")
-    with pytest.raises(config.ConfigError, match=why):
-        config.read(made, "mill.toml")
+    with pytest.raises(machine_file.ConfigError, match=why):
+        machine_file.read(made, "mill.toml")
 
 
 # ---- M66 ---------------------------------------------------------------------------

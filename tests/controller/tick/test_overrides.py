@@ -8,10 +8,10 @@ import pytest
 from support.machines.interrupted_runs import Items, rest_of
 from support.machines.spindle_machine import SPINDLE, Mill, mill
 
-from controller.machine import Machine
-from controller.plan.route.spot import ENTRY_ID, Spot
-from controller.session.events import Event
-from controller.state import Mode, Request
+from controller.machine.model import Machine
+from controller.plan.restart.program_position import ENTRY_ID, Spot
+from controller.runtime.events import Event
+from controller.state.modes import Mode, Request
 
 FEED_STOP = 2  # bit of the input
 X0 = 8.0  # of G54

@@ -9,9 +9,9 @@ import pytest
 from support.machines.shipped_kinds import machine as make_machine
 from support.machines.tick_bench import Bench, s_curve, straight
 
-from controller.handoff import COLUMN, Jog, Outcome, Piece, dwell, send_jog, send_request
-from controller.machine import Clamp, Io, Joints, Machine, Spindle
-from controller.state import Fault, Mode, Request
+from controller.ipc.handoff import COLUMN, Jog, Outcome, Piece, dwell, send_jog, send_request
+from controller.machine.model import Clamp, Io, Joints, Machine, Spindle
+from controller.state.modes import Fault, Mode, Request
 
 HERE: Joints = (0.0, 0.0, 0.0, 0.0, 0.0)
 THERE: Joints = (40.0, 0.0, 0.0, 0.0, 0.0)

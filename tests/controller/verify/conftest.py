@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from support.machines.shipped_kinds import machine
 
-from controller.curves import ArcLength, Line
-from controller.handoff import COLUMN, ROW
-from controller.kinematics import Kinematics, kinematics_of
-from controller.machine import Machine
-from controller.motions import JointMove, Motion, SurfaceCut
-from controller.state import Mode
+from controller.geometry.curves import ArcLength, Line
+from controller.ipc.handoff import COLUMN, ROW
+from controller.machine.kinematics import Kinematics, kinematics_of
+from controller.machine.model import Machine
+from controller.motion.motions import JointMove, Motion, SurfaceCut
+from controller.state.modes import Mode
 from controller.verify import paper
 
 SERVO_LAG_TICKS = 4.0

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from controller.machine import Tool
+from controller.machine.model import Tool
 from controller.verify.bodies import Body, cutter, holder
 
 SHAPES = [

@@ -10,11 +10,11 @@ import pytest
 from support.parts.paper_surfaces import example_1, example_2
 from support.parts.twisted_blades import blade, off_by_brute_force
 
-from controller.geometry import Frame
-from controller.machine import Tool
-from controller.placement import Placed, Strategy
-from controller.plan.route.placing import Cutter, place
-from controller.splines import BSpline
+from controller.geometry.placement import Placed, Strategy
+from controller.geometry.splines import BSpline
+from controller.geometry.vectors import Frame
+from controller.machine.model import Tool
+from controller.plan.surfaces.placing import Cutter, place
 from controller.verify import bound as searched
 from controller.verify.bound import bound
 from controller.verify.nominal import Nominal

@@ -12,10 +12,10 @@ from support.oracles.swept_cylinder import body_by_brute_force, by_brute_force, 
 from support.parts.paper_surfaces import example_1, example_2
 from support.parts.random_surfaces import compound
 
-from controller.curves import Bezier, Line
-from controller.machine import Tool
-from controller.plan.route.placing import Cutter, _single
-from controller.surfaces import Cone, RuledSurface, Surface
+from controller.geometry.curves import Bezier, Line
+from controller.geometry.surfaces import Cone, RuledSurface, Surface
+from controller.machine.model import Tool
+from controller.plan.surfaces.placing import Cutter, _single
 from controller.verify.bodies import cutter
 from controller.verify.envelope import _best_sample, deviation, nearest
 from controller.verify.nominal import Nominal

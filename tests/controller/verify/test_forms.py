@@ -10,10 +10,10 @@ from support.oracles.swept_cylinder import by_brute_force, deepest, nominal, pla
 from support.parts.paper_surfaces import example_2
 from support.parts.random_surfaces import compound
 
-from controller.catalogue import text
-from controller.curves import ArcLength, Bezier, Line
+from controller.geometry.curves import ArcLength, Bezier, Line
+from controller.geometry.surfaces import RuledSurface, Surface
+from controller.messages import text
 from controller.plan.report.verdict import Verdict
-from controller.surfaces import RuledSurface, Surface
 from controller.verify import wording
 from controller.verify.gouges import gouges
 from controller.verify.nominal import Nominal

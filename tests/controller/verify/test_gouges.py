@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 from support.machines.stepped_runs import program
 
-from controller import config
-from controller.geometry import Frame
-from controller.machine import Machine, Tool, WorkTable
-from controller.plan.text.program import ProgramError
-from controller.session import checked
+from controller.geometry.vectors import Frame
+from controller.machine import machine_file
+from controller.machine.model import Machine, Tool, WorkTable
+from controller.program.program import ProgramError
+from controller.runtime import checked
 
 PROGRAMS = Path(__file__).parents[3] / "config" / "programs"
 HEAD = "G21 G90 G54 G61\nT1 M6\nS9000 M3\n"
@@ -21,7 +21,7 @@ HEAD = "G21 G90 G54 G61\nT1 M6\nS9000 M3\n"
 
 def trunnion(**changes: object) -> Machine:
     """The shipped machine; what a surface's form may cost is no matter here."""
-    return replace(config.load("trunnion"), **{"tolerance_mm": None, **changes})  # type: ignore[arg-type]
+    return replace(machine_file.load("trunnion"), **{"tolerance_mm": None, **changes})  # type: ignore[arg-type]
 
 
 def held(machine: Machine, **shape: object) -> Machine:

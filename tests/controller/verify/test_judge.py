@@ -12,8 +12,8 @@ from support.oracles.swept_cylinder import nominal, single
 from support.parts.paper_surfaces import example_1, example_2
 from support.parts.random_surfaces import compound
 
-from controller.curves import ArcLength, Bezier
-from controller.surfaces import RuledSurface
+from controller.geometry.curves import ArcLength, Bezier
+from controller.geometry.surfaces import RuledSurface
 from controller.verify import judge as judging
 from controller.verify import looks
 from controller.verify.gouges import gouges

@@ -10,9 +10,9 @@ from support.oracles.swept_cylinder import nominal, single
 from support.parts.paper_surfaces import example_2
 from support.parts.random_surfaces import compound
 
-from controller.curves import ArcLength, Bezier
-from controller.placement import Placed
-from controller.surfaces import RuledSurface
+from controller.geometry.curves import ArcLength, Bezier
+from controller.geometry.placement import Placed
+from controller.geometry.surfaces import RuledSurface
 from controller.verify.gouges import Findings, gouges
 from controller.verify.nominal import Nominal
 from controller.verify.sweep import Pass

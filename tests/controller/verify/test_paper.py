@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 from support.machines.shipped_kinds import machine
 
-from controller.kinematics import kinematics_of
+from controller.machine.kinematics import kinematics_of
 from controller.verify import paper, paper_table
 from controller.verify.paper import Method, PaperComparison
 

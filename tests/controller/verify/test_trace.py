@@ -8,10 +8,10 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from controller.geometry import Frame
-from controller.handoff import COLUMN, ROW
-from controller.machine import Sense
-from controller.motions import SurfaceCut
+from controller.geometry.vectors import Frame
+from controller.ipc.handoff import COLUMN, ROW
+from controller.machine.model import Sense
+from controller.motion.motions import SurfaceCut
 from controller.verify import trace as traces
 from controller.verify.trace import Setup, Trace
 

@@ -7,7 +7,7 @@ import pytest
 from support.drives.group_bench import GroupBench, T, nodes
 from support.drives.makers_sheets import SHEETS, sheet_of
 
-from controller import profiles
+from controller.machine import drive_profiles
 from drives import pdo
 from drives.cia402 import Wanted
 from drives.cyclic.drive_fault import DriveFault
@@ -58,7 +58,7 @@ def test_five_drives_enable_follow_stop_and_come_back(profile, settings, reason)
 @pytest.mark.parametrize("brake", [False, True])
 @pytest.mark.parametrize("name", SHEETS)
 def test_drives_of_every_family_follow_by_their_maker_s_data_sheet(name, brake):
-    profile = profiles.load(name)
+    profile = drive_profiles.load(name)
     settings = {"period_s": 0.01, "homing_method": profile.homing_methods[-1], "brake": brake}
     bench = GroupBench(
         nodes("XY", profile=profile, eds=sheet_of(name), following_error_counts=5000, **settings)

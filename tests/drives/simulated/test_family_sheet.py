@@ -8,7 +8,7 @@ from pathlib import Path
 import canopen
 import pytest
 
-from controller import profiles
+from controller.machine import drive_profiles
 from drives.commission import Pump, stepped_pump
 from drives.one_axis import OneAxis
 from drives.profile import CyclicMode, Profile, Supervision
@@ -17,7 +17,7 @@ from drives.simulated import SimulatedDrive, families, family_sheet
 from drives.virtual.stepped_port import Port
 from drives.virtual.virtual_bus import SteppedBus
 
-FAMILIES = profiles.shipped()
+FAMILIES = drive_profiles.shipped()
 MAKERS = {
     "elmo": "elmo_simpliq.dcf",
     "maxon_epos4": "maxon_epos4_50_5.eds",
@@ -56,7 +56,7 @@ def move(sheet: Path, profile: Profile, bare: bool = False) -> int:
 @pytest.mark.parametrize("bare", [False, True], ids=["whole", "bare"])
 @pytest.mark.parametrize("name", FAMILIES)
 def test_a_drive_of_every_family_is_commissioned_and_moves(name: str, bare: bool, tmp_path: Path) -> None:
-    profile = profiles.load(name)
+    profile = drive_profiles.load(name)
     sheet = family_sheet.write(tmp_path / f"{name}.eds", profile, bare)
     assert abs(move(sheet, profile, bare) - 5000) <= 2
 
@@ -66,7 +66,7 @@ def test_so_is_one_by_its_makers_sheet(name: str) -> None:
     folder = os.environ.get("DIRECTRIX_EDS")
     if folder is None:
         pytest.skip("DIRECTRIX_EDS does not name the folder of real data sheets")
-    assert abs(move(Path(folder) / MAKERS[name], profiles.load(name)) - 5000) <= 2
+    assert abs(move(Path(folder) / MAKERS[name], drive_profiles.load(name)) - 5000) <= 2
 
 
 def sheet(profile: Profile, folder: Path, bare: bool = False) -> canopen.ObjectDictionary:

@@ -25,9 +25,9 @@ from typing import Any
 
 from guest import absence, on_can
 
-from controller import config
-from controller.commands.installation import ENVIRONMENT, PANEL, SERVICE, STATE, TARGET
-from controller.door import Client, DoorError, control_path
+from controller.cli.installation import ENVIRONMENT, PANEL, SERVICE, STATE, TARGET
+from controller.ipc.control_socket import Client, DoorError, control_path
+from controller.machine import machine_file
 from drives import bus, pdo
 
 REPO = Path(__file__).parents[3]
@@ -300,7 +300,7 @@ class Witness:
 
     def __init__(self) -> None:
         self._machine = on_can.machine(INTERFACE)
-        (settings,) = config.bus_settings(self._machine)
+        (settings,) = machine_file.bus_settings(self._machine)
         self._command, self._feedback = pdo.RPDO1 + self.NODE, pdo.TPDO1 + self.NODE
         self._port = bus.open(settings, [(self._command, 0x7FF), (self._feedback, 0x7FF)])
         with socket.socket(fileno=os.dup(self._port.fileno())) as own:  # else the newest frames are lost
@@ -378,7 +378,7 @@ def _enabled(controlword: int) -> bool:
 def drives_stand() -> bool:
     """Without a controller: whether the drives stand, by SDO; stopped nodes are woken for it."""
     machine = on_can.machine(INTERFACE)
-    (settings,) = config.bus_settings(machine)
+    (settings,) = machine_file.bus_settings(machine)
     port = bus.open(settings)
     port.send(pdo.frame(pdo.NMT, bytes((0x80, 0))))  # enter pre-operational, all nodes
     port.close()

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from support.drives.group_bench import EDS
 
-from controller import config, nodes, profiles
+from controller.machine import drive_profiles, machine_file, nodes
 from drives import commission, pdo
 from drives.arranged import Arranged
 from drives.cia402 import Wanted
@@ -77,7 +77,7 @@ class Sheet:
 
     def write(self, path: Path, profile: str) -> Path:
         own = profile == "generic"
-        text = Path(EDS).read_text("latin-1") if own else family_sheet.text(profiles.load(profile))
+        text = Path(EDS).read_text("latin-1") if own else family_sheet.text(drive_profiles.load(profile))
         for (index, sub), value in self.values.items():
             if f"[{index:04X}]" not in text:
                 continue
@@ -119,7 +119,7 @@ def _changed(text: str, section: str, **entries: str) -> str:
 
 def settings(axis: Axis, rotary: bool, eds: Path, folder: Path) -> tuple[NodeSettings, float]:
     """The node as the controller makes it from a machine file, and the largest stop that this allows (s)."""
-    text = (config.SHIPPED / "trunnion.toml").read_text()
+    text = (machine_file.SHIPPED / "trunnion.toml").read_text()
     unit, name = ("deg", "C") if rotary else ("mm", "X")
     head, *tables = text.split("[[axis]]")
     travel = min(1000.0, round(2e9 / abs(axis.counts), 3))
@@ -140,8 +140,8 @@ def settings(axis: Axis, rotary: bool, eds: Path, folder: Path) -> tuple[NodeSet
     head = head.replace("[machine]", "[machine]\n" + "\n".join(axis.general), 1)
     path = folder / "mine.toml"
     path.write_text("[[axis]]".join([head, *tables]))
-    (folder / "tools.toml").write_bytes((config.SHIPPED / "tools.toml").read_bytes())
-    machine = config.load(path)
+    (folder / "tools.toml").write_bytes((machine_file.SHIPPED / "tools.toml").read_bytes())
+    machine = machine_file.load(path)
     node = next(n for n in nodes.node_settings(machine) if n.name == name)
     return node, machine.max_quick_stop_s
 

@@ -18,16 +18,16 @@ from typing import Any
 import numpy as np
 from support.machines.stepped_runs import shipped
 
-from controller.handoff import COLUMN, ROW, Jog, Snapshot, blank
-from controller.machine import Machine
-from controller.requests import Outcome, answer
-from controller.service.desk import Desk
+from controller.ipc.handoff import COLUMN, ROW, Jog, Snapshot, blank
+from controller.machine.model import Machine
+from controller.runtime.starts import Start
+from controller.service.command_handlers import Desk
 from controller.service.folders import Folders
 from controller.service.jobs import homed_position
-from controller.service.orders import News
+from controller.service.planner_client import News
 from controller.service.service import Service
-from controller.session.starts import Start
-from controller.state import ALL_AXES, ALWAYS, TRANSITIONS, Fault, Mode, Request
+from controller.state.modes import ALL_AXES, ALWAYS, TRANSITIONS, Fault, Mode, Request
+from controller.state.requests import Outcome, answer
 
 HANGS_S = 60.0  # no test is meant to come near
 Plan = Callable[..., dict[str, Any]]

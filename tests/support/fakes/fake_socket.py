@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from controller.catalogue import said
-from controller.door import DoorError
-from controller.handoff import Recorder
-from controller.panel.link import refusal
-from controller.service import looks
+from controller.api.service_client import refusal
+from controller.ipc.control_socket import DoorError
+from controller.ipc.handoff import Recorder
+from controller.messages import said
+from controller.service import diagnostics
 from controller.service.jogging import ENDS, Presses
 
 AXES = ("X", "Y", "Z", "A", "C")
@@ -83,7 +83,7 @@ class FakeDoor:
         if not self.there:
             raise DoorError("gone", said("no_service"))
         if verb == "rows":
-            return looks.rows(self.recorder, args)
+            return diagnostics.rows(self.recorder, args)
         looks_at = {
             "status": self.status,
             "facts": self.facts,

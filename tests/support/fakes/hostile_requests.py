@@ -8,8 +8,8 @@ import random
 import string
 from typing import NamedTuple
 
-from controller.panel import names
-from controller.panel.store import Store
+from controller.api import names
+from controller.api.store import Store
 
 TEXT = b"G1 X10 F100\nM2\n"
 CONTENT_TYPE = "multipart/form-data; boundary=frontier"

@@ -18,25 +18,25 @@ from typing import Any
 import uvicorn
 from support.fakes.fake_socket import AXES, WEARS, FakeDoor
 
-from controller import config, fitting
-from controller.catalogue import Key, said
-from controller.handoff import blank
-from controller.panel.checker import Checker
-from controller.panel.core import Panel
-from controller.panel.http import make_app
-from controller.panel.page.server import add_page
-from controller.panel.programs import Program, ProgramCheck
-from controller.panel.store import Store
+from controller.api.app_state import Panel
+from controller.api.checker import Checker
+from controller.api.http import make_app
+from controller.api.programs import Program, ProgramCheck
+from controller.api.store import Store
+from controller.ipc.handoff import blank
+from controller.machine import machine_file, setup_data
+from controller.messages import Key, said
 from controller.plan.report.verdict import Verdict
 from controller.service import status, wear
-from controller.service.refused import refused
+from controller.service.refusals import refused
 from controller.service.usage import Usage
-from controller.state import ALL_AXES, Fault, Mode, told
+from controller.state.modes import ALL_AXES, Fault, Mode, told
 from controller.verify import wording
+from controller.web.server import add_page
 
 DEAD_MAN_S = 0.2
 SPEED_S = 50.0  # mm or degrees a second at full jog
-MACHINE = config.load("trunnion")
+MACHINE = machine_file.load("trunnion")
 PERIOD_S = MACHINE.period_s
 TOLD = "told.json"
 
@@ -266,7 +266,7 @@ EXCEEDING = wording.told(
 
 def main(folder: Path, port: int) -> None:
     """Serve until killed."""
-    fitting.note(folder, MACHINE)
+    setup_data.note(folder, MACHINE)
     store = Store(folder)
     panel = Panel(store, MovingDoor(folder), ToldChecker(store))
     app = make_app(panel)

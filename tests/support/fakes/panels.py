@@ -10,10 +10,10 @@ import httpx
 from argon2 import PasswordHasher
 from support.fakes.fake_socket import FakeDoor
 
-from controller.panel.core import Panel
-from controller.panel.http import make_app
-from controller.panel.store import Store
-from controller.panel.users import Users, new_token
+from controller.api.app_state import Panel
+from controller.api.http import make_app
+from controller.api.store import Store
+from controller.api.users import Users, new_token
 
 URL = "http://127.0.0.1:8080"
 ROLES = ("view", "operate", "set_up")

@@ -8,16 +8,16 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from controller import door
-from controller.service.server import Server
+from controller.ipc import control_socket
+from controller.service.socket_server import Server
 
 
 @contextlib.contextmanager
 def answering(state: Path, runtime: Path, **status: Any) -> Iterator[None]:
     """One that runs on a state folder, and says that of itself."""
     state.mkdir(parents=True, exist_ok=True)
-    server = Server(door.control_path(runtime), lambda verb, _: status if verb == "status" else {})
-    door.note_runtime(state, runtime)
+    server = Server(control_socket.control_path(runtime), lambda verb, _: status if verb == "status" else {})
+    control_socket.note_runtime(state, runtime)
     try:
         yield
     finally:
@@ -30,7 +30,7 @@ def hanging(state: Path, runtime: Path) -> Iterator[None]:
     state.mkdir(parents=True, exist_ok=True)
     runtime.mkdir()
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as own:
-        own.bind(str(door.control_path(runtime)))
+        own.bind(str(control_socket.control_path(runtime)))
         own.listen()
-        door.note_runtime(state, runtime)
+        control_socket.note_runtime(state, runtime)
         yield

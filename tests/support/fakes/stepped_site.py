@@ -17,19 +17,19 @@ from typing import Any
 import uvicorn
 from support.fakes.page_server import PASSED, MovingDoor, ToldChecker
 
-from controller import config, fitting
-from controller.machine import Machine, Temperature
-from controller.panel.core import Panel
-from controller.panel.http import make_app
-from controller.panel.page.server import add_page
-from controller.panel.programs import Program, ProgramCheck
-from controller.panel.store import Store
+from controller.api.app_state import Panel
+from controller.api.http import make_app
+from controller.api.programs import Program, ProgramCheck
+from controller.api.store import Store
+from controller.machine import machine_file, setup_data
+from controller.machine.model import Machine, Temperature
 from controller.plan.report.picture import Picture
-from controller.service import hearing, looks, status
-from controller.session import checked
-from controller.session.recording import Facts, save
-from controller.session.stepped import SteppedMachine
-from controller.state import Fault
+from controller.runtime import checked
+from controller.runtime.recording import Facts, save
+from controller.runtime.stepped import SteppedMachine
+from controller.service import diagnostics, node_status, status
+from controller.state.modes import Fault
+from controller.web.server import add_page
 from drives import pdo
 
 PER_STATUS = 10  # ticks
@@ -51,11 +51,11 @@ class SteppedDoor(MovingDoor):
 
     def __init__(self, folder: Path) -> None:
         super().__init__(folder)
-        self.folder, self.machine = folder, config.load("trunnion")
+        self.folder, self.machine = folder, machine_file.load("trunnion")
         self.warm = _warm(self.machine)
         self.logs = {self.machine.buses[0].name: _heard(self.machine)}
-        fitting.note(folder, self.machine)
-        self.text = config.shipped_program(NAME).read_bytes()
+        setup_data.note(folder, self.machine)
+        self.text = machine_file.shipped_program(NAME).read_bytes()
         self.sha256 = hashlib.sha256(self.text).hexdigest()
         task = checked.task(self.text, NAME, self.machine)
         self.bench = SteppedMachine(self.machine)
@@ -73,7 +73,7 @@ class SteppedDoor(MovingDoor):
         now = self.bench.board.read()
         assert now is not None
         job = {"name": NAME, "state": "running", "block": now.motion_id, "line": now.line, "left_s": 60.0}
-        drives = hearing.drives(self.warm, now, self.logs)
+        drives = node_status.drives(self.warm, now, self.logs)
         return {
             **super().status(),
             **status.machine_values(self.machine, now, None, TOOL),
@@ -97,10 +97,10 @@ class SteppedDoor(MovingDoor):
 
     def facts(self) -> dict[str, Any]:
         made = self.machine
-        return status.facts(made, fitting.told(made, {}))
+        return status.facts(made, setup_data.told(made, {}))
 
     def buses(self) -> dict[str, Any]:
-        return looks.buses(self.machine, self.logs, self.bench.recorder)
+        return diagnostics.buses(self.machine, self.logs, self.bench.recorder)
 
 
 def _warm(machine: Machine) -> Machine:
@@ -110,9 +110,9 @@ def _warm(machine: Machine) -> Machine:
     return replace(machine, axes=tuple(axes))
 
 
-def _heard(machine: Machine) -> hearing.LastFrames:
+def _heard(machine: Machine) -> node_status.LastFrames:
     """Of the bus: commands of some ticks, what each drive said last, and an error frame."""
-    log = hearing.LastFrames()
+    log = node_status.LastFrames()
     log.seconds = 2.0 * ALWAYS_S
     for axis in machine.axes:
         log(pdo.frame(pdo.tpdo(1, axis.node), pdo.FEEDBACK.pack(STATUSWORD, 0)), 0.0)

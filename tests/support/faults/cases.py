@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from support.faults.scene import Scene
 
-from controller.state import Fault, Request
+from controller.state.modes import Fault, Request
 from drives import pdo
 from drives.virtual.stepped_port import PORT_LIMIT, SYNC_FRAME
 

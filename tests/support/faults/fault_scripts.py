@@ -17,10 +17,12 @@ from typing import NamedTuple
 from support.faults.random_script_lines import line
 from support.machines.stepped_runs import program
 
-from controller import config
-from controller.machine import Machine
+from controller.machine import machine_file
+from controller.machine.model import Machine
 
-MACHINES = tuple(file.stem for file in sorted(config.SHIPPED.glob("*.toml")) if file.stem not in ("tools",))
+MACHINES = tuple(
+    file.stem for file in sorted(machine_file.SHIPPED.glob("*.toml")) if file.stem not in ("tools",)
+)
 AFTER_S = 0.4  # from the end of the last fault to the operator's stop
 
 
@@ -35,7 +37,7 @@ class Batch:
 
     @property
     def made(self) -> Machine:
-        return replace(config.load(self.machine), gouge="warn")
+        return replace(machine_file.load(self.machine), gouge="warn")
 
 
 class Case(NamedTuple):
@@ -56,7 +58,7 @@ def batch(number: int) -> Batch:
     origin = "home" if rng.random() < 0.1 else "program"
     example = rng.choice(("example1_ready", "example2_ready"))
     feed = f"{rng.choice((100, 300, 1000, 3000, rng.randint(100, 3000)))}."
-    text = program(example, feed) if rng.random() < 0.8 else _rapids(rng, config.load(machine))
+    text = program(example, feed) if rng.random() < 0.8 else _rapids(rng, machine_file.load(machine))
     return Batch(number, machine, text, origin)
 
 

@@ -19,10 +19,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from controller import times
-from controller.machine import Axis
-from controller.session.observer import LATENCY, STANDS, Sight
-from controller.state import Fault, Mode, Times, stands_within_s
+from controller.machine.model import Axis
+from controller.runtime.observer import LATENCY, STANDS, Sight
+from controller.state import stop_times
+from controller.state.modes import Fault, Mode, Times, stands_within_s
 
 OVERSHOOT = 1.05  # of a servo
 ROUNDING = 1e-6
@@ -60,7 +60,7 @@ def wrongs(sight: Sight, taken: Times | None = None) -> list[str]:
 
     ``taken``: the machine's times with its drives as they were read; without them as its file has them.
     """
-    taken = taken or times.of(sight.machine)
+    taken = taken or stop_times.of(sight.machine)
     found = sorted((*_unnoticed(sight), *_too_fast(sight), *_restless(sight, taken), *_dishonest(sight)))
     return [f"tick {tick}: {text}" for tick, text in found]
 

@@ -17,9 +17,9 @@ from support.faults.process_scene import MODES, ProcessScene
 from support.live.live_machines import until
 from support.oracles import latched_setpoints
 
-from controller import times
-from controller.handoff import COLUMN, Snapshot
-from controller.state import ALL_AXES, FAULTS, Fault, Mode, stands_within_s
+from controller.ipc.handoff import COLUMN, Snapshot
+from controller.state import stop_times
+from controller.state.modes import ALL_AXES, FAULTS, Fault, Mode, stands_within_s
 from drives import cia402, pdo
 from drives.cia402 import State
 
@@ -171,7 +171,7 @@ def _judged(
 
 
 def _promise(scene: ProcessScene, fault: Fault) -> float:
-    return stands_within_s(fault, times.of(scene.machine))
+    return stands_within_s(fault, stop_times.of(scene.machine))
 
 
 def _stood(stood_s: float, promised_s: float) -> list[str]:

@@ -24,17 +24,17 @@ from support.live.live_machines import Listener as Client
 from support.live.live_machines import until
 from support.machines.stepped_runs import shipped, three_times_example_2
 
-from controller import config
-from controller.door import DoorError
-from controller.handoff import Jog, Outcome, Snapshot
-from controller.machine import Homing, Machine
+from controller.ipc.control_socket import DoorError
+from controller.ipc.handoff import Jog, Outcome, Snapshot
+from controller.machine import machine_file
+from controller.machine.model import Homing, Machine
+from controller.runtime.children import Child
+from controller.runtime.listener import Listener
+from controller.runtime.recording import Keeper
 from controller.service.engine import Engine
 from controller.service.folders import Folders
-from controller.service.orders import Line, Program
-from controller.session.children import Child
-from controller.session.listener import Listener
-from controller.session.recording import Keeper
-from controller.state import Mode, Request
+from controller.service.planner_client import Line, Program
+from controller.state.modes import Mode, Request
 from drives import pdo
 
 CUTS, TOOL = three_times_example_2("1500."), 2
@@ -77,7 +77,7 @@ class ProcessScene:
     # -- processes
 
     def _listen(self) -> None:
-        self.listener = Listener(config.bus_settings(self.machine))
+        self.listener = Listener(machine_file.bus_settings(self.machine))
         (self.log,) = self.listener.logs.values()
         self.client = Client(self.machine)
 
@@ -203,7 +203,7 @@ class ProcessScene:
         os.kill(self.tick.pid, signal.SIGSTOP)
         try:
             if seconds >= 0.2:
-                self.heartbeats(math.ceil(seconds / config.master_settings(self.machine).heartbeat_s))
+                self.heartbeats(math.ceil(seconds / machine_file.master_settings(self.machine).heartbeat_s))
             else:
                 time.sleep(seconds)
         finally:

@@ -15,11 +15,11 @@ from support.faults.fault_scripts import Batch, Case, Draw, case
 from support.faults.invariants import wrongs
 from support.machines.forked_machine import Forkable
 
-from controller.session import checked
-from controller.session.events import REQUESTS, Event
-from controller.session.fault_file import Injected, MachineScript
-from controller.session.startup import SessionError
-from controller.session.stepped import Run
+from controller.runtime import checked
+from controller.runtime.events import REQUESTS, Event
+from controller.runtime.fault_file import Injected, MachineScript
+from controller.runtime.startup import SessionError
+from controller.runtime.stepped import Run
 from controller.verify import trace as traces
 from drives.commission import CommissionError
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable
 
-from controller.machine import Axis, Machine
+from controller.machine.model import Axis, Machine
 
 
 def line(rng: random.Random, machine: Machine) -> tuple[str, float]:

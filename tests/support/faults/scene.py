@@ -16,16 +16,16 @@ from typing import NamedTuple
 import numpy as np
 from support.machines.stepped_runs import shipped, three_times_example_2
 
-from controller.handoff import COLUMN, STOOD
-from controller.machine import Homing, Machine
-from controller.plan.route import path
-from controller.plan.text import blocks
-from controller.session.events import Event
-from controller.session.fault_file import MachineScript
-from controller.session.recording import Keeper
-from controller.session.startup import SessionError
-from controller.session.stepped import SteppedMachine
-from controller.state import Fault, Mode, Request
+from controller.ipc.handoff import COLUMN, STOOD
+from controller.machine.model import Homing, Machine
+from controller.plan.path import path
+from controller.program import blocks
+from controller.runtime.events import Event
+from controller.runtime.fault_file import MachineScript
+from controller.runtime.recording import Keeper
+from controller.runtime.startup import SessionError
+from controller.runtime.stepped import SteppedMachine
+from controller.state.modes import Fault, Mode, Request
 from drives.cia402 import Wanted
 from drives.simulated.drive import SimulatedDrive
 

@@ -10,9 +10,9 @@ from support.faults.cases import NOTHING, Case, of, only, script
 from support.faults.scene import JOG, Scene, with_homing
 from support.machines.spindle_machine import IO, SPINDLE, mill
 
-from controller.machine import Machine
-from controller.session.events import Event
-from controller.state import FAULTS, Fault, Reaction, Request
+from controller.machine.model import Machine
+from controller.runtime.events import Event
+from controller.state.modes import FAULTS, Fault, Reaction, Request
 
 INPUTS = {"estop": 0, "door": 1, "clamp_A_closed": 2, "clamp_C_closed": 3, "power": 4, "tool_clamped": 5}
 MORE_IO = IO.replace("clamp_C_closed = 3 }", "clamp_C_closed = 3, power = 4, tool_clamped = 5 }")

@@ -14,22 +14,23 @@ import numpy as np
 from support.machines.stepped_runs import shipped
 from support.oracles import latched_setpoints
 
-from controller import catalogue, config, fitting
-from controller.commands import demo
-from controller.commands.demo import Operator
-from controller.door import Client, DoorError
-from controller.handoff import COLUMN, Recorder, Snapshot
-from controller.kinematics import Kinematics, kinematics_of
-from controller.machine import Joints, Machine
-from controller.motions import SurfaceCut
-from controller.plan.route import path
-from controller.plan.route.path import Chain, Stretch
-from controller.plan.route.path import Path as TracedPath
-from controller.plan.text import blocks
+from controller import messages
+from controller.cli import demo
+from controller.cli.demo import Operator
+from controller.ipc.control_socket import Client, DoorError
+from controller.ipc.handoff import COLUMN, Recorder, Snapshot
+from controller.machine import machine_file, setup_data
+from controller.machine.kinematics import Kinematics, kinematics_of
+from controller.machine.model import Joints, Machine
+from controller.motion.motions import SurfaceCut
+from controller.plan.path import path
+from controller.plan.path.path import Chain, Stretch
+from controller.plan.path.path import Path as TracedPath
+from controller.program import blocks
+from controller.runtime.startup import SessionError
 from controller.service.folders import Folders
 from controller.service.service import Service
-from controller.session.startup import SessionError
-from controller.state import Mode
+from controller.state.modes import Mode
 from controller.verify.console import Refused
 from drives import bus, pdo
 
@@ -78,7 +79,7 @@ class Live:
             rows.append(self.recorder.drain())
             look(now_of(self))
             if not self.tick.is_alive() and self.service.running is None:
-                raise SessionError(catalogue.text(self.service.alarms.list()[0]))
+                raise SessionError(messages.text(self.service.alarms.list()[0]))
             time.sleep(LOOK_S)
         rows.append(self.recorder.drain())
         return np.concatenate(rows), now_of(self)
@@ -100,7 +101,7 @@ def session(text: str, machine: Machine | None = None) -> Iterator[Live]:
         part = folder / "part.ngc"
         part.write_text(text)
         if asked := re.search(r"T(\d+) *M6", text):
-            fitting.put_in(folder, int(asked[1]))
+            setup_data.put_in(folder, int(asked[1]))
         with demo.served(machine or shipped(), Folders.within(folder), folder / "run") as (service, client):
             yield Live(service, client, part)
 
@@ -223,7 +224,7 @@ class Listener:
     """A passive client of a bus: every frame in the order of the bus."""
 
     def __init__(self, machine: Machine) -> None:
-        (settings,) = config.bus_settings(machine)
+        (settings,) = machine_file.bus_settings(machine)
         self._port = bus.open(settings, filters=[(0, 0)])
         self._buffer = bytearray(pdo.FRAME_BYTES)
         self.frames: list[tuple[int, bytes]] = []

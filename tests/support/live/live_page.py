@@ -19,11 +19,11 @@ import numpy as np
 from support.live import browser, shop
 from support.live.browser import until
 
-from controller import config
-from controller.door import Client, DoorError, control_path
-from controller.handoff import COLUMN
-from controller.machine import Machine
-from controller.state import MOST_AXES, Mode
+from controller.ipc.control_socket import Client, DoorError, control_path
+from controller.ipc.handoff import COLUMN
+from controller.machine import machine_file
+from controller.machine.model import Machine
+from controller.state.modes import MOST_AXES, Mode
 
 LOOKS = 40  # at the tick's number: enough that one of them comes just behind a tick
 QUIET_TICKS = 60  # in which nothing may come late
@@ -38,7 +38,7 @@ class LiveMachine:
 
     def __init__(self, running: shop.Shop) -> None:
         self.shop = running
-        self.machine: Machine = config.load(str(running.machine_file))
+        self.machine: Machine = machine_file.load(str(running.machine_file))
         self.period_s = self.machine.period_s
         self.door = Client(control_path(running.runtime))
         self._began_s = float("inf")  # the latest that tick 0 can have been due

@@ -24,10 +24,10 @@ from support.machines.recording_bench import RecordedBench
 from support.machines.spindle_machine import DOOR, mill
 from support.machines.stepped_runs import program
 
-from controller import config
-from controller.handoff import Jog
-from controller.session.fault_file import MachineScript
-from controller.state import Mode, Request
+from controller.ipc.handoff import Jog
+from controller.machine import machine_file
+from controller.runtime.fault_file import MachineScript
+from controller.state.modes import Mode, Request
 
 PERIOD_MS = 5.0
 TIPS = """G21 G90 G54 T2 M6
@@ -256,8 +256,11 @@ LIVE: dict[str, tuple[Callable[[Serving], None], str]] = {
     "ruled_surfaces_on_an_oblique_head": (hold_and_resume_on_ruled_surfaces, "oblique45"),
 }
 STEPPED: dict[str, tuple[Callable[[RecordedBench], None], Callable[[], object]]] = {
-    "lost_drive": (lost_drive, lambda: config.with_period(config.load("head_head"), PERIOD_MS / 1e3)),
-    "door_and_waits": (door_and_waits, lambda: config.with_period(mill(), PERIOD_MS / 1e3)),
+    "lost_drive": (
+        lost_drive,
+        lambda: machine_file.with_period(machine_file.load("head_head"), PERIOD_MS / 1e3),
+    ),
+    "door_and_waits": (door_and_waits, lambda: machine_file.with_period(mill(), PERIOD_MS / 1e3)),
 }
 
 

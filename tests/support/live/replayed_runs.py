@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from support.machines.interrupted_runs import assert_rest_is_cut, distance, program_rows, stretches
 
-from controller import config, fitting
-from controller.handoff import COLUMN
-from controller.machine import Machine
-from controller.plan.route.spot import Spot
-from controller.session import checked, events, replay, starts
-from controller.session.stepped import Run, SteppedMachine
+from controller.ipc.handoff import COLUMN
+from controller.machine import machine_file, setup_data
+from controller.machine.model import Machine
+from controller.plan.restart.program_position import Spot
+from controller.runtime import checked, events, replay, starts
+from controller.runtime.stepped import Run, SteppedMachine
 
 FIRST = COLUMN["setpoint_0"]
 LOOKING = 1  # tick: whether the one that found the end belongs to it
@@ -51,8 +51,8 @@ def again(folder: Path, text: str, machine: Machine | None = None) -> Again:
     """As ``directrix simulate --events`` does it."""
     recorded = events.recorded(folder / "events.jsonl")
     assert recorded is not None
-    built, begin = machine or config.load("trunnion"), recorded.begin
-    made = fitting.applied(built, begin.fitted)
+    built, begin = machine or machine_file.load("trunnion"), recorded.begin
+    made = setup_data.applied(built, begin.fitted)
     task = checked.task(text.encode(), "part.ngc", made)
     bench = SteppedMachine(made)
     bench.come_up()
@@ -60,7 +60,7 @@ def again(folder: Path, text: str, machine: Machine | None = None) -> Again:
     walk = starts.path_from(task, None, begin.start)
     live = replay.setpoints(folder)
     assert live is not None
-    part = replay.Part(task, lambda fitted: fitting.applied(built, dict(fitted)))
+    part = replay.Part(task, lambda fitted: setup_data.applied(built, dict(fitted)))
     run = replay.again(bench, walk, part, recorded, live)
     assert replay.difference(recorded, live, run.rows) is None
     return Again(run, bench, live, replay.off_path(recorded))

@@ -13,9 +13,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from controller import catalogue, config
-from controller.door import Client, DoorError, control_path
-from controller.machine import Machine
+from controller import messages
+from controller.ipc.control_socket import Client, DoorError, control_path
+from controller.machine import machine_file
+from controller.machine.model import Machine
 
 ROOT = Path(__file__).resolve().parents[3]
 HANGS_S = 120.0  # no test is meant to come near
@@ -33,7 +34,7 @@ def calm(folder: Path) -> tuple[str, str]:
 
 def calm_machine() -> Machine:
     """The shipped trunnion at ``CALM_S``."""
-    return config.with_period(config.load("trunnion"), CALM_S)
+    return machine_file.with_period(machine_file.load("trunnion"), CALM_S)
 
 
 class Serving:
@@ -110,7 +111,7 @@ class Serving:
         self.done("start")
         asked = self.until(lambda now: now["tool_change"] or now["mode"] == "READY", "the change")
         if asked["tool_change"]:
-            assert asked["tool_change"]["number"] == tool and f"T{tool}" in catalogue.text(
+            assert asked["tool_change"]["number"] == tool and f"T{tool}" in messages.text(
                 asked["tool_change"]
             )
             self.ask("resume")

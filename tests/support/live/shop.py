@@ -22,7 +22,7 @@ from typing import Any
 
 import httpx
 
-from controller.config import SHIPPED
+from controller.machine.machine_file import SHIPPED
 
 ROOT = Path(__file__).resolve().parents[3]
 HANGS_S = 240.0  # no wait is meant to come near

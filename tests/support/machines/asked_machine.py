@@ -6,17 +6,18 @@ from dataclasses import dataclass, field, replace
 
 from support.machines.spindle_machine import SPINDLE, mill
 
-from controller import config, state
-from controller.catalogue import Said
-from controller.handoff import Jog, Outcome, Snapshot, send_jog
-from controller.plan.aside import NotPossible
+from controller.ipc.handoff import Jog, Outcome, Snapshot, send_jog
+from controller.machine import machine_file
+from controller.messages import Said
 from controller.plan.planner import Planner
-from controller.plan.route.spot import Spot
-from controller.plan.text.program import ProgramError
-from controller.session import checked, starts
-from controller.session.starts import Start
-from controller.session.stepped import SteppedMachine
-from controller.state import ALL_AXES, Fault, Mode, Request
+from controller.plan.restart.program_position import Spot
+from controller.plan.retract import NotPossible
+from controller.program.program import ProgramError
+from controller.runtime import checked, starts
+from controller.runtime.starts import Start
+from controller.runtime.stepped import SteppedMachine
+from controller.state import modes as state
+from controller.state.modes import ALL_AXES, Fault, Mode, Request
 from controller.tick.mode import Phase
 
 PERIOD_S = 0.005
@@ -83,7 +84,7 @@ class AskedMachine:
     plan_lives: bool = True
 
     def __post_init__(self) -> None:
-        self.machine = config.with_period(mill(SPINDLE, IO), PERIOD_S)
+        self.machine = machine_file.with_period(mill(SPINDLE, IO), PERIOD_S)
         self.bench = SteppedMachine(self.machine)
         self.bench.come_up()
         task = checked.task(TEXT.encode(), "part.ngc", self.machine)

@@ -15,8 +15,8 @@ import traceback
 from collections.abc import Callable, Iterator
 from typing import Any, NoReturn
 
-from controller.machine import Machine
-from controller.session.stepped import SteppedMachine
+from controller.machine.model import Machine
+from controller.runtime.stepped import SteppedMachine
 
 MOST_BYTES = 1 << 20  # of a message
 

@@ -9,17 +9,19 @@ from functools import cache
 import numpy as np
 from support.machines.stepped_runs import Cut, largest, off_the_path, program, shipped
 
-from controller.handoff import COLUMN, STOOD
-from controller.kinematics import Kinematics, kinematics_of
-from controller.machine import Machine, Tool
-from controller.plan.route import choices, path, restart
-from controller.plan.route.path import Chain, Pause
-from controller.plan.route.restart import Rest, Source
-from controller.plan.route.spot import ENTRY_ID, Spot
-from controller.plan.text import blocks
-from controller.session.events import Event
-from controller.session.stepped import SteppedMachine
-from controller.state import Mode, Request
+from controller.ipc.handoff import COLUMN, STOOD
+from controller.machine.kinematics import Kinematics, kinematics_of
+from controller.machine.model import Machine, Tool
+from controller.plan.path import path
+from controller.plan.path.path import Chain, Pause
+from controller.plan.restart import restart
+from controller.plan.restart.program_position import ENTRY_ID, Spot
+from controller.plan.restart.restart import Rest, Source
+from controller.plan.surfaces import choices
+from controller.program import blocks
+from controller.runtime.events import Event
+from controller.runtime.stepped import SteppedMachine
+from controller.state.modes import Mode, Request
 from controller.verify import trace
 
 VELOCITY, ACCELERATION, JERK = 1.0005, 1.002, 1.02

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 from support.machines import traced_programs
 
-from controller.handoff import Law
-from controller.kinematics import kinematics_of
-from controller.machine import Machine
+from controller.ipc.handoff import Law
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Machine
 from controller.plan.feed import profile
 from controller.plan.feed.course import Course
-from controller.plan.route.path import Chain
-from controller.plan.route.stretch import Stretch, rotaries_of
+from controller.plan.path.path import Chain
+from controller.plan.stretch import Stretch, rotaries_of
 
 
 def chains(source: str, machine: Machine) -> list[Chain]:

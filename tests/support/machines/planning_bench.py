@@ -11,17 +11,18 @@ import numpy as np
 from support.machines.interrupted_runs import assert_rest_is_cut, distance, stretches
 from support.machines.stepped_runs import shipped
 
-from controller import fitting, journal
-from controller.handoff import COLUMN, PieceMessage, Snapshot
-from controller.journal import Entry, Journal
-from controller.machine import Machine
+from controller.ipc.handoff import COLUMN, PieceMessage, Snapshot
+from controller.machine import setup_data
+from controller.machine.model import Machine
+from controller.plan.path.path import Chain, Pause
 from controller.plan.planner import Planner
-from controller.plan.route.path import Chain, Pause
-from controller.plan.route.spot import Spot
-from controller.service.orders import Answer, News, Order, Program
+from controller.plan.restart.program_position import Spot
+from controller.runtime.stepped import SteppedMachine
+from controller.service import journal
+from controller.service.journal import Entry, Journal
+from controller.service.planner_client import Answer, News, Order, Program
 from controller.service.planning import Planning
-from controller.session.stepped import SteppedMachine
-from controller.state import Mode, Request
+from controller.state.modes import Mode, Request
 
 SAME = 1e-6  # mm or rad
 LONGEST = 20_000  # ticks
@@ -38,7 +39,7 @@ class Bench:
         lateness: Callable[[int], float] | None = None,
     ) -> None:
         """``lateness`` as the stepped clock takes it."""
-        self.machine = fitting.applied(machine or shipped(), FITTED)
+        self.machine = setup_data.applied(machine or shipped(), FITTED)
         self._folder, self.before_message = folder, lambda: None
         self.stepped = SteppedMachine(self.machine, lateness=lateness)
         self.stepped.come_up()

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import random
 
-from controller.session.events import Event
-from controller.state import Request
+from controller.runtime.events import Event
+from controller.state.modes import Request
 
 KINDS = ("hold", "quick hold", "override", "double override", "rapid", "single block", "optional stop")
 

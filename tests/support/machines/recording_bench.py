@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from support.machines.planning_bench import FITTED, Bench
 
-from controller import fitting
-from controller.handoff import Jog, send_jog
-from controller.machine import Machine
+from controller.ipc.handoff import Jog, send_jog
+from controller.machine import setup_data
+from controller.machine.model import Machine
 from controller.service.engine import Asked
-from controller.service.orders import Answer, Program
+from controller.service.planner_client import Answer, Program
 from controller.service.runs import RunRecord
-from controller.state import Mode, Request
+from controller.state.modes import Mode, Request
 
 
 class RecordedBench(Bench):
@@ -86,9 +86,9 @@ class RecordedBench(Bench):
 
     def refitted(self, **tool: Any) -> Program:
         """The program with another tool 2, which is fitted from now on."""
-        base = fitting.applied(_built(self.machine), FITTED)
+        base = setup_data.applied(_built(self.machine), FITTED)
         values = {"name": "another", "radius_mm": 1.5, "flute_mm": 15.0, "length_mm": 0.0, **tool}
-        made = fitting.with_tool(base, 2, values)
+        made = setup_data.with_tool(base, 2, values)
         self.fitted = {**FITTED, "tools": {"2": values}}
         return Program(self.text.encode(), "part.ngc", made, start=self.start.joints)
 
@@ -114,7 +114,7 @@ def _built(machine: Machine) -> Machine:
 
 def sent(folder: Path) -> np.ndarray:
     """Setpoints of a record."""
-    from controller.session import replay
+    from controller.runtime import replay
 
     found = replay.setpoints(folder)
     assert found is not None

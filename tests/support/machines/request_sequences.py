@@ -23,10 +23,10 @@ from typing import Any
 from support.machines.asked_machine import FEED_STOP, LOADER, AskedMachine
 from support.machines.spindle_machine import DOOR, ESTOP
 
-from controller.handoff import Jog, Outcome
-from controller.plan.route.spot import Spot
-from controller.session.startup import SessionError
-from controller.state import ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Recovery, Request
+from controller.ipc.handoff import Jog, Outcome
+from controller.plan.restart.program_position import Spot
+from controller.runtime.startup import SessionError
+from controller.state.modes import ALWAYS, FAULTS, TRANSITIONS, Fault, Mode, Recovery, Request
 from controller.tick.mode import Phase
 from drives.commission import CommissionError
 

@@ -6,12 +6,12 @@ import math
 import random
 from dataclasses import replace
 
-from controller import config
-from controller.geometry import Frame, Vector, X, Y, Z, unit
-from controller.kinematics import kinematics_of
-from controller.machine import Axis, Bus, Following, Homing, Kind, Limits, Machine, Sense, Spindle, Tool
+from controller.geometry.vectors import Frame, Vector, X, Y, Z, unit
+from controller.machine import machine_file
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Axis, Bus, Following, Homing, Kind, Limits, Machine, Sense, Spindle, Tool
 
-TILTING = tuple(name for name in config.shipped() if len(config.load(name).rotary()) == 2)
+TILTING = tuple(name for name in machine_file.shipped() if len(machine_file.load(name).rotary()) == 2)
 
 W = (0.0, 96.0, 120.0)  # the paper's tilt axis -> rotary centre, mm
 R = (8.0, 0.0, 0.0)  # rotary centre -> part origin, mm

@@ -11,7 +11,7 @@ from support.machines.stepped_runs import shipped
 from support.parts import random_nurbs
 from support.parts.random_nurbs import Nurbs
 
-from controller.machine import Limits, Machine
+from controller.machine.model import Limits, Machine
 
 NAMES = ("trunnion", "fig4b", "fig4c", "fig4d", "table_head", "head_head", "oblique45")
 

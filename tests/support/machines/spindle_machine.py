@@ -6,12 +6,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from controller import config
-from controller.handoff import Snapshot
-from controller.machine import Machine
-from controller.session import checked
-from controller.session.events import Event
-from controller.session.stepped import Run, SteppedMachine
+from controller.ipc.handoff import Snapshot
+from controller.machine import machine_file
+from controller.machine.model import Machine
+from controller.runtime import checked
+from controller.runtime.events import Event
+from controller.runtime.stepped import Run, SteppedMachine
 
 SECOND_BUS = """
 [[bus]]
@@ -41,7 +41,7 @@ COOLANT, MIST, A_OPEN, C_OPEN = 0, 1, 2, 3  # outputs
 
 def text(spindle: str = SPINDLE, io: str = IO, clamps: str = "AC", *changes: tuple[str, str]) -> str:
     """The machine file, complete with its tools."""
-    made = (config.SHIPPED / "trunnion.toml").read_text()
+    made = (machine_file.SHIPPED / "trunnion.toml").read_text()
     for name, node in (("A", 4), ("C", 5)):
         if name in clamps:
             clamp = f'{{ output = "clamp_{name}", input = "clamp_{name}_closed", open_s = 0.1 }}'
@@ -49,12 +49,12 @@ def text(spindle: str = SPINDLE, io: str = IO, clamps: str = "AC", *changes: tup
     for old, new in changes:
         assert old in made, old
         made = made.replace(old, new, 1)
-    return f"{made}\n{SECOND_BUS}{spindle}{io}\n{(config.SHIPPED / 'tools.toml').read_text()}"
+    return f"{made}\n{SECOND_BUS}{spindle}{io}\n{(machine_file.SHIPPED / 'tools.toml').read_text()}"
 
 
 def mill(*parts: str, changes: tuple[tuple[str, str], ...] = ()) -> Machine:
     defaults = (SPINDLE, IO, "AC")
-    return config.read(text(*parts, *defaults[len(parts) :], *changes), "mill.toml")
+    return machine_file.read(text(*parts, *defaults[len(parts) :], *changes), "mill.toml")
 
 
 class Mill:

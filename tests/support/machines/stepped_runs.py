@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from controller import config
-from controller.handoff import COLUMN, of_axes
-from controller.kinematics import Kinematics
-from controller.machine import Machine
-from controller.plan.route import path
-from controller.plan.route.path import Stretch
-from controller.plan.text import blocks
-from controller.session.events import Event
-from controller.session.stepped import Run, SteppedMachine
+from controller.ipc.handoff import COLUMN, of_axes
+from controller.machine import machine_file
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Machine
+from controller.plan.path import path
+from controller.plan.path.path import Stretch
+from controller.program import blocks
+from controller.runtime.events import Event
+from controller.runtime.stepped import Run, SteppedMachine
 from controller.verify import trace
 
 SHIPPED = ("trunnion", "fig4b", "fig4c", "fig4d", "table_head", "head_head", "oblique45")
@@ -24,7 +24,7 @@ T2 = "G21 G90 G54 G61\nT2 M6\nS12000 M3\n{side}\n{cuts}\nM5\nM30\n"
 
 def shipped(name: str = "trunnion", **changes: object) -> Machine:
     """A shipped machine that warns where the cutter gouges."""
-    return replace(config.load(name), **{"gouge": "warn", **changes})  # type: ignore[arg-type]
+    return replace(machine_file.load(name), **{"gouge": "warn", **changes})  # type: ignore[arg-type]
 
 
 def program(name: str, feed: str | None = None) -> str:
@@ -32,7 +32,7 @@ def program(name: str, feed: str | None = None) -> str:
 
     Example 2 as the paper places the cutter, with one of 3 mm: what twist costs is let pass by R.
     """
-    text = config.shipped_program(name).read_text()
+    text = machine_file.shipped_program(name).read_text()
     text = text.replace("T4 M6 (end mill 1 mm)", "T2 M6 (end mill 3 mm)").replace("G41 P4 R0.02", "G41 R1.")
     if feed is None:
         return text

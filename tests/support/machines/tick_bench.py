@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from support.machines.shipped_kinds import machine as make_machine
 from support.parts.paper_surfaces import example_2
 
-from controller.curves import ArcLength, Line
-from controller.geometry import Frame
-from controller.handoff import (
+from controller.geometry.curves import ArcLength, Line
+from controller.geometry.vectors import Frame
+from controller.ipc.handoff import (
     COLUMN,
     Jog,
     Law,
@@ -32,11 +32,11 @@ from controller.handoff import (
     send_jog,
     send_request,
 )
-from controller.kinematics import Kinematics, kinematics_of
-from controller.machine import Joints, Machine
-from controller.motions import JointMove, Motion, SurfaceCut
+from controller.machine.kinematics import Kinematics, kinematics_of
+from controller.machine.model import Joints, Machine
+from controller.motion.motions import JointMove, Motion, SurfaceCut
 from controller.plan.feed.law import straight as closed_form
-from controller.state import Mode, Request
+from controller.state.modes import Mode, Request
 from controller.tick.cycle import Cycle
 from controller.tick.loop import Loop, SteppedClock
 from drives.cia402 import State, Wanted

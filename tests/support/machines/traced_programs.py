@@ -7,14 +7,14 @@ import math
 import numpy as np
 from support.machines.shipped_kinds import machine
 
-from controller.geometry import angle_between, norm, subtract
-from controller.kinematics import Kinematics, kinematics_of
-from controller.machine import Joints, Machine
-from controller.motions import SurfaceCut
-from controller.plan.route import path
-from controller.plan.route.path import Chain, Path, Stretch, joints_along
-from controller.plan.route.stretch import rotaries_of
-from controller.plan.text import blocks
+from controller.geometry.vectors import angle_between, norm, subtract
+from controller.machine.kinematics import Kinematics, kinematics_of
+from controller.machine.model import Joints, Machine
+from controller.motion.motions import SurfaceCut
+from controller.plan.path import path
+from controller.plan.path.path import Chain, Path, Stretch, joints_along
+from controller.plan.stretch import rotaries_of
+from controller.program import blocks
 
 HOME: Joints = (0.0, 0.0, 200.0, 0.0, 0.0)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from controller.session import stepped
+from controller.runtime import stepped
 from drives import pdo
 from drives.load.budget import BusBudget
 from drives.simulated.rig import rig

@@ -27,9 +27,9 @@ import scipy.sparse as sp
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import linprog
 
-from controller.kinematics import Kinematics, kinematics_of
-from controller.machine import Machine
-from controller.plan.route.path import Stretch, joints_along
+from controller.machine.kinematics import Kinematics, kinematics_of
+from controller.machine.model import Machine
+from controller.plan.path.path import Stretch, joints_along
 
 NODES = 400
 SAMPLES = 600  # of each stretch

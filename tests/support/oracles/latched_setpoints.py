@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from support.machines.stepped_runs import shares
 
-from controller.handoff import COLUMN, STOOD
-from controller.machine import Machine
+from controller.ipc.handoff import COLUMN, STOOD
+from controller.machine.model import Machine
 
 REST = 3  # places in a row that are the same
 

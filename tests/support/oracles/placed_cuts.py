@@ -7,8 +7,8 @@ from scipy.interpolate import BPoly
 from support.machines.stepped_runs import Cut
 from support.oracles import tool_paths
 
-from controller.motions import SurfaceCut
-from controller.placement import Placed
+from controller.geometry.placement import Placed
+from controller.motion.motions import SurfaceCut
 
 TIP_MM = 1e-6
 _SMALL = """G21 G90 T2 M6

@@ -19,12 +19,12 @@ from typing import Any
 
 from support.machines.traced_programs import mill
 
-from controller.geometry import Frame
-from controller.machine import OFFSETS, Machine
+from controller.geometry.vectors import Frame
+from controller.machine.model import OFFSETS, Machine
 from controller.plan.report import explained
-from controller.plan.text import blocks
-from controller.plan.text.position import homed
-from controller.plan.text.program import ProgramError
+from controller.program import blocks
+from controller.program.position import homed
+from controller.program.program import ProgramError
 
 ROUND = 3e-3  # rs274 prints four decimals, of inches where the program is in them
 _CALL = re.compile(r"N\S*\s+([A-Z0-9_]+)\((.*)\)$")

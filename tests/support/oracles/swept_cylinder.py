@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from controller.geometry import Frame
-from controller.machine import Tool
-from controller.surfaces import Surface
+from controller.geometry.surfaces import Surface
+from controller.geometry.vectors import Frame
+from controller.machine.model import Tool
 from controller.verify.bodies import cutter
 from controller.verify.nominal import Nominal, grid
 from controller.verify.passes import longest, step_mm

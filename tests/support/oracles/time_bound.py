@@ -16,9 +16,9 @@ import numpy as np
 import toppra
 from scipy.interpolate import PPoly, make_interp_spline
 
-from controller.kinematics import Kinematics, kinematics_of
-from controller.machine import Kind, Limits, Machine
-from controller.plan.route.path import Stretch, joints_along
+from controller.machine.kinematics import Kinematics, kinematics_of
+from controller.machine.model import Kind, Limits, Machine
+from controller.plan.path.path import Stretch, joints_along
 
 STABLE = 1e-3
 FIRST_GRID = 400

@@ -13,7 +13,7 @@ from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from controller.machine import Kind, Machine
+from controller.machine.model import Kind, Machine
 
 Curve = Callable[[np.ndarray], np.ndarray]  # u (N,) -> points or unit vectors (N, 3)
 

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from support.machines.stepped_runs import Cut, shares
 
-from controller.handoff import COLUMN
-from controller.session.events import Event
-from controller.state import Fault, Mode
+from controller.ipc.handoff import COLUMN
+from controller.runtime.events import Event
+from controller.state.modes import Fault, Mode
 
 BOUNDS = (1.0005, 1.002, 1.02)  # of velocity, acceleration and jerk, for differences over one period
 KINDS = ("velocity", "acceleration", "jerk")

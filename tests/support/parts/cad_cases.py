@@ -12,10 +12,10 @@ from support.parts import cad_parts as parts
 from controller.cad import kernel, program
 from controller.cad.deviation import deviation, surfaces
 from controller.cad.strip import NotRuled, Strip, strip
-from controller.config import load
-from controller.geometry import Frame
-from controller.plan.text import blocks
-from controller.surfaces import Surface
+from controller.geometry.surfaces import Surface
+from controller.geometry.vectors import Frame
+from controller.machine.machine_file import load
+from controller.program import blocks
 
 WITHIN_MM = 1e-3
 

@@ -25,10 +25,10 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 from support.parts import vertical_rulings  # noqa: E402
 from support.parts.nurbs_text import number  # noqa: E402
 
-from controller import config  # noqa: E402
-from controller.machine import Machine  # noqa: E402
-from controller.plan.text.program import ProgramError  # noqa: E402
-from controller.session import checked  # noqa: E402
+from controller.machine import machine_file  # noqa: E402
+from controller.machine.model import Machine  # noqa: E402
+from controller.program.program import ProgramError  # noqa: E402
+from controller.runtime import checked  # noqa: E402
 
 Point = list[float]
 MACHINES = ("trunnion", "trunnion", "fig4b", "fig4c", "fig4d", "head_head", "table_head", "oblique45")
@@ -344,7 +344,7 @@ def _slow(*_: object) -> None:
 
 def run(first: int, count: int, seconds: float) -> int:
     """How many go wrong; each is told with its seed."""
-    machines = {name: config.load(name) for name in MACHINES}
+    machines = {name: machine_file.load(name) for name in MACHINES}
     wrong, said, began = Counter[str](), Counter[str](), time.monotonic()
     signal.signal(signal.SIGPROF, _slow)
     with tempfile.TemporaryDirectory() as folder:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from controller.curves import Bezier, Polynomial
-from controller.geometry import Vector
-from controller.surfaces import Cone, RuledSurface
+from controller.geometry.curves import Bezier, Polynomial
+from controller.geometry.surfaces import Cone, RuledSurface
+from controller.geometry.vectors import Vector
 
 POINTS = (
     (

@@ -7,8 +7,8 @@ import random
 
 import numpy as np
 
-from controller.curves import Bezier
-from controller.surfaces import RuledSurface, Surface
+from controller.geometry.curves import Bezier
+from controller.geometry.surfaces import RuledSurface, Surface
 
 Array = np.ndarray
 FITTED = 24  # points of a directrix

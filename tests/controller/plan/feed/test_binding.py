@@ -11,13 +11,13 @@ import pytest
 from support.machines.shipped_kinds import machine
 from support.machines.traced_programs import stretches, trace
 
-from controller.handoff import Law
-from controller.kinematics import kinematics_of
-from controller.machine import Limits, Machine
+from controller.ipc.handoff import Law
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Limits, Machine
 from controller.plan.feed import binding, profile
 from controller.plan.feed.course import Course
 from controller.plan.feed.law import straight
-from controller.state import Binding, axis_binding
+from controller.state.modes import Binding, axis_binding
 
 V, A, J = 0, 1, 2
 

@@ -17,18 +17,18 @@ from support.machines.traced_programs import mill, named, trace
 from support.parts import blu_compounds
 from support.parts.random_surfaces import compound
 
-from controller.curves import Arc, ArcLength, Bezier, Line
-from controller.geometry import Frame
-from controller.kinematics import Kinematics, kinematics_of
-from controller.machine import Machine
-from controller.motions import JointMove, SurfaceCut, ToolLine
+from controller.geometry.curves import Arc, ArcLength, Bezier, Line
+from controller.geometry.surfaces import RuledSurface, Surface
+from controller.geometry.vectors import Frame
+from controller.machine.kinematics import Kinematics, kinematics_of
+from controller.machine.model import Machine
+from controller.motion.motions import JointMove, SurfaceCut, ToolLine
 from controller.plan.feed.course import Course
 from controller.plan.feed.limits import JointLimits, ramp_length
-from controller.plan.route import rates
-from controller.plan.route.rates import Derivatives
-from controller.plan.route.stretch import Stretch
-from controller.plan.text.program import Place
-from controller.surfaces import RuledSurface, Surface
+from controller.plan.stretch import Stretch
+from controller.plan.surfaces import rates
+from controller.plan.surfaces.rates import Derivatives
+from controller.program.program import Place
 
 KINDS = ("fig4a", "fig4b", "fig4c", "fig4d", "table_head", "head_head", "oblique")
 

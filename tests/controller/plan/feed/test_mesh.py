@@ -7,12 +7,12 @@ import pytest
 from support.machines.stepped_runs import program, shipped
 from support.machines.traced_programs import trace
 
-from controller.kinematics import kinematics_of
-from controller.machine import Machine
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Machine
 from controller.plan.feed import mesh
 from controller.plan.feed.course import Course
-from controller.plan.route.path import Chain
-from controller.plan.route.stretch import Stretch
+from controller.plan.path.path import Chain
+from controller.plan.stretch import Stretch
 
 
 def cuts(feed: str, machine: Machine) -> list[Stretch]:

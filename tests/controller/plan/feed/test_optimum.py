@@ -15,13 +15,13 @@ from support.machines.stepped_runs import largest, shipped
 from support.oracles import jerk_limited_time, time_bound
 from support.parts.random_surfaces import compound, text
 
-from controller.kinematics import kinematics_of
-from controller.machine import Limits, Machine
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Limits, Machine
 from controller.plan.feed import profile
 from controller.plan.feed.course import Course
 from controller.plan.feed.law import straight
-from controller.plan.route.stretch import Stretch
-from controller.plan.text.program import ProgramError
+from controller.plan.stretch import Stretch
+from controller.program.program import ProgramError
 
 MOST, MEDIAN = 1.15, 1.05  # times the optimum
 

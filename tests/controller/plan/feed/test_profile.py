@@ -13,16 +13,16 @@ from support.machines.planned_laws import chains, laws_of, sampled
 from support.machines.stepped_runs import largest, program, shipped
 from support.parts.random_surfaces import compound, text
 
-from controller.handoff import Law
-from controller.kinematics import kinematics_of
-from controller.machine import Machine
+from controller.ipc.handoff import Law
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Machine
 from controller.plan.feed import profile
 from controller.plan.feed.course import Course
 from controller.plan.feed.law import at_share, straight, through
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile, State
-from controller.plan.route.path import Chain
-from controller.plan.text.program import ProgramError
+from controller.plan.path.path import Chain
+from controller.program.program import ProgramError
 
 OVERSHOOT = 1e-9  # of the feed: rounding
 

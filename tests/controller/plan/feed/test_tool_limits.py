@@ -9,12 +9,12 @@ import pytest
 from support.machines.stepped_runs import program, shipped
 from support.machines.traced_programs import trace
 
-from controller.kinematics import kinematics_of
-from controller.machine import Machine
-from controller.motions import SurfaceCut
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Machine
+from controller.motion.motions import SurfaceCut
 from controller.plan.feed import profile, tool_limits
 from controller.plan.feed.course import Course
-from controller.plan.route.path import Chain
+from controller.plan.path.path import Chain
 
 
 def courses(machine: Machine) -> list[Course]:

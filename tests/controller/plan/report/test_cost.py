@@ -12,17 +12,17 @@ import pytest
 from support.machines.stepped_runs import shipped
 from support.machines.traced_programs import mill, trace
 
-from controller import config
-from controller.kinematics import kinematics_of
-from controller.machine import Machine
+from controller.machine import machine_file
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Machine
 from controller.plan.feed import binding, profile
 from controller.plan.feed.course import Course
 from controller.plan.feed.law import at_share
 from controller.plan.report import moments, planned
 from controller.plan.report.duration import bounded, least_s
 from controller.plan.report.survey import BlockUse, Survey, survey
-from controller.plan.route.stretch import Chain
-from controller.plan.text.program import ProgramError
+from controller.plan.stretch import Chain
+from controller.program.program import ProgramError
 
 FEEDS = (10_000.0, 1000.0, 100.0, 10.0, 1.0, 0.1, 0.01)  # mm/min
 LINE = "G1 X0.1 F{}\n"
@@ -199,10 +199,12 @@ def test_the_least_time_is_just_below_the_planned_one() -> None:
 
 
 def test_the_longest_program_is_a_key_of_the_machine_file() -> None:
-    text = config.load("fig4b").text
-    assert config.read(text, "m.toml").longest_program_h == 168.0
+    text = machine_file.load("fig4b").text
+    assert machine_file.read(text, "m.toml").longest_program_h == 168.0
     longer = text.replace("[machine]\n", "[machine]\nlongest_program_h = 500.0\n")
-    assert config.read(longer, "m.toml").longest_program_h == 500.0
+    assert machine_file.read(longer, "m.toml").longest_program_h == 500.0
     for bad in ("0.0", "20000.0", '"long"'):
-        with pytest.raises(config.ConfigError, match="longest_program_h"):
-            config.read(text.replace("[machine]\n", f"[machine]\nlongest_program_h = {bad}\n"), "m.toml")
+        with pytest.raises(machine_file.ConfigError, match="longest_program_h"):
+            machine_file.read(
+                text.replace("[machine]\n", f"[machine]\nlongest_program_h = {bad}\n"), "m.toml"
+            )

@@ -12,11 +12,11 @@ from support.machines.traced_programs import HOME, mill
 from typer.testing import CliRunner
 
 from controller.__main__ import app
-from controller.geometry import Frame, X, Y, Z, rotate
-from controller.machine import Machine
+from controller.geometry.vectors import Frame, X, Y, Z, rotate
+from controller.machine.model import Machine
 from controller.plan.report import explained
 from controller.plan.report.explained import Step
-from controller.plan.text import blocks
+from controller.program import blocks
 
 
 def steps(text: str, on: Machine | None = None) -> list[Step]:

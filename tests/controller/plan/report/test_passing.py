@@ -7,12 +7,12 @@ import pytest
 from support.machines.interrupted_runs import EXAMPLE_2, LINES, TIPS, source
 from support.machines.stepped_runs import cut, shipped
 
-from controller.handoff import COLUMN
+from controller.ipc.handoff import COLUMN
+from controller.plan.path import path
+from controller.plan.path.path import Chain
 from controller.plan.report.passing import MOST, OWN, Passing, passed_s, place_of
 from controller.plan.report.survey import survey
-from controller.plan.route import path
-from controller.plan.route.path import Chain
-from controller.plan.route.spot import lines_along, part_at
+from controller.plan.restart.program_position import lines_along, part_at
 
 CLOSE = 0.005  # of the duration ...
 SHORT_S = 0.06  # ... or this: nobody sees it of a program of seconds

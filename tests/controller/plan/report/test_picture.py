@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from controller import config
+from controller.machine import machine_file
 from controller.plan.report import picture
 from controller.plan.report.picture import FEED, RAPID, SURFACE, Picture
 from controller.plan.report.thinning import thin
-from controller.session import checked
+from controller.runtime import checked
 
-MACHINE = config.load("trunnion")
+MACHINE = machine_file.load("trunnion")
 
 
 def taken(text: bytes, most: int = picture.MOST_POINTS) -> picture.Shape:
@@ -67,7 +67,7 @@ def test_a_straight_line_becomes_two_points_and_kinds_stay_apart() -> None:
 
 
 def test_example_2_shows_both_surfaces_with_their_rulings_and_its_ways() -> None:
-    shape = taken(config.shipped_program("example2_ready").read_bytes())
+    shape = taken(machine_file.shipped_program("example2_ready").read_bytes())
     assert set(shape.kinds.tolist()) == {RAPID, FEED, SURFACE}
     assert shape.surfaces.tolist() == [picture.PER_SURFACE] * 2
     # G54 of the trunnion lies at (8, 96, 120); the first contact is (15, 0), under (5, 0, 10).
@@ -77,7 +77,7 @@ def test_example_2_shows_both_surfaces_with_their_rulings_and_its_ways() -> None
 
 
 def _points() -> list[list[float]]:
-    lines = config.shipped_program("example2_ready").read_text().lower().splitlines()
+    lines = machine_file.shipped_program("example2_ready").read_text().lower().splitlines()
     first = next(i for i, line in enumerate(lines) if "g52" in line)
     numbers = [
         [float(word[1:]) for word in line.split() if word[0] in "xyz" and len(word) > 1]
@@ -127,7 +127,7 @@ def test_a_program_that_moves_nothing_has_an_empty_picture() -> None:
 
 
 def test_the_tool_stands_along_the_ruling_at_every_point_of_a_surface() -> None:
-    shape = taken(config.shipped_program("example1_ready.ngc").read_bytes())
+    shape = taken(machine_file.shipped_program("example1_ready.ngc").read_bytes())
     assert np.linalg.norm(shape.axes, axis=1) == pytest.approx(1.0)
     on = shape.kinds == SURFACE
     # The paper's Example 1: a cone whose half angle has the tangent (15 - 10) / 10.

@@ -8,13 +8,13 @@ from dataclasses import replace
 import pytest
 from support.machines.shipped_kinds import machine
 
-from controller.geometry import Frame
-from controller.machine import Tool
+from controller.geometry.vectors import Frame
+from controller.machine.model import Tool
 from controller.plan.report import stored
 from controller.plan.report.stored import Overcut, Stored
 from controller.plan.report.verdict import Verdict
-from controller.plan.route.stretch import Note
-from controller.plan.text.program import Place
+from controller.plan.stretch import Note
+from controller.program.program import Place
 
 HOME = (0.0, 0.0, 200.0, 0.0, 0.0)
 CHECK = Stored(

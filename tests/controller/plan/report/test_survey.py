@@ -11,10 +11,10 @@ from support.machines.shipped_kinds import machine
 from support.machines.stepped_runs import cut, shipped
 from support.machines.traced_programs import mill, trace
 
-from controller.kinematics import kinematics_of
-from controller.machine import Limits, Machine
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Limits, Machine
 from controller.plan.report.survey import BlockUse, Survey, survey
-from controller.plan.text.program import ProgramError
+from controller.program.program import ProgramError
 
 CONE = "G51 X0. Y15. Z0. I0. J0. K0. H10. R10. D20. F600.\n"
 MIXED = f"""G0 X0 Y0

@@ -7,8 +7,8 @@ from support.machines.spindle_machine import IO, SPINDLE, Mill, mill
 from support.machines.stepped_runs import shipped
 from support.machines.traced_programs import HOME, trace
 
-from controller.kinematics import kinematics_of
-from controller.machine import Joints, Machine
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Joints, Machine
 from controller.plan.report.survey import Survey, survey
 
 NO_CLAMPS = '[io]\nbus = "can1"\nnode = 11\ninputs = { door = 1 }\noutputs = { coolant = 0 }\n'

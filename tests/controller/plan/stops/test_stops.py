@@ -16,17 +16,17 @@ from support.machines.stepped_runs import SHIPPED, cut, program, shipped
 from support.oracles import jerk_limited_stop
 from support.parts.random_surfaces import compound, text
 
-from controller.handoff import StopTable
-from controller.kinematics import kinematics_of
-from controller.machine import Kind, Limits, Machine
+from controller.ipc.handoff import StopTable
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Kind, Limits, Machine
 from controller.plan.feed import profile
 from controller.plan.feed.course import Course
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile
-from controller.plan.route.path import Chain, joints_along
-from controller.plan.route.stretch import straight
+from controller.plan.path.path import Chain, joints_along
 from controller.plan.stops.table import stops
-from controller.plan.text.program import Place, ProgramError
+from controller.plan.stretch import straight
+from controller.program.program import Place, ProgramError
 
 VELOCITY, ACCELERATION, JERK = 1.0003, 1.001, 1.015  # times the machine's limits, at most
 QUICK = 1.3  # times the shortest stop

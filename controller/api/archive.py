@@ -1,0 +1,219 @@
+"""The archive of a back-up: what must be in it, and what is refused.
+
+    machine.toml            complete, it needs no other file
+    fitting.json            offsets and tools as fitted
+    settings.json           names and plain values
+    programs/<sha256>.ngc   contents
+    manifest.json           format, time, the sha256 of every part, and names of programs
+
+An archive comes from anywhere: a stick, a mail. So everything is looked at, and nothing of it is
+unpacked, before all of it was found sound; what is not named here is foreign and refused by name.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import re
+import zipfile
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from controller.api import names
+from controller.api.database import StoreError
+from controller.machine import machine_file as config
+from controller.machine import setup_data
+from controller.machine.model import Machine
+from controller.machine.toml_table import ConfigError
+
+FORMAT = 1
+MANIFEST, MACHINE, FITTING, SETTINGS = "manifest.json", "machine.toml", "fitting.json", "settings.json"
+PARTS = (MACHINE, FITTING, SETTINGS)
+MOST_BYTES = 4 << 30  # unpacked
+MOST_PART_BYTES = 32 << 20  # of anything but a program: they are read into memory
+MOST_MEMBERS = 100_000
+LATEST_S = 1e11  # seconds since 1970; later is no time that anything was saved at
+KINDS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # others need libraries that may be missing
+UNREADABLE = (OSError, zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError)
+WRONG = (ValueError, KeyError, TypeError, AttributeError, OverflowError)
+
+_PROGRAM = re.compile(r"programs/([0-9a-f]{64})\.ngc")
+_SETTING = re.compile(r"[a-z][a-z0-9_.]{0,63}")
+
+
+class BackupError(Exception):
+    """One sentence: which archive, what is wrong with it, what to do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """An archive that was read whole and found sound."""
+
+    file: Path
+    made_s: float  # seconds since 1970
+    machine: Machine  # as its builder wrote it
+    fitted: dict[str, Any]
+    settings: dict[str, Any]
+    programs: dict[str, str]  # name: sha256
+    machine_file: Path | None = None  # that was replaced when this was kept; a roll-back puts it back there
+
+
+def member_of(sha256: str) -> str:
+    """Where a program's content is."""
+    return f"programs/{sha256}.ngc"
+
+
+def check(file: Path) -> Contents:
+    """Read an archive whole. Raises BackupError."""
+    try:
+        with zipfile.ZipFile(file) as archive:
+            _members(archive.infolist())
+            return _contents(file, archive)
+    except BackupError as error:
+        raise BackupError(f"{file}: {error}; use another back-up.") from error
+    except UNREADABLE as error:
+        raise BackupError(f"{file}: cannot be read ({_said(error)}); use another back-up.") from error
+    except WRONG as error:
+        raise BackupError(
+            f"{file}: is no back-up of this program ({_said(error)}); use another one."
+        ) from error
+    except (ConfigError, StoreError) as error:
+        raise BackupError(f"{file}: holds what this version does not take: {_said(error)}") from error
+
+
+def _said(error: BaseException) -> str:
+    """An error's words, fit for a sentence whatever of the archive they quote."""
+    words = " ".join("".join(c if c.isprintable() else " " for c in str(error)).split())
+    return words if len(words) <= 300 else f"{words[:297]}..."
+
+
+def _members(entries: Sequence[zipfile.ZipInfo]) -> None:
+    """Raises BackupError for what the list of members tells already, before anything is unpacked."""
+    if len(entries) > MOST_MEMBERS:
+        raise BackupError(f"holds {len(entries)} members, at most {MOST_MEMBERS} are taken")
+    known: set[str] = set()
+    for entry in entries:
+        name, shown = entry.filename, names.shown(entry.filename)
+        if name not in (MANIFEST, *PARTS) and not _PROGRAM.fullmatch(name):
+            raise BackupError(f"holds {shown}, which no back-up has")
+        if name in known:
+            raise BackupError(f"holds {shown} twice")
+        if entry.compress_type not in KINDS or entry.flag_bits & 1:
+            raise BackupError(f"holds {shown} packed in a way, or encrypted, as no back-up is")
+        if entry.file_size > MOST_PART_BYTES and not _PROGRAM.fullmatch(name):
+            raise BackupError(f"holds {shown} of {entry.file_size >> 20} MB, at most {MOST_PART_BYTES >> 20}")
+        known.add(name)
+    if missing := [name for name in (MANIFEST, *PARTS) if name not in known]:
+        raise BackupError(f"has no {missing[0]}")
+    if sum(entry.file_size for entry in entries) > MOST_BYTES:
+        raise BackupError(f"holds more than {MOST_BYTES >> 30} GB unpacked")
+
+
+def _contents(file: Path, archive: zipfile.ZipFile) -> Contents:
+    manifest = _object(MANIFEST, archive.read(MANIFEST))
+    _manifest(manifest)
+    parts = {name: archive.read(name) for name in PARTS}
+    for name, data in parts.items():
+        _same(name, hashlib.sha256(data).hexdigest(), manifest["parts"].get(name))
+    programs = {names.check(name): sha256 for name, sha256 in manifest["programs"].items()}
+    _programs(archive, set(programs.values()))
+    machine = config.read(parts[MACHINE].decode(), f"{file.name}/{MACHINE}")
+    fitted, settings = _fitted(parts[FITTING], machine), _settings(parts[SETTINGS])
+    replaced = Path(manifest["machine_file"]) if "machine_file" in manifest else None
+    return Contents(file, float(manifest["made_s"]), machine, fitted, settings, programs, replaced)
+
+
+def _manifest(manifest: dict[str, Any]) -> None:
+    """Raises BackupError for a value of the manifest that is not of its kind."""
+    if (found := manifest.get("format")) != FORMAT or isinstance(found, bool):
+        raise BackupError(f"has format {_short(found)}, allowed is {FORMAT}: update this program first, or")
+    made_s = manifest.get("made_s")
+    if isinstance(made_s, bool) or not isinstance(made_s, int | float) or not 0.0 <= made_s < LATEST_S:
+        raise BackupError(f"{MANIFEST}: made_s is {_short(made_s)} and no time in seconds since 1970")
+    for name in ("parts", "programs"):
+        sums = manifest.get(name)
+        if not isinstance(sums, dict) or not all(isinstance(value, str) for value in sums.values()):
+            raise BackupError(f"{MANIFEST}: {name} is {_short(sums)} and no table of checksums")
+    path = manifest.get("machine_file", "/")
+    if not isinstance(path, str) or "\0" in path:
+        raise BackupError(f"{MANIFEST}: machine_file is {_short(path)} and no path")
+    known = {"format", "made_s", "parts", "programs", "machine_file"}
+    if foreign := sorted(set(manifest) - known) or sorted(set(manifest["parts"]) - set(PARTS)):
+        raise BackupError(f"{MANIFEST}: names {names.shown(foreign[0])}, which no back-up has")
+
+
+def _programs(archive: zipfile.ZipFile, wanted: set[str]) -> None:
+    """Raises BackupError unless those, and no others, are there as they were saved."""
+    there = {found[1] for name in archive.namelist() if (found := _PROGRAM.fullmatch(name))}
+    for sha256 in sorted(wanted):
+        if sha256 not in there:
+            raise BackupError(
+                f"has no program with the checksum {names.shown(sha256)} that its manifest names"
+            )
+        summed = hashlib.sha256()
+        with archive.open(member_of(sha256)) as part:
+            while chunk := part.read(1 << 20):
+                summed.update(chunk)
+        _same(member_of(sha256), summed.hexdigest(), sha256)
+    if more := sorted(there - wanted):
+        raise BackupError(f"holds {member_of(more[0])}, which its manifest does not name")
+
+
+def _fitted(data: bytes, machine: Machine) -> dict[str, Any]:
+    fitted = _object(FITTING, data)
+    for name, rows in fitted.items():
+        if name not in setup_data.KINDS or not isinstance(rows, dict):
+            allowed = ", ".join(setup_data.KINDS)
+            raise BackupError(f"{FITTING}: {names.shown(name)} is {_short(rows)}; allowed are {allowed}")
+    setup_data.applied(machine, fitted)
+    return fitted
+
+
+def _settings(data: bytes) -> dict[str, Any]:
+    settings = _object(SETTINGS, data)
+    for name, value in settings.items():
+        if not _SETTING.fullmatch(name):
+            raise BackupError(f"{SETTINGS}: {names.shown(name)} is no name of a setting")
+        if not isinstance(value, str | bool | int | float | None):
+            raise BackupError(
+                f"{SETTINGS}: {name} is {_short(value)}; allowed are text, numbers, true and false"
+            )
+    return settings
+
+
+def _object(part: str, data: bytes) -> dict[str, Any]:
+    """A part that is a JSON object, with every key once and numbers that are some."""
+    try:
+        found = json.loads(data.decode(), object_pairs_hook=_once, parse_constant=_no_number)
+    except (ValueError, RecursionError) as error:
+        raise BackupError(f"{part}: is no sound JSON ({_said(error)})") from error
+    if not isinstance(found, dict):
+        raise BackupError(f"{part}: is {_short(found)} and no JSON object")
+    if not all(math.isfinite(value) for value in found.values() if isinstance(value, float)):
+        raise BackupError(f"{part}: holds a number beyond all bounds")
+    return found
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) != len(pairs):
+        raise ValueError("a key stands twice in it")
+    return found
+
+
+def _no_number(word: str) -> float:
+    raise ValueError(f"{word} is no number")
+
+
+def _short(value: object) -> str:
+    kinds = {dict: "an object", list: "a list", type(None): "null"}
+    return kinds.get(type(value)) or names.shown(str(value)[:100])
+
+
+def _same(part: str, found: str, expected: object) -> None:
+    if found != expected:
+        raise BackupError(f"{part} is not what was saved (its sha256 differs)")

@@ -1,0 +1,225 @@
+"""Back-up and restore: machine file, offsets, tools, settings and programs in one checked archive.
+
+    backup.save(store, machine, file)     one zip file; manifest.json names every part with its sha256
+    backup.check(file)                    Contents, or BackupError: nothing is restored that is not sound
+    backup.restore(store, contents, ...)  with a back-up of what is replaced made first, for roll_back
+
+Users and tokens are not in it: an archive is carried about and mailed. Restored while no
+service runs on the state folder, because that reads offsets and tools when it starts.
+
+What is put back is put back whole or not at all, though it lies in a database, in files beside it and,
+with the machine file, perhaps on another disk: all of it is written beside its place first, where a full disk
+changes nothing; then files take their names, within the transaction, and go back if it fails.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import re
+import sqlite3
+import tempfile
+import time
+import zipfile
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+
+from controller import atomic_file
+from controller.api import notice_settings
+from controller.api.archive import (
+    FITTING,
+    FORMAT,
+    MACHINE,
+    MANIFEST,
+    SETTINGS,
+    BackupError,
+    Contents,
+    check,
+    member_of,
+)
+from controller.api.database import StoreError
+from controller.api.programs import Program
+from controller.api.store import Store
+from controller.api.uploads import MODE
+from controller.machine import machine_file as config
+from controller.machine import setup_data
+from controller.machine.model import Machine
+
+__all__ = ["BackupError", "Contents", "all_kept", "check", "keep", "restore", "save", "update"]
+
+KEPT = 20  # back-ups made by themselves
+FOLDER = "backups"  # of those, in the state folder
+BY = "back-up"
+
+
+def save(store: Store, machine: Machine, file: Path, machine_file: Path | None = None) -> Path:
+    """Write an archive, whole or not at all; ``machine_file``: see ``Contents``.
+
+    Raises StoreError, ConfigError, OSError.
+    """
+    parts = {
+        MACHINE: _alone(machine).encode(),
+        FITTING: json.dumps(setup_data.load(store.folder)).encode(),
+        SETTINGS: json.dumps(notice_settings.without_secrets(store.settings.all())).encode(),
+    }
+    programs = {program.name: program.sha256 for program in store.programs.list()}
+    sums = {name: hashlib.sha256(data).hexdigest() for name, data in parts.items()}
+    manifest = {"format": FORMAT, "made_s": time.time(), "parts": sums, "programs": programs}
+    if machine_file is not None:
+        manifest["machine_file"] = str(machine_file.absolute())
+    new = file.with_name(f"{file.name}.part")
+    try:
+        with zipfile.ZipFile(new, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr(MANIFEST, json.dumps(manifest, indent=1))
+            for name, data in parts.items():
+                archive.writestr(name, data)
+            for sha256 in sorted(set(programs.values())):
+                archive.write(store.programs.path(sha256), member_of(sha256))
+        with open(new, "rb") as written:
+            os.fsync(written.fileno())
+        os.replace(new, file)
+    finally:
+        new.unlink(missing_ok=True)
+    atomic_file.sync(file.absolute().parent)
+    return file
+
+
+def restore(store: Store, contents: Contents, machine_file: Path | None, before: Machine | None) -> list[str]:
+    """Put back what an archive holds, all of it or nothing; what was done, a sentence each.
+
+    ``machine_file``: where the service reads its machine file, None = left as it is; ``before``: the
+    machine now, for the back-up that is made first. Programs that the archive does not hold stay.
+    Raises StoreError, ConfigError, BackupError, OSError.
+    """
+    texts = {store.folder / setup_data.FILE: setup_data.text_of(contents.fitted)}
+    if machine_file is not None:
+        texts[machine_file] = _alone(contents.machine)
+    if machine_file is not None or before is None:
+        texts[store.folder / setup_data.MACHINE] = setup_data.note_of(contents.machine)
+    with contextlib.ExitStack() as work:
+        done = [f"Kept what was: {work.enter_context(_kept(store, before, machine_file))}."] if before else []
+        put = work.enter_context(atomic_file.all_or_none(texts))
+        staged = work.enter_context(_unpacked(store, contents))
+        with store.database.write() as sql:
+            _enter(store, contents, staged, sql)
+            put()
+    _forget_old(store)
+    done.append(f"Programs: {len(contents.programs)}.")
+    if machine_file is not None:
+        done.append(f"Machine file: {machine_file}.")
+    return [*done, "Offsets and tools: as in the back-up, from the next start of the service on."]
+
+
+@contextlib.contextmanager
+def _kept(store: Store, before: Machine, machine_file: Path | None) -> Iterator[Path]:
+    """What was, for a roll-back; where nothing was changed there is nothing to roll back."""
+    made = keep(store, before, machine_file)
+    try:
+        yield made
+    except BaseException:
+        made.unlink(missing_ok=True)
+        raise
+
+
+@contextlib.contextmanager
+def _unpacked(store: Store, contents: Contents) -> Iterator[Path]:
+    """A folder on the store's disk with every content, there until the end of the restore."""
+    incoming = store.programs.incoming
+    with (
+        zipfile.ZipFile(contents.file) as archive,
+        tempfile.TemporaryDirectory(dir=incoming, prefix="restore-") as made,
+    ):
+        _fits(store, contents, archive)
+        for sha256 in set(contents.programs.values()):
+            with archive.open(member_of(sha256)) as part, open(Path(made, sha256), "wb") as out:
+                while chunk := part.read(1 << 20):
+                    out.write(chunk)
+                out.flush()
+                os.fchmod(out.fileno(), MODE)
+                os.fsync(out.fileno())
+        yield Path(made)
+
+
+def _fits(store: Store, contents: Contents, archive: zipfile.ZipFile) -> None:
+    """Raises StoreError for a program that is larger than allowed, or a disk that is too full."""
+    sizes = {sha256: archive.getinfo(member_of(sha256)).file_size for sha256 in contents.programs.values()}
+    most = store.uploads.limits.most_bytes
+    for name, sha256 in contents.programs.items():
+        if sizes[sha256] > most:
+            raise StoreError.told("size", "upload_more", name=name, most=most)
+    store.uploads.room(sum(sizes.values()))
+
+
+def _enter(store: Store, contents: Contents, staged: Path, sql: sqlite3.Connection) -> None:
+    """Names, contents and settings, within one transaction. A content that no name points at is swept."""
+    programs, now_s = store.programs, store.programs.now_s()
+    lines = {file.name: _facts(file) for file in staged.iterdir()}
+    for file in staged.iterdir():
+        os.replace(file, programs.path(file.name))
+    atomic_file.sync(programs.folder)
+    for name, sha256 in contents.programs.items():
+        programs.enter(Program(name, sha256, *lines[sha256], now_s, BY), sql)
+    settings = notice_settings.restored(store.settings.all(), contents.settings)
+    store.settings.replace(settings, BY, sql)
+
+
+def _facts(file: Path) -> tuple[int, int]:
+    """(bytes, lines)."""
+    size, ends, last = 0, 0, b"\n"
+    with open(file, "rb") as text:
+        while chunk := text.read(1 << 20):
+            size, ends, last = size + len(chunk), ends + chunk.count(b"\n"), chunk[-1:]
+    return size, ends + (last != b"\n")
+
+
+def update(store: Store, new: Path, machine_file: Path) -> list[str]:
+    """Replace the machine file by a new one, checked with what is fitted; what was done.
+
+    Raises ConfigError, StoreError, OSError.
+    """
+    machine = config.load(new)
+    setup_data.applied(machine, setup_data.load(store.folder))
+    with contextlib.ExitStack() as work:
+        done = []
+        if machine_file.exists():
+            kept = work.enter_context(_kept(store, config.load(machine_file), machine_file))
+            done.append(f"Kept what was: {kept}.")
+        work.enter_context(atomic_file.all_or_none({machine_file: _alone(machine)}))()
+    _forget_old(store)
+    return [*done, f"Machine file: {machine_file}, from the next start of the service on."]
+
+
+def keep(store: Store, machine: Machine, machine_file: Path | None = None) -> Path:
+    """A back-up in the state folder, made before something is replaced.
+
+    ``machine_file``: the one that is replaced, None where it is left as it is.
+    """
+    folder = store.folder / FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    return save(store, machine, folder / datetime.now().strftime("%Y-%m-%dT%H%M%S.%f.zip"), machine_file)
+
+
+def _forget_old(store: Store) -> None:
+    """What nobody goes back to: contents that no name points at any more, and the oldest back-ups."""
+    with contextlib.suppress(StoreError, OSError):  # it has been restored all the same
+        store.programs.sweep()
+        for old in all_kept(store)[KEPT:]:
+            old.unlink(missing_ok=True)
+
+
+def all_kept(store: Store) -> list[Path]:
+    """Back-ups that were made by themselves, the latest first."""
+    return sorted((store.folder / FOLDER).glob("*.zip"), reverse=True)
+
+
+def _alone(machine: Machine) -> str:
+    """The text of a machine file that needs no other: the tools stand in it, their file is not named."""
+    lines, section = [], ""
+    for line in machine.text.splitlines():
+        section = line.strip() if line.lstrip().startswith("[") else section
+        named = section == "[tools]" and re.match(r"\s*file\s*=", line)
+        lines.append(f"# {line}  # its tables stand below" if named else line)
+    return "\n".join([*lines, ""])

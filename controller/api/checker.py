@@ -1,0 +1,169 @@
+"""Programs are checked after their upload, in a process of their own, one after another.
+
+Reading and planning a long program takes seconds to minutes: never within an answer, never in
+the panel's own process. What came out stands in the store, with the progress on the way. A
+check belongs to a content on a machine as it is fitted; with other offsets or tools it has
+to be asked for again. A start does not depend on any of this: the service checks for itself.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import queue
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO, Any
+
+from controller.api.programs import Program, ProgramCheck
+from controller.api.store import Store, StoreError
+from controller.machine import setup_data
+from controller.messages import said
+
+WORKER = (sys.executable, "-m", "controller.cli.check_worker")
+LONGEST_S = 3600.0
+TELL_S = 0.5  # between two notes of progress
+
+
+class Checker:
+    """Checks what it is asked to, until it is closed."""
+
+    def __init__(self, store: Store, worker: tuple[str, ...] = WORKER) -> None:
+        self._store, self._worker = store, worker
+        self.tell: Callable[[str], object] = lambda _: None  # the name of what is checked; in the thread
+        self._waiting: queue.SimpleQueue[tuple[Program, str] | None] = queue.SimpleQueue()
+        self._child: subprocess.Popen[str] | None = None
+        self._closed = False
+        self._pending: set[tuple[str, str]] = set()  # content and machine of what waits or runs here
+        self._lock = threading.Lock()
+        self._thread = threading.Thread(target=self._run, name="checks", daemon=True)
+        self._thread.start()
+
+    def machine(self) -> str:
+        """The machine as it is fitted, as one hash; "" = no service has ever run on this state folder."""
+        found = [_bytes(self._store.folder / name) for name in (setup_data.MACHINE, setup_data.FILE)]
+        return hashlib.sha256(found[0] + b"\0" + found[1]).hexdigest() if found[0] else ""
+
+    def of(self, program: Program) -> ProgramCheck | None:
+        """What is known of a program on the machine as it is fitted now. Raises StoreError."""
+        return self._store.checks.get(program.sha256, self.machine())
+
+    def ask(self, program: Program) -> None:
+        """Have a program checked, unless it was or will be. Raises StoreError."""
+        machine = self.machine()
+        asked = (program.sha256, machine)
+        with self._lock:
+            known = self._store.checks.get(*asked)  # one that ends is known before it is no longer pending
+            if not machine or asked in self._pending or (known and known.state in ("passed", "refused")):
+                return
+            self._pending.add(asked)
+        self._store.checks.set(*asked, "waiting")
+        self._waiting.put((program, machine))
+
+    def look(self) -> None:
+        """Ask for all that came in by other ways, and for what a panel that ended has left.
+
+        What was checked on the machine as it was fitted before is not asked for again by itself.
+        Raises StoreError.
+        """
+        for program in self._store.programs.unchecked():
+            self.ask(program)
+
+    def close(self) -> None:
+        """End at once; what was under way is looked at again by the next one."""
+        with self._lock:
+            self._closed = True
+            if self._child is not None:
+                self._child.kill()
+        self._waiting.put(None)
+        self._thread.join()
+
+    # ---- in the thread
+
+    def _run(self) -> None:
+        while (asked := self._waiting.get()) is not None and not self._closed:
+            program, machine = asked
+            with contextlib.suppress(StoreError):  # the store is full or gone; the program stays unchecked
+                state, result = self._checked(program, machine)
+                if not self._closed:
+                    self._keep(program, machine, state, result)
+            with self._lock:
+                self._pending.discard((program.sha256, machine))
+
+    def _keep(self, program: Program, machine: str, state: str, result: dict[str, Any]) -> None:
+        self._store.checks.set(program.sha256, machine, state, 1.0, result)
+        self.tell(program.name)
+
+    def _checked(self, program: Program, machine: str) -> tuple[str, dict[str, Any]]:
+        """State and result of one check."""
+        job = {
+            "name": program.name,
+            "program": str(self._store.programs.path(program.sha256)),
+            "lines": program.lines,
+            "files": self._store.programs.called(program),
+            "state": str(self._store.folder),
+            "parent": os.getpid(),
+        }
+        try:
+            with self._started() as child:
+                timer = threading.Timer(LONGEST_S, child.kill)
+                timer.start()
+                try:
+                    return self._told(child, json.dumps(job), program, machine)
+                finally:
+                    timer.cancel()
+                    child.kill()
+        except OSError as error:
+            return "failed", {**said("check_not_started", program=program.name, why=error)}
+
+    def _started(self) -> subprocess.Popen[str]:
+        with self._lock:
+            self._child = subprocess.Popen(
+                self._worker,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                text=True,
+            )
+            if self._closed:
+                self._child.kill()
+            return self._child
+
+    def _told(
+        self, child: subprocess.Popen[str], job: str, program: Program, machine: str
+    ) -> tuple[str, dict[str, Any]]:
+        assert child.stdin and child.stdout
+        _give(child.stdin, job)
+        last_s, told = 0.0, None
+        for line in child.stdout:
+            answer = json.loads(line)
+            if "state" in answer:
+                told = str(answer["state"]), dict(answer["result"])
+                if not answer.get("more"):
+                    return told
+                self._keep(program, machine, *told)
+            elif time.monotonic() - last_s > TELL_S:
+                last_s = time.monotonic()
+                self._store.checks.set(program.sha256, machine, "running", float(answer["progress"]))
+        if told is not None:
+            return told  # what was to come is no part of the check
+        return "failed", {**said("check_without_result", program=program.name)}
+
+
+def _give(stdin: IO[str], job: str) -> None:
+    with contextlib.suppress(BrokenPipeError):  # it died; that shows in what it says
+        stdin.write(job)
+        stdin.close()
+
+
+def _bytes(file: Path) -> bytes:
+    try:
+        return file.read_bytes()
+    except OSError:
+        return b""

@@ -1,0 +1,142 @@
+"""Events for pages and scripts: what changes is told to every listener, as JSON texts.
+
+    {"event": "status", "data": {...}}    20 times a second, as GET /api/v1/status
+    {"event": "job", "data": {...}}       another program, or another state of it; null = none
+    {"event": "alarm", "data": {...}}     a fault is there; null = it was reset
+    {"event": "alarms", "data": {...}}    the list of alarms changed: the newest number
+    {"event": "control", "data": {...}}   somebody took or gave the control token
+    {"event": "programs", "data": {...}}  the store changed, or a check ended: name and what was done
+    {"event": "service", "data": {...}}   whether the controller's service answers
+
+A text is made once for all listeners of a language. One who reads slowly misses statuses, never the others,
+until too many wait: then it is let go. Nothing is asked of the machine while nobody listens.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections import deque
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+from controller import messages
+from controller.api.answers import Refusal
+from controller.api.service_client import Watch
+from controller.api.store import Store
+
+INTERVAL_S = 0.05
+STORE_EVERY = 20  # statuses between two looks at the list of alarms
+MOST_WAITING = 500
+MOST_LISTENERS = 100
+TOPICS = ("status", "job", "alarm", "alarms", "control", "programs", "service")
+
+
+@dataclass(slots=True)
+class Listener:
+    """One who is told."""
+
+    topics: frozenset[str]
+    language: str = messages.DEFAULT
+    lost: bool = False  # did not read for too long
+    _status: str = ""
+    _waiting: deque[str] = field(default_factory=deque)
+    _there: asyncio.Event = field(default_factory=asyncio.Event)
+
+    def tell(self, topic: str, text: str) -> None:
+        if topic not in self.topics:
+            return
+        if topic == "status":
+            self._status = text  # the older one is of no use any more
+        elif len(self._waiting) < MOST_WAITING:
+            self._waiting.append(text)
+        else:
+            self.lost = True
+        self._there.set()
+
+    async def next(self) -> list[str]:
+        """What came since, at least one text; the status last."""
+        await self._there.wait()
+        self._there.clear()
+        texts = [*self._waiting, *([self._status] if self._status else [])]
+        self._waiting.clear()
+        self._status = ""
+        return texts
+
+
+class Events:
+    """Watches the machine while anybody listens."""
+
+    def __init__(self, watch: Watch, store: Store) -> None:
+        self._watch, self._store = watch, store
+        self._listeners: list[Listener] = []
+        self._wanted = asyncio.Event()
+        self._told: dict[str, Any] = {}  # by topic: what was told last of what is told on change
+
+    @property
+    def listeners(self) -> int:
+        return len(self._listeners)
+
+    @contextmanager
+    def listening(self, topics: frozenset[str], language: str = messages.DEFAULT) -> Iterator[Listener]:
+        """A listener, told at once what holds now. Raises Refusal."""
+        if len(self._listeners) >= MOST_LISTENERS:
+            raise Refusal.told(429, "too_often", "many_listeners", most=MOST_LISTENERS)
+        listener = Listener(topics, language)
+        for topic, data in self._told.items() if self._listeners else ():
+            listener.tell(topic, _text(topic, data, language))
+        self._listeners.append(listener)
+        self._wanted.set()
+        try:
+            yield listener
+        finally:
+            self._listeners.remove(listener)
+
+    def tell(self, topic: str, data: Any) -> None:
+        """Tell all listeners of the topic."""
+        texts: dict[str, str] = {}
+        for listener in self._listeners:
+            if listener.language not in texts:
+                texts[listener.language] = _text(topic, data, listener.language)
+            listener.tell(topic, texts[listener.language])
+
+    async def run(self) -> None:
+        """Never ends."""
+        turn = 0
+        while True:
+            if not self._listeners:
+                self._wanted.clear()
+                self._told.clear()
+                await self._wanted.wait()
+            await self._look()
+            if turn % STORE_EVERY == 0:
+                await self._look_at_alarms()
+            turn += 1
+            await asyncio.sleep(INTERVAL_S)
+
+    async def _look(self) -> None:
+        try:
+            status = await self._watch.status()
+        except Refusal as refusal:
+            self._changed("service", {"answers": False, **refusal.said})
+            return
+        self._changed("service", {"answers": True})
+        self.tell("status", status)
+        self._changed("alarm", status.get("fault"))
+        job = status.get("job") or {}
+        self._changed("job", {key: job.get(key) for key in ("name", "sha256", "state")} if job else None)
+
+    async def _look_at_alarms(self) -> None:
+        newest = await asyncio.to_thread(self._store.alarms.list, 1)
+        self._changed("alarms", {"newest": newest[0].id if newest else None})
+
+    def _changed(self, topic: str, data: Any) -> None:
+        if topic not in self._told or self._told[topic] != data:
+            self._told[topic] = data
+            self.tell(topic, data)
+
+
+def _text(topic: str, data: Any, language: str) -> str:
+    return json.dumps({"event": topic, "data": messages.told(data, language)}, separators=(",", ":"))

@@ -1,0 +1,212 @@
+"""``/metrics`` for Prometheus: figures of the machine, of what is kept of it, and of the panel.
+
+Names keep to Prometheus' own rules (prometheus.io/docs/practices/naming): base units, the unit behind the
+name, ``_total`` for what only counts up. So lengths are in metres and angles in radians here, and
+nowhere else outside.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any
+
+from fastapi import APIRouter, Request, Response
+from prometheus_client import CollectorRegistry, generate_latest
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily
+from prometheus_client.registry import Collector
+
+from controller.api.access import needs, panel_of
+from controller.api.answers import Refusal, documented
+from controller.api.app_state import Panel
+from controller.api.database import StoreError
+from controller.api.disk_use import Sizes
+from controller.api.roles import Role
+from controller.api.store import Store
+from controller.state.modes import Mode
+
+router = APIRouter(tags=["metrics"])
+KIND = "text/plain; version=0.0.4; charset=utf-8"
+ENDS = ("completed", "stopped", "refused", "fault", "interrupted", "lost")  # of a run
+
+Family = GaugeMetricFamily | CounterMetricFamily
+
+# Name, what it is, where it stands in the status, factor to the base unit.
+GAUGES = (
+    ("override_ratio", "Feed override; 1 = 100 %.", ("override",), 1.0),
+    ("rapid_override_ratio", "Rapid override; 1 = 100 %.", ("rapid_override",), 1.0),
+    ("feed_meters_per_second", "Actual feed.", ("feed_mm_min", "actual"), 1e-3 / 60.0),
+    ("job_left_seconds", "Time left of the job.", ("job", "left_s"), 1.0),
+    ("job_elapsed_seconds", "Time since the start of the job.", ("job", "elapsed_s"), 1.0),
+    ("tick_late_max_seconds", "By how much the latest tick was late.", ("tick", "late_max_ms"), 1e-3),
+    ("tick_age_seconds", "Since the newest tick; of many periods: it stands.", ("tick", "age_s"), 1.0),
+    ("tick_period_seconds", "Period of the tick.", ("tick", "period_ms"), 1e-3),
+    ("tick_alive", "Whether the tick's process is there.", ("tick_alive",), 1.0),
+)
+COUNTERS = (
+    ("ticks", "Ticks since the tick's process began.", ("tick", "number")),
+    ("tick_skips", "Ticks that were too late and sent nothing.", ("tick", "skips")),
+)
+BY_JOINT = (
+    ("position", "Position as the drive says, in the sense that is shown", "actual"),
+    ("following_error", "Following error", "error"),
+)
+UNITS = {"mm": ("meters", 1e-3), "deg": ("radians", math.radians(1.0))}
+
+
+@dataclass(slots=True)
+class Kept:
+    """What store and state folder tell; where the store cannot be read, nothing."""
+
+    runs: dict[str, tuple[int, float, float]] = field(default_factory=dict)
+    alarms: dict[str, tuple[int, int]] = field(default_factory=dict)
+    disk: tuple[int, int] | None = None  # size and free space, bytes
+    parts: dict[str, int] = field(default_factory=dict)  # of the state folder, bytes
+    readable: bool = False
+
+
+@router.get(
+    "/metrics",
+    dependencies=[needs(Role.VIEW)],
+    response_class=Response,
+    responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}, **documented(401, 403)},
+)
+async def metrics(request: Request) -> Response:
+    """Figures for Prometheus; directrix_up tells whether the service answers."""
+    panel = panel_of(request)
+    status: dict[str, Any] = {}
+    facts: dict[str, Any] = {}
+    with suppress(Refusal):
+        status = await panel.watch.status()
+        facts = await panel.door.ask("facts")
+    kept = await asyncio.to_thread(_kept, panel.store, panel.sizes)
+    registry = CollectorRegistry(auto_describe=False)
+    registry.register(_Figures(status, facts, kept, panel, request.app.version))
+    return Response(generate_latest(registry), media_type=KIND)
+
+
+def _kept(store: Store, sizes: Sizes) -> Kept:
+    kept = Kept()
+    with suppress(OSError):
+        found = shutil.disk_usage(store.folder)
+        kept.disk, kept.parts = (found.total, found.free), sizes.known()
+    with suppress(StoreError):
+        kept.runs, kept.alarms, kept.readable = store.runs.sums(), store.alarms.sums(), True
+    return kept
+
+
+class _Figures(Collector):
+    """The figures of one moment."""
+
+    def __init__(
+        self, status: Mapping[str, Any], facts: Mapping[str, Any], kept: Kept, panel: Panel, version: str
+    ) -> None:
+        self._status, self._facts, self._kept, self._panel = status, facts, kept, panel
+        self._version = version
+
+    def collect(self) -> Iterator[Family]:
+        yield _gauge("build_info", "Always 1; the version is its label.", "version", {self._version: 1.0})
+        yield _gauge("up", "Whether the controller's service answers.", "", {"": bool(self._status)})
+        yield _gauge("store_up", "Whether the store can be read.", "", {"": self._kept.readable})
+        yield _gauge("listeners", "Listeners to events.", "", {"": self._panel.events.listeners})
+        yield from self._machine()
+        yield from self._joints()
+        yield from self._of_runs()
+        yield from self._of_alarms()
+        yield from self._disk()
+
+    def _machine(self) -> Iterator[Family]:
+        status = self._status
+        for name, text, path, factor in GAUGES:
+            if (value := _number(_at(status, path))) is not None:
+                yield _gauge(name, text, "", {"": value * factor})
+        for name, text, path in COUNTERS:
+            if (value := _number(_at(status, path))) is not None:
+                yield _counter(name, text, "", {"": max(0.0, value)})
+        now = status.get("mode")
+        modes = {mode.name: mode.name == now for mode in Mode} if now else {}
+        yield _gauge("mode", "1 for the present mode, 0 for the others.", "mode", modes)
+        fault = _at(status, ("fault", "name"))
+        yield _gauge("fault", "1 for the present fault.", "fault", {str(fault): 1.0} if fault else {})
+        yield from self._drives()
+
+    def _drives(self) -> Iterator[Family]:
+        rows = {str(row.get("axis")): row for row in self._status.get("drives") or ()}
+        ages = {axis: row.get("heartbeat_age_s") for axis, row in rows.items()}
+        yield _gauge("drive_heartbeat_age_seconds", "Age of the last heartbeat.", "axis", ages)
+        frames = {axis: row.get("malformed") for axis, row in rows.items()}
+        yield _counter("drive_malformed_frames", "Frames of a wrong length from a drive.", "axis", frames)
+
+    def _joints(self) -> Iterator[Family]:
+        joints: Mapping[str, Any] = self._status.get("joints") or {}
+        for unit, (word, factor) in UNITS.items():
+            axes = [str(axis["name"]) for axis in self._facts.get("axes") or () if axis["unit"] == unit]
+            for name, text, key in BY_JOINT:
+                found = {axis: _number(_at(joints, (axis, key))) for axis in axes}
+                values = {axis: value * factor for axis, value in found.items() if value is not None}
+                yield _gauge(f"joint_{name}_{word}", f"{text}.", "axis", values)
+
+    def _of_runs(self) -> Iterator[Family]:
+        """All ends from the first scrape on: a counter that comes with 1 has no increase to be seen."""
+        if not self._kept.readable:
+            return
+        none = (0, 0.0, 0.0)
+        sums = {end: self._kept.runs.get(end, none) for end in dict.fromkeys((*ENDS, *self._kept.runs))}
+        sums.pop("running", None)  # one that ends would count down
+        for i, (name, text) in enumerate(
+            (
+                ("runs", "Runs of programs, by how they ended."),
+                ("run_seconds", "Time in motion of ended runs."),
+                ("cut_seconds", "Time of cutting in ended runs."),
+            )
+        ):
+            yield _counter(name, text, "result", {end: row[i] for end, row in sums.items()})
+
+    def _of_alarms(self) -> Iterator[Family]:
+        if self._kept.readable:
+            rows = self._kept.alarms
+            told = {name: row[0] for name, row in rows.items()}
+            yield _counter("alarms", "Alarms that were told, by name.", "name", told)
+            waiting = {name: row[1] for name, row in rows.items()}
+            yield _gauge("alarms_open", "Alarms that nobody has acknowledged.", "name", waiting)
+
+    def _disk(self) -> Iterator[Family]:
+        if self._kept.disk is not None:
+            size, free = self._kept.disk
+            yield _gauge("disk_size_bytes", "Of the disk that the state folder is on.", "", {"": size})
+            yield _gauge("disk_free_bytes", "Free on that disk.", "", {"": free})
+            yield _gauge("state_bytes", "Used by parts of the state folder.", "part", self._kept.parts)
+
+
+def _gauge(name: str, text: str, label: str, values: Mapping[str, Any]) -> Family:
+    family = GaugeMetricFamily(f"directrix_{name}", text, labels=[label] if label else [])
+    return _filled(family, label, values)
+
+
+def _counter(name: str, text: str, label: str, values: Mapping[str, Any]) -> Family:
+    """The library puts ``_total`` behind the name."""
+    family = CounterMetricFamily(f"directrix_{name}", text, labels=[label] if label else [])
+    return _filled(family, label, values)
+
+
+def _filled(family: Family, label: str, values: Mapping[str, Any]) -> Family:
+    """``values`` by that label; without one, a single value of any key."""
+    for key, value in values.items():
+        if (number := _number(value)) is not None:
+            family.add_metric([key] if label else [], number)
+    return family
+
+
+def _at(status: Mapping[str, Any], path: Iterable[str]) -> Any:
+    found: Any = status
+    for key in path:
+        found = found.get(key) if isinstance(found, Mapping) else None
+    return found
+
+
+def _number(value: Any) -> float | None:
+    return float(value) if isinstance(value, int | float) else None

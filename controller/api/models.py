@@ -1,0 +1,403 @@
+"""What is sent and answered, as OpenAPI shows it. Shown units: mm, degrees, mm/min, shares 0 to 1.
+
+What is sent is taken strictly: no unknown key, no text for a number. What the service says
+is shown as it says it; new facts of a newer service are no error.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from controller.api.answers import Texts
+from controller.api.models_of_tick import DriveFacts, OfTick
+from controller.state.modes import MOST_AXES
+
+Axis = Annotated[str, Field(pattern=r"^[XYZABC]$", description="Name of an axis of the machine file.")]
+Frame = Literal["joint", "part", "tool"]
+Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+Number = float | None  # null: not known
+Millimetres = Annotated[float, Field(ge=-1e5, le=1e5)]
+
+
+class Sent(BaseModel):
+    """A body that is sent."""
+
+    model_config = ConfigDict(strict=True, extra="forbid")
+
+
+class Told(BaseModel):
+    """A body that is answered."""
+
+    model_config = ConfigDict(extra="allow")
+
+
+# ---- sent
+
+
+class Load(Sent):
+    """A program to be loaded; nothing moves before POST /cycle/start."""
+
+    program: Annotated[str, Field(min_length=1, max_length=200, description="Name in the store.")]
+    line: Annotated[int | None, Field(ge=1, le=10**9, description="Start there; null: at the beginning.")] = (
+        None
+    )
+    fraction: Annotated[float | None, Field(ge=0.0, le=1.0, description="Of the block of that line.")] = None
+    dry_run_mm: Annotated[
+        float | None,
+        Field(ge=0.0, le=1000.0, description="Spindle off, this far away along the tool axis."),
+    ] = None
+    block_delete: Annotated[bool, Field(description="Leave lines out that begin with /.")] = False
+    restart: Annotated[
+        bool, Field(description="Where it was interrupted, as GET /restart offers; without a line.")
+    ] = False
+
+
+class Start(Sent):
+    unrecorded: Annotated[
+        bool,
+        Field(
+            description="Also where the disk takes no record of it: such a run is not gone on with after a "
+            "loss of power, nor made again, and a fault in it leaves no recording."
+        ),
+    ] = False
+    worn: Annotated[
+        bool, Field(description="Also where the tool in the spindle is at the end of its life.")
+    ] = False
+
+
+class Switch(Sent):
+    on: bool
+
+
+class Share(Sent):
+    """An override."""
+
+    share: Annotated[float, Field(ge=0.0, le=2.0, description="1.0 = 100 %.")]
+
+
+class RapidShare(Sent):
+    """An override of rapids; they never go faster than planned."""
+
+    share: Annotated[float, Field(ge=0.0, le=1.0, description="1.0 = 100 %.")]
+
+
+class Home(Sent):
+    axes: Annotated[
+        list[Axis] | None, Field(min_length=1, max_length=MOST_AXES, description="null: all.")
+    ] = None
+
+
+class Jog(Sent):
+    """Go on moving. Must be repeated: without it the axes come to rest after 200 ms."""
+
+    frame: Frame
+    axis: Axis
+    speed: Annotated[float, Field(ge=-1.0, le=1.0, description="Share of the jog speed, with its sign.")]
+    press: Annotated[
+        str,
+        Field(
+            max_length=40,
+            description="Names one press of a key. A stop or a hold by anybody ends it: what comes of it "
+            "afterwards is refused; press anew under another name. Without a name, 200 ms of silence do.",
+        ),
+    ] = ""
+
+
+class JogStop(Sent):
+    press: Annotated[str, Field(max_length=40, description="The one that ended; empty: whichever jogs.")] = ""
+
+
+class JogStep(Sent):
+    frame: Frame
+    axis: Axis
+    distance: Annotated[float, Field(ge=-1000.0, le=1000.0, description="mm or degrees, with its sign.")]
+
+
+class Mdi(Sent):
+    text: Annotated[str, Field(min_length=1, max_length=1000, description="One or more blocks.")]
+
+
+class Retract(Sent):
+    mm: Annotated[float, Field(gt=0.0, le=1000.0, description="Along the tool axis.")]
+
+
+class OffsetValues(Sent):
+    """A work offset: where the part's origin is on the table, and how the part is turned."""
+
+    origin_mm: Annotated[list[Millimetres], Field(min_length=3, max_length=3)]
+    turned_deg: Annotated[
+        list[Annotated[float, Field(ge=-360.0, le=360.0)]],
+        Field(min_length=3, max_length=3, description="About X, then Y, then Z of the table."),
+    ] = [0.0, 0.0, 0.0]
+    rotary_deg: Annotated[
+        dict[str, Annotated[float, Field(ge=-36000.0, le=36000.0)]] | None,
+        Field(description="What words of rotary axes are shifted by; left out: as it is."),
+    ] = None
+
+
+class ToolValues(Sent):
+    """A cutter; what is left out stays as it is: corner, taper, and all that only the machine file has."""
+
+    name: Annotated[str, Field(max_length=60)] = ""
+    radius_mm: Annotated[float, Field(gt=0.0, le=500.0)]
+    length_mm: Annotated[float, Field(ge=0.0, le=2000.0, description="From the gauge line to the tip.")]
+    flute_mm: Annotated[float, Field(gt=0.0, le=1000.0)]
+    corner_mm: Annotated[
+        float | None, Field(ge=0.0, le=500.0, description="Rounding of the end; the radius: a ball end.")
+    ] = None
+    taper_deg: Annotated[float | None, Field(ge=0.0, le=45.0, description="Half angle of the flank.")] = None
+    wear_radius_mm: Annotated[float | None, Field(ge=-0.5, le=0.5, description="Added to the radius.")] = None
+    wear_length_mm: Annotated[float | None, Field(ge=-0.5, le=0.5, description="Added to the length.")] = None
+
+
+class Rename(Sent):
+    name: Annotated[str, Field(min_length=1, max_length=200)]
+
+
+# ---- answered
+
+
+class Done(Told):
+    """It was done, or is being done; the status shows how it goes on.
+
+    Of a request that the tick itself answers, the result has its outcome: done, superseded by another one, or
+    given_up: what was being prepared does not begin; with the mode and the tick of that answer.
+    """
+
+    request: str
+    result: dict[str, Any] = {}
+
+
+class FaultFacts(Told, Texts):
+    name: str
+    axis: str | None = None
+    recovery: str | None = None
+    position_trusted: bool | None = None
+    recording: str | None = None
+    number: int | None = Field(None, description="Of its alarm.")
+    time_s: Number = Field(None, description="When it came, seconds since 1970.")
+
+
+class JobFacts(Told, Texts):
+    """The texts say why it was refused, or ended before its end."""
+
+    name: str | None = None
+    sha256: str | None = None
+    line: int | None = None
+    block: int | None = None
+    fraction: Number = Field(None, description="Of the whole program.")
+    blocks: int | None = None
+    elapsed_s: Number = None
+    left_s: Number = Field(None, description="Exact at the present override.")
+    duration_s: Number = None
+    state: str | None = Field(
+        None,
+        description="loading, loaded or refused; from its start on starting, running, held, stopping; then "
+        "completed, stopped, refused, fault or interrupted.",
+    )
+    block_delete: bool | None = Field(None, description="Lines that begin with / were left out.")
+    message: str | None = Field(None, description="What the program said last, by MSG and the like.")
+    messages: list[str] | None = Field(None, description="The last of them, newest last.")
+    verdict: VerdictFacts | None = Field(None, description="On its surfaces; None: none has a tolerance.")
+
+
+class RestartFacts(Told, Texts):
+    """The program that was interrupted last, and whether it may be gone on with; the texts say why not."""
+
+    offered: bool
+    program: str | None = Field(None, description="Its name in the store: POST /job with restart = true.")
+    name: str | None = Field(None, description="What it was called when it ran.")
+    sha256: str | None = None
+    line: int | None = None
+    fraction: Number = Field(None, description="Of the block.")
+    done: Number = Field(None, description="Share of the whole program.")
+    left_s: Number = Field(None, description="Of the whole program, at 100 %.")
+    exact: bool | None = Field(None, description="Otherwise at or before the place, at most 1 s of cut.")
+    tool: int | None = None
+    interrupted_s: Number = Field(None, description="Seconds since 1970.")
+
+
+class JointFacts(Told):
+    machine: Number = None
+    work: Number = None
+    to_go: Number = None
+    actual: Number = None
+    error: Number = None
+    homed: bool | None = None
+    limit: Any = None
+
+
+class Status(OfTick, Told):
+    """What the machine is doing, at most 50 ms ago; null: not known."""
+
+    time_s: Number = None
+    mode: str = Field(description="FAULT where the tick is gone; OFF before its first one.")
+    tick_alive: bool | None = Field(None, description="Whether the tick's process is there.")
+    plan_alive: bool | None = None
+    not_homed: Any = None
+    control: str | None = Field(None, description="Who holds the control token; null: nobody.")
+    fault: FaultFacts | None = None
+    job: JobFacts | None = None
+    joints: dict[str, JointFacts] = {}
+    work_offset: str | None = Field(None, description="In which the joints' work positions are.")
+    aside: bool | None = Field(None, description="The tool stands off the path of a held program.")
+    retract_room_mm: Number = Field(
+        None, description="So far the tool can go off along its axis from here; null: not now."
+    )
+    tip: Any = None
+    axis: Any = None
+    on_table: Any = Field(None, description="Tip and axis seen from the table with its rotaries at zero.")
+    limited_by: Any = Field(
+        None, description="What holds the feed down now: feed, corner ... or an axis and its limit."
+    )
+    in_block: Any = Field(None, description="What the motion is, the share of it that is done, and u.")
+    codes: Any = Field(None, description="Modal codes in which the motion runs: G17, G54, G61, T1 ...")
+    coolant: Any = None
+    inputs: Any = None
+    outputs: Any = None
+    analogue_outputs: Any = Field(None, description="Their values by name, as M67 and M68 said them.")
+    drives: list[DriveFacts] = []
+    commissioned: bool | None = Field(None, description="The drives' settings were written and read back.")
+    tool: int | None = Field(None, description="In the spindle; null: not known.")
+    notices: Any = Field(None, description="What forbids motion, and what stopped nothing, as sentences.")
+    tool_change: Any = Field(None, description="The tool that the program waits for: number, sentence.")
+    jogging: Any = None
+    sequence: Any = None
+
+
+class SurfaceFacts(Told):
+    """One surface as cut by the whole program, its ends included, against its form tolerance."""
+
+    line: int
+    tool: int
+    within: bool
+    tolerance_mm: float
+    exceeds_mm: float
+    overcut_mm: float
+    undercut_mm: float
+    u: float = Field(description="Where it is off most; v counts from the upper edge.")
+    v: float
+    height_mm: float = Field(description="Of that place above the lower edge, along its ruling.")
+    place: list[float] = Field(description="X, Y, Z in the part frame, mm.")
+    by: str = Field(description="The motion that cuts there: cut, lead in, pivot ...")
+    by_line: int
+    remedies: list[str] = Field(
+        description="What helps: double, optimal, radius, smaller, side, lead, joint, apart."
+    )
+    radius_mm: float = Field(description="Of a cutter that would do, about; 0 = none is known.")
+
+
+class VerdictFacts(Told, Texts):
+    """Whether all surfaces keep their form tolerance; the figures are of the one that is worst."""
+
+    within: bool
+    tolerance_mm: float
+    largest_mm: float
+    exceeds_mm: float
+    surfaces: list[SurfaceFacts]
+    left_out: int = Field(description="More surfaces than are told.")
+
+
+class CheckFacts(Told):
+    """What the check said: figures where it passed, else sentence, line and column."""
+
+    state: str = Field(description="none, waiting, running, passed, refused or failed.")
+    progress: float = 0.0
+    result: dict[str, Any] = {}
+    verdict: VerdictFacts | None = None  # none has a form tolerance
+
+
+class ProgramFacts(Told):
+    name: str
+    sha256: Sha256
+    size: int = Field(description="Bytes.")
+    lines: int
+    uploaded_s: float = Field(description="Seconds since 1970.")
+    uploaded_by: str
+    check: CheckFacts | None = None
+    last_run: dict[str, Any] | None = None
+    completed: int = Field(0, description="Runs under that name that came to their end: parts made.")
+
+
+class Draft(Sent):
+    """A program that is being written."""
+
+    name: Annotated[str, Field(min_length=1, max_length=200)]
+    text: Annotated[str, Field(max_length=1_000_000)]
+
+
+class DraftRefusal(Told, Texts):
+    line: int
+    column: int
+
+
+class DraftRead(Told):
+    refusals: list[DraftRefusal] = Field(description="The first hundred, as they stand; none: it reads well.")
+
+
+class LinesAround(Told):
+    lines: list[str]
+
+
+class ProgramList(Told):
+    programs: list[ProgramFacts]
+
+
+class AlarmFacts(Told, Texts):
+    id: int
+    at_s: float = Field(description="Seconds since 1970.")
+    name: str
+    axis: str
+    facts: dict[str, Any]
+    acknowledged_s: Number
+    acknowledged_by: str | None
+
+
+class AlarmList(Told):
+    alarms: list[AlarmFacts]
+    before: int | None = Field(description="For the next page; null: this was the last.")
+
+
+class RunFacts(Told):
+    id: int
+    program: str
+    sha256: str
+    began_s: float
+    ended_s: Number
+    result: str
+    facts: dict[str, Any]
+    files: list[str] | None = Field(None, description="Of its record; null in lists.")
+
+
+class RunList(Told):
+    runs: list[RunFacts]
+    before: int | None = Field(description="For the next page; null: this was the last.")
+
+
+class RecordingFacts(Told):
+    name: str
+    files: list[str]
+    bytes: int
+
+
+class RecordingList(Told):
+    recordings: list[RecordingFacts]
+
+
+class DriveList(Told):
+    drives: list[DriveFacts]
+
+
+class OffsetList(Told):
+    """``source`` of each: "file", or "machine" where it was set at the machine or by a program."""
+
+    offsets: dict[str, Any]
+    shift: dict[str, Any]  # of G92
+    references: dict[str, Any]  # of G28 and G30
+    parameters: dict[str, float]  # that outlive a program
+
+
+class ToolList(Told):
+    tools: dict[str, Any]

@@ -1,0 +1,198 @@
+"""Notices for whoever is not at the machine: alarms, ends of programs, tool changes asked for.
+
+    watch  ->  what is new  ->  for each way a short queue and a thread that sends
+
+A server that hangs holds up no request, no event, not the other way and not the machine. What is sent is
+tried ``TRIES`` times and then given up; what came of the last one, by each way, is kept to be shown.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import queue
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from controller import messages
+from controller.api import notice_settings, notice_ways
+from controller.api.answers import Refusal
+from controller.api.database import StoreError
+from controller.api.notice_settings import NoticeSettings
+from controller.api.notice_ways import Notice
+from controller.api.service_client import Watch
+from controller.api.store import Alarm, Run, Store
+from controller.messages import Key, Said, kept, plain, said
+
+LOOK_S = 1.0
+TRIES = 3
+PAUSES_S = (5.0, 30.0)  # between them
+MOST_WAITING = 100
+MOST_NEW = 20  # alarms, or runs, of one look; the rest is in the lists
+TYPED = "MDI"  # a line typed by hand is no program
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What came of the last notice by one way."""
+
+    at_s: float
+    sent: bool
+    why: Said | None = None  # it was not
+
+
+class Notices:
+    """``run`` looks for ever what is new, ``send`` puts a notice on every way that is set."""
+
+    def __init__(self, store: Store, watch: Watch) -> None:
+        self._store, self._watch = store, watch
+        self._asked: Any = None  # the tool change that was told
+        self._testing = False
+        self.ways = {name: Way(name, self.settings) for name in notice_ways.SENDERS}
+
+    def settings(self) -> NoticeSettings:
+        """As they are now. Raises StoreError."""
+        return notice_settings.load(self._store.settings)
+
+    @property
+    def outcomes(self) -> dict[str, Outcome]:
+        """Of the last notice, by way."""
+        return {name: way.last for name, way in self.ways.items() if way.last}
+
+    # -- what is new
+
+    async def run(self) -> None:
+        """Never ends."""
+        while True:
+            await self.look()
+            await asyncio.sleep(LOOK_S)
+
+    async def look(self) -> None:
+        """Send what is new; nothing is asked of the machine where nobody wants to know. Raises StoreError."""
+        settings = await asyncio.to_thread(self.settings)
+        for notice in await asyncio.to_thread(self._kept, settings):
+            self.send(notice)
+        if settings.wanted and settings.tool_change:
+            await self._look_at_tool()
+
+    def _kept(self, settings: NoticeSettings) -> list[Notice]:
+        """What came into the lists since the last look, also where this process was ended meanwhile."""
+        if not settings.wanted:
+            notice_settings.note_told(self._store.marks, None)
+            return []
+        alarms, runs = self._store.alarms.list(MOST_NEW), self._store.runs.list(MOST_NEW)
+        newest = (alarms[0].id if alarms else 0, runs[0].id if runs else 0)
+        known = notice_settings.note_told(self._store.marks, newest) or newest
+        told = [of_alarm(one) for one in alarms[::-1] if settings.alarms and one.id > known[0]]
+        ends = [one for one in runs[::-1] if one.id > known[1] and one.program != TYPED]
+        return [*told, *(of_run(one) for one in ends if settings.program_end)]
+
+    async def _look_at_tool(self) -> None:
+        with contextlib.suppress(Refusal):  # a service that is away asks for nothing
+            asked = (await self._watch.status()).get("tool_change")
+            if asked and asked != self._asked and (words := kept(asked)) is not None:
+                self.send(Notice("tool_change", time.time(), words, {"tool": asked.get("number")}))
+            self._asked = asked
+
+    # -- sending
+
+    def send(self, notice: Notice) -> None:
+        """Put it on the way; where too many wait it is lost, and that is shown."""
+        for way in self.ways.values():
+            way.send(notice)
+
+    async def test(self, settings: NoticeSettings) -> None:
+        """One by every way that is set, once, past what waits. Raises Refusal while another one is sent."""
+        if self._testing:
+            raise Refusal.told(409, "busy", "notice_testing")
+        self._testing = True
+        try:
+            notice = Notice("test", time.time(), said("notice.test"))
+            wanted = [self.ways[name] for name in notice_ways.ways(settings)]
+            await asyncio.gather(*(asyncio.to_thread(way.deliver, notice, settings) for way in wanted))
+        finally:
+            self._testing = False
+
+    def end(self) -> None:
+        """What is not sent by now is not sent; a server that hangs keeps nobody waiting."""
+        for way in self.ways.values():
+            way.end()
+
+
+class Way:
+    """One way, with what waits for it."""
+
+    def __init__(self, name: str, settings: Callable[[], NoticeSettings]) -> None:
+        self.name, self._settings = name, settings
+        self.last: Outcome | None = None
+        self._waiting: queue.Queue[Notice | None] = queue.Queue(MOST_WAITING)
+        self._ended = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def send(self, notice: Notice) -> None:
+        """Put it on the way."""
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._work, name=self.name, daemon=True)
+            self._thread.start()
+        try:
+            self._waiting.put_nowait(notice)
+        except queue.Full:
+            self._note(Key("notice.many"))
+
+    def deliver(self, notice: Notice, settings: NoticeSettings) -> Outcome:
+        """One try, here and now; it takes as long as ``notice_ways`` lets it."""
+        try:
+            notice_ways.send(self.name, notice, settings)
+        except Exception as error:  # whatever the library makes of a bad server
+            return self._note(notice_ways.why(error))
+        return self._note(None)
+
+    def end(self) -> None:
+        self._ended.set()
+        with contextlib.suppress(queue.Full):
+            self._waiting.put_nowait(None)
+
+    def _work(self) -> None:
+        while (notice := self._waiting.get()) is not None and not self._ended.is_set():
+            with contextlib.suppress(StoreError):  # it is told to whoever asks for it
+                settings = self._settings()
+                if self.name in notice_ways.ways(settings):
+                    self._try(notice, settings)
+
+    def _try(self, notice: Notice, settings: NoticeSettings) -> None:
+        for pause_s in (*PAUSES_S[: TRIES - 1], None):
+            if self.deliver(notice, settings).sent or pause_s is None or self._ended.wait(pause_s):
+                return
+
+    def _note(self, why: str | None) -> Outcome:
+        told = None if why is None else said("notice_failed", way=Key(f"way.{self.name}"), why=why)
+        self.last = Outcome(time.time(), why is None, told)
+        return self.last
+
+
+def of_alarm(alarm: Alarm) -> Notice:
+    facts = {"name": alarm.name, "axis": alarm.axis or None}
+    told = kept({"key": alarm.key, "values": alarm.values})
+    return Notice("alarm", alarm.at_s, told or plain(alarm.sentence), facts)
+
+
+def of_run(run: Run) -> Notice:
+    words = said("notice.end", program=run.program, result=in_words(run.result))
+    facts = {"program": run.program, "result": run.result, "run": run.id}
+    return Notice("program_end", run.ended_s or run.began_s, words, facts)
+
+
+def in_words(result: str) -> str:
+    """Of a run."""
+    key = f"notice.{result}"
+    return Key(key) if key in messages.of("en").refusals else result
+
+
+def changed(old: NoticeSettings, new: Mapping[str, Any]) -> NoticeSettings:
+    """With what was sent; null stays, but no password goes to another server than it was set for."""
+    found = replace(old, **{name: value for name, value in new.items() if value is not None})
+    other = found.host != old.host and new.get("password") is None
+    return replace(found, password="") if other else found

@@ -1,0 +1,367 @@
+"""Rows of the store as values, and the tables that hold facts only (programs have files, too).
+
+Every ``..._s`` that names a moment is seconds since 1970 (UTC); ``facts`` are JSON values.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from controller.api.database import Database, StoreError
+from controller.messages import Key, Said, plain
+
+Facts = Mapping[str, Any]
+Clock = Callable[[], float]
+
+ROLES = ("view", "operate", "set_up")  # each may do what those before it may
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One start of a program and what became of it."""
+
+    id: int
+    program: str
+    sha256: str
+    began_s: float
+    ended_s: float | None
+    # 'completed', 'stopped', 'refused', 'fault', 'interrupted' = the service was ended during it, 'lost' =
+    # killed; 'running' = no end is known
+    result: str
+    facts: Facts  # duration_s, cut_time_s, following_error {axis, value}, recording, fault, by, ...
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """A fault as it was told."""
+
+    id: int
+    at_s: float
+    name: str  # of the row in the fault table
+    axis: str  # "" = of none
+    key: str | None  # of what is said, with its values; None: it was kept as a sentence, before keys were
+    values: Facts | None
+    sentence: str
+    facts: Facts  # cause, remedy, recovery, position_trusted, recording, ...
+    acknowledged_s: float | None
+    acknowledged_by: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class User:
+    name: str
+    password: str  # argon2 hash
+    role: str  # one of ROLES
+
+
+@dataclass(frozen=True, slots=True)
+class Token:
+    """A script's key; only its hash is kept."""
+
+    name: str
+    role: str
+    made_s: float
+    made_by: str
+    expires_s: float | None = None  # None: it does not
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A line of the audit log."""
+
+    id: int
+    at_s: float
+    user: str
+    address: str
+    action: str
+    detail: str
+    allowed: bool
+
+
+@dataclass(slots=True)
+class Runs:
+    """History of runs. Raises StoreError."""
+
+    _database: Database
+    _clock: Clock = time.time
+
+    def begin(self, program: str, sha256: str, **facts: Any) -> int:
+        """A run begins; its number."""
+        with self._database.write() as sql:
+            done = sql.execute(
+                "INSERT INTO runs (program, sha256, began_s, result, facts) VALUES (?, ?, ?, 'running', ?)",
+                (program, sha256, self._clock(), _json(facts)),
+            )
+        return done.lastrowid or 0
+
+    def end(self, run: int, result: str, **facts: Any) -> None:
+        """A run ends; ``facts`` add to those of its beginning."""
+        with self._database.write() as sql:
+            row = sql.execute("SELECT facts FROM runs WHERE id = ?", (run,)).fetchone()
+            if row is None:
+                raise StoreError.told("missing", "missing", what=Key("what.run"), name=run)
+            told = _json({**json.loads(row["facts"]), **facts})
+            sql.execute(
+                "UPDATE runs SET result = ?, ended_s = ?, facts = ? WHERE id = ?",
+                (result, self._clock(), told, run),
+            )
+
+    def list(self, most: int = 100, before: int | None = None) -> list[Run]:
+        """The latest first; ``before`` a number, for the next page."""
+        rows = self._database.rows(
+            "SELECT * FROM runs WHERE id < ? ORDER BY id DESC LIMIT ?", (_before(before), most)
+        )
+        return [_run(row) for row in rows]
+
+    def sums(self) -> dict[str, tuple[int, float, float]]:
+        """By result: how many runs, seconds in motion, seconds of cutting."""
+        rows = self._database.rows(
+            "SELECT result, COUNT(*), TOTAL(json_extract(facts, '$.duration_s')), "
+            "TOTAL(json_extract(facts, '$.cut_time_s')) FROM runs GROUP BY result"
+        )
+        return {row[0]: (row[1], row[2], row[3]) for row in rows}
+
+    def get(self, run: int) -> Run | None:
+        return next((_run(r) for r in self._database.rows("SELECT * FROM runs WHERE id = ?", (run,))), None)
+
+    def completed_of(self, program: str) -> int:
+        """How often that name ran to its end."""
+        asked = "SELECT COUNT(*) FROM runs WHERE program = ? AND result = 'completed'"
+        return int(self._database.rows(asked, (program,))[0][0])
+
+    def last_of(self, program: str) -> Run | None:
+        """The latest run under that name."""
+        rows = self._database.rows(
+            "SELECT * FROM runs WHERE program = ? ORDER BY id DESC LIMIT 1", (program,)
+        )
+        return next((_run(r) for r in rows), None)
+
+
+@dataclass(slots=True)
+class Alarms:
+    """History of alarms. Raises StoreError."""
+
+    _database: Database
+    _clock: Clock = time.time
+
+    def add(self, name: str, said: Said | str, axis: str = "", **facts: Any) -> int:
+        """An alarm is raised; its number."""
+        with self._database.write() as sql:
+            done = sql.execute(
+                "INSERT INTO alarms (at_s, name, axis, sentence, facts) VALUES (?, ?, ?, ?, ?)",
+                (self._clock(), name, axis, "", _json({**facts, **plain(said)})),
+            )
+        return done.lastrowid or 0
+
+    def acknowledge(self, alarm: int, by: str) -> Alarm:
+        """The first acknowledgement counts."""
+        with self._database.write() as sql:
+            sql.execute(
+                "UPDATE alarms SET acknowledged_s = ?, acknowledged_by = ? "
+                "WHERE id = ? AND acknowledged_s IS NULL",
+                (self._clock(), by, alarm),
+            )
+        if (found := self.get(alarm)) is None:
+            raise StoreError.told("missing", "missing", what=Key("what.alarm"), name=alarm)
+        return found
+
+    def list(self, most: int = 100, before: int | None = None, open_only: bool = False) -> list[Alarm]:
+        """The latest first; ``open_only``: not yet acknowledged."""
+        rows = self._database.rows(
+            "SELECT * FROM alarms WHERE id < ? AND (NOT ? OR acknowledged_s IS NULL) "
+            "ORDER BY id DESC LIMIT ?",
+            (_before(before), open_only, most),
+        )
+        return [_alarm(row) for row in rows]
+
+    def sums(self) -> dict[str, tuple[int, int]]:
+        """By name: how many were told, and how many of them nobody has acknowledged."""
+        rows = self._database.rows(
+            "SELECT name, COUNT(*), SUM(acknowledged_s IS NULL) FROM alarms GROUP BY name ORDER BY name"
+        )
+        return {row[0]: (row[1], row[2]) for row in rows}
+
+    def get(self, alarm: int) -> Alarm | None:
+        rows = self._database.rows("SELECT * FROM alarms WHERE id = ?", (alarm,))
+        return next((_alarm(r) for r in rows), None)
+
+
+@dataclass(slots=True)
+class Values:
+    """Named JSON values that an operator changes: offsets, tools, settings. Raises StoreError."""
+
+    _database: Database
+    _table: str
+    _key: str
+    _value: str
+    _clock: Clock = time.time
+
+    def all(self) -> dict[Any, Any]:
+        rows = self._database.rows(f"SELECT {self._key}, {self._value} FROM {self._table} ORDER BY 1")
+        return {row[0]: json.loads(row[1]) for row in rows}
+
+    def get(self, key: str | int, default: Any = None) -> Any:
+        return self.all().get(key, default)
+
+    def set(self, key: str | int, value: Any, by: str) -> None:
+        with self._database.write() as sql:
+            self._put(sql, key, value, by)
+
+    def put(self, values: Mapping[str, Any], by: str) -> None:
+        """Several, all of them or none."""
+        with self._database.write() as sql:
+            for key, value in values.items():
+                self._put(sql, key, value, by)
+
+    def remove(self, key: str | int) -> None:
+        """Back to what the machine file says; nothing happens where there is no such value."""
+        with self._database.write() as sql:
+            sql.execute(f"DELETE FROM {self._table} WHERE {self._key} = ?", (key,))
+
+    def replace(self, values: Mapping[Any, Any], by: str, sql: sqlite3.Connection) -> None:
+        """All of them at once, within the caller's transaction; for a restored back-up."""
+        sql.execute(f"DELETE FROM {self._table}")
+        for key, value in values.items():
+            self._put(sql, key, value, by)
+
+    def _put(self, sql: sqlite3.Connection, key: str | int, value: Any, by: str) -> None:
+        sql.execute(
+            f"REPLACE INTO {self._table} ({self._key}, {self._value}, changed_s, changed_by) "
+            "VALUES (?, ?, ?, ?)",
+            (key, _json(value), self._clock(), by),
+        )
+
+
+@dataclass(slots=True)
+class Users:
+    """Users with their password hashes, and the tokens of scripts. Raises StoreError."""
+
+    _database: Database
+    _clock: Clock = time.time
+
+    def all(self) -> list[User]:
+        rows = self._database.rows("SELECT name, password, role FROM users ORDER BY name")
+        return [User(*row) for row in rows]
+
+    def get(self, name: str) -> User | None:
+        return next((user for user in self.all() if user.name == name), None)
+
+    def set(self, name: str, password: str, role: str) -> None:
+        """Make or change a user; ``password`` is the hash."""
+        _role(role)
+        with self._database.write() as sql:
+            sql.execute(
+                "REPLACE INTO users (name, password, role, changed_s) VALUES (?, ?, ?, ?)",
+                (name, password, role, self._clock()),
+            )
+
+    def remove(self, name: str) -> None:
+        with self._database.write() as sql:
+            if not sql.execute("DELETE FROM users WHERE name = ?", (name,)).rowcount:
+                raise StoreError.told("missing", "missing", what=Key("what.user"), name=name)
+
+    def tokens(self) -> list[Token]:
+        return list(self.by_hash().values())
+
+    def by_hash(self) -> dict[str, Token]:
+        """All tokens, by the hash of each."""
+        rows = self._database.rows("SELECT sha256, name, role, made_s, made_by, expires_s FROM tokens")
+        return {row[0]: Token(*row[1:]) for row in rows}
+
+    def token(self, sha256: str) -> Token | None:
+        """The token of that hash."""
+        rows = self._database.rows(
+            "SELECT name, role, made_s, made_by, expires_s FROM tokens WHERE sha256 = ?", (sha256,)
+        )
+        return next((Token(*row) for row in rows), None)
+
+    def add_token(
+        self, sha256: str, name: str, role: str, by: str, lasts_s: float | None = None
+    ) -> float | None:
+        """``lasts_s``: from now on; when it expires, seconds since 1970, None: never."""
+        _role(role)
+        now_s = self._clock()
+        expires_s = None if lasts_s is None else now_s + lasts_s
+        try:
+            with self._database.write() as sql:
+                sql.execute(
+                    "INSERT INTO tokens (sha256, name, role, made_s, made_by, expires_s) "
+                    "VALUES (?, ?, ?, ?, ?, ?)",
+                    (sha256, name, role, now_s, by, expires_s),
+                )
+        except sqlite3.IntegrityError as error:
+            raise StoreError.told("exists", "exists", what=Key("what.token"), name=name) from error
+        return expires_s
+
+    def sessions(self) -> list[tuple[str, str, str, float, float]]:
+        """Log-ins, the oldest first: SHA-256 of the cookie, user, mark, begin, last request."""
+        rows = self._database.rows(
+            "SELECT sha256, user, mark, began_s, seen_s FROM sessions ORDER BY began_s"
+        )
+        return [(row[0], row[1], row[2], row[3], row[4]) for row in rows]
+
+    def keep_sessions(self, rows: Iterable[tuple[str, str, str, float, float]], ended: Iterable[str]) -> None:
+        """New ones and those that were seen again, as ``sessions`` gives them; ``ended``: their SHA-256."""
+        with self._database.write() as sql:
+            sql.executemany("REPLACE INTO sessions VALUES (?, ?, ?, ?, ?)", rows)
+            sql.executemany("DELETE FROM sessions WHERE sha256 = ?", [(key,) for key in ended])
+
+    def remove_token(self, name: str) -> None:
+        with self._database.write() as sql:
+            if not sql.execute("DELETE FROM tokens WHERE name = ?", (name,)).rowcount:
+                raise StoreError.told("missing", "missing", what=Key("what.token"), name=name)
+
+
+@dataclass(slots=True)
+class Audit:
+    """Who asked for what; the oldest lines go. Raises StoreError."""
+
+    _database: Database
+    _clock: Clock = time.time
+    most: int = field(default=100_000)
+
+    def add(self, user: str, address: str, action: str, detail: str = "", allowed: bool = True) -> None:
+        with self._database.write() as sql:
+            done = sql.execute(
+                "INSERT INTO audit (at_s, user, address, action, detail, allowed) VALUES (?, ?, ?, ?, ?, ?)",
+                (self._clock(), user, address, action, detail, allowed),
+            )
+            sql.execute("DELETE FROM audit WHERE id <= ?", ((done.lastrowid or 0) - self.most,))
+
+    def list(self, most: int = 100, before: int | None = None) -> list[Entry]:
+        """The latest first."""
+        rows = self._database.rows(
+            "SELECT * FROM audit WHERE id < ? ORDER BY id DESC LIMIT ?", (_before(before), most)
+        )
+        return [Entry(**{**dict(row), "allowed": bool(row["allowed"])}) for row in rows]
+
+
+def _before(number: int | None) -> int:
+    return 2**62 if number is None else min(max(number, 0), 2**62)
+
+
+def _json(value: Any) -> str:
+    return json.dumps(value, allow_nan=False)
+
+
+def _role(role: str) -> None:
+    if role not in ROLES:
+        raise StoreError("form", f"role {role!r}: is not known; allowed are {', '.join(ROLES)}; choose one.")
+
+
+def _run(row: sqlite3.Row) -> Run:
+    values = dict(row)
+    del values["source"]
+    return Run(**{**values, "facts": json.loads(values["facts"])})
+
+
+def _alarm(row: sqlite3.Row) -> Alarm:
+    columns, facts = dict(row), json.loads(row["facts"])
+    del columns["source"]
+    said = {name: facts.pop(name, None) for name in ("key", "values")}
+    return Alarm(**{**columns, **said, "facts": facts})

@@ -1,0 +1,98 @@
+"""The machine itself: status, facts, drives on and off, homing, e-stop, overrides, MDI."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import APIRouter, Request
+
+from controller.api import models
+from controller.api.access import moves, needs, panel_of, stops
+from controller.api.answers import Answer, documented
+from controller.api.roles import Role
+
+router = APIRouter(tags=["machine"])
+MOVES = documented(401, 403, 409, 422, 503)
+LOOKS = documented(401, 403, 503)
+
+
+async def ask(request: Request, verb: str, **args: Any) -> models.Done:
+    """One verb of the service, done. Raises Refusal."""
+    panel = panel_of(request)
+    panel.go_on.asked(verb)
+    return models.Done(request=verb, result=await panel.door.ask(verb, **args))
+
+
+@router.get(
+    "/status",
+    response_model=models.Status,
+    dependencies=[needs(Role.VIEW)],
+    responses=documented(401, 403, 503),
+)
+async def status(request: Request) -> Answer:
+    """What the machine is doing: mode, job with its exact time left, joints, what limits the feed."""
+    panel = panel_of(request)
+    now = await panel.watch.status()
+    # As it is, not through the model: this is asked for a hundred times a second.
+    return Answer({**now, "control": panel.control.holder or None})
+
+
+@router.get("/facts", dependencies=[needs(Role.VIEW)], responses=LOOKS)
+async def facts(request: Request) -> dict[str, Any]:
+    """What does not change while the machine moves: axes, units, limits, tools, offsets, period."""
+    return await panel_of(request).door.ask("facts")
+
+
+@router.get("/drives", dependencies=[needs(Role.VIEW)], responses=LOOKS, response_model_exclude_unset=True)
+async def drives(request: Request) -> models.DriveList:
+    """State, statusword, error and age of the heartbeat of every drive."""
+    found = await panel_of(request).door.ask("drives")
+    return models.DriveList(drives=list(found.get("drives") or []))
+
+
+@router.post("/machine/enable", dependencies=[moves()], responses=MOVES)
+async def enable(request: Request) -> models.Done:
+    """Drives on; the machine stands."""
+    return await ask(request, "enable")
+
+
+@router.post("/machine/disable", dependencies=[moves()], responses=MOVES)
+async def disable(request: Request) -> models.Done:
+    """Drives off, brakes first."""
+    return await ask(request, "disable")
+
+
+@router.post("/machine/home", dependencies=[moves()], responses=MOVES)
+async def home(request: Request, body: models.Home) -> models.Done:
+    """Home all axes, or some."""
+    return await ask(request, "home", axes=body.axes)
+
+
+@router.post("/machine/reset", dependencies=[moves()], responses=MOVES)
+async def reset(request: Request) -> models.Done:
+    """Leave a fault; nothing starts by it."""
+    return await ask(request, "reset")
+
+
+@router.post("/machine/estop", dependencies=[stops()], responses=MOVES)
+async def estop(request: Request) -> models.Done:
+    """Ask for an emergency stop. This is no safety function: that is the machine's own circuit."""
+    return await ask(request, "estop")
+
+
+@router.post("/mdi", dependencies=[moves()], responses=MOVES)
+async def mdi(request: Request, body: models.Mdi) -> models.Done:
+    """Run one or more blocks as they are given."""
+    return await ask(request, "mdi", text=body.text)
+
+
+@router.put("/overrides/feed", dependencies=[moves()], responses=MOVES)
+async def override(request: Request, body: models.Share) -> models.Done:
+    """Scale the programmed feed; acts at once."""
+    return await ask(request, "override", share=body.share)
+
+
+@router.put("/overrides/rapid", dependencies=[moves()], responses=MOVES)
+async def rapid_override(request: Request, body: models.RapidShare) -> models.Done:
+    """Scale the speed of rapids; acts at once."""
+    return await ask(request, "rapid_override", share=body.share)

@@ -1,0 +1,227 @@
+"""What was: alarms, runs and the recordings of faults."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path as FilePath
+from typing import Annotated, Any, BinaryIO
+
+from fastapi import APIRouter, Path, Query, Request, Response
+from fastapi.responses import FileResponse, HTMLResponse
+from starlette.types import Receive, Scope, Send
+
+from controller import messages
+from controller.api import models, run_report
+from controller.api.access import needs, panel_of, principal
+from controller.api.answers import Refusal, documented, spoken
+from controller.api.app_state import Panel
+from controller.api.names import leaf_of
+from controller.api.roles import Role
+from controller.api.store import Run
+from controller.messages import Key
+
+router = APIRouter(tags=["records"])
+Most = Annotated[int, Query(ge=1, le=1000, description="At most so many.")]
+Before = Annotated[int | None, Query(ge=0, le=2**53, description="Those before this number.")]
+Only = Annotated[str, Query(pattern="^(all|open)$", description="'open': not acknowledged yet.")]
+Number = Annotated[int, Path(ge=1, le=2**53)]
+Speaks = Annotated[str, Query(max_length=20, description="Language of the page; empty: the one asked for.")]
+MOST_ALARMS = 1000  # looked through for those of a run
+PAGE = documented(401, 403, 422)
+FileName = Annotated[str, Path(pattern=r"^[0-9A-Za-z][0-9A-Za-z._-]{0,100}$")]
+FILE: dict[int | str, dict[str, Any]] = {
+    200: {"content": {"application/octet-stream": {"schema": {"type": "string", "format": "binary"}}}},
+    **documented(401, 403, 404, 422),
+}
+
+
+class Opened(FileResponse):
+    """A file that is open already: it is sent whole, whatever becomes of its name."""
+
+    def __init__(self, file: BinaryIO, name: str, headers: dict[str, str] | None = None) -> None:
+        path = f"/proc/self/fd/{file.fileno()}"
+        super().__init__(path, headers=headers, media_type="application/octet-stream", filename=leaf_of(name))
+        self._file = file
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        with self._file:
+            await super().__call__(scope, receive, send)
+
+
+def before(rows: Sequence[Any], most: int) -> int | None:
+    """Where the next page begins; None where there is none."""
+    return rows[-1].id if len(rows) == most else None
+
+
+@router.get("/alarms", dependencies=[needs(Role.VIEW)], responses=PAGE)
+async def alarms(
+    request: Request, most: Most = 100, before_id: Before = None, only: Only = "all"
+) -> models.AlarmList:
+    """Alarms, the latest first."""
+    panel = panel_of(request)
+    await asyncio.to_thread(panel.gatherer.gather)
+    rows = await asyncio.to_thread(panel.store.alarms.list, most, before_id, only == "open")
+    return models.AlarmList(alarms=[models.AlarmFacts(**asdict(r)) for r in rows], before=before(rows, most))
+
+
+@router.post(
+    "/alarms/{number}/acknowledge",
+    dependencies=[needs(Role.OPERATE)],
+    responses=documented(401, 403, 404, 422),
+)
+async def acknowledge(request: Request, number: Number) -> models.AlarmFacts:
+    """Somebody has seen an alarm; who, is kept. It resets nothing."""
+    panel, who = panel_of(request), await principal(request)
+    alarm = await asyncio.to_thread(panel.store.alarms.acknowledge, number, who.name)
+    with contextlib.suppress(Refusal):  # it is kept here, whether or not the service is there to be told
+        await panel.door.ask("acknowledge", id=alarm.facts.get("number", number))
+    return models.AlarmFacts(**asdict(alarm))
+
+
+@router.get("/runs", dependencies=[needs(Role.VIEW)], responses=PAGE)
+async def runs(request: Request, most: Most = 100, before_id: Before = None) -> models.RunList:
+    """Runs, the latest first: duration, cut time, worst following error, result."""
+    panel = panel_of(request)
+    await asyncio.to_thread(panel.gatherer.gather)
+    rows = await asyncio.to_thread(panel.store.runs.list, most, before_id)
+    return models.RunList(runs=[models.RunFacts(**asdict(r)) for r in rows], before=before(rows, most))
+
+
+@router.get("/runs/{number}", dependencies=[needs(Role.VIEW)], responses=documented(401, 403, 404, 422))
+async def run(request: Request, number: Number) -> models.RunFacts:
+    """One run, with the names of its files."""
+    panel = panel_of(request)
+    found = await _run(panel, number)
+    files = await asyncio.to_thread(files_of, panel.run_records, _record(found))
+    return models.RunFacts(**asdict(found), files=files)
+
+
+@router.get(
+    "/runs/{number}/files/{file}",
+    dependencies=[needs(Role.VIEW)],
+    response_class=FileResponse,
+    responses=FILE,
+)
+async def run_file(request: Request, number: Number, file: FileName) -> Opened:
+    """One file of a run's record: run.json, setpoints.npz, and what ``directrix replay`` needs."""
+    panel = panel_of(request)
+    return await _sent(panel.run_records, _record(await _run(panel, number)), file)
+
+
+@router.get(
+    "/runs/{number}/report",
+    dependencies=[needs(Role.VIEW)],
+    response_class=Response,
+    responses={
+        200: {"content": {"text/html": {"schema": {"type": "string"}}}},
+        **documented(401, 403, 404, 422),
+    },
+)
+async def report(request: Request, number: Number, language: Speaks = "") -> HTMLResponse:
+    """One run as a page to be printed: how it went, its check, its alarms."""
+    panel = panel_of(request)
+    found = await _run(panel, number)
+    told = await asyncio.to_thread(_reported, panel, found)
+    return HTMLResponse(run_report.page(told, messages.chosen(language, spoken.get())))
+
+
+def _reported(panel: Panel, run: Run) -> run_report.Facts:
+    """The check is of the machine as it is fitted now: the store keeps no other by the run."""
+    check = None
+    if panel.checker is not None:
+        check = panel.store.checks.get(run.sha256, panel.checker.machine())
+    ended_s = run.ended_s if run.ended_s is not None else time.time()
+    alarms = [one for one in panel.store.alarms.list(MOST_ALARMS) if run.began_s <= one.at_s <= ended_s]
+    files = files_of(panel.run_records, _record(run))
+    return run_report.Facts(run, check.result if check is not None else {}, alarms[::-1], files)
+
+
+async def record_of(panel: Panel, number: int) -> str:
+    """Name of the folder of a run's record, which is there. Raises Refusal."""
+    name = _record(await _run(panel, number))
+    if name not in {one.name for one in await asyncio.to_thread(inside, panel.run_records)}:
+        raise Refusal.told(404, "missing", "record_gone", number=number)
+    return name
+
+
+async def _run(panel: Panel, number: int) -> Run:
+    found = await asyncio.to_thread(panel.store.runs.get, number)
+    if found is None:
+        raise Refusal.told(404, "missing", "missing", what=Key("what.run"), name=number)
+    return found
+
+
+def _record(run: Run) -> str:
+    """Name of the folder that the service wrote."""
+    return str(run.facts.get("record", ""))
+
+
+@router.get("/recordings", dependencies=[needs(Role.VIEW)], responses=documented(401, 403))
+async def recordings(request: Request) -> models.RecordingList:
+    """What is kept of faults: the last seconds of every tick and of every frame."""
+    return models.RecordingList(recordings=await asyncio.to_thread(_listed, panel_of(request).recordings))
+
+
+@router.get(
+    "/recordings/{name}/{file}",
+    dependencies=[needs(Role.VIEW)],
+    response_class=FileResponse,
+    responses=FILE,
+)
+async def recording(request: Request, name: FileName, file: FileName) -> Opened:
+    """One file of a recording."""
+    return await _sent(panel_of(request).recordings, name, file)
+
+
+def _listed(folder: FilePath) -> list[models.RecordingFacts]:
+    names = sorted((one.name for one in inside(folder) if one.is_dir()), reverse=True)
+    return [_recording(folder, name) for name in names]
+
+
+def _recording(folder: FilePath, name: str) -> models.RecordingFacts:
+    files = files_of(folder, name)
+    size = sum(_bytes(folder / name / file) for file in files)
+    return models.RecordingFacts(name=name, files=files, bytes=size)
+
+
+def _bytes(file: FilePath) -> int:
+    with contextlib.suppress(OSError):  # it has just gone with the oldest
+        return file.stat().st_size
+    return 0
+
+
+# ---- files of records
+
+
+def files_of(folder: FilePath, name: str) -> list[str]:
+    """Names of the files of one record."""
+    if name not in {one.name for one in inside(folder)}:
+        return []
+    return sorted(file.name for file in inside(folder / name) if file.is_file() and not file.is_symlink())
+
+
+async def _sent(folder: FilePath, name: str, file: str) -> Opened:
+    found = await asyncio.to_thread(_opened, folder, name, file)
+    if found is None:
+        raise Refusal.told(404, "missing", "missing", what=Key("what.file"), name=f"{name}/{file}")
+    return Opened(found, file)
+
+
+def _opened(folder: FilePath, name: str, file: str) -> BinaryIO | None:
+    """None: there is none of that name, or it has just gone with the oldest."""
+    with contextlib.suppress(OSError):
+        # Only what is listed: a name from outside is compared, never made into a path.
+        return open(folder / name / file, "rb") if file in files_of(folder, name) else None
+    return None
+
+
+def inside(folder: FilePath) -> list[FilePath]:
+    """What a folder holds."""
+    try:
+        return list(folder.iterdir())
+    except OSError:  # not made yet, or just taken away with the oldest
+        return []

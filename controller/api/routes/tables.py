@@ -1,0 +1,70 @@
+"""Work offsets and the tool table: kept by the service, changed at rest only."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Path, Request
+
+from controller.api import models, touch_off
+from controller.api.access import moves, needs, panel_of
+from controller.api.roles import Role
+from controller.api.routes.machine import LOOKS, MOVES, ask
+from controller.machine.changes import turned_deg
+
+router = APIRouter(tags=["offsets and tools"])
+NUMBERED = r"G54\.1 P([1-9]|[1-3][0-9]|4[0-8])"
+OffsetName = Annotated[str, Path(pattern=rf"^(G5[4-9]|G59\.[1-3]|{NUMBERED})$")]
+SetName = Annotated[
+    str, Path(pattern=rf"^(G5[4-9]|G59\.[1-3]|{NUMBERED}|G92|G28|G30|T[0-9]{{1,5}}|#[0-9]{{1,4}}|all)$")
+]
+ToolNumber = Annotated[int, Path(ge=1, le=99999)]
+
+
+@router.get("/offsets", dependencies=[needs(Role.VIEW)], responses=LOOKS)
+async def offsets(request: Request) -> models.OffsetList:
+    """Work offsets, G92's shift, reference points and kept parameters as they are in force, and whence."""
+    facts = await panel_of(request).door.ask("facts")
+    found = rows_by(facts, "offsets", "name")
+    turned = {name: {"turned_deg": turned_deg(touch_off.frame(one))} for name, one in found.items()}
+    others = {name: dict(facts.get(name) or {}) for name in ("shift", "references", "parameters")}
+    return models.OffsetList(offsets={name: {**turned[name], **one} for name, one in found.items()}, **others)
+
+
+@router.put("/offsets/{name}", dependencies=[moves()], responses=MOVES)
+async def set_offset(request: Request, name: OffsetName, body: models.OffsetValues) -> models.Done:
+    """Change a work offset; refused while the machine moves or a program is on."""
+    return await ask(request, "set_offset", name=name, values=body.model_dump(exclude_none=True))
+
+
+@router.delete("/offsets/{name}", dependencies=[moves()], responses=MOVES)
+async def forget(request: Request, name: SetName) -> models.Done:
+    """Back to the machine file's: an offset, G92, G28, G30, a tool (T3), a parameter (#500), or all."""
+    return await ask(request, "forget", name=name)
+
+
+@router.get("/tools", dependencies=[needs(Role.VIEW)], responses=LOOKS)
+async def tools(request: Request) -> models.ToolList:
+    """The tool table as it is in force."""
+    return models.ToolList(tools=rows_by(await panel_of(request).door.ask("facts"), "tools", "number"))
+
+
+@router.put("/tools/{number}", dependencies=[moves()], responses=MOVES)
+async def set_tool(request: Request, number: ToolNumber, body: models.ToolValues) -> models.Done:
+    """Add or change a tool; refused while the machine moves or a program is on, but for the
+    insert that is changed after a retract."""
+    return await ask(request, "set_tool", number=number, **body.model_dump(exclude_none=True))
+
+
+@router.delete("/tools/{number}", dependencies=[moves()], responses=MOVES)
+async def remove_tool(request: Request, number: ToolNumber) -> models.Done:
+    """Take a tool out of the table; refused as a change is."""
+    return await ask(request, "set_tool", number=number, remove=True)
+
+
+def rows_by(facts: dict[str, Any], what: str, key: str) -> dict[str, Any]:
+    """Rows by their key, however the service tells them."""
+    found = facts.get(what) or {}
+    if isinstance(found, dict):
+        return {str(name): value for name, value in found.items()}
+    return {str(row.get(key)): row for row in found}

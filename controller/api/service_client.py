@@ -1,0 +1,148 @@
+"""The panel's end of the door: asks the controller's service, and keeps the last status for all.
+
+Verbs go in lanes, each with threads of its own: a stop never waits behind anything else, a move
+only behind moves, and what waits for a disk or a plan is in nobody's way, however many ask for it.
+The status is asked at most every ``FRESH_S``, however many want to know it: neither 20
+listeners nor a script that asks without pause load the machine. But whoever was answered reads a
+status of after that answer.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any, Protocol
+
+from anyio import CapacityLimiter, to_thread
+
+from controller.api.answers import Refusal
+from controller.ipc.control_socket import Client, DoorError
+
+FRESH_S = 0.025  # half of the interval of the events
+QUICK_S = 5.0
+SLOW_S = 600.0  # a whole program may have to be read
+# Who may look at all asks for these, so they are kept apart from what moves the machine.
+LOOKS = frozenset({"facts", "drives", "alarms", "runs", "rows", "buses", "restart", "acknowledge", "usage"})
+TELLS = LOOKS | {"status"}  # what changes nothing
+STOPS = frozenset({"stop", "hold", "estop", "jog_stop", "disable"})
+SLOW = frozenset(
+    {
+        "load",
+        "unload",
+        "mdi",
+        "enable",
+        "home",
+        "reset",
+        "retract",
+        "return",
+        "set_offset",
+        "set_tool",
+        "forget",
+    }
+)
+# "bad" is no 422: what the schema cannot say (a word of a program, an axis that this machine
+# has not) depends on the machine, and so does whether it is refused.
+STATUSES = {**dict.fromkeys(("refused", "busy", "bad", "unrecorded", "worn"), 409), "gone": 503}
+
+
+class Door(Protocol):
+    """Whatever answers the verbs of the local protocol."""
+
+    async def ask(self, verb: str, **args: Any) -> dict[str, Any]:
+        """The result. Raises Refusal."""
+        ...
+
+
+@dataclass
+class Lane:
+    """Verbs that may be in each other's way, and how many of them are asked at once."""
+
+    verbs: frozenset[str]
+    at_once: int
+    client: Client
+
+    @cached_property
+    def places(self) -> CapacityLimiter:
+        """Made within the event loop that uses it."""
+        return CapacityLimiter(self.at_once)
+
+
+class SocketDoor:
+    """The service behind its socket."""
+
+    def __init__(self, path: Path) -> None:
+        self._others = Lane(frozenset(), 16, Client(path, QUICK_S))  # start, resume, jog, overrides, status
+        # All places together are fewer than the door has.
+        self._lanes = (
+            Lane(STOPS, 8, Client(path, QUICK_S)),
+            Lane(LOOKS, 8, Client(path, QUICK_S)),
+            Lane(SLOW, 8, Client(path, SLOW_S)),
+            self._others,
+        )
+
+    async def ask(self, verb: str, **args: Any) -> dict[str, Any]:
+        """The result of a verb. Raises Refusal with the service's own sentence."""
+        lane = next((lane for lane in self._lanes if verb in lane.verbs), self._others)
+        asked = partial(lane.client.ask, verb, **args)
+        try:
+            return await to_thread.run_sync(asked, abandon_on_cancel=True, limiter=lane.places)
+        except DoorError as error:
+            raise refusal(error) from error
+
+    def close(self) -> None:
+        for lane in self._lanes:
+            lane.client.close()
+
+
+def refusal(error: DoorError) -> Refusal:
+    """What the service said, as an answer."""
+    status = STATUSES.get(error.code, 503)
+    return Refusal(status, error.code, error.said, mode=error.mode or None, request=error.request or None)
+
+
+class Watch:
+    """The door, and the machine's status asked once for all who want it at about the same time."""
+
+    def __init__(self, door: Door) -> None:
+        self._door = door
+        self._asking = asyncio.Lock()
+        self._last: dict[str, Any] = {}
+        self._asked_s = self._answered_s = self._fresh_to_s = -1e9  # monotonic
+
+    async def ask(self, verb: str, **args: Any) -> dict[str, Any]:
+        """As the door's."""
+        try:
+            return await self._door.ask(verb, **args)
+        finally:
+            if verb not in TELLS:
+                self._answered_s = time.monotonic()
+
+    async def status(self) -> dict[str, Any]:
+        """At most ``FRESH_S`` old, and asked for after the last answer. Raises Refusal."""
+        async with self._asking:
+            asked_s = time.monotonic()
+            if asked_s > self._fresh_to_s or self._asked_s < self._answered_s:
+                self._last = await self._door.ask("status")
+                self._asked_s, self._fresh_to_s = asked_s, time.monotonic() + FRESH_S
+            return self._last
+
+    async def in_use(self) -> frozenset[str]:
+        """Name and sha256 of the loaded program: its file must stay as it is.
+
+        A service that is gone uses nothing. One that does not answer may have a tick that cuts: Refusal.
+        """
+        try:
+            job = (await self._door.ask("status")).get("job")
+        except Refusal as refused:
+            if refused.facts.code != "gone":
+                raise
+            return frozenset()
+        return _named(job) if isinstance(job, Mapping) else frozenset()
+
+
+def _named(job: Mapping[str, Any]) -> frozenset[str]:
+    return frozenset(str(job[key]) for key in ("name", "sha256") if job.get(key))

@@ -1,0 +1,136 @@
+"""What the service wrote of runs, alarms, offsets and tools, taken into the store.
+
+The service writes files of its own, so that nothing it has to keep waits for a database or
+for the panel. Here they become rows that can be listed, searched and acknowledged. Taking the
+same file in again changes nothing, so it may be done at any time and by anybody.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+from controller.api.database import Database
+from controller.api.records import Values
+from controller.machine import setup_data
+
+ALARMS = "alarms.jsonl"
+RUNS = "runs"
+BY_SERVICE = "at the machine"  # who acknowledged, where the service does not say
+
+_OWN = ("id", "time_s", "name", "axis", "sentence", "acknowledged_s")  # columns; the others are facts
+_OWN_RUN = ("id", "name", "sha256", "started_s", "ended_s", "result")
+
+
+class Gatherer:
+    """Looks whether there is something new."""
+
+    def __init__(self, database: Database, state: Path) -> None:
+        self._database, self._state = database, state
+        self._alarms = self._fitted = (0, 0)  # size and time of the files that were taken in
+        self._runs: set[str] = {
+            row[0] for row in database.rows("SELECT source FROM runs WHERE source IS NOT NULL")
+        }
+
+    def gather(self) -> bool:
+        """Take in what is new; whether there was anything. Raises StoreError."""
+        return bool(self._gather_alarms() + self._gather_runs() + self._gather_fitted())
+
+    def _gather_fitted(self) -> int:
+        """Offsets and tools as they were changed last: to be seen while no service runs, too."""
+        file = self._state / setup_data.FILE
+        try:
+            if (stamp := _stamp(file)) == self._fitted:
+                return 0
+            told: dict[str, Any] = dict(json.loads(file.read_text(encoding="utf-8")))
+            offsets, tools = dict(told.get("offsets") or {}), dict(told.get("tools") or {})
+            numbered = {int(number): tool for number, tool in tools.items()}
+        except (OSError, ValueError, TypeError):
+            return 0
+        with self._database.write() as sql:
+            Values(self._database, "offsets", "name", "facts").replace(offsets, BY_SERVICE, sql)
+            Values(self._database, "tools", "number", "facts").replace(numbered, BY_SERVICE, sql)
+        self._fitted = stamp
+        return 1
+
+    def _gather_alarms(self) -> int:
+        file = self._state / ALARMS
+        try:
+            if (stamp := _stamp(file)) == self._alarms:
+                return 0
+            lines = file.read_text(encoding="utf-8", errors="replace").splitlines()
+        except OSError:
+            return 0
+        with self._database.write() as sql:
+            taken = sum(_alarm(sql, line) for line in lines)
+        self._alarms = stamp
+        return taken
+
+    def _gather_runs(self) -> int:
+        """A record that cannot be read is looked at again the next time."""
+        files = sorted((self._state / RUNS).glob("*/run.json"))
+        read = {f.parent.name: _run(f) for f in files if f.parent.name not in self._runs}
+        ended = {name: run for name, run in read.items() if run is not None}
+        if not ended:
+            return 0
+        with self._database.write() as sql:
+            for run in ended.values():
+                sql.execute(
+                    "INSERT INTO runs (program, sha256, began_s, ended_s, result, facts, source) "
+                    "VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT (source) DO NOTHING",
+                    run,
+                )
+        self._runs |= set(ended)
+        return len(ended)
+
+
+def _stamp(file: Path) -> tuple[int, int]:
+    found = file.stat()
+    return found.st_size, found.st_mtime_ns
+
+
+def _alarm(sql: sqlite3.Connection, line: str) -> bool:
+    """One line, unless it is cut off; a later line of the same alarm adds to it."""
+    with contextlib.suppress(ValueError, KeyError, TypeError):
+        told: dict[str, Any] = dict(json.loads(line))
+        source = f"{int(told['id'])} {float(told['time_s'])!r}"
+        values = (
+            float(told["time_s"]),
+            str(told["name"]),
+            str(told.get("axis") or ""),
+            str(told.get("sentence") or ""),  # of those that were kept before keys were
+            json.dumps({k: v for k, v in told.items() if k not in _OWN} | {"number": told["id"]}),
+            source,
+        )
+        sql.execute(
+            "INSERT INTO alarms (at_s, name, axis, sentence, facts, source) VALUES (?, ?, ?, ?, ?, ?) "
+            "ON CONFLICT (source) DO UPDATE SET facts = excluded.facts",
+            values,
+        )
+        if (seen_s := told.get("acknowledged_s")) is not None:
+            sql.execute(
+                "UPDATE alarms SET acknowledged_s = ?, acknowledged_by = ? "
+                "WHERE source = ? AND acknowledged_s IS NULL",
+                (float(seen_s), str(told.get("acknowledged_by") or BY_SERVICE), source),
+            )
+        return True
+    return False
+
+
+def _run(file: Path) -> tuple[Any, ...] | None:
+    """The row of a run; None for what is no record."""
+    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+        told: dict[str, Any] = dict(json.loads(file.read_text(encoding="utf-8")))
+        return (
+            str(told.get("name") or "MDI"),
+            str(told.get("sha256") or ""),
+            float(told["started_s"]),
+            float(told["ended_s"]),
+            str(told["result"]),
+            json.dumps({k: v for k, v in told.items() if k not in _OWN_RUN} | {"record": file.parent.name}),
+            file.parent.name,
+        )
+    return None

@@ -1,0 +1,167 @@
+"""``directrix backup``: machine file, offsets, tools, settings and programs as one checked archive."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from controller.api import backup
+from controller.api.backup import BackupError, Contents
+from controller.api.store import Store, StoreError
+from controller.cli import machine_check
+from controller.ipc import control_socket
+from controller.machine import machine_file as config
+from controller.machine import setup_data
+from controller.machine.model import Machine
+from controller.machine.toml_table import ConfigError
+from controller.runtime.bus_load import overload
+from controller.verify.console import Refused, refusals, show
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    help="Back-up, restore, update and roll-back of machine file, offsets, tools and programs.",
+)
+
+Archive = Annotated[Path, typer.Argument(help="The archive (.zip).")]
+MachineFile = Annotated[str, typer.Option("--machine", help="Machine file; default: the service's.")]
+Target = Annotated[
+    Path | None, typer.Option("--machine", help="Where the service reads its machine file from.")
+]
+State = Annotated[
+    Path | None, typer.Option("--state", help="State folder; default: the service's or the user's.")
+]
+Runtime = Annotated[
+    Path | None, typer.Option("--runtime", help="Folder of the service's sockets; default: as it noted it.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+EXPECTED = (BackupError, StoreError, ConfigError)
+
+
+@app.command()
+def save(archive: Archive, machine: MachineFile = "", state: State = None, as_json: Json = False) -> None:
+    """Write one archive of everything that is set and stored; also while the machine runs."""
+    with refusals(as_json, lambda: EXPECTED):
+        store = Store(state or control_socket.state_folder())
+        backup.save(store, _machine(store, machine), archive)
+        _show(as_json, {"archive": str(archive), **_facts(backup.check(archive))})
+
+
+@app.command()
+def check(archive: Archive, as_json: Json = False) -> None:
+    """Read an archive whole and tell what is in it; nothing is changed."""
+    with refusals(as_json, lambda: EXPECTED):
+        _show(as_json, {"archive": str(archive), **_facts(backup.check(archive))})
+
+
+@app.command()
+def restore(
+    archive: Archive,
+    machine_file: Target = None,
+    state: State = None,
+    runtime: Runtime = None,
+    as_json: Json = False,
+) -> None:
+    """Put everything of an archive back; what was is kept, for rollback. The service must not run."""
+    with refusals(as_json, lambda: EXPECTED):
+        store = Store(state or control_socket.state_folder())
+        _at_rest(store, runtime)
+        contents = backup.check(archive)
+        if machine_file is not None:
+            _sound(contents.machine, as_json)
+        _restored(store, contents, machine_file, as_json)
+
+
+@app.command()
+def update(
+    new: Annotated[Path, typer.Argument(help="The new machine file.")],
+    machine_file: Annotated[Path, typer.Option("--machine", help="The one that it replaces.")],
+    state: State = None,
+    runtime: Runtime = None,
+    as_json: Json = False,
+) -> None:
+    """Replace the machine file, checked with the tools and offsets in use; the old one is kept."""
+    with refusals(as_json, lambda: EXPECTED):
+        store = Store(state or control_socket.state_folder())
+        _at_rest(store, runtime)
+        _sound(config.load(new), as_json)
+        _show(as_json, {"done": backup.update(store, new, machine_file)})
+
+
+@app.command()
+def rollback(
+    machine_file: Target = None, state: State = None, runtime: Runtime = None, as_json: Json = False
+) -> None:
+    """Undo the last restore or update; done twice, it is as before."""
+    with refusals(as_json, lambda: EXPECTED):
+        store = Store(state or control_socket.state_folder())
+        _at_rest(store, runtime)
+        if not (kept := backup.all_kept(store)):
+            raise Refused(f"{store.folder}: nothing was restored or updated here; nothing to undo.")
+        contents = backup.check(kept[0])
+        _restored(store, contents, machine_file or contents.machine_file, as_json)
+
+
+def _sound(machine: Machine, quiet: bool) -> None:
+    """Raises Refused for what ``check``, ``bus`` and commissioning refuse: no service would start with it.
+
+    A roll-back does not ask: what was in use before is taken as it was.
+    """
+    machine_check.sheets(machine, quiet)
+    if sentence := overload(machine):
+        raise Refused(sentence)
+
+
+def _restored(store: Store, contents: Contents, machine_file: Path | None, as_json: bool) -> None:
+    before = config.load(machine_file) if machine_file and machine_file.exists() else _noted(store)
+    _show(as_json, {"done": backup.restore(store, contents, machine_file, before)})
+
+
+def _machine(store: Store, named: str) -> Machine:
+    if named:
+        return config.load(named)
+    if (noted := _noted(store)) is None:
+        raise Refused(f"{store.folder}: no service has run here yet; say which machine with --machine.")
+    return noted
+
+
+def _noted(store: Store) -> Machine | None:
+    """The service's machine, as its builder wrote it."""
+    try:
+        return setup_data.noted(store.folder)
+    except (OSError, ValueError):
+        return None
+
+
+def _at_rest(store: Store, runtime: Path | None) -> None:
+    """Raises Refused while the store's service runs, or hangs: it would write over what is put back."""
+    socket = control_socket.control_path(runtime or control_socket.runtime_of(store.folder))
+    if control_socket.is_served(socket):
+        raise Refused(
+            f"{store.folder}: its service runs ({socket}); offsets and tools are read when it starts: stop it"
+            " first, then repeat."
+        )
+
+
+def _facts(contents: Contents) -> dict[str, Any]:
+    return {
+        "machine": contents.machine.name,
+        "made": time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(contents.made_s)),
+        "offsets": len(contents.fitted.get("offsets") or {}),
+        "tools": len(contents.fitted.get("tools") or {}),
+        "settings": len(contents.settings),
+        "programs": len(contents.programs),
+    }
+
+
+def _show(as_json: bool, facts: dict[str, Any]) -> None:
+    if as_json:
+        print(json.dumps({"ok": True, **facts}))
+        return
+    words = facts.get("done") or [", ".join(f"{name} {value}" for name, value in facts.items()) + "."]
+    show.print("\n".join(words), markup=False)

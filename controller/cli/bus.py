@@ -1,0 +1,75 @@
+"""``directrix bus``: the bus budget of a machine, as tables, JSON or a picture."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from controller.machine import machine_file
+from controller.machine.model import Machine
+from controller.machine.toml_table import ConfigError
+from controller.runtime import drive_sheets
+from controller.runtime.bus_load import budgets, overload
+from controller.verify import bus_tables
+from controller.verify.console import Refused, refusals, show
+from drives.load import timeline
+from drives.load.budget import BusBudget
+
+app = typer.Typer(add_completion=False)
+
+MachineArgument = Annotated[str | None, typer.Argument(help="Machine file, or the name of a shipped one.")]
+MachineOption = Annotated[str, typer.Option("--machine", help="The same, as other commands have it.")]
+PeriodMs = Annotated[float | None, typer.Option("--period-ms", help="Instead of the machine file's period.")]
+Plot = Annotated[Path | None, typer.Option("--plot", help="Draw one tick of every bus (.png).")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+
+@app.command("bus")
+def bus(
+    file: MachineArgument = None,
+    machine: MachineOption = "trunnion",
+    period_ms: PeriodMs = None,
+    plot: Plot = None,
+    as_json: Json = False,
+) -> None:
+    """The bus budget: who sends what when in a tick, at its worst; what is left, and what would fit.
+
+    Drives that commissioning would refuse by their data sheets are refused here, too.
+    """
+    with refusals(as_json, lambda: (ConfigError,)):
+        made = machine_file.load(file or machine)
+        made = made if period_ms is None else machine_file.with_period(made, period_ms / 1e3)
+        found = budgets(made)
+        if plot is not None:
+            _draw(found, made, plot)
+        if not as_json:
+            for one in found:
+                show.print(bus_tables.bus(one, made.max_bus_share))
+        facts = _facts(found, made)
+        sentences = [sentence for sentence in (overload(made), drive_sheets.refusal(made)) if sentence]
+        if sentences:
+            raise Refused("\n".join(sentences), **facts)
+        if as_json:
+            print(json.dumps({"ok": True, **facts}))
+
+
+def _facts(found: list[BusBudget], machine: Machine) -> dict[str, Any]:
+    def of(one: BusBudget) -> dict[str, Any]:
+        share = machine.max_bus_share
+        return {
+            **one.to_dict(),
+            "fits": one.fits(share),
+            "sdo_every_ticks": one.sdo_every(share),
+            "timeline": [slot.to_dict() for slot in timeline.worst(one)],
+        }
+
+    return {"machine": machine.name, "max_share": machine.max_bus_share, "buses": [of(one) for one in found]}
+
+
+def _draw(found: list[BusBudget], machine: Machine, path: Path) -> None:
+    from controller.verify import bus_picture
+
+    bus_picture.draw(found, machine.max_bus_share, machine.name, path)

@@ -1,0 +1,276 @@
+"""``directrix import``: the ruled faces of a STEP file as a part program."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from controller.geometry.vectors import Frame, Vector, add, rotate
+from controller.machine import machine_file
+from controller.machine.model import Machine, Tool
+from controller.machine.toml_table import ConfigError
+from controller.program import blocks
+from controller.verify.console import Refused, bar, refusals
+
+if TYPE_CHECKING:  # OpenCASCADE takes its time to load, and is an extra
+    from controller.cad.deviation import Deviation
+    from controller.cad.kernel import Face, Part
+    from controller.cad.program import Written
+    from controller.cad.strip import Strip
+    from controller.cli.cad_tables import Seen
+
+Argument = Annotated[Path, typer.Argument(help="The STEP file.")]
+ListOnly = Annotated[bool, typer.Option("--list", help="Show the faces, write nothing.")]
+Faces = Annotated[str, typer.Option("--faces", help="Numbers of --list in cut order, as 3,7; or all.")]
+Out = Annotated[Path | None, typer.Option("--out", help="The program; default: beside the STEP file, .ngc.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace a program that is there.")]
+MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
+ToolNumber = Annotated[int, typer.Option("--tool", help="Default: the thickest of the table that fits.")]
+Feed = Annotated[float, typer.Option("--feed", help="mm/min.")]
+Spindle = Annotated[float, typer.Option("--spindle", help="rev/min.")]
+Direction = Annotated[
+    Literal["climb", "conventional"], typer.Option("--direction", help="G41 or G42, spindle clockwise.")
+]
+Placement = Annotated[
+    Literal["single", "double", "optimal", "machine"], typer.Option("--placement", help="On twisted faces.")
+]
+OtherSide = Annotated[
+    str, typer.Option("--other-side", help="Faces whose material is on the other side (without a solid).")
+]
+Tolerance = Annotated[float, typer.Option("--tolerance", help="mm: so far may a face leave its rulings.")]
+Whole = Annotated[bool, typer.Option("--whole", help="Cut a trimmed face as the whole box about it.")]
+Move = Annotated[str, typer.Option("--move", help="X,Y,Z in mm of the file's origin in the part frame.")]
+Turn = Annotated[str, typer.Option("--turn", help="First, about its origin: X90 or X90,Z-30 (degrees).")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+NO_KERNEL = "directrix import needs OpenCASCADE: pip install 'directrix[cad]'"
+NO_LIBRARY = (
+    "OpenCASCADE is installed but cannot be loaded ({error}): it needs libGL and libX11, though no display; "
+    "on Debian: apt install libgl1"
+)
+AXES: dict[str, Vector] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
+MICRON_MM = 1e-3  # a written surface is at least so near to its face
+
+
+def register(app: typer.Typer) -> None:
+    """``import`` is a word of Python's, so the function cannot have that name."""
+    app.command("import")(import_)
+
+
+def import_(
+    file: Argument,
+    only_list: ListOnly = False,
+    faces: Faces = "",
+    out: Out = None,
+    overwrite: Overwrite = False,
+    machine: MachineFile = "trunnion",
+    tool: ToolNumber = 0,
+    feed: Feed = 300.0,
+    spindle: Spindle = 8000.0,
+    direction: Direction = "climb",
+    placement: Placement = "double",
+    other_side: OtherSide = "",
+    tolerance: Tolerance = 0.001,
+    whole: Whole = False,
+    move: Move = "",
+    turn: Turn = "",
+    as_json: Json = False,
+) -> None:
+    """Find the ruled faces of a STEP file (--list), and write a program that cuts some of them (--faces)."""
+    with refusals(as_json, lambda: (ConfigError,)):
+        if only_list == bool(faces):
+            raise Refused("Say either --list, to see the faces, or --faces with their numbers, to cut them.")
+        for name, value in (("--feed", feed), ("--spindle", spindle), ("--tolerance", tolerance)):
+            if not 0.0 < value < math.inf:
+                raise Refused(f"{name} {value:g}: it must be greater than 0; correct it.")
+        made, placed = machine_file.load(machine), _placed(move, turn)
+        target = None if only_list else _target(out or file.with_suffix(".ngc"), overwrite)
+        part = _part(file, placed)
+        from controller.cad import program
+        from controller.cli import cad_tables
+
+        numbers = _numbers("--faces", faces, part) if faces else []
+        seen = _seen(part, tolerance, whole, numbers, as_json)
+        if target is None:
+            cad_tables.faces(file, part, seen, as_json)
+            return
+        turned = _numbers("--other-side", other_side, part)
+        strips = [_cuttable(one, file, one.face.number in turned) for one in seen if numbers or one.strip]
+        if not strips:
+            raise Refused(f"{file}: none of its faces can be cut along rulings; --list says why.")
+        cutter = _tool(made, tool, strips)
+        way = "" if placement == "machine" else placement
+        wanted = program.Wanted(feed, spindle, direction == "conventional", way)
+        notes = [f"{file.name}, by directrix import", _note(part, move, turn)]
+        written = program.write(notes, strips, cutter, wanted)
+        found = _deviations(written, str(target), made)
+        _near_enough(found, written, tolerance)
+        _save(target, written.text)
+        cad_tables.written(file, target, cutter, written, found, as_json)
+
+
+# ---- what is asked for ---------------------------------------------------------------
+
+
+def _numbers(name: str, text: str, part: Part) -> list[int]:
+    """Numbers of faces, each once; none for ``all``."""
+    words = [word for word in re.split(r"[,\s]+", text.strip()) if word]
+    if words == ["all"]:
+        return []
+    for word in words:
+        if not word.isascii() or not word.isdigit() or not 1 <= int(word) <= len(part.faces):
+            count = len(part.faces)
+            raise Refused(
+                f"{name} {text}: {word!r} is no face of the file, which has 1 to {count}; see --list."
+            )
+    return list(dict.fromkeys(map(int, words)))
+
+
+def _placed(move: str, turn: str) -> Frame:
+    """Where the file's frame stands in the part frame."""
+    frame = Frame()
+    for word in [word for word in turn.replace(" ", "").upper().split(",") if word]:
+        angle = _float(word[1:]) if word[0] in AXES else None
+        if angle is None:
+            raise Refused(f"--turn {turn}: {word!r} is no turn; write axis and degrees, as X90 or X90,Z-30.")
+        frame = _turned(frame, AXES[word[0]], math.radians(angle))
+    if not move:
+        return frame
+    values = [_float(word) for word in move.split(",")]
+    if len(values) != 3 or None in values:
+        raise Refused(f"--move {move}: is three numbers X,Y,Z in mm, as 10,0,-5.")
+    x, y, z = (value or 0.0 for value in values)
+    return frame._replace(origin=add(frame.origin, (x, y, z)))
+
+
+def _turned(frame: Frame, axis: Vector, angle_rad: float) -> Frame:
+    origin, x, y, z = (rotate(axis, angle_rad, vector) for vector in frame)
+    return Frame(origin, x, y, z)
+
+
+def _float(text: str) -> float | None:
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    return value if math.isfinite(value) else None
+
+
+def _target(out: Path, overwrite: bool) -> Path:
+    if out.exists() and not overwrite:
+        raise Refused(f"{out}: is there already; give --overwrite to replace it, or another --out.")
+    if not out.parent.is_dir():
+        raise Refused(f"{out}: there is no folder {out.parent}; make it first.")
+    return out
+
+
+# ---- the faces -----------------------------------------------------------------------
+
+
+def _part(file: Path, placed: Frame) -> Part:
+    if not file.is_file():
+        what = "this is a folder" if file.is_dir() else "there is no such file"
+        raise Refused(f"{file}: {what}; give the path of a STEP file.")
+    try:
+        from controller.cad import kernel
+    except ModuleNotFoundError as error:
+        raise Refused(f"{NO_KERNEL} ({error}).") from error
+    except ImportError as error:
+        raise Refused(NO_LIBRARY.format(error=error) + ".") from error
+    try:
+        return kernel.read(file, placed)
+    except kernel.CadError as error:
+        raise Refused(str(error)) from error
+    except kernel.Failure as error:
+        raise Refused(f"{file}: OpenCASCADE cannot read it ({error}); export the part again.") from error
+
+
+def _seen(part: Part, within_mm: float, whole: bool, numbers: Sequence[int], quiet: bool) -> list[Seen]:
+    """The faces with these numbers in this order; without numbers all of them."""
+    faces = [part.faces[n - 1] for n in numbers] or part.faces
+    found = []
+    with bar("looking for rulings", quiet) as progress:
+        for i, face in enumerate(faces):
+            found.append(_look(face, within_mm, whole))
+            progress((i + 1) / len(faces))
+    return found
+
+
+def _look(face: Face, within_mm: float, whole: bool) -> Seen:
+    from controller.cad.kernel import Failure
+    from controller.cad.strip import NotRuled, strip
+    from controller.cli.cad_tables import Seen
+
+    try:
+        made = strip(face, within_mm, whole)
+    except NotRuled as error:
+        return Seen(face, None, error.reason, error.off_ruled_mm)
+    except Failure as error:
+        return Seen(face, None, f"OpenCASCADE cannot evaluate it ({error})", math.inf)
+    return Seen(face, made, "", made.off_ruled_mm)
+
+
+def _cuttable(one: Seen, file: Path, other_side: bool) -> Strip:
+    if one.strip is None:
+        name = f"face {one.face.number} ({one.face.kind})"
+        advice = "leave it out, or see --whole and --tolerance"
+        raise Refused(f"{file}: {name} cannot be cut along rulings: {one.reason}; {advice}.")
+    return replace(one.strip, right=not one.strip.right) if other_side else one.strip
+
+
+def _tool(machine: Machine, number: int, strips: Sequence[Strip]) -> Tool:
+    from controller.cad.program import NoTool, fitting
+
+    if not number:
+        try:
+            return fitting(strips, machine)
+        except NoTool as error:
+            raise Refused(str(error)) from None
+    found = machine.tool(number)
+    if found is None:
+        known = ", ".join(f"T{tool.number}" for tool in machine.tools)
+        raise Refused(f"--tool {number}: the tool table has {known}; add it there or take one of these.")
+    return found
+
+
+# ---- the program ---------------------------------------------------------------------
+
+
+def _note(part: Part, move: str, turn: str) -> str:
+    placed = [f"{name} {text}" for name, text in (("turned", turn), ("moved", move)) if text]
+    return "; ".join([f"in mm, the file's unit is {part.unit}", *placed])
+
+
+def _deviations(written: Written, name: str, machine: Machine) -> list[Deviation]:
+    """Of each face in cut order, from the program's own text."""
+    from controller.cad.deviation import deviation, surfaces
+
+    read = surfaces(blocks.stream(written.text.encode(), machine, name))
+    return [
+        deviation(one.face, surface, one.is_whole_box)
+        for one, surface in zip(written.strips, read, strict=True)
+    ]
+
+
+def _near_enough(found: Sequence[Deviation], written: Written, tolerance_mm: float) -> None:
+    allowed = max(MICRON_MM, 1.5 * tolerance_mm)
+    for one, strip in zip(found, written.strips, strict=True):
+        if not one.largest_mm <= allowed:
+            off = f"would be {1e3 * one.largest_mm:.3g} um off it, more than {1e3 * allowed:.3g} um"
+            raise Refused(
+                f"The surface for face {strip.face.number} {off}; nothing was written: leave that face out."
+            )
+
+
+def _save(target: Path, text: str) -> None:
+    """Whole or not at all."""
+    beside = target.with_name(f".{target.name}.new")
+    beside.write_text(text)
+    os.replace(beside, target)

@@ -1,0 +1,132 @@
+"""What ``directrix import`` shows: the faces of a file, and what was written of them."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.table import Table
+
+from controller.cad import words
+from controller.machine.model import Tool
+from controller.verify.console import show, tell
+
+if TYPE_CHECKING:
+    from controller.cad.deviation import Deviation
+    from controller.cad.kernel import Face, Part
+    from controller.cad.program import Written
+    from controller.cad.strip import Strip
+
+LOOSE = "belongs to no solid, so its normal is taken to point out of the material; see --other-side"
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """One face: its strip, or why it has none."""
+
+    face: Face
+    strip: Strip | None
+    reason: str
+    off_ruled_mm: float
+
+    def to_dict(self) -> dict[str, Any]:
+        facts: dict[str, Any] = {
+            "number": self.face.number,
+            "kind": self.face.kind,
+            "in_solid": self.face.in_solid,
+            "off_ruled_mm": _finite(self.off_ruled_mm),
+            "cut_as": None,
+            "why_not": self.reason or None,
+        }
+        if self.strip is None:
+            return facts
+        length, height = self.strip.size()
+        return facts | {
+            "cut_as": words.code(self.strip),
+            "length_mm": length,
+            "height_mm": height,
+            "concave_radius_mm": _finite(self.strip.concave_mm()),
+            "twist_deg": math.degrees(self.strip.twist_rad()),
+            "remark": self.strip.remark or None,
+        }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def faces(file: Path, part: Part, seen: Sequence[Seen], as_json: bool) -> None:
+    """The table of ``--list``."""
+    rows = [one.to_dict() for one in seen]
+    if as_json:
+        print(json.dumps({"ok": True, "file": str(file), "unit": part.unit, "faces": rows}))
+        return
+    table = Table(title=f"{file.name}, its unit: {part.unit}; mm and degrees")
+    for head in ("face", "kind", "cut as", "length", "ruling", "off ruled", "hollow r", "twist"):
+        left = head in ("kind", "cut as")
+        table.add_column(head, justify="left" if left else "right", no_wrap=True)
+    for row in rows:
+        table.add_row(*_cells(row))
+    show.print(table)
+    for row in rows:
+        _remark(row["number"], row["why_not"], row.get("remark"), "" if row["in_solid"] else LOOSE)
+
+
+def _cells(row: dict[str, Any]) -> tuple[str, ...]:
+    off = "" if row["off_ruled_mm"] is None else _short(row["off_ruled_mm"])
+    first = (str(row["number"]), row["kind"], row["cut_as"] or "-")
+    if row["cut_as"] is None:
+        return *first, "", "", off
+    hollow = row["concave_radius_mm"]
+    return (
+        *first,
+        f"{row['length_mm']:.2f}",
+        f"{row['height_mm']:.2f}",
+        off,
+        "" if hollow is None else f"{hollow:.3f}",
+        f"{row['twist_deg']:.2f}" if row["twist_deg"] > 1e-3 else "",
+    )
+
+
+def _short(mm: float) -> str:
+    return f"{1e3 * mm:.3f} µm" if mm < 1.0 else f"{mm:.3f} mm"
+
+
+def _remark(number: int, *remarks: str | None) -> None:
+    if told := "; ".join(filter(None, remarks)):
+        show.print(f"Face {number}: {told}.", markup=False)
+
+
+def written(
+    file: Path, target: Path, tool: Tool, made: Written, found: Sequence[Deviation], as_json: bool
+) -> None:
+    """The table of a program that was written: each face in cut order, and how far off it is."""
+    rows: list[dict[str, Any]] = [
+        {
+            "number": strip.face.number,
+            "kind": strip.face.kind,
+            "cut_as": words.code(strip),
+            "to_face_mm": one.to_face_mm,
+            "to_written_mm": one.to_written_mm,
+            "remark": strip.remark or None,
+        }
+        for strip, one in zip(made.strips, found, strict=True)
+    ]
+    if as_json:
+        facts = {"ok": True, "file": str(file), "program": str(target), "tool": tool.number, "faces": rows}
+        print(json.dumps(facts))
+        return
+    table = Table(title=f"{target.name}: distance of surface and CAD face, µm")
+    for head in ("face", "kind", "cut as", "written to face", "face to written"):
+        table.add_column(head, justify="left" if head in ("kind", "cut as") else "right", no_wrap=True)
+    for row in rows:
+        away = [f"{1e3 * row[key]:.4f}" for key in ("to_face_mm", "to_written_mm")]
+        table.add_row(str(row["number"]), row["kind"], row["cut_as"], *away)
+    show.print(table)
+    for row in rows:
+        _remark(row["number"], row["remark"])
+    tell.print(f"T{tool.number} ({tool.name}). Next: directrix check {target}", markup=False)

@@ -1,0 +1,115 @@
+"""The process that checks one program for the panel: a job on standard input, lines of JSON out.
+
+    {"program": path, "name": name, "lines": 120, "state": folder, "parent": process id}
+    -> {"progress": 0.25} ...
+    -> {"state": "passed" | "refused" | "failed", "result": {...}}
+
+A passed check with surfaces is told with ``"more": true``, and once more when their cut has been
+looked at: then ``verified`` in its result has what ``controller.verify.maps`` gives.
+
+The machine is the one that the service runs on: its file as the service noted it in the state
+folder, with what is fitted laid over. What is found out is kept for the service, too.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from controller.cli import internal_error
+from controller.machine import setup_data
+from controller.machine.toml_table import ConfigError
+from controller.messages import plain, said
+from controller.plan.report.picture import Picture
+from controller.plan.stretch import Stretch
+from controller.program import blocks, linked, refusals
+from controller.program.program import Block, ProgramError
+from controller.runtime import checked, children
+from controller.verify.audit import Watched
+from controller.verify.maps import maps
+
+CHECKS = "checks"
+PICTURES = "pictures"  # of paths, by the name of the check
+MOST_CUTS = 1000  # surfaces whose lengths are told one by one
+
+Result = tuple[str, dict[str, Any]]
+Seen = tuple[checked.Task, Mapping[int, Stretch]]
+
+
+def main() -> None:
+    job = json.loads(sys.stdin.read())
+    children.end_with(int(job["parent"]))
+    with contextlib.suppress(OSError):  # a sandbox may forbid it
+        os.nice(15)  # a check has time: everything else of this computer goes first
+    seen: list[Seen] = []
+    state, result = check(job, lambda share: _say({"progress": share}), seen.append)
+    _say({"state": state, "result": result, "more": bool(seen)})
+    for task, stretches in seen:
+        _say({"state": state, "result": {**result, "verified": verified(task, stretches)}})
+
+
+def _say(words: dict[str, Any]) -> None:
+    print(json.dumps(words), flush=True)
+
+
+def check(
+    job: dict[str, Any], progress: Callable[[float], None], seen: Callable[[Seen], None] = lambda _: None
+) -> Result:
+    """State and result of a job; ``seen`` gets the path of one that passed, if it cuts a surface."""
+    state, name = Path(job["state"]), str(job["name"])
+    try:
+        files = {file: Path(at) for file, at in job.get("files", {}).items()}
+        text = linked.linked(Path(job["program"]).read_bytes(), linked.among(files))
+        task = checked.task(text, name, setup_data.machine(state))
+        lines = max(1, int(job["lines"]))
+        picture = Picture(task.machine, task.kinematics)
+        watched = Watched(())
+        found, kept, warning = checked.check(
+            task,
+            state / CHECKS,
+            progress=lambda line: progress(min(1.0, line / lines)),
+            watch=lambda items: watched.over(picture.watched(items)),
+        )
+    except ProgramError as error:
+        place = {"line": error.line, "column": error.column}
+        return "refused", {**plain(error.sentence), **place, **error.facts, **_others(error, task)}
+    except (ConfigError, OSError) as error:
+        return "failed", {**said("could_not_check", program=name, why=error)}
+    except Exception as error:  # the operator gets a sentence, and we the rest
+        return "failed", {**said("could_not_check", program=name, why=internal_error.sentence(error))}
+    with contextlib.suppress(OSError):  # a program runs without its picture
+        picture.shape().save(state / PICTURES / f"{task.key}.npz")
+    if kept.overcuts:
+        seen((task, watched.stretches))
+    figures = found.to_dict()
+    figures["cuts_mm"] = figures["cuts_mm"][:MOST_CUTS]
+    notes = [{"line": note.place.line, "note": note.sentence} for note in kept.notes[:MOST_CUTS]]
+    figures["verdict"] = checked.verdict_of(kept)
+    figures["fitted"] = setup_data.names(setup_data.load(state))  # what counts instead of the machine file
+    return "passed", {**figures, "notes": notes, "warning": warning, "stored": task.key}
+
+
+def _others(first: ProgramError, task: checked.Task) -> dict[str, Any]:
+    """What else is refused in the text, and a sentence that says so; nothing where that is all."""
+    found = refusals.of(task.text, task.machine, task.name, task.start)
+    if len(found) < 2 or str(found[0]) != str(first):
+        return {}
+    return {**plain(f"{first.sentence} ({refusals.summed(found)})"), **refusals.facts(found)}
+
+
+def verified(task: checked.Task, stretches: Mapping[int, Stretch]) -> dict[str, Any]:
+    """The surfaces as cut, for the page."""
+
+    def read() -> Iterator[Block]:
+        return blocks.stream(task.text, task.machine, task.name, start=task.start)
+
+    return maps(stretches, read, task.machine, task.kinematics)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,330 @@
+"""The client verbs that ask for something: ``directrix start``, ``hold``, ``jog`` and the rest, over REST.
+
+Each is one request or two to a panel, on this computer or another (``--url``), and prints one
+line, or one JSON object with ``--json``. What moves the machine takes the control token and
+gives it back; hold, stop and e-stop need none, so that nobody can be in their way.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import secrets
+import time
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any
+
+import typer
+
+from controller.cli import remote
+from controller.cli.remote import Machine
+from controller.cli.speech import say, speaking
+from controller.verify.console import Refused, refusals, show, tell
+
+Url = Annotated[str, typer.Option("--url", envvar="DIRECTRIX_URL", help="Address of the machine's panel.")]
+TakeOver = Annotated[bool, typer.Option("--take-over", help="Take control from whoever holds it.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+Axes = Annotated[list[str] | None, typer.Argument(help="Names of axes; default: all that need it.")]
+Seconds = Annotated[float | None, typer.Option("--seconds", help="With --speed: so long, then stop.")]
+Frame = Annotated[str, typer.Option("--frame", help="joint, part or tool.")]
+
+PANEL = "A machine in production, by its panel"  # headline in --help
+REFRESH_S = 0.08  # of a jog: it comes to rest 200 ms after the last one
+LOOK_S = 0.2  # between two looks at what takes long
+LONGEST_JOG_S = 600.0
+
+
+@contextlib.contextmanager
+def asked(url: str, as_json: bool) -> Iterator[Machine]:
+    """The machine behind ``url``; what it refuses becomes one sentence and exit code 1."""
+    with refusals(as_json, tuple), remote.connected(url, remote.known_token()) as machine:
+        yield machine
+
+
+def carried_out(machine: Machine, path: str, values: Mapping[str, Any] | None = None) -> Any:
+    """POST what may take long, and wait for its end: after some seconds the answer is "not done yet".
+
+    Raises Refused with the machine's sentence where it failed on the way.
+    """
+    answer = machine.post(path, values)
+    while (answer.get("result") or {}).get("done") is False:
+        time.sleep(LOOK_S)
+        sequence = machine.get("status").get("sequence") or {}
+        if sequence.get("state") == "failed":
+            raise Refused(str(sequence.get("sentence") or say("failed", path=path)))
+        if sequence.get("state") != "running":
+            answer["result"] = {**answer["result"], "done": True}
+    return answer
+
+
+def tell_done(sentence: str, facts: Any, as_json: bool) -> None:
+    """One line, or what was answered."""
+    if as_json:
+        print(json.dumps({"ok": True, **(facts if isinstance(facts, dict) else {"result": facts})}))
+    else:
+        show.print(sentence, markup=False)
+
+
+# --- what needs no control token
+
+
+def hold(url: Url = remote.URL, as_json: Json = False) -> None:
+    """Stop on the path at once; resume goes on from there."""
+    with asked(url, as_json) as machine:
+        _halted(machine.post("cycle/hold"), say("held"), as_json)
+
+
+def stop(url: Url = remote.URL, as_json: Json = False) -> None:
+    """Stop on the path at once, and drop the rest of the program."""
+    with asked(url, as_json) as machine:
+        _halted(machine.post("cycle/stop"), say("stopped"), as_json)
+
+
+def estop(url: Url = remote.URL, as_json: Json = False) -> None:
+    """Ask every drive for a quick stop. This is software: the button on the machine is the safe one."""
+    with asked(url, as_json) as machine:
+        tell_done(say("estop"), machine.post("machine/estop"), as_json)
+
+
+def _halted(answer: Any, sentence: str, as_json: bool) -> None:
+    """What came of a hold or a stop: the tick has taken it, or what was being prepared is given up."""
+    result = answer.get("result") or {}
+    given_up = result.get("outcome") == "given_up"
+    tell_done(say("given_up", what=result["what"]) if given_up else sentence, answer, as_json)
+
+
+# --- cycle
+
+
+def start(
+    program: Annotated[str, typer.Argument(help="Name in the store; default: what is loaded.")] = "",
+    line: Annotated[int | None, typer.Option("--line", help="Begin at this line.")] = None,
+    fraction: Annotated[
+        float | None, typer.Option("--fraction", help="Of that line's block, 0 to 1.")
+    ] = None,
+    dry_run: Annotated[float | None, typer.Option("--dry-run", help="So many mm off the part.")] = None,
+    block_delete: Annotated[
+        bool, typer.Option("--block-delete", help="Leave lines out that begin with /.")
+    ] = False,
+    restart: Annotated[bool, typer.Option("--restart", help="Go on where it was interrupted.")] = False,
+    unrecorded: Annotated[
+        bool, typer.Option("--unrecorded", help="Also where the disk takes no record of the run.")
+    ] = False,
+    worn: Annotated[bool, typer.Option("--worn", help="Also with a tool at the end of its life.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Do not ask before a start in mid program.")] = False,
+    take_over: TakeOver = False,
+    url: Url = remote.URL,
+    as_json: Json = False,
+) -> None:
+    """Load a program and start it: from its beginning, at a line, or where it was interrupted."""
+    with asked(url, as_json) as machine:
+        place: dict[str, Any] = {"line": line, "fraction": fraction, "dry_run_mm": dry_run}
+        if not (program or restart) and any(value is not None for value in place.values()):
+            raise Refused(say("need_name"))
+        if as_json and not yes and (restart or line is not None):
+            raise Refused(say("need_yes"))
+        with machine.control(take_over):
+            if restart:
+                offer = _interrupted(machine, program)
+                program, line, place["restart"] = offer["program"], offer["line"], True
+            if block_delete:
+                place["block_delete"] = True
+            if program:
+                loaded = _loaded(machine, {"program": program, **place})
+                if line is not None and not yes:
+                    _agreed(loaded, line)
+            confirmed = {"unrecorded": unrecorded, "worn": worn}
+            done = carried_out(machine, "cycle/start", confirmed if any(confirmed.values()) else None)
+        tell_done(say("started_program", program=program) if program else say("started"), done, as_json)
+
+
+def _loaded(machine: Machine, values: Mapping[str, Any]) -> Any:
+    """Load, however long it takes. Raises Refused where it was refused, or another one is loaded by then."""
+    answer = machine.post("job", values)
+    while (answer.get("result") or {}).get("done") is False:
+        time.sleep(LOOK_S)
+        job = machine.get("job")
+        if job["name"] != values["program"] or job["state"] not in ("loading", "loaded"):
+            raise Refused(str(job["sentence"] or say("other_loaded", program=values["program"])))
+        if job["state"] == "loaded":
+            answer["result"] = job
+    return answer
+
+
+def _interrupted(machine: Machine, program: str) -> dict[str, Any]:
+    """What is offered. Raises Refused where it is nothing, or another program."""
+    offer: dict[str, Any] = machine.get("restart")
+    if not offer["offered"]:
+        raise Refused(str(offer["sentence"]), line=offer.get("line"))
+    if program and program != offer["program"]:
+        raise Refused(say("other_interrupted", program=offer["program"], other=program))
+    return offer
+
+
+def _agreed(loaded: Any, line: int) -> None:
+    """A start in mid program shows the state that it begins with, and asks."""
+    for one in (loaded.get("result") or {}).get("restart") or ():
+        tell.print(one["sentence"], markup=False)
+    if not typer.confirm(say("agree", line=line), err=True):
+        raise Refused(say("not_agreed"))
+
+
+def resume(take_over: TakeOver = False, url: Url = remote.URL, as_json: Json = False) -> None:
+    """Go on after a hold."""
+    _moving("cycle/resume", "resumed", take_over, url, as_json)
+
+
+def reset(take_over: TakeOver = False, url: Url = remote.URL, as_json: Json = False) -> None:
+    """Leave a fault, once its cause is gone and the machine stands."""
+    _moving("machine/reset", "reset", take_over, url, as_json)
+
+
+def enable(take_over: TakeOver = False, url: Url = remote.URL, as_json: Json = False) -> None:
+    """Switch the drives on; nothing moves."""
+    _moving("machine/enable", "enabled", take_over, url, as_json)
+
+
+def disable(take_over: TakeOver = False, url: Url = remote.URL, as_json: Json = False) -> None:
+    """Switch the drives off, brakes first."""
+    _moving("machine/disable", "disabled", take_over, url, as_json)
+
+
+def retract(
+    mm: Annotated[float, typer.Argument(help="So far back along the tool axis.")],
+    take_over: TakeOver = False,
+    url: Url = remote.URL,
+    as_json: Json = False,
+) -> None:
+    """In a hold, or ready as after a fault: move the tool off the part along its axis."""
+    with asked(url, as_json) as machine, machine.control(take_over):
+        done = carried_out(machine, "cycle/retract", {"mm": mm})
+        tell_done(say("retracted", mm=mm), done, as_json)
+
+
+def return_(take_over: TakeOver = False, url: Url = remote.URL, as_json: Json = False) -> None:
+    """After a retract: back to the path by the same way."""
+    _moving("cycle/return", "returned", take_over, url, as_json)
+
+
+def _moving(path: str, done: str, take_over: bool, url: str, as_json: bool) -> None:
+    with asked(url, as_json) as machine, machine.control(take_over):
+        tell_done(say(done), carried_out(machine, path), as_json)
+
+
+def home(
+    axes: Axes = None, take_over: TakeOver = False, url: Url = remote.URL, as_json: Json = False
+) -> None:
+    """Let the drives find their zero: every axis, or those that are named."""
+    with asked(url, as_json) as machine, machine.control(take_over):
+        wanted = [name.upper() for name in axes] if axes else None
+        tell_done(say("homed"), carried_out(machine, "machine/home", {"axes": wanted}), as_json)
+
+
+def mdi(
+    text: Annotated[str, typer.Argument(help="Blocks, for instance 'G0 Z50'.")],
+    take_over: TakeOver = False,
+    url: Url = remote.URL,
+    as_json: Json = False,
+) -> None:
+    """Run a few blocks at once."""
+    with asked(url, as_json) as machine, machine.control(take_over):
+        tell_done(say("started"), carried_out(machine, "mdi", {"text": text}), as_json)
+
+
+def override(
+    percent: Annotated[float, typer.Argument(help="Of the feed, 0 to 200; of rapids, 0 to 100.")],
+    rapid: Annotated[bool, typer.Option("--rapid", help="Of rapid motions instead of the feed.")] = False,
+    take_over: TakeOver = False,
+    url: Url = remote.URL,
+    as_json: Json = False,
+) -> None:
+    """Scale the feed, or the speed of rapids."""
+    path, what = ("rapid", "rapid_override") if rapid else ("feed", "override")
+    with asked(url, as_json) as machine, machine.control(take_over):
+        tell_done(
+            say(what, percent=percent), machine.put(f"overrides/{path}", {"share": percent / 100.0}), as_json
+        )
+
+
+# --- jog
+
+
+def jog(
+    axis: Annotated[str, typer.Argument(help="Name of an axis.")],
+    distance: Annotated[float | None, typer.Argument(help="mm or degrees; negative ones too.")] = None,
+    speed: Annotated[float | None, typer.Option("--speed", help="Share of the jog speed, -1 to 1.")] = None,
+    seconds: Seconds = None,
+    frame: Frame = "joint",
+    take_over: TakeOver = False,
+    url: Url = remote.URL,
+    as_json: Json = False,
+) -> None:
+    """Move an axis by a distance, or at a speed for so many seconds; it comes to rest at its limit."""
+    with asked(url, as_json) as machine:
+        _one_of(distance, speed, seconds)
+        where = {"frame": frame, "axis": axis.upper()}
+        with machine.control(take_over):
+            if distance is not None:
+                done = machine.post("jog/step", {**where, "distance": distance})
+                _until_rest(machine, (done.get("result") or {}).get("tick", 0))
+                tell_done(say("moved_by", axis=axis.upper(), distance=distance), done, as_json)
+            else:
+                _pressed(machine, {**where, "speed": speed}, seconds or 0.0)
+                moved = say("moved_for", axis=axis.upper(), seconds=seconds)
+                tell_done(moved, {"seconds": seconds}, as_json)
+
+
+def _one_of(distance: float | None, speed: float | None, seconds: float | None) -> None:
+    both = (distance is None) == (speed is None) or (speed is None) != (seconds is None)
+    if both:
+        raise Refused(say("jog_usage"))
+    if seconds is not None and not 0.0 < seconds <= LONGEST_JOG_S:
+        raise Refused(say("jog_seconds", seconds=seconds, most=LONGEST_JOG_S))
+
+
+def _until_rest(machine: Machine, tick: int) -> None:
+    """Whoever gives control back ends his jog, so wait; ``tick``: in which it was taken, older is no news."""
+    try:
+        while True:
+            now = machine.get("status")
+            if not now.get("jogging") and ((now.get("tick") or {}).get("number") or 0) >= tick:
+                return
+            time.sleep(REFRESH_S)
+    except BaseException:
+        machine.post("jog/stop", {})
+        raise
+
+
+def _pressed(machine: Machine, where: dict[str, Any], seconds: float) -> None:
+    """As a finger on a key: refreshed while it is down, stopped by any end, also by Ctrl-C."""
+    press = secrets.token_hex(8)
+    until_s = time.monotonic() + seconds
+    try:
+        while time.monotonic() < until_s:
+            machine.post("jog", {**where, "press": press})
+            time.sleep(min(REFRESH_S, max(0.0, until_s - time.monotonic())))
+    finally:
+        machine.post("jog/stop", {"press": press})
+
+
+def register(app: typer.Typer) -> None:
+    """Adds these verbs to the command line."""
+    for verb in (
+        start,
+        hold,
+        resume,
+        stop,
+        estop,
+        retract,
+        return_,
+        reset,
+        enable,
+        disable,
+        home,
+        mdi,
+        override,
+    ):
+        app.command(verb.__name__.rstrip("_"), rich_help_panel=PANEL)(speaking(verb))
+    # A distance such as -10 is no option.
+    loose = {"ignore_unknown_options": True}
+    app.command("jog", context_settings=loose, rich_help_panel=PANEL)(speaking(jog))

@@ -1,0 +1,211 @@
+"""The client verbs that look or bring: ``directrix status``, ``upload``, ``runs``, ``alarms``, over REST."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import time
+from collections.abc import Callable, Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated, Any
+from urllib.parse import quote
+
+import typer
+from rich.console import RenderableType
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from controller.cli import remote, status_view
+from controller.cli.client import PANEL, Json, Url, asked, tell_done
+from controller.cli.remote import Machine
+from controller.cli.speech import say, speaking, word
+from controller.verify.console import Refused, bar, show, tell
+
+Watch = Annotated[bool, typer.Option("--watch", help="Go on showing it, until Ctrl-C.")]
+Most = Annotated[int, typer.Option("--most", min=1, max=200, help="So many, newest first.")]
+
+WATCH_S = 0.25  # between two looks
+CHECK_S = 0.3
+MOST_OPEN = 10  # alarms under a status
+CHECKED = ("passed", "refused", "failed", "none")
+
+
+# --- status
+
+
+def status(watch: Watch = False, url: Url = remote.URL, as_json: Json = False) -> None:
+    """Mode, positions, feed and what limits it, time left, alarms; once, or live."""
+    with asked(url, as_json) as machine:
+        if watch and not as_json:
+            follow(machine)
+            return
+        now = machine.get("status")
+        if as_json:
+            print(json.dumps({"ok": True, **now}))
+        else:
+            show.print(status_view.view(now, _open_alarms(machine)))
+
+
+def follow(machine: Machine, pause: Callable[[float], None] = time.sleep) -> None:
+    """Live in a terminal; into a file or a pipe a line per change. Ends by Ctrl-C alone.
+
+    A panel or a service that is started anew meanwhile is waited for, and that is told.
+    """
+    with contextlib.suppress(KeyboardInterrupt):
+        if show.is_terminal:
+            _live(machine, pause)
+        else:
+            _lines(machine, pause)
+
+
+def _live(machine: Machine, pause: Callable[[float], None]) -> None:
+    with Live(console=show, auto_refresh=False) as live:
+        while True:
+            live.update(_seen(machine), refresh=True)
+            pause(WATCH_S)
+
+
+def _seen(machine: Machine) -> RenderableType:
+    try:
+        return status_view.view(machine.get("status"), _open_alarms(machine))
+    except Refused as refused:
+        return Text(str(refused), "red")
+
+
+def _lines(machine: Machine, pause: Callable[[float], None]) -> None:
+    before = ""
+    while True:
+        try:
+            now = status_view.line(machine.get("status"))
+        except Refused as refused:
+            now = str(refused)
+        if now != before:
+            print(now, flush=True)
+        before = now
+        pause(WATCH_S)
+
+
+def _open_alarms(machine: Machine) -> list[dict[str, Any]]:
+    """Those that nobody has acknowledged."""
+    found: list[dict[str, Any]] = machine.get("alarms", only="open", most=MOST_OPEN)["alarms"]
+    return found
+
+
+# --- upload
+
+
+def upload(
+    file: Annotated[Path, typer.Argument(help="A part program on this computer.")],
+    name: Annotated[str, typer.Option("--name", help="In the store; default: the file's.")] = "",
+    wait: Annotated[bool, typer.Option("--wait/--no-wait", help="For the end of the check.")] = True,
+    url: Url = remote.URL,
+    as_json: Json = False,
+) -> None:
+    """Bring a program into the machine's store, where it is checked; it never starts by itself."""
+    with asked(url, as_json) as machine:
+        sent = _sent(machine, file, name or file.name)
+        if wait:
+            sent = _checked(machine, str(sent["name"]), as_json)
+        check = sent.get("check") or {}
+        if check.get("state") in ("refused", "failed"):
+            raise Refused(_why_not(str(sent["name"]), check["result"]), **sent)
+        tell_done(_stored(str(sent["name"]), check), sent, as_json)
+
+
+def _sent(machine: Machine, file: Path, name: str) -> dict[str, Any]:
+    """Streamed, with the checksum first: what was cut off on the way is not kept."""
+    if not file.is_file():
+        raise Refused(say("no_file", file=file))
+    with file.open("rb") as content:
+        form = {"sha256": hashlib.file_digest(content, "sha256").hexdigest()}
+        content.seek(0)
+        sent: dict[str, Any] = machine.post("programs", files={"file": (name, content)}, data=form)
+    return sent
+
+
+def _checked(machine: Machine, name: str, quiet: bool) -> dict[str, Any]:
+    """The program's facts once its check has ended."""
+    with bar(say("checking", name=name), quiet) as progress:
+        while True:
+            facts: dict[str, Any] = machine.get(f"programs/{quote(name, safe='')}")
+            check = facts.get("check") or {"state": "none"}
+            if check["state"] in CHECKED:
+                return facts
+            progress(float(check.get("progress") or 0.0))
+            time.sleep(CHECK_S)
+
+
+def _stored(name: str, check: Mapping[str, Any]) -> str:
+    if check.get("state") != "passed":
+        return say("stored_only", name=name)
+    duration_s = (check.get("result") or {}).get("duration_s")
+    long = duration_s is not None
+    return say("stored_long" if long else "stored", name=name, clock=status_view.clock(duration_s))
+
+
+def _why_not(name: str, result: Mapping[str, Any]) -> str:
+    """The check's own sentence, with its place."""
+    sentence = str(result.get("sentence") or say("check_failed"))
+    place = ":".join(str(result[key]) for key in ("line", "column") if result.get(key) is not None)
+    return f"{name}:{place}: {sentence}" if place and not sentence.startswith(name) else sentence
+
+
+# --- runs and alarms
+
+
+def runs(most: Most = 20, url: Url = remote.URL, as_json: Json = False) -> None:
+    """What was run, when, how long, and how it ended."""
+    with asked(url, as_json) as machine:
+        found = machine.get("runs", most=most)["runs"]
+        if as_json:
+            print(json.dumps({"ok": True, "runs": found}))
+            return
+        heads = [say(head) for head in ("run", "began", "program", "result", "took")]
+        table = Table(*heads, box=None, pad_edge=False)
+        for run in found:
+            ended_s = run["ended_s"]
+            took = status_view.clock(None if ended_s is None else ended_s - run["began_s"])
+            result = word(f"result.{run['result']}", run["result"])
+            table.add_row(str(run["id"]), _when(run["began_s"]), run["program"], result, took)
+        show.print(table if found else say("no_runs"))
+
+
+def alarms(
+    most: Most = 20,
+    acknowledge: Annotated[int | None, typer.Option("--acknowledge", help="The number of one.")] = None,
+    url: Url = remote.URL,
+    as_json: Json = False,
+) -> None:
+    """What went wrong, newest first, and who has acknowledged it."""
+    with asked(url, as_json) as machine:
+        if acknowledge is not None:
+            done = machine.post(f"alarms/{acknowledge}/acknowledge")
+            tell_done(say("acknowledged", number=acknowledge), done, as_json)
+            return
+        found = machine.get("alarms", most=most)["alarms"]
+        if as_json:
+            print(json.dumps({"ok": True, "alarms": found}))
+            return
+        for alarm in found:
+            tell_done(_alarm(alarm), None, False)
+        if not found:
+            tell.print(say("no_alarms"))
+
+
+def _alarm(alarm: Mapping[str, Any]) -> str:
+    by = say("acknowledged_by", name=alarm["acknowledged_by"])
+    seen = by if alarm["acknowledged_s"] else say("open")
+    return f"{alarm['id']}  {_when(alarm['at_s'])}  {seen}\n    {alarm['sentence']}"
+
+
+def _when(at_s: float) -> str:
+    return datetime.fromtimestamp(at_s).strftime("%Y-%m-%d %H:%M:%S")
+
+
+def register(app: typer.Typer) -> None:
+    """Adds these verbs to the command line."""
+    for verb in (status, upload, runs, alarms):
+        app.command(verb.__name__, rich_help_panel=PANEL)(speaking(verb))

@@ -1,0 +1,204 @@
+"""``directrix demo``: what ``serve --simulate`` runs, and one who asks it for what an operator would.
+
+The service is that of production, with its door; only its folders are gone at the end. What is asked here
+goes through the door, as the page's and a script's requests do.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from controller import messages
+from controller.ipc import control_socket
+from controller.ipc.control_socket import Client, DoorError
+from controller.ipc.handoff import COLUMN
+from controller.ipc.packed_rows import unpacked
+from controller.machine import setup_data
+from controller.machine.model import Machine
+from controller.runtime import recording
+from controller.service import engine, main
+from controller.service.folders import Folders
+from controller.service.service import Service
+from controller.state.modes import Binding, Fault, binding_text
+from controller.verify.console import Refused, bar
+
+LOOK_S = 0.5
+CALM = {"look_s": 0.1}  # of the service itself: nobody waits for what it concludes but us
+ROWS = 400  # that are asked for at a time: an answer has no more than 500
+# A service has its disk write twenty times a second; what is thrown away needs none.
+MEMORY = Path("/dev/shm")
+RECORDED_S = 8.0  # for the recording of a fault to be there
+UNDER_WAY = ("starting", "running", "held", "stopping")
+FEED = binding_text(Binding.FEED, ())  # what is programmed is no limit
+TOOLS = {"example2_ready.ngc": 4}  # what somebody has put into the spindle; else it is T1
+
+Rows = npt.NDArray[np.float64]
+Values = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """What came of it; ``rows`` are those of the recorder since the start was asked for."""
+
+    rows: Rows
+    result: str  # as a job's state tells it
+    fault: Fault
+    sentence: str  # why it was not completed; "" where it was
+    skips: int
+    sync_stamps_s: dict[str, Rows]  # when SYNC left the wire, by bus
+
+
+def cut(machine: Machine, program: Path, checks: Path, unchecked: bool, quiet: bool) -> Cut:
+    """Load, home, start, and look on to the end. Raises Refused, SessionError, ProgramError.
+
+    ``checks``: folder of stored checks; what is kept of a fault goes to the user's recordings.
+    """
+    in_memory = MEMORY.is_dir() and "TMPDIR" not in os.environ
+    made = tempfile.TemporaryDirectory(prefix="directrix-", dir=MEMORY if in_memory else None)
+    with _ended_as_by_ctrl_c(), made as text:
+        folder = Path(text)
+        if (tool := TOOLS.get(program.name)) is not None:
+            setup_data.put_in(folder, tool)
+        kept = Folders(folder, checks, recording.folder())
+        with served(engine.simulated(machine), kept, folder / "run") as (service, client), _sentences():
+            operator = Operator(client)
+            with bar("checking", quiet) as progress:
+                show = lambda now: progress((now["job"] or {}).get("checking") or 0.0)  # noqa: E731
+                operator.done("load", show, path=str(program), name=program.name, unchecked=unchecked)
+            operator.done("home")
+            with bar("cutting", quiet) as progress:
+                rows, last = operator.run(lambda now: progress(_share(now), live_line(now)))
+    return _told(rows, last, service.engine.sync_stamps_s)
+
+
+@contextlib.contextmanager
+def served(machine: Machine, kept: Folders, runtime: Path) -> Iterator[tuple[Service, Client]]:
+    """A machine that is looked after by a thread of its own, and a connection to its door."""
+    over = threading.Event()
+    with main.opened(machine, kept, runtime) as service:
+        watch = threading.Thread(target=main.watch, args=(service, over.is_set), kwargs=CALM, name="watch")
+        client = Client(control_socket.control_path(runtime))
+        watch.start()
+        try:
+            yield service, client
+        finally:
+            client.close()
+            over.set()
+            watch.join()
+
+
+@contextlib.contextmanager
+def _ended_as_by_ctrl_c() -> Iterator[None]:
+    """Also by SIGTERM: what was made is to be cleared away."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+@contextlib.contextmanager
+def _sentences() -> Iterator[None]:
+    """What the machine refuses is said as it says it."""
+    try:
+        yield
+    except DoorError as error:
+        raise Refused(error.sentence) from error
+
+
+class Operator:
+    """One who asks at the door, and looks."""
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+        self._rows: list[Rows] = []
+        self._tick = -1  # of the last row
+
+    def done(self, verb: str, look: Callable[[Values], None] = lambda _: None, **args: Any) -> None:
+        """Ask for what takes long, and wait for its end. Raises DoorError, Refused."""
+        answer = self._client.ask(verb, **args)
+        while answer.get("done") is False:
+            time.sleep(LOOK_S)
+            now = self._client.ask("status")
+            look(now)
+            sequence = now["sequence"] or {}
+            if sequence.get("state") == "failed":
+                raise Refused(messages.text(sequence))
+            answer = {"done": sequence.get("state") != "running"}
+
+    def run(self, look: Callable[[Values], None]) -> tuple[Rows, Values]:
+        """Cycle start to the program's end: rows of every tick, and the last status."""
+        self._tick = self._client.ask("status")["tick"]["number"]
+        self.done("start", unrecorded=True)  # though there is no room for it
+        while (now := self._client.ask("status"))["job"]["state"] in UNDER_WAY:
+            look(now)
+            if now["tick"]["number"] - self._tick >= ROWS:
+                self._take_rows()
+            time.sleep(LOOK_S)
+        now = self._recorded(now)
+        self._take_rows()
+        return np.concatenate(self._rows), now
+
+    def _recorded(self, now: Values) -> Values:
+        """A fault's recording is written when the machine stands; the drives' way there belongs to it."""
+        give_up_s = time.monotonic() + RECORDED_S
+        while (shown := now["fault"]) and not shown["recording"] and time.monotonic() < give_up_s:
+            time.sleep(LOOK_S)
+            now = self._client.ask("status")
+        return now
+
+    def _take_rows(self) -> None:
+        """All that there are by now."""
+        while len(came := unpacked(self._client.ask("rows", after=self._tick))):
+            self._rows.append(came)
+            self._tick = int(came[-1, COLUMN["tick"]])
+
+
+def _share(now: Values) -> float:
+    """Of a run that is done; of one that was not checked nobody knows it."""
+    return now["job"]["fraction"] or 0.0
+
+
+def _told(rows: Rows, last: Values, stamps_s: dict[str, Rows]) -> Cut:
+    job, shown = last["job"], last["fault"]
+    fault = Fault[shown["name"]] if shown else Fault.NONE
+    sentence = ""
+    if shown:
+        kept = f" Recording: {shown['recording']}" if shown["recording"] else ""
+        sentence = f"{messages.text(shown)}{kept}"
+    elif job["state"] != "completed":
+        sentence = messages.text(job) or f"The program ended as {job['state']}."
+    return Cut(rows, job["state"], fault, sentence, last["tick"]["skips"], stamps_s)
+
+
+def live_line(now: Mapping[str, Any]) -> str:
+    """Of a status. For instance ``line 8: F 1000, actual 873 mm/min, limited by C acceleration``."""
+    if now["mode"] != "RUNNING" or not now["in_block"]:
+        return str(now["mode"]).lower()
+    line = now["job"]["line"]
+    if now["waiting"]:
+        return f"line {line}: waiting for {_awaited(now['spindle'])}"
+    feed = now["feed_mm_min"]
+    share = 1.0 if now["own_feed"] else now["override"]
+    wanted = "rapid" if feed["programmed"] is None else f"F {feed['programmed'] * share:.0f}"
+    limit = f", limited by {now['limited_by']}" if now["limited_by"] not in (None, FEED) else ""
+    return f"line {line}: {wanted}, actual {feed['actual']:.0f} mm/min{limit}"
+
+
+def _awaited(spindle: Mapping[str, Any]) -> str:
+    """What motion stands for."""
+    if spindle["at_speed"]:
+        return "coolant and clamps"
+    return f"the spindle: S {spindle['rev_min']:.0f}, actual {spindle['actual_rev_min']:.0f} 1/min"

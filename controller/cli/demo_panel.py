@@ -1,0 +1,114 @@
+"""``directrix demo --panel``: a simulated machine with its page, by one command, until Ctrl-C."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+from controller.machine import machine_file
+from controller.verify.console import Refused, show, tell
+
+PROGRAMS = ("example1_ready", "example2_ready")
+ANSWERS_S = 60.0  # for the page to be there
+ENDS_S = 30.0  # for both to be gone
+Process = subprocess.Popen[bytes]
+
+
+def run(folder: Path, port: int, period_ms: float, as_json: bool) -> None:
+    """Serve until it is interrupted. ``folder`` keeps programs and runs. Raises Refused."""
+    _free(port)
+    _stock(folder)
+    with tempfile.TemporaryDirectory(prefix="directrix-") as runtime:  # its socket needs a short path
+        where = ("--state", str(folder), "--runtime", runtime)
+        commands = (
+            ("serve", "--simulate", "--period-ms", f"{period_ms:g}", *where),
+            ("panel", "--port", str(port), *where),
+        )
+        with _started(commands) as processes:
+            url = f"http://127.0.0.1:{port}/"
+            _await_page(url, processes)
+            if as_json:
+                print(json.dumps({"ok": True, "url": url}), flush=True)
+            else:
+                show.print(f"Open {url} in a browser. Take control, home, load a program; Ctrl-C ends it.")
+            _await_end(processes)
+
+
+def _free(port: int) -> None:
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError as error:
+            raise Refused(f"--port {port}: {error.strerror}; choose another one.") from error
+
+
+def _stock(folder: Path) -> None:
+    """The paper's two parts, ready to run, where they are not there yet."""
+    from controller.cli import panel_users
+
+    with contextlib.closing(panel_users.store_in(folder)) as store:
+        known = {program.name for program in store.programs.list()}
+        for name in PROGRAMS:
+            file = machine_file.shipped_program(name)
+            if file.name not in known:
+                with store.uploads.begin(file.name, by="demo") as upload:
+                    upload.write(file.read_bytes())
+                    upload.commit()
+
+
+@contextlib.contextmanager
+def _started(commands: tuple[tuple[str, ...], ...]) -> Iterator[list[Process]]:
+    """Both as children; the panel ends first, as it began last."""
+    processes: list[Process] = []
+    before = signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        for command in commands:
+            processes.append(subprocess.Popen([sys.executable, "-m", "controller", *command]))
+        yield processes
+    except KeyboardInterrupt:
+        tell.print("Ending.")
+    finally:
+        signal.signal(signal.SIGTERM, before)
+        for process in reversed(processes):
+            process.terminate()
+        for process in processes:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(ENDS_S)
+            process.kill()
+
+
+def _interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+def _await_page(url: str, processes: list[Process]) -> None:
+    give_up_s = time.monotonic() + ANSWERS_S
+    while True:
+        with contextlib.suppress(OSError), urllib.request.urlopen(url, timeout=ANSWERS_S):
+            return
+        _all_there(processes)
+        if time.monotonic() > give_up_s:
+            raise Refused(f"{url} does not answer; see what the panel said above.")
+        time.sleep(0.1)
+
+
+def _await_end(processes: list[Process]) -> None:
+    while True:
+        _all_there(processes)
+        time.sleep(0.5)
+
+
+def _all_there(processes: list[Process]) -> None:
+    for process, name in zip(processes, ("serve", "panel"), strict=True):
+        if (code := process.poll()) is not None:
+            raise Refused(f"directrix {name} ended by itself (exit code {code}); see what it said above.")

@@ -1,0 +1,182 @@
+"""``directrix dnc``: programs over a serial line, into the program store and out of it."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable, Collection
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from controller.api import dnc
+from controller.api.dnc import LineError, LineSettings
+from controller.api.dnc_format import Tape, TapeError, punched
+from controller.api.store import Program, Store, StoreError
+from controller.ipc import control_socket
+from controller.verify.console import Refused, bar, refusals, tell
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    help="Receive a program over a serial line, or punch one out; nothing starts by itself.",
+)
+
+Port = Annotated[str, typer.Option("--port", help="The serial port, such as /dev/ttyUSB0.")]
+Baud = Annotated[int, typer.Option("--baud", help="1200 to 115200, as the other end is set.")]
+Format = Annotated[Literal["7E2", "7E1", "8N1"], typer.Option("--format", help="As the other end is set.")]
+Flow = Annotated[Literal["xon", "rts", "none"], typer.Option("--flow", help="XON/XOFF, RTS/CTS or none.")]
+Silence = Annotated[float, typer.Option("--silence-s", help="A pause this long is a cut line.")]
+Wait = Annotated[float, typer.Option("--wait-s", help="How long the other end may take to begin.")]
+State = Annotated[
+    Path | None, typer.Option("--state", help="State folder; default: the service's or the user's.")
+]
+Runtime = Annotated[
+    Path | None, typer.Option("--runtime", help="Folder of the service's sockets; default: as it noted it.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+LINE_ENDS = {"own": None, "lf": b"\n", "crlf": b"\r\n", "cr": b"\r", "lfcrcr": b"\n\r\r"}
+BY = "serial line"
+ANSWER_S = 5.0  # of the service
+
+
+@app.command()
+def receive(
+    port: Port,
+    baud: Baud = 9600,
+    data_format: Format = "7E2",
+    flow: Flow = "xon",
+    name: Annotated[str, typer.Option("--name", help="Instead of the program's O or : number.")] = "",
+    forever: Annotated[
+        bool, typer.Option("--forever", help="Go on with the next one, until stopped.")
+    ] = False,
+    silence_s: Silence = 20.0,
+    wait_s: Wait = 600.0,
+    state: State = None,
+    runtime: Runtime = None,
+    as_json: Json = False,
+) -> None:
+    """Take a program from the line into the store, whole or not at all; it does not start.
+
+    Several that come in one go are stored by their own numbers. What was left out within a line is told.
+    """
+    with refusals(as_json, lambda: (TapeError, StoreError)):
+        # Who waits forever is in no hurry for the first one either.
+        settings = LineSettings(port, baud, data_format, flow, silence_s, math.inf if forever else wait_s)
+        settings.check()
+        store = Store(state or control_socket.state_folder())
+        used = _in_use(store.folder, runtime)
+        while True:
+            try:
+                _take(settings, store, name, used, as_json)
+            except (TapeError, StoreError) as error:
+                if not forever or isinstance(error, LineError):
+                    raise
+                tell.print(str(error), markup=False)
+            if not forever:
+                return
+
+
+def _take(
+    settings: LineSettings, store: Store, name: str, in_use: Callable[[], Collection[str]], as_json: bool
+) -> None:
+    """One transmission into the store; what was not kept of it is the refusal."""
+    with bar(f"receiving on {settings.port}", as_json) as progress, dnc.opened(settings) as line:
+        came = dnc.receive(line, lambda count: progress(0.0, f"{count} bytes"))
+    if name and len(came.tapes) > 1:
+        listed = ", ".join(tape.name or "one without a number" for tape in came.tapes)
+        raise TapeError(
+            f"{settings.port}: {len(came.tapes)} programs came ({listed}), and --name names one; nothing "
+            "was kept, leave it out or send them singly."
+        )
+    for tape in came.tapes:
+        _say(kept(store, tape, name, in_use()), "Received", as_json, tape.told)
+    if came.problem:
+        raise TapeError(came.problem)
+
+
+def kept(store: Store, tape: Tape, name: str, in_use: Collection[str]) -> Program:
+    """The tape as a program of the store. Raises StoreError."""
+    called = name or tape.name or time.strftime("received %Y-%m-%d %H.%M.%S")
+    with store.uploads.begin(called, size=len(tape.text), by=BY) as upload:
+        upload.write(tape.text)
+        return upload.commit(in_use)
+
+
+def _in_use(state: Path, runtime: Path | None) -> Callable[[], Collection[str]]:
+    """Asks the service what is loaded, each time anew; where none is there, nothing is."""
+
+    def ask() -> Collection[str]:
+        socket = control_socket.control_path(runtime or control_socket.runtime_of(state))
+        if not control_socket.is_served(socket):
+            return ()
+        client = control_socket.Client(socket, longest_s=ANSWER_S)
+        try:
+            job = client.ask("status").get("job") or {}
+        except control_socket.DoorError as error:
+            sentence = (
+                f"{error} Nothing was kept: it is not known which program is in use. Send it again then."
+            )
+            raise StoreError("running", sentence) from error
+        finally:
+            client.close()
+        return [str(job[key]) for key in ("name", "sha256") if job.get(key)]
+
+    return ask
+
+
+@app.command()
+def send(
+    program: Annotated[str, typer.Argument(help="Name in the store, or with --file a file's path.")],
+    port: Port,
+    baud: Baud = 9600,
+    data_format: Format = "7E2",
+    flow: Flow = "xon",
+    file: Annotated[bool, typer.Option("--file", help="Send a file, not a program of the store.")] = False,
+    line_end: Annotated[
+        Literal["own", "lf", "crlf", "cr", "lfcrcr"], typer.Option("--line-end", help="Of every line.")
+    ] = "own",
+    checksum: Annotated[bool, typer.Option(help="Put a checksum into the leader, which others skip.")] = True,
+    await_start: Annotated[
+        bool, typer.Option("--await-start", help="Begin when the reader asks (DC1).")
+    ] = False,
+    silence_s: Silence = 20.0,
+    wait_s: Wait = 600.0,
+    state: State = None,
+    as_json: Json = False,
+) -> None:
+    """Punch a program out; read back by receive it is identical."""
+    with refusals(as_json, lambda: (TapeError, StoreError)):
+        settings = LineSettings(port, baud, data_format, flow, silence_s, wait_s)
+        settings.check()
+        text = Path(program).read_bytes() if file else _of_store(program, state)
+        try:
+            tape = punched(text, settings.even_parity, LINE_ENDS[line_end], with_sum=checksum)
+        except TapeError as error:
+            raise Refused(f"{program}: {error}") from error
+        with bar(f"sending on {port}", as_json) as progress, dnc.opened(settings) as line:
+            dnc.send(line, tape, lambda count: progress(count / len(tape)), await_start)
+        _say({"program": program, "bytes": len(tape)}, "Sent", as_json)
+
+
+def _of_store(name: str, state: Path | None) -> bytes:
+    store = Store(state or control_socket.state_folder())
+    return store.programs.path(store.programs.get(name).sha256).read_bytes()
+
+
+def _say(told: Program | dict[str, Any], done: str, as_json: bool, left_out: Collection[str] = ()) -> None:
+    facts = (
+        {"program": told.name, "bytes": told.size, "lines": told.lines, "sha256": told.sha256}
+        if isinstance(told, Program)
+        else told
+    )
+    if as_json:
+        more = {"left_out": list(left_out)} if left_out else {}
+        print(json.dumps({"ok": True, **facts, **more}), flush=True)
+        return
+    tell.print(f"{done}: {facts['program']}, {facts['bytes']} bytes.", markup=False)
+    for sentence in left_out:
+        tell.print(f"{facts['program']}: {sentence}", markup=False)

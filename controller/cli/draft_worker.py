@@ -1,0 +1,40 @@
+"""The process that reads a program which is being written: a job on standard input, one line of JSON out.
+
+    {"text": ..., "name": name, "files": {name: path}, "state": folder, "parent": process id}
+    -> {"refusals": [{"line": 2, "column": 4, "sentence": "..."}]}
+
+It reads only, with the machine as it is fitted: what a check finds on the path comes once it is kept.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from controller.machine import setup_data
+from controller.program import linked, refusals
+from controller.program.position import homed
+from controller.runtime import children
+
+
+def main() -> None:
+    job = json.loads(sys.stdin.read())
+    children.end_with(int(job["parent"]))
+    print(json.dumps({"refusals": read(job)}))
+
+
+def read(job: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """All lines that the reader refuses, those of called files left out. Raises ConfigError and OSError."""
+    files = {file: Path(at) for file, at in job["files"].items()}
+    machine, name = setup_data.machine(Path(job["state"])), str(job["name"])
+    text = linked.linked(str(job["text"]).encode(), linked.among(files))
+    found = refusals.of(text, machine, name, homed(machine))
+    rows: list[dict[str, Any]] = refusals.facts([one for one in found if one.file == name])["refusals"]
+    return rows
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,102 @@
+"""The buses of a machine for ``directrix drives``: which are asked for, opened and closed again."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Annotated
+
+import typer
+
+from controller.machine import machine_file, nodes
+from controller.machine.model import Machine
+from controller.machine.toml_table import ConfigError
+from controller.verify.console import Refused
+from drives import bus as buses
+from drives import commission as commissioning
+from drives import pdo
+from drives.commissioning import sheet
+from drives.commissioning.wanted import Settings
+from drives.settings import BusSettings, MasterSettings
+
+MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
+OnBus = Annotated[str, typer.Option("--bus", help="Only this bus of the machine.")]
+Channel = Annotated[
+    str, typer.Option("--channel", help="Instead of the bus's own channel: path of a virtual bus, can0, ...")
+]
+OnlyNode = Annotated[str, typer.Option("--drive", help="Only this axis, 'spindle' or 'io'.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+PeriodMs = Annotated[float | None, typer.Option("--period-ms", help="Instead of the machine file's period.")]
+
+EXPECTED = (ConfigError, buses.BusError, commissioning.CommissionError, sheet.SheetError)
+PATIENCE_S = 3.0  # for an SDO answer: a drive that writes its memory, or a busy computer of simulated ones
+
+
+@dataclass(frozen=True, slots=True)
+class Joined:
+    """One bus of the machine with the nodes that are wanted there."""
+
+    bus: BusSettings
+    network: commissioning.Network
+    nodes: tuple[Settings, ...]
+
+
+def machine(file: str, period_ms: float | None = None) -> Machine:
+    machine = machine_file.load(file)
+    return machine if period_ms is None else machine_file.with_period(machine, period_ms / 1e3)
+
+
+def _called(node: Settings) -> tuple[str, str]:
+    """A drive is asked for by its name or its node id."""
+    return node.name, str(node.node)
+
+
+def _chosen(machine: Machine, bus: str, drive: str) -> list[tuple[BusSettings, tuple[Settings, ...]]]:
+    """The buses that are asked for, with those of their nodes. Raises Refused, ConfigError."""
+    every = nodes.all_settings(machine)
+    names = [settings.name for settings in nodes.bus_settings(machine)]
+    if bus and bus not in names:
+        raise Refused(f"--bus {bus}: the machine has no such bus; allowed are {', '.join(names)}.")
+    known = ", ".join(node.name for node in every)
+    if drive and all(drive not in _called(node) for node in every):
+        raise Refused(f"--drive {drive}: the machine has no such drive; allowed are {known}.")
+    wanted = [node for node in every if drive in ("", *_called(node)) and bus in ("", node.bus)]
+    found = [
+        (settings, tuple(node for node in wanted if node.bus == settings.name))
+        for settings in nodes.bus_settings(machine)
+        if bus in ("", settings.name)
+    ]
+    return [(settings, its) for settings, its in found if its or not drive]
+
+
+@contextlib.contextmanager
+def joined(made: Machine, bus: str, channel: str, drive: str = "") -> Iterator[list[Joined]]:
+    """Ports on the buses that are asked for; closed at the end. Raises Refused, BusError, ConfigError."""
+    chosen = _chosen(made, bus, drive)
+    if channel and len(chosen) > 1:
+        raise Refused("--channel names one bus, the machine has more; choose one with --bus.")
+    with contextlib.ExitStack() as stack:
+        found = []
+        for named, its in chosen:
+            settings = replace(named, channel=channel) if channel else named
+            if not settings.channel:
+                raise Refused(
+                    f"bus {settings.name}: no channel is named; allowed is the path of a virtual bus;"
+                    " give --channel PATH, or channel in the machine file."
+                )
+            port = buses.open(settings, pdo.SERVICE_FILTERS)
+            stack.callback(port.close)
+            pump = commissioning.wall_pump(port.fileno())
+            found.append(Joined(settings, commissioning.Network(port, pump, PATIENCE_S), its))
+        yield found
+
+
+def see_alone(one: Joined, master: MasterSettings) -> None:
+    """A running controller sends heartbeats: its drives are not to be taken from under it."""
+    heard = one.network.nmt_states
+    if one.network.wait(lambda: master.node_id in heard, 3.0 * master.heartbeat_s):
+        raise Refused(
+            f"bus {one.bus.name}: a controller is running there (heartbeat of node {master.node_id});"
+            " end it before drives are commissioned by hand."
+        )

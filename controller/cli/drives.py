@@ -1,0 +1,258 @@
+"""``directrix drives``: data sheets against profiles, and the drives of a machine over SDO."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from controller.cli import drive_buses, drive_tables, kept_drives, simulated_drives, stop_drives
+from controller.cli.drive_buses import EXPECTED, Channel, Joined, Json, MachineFile, OnBus, OnlyNode, PeriodMs
+from controller.ipc import control_socket
+from controller.machine import arrangement, drive_profiles, nodes
+from controller.machine.model import Machine
+from controller.verify.console import Refused, refusals, show, tell
+from drives import commission as commissioning
+from drives.commissioning import identity, lss, possible, sheet, survey, twins
+from drives.commissioning.wanted import Settings
+from drives.settings import MasterSettings, NodeSettings
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    help="Check a drive's data sheet; find, commission and look at the drives of a machine.",
+)
+
+CHECKED_PERIOD_MS = 2.0
+
+
+# --- check ---------------------------------------------------------------------------
+
+
+@app.command()
+def check(
+    eds: Annotated[Path, typer.Option("--eds", help="The drive's data sheet (EDS or DCF).")],
+    profile: Annotated[str, typer.Option("--profile", help="Name of a shipped profile, or a .toml file.")],
+    period_ms: Annotated[float | None, typer.Option("--period-ms", help="Of the tick; default 2 ms.")] = None,
+    bit_rate: Annotated[int, typer.Option("--bit-rate", help="Of the bus, bit/s; 0 = not looked at.")] = 0,
+    as_json: Json = False,
+) -> None:
+    """A data sheet against a profile: objects, access, ranges, mapping, period, supervision."""
+    with refusals(as_json, lambda: EXPECTED):
+        family = drive_profiles.load(profile)
+        shortest_ms = max(CHECKED_PERIOD_MS, family.period_min_s * 1e3)
+        period_s = _period_s(shortest_ms if period_ms is None else period_ms)
+        master = MasterSettings(period_s=period_s)
+        about = sheet.load(str(eds), 1, family.overrides)
+        found, remarks = possible.of_profile(family, about, master, bit_rate)
+        facts = {"eds": str(eds), "profile": family.name, "period_s": period_s, "remarks": remarks}
+        if not as_json:
+            for remark in remarks:
+                tell.print(f"{eds.name}: {remark}", markup=False)
+        if found:
+            raise Refused(
+                "\n".join(f"{eds.name}: {sentence}." for sentence in found), **facts, problems=found
+            )
+        if as_json:
+            print(json.dumps({"ok": True, **facts, "problems": []}))
+        else:
+            title = f"{eds.name} does all that profile {family.name} needs at {period_s * 1e3:g} ms."
+            show.print(title, markup=False)
+
+
+def _period_s(period_ms: float) -> float:
+    if not 0.0 < period_ms <= 1000.0:
+        raise Refused(f"--period-ms {period_ms:g} is no period; allowed are numbers above 0 up to 1000.")
+    return period_ms / 1e3
+
+
+# --- commission ------------------------------------------------------------------------
+
+
+@app.command()
+def commission(
+    machine: MachineFile = "trunnion",
+    bus: OnBus = "",
+    channel: Channel = "",
+    period_ms: PeriodMs = None,
+    store: Annotated[bool, typer.Option("--store", help="Have changed drives keep it (1010h).")] = False,
+    set_node: Annotated[
+        str, typer.Option("--set-node", help="First give this drive its node id, by LSS.")
+    ] = "",
+    as_json: Json = False,
+) -> None:
+    """Write everything that the machine file wants into its drives, read it back, and start them."""
+    with refusals(as_json, lambda: EXPECTED):
+        made = drive_buses.machine(machine, period_ms)
+        master = nodes.master_settings(made)
+        outcomes = []
+        with drive_buses.joined(made, bus, channel) as joined:
+            for each in joined:
+                drive_buses.see_alone(each, master)
+            given = _set_node(joined, set_node, store) if set_node else None
+            for each in joined:
+                outcomes += commissioning.commission(
+                    each.network, each.nodes, master, store=store, bit_rate=each.bus.bit_rate
+                )
+        found = [outcome.arranged for outcome in outcomes if outcome.arranged is not None]
+        _keep(made, found)
+        if as_json:
+            rows = [asdict(outcome) for outcome in outcomes]
+            print(json.dumps({"ok": True, "machine": made.name, "lss": given, "drives": rows}))
+        else:
+            if given:
+                show.print(f"{set_node} has node id {given['node']} now.", markup=False)
+            for outcome in outcomes:
+                for warning in outcome.warnings:
+                    tell.print(f"drive {outcome.name} (node {outcome.node}): {warning}.", markup=False)
+            show.print(drive_tables.outcomes(outcomes))
+        for one in found:
+            for note in one.notes if not as_json else ():
+                tell.print(note, markup=False)
+
+
+def _keep(machine: Machine, found: Sequence[commissioning.Arranged]) -> None:
+    """For ``directrix faults``; the drives are commissioned all the same where that cannot be."""
+    folder = control_socket.state_folder() / arrangement.FOLDER
+    try:
+        arrangement.save(folder, machine, found)
+    except OSError as error:
+        tell.print(f"{folder}: how the drives stop is not kept: {error.strerror}.", markup=False)
+
+
+def _set_node(joined: Sequence[Joined], name: str, store: bool) -> dict[str, Any]:
+    """LSS: by the serial number where the machine file has it, else the only drive without an id."""
+    for each in joined:
+        for node in each.nodes:
+            if node.name == name:
+                words = lss.Lss(each.network).assign(node.node, _identity(node), store)
+                return {"drive": name, "node": node.node, "identity": words, "stored": store}
+    known = ", ".join(node.name for each in joined for node in each.nodes)
+    raise Refused(f"--set-node {name}: the machine has no such drive; allowed are {known}.")
+
+
+def _identity(node: Settings) -> lss.Identity | None:
+    """All four words are needed to single a drive out: three of the data sheet, its serial number."""
+    serial = node.serial if isinstance(node, NodeSettings) else 0
+    if not serial:
+        return None
+    about = sheet.of(node)
+    words = [about.identity(sub) for sub in (1, 2, 3)]
+    if None in words:
+        raise Refused(
+            f"drive {node.name}: data sheet {node.eds} does not say vendor, product and revision, which LSS"
+            " needs beside the serial number; leave serial out and have only this drive without a node id on"
+            " the bus."
+        )
+    return words[0] or 0, words[1] or 0, words[2] or 0, serial
+
+
+# --- scan, status, dump ----------------------------------------------------------------
+
+
+@app.command()
+def scan(
+    machine: MachineFile = "trunnion", bus: OnBus = "", channel: Channel = "", as_json: Json = False
+) -> None:
+    """Every node 1 .. 127 that answers, with its identity, beside what the machine file expects."""
+    with refusals(as_json, lambda: EXPECTED):
+        made = drive_buses.machine(machine)
+        rows: list[dict[str, Any]] = []
+        missing: list[str] = []
+        strangers: list[str] = []
+        with drive_buses.joined(made, bus, channel) as joined:
+            for each in joined:
+                found = survey.scan(each.network)
+                names = {node.node: node.name for node in each.nodes}
+                rows += [{"bus": each.bus.name, **asdict(one), "name": names.get(one.node)} for one in found]
+                silent = names.keys() - {one.node for one in found}
+                missing += [f"{names[node]} (bus {each.bus.name}, node {node})" for node in sorted(silent)]
+                strangers += [*_twins(each, found), *_strangers(each, found)]
+        if not as_json:
+            show.print(drive_tables.found(rows))
+        facts = {"machine": made.name, "found": rows, "missing": missing, "strangers": strangers}
+        sentences = [f"{sentence}." for sentence in strangers]
+        if missing:
+            sentences.append(
+                f"No answer from {', '.join(missing)}; check power, wiring, bit rate and node ids."
+            )
+        if sentences:
+            raise Refused("\n".join(sentences), **facts)
+        if as_json:
+            print(json.dumps({"ok": True, **facts}))
+
+
+def _twins(joined: Joined, found: Sequence[survey.Found]) -> Iterator[str]:
+    """A sentence for every node id that more than one drive has."""
+    names = {node.node: f"drive {node.name} (node {node.node})" for node in joined.nodes}
+    for one in found:
+        if one.twins:
+            title = names.get(one.node, f"bus {joined.bus.name}, node {one.node}")
+            yield f"{title}: {twins.sentence(one.twins)}"
+
+
+def _strangers(joined: Joined, found: Sequence[survey.Found]) -> Iterator[str]:
+    """A sentence for every node that is not who data sheet and machine file say."""
+    by_node = {one.node: one for one in found}
+    for node in joined.nodes:
+        if one := by_node.get(node.node):
+            has = {1: one.vendor, 2: one.product, 4: one.serial}
+            for word in identity.words_of(node, sheet.of(node)):
+                known = has[word.sub]
+                if known is not None and (sentence := word.mismatch(known)):
+                    yield f"drive {node.name} (node {node.node}): {sentence}"
+
+
+@app.command()
+def status(
+    machine: MachineFile = "trunnion",
+    bus: OnBus = "",
+    channel: Channel = "",
+    drive: OnlyNode = "",
+    as_json: Json = False,
+) -> None:
+    """How the drives are: NMT and power state, mode, position, errors. Changes nothing."""
+    with refusals(as_json, lambda: EXPECTED):
+        made = drive_buses.machine(machine)
+        found: list[survey.Status] = []
+        with drive_buses.joined(made, bus, channel, drive) as joined:
+            for each in joined:
+                found += survey.status(each.network, each.nodes)
+        if as_json:
+            print(json.dumps({"ok": True, "machine": made.name, "drives": [asdict(one) for one in found]}))
+        else:
+            show.print(drive_tables.status(found))
+
+
+@app.command()
+def dump(
+    drive: Annotated[str, typer.Argument(help="Name of the axis, 'spindle' or 'io'.")],
+    machine: MachineFile = "trunnion",
+    bus: OnBus = "",
+    channel: Channel = "",
+    as_json: Json = False,
+) -> None:
+    """Every object of one drive as it is now, beside the data sheet's default. Changes nothing."""
+    with refusals(as_json, lambda: EXPECTED):
+        made = drive_buses.machine(machine)
+        with drive_buses.joined(made, bus, channel, drive) as joined:
+            entries = [
+                entry for each in joined for node in each.nodes for entry in survey.dump(each.network, node)
+            ]
+        if as_json:
+            print(json.dumps({"ok": True, "drive": drive, "objects": [asdict(entry) for entry in entries]}))
+        else:
+            show.print(drive_tables.dump(entries))
+
+
+# --- save, restore, compare, stop, simulate ------------------------------------------------
+
+app.command("save")(kept_drives.save)
+app.command("restore")(kept_drives.restore)
+app.command("compare")(kept_drives.compare)
+app.command("stop")(stop_drives.stop)
+app.command("simulate")(simulated_drives.simulate)

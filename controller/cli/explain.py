@@ -1,0 +1,70 @@
+"""``directrix explain``: what a program asks for, one canonical motion or function per line."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from controller.cli import fitted as fittings
+from controller.cli.fitted import Fitted
+from controller.machine import machine_file
+from controller.machine.toml_table import ConfigError
+from controller.plan.report import explained
+from controller.plan.report.explained import Step
+from controller.program import blocks, linked, position
+from controller.verify.console import Refused, refusals
+
+
+def explain(
+    program: Annotated[Path, typer.Argument(help="The part program.")],
+    machine: Annotated[
+        str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")
+    ] = "trunnion",
+    dialect: Annotated[
+        Literal["rs274", "fanuc"] | None, typer.Option("--dialect", help="Default: the machine file's.")
+    ] = None,
+    fitted: Fitted = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a line.")] = False,
+) -> None:
+    """Print the canonical motions of a program, one per line; nothing is planned and nothing moves.
+
+    Positions are those at the end of each, from the homed position on: of the program, then of the axes.
+    """
+    with refusals(as_json, lambda: (ConfigError, OSError)):
+        made = fittings.laid(machine_file.load(machine), fitted)
+        made = replace(made, dialect=dialect) if dialect else made
+        if not program.is_file():
+            raise Refused(f"{program}: there is no such file; give the path of a part program.")
+        start = position.homed(made)
+        text = linked.linked(linked.mapped(program), linked.beside(program))
+        read = blocks.stream(text, made, str(program))
+        for step in explained.steps(read, made, str(program), start):
+            print(json.dumps(step.to_dict()) if as_json else line_of(step))
+
+
+def line_of(step: Step) -> str:
+    """A step for people."""
+    words = [f"{step.line:6d} {step.kind:13s} {_places(step.program):42s} | {_places(step.axes):52s} |"]
+    told = [f"{step.offset} {step.plane}{' tilted' if step.tilted is not None else ''}"]
+    told += [
+        str(value) if name == "unit" else f"{name} {_plain(value)}" for name, value in step.facts.items()
+    ]
+    return " ".join([*words, *told])
+
+
+def _places(known: dict[str, float | None]) -> str:
+    return " ".join(f"{name}{'?' if value is None else f'{value:.4f}'}" for name, value in known.items())
+
+
+def _plain(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, dict):
+        return _places(value)
+    if isinstance(value, list):
+        return ", ".join(map(_plain, value))
+    return str(value)

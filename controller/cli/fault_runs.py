@@ -1,0 +1,117 @@
+"""``directrix simulate --faults``: what is done to bus and drives in a run, and what came of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from controller.machine.model import Machine
+from controller.runtime.fault_file import Injected, MachineScript
+from controller.runtime.observer import Observer
+from controller.runtime.startup import SessionError
+from controller.runtime.stepped import SteppedMachine
+from controller.verify import console
+from controller.verify.console import Misunderstood, Refused
+from drives.commission import CommissionError
+from drives.virtual.fault_script import ScriptError
+
+Facts = dict[str, Any]
+
+
+def read(file: Path | None, origin: str, machine: Machine) -> MachineScript | None:
+    """The script; None without a file. Raises Misunderstood, which ends with exit code 2."""
+    if file is None:
+        return None
+    try:
+        return MachineScript.load(file, machine)
+    except ScriptError as error:
+        raise Misunderstood(f"{error}.") from error
+
+
+class FaultRun:
+    """A machine that comes up and runs under a script; without one nothing is done, or looked at."""
+
+    def __init__(self, bench: SteppedMachine, script: MachineScript | None, origin: str) -> None:
+        self._bench, self._script, self._origin = bench, script, origin
+        self._injected: Injected | None = None
+        self._observer: Observer | None = None
+
+    def come_up(self) -> None:
+        """Home and enable. Raises SessionError, CommissionError; under faults Refused, with their facts."""
+        if self._script is None:
+            self._bench.come_up()
+            return
+        self._observer = self._bench.observe()
+        if self._origin == "home":
+            self._inject(0.0)
+        try:
+            self._bench.come_up()
+        except (SessionError, CommissionError) as error:  # the latter: a drive no longer answers
+            self._bench.stand_still()
+            raise Refused(str(error), result="fault", **self.facts()) from error
+
+    def begin(self) -> None:
+        """The program begins with the next tick."""
+        if self._origin == "program":
+            self._inject(self._bench.machine.period_s)
+
+    def _inject(self, after_s: float) -> None:
+        if self._script is not None and self._observer is not None:
+            self._observer.begin(after_s)
+            self._injected = self._script.inject(self._bench.rig.buses, after_s)
+
+    def facts(self) -> Facts:
+        """For ``--json``, under "faults"."""
+        if self._observer is None or self._injected is None:
+            return {}
+        sight = self._observer.sight
+        done = [{"tick": sight.tick_at(one.time_s), **one._asdict()} for one in self._injected.done()]
+        told = {"from": self._origin, "injected": done, "not_reached": self._injected.left()}
+        return {"faults": {**told, **sight.to_dict()}}
+
+
+def show(faults: Mapping[str, Any]) -> None:
+    """For people: what was done, what was raised, how far the motors were off, when they stood."""
+    console.show.print(_table(faults), markup=False)
+    for line in _last(faults):
+        console.show.print(line, markup=False)
+
+
+def _table(faults: Mapping[str, Any]) -> Table:
+    shown = Table(title=f"Faults; ticks count from the {_ORIGIN_WORDS[faults['from']]}")
+    shown.add_column("tick", justify="right", no_wrap=True)
+    shown.add_column("s", justify="right", no_wrap=True)
+    shown.add_column("what", overflow="fold")
+    for tick, time_s, what in sorted(_lines(faults), key=lambda line: line[0]):
+        shown.add_row(f"{tick}", f"{time_s:.3f}", what)
+    return shown
+
+
+_ORIGIN_WORDS = {"program": "program's start", "home": "beginning of homing"}
+
+
+def _lines(faults: Mapping[str, Any]) -> list[tuple[int, float, str]]:
+    found = [(e["tick"], e["time_s"], f"{e['line']}{_times(e['times'])}") for e in faults["injected"]]
+    for one in faults["raised"]:
+        axis = f" of {one['axis']}" if one["axis"] else ""
+        found.append((one["tick"], one["time_s"], f"{one['fault']}{axis}: {one['class']}"))
+    return found
+
+
+def _times(times: int) -> str:
+    return f" ({times} times)" if times > 1 else ""
+
+
+def _last(faults: Mapping[str, Any]) -> list[str]:
+    told = ["Largest distance from command to motor:"]
+    for unit in ("mm", "deg"):
+        its = [f"{n} {one['largest']:.3f}" for n, one in faults["distance"].items() if one["unit"] == unit]
+        told.append(f"  {', '.join(its)} {unit}")
+    if faults["stood"] is not None:
+        ms = faults["stood"]["after_ms"]
+        told.append("Some motors move on" if ms is None else f"All motors stood {ms:.0f} ms after the fault")
+    told += [f"Not reached: {line}" for line in faults["not_reached"]]
+    return [*told, f"The machine is in {faults['mode']}"]

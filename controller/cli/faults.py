@@ -1,0 +1,103 @@
+"""``directrix faults``: the fault table of a machine, with the times that it promises."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.padding import Padding
+from rich.text import Text
+
+from controller import messages
+from controller.ipc import control_socket
+from controller.machine import arrangement, machine_file
+from controller.machine.arrangement import Found
+from controller.machine.toml_table import ConfigError
+from controller.messages import Catalogue
+from controller.state import stop_times
+from controller.state.modes import FAULTS, Fault, Times, stands_within_s
+from controller.verify.console import Refused, refusals, show
+
+MachineArgument = Annotated[str, typer.Argument(help="Machine file, or the name of a shipped one.")]
+Language = Annotated[str, typer.Option("--language", help="Of the texts: en or de.")]
+State = Annotated[
+    Path | None, typer.Option("--state", help="State folder; default: the service's or the user's.")
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+INDENT = (0, 0, 0, 4)  # columns of what stands under a fault's name
+
+
+def faults(
+    machine: MachineArgument = "trunnion",
+    language: Language = "en",
+    state: State = None,
+    as_json: Json = False,
+) -> None:
+    """Every fault: its class, what happened, what to do, and within which time the axes stand."""
+    with refusals(as_json, lambda: (ConfigError,)):
+        said = _catalogue(language)
+        made = machine_file.load(machine)
+        found = arrangement.load((state or control_socket.state_folder()) / arrangement.FOLDER, made)
+        taken = stop_times.of(made, found.drives if found else ())
+        rows = [_row(fault, taken, said) for fault in Fault if fault is not Fault.NONE]
+        if as_json:
+            facts = {"ok": True, "machine": made.name, "times": taken._asdict(), "drives": _drives(found)}
+            print(json.dumps({**facts, "faults": rows}))
+            return
+        show.print(Text(said.frames["title"].format(machine=made.name), style="italic"))
+        show.print(*(Text(line) for line in _basis(found, said)), sep="\n")
+        for row in rows:
+            show.print(*_paragraph(row, said))
+
+
+def _drives(found: Found | None) -> dict[str, Any] | None:
+    return {"read": found.at, "axes": [asdict(one) for one in found.drives]} if found else None
+
+
+def _basis(found: Found | None, said: Catalogue) -> Iterator[str]:
+    """Whether the drives' own stops are as they were read, and what is wrong with them."""
+    if found is None:
+        yield said.frames["unread"]
+        return
+    stops = ", ".join(f"{one.name} {1e3 * one.stop_s:.0f} ms" for one in found.drives if one.stop_s)
+    yield said.frames["read"].format(at=found.at.replace("T", " "), stops=stops)
+    for one in found.drives:
+        yield from one.notes
+
+
+def _catalogue(language: str) -> Catalogue:
+    try:
+        return messages.of(language)
+    except ValueError as error:
+        raise Refused(f"--{error}") from error
+
+
+def _row(fault: Fault, taken: Times, said: Catalogue) -> dict[str, Any]:
+    row, words = FAULTS[fault], said.faults[fault]
+    return {
+        "fault": fault.name,
+        "class": said.classes[row.reaction],
+        "stands_within_s": round(stands_within_s(fault, taken), 6),
+        "position_trusted": row.position_trusted,
+        "recovery": row.recovery.name.lower(),
+        "steps": said.recoveries[row.recovery],
+        **words._asdict(),
+    }
+
+
+def _paragraph(row: dict[str, Any], said: Catalogue) -> Iterator[Text | Padding]:
+    """A fault's facts, and under them its sentences over the whole width: no column is too narrow."""
+    frames = said.frames
+    facts = [f"{frames['position']} {frames['yes' if row['position_trusted'] else 'no']}"]
+    if row["stands_within_s"]:
+        facts.append(frames["stands"].format(ms=f"{1e3 * row['stands_within_s']:.0f}"))
+    yield Text.assemble("\n", (row["fault"], "bold"), f": {row['class']}")
+    yield Padding(Text("; ".join([*facts, row["steps"]]), style="dim"), INDENT, expand=False)
+    yield Padding(Text(row["text"]), INDENT, expand=False)
+    yield Padding(Text(frames["cause"].format(cause=row["cause"])), INDENT, expand=False)
+    yield Padding(Text(frames["remedy"].format(remedy=row["remedy"])), INDENT, expand=False)

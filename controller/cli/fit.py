@@ -1,0 +1,109 @@
+"""``directrix fit``: for each surface of a program the largest cutter that keeps a tolerance."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from controller.geometry.surfaces import DefectKind, defect
+from controller.machine import machine_file
+from controller.machine.model import Machine
+from controller.machine.toml_table import ConfigError
+from controller.plan.surfaces.cuts import code, describe, surface_of
+from controller.program import blocks, linked
+from controller.program.program import CutCone, CutNurbs, CutRuled, ProgramError
+from controller.verify import fits
+from controller.verify.console import Refused, bar, refusals, show
+
+Argument = Annotated[Path, typer.Argument(help="The part program.")]
+Tolerance = Annotated[float, typer.Option("--tolerance", help="Of the form, mm, ends included.")]
+MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+LEAST_MM, MOST_MM = 1e-4, 10.0
+
+
+def fit(
+    program: Argument, tolerance: Tolerance = 0.01, machine: MachineFile = "trunnion", as_json: Json = False
+) -> None:
+    """For each surface the largest radius, free and of the tool table, and the placement that keep it.
+
+    By its own cut alone, ends included; leads and neighbours are seen by check.
+    """
+    with refusals(as_json, lambda: (ConfigError,)):
+        made = machine_file.load(machine)
+        if not LEAST_MM <= tolerance <= MOST_MM:
+            raise Refused(
+                f"--tolerance {tolerance:g} is not held; allowed are {LEAST_MM:g} to {MOST_MM:g} mm."
+            )
+        if not program.is_file():
+            raise Refused(f"{program}: there is no such file; give the path of a part program.")
+        asked = list(_asked(program, made))
+        if not asked:
+            raise Refused(f"{program}: cuts no surface (G51, G52, G6.2); there is nothing to be fitted.")
+        found = []
+        with bar("fitting", as_json) as progress:
+            for k, one in enumerate(asked):
+                share = _share(progress, k, len(asked))
+                found.append((one, fits.fit(one, made.tools, tolerance, share)))
+        if as_json:
+            surfaces = [
+                {"line": one.line, "hollow_mm": _finite(one.hollow_mm()), "fits": [b.to_dict() for b in best]}
+                for one, best in found
+            ]
+            print(
+                json.dumps(
+                    {"ok": True, "program": str(program), "tolerance_mm": tolerance, "surfaces": surfaces}
+                )
+            )
+            return
+        show.print(_table(found, tolerance))
+
+
+def _share(progress: Callable[[float], object], k: int, count: int) -> Callable[[float], None]:
+    def share(of_one: float) -> None:
+        progress((k + of_one) / count)
+
+    return share
+
+
+def _asked(program: Path, machine: Machine) -> Iterator[fits.Asked]:
+    """The surfaces of a program; raises ProgramError where one is none that could be cut."""
+    name = str(program)
+    for block in blocks.stream(linked.linked(program.read_bytes(), linked.beside(program)), machine, name):
+        if isinstance(block, CutCone | CutRuled | CutNurbs):
+            surface, place = surface_of(block), block.place
+            wrong = defect(surface)
+            if wrong is not None and wrong.kind is not DefectKind.TWIST:
+                raise ProgramError(name, place.line, place.column, f"{code(block)}: {describe(wrong)}")
+            yield fits.Asked(place.line, surface, block.modal.side.value)
+
+
+def _finite(value: float) -> float | None:
+    return value if value < 1e9 else None
+
+
+def _table(found: list[tuple[fits.Asked, list[fits.Best]]], tolerance: float) -> Table:
+    table = Table(title=f"Largest cutters that keep {1e3 * tolerance:g} µm, ends included (own cut alone)")
+    for head in ("line", "cutter", "radius", "placement", "off", "of the tool table"):
+        table.add_column(head, justify="right" if head in ("line", "radius", "off") else "left", no_wrap=True)
+    for one, best in found:
+        line = str(one.line)
+        for row in best:
+            table.add_row(line, *_cells(row))
+            line = ""
+    return table
+
+
+def _cells(row: fits.Best) -> tuple[str, ...]:
+    kind = f"{row.kind} {row.taper_deg:.3g}°" if row.taper_deg else row.kind
+    own = f"T{row.tool} r {row.tool_radius_mm:g}, {row.tool_placement}" if row.tool is not None else "none"
+    if row.radius_mm <= 0.0:
+        return kind, "none", "", "", own
+    more = "≥ " if row.radius_mm >= fits.LARGEST_MM * (1.0 - 1e-9) else ""
+    return kind, f"{more}{row.radius_mm:.2f} mm", row.placement, f"{1e3 * row.off_mm:.1f} µm", own

@@ -1,0 +1,33 @@
+"""Programs on the desk with what was set at a machine: ``--fitted``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from controller.machine import setup_data
+from controller.machine.model import Machine
+
+FITTED = "What was set at a machine: its state folder, or the fitting.json of one; default: nothing."
+Fitted = Annotated[Path | None, typer.Option("--fitted", help=FITTED)]
+
+
+def laid(machine: Machine, fitted: Path | None) -> Machine:
+    """The machine with what was set at one laid over its file. Raises ConfigError."""
+    return machine if fitted is None else setup_data.applied(machine, _values(fitted))
+
+
+def said(fitted: Path | None) -> list[str]:
+    """The names of all that does not come from the machine file."""
+    return [] if fitted is None else setup_data.names(_values(fitted))
+
+
+def sentence(names: list[str]) -> str:
+    """The same for people; empty where all comes from the machine file."""
+    return f"Not the machine file's but as set at the machine: {', '.join(names)}." if names else ""
+
+
+def _values(fitted: Path) -> dict[str, Any]:
+    return setup_data.read(fitted / setup_data.FILE if fitted.is_dir() else fitted)

@@ -1,0 +1,52 @@
+"""What a command says where it finds itself wrong: one sentence, and a file to send in."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import sys
+import tempfile
+import traceback
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+
+from controller.messages import internal_error
+
+EXIT_CODE = 70  # EX_SOFTWARE of sysexits.h
+
+
+def sentence(error: BaseException) -> str:
+    """One sentence; the traceback goes into a file that it names."""
+    kept = _kept("".join(traceback.format_exception(error)))
+    return (
+        f"Directrix itself is wrong here ({internal_error.told(error)});"
+        f" send in {kept if kept is not None else 'this line'} with the program and the machine file."
+    )
+
+
+def end(error: BaseException, as_json: bool) -> int:
+    """Says it where the command's answer would have been; the exit code."""
+    if "JOURNAL_STREAM" in os.environ:  # of a service; its own /tmp goes with it
+        traceback.print_exception(error)
+    words = sentence(error)
+    if as_json:
+        print(json.dumps({"ok": False, "internal": True, "error": words}))
+    else:
+        print(words, file=sys.stderr)
+    return EXIT_CODE
+
+
+def _kept(text: str) -> Path | None:
+    """A file of what is needed to find it, for this user alone; None where there is no room."""
+    of = f"directrix {metadata.version('directrix')}, Python {platform.python_version()}"
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    head = f"{of}, {platform.platform()}\n{now}\n{' '.join(sys.argv)}\n\n"
+    try:
+        handle, name = tempfile.mkstemp(prefix="directrix-error-", suffix=".txt")
+        with os.fdopen(handle, "w", encoding="utf-8", errors="backslashreplace") as file:
+            file.write(head + text)
+    except OSError:
+        return None
+    return Path(name)

@@ -1,0 +1,157 @@
+"""``directrix drives save``, ``restore``, ``compare``: a drive's set-up as a file (CiA 306-1 DCF)."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from controller.cli import drive_buses, drive_tables
+from controller.cli.drive_buses import EXPECTED, Channel, Json, MachineFile, OnBus
+from controller.machine import nodes
+from controller.verify.console import Refused, refusals, show, tell
+from drives import commission as commissioning
+from drives.commissioning import dcf, setup, sheet
+from drives.commissioning.remote import NMT_PRE_OPERATIONAL
+from drives.commissioning.wanted import Settings
+
+DriveName = Annotated[str, typer.Argument(metavar="X", help="The axis, 'spindle' or 'io'; or a node id.")]
+Address = Annotated[bool, typer.Option("--address", help="Makers' objects of node id and bit rate, too.")]
+File = Annotated[Path, typer.Argument(metavar="FILE.dcf", help="The drive's set-up (DCF, CiA 306).")]
+
+
+def save(
+    drive: DriveName,
+    file: File,
+    machine: MachineFile = "trunnion",
+    bus: OnBus = "",
+    channel: Channel = "",
+    as_json: Json = False,
+) -> None:
+    """Write what is set up in a drive into a file, for the one that replaces it. Changes nothing in it."""
+    with (
+        refusals(as_json, lambda: EXPECTED),
+        _one(machine, bus, channel, drive) as (settings, here, rate),
+    ):
+        values, failed = setup.read(here)
+        left = setup.beside(here)
+        about = sheet.own(settings.eds, settings.node, sheet.known_of(settings))
+        text = dcf.written(about, settings.node, rate, values, file.name)
+        _write(file, text)
+        if as_json:
+            facts = {"drive": settings.name, "node": settings.node, "file": str(file), "saved": len(values)}
+            unread = [asdict(row) for row in failed]
+            print(json.dumps({"ok": True, **facts, "left_out": left, "unread": unread}))
+            return
+        for row in failed:
+            tell.print(f"{drive_tables.place(row.index, row.sub)}: left out: {row.refused}.", markup=False)
+        kinds = ", ".join(f"{count} {why}" for why, count in sorted(left.items()))
+        title = f"{file}: {len(values)} objects of drive {settings.name} (node {settings.node})"
+        show.print(f"{title}; left out: {kinds or 'nothing'}.", markup=False, soft_wrap=True)
+
+
+def compare(
+    drive: DriveName,
+    file: File,
+    machine: MachineFile = "trunnion",
+    bus: OnBus = "",
+    channel: Channel = "",
+    address: Address = False,
+    as_json: Json = False,
+) -> None:
+    """What is set up in a drive against a file: the differences only; exit code 1 where there are any."""
+    with refusals(as_json, lambda: EXPECTED):
+        kept = dcf.read(file)
+        with _one(machine, bus, channel, drive) as (settings, here, _):
+            setup.belongs(here, kept)
+            rows = list(setup.differences(here, kept, address))
+        facts = {"drive": settings.name, "file": str(file), "differences": _rows(rows)}
+        if rows:
+            if not as_json:
+                show.print(drive_tables.differences(rows, kept.name))
+            told = f"Drive {settings.name} (node {settings.node}) is not as {kept.name} says"
+            raise Refused(f"{told}: {len(rows)} of {len(kept.values)} objects.", **facts)
+        if as_json:
+            print(json.dumps({"ok": True, **facts}))
+        else:
+            show.print(f"Drive {settings.name} (node {settings.node}) is as {kept.name} says.", markup=False)
+
+
+def restore(
+    drive: DriveName,
+    file: File,
+    machine: MachineFile = "trunnion",
+    bus: OnBus = "",
+    channel: Channel = "",
+    store: Annotated[bool, typer.Option("--store", help="Have the drive keep it (1010h).")] = False,
+    address: Address = False,
+    as_json: Json = False,
+) -> None:
+    """Put a set-up back into a drive that is off: what differs is written and read back.
+
+    Without --address node id and bit rate stay. The drive is left pre-operational; commission it next.
+    """
+    with refusals(as_json, lambda: EXPECTED):
+        kept = dcf.read(file)
+        with _one(machine, bus, channel, drive, alone=True) as (settings, here, _):
+            setup.belongs(here, kept)
+            setup.see_off(here)
+            here.command(NMT_PRE_OPERATIONAL)
+            rows = setup.restore(here, kept, address)
+            refused = [row for row in rows if row.refused]
+            if store and len(rows) > len(refused):
+                here.store()
+        facts = {"drive": settings.name, "file": str(file), "changed": len(rows) - len(refused)}
+        facts |= {"stored": here.outcome.stored, "objects": _rows(rows)}
+        if rows and not as_json:
+            show.print(drive_tables.restored(rows))
+        if refused:
+            told = f"Drive {settings.name} (node {settings.node}) is not as {kept.name} says"
+            why = f"{len(refused)} of the {len(rows)} objects that differed, for the reasons beside them"
+            raise Refused(f"{told}: {why}.", **facts)
+        if as_json:
+            print(json.dumps({"ok": True, **facts}))
+        else:
+            done = f"{len(rows)} objects were written" if rows else "nothing had to be written"
+            kept_now = ", and it keeps them" if here.outcome.stored else ""
+            show.print(f"Drive {settings.name} is as {kept.name} says: {done}{kept_now}.", markup=False)
+
+
+@contextlib.contextmanager
+def _one(
+    machine: str, bus: str, channel: str, drive: str, alone: bool = False
+) -> Iterator[tuple[Settings, commissioning.Drive, int]]:
+    """The drive that is asked for, and its bus' bit rate. ``alone``: nobody else may drive it."""
+    made = drive_buses.machine(machine)
+    with drive_buses.joined(made, bus, channel, drive) as found:
+        its = [(each, node) for each in found for node in each.nodes]
+        if len(its) != 1:
+            known = ", ".join(f"{node.name} (bus {each.bus.name})" for each, node in its)
+            raise Refused(f"{drive}: not one drive but {known or 'none'}; name one, with --bus if need be.")
+        each, node = its[0]
+        if alone:
+            drive_buses.see_alone(each, nodes.master_settings(made))
+        here = commissioning.Drive(each.network, node)
+        here.meet()
+        yield node, here, each.bus.bit_rate
+
+
+def _write(file: Path, text: str) -> None:
+    try:
+        file.write_bytes(text.encode("latin-1", "replace"))
+    except OSError as error:
+        raise Refused(f"{file}: cannot be written: {error.strerror}; check path and permission.") from error
+
+
+def _rows(rows: Sequence[setup.Row]) -> list[dict[str, Any]]:
+    """Values that JSON has no form for as hexadecimal text."""
+
+    def plain(value: Any) -> Any:
+        return value.hex() if isinstance(value, bytes) else value
+
+    return [{key: plain(value) for key, value in asdict(row).items()} for row in rows]

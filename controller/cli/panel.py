@@ -1,0 +1,112 @@
+"""``directrix panel``: the REST interface of a machine, as an unprivileged process of its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, cast
+
+import typer
+
+from controller.ipc import control_socket
+from controller.runtime import cores
+from controller.verify.console import Refused, refusals, tell
+
+if TYPE_CHECKING:
+    from controller.api.store import Store
+
+Host = Annotated[str, typer.Option("--host", help="Address to listen on; beyond this computer with users.")]
+Port = Annotated[int, typer.Option("--port", min=0, max=65535, help="TCP port.")]
+State = Annotated[
+    Path | None, typer.Option("--state", help="Folder of what is kept; default: systemd's or the user's.")
+]
+Runtime = Annotated[
+    Path | None, typer.Option("--runtime", help="Folder of the socket; default: systemd's or the user's.")
+]
+Certificate = Annotated[Path | None, typer.Option("--tls-certificate", help="PEM file, with its chain.")]
+Key = Annotated[Path | None, typer.Option("--tls-key", help="PEM file of the certificate's key.")]
+Proxy = Annotated[
+    str, typer.Option("--proxy", help="Address of the proxy that does TLS; its X-Forwarded-... are believed.")
+]
+
+CLOSE_S = 3  # for requests under way, at the end
+EXTRA = "The panel needs more packages: install directrix with its extra (pip install 'directrix[panel]')."
+
+
+def panel(
+    host: Host = "127.0.0.1",
+    port: Port = 8080,
+    state: State = None,
+    runtime: Runtime = None,
+    tls_certificate: Certificate = None,
+    tls_key: Key = None,
+    proxy: Proxy = "",
+    page: Annotated[bool, typer.Option("--page/--no-page", help="Or the routes alone.")] = True,
+    anybody_stops: Annotated[
+        bool, typer.Option("--anybody-may-stop", help="Hold, stop and e-stop also for users who only look.")
+    ] = False,
+) -> None:
+    """Serve programs, status and control of a machine over HTTP; it may end and come back at any time."""
+    from controller.cli import panel_users
+
+    with refusals(False, panel_users.expected):
+        try:
+            import uvicorn
+
+            from controller.api.access import is_loopback
+            from controller.api.connections import Connections, Limits, WebSocket, raise_file_limit
+        except ImportError as error:
+            raise Refused(f"{EXTRA} ({error})") from error
+        store = panel_users.store_in(state or control_socket.state_folder())
+        if not is_loopback(host):
+            _may_leave(host, bool(store.users.all()), tls_certificate is not None, bool(proxy))
+        for file in (tls_certificate, tls_key):
+            if file is not None and not file.is_file():
+                raise Refused(f"{file}: there is no such file; give a certificate and its key as PEM files.")
+        socket = control_socket.control_path(runtime or control_socket.runtime_folder())
+        cores.leave()
+        connections = Connections(Limits.within(raise_file_limit()))
+        tell.print(f"Panel on {host}:{port}, machine behind {socket}, store in {store.folder}", markup=False)
+        uvicorn.run(
+            _app(store, socket, page, anybody_stops),
+            host=host,
+            port=port,
+            log_level="warning",
+            access_log=False,  # the audit log says who changed what
+            server_header=False,
+            proxy_headers=bool(proxy),
+            forwarded_allow_ips=proxy or None,
+            ssl_certfile=tls_certificate,
+            ssl_keyfile=tls_key,
+            timeout_graceful_shutdown=CLOSE_S,
+            http=cast(Any, connections.protocol),
+            ws=WebSocket,
+            backlog=connections.limits.at_once,
+        )
+
+
+def _may_leave(host: str, users: bool, certificate: bool, proxy: bool) -> None:
+    """Beyond this computer: never without users, never with passwords in the clear. Raises Refused."""
+    if not users:
+        raise Refused(
+            f"--host {host}: beyond this computer users are needed; add one with: directrix users add NAME."
+        )
+    if not certificate and not proxy:
+        raise Refused(
+            f"--host {host}: beyond this computer passwords need TLS; give --tls-certificate and --tls-key, "
+            "or --proxy ADDRESS where a proxy does it."
+        )
+
+
+def _app(store: Store, socket: Path, page: bool = True, anybody_stops: bool = False) -> Any:
+    from controller.api.app_state import Panel
+    from controller.api.checker import Checker
+    from controller.api.http import make_app
+    from controller.api.service_client import SocketDoor
+    from controller.web.server import add_page
+
+    store.sweep()
+    made = Panel(store, SocketDoor(socket), Checker(store), anybody_stops)
+    app = make_app(made)
+    if page:
+        add_page(app)
+    return app

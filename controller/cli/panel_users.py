@@ -1,0 +1,142 @@
+"""``directrix users`` and ``directrix tokens``: who may use the panel, straight in its store.
+
+The first user can be made here only: without users there is nobody who could be asked who
+he is, and whoever may write the state folder owns the machine anyway.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+from rich.table import Table
+
+from controller.ipc import control_socket
+from controller.verify.console import Refused, refusals, show
+
+if TYPE_CHECKING:
+    from controller.api.store import Store
+
+users = typer.Typer(no_args_is_help=True, help="Users of the panel: add, list, remove.")
+tokens = typer.Typer(no_args_is_help=True, help="Tokens of scripts: add, list, remove.")
+
+Name = Annotated[str, typer.Argument(help="Up to 40 letters, digits and . _ @ -")]
+Role = Annotated[
+    Literal["view", "operate", "set_up"], typer.Option("--role", help="Each may do what those before it may.")
+]
+Days = Annotated[float | None, typer.Option("--days", help="It expires after so many; default: never.")]
+State = Annotated[Path | None, typer.Option("--state", help="Folder of what is kept.")]
+
+NAME = re.compile(r"[A-Za-z0-9_.@-]{1,40}")
+SHORTEST = 8
+LONGEST = 200
+MOST_DAYS = 3650.0
+DAY_S = 86400.0
+
+
+def expected() -> tuple[type[Exception], ...]:
+    """What a user can mend."""
+    from controller.api.database import StoreError
+
+    return (StoreError,)
+
+
+def store_in(folder: Path) -> Store:
+    """Raises StoreError."""
+    from controller.api.store import Store
+
+    return Store(folder)
+
+
+@users.command("add")
+def add_user(name: Name, role: Role = "set_up", state: State = None) -> None:
+    """Add a user, or give one another password and role. The password is asked for, or read from a pipe."""
+    with refusals(False, expected):
+        store = store_in(state or control_socket.state_folder())
+        _check(name)
+        first = not store.users.all()
+        if first and role != "set_up":
+            raise Refused("The first user must have the role set_up, or nobody could add others.")
+        store.users.set(name, _hash(_password()), role)
+        show.print(f"{name}: may {role}. {'From now on everybody has to log in.' if first else ''}".strip())
+
+
+@users.command("list")
+def list_users(state: State = None) -> None:
+    """Users and their roles."""
+    with refusals(False, expected):
+        table = Table("user", "role", box=None, pad_edge=False)
+        for user in store_in(state or control_socket.state_folder()).users.all():
+            table.add_row(user.name, user.role)
+        show.print(table if table.row_count else "There are no users; only this computer is answered.")
+
+
+@users.command("remove")
+def remove_user(name: Name, state: State = None) -> None:
+    """Remove a user; without any, only this computer is answered again."""
+    with refusals(False, expected):
+        store_in(state or control_socket.state_folder()).users.remove(name)
+        show.print(f"{name}: removed.", markup=False)
+
+
+@tokens.command("add")
+def add_token(name: Name, role: Role = "operate", days: Days = None, state: State = None) -> None:
+    """Make a token for a script and print it; it is shown only here."""
+    with refusals(False, expected):
+        from controller.api.users import new_token
+
+        store = store_in(state or control_socket.state_folder())
+        _check(name)
+        token, sha256 = new_token()
+        if days is not None and not 0.0 < days <= MOST_DAYS:
+            raise Refused(f"--days {days:g}: allowed are more than 0 and up to {MOST_DAYS:g}.")
+        lasts_s = None if days is None else days * DAY_S
+        store.users.add_token(sha256, name, role, "command line", lasts_s)
+        print(token)
+
+
+@tokens.command("list")
+def list_tokens(state: State = None) -> None:
+    """Tokens by name; not what they are."""
+    with refusals(False, expected):
+        table = Table("token", "role", "made by", "until", box=None, pad_edge=False)
+        for token in store_in(state or control_socket.state_folder()).users.tokens():
+            table.add_row(token.name, token.role, token.made_by, _until(token.expires_s))
+        show.print(table if table.row_count else "There are no tokens.")
+
+
+@tokens.command("remove")
+def remove_token(name: Name, state: State = None) -> None:
+    """Its script is refused from now on."""
+    with refusals(False, expected):
+        store_in(state or control_socket.state_folder()).users.remove_token(name)
+        show.print(f"{name}: removed.", markup=False)
+
+
+def _until(expires_s: float | None) -> str:
+    return "" if expires_s is None else time.strftime("%Y-%m-%d %H:%M", time.localtime(expires_s))
+
+
+def _check(name: str) -> None:
+    if not NAME.fullmatch(name):
+        raise Refused(f"{name!r}: is no name; allowed are up to 40 letters, digits and . _ @ -; choose one.")
+
+
+def _password() -> str:
+    if sys.stdin.isatty():
+        password: str = typer.prompt("Password", hide_input=True, confirmation_prompt=True)
+    else:
+        password = sys.stdin.readline().rstrip("\r\n")
+    if not SHORTEST <= len(password) <= LONGEST:
+        raise Refused(f"The password has {len(password)} signs; allowed are {SHORTEST} to {LONGEST}.")
+    return password
+
+
+def _hash(password: str) -> str:
+    from argon2 import PasswordHasher
+
+    return PasswordHasher().hash(password)

@@ -1,0 +1,459 @@
+"""What runs a part program, or only reads it: ``directrix check``, ``simulate``, ``demo`` and ``paper``."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from controller import messages
+from controller.cli import fitted as fittings
+from controller.cli import machine_check
+from controller.cli.fitted import Fitted
+from controller.machine import machine_file
+from controller.machine.model import Machine
+from controller.machine.toml_table import ConfigError
+from controller.motion.motions import SurfaceCut
+from controller.plan.path.path import Stretch
+from controller.plan.report import stored
+from controller.plan.report.survey import Survey
+from controller.plan.stretch import Note
+from controller.program import linked
+from controller.program import refusals as refusals_of_text
+from controller.program.program import ProgramError
+from controller.runtime import checked, recording, starts
+from controller.runtime import events as event_files
+from controller.runtime.bus_load import overload
+from controller.runtime.startup import SessionError
+from controller.state.modes import Fault
+from controller.verify import tables, wording
+from controller.verify.console import Refused, bar, refusals, show, tell
+from controller.verify.rows import Rows
+
+if TYPE_CHECKING:
+    from controller.runtime.stepped import Run
+    from controller.verify.trace import Trace
+
+ProgramFile = Annotated[Path, typer.Argument(help="The part program.")]
+MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+BlockDelete = Annotated[bool, typer.Option("--block-delete", help="Leave lines out that begin with /.")]
+Gouge = Annotated[
+    Literal["refuse", "warn"] | None, typer.Option("--gouge", help="Default: the machine file's.")
+]
+Dialect = Annotated[
+    Literal["rs274", "fanuc"] | None, typer.Option("--dialect", help="Default: the machine file's.")
+]
+PeriodMs = Annotated[float | None, typer.Option("--period-ms", help="Instead of the machine file's period.")]
+
+Store = Annotated[
+    Path | None, typer.Option("--store", help="Folder of stored checks; default: the user's state folder.")
+]
+Unchecked = Annotated[
+    bool, typer.Option("--unchecked", help="Start with the first blocks; refuse later ones on the way.")
+]
+
+STOPPED = "The tool stands on the path before that block."
+PARTS = {"cone": "example1_ready", "ruled": "example2_ready"}
+
+
+def _refusals(as_json: bool) -> contextlib.AbstractContextManager[None]:
+    """Turns what a user can mend into one sentence and exit code 1."""
+    return refusals(as_json, _expected)
+
+
+def _expected() -> tuple[type[Exception], ...]:
+    """Drives are imported where they are needed: ``check`` does without."""
+    from drives.bus import BusError
+    from drives.commission import CommissionError
+
+    return ConfigError, SessionError, event_files.EventError, BusError, CommissionError
+
+
+# --- what several commands need ------------------------------------------------
+
+
+def _machine(
+    file: str,
+    gouge: str | None = None,
+    period_ms: float | None = None,
+    dialect: str | None = None,
+    fitted: Path | None = None,
+) -> Machine:
+    machine = fittings.laid(machine_file.load(file), fitted)
+    machine = replace(machine, dialect=dialect) if dialect else machine
+    machine = replace(machine, gouge=gouge) if gouge else machine
+    return machine if period_ms is None else machine_file.with_period(machine, period_ms / 1e3)
+
+
+def _notes(notes: Sequence[Note], machine: Machine) -> dict[str, Any]:
+    """What ``check`` and ``simulate`` say with --json of a program and of its machine."""
+    told = [{"line": note.place.line, "note": note.sentence} for note in notes]
+    return {"notes": told, "warnings": machine_file.warnings(machine)}
+
+
+def _budget_or_refuse(machine: Machine) -> None:
+    if sentence := overload(machine):
+        raise Refused(sentence)
+
+
+def _read(file: Path) -> bytes:
+    if not file.is_file():
+        what = "this is a folder" if file.is_dir() else "there is no such file"
+        raise Refused(f"{file}: {what}; give the path of a part program.")
+    return linked.linked(file.read_bytes(), linked.beside(file))
+
+
+def _writable(*files: Path | None) -> None:
+    """Refuse, before anything runs, what could not be written after it. Raises OSError."""
+    for file in files:
+        if file is not None:
+            new = not file.exists()
+            file.open("ab").close()
+            if new:
+                file.unlink()
+
+
+def _text(program: Path, block_delete: bool) -> bytes:
+    """What is run: the program with the subs of other files, and without lines that are to be left out."""
+    text = _read(program)
+    return linked.without_deleted(text) if block_delete else text
+
+
+def _task(program: Path, machine: Machine, block_delete: bool) -> checked.Task:
+    return checked.task(_text(program, block_delete), str(program), machine)
+
+
+def _kept(task: checked.Task, store: Path | None, as_json: bool) -> stored.Stored | None:
+    """The stored check of what is to be run, if there is a sound one."""
+    kept, warning = checked.find(task, store or stored.folder())
+    if warning and not as_json:
+        tell.print(warning, markup=False)
+    return kept
+
+
+def _length_mm(stretches: dict[int, Stretch]) -> float:
+    """Length of the first tool that cuts: its tip is what the path error is about."""
+    lengths = (s.motion.length_mm for s in stretches.values() if isinstance(s.motion, SurfaceCut))
+    return next(lengths, 0.0)
+
+
+# --- check ---------------------------------------------------------------------
+
+
+def check(
+    program: Annotated[
+        Path | None, typer.Argument(help="The part program; none: only the machine is checked.")
+    ] = None,
+    machine: Annotated[
+        str, typer.Option("--machine", help="Machine file, or the name of a shipped one; default trunnion.")
+    ] = "",
+    gouge: Gouge = None,
+    block_delete: BlockDelete = False,
+    dialect: Dialect = None,
+    fitted: Fitted = None,
+    store: Store = None,
+    as_json: Json = False,
+) -> None:
+    """Read, plan and audit a program over its whole path, and store the check; nothing moves.
+
+    The data sheets of the machine's drives are looked at first: what commissioning would refuse is refused.
+    """
+    if program is None and not machine:
+        raise typer.BadParameter("name a part program, or a machine alone with --machine")
+    with _refusals(as_json):
+        made = _machine(machine or "trunnion", gouge, dialect=dialect, fitted=fitted)
+        sheets = machine_check.sheets(made, as_json)
+        if program is None:
+            machine_check.alone(made, sheets, as_json)
+            return
+        task = _task(program, made, block_delete)
+        rows = Rows()
+        found, kept, warning = _checked(task, store, rows, as_json)
+        if as_json:
+            facts = {"ok": True, "program": str(program), "sheets": sheets, **found.to_dict()}
+            key = None if warning else task.key
+            overcuts = {"overcuts": [asdict(one) for one in kept.overcuts]}
+            verdict = {"verdict": messages.told(checked.verdict_of(kept))}
+            rows.write(
+                {
+                    **{**facts, **overcuts, **verdict, "fitted": fittings.said(fitted)},
+                    **{**_notes(kept.notes, task.machine), "stored": key},
+                },
+                sys.stdout,
+            )
+            return
+        if names := fittings.said(fitted):
+            tell.print(fittings.sentence(names), markup=False)
+        _show_notes(kept.notes, task)
+        if rows.longest:
+            show.print(tables.blocks(rows))
+        if found.joints:
+            show.print(tables.joints(found))
+        if warning:
+            tell.print(warning, markup=False)
+        show.print(tables.whole(found, program.name, task.machine.name), markup=False)
+        if kept.overcuts:
+            form = messages.text(wording.summed(kept.verdicts))
+            show.print(form or tables.overcut(kept.overcuts), markup=False)
+
+
+def _checked(
+    task: checked.Task, store: Path | None, rows: Rows, quiet: bool
+) -> tuple[Survey, stored.Stored, str]:
+    lines = max(1, task.text.count(b"\n"))
+    try:
+        with bar("planning", quiet) as progress:
+            return checked.check(
+                task, store or stored.folder(), rows.take, lambda line: progress(line / lines)
+            )
+    except ProgramError as error:
+        _refuse_all(error, task, quiet)
+        raise
+
+
+def _refuse_all(first: ProgramError, task: checked.Task, quiet: bool) -> None:
+    """All refusals of a text in one answer, where there is more than the first. Raises Refused."""
+    found = refusals_of_text.of(task.text, task.machine, task.name, task.start)
+    if len(found) < 2 or str(found[0]) != str(first):
+        return
+    told = [str(one) for one in found[: refusals_of_text.MOST]]
+    sentence = told[0] if quiet else "\n".join([*told, refusals_of_text.summed(found)])
+    place = {"file": first.file, "line": first.line, "column": first.column}
+    refused = Refused(sentence, **place, **refusals_of_text.facts(found))
+    refused.facts["sentence"] = first.sentence
+    raise refused
+
+
+def _show_notes(notes: Sequence[Note], task: checked.Task) -> None:
+    for sentence in machine_file.warnings(task.machine):
+        tell.print(sentence, markup=False)
+    for note in notes:
+        tell.print(f"{task.name}:{note.place.line}:{note.place.column}: {note.sentence}", markup=False)
+
+
+# --- simulate ------------------------------------------------------------------
+
+
+def simulate(
+    program: ProgramFile,
+    machine: MachineFile = "trunnion",
+    period_ms: PeriodMs = None,
+    gouge: Gouge = None,
+    block_delete: BlockDelete = False,
+    dialect: Dialect = None,
+    fitted: Fitted = None,
+    trace_file: Annotated[Path | None, typer.Option("--trace", help="Write every tick (.npz).")] = None,
+    events: Annotated[Path | None, typer.Option("--events", help="Requests at ticks (JSON lines).")] = None,
+    faults: Annotated[Path | None, typer.Option("--faults", help="Script of faults.")] = None,
+    faults_from: Annotated[
+        Literal["program", "home"], typer.Option("--faults-from", help="What its times count from.")
+    ] = "program",
+    plot: Annotated[Path | None, typer.Option("--plot", help="Draw the cut (.png).")] = None,
+    store: Store = None,
+    unchecked: Unchecked = False,
+    as_json: Json = False,
+) -> None:
+    """Run a program on the stepped clock, with bus and simulated drives, as fast as it can."""
+    from controller.cli import memory
+
+    memory.keep_freed()
+    memory.collect_rarely()
+    from controller.cli import fault_runs, recorded_runs
+    from controller.runtime.stepped import SteppedMachine
+    from controller.verify import trace as traces
+
+    with _refusals(as_json):
+        made = _machine(machine, gouge, period_ms, dialect, fitted)
+        script = fault_runs.read(faults, faults_from, made)
+        _budget_or_refuse(made)
+        record = recorded_runs.read(events, made, _text(program, block_delete)) if events else None
+        planned_events = event_files.read(events) if events and record is None else ()
+        made = record.machine if record is not None else made
+        task = _task(program, made, block_delete)
+        _writable(trace_file, plot)
+        kept = None if unchecked else _kept(task, store, as_json)
+        with bar("planning", as_json) as progress:
+            walk = (
+                starts.path_from(task, kept, record.recorded.begin.start)
+                if record
+                else checked.walk_of(task, kept, unchecked, progress)
+            )
+        if not as_json:
+            _show_notes(walk.notes, task)
+        bench = SteppedMachine(made, recordings=recording.folder())
+        under = fault_runs.FaultRun(bench, script, faults_from)
+        under.come_up()
+        if record is not None:
+            record.stand(bench)
+        under.begin()
+        began_s = time.perf_counter()
+        with bar("simulating", as_json) as progress:
+            passed = lambda s: progress(_share(s, kept))  # noqa: E731
+            if record is None:
+                run = bench.run(walk, planned_events, passed)
+            else:
+                run = record.run(bench, walk, task, passed)
+        took_s = time.perf_counter() - began_s
+        stretches = bench.planner.stretches
+        trace = traces.from_rows(run.rows, made, task.kinematics, stretches, first_tick=run.first_tick)
+        refusal = bench.planner.error
+        figures = {
+            **_figures(task, "refused" if refusal else run.result, run.fault, unchecked),
+            **_run_figures(run, trace, task, _length_mm(stretches), took_s),
+            **_notes(walk.notes, made),
+            **under.facts(),
+        }
+        if script is not None and not as_json:
+            fault_runs.show(figures["faults"])
+        _write(trace, made, stretches, trace_file, plot)
+        if record is not None:  # a fault that comes again is what was asked for
+            _end("Made again as it was recorded", {**figures, **record.judge(run)}, as_json)
+            return
+        if run.fault is not Fault.NONE:  # also a hold that waits for somebody to close a door
+            raise Refused(run.fault_text, **figures)
+        if refusal is not None:
+            raise Refused(f"{refusal} {STOPPED}", **figures, line=refusal.line, column=refusal.column)
+        _end("Simulated on the stepped clock", figures, as_json)
+
+
+def _figures(task: checked.Task, result: str, fault: Fault, unchecked: bool) -> dict[str, Any]:
+    """The first figures of a run, of whatever clock."""
+    return {
+        "program": task.name,
+        "machine": task.machine.name,
+        "period_s": task.machine.period_s,
+        "result": result,
+        "fault": fault.name if fault is not Fault.NONE else None,
+        "checked": not unchecked,
+    }
+
+
+def _run_figures(
+    run: Run, trace: Trace, task: checked.Task, length_mm: float, took_s: float
+) -> dict[str, Any]:
+    """What came of a run on the stepped clock; ``length_mm`` of the tool that cut."""
+    from controller.verify import trace as traces
+
+    machine = task.machine
+    return {
+        **traces.summary(trace, machine, task.kinematics, length_mm).to_dict(),
+        "binds": [bound.to_dict() for bound in tables.bound_in(run.rows, machine)],
+        "skips": run.skips,
+        "assumed_resumes": run.assumed_resumes,
+        "events_left": run.events_left,
+        "wall_time_s": took_s,
+        "times_real_time": len(trace.time_s) * machine.period_s / took_s,
+    }
+
+
+def _end(title: str, figures: dict[str, Any], as_json: bool) -> None:
+    if as_json:
+        print(json.dumps({"ok": True, **figures}))
+    else:
+        show.print(tables.figures(title, figures))
+
+
+def _share(seconds: float, kept: stored.Stored | None) -> float:
+    """Of a run: exact where the duration is known from the check."""
+    return seconds / max(kept.duration_s, 1e-3) if kept else seconds / (seconds + 10.0)
+
+
+def _write(
+    trace: Any, machine: Machine, stretches: dict[int, Stretch], trace_file: Path | None, plot: Path | None
+) -> None:
+    if trace_file:
+        trace.save(trace_file)
+    if plot:
+        from controller.verify import plots
+
+        plots.cut_picture(trace, machine, stretches, plot)
+
+
+# --- demo ----------------------------------------------------------------------
+
+
+def demo(
+    part: Annotated[
+        Literal["cone", "ruled"], typer.Option("--part", help="The paper's Example 1, or 2.")
+    ] = "cone",
+    out: Annotated[Path, typer.Option("--out", help="Folder for picture and trace.")] = Path("demo"),
+    store: Store = None,
+    unchecked: Unchecked = False,
+    period_ms: Annotated[float, typer.Option("--period-ms", help="Of the tick.")] = 5.0,
+    panel: Annotated[
+        bool, typer.Option("--panel", help="A simulated machine with its page instead, until Ctrl-C.")
+    ] = False,
+    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Of the page.")] = 8080,
+    as_json: Json = False,
+) -> None:
+    """Cut one of the paper's parts in real time on the virtual bus, with simulated drives."""
+    if panel:
+        from controller.cli import demo_panel
+
+        with _refusals(as_json):
+            demo_panel.run(out / "panel", port, period_ms, as_json)
+        return
+    with _refusals(as_json):
+        out.mkdir(parents=True, exist_ok=True)
+        made = _machine("trunnion", period_ms=period_ms)
+        # Simulated drives take no harm from late ticks; a machine stops for them.
+        _demo(part, out, replace(made, late="count"), store, unchecked, as_json)
+
+
+def _demo(part: str, out: Path, made: Machine, store: Path | None, unchecked: bool, as_json: bool) -> None:
+    from controller.cli import demo as demos
+    from controller.verify import trace as traces
+
+    file = machine_file.shipped_program(PARTS[part])
+    picture, trace_file = out / f"{part}.png", out / f"{part}.npz"
+    _writable(picture, trace_file)
+    if not as_json:
+        tell.print(f"Starting the virtual bus, simulated drives, plan and tick; {file.name} on {made.name}.")
+    cut = demos.cut(made, file, store or stored.folder(), unchecked, as_json)
+    task = checked.task(file.read_bytes(), file.name, made)
+    kept = None if unchecked else _kept(task, store, as_json)
+    stretches = checked.stretches(checked.walk_of(task, kept, unchecked))
+    trace = traces.from_rows(cut.rows, made, task.kinematics, stretches)
+    _write(trace, made, stretches, trace_file, picture)
+    stamps = cut.sync_stamps_s.items()
+    figures = {
+        **_figures(task, cut.result, cut.fault, unchecked),
+        "program": str(file),
+        **traces.summary(trace, made, task.kinematics, _length_mm(stretches)).to_dict(),
+        "binds": [bound.to_dict() for bound in tables.bound_in(cut.rows, made)],
+        "planned_s": kept.duration_s if kept else None,
+        "skips": cut.skips,
+        "sync": {name: asdict(traces.sync_intervals(s, made.period_s)) for name, s in stamps},
+        "picture": str(picture),
+        "trace": str(trace_file),
+    }
+    if cut.sentence:
+        raise Refused(cut.sentence, **figures)
+    _end("Cut in real time on the virtual bus", figures, as_json)
+    if not as_json:
+        show.print(f"Picture: {picture}   Trace: {trace_file}", markup=False)
+
+
+# --- paper ---------------------------------------------------------------------
+
+
+def paper(as_json: Json = False) -> None:
+    """The paper's comparison, computed: off-line chords, its first-order step, and ours."""
+    from controller.verify import paper as comparisons
+    from controller.verify import paper_table
+
+    with _refusals(as_json):
+        with bar("computing", as_json) as progress:
+            comparison = comparisons.compare(machine_file.load("trunnion"), progress)
+        if as_json:
+            print(json.dumps({"ok": True, **comparison.to_dict()}))
+        else:
+            paper_table.render(comparison, show)

@@ -1,0 +1,166 @@
+"""The record of a run in production, made again by ``directrix replay``, or ``simulate --events``."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from controller.ipc.handoff import COLUMN
+from controller.machine import machine_file, setup_data
+from controller.machine.model import Kind, Machine
+from controller.program import linked
+from controller.runtime import events
+from controller.runtime.checked import Task, Walk
+from controller.runtime.events import Recorded
+from controller.verify.console import Refused
+
+if TYPE_CHECKING:
+    from controller.runtime.replay import Difference
+    from controller.runtime.stepped import Run, SteppedMachine
+
+RUN, BEGUN = "run.json", "begun.json"  # beside the events of a run that was ended in order, or was not
+CAUSES = (
+    "Another version of this program, another computer's mathematics or a changed record make that; "
+    "use what the run was recorded with."
+)
+
+
+class RecordedRun:
+    """``machine`` is fitted as it was then, ``text`` was run; ``recorded`` says how it began."""
+
+    def __init__(self, file: Path, recorded: Recorded, built: Machine, text: bytes) -> None:
+        """Raises Refused where its setpoints cannot be read, and ConfigError for a period that is none."""
+        from controller.runtime import replay
+
+        period_s = recorded.begin.period_s
+        self._built = built if period_s is None else machine_file.with_period(built, period_s)
+        self.recorded, self._file, self.text = recorded, file, text
+        self.name = str(_facts(file.parent).get("name") or events.PROGRAM)
+        self.machine = setup_data.applied(self._built, recorded.begin.fitted)
+        try:
+            self._wanted = replay.setpoints(file.parent)
+        except (OSError, ValueError, KeyError) as error:
+            raise Refused(
+                f"{file.parent}: its setpoints cannot be read ({error}); give the record as it was written."
+            ) from error
+
+    @property
+    def duration_s(self) -> float:
+        """Of what was recorded."""
+        return 0.0 if self._wanted is None else len(self._wanted) * self.machine.period_s
+
+    def stand(self, bench: SteppedMachine) -> None:
+        """Where the run began."""
+        bench.stand_at(self.recorded.begin.start.joints, self.recorded.begin.start.plan_time_s)
+
+    def run(self, bench: SteppedMachine, walk: Walk, task: Task, progress: Callable[[float], None]) -> Run:
+        """As far as it was recorded."""
+        from controller.runtime import replay
+
+        part = replay.Part(task, lambda values: setup_data.applied(self._built, dict(values)))
+        return replay.again(bench, walk, part, self.recorded, self._wanted, progress)
+
+    def judge(self, run: Run) -> dict[str, Any]:
+        """How much of it came again. Raises Refused where it came out otherwise."""
+        from controller.runtime import replay
+
+        if self._wanted is None:
+            return {"recorded_ticks": 0, "compared_ticks": 0}
+        found = replay.difference(self.recorded, self._wanted, run.rows)
+        if found is not None:
+            raise self._otherwise(found, run)
+        if run.result != "completed" and self._ended_as() == "completed":
+            raise Refused(
+                f"{self._file}: the recorded run came to the program's end after {len(self._wanted)} ticks; "
+                f"made again it did not ({run.result}). {CAUSES}"
+            )
+        wanted = min(len(self._wanted), replay.off_path(self.recorded))
+        if (made := int(np.count_nonzero(run.rows[:, COLUMN["sync_sent"]]))) < wanted:
+            raise Refused(
+                f"{self._file}: made again the run ends after {made} ticks, and the recorded one went on "
+                f"to {wanted}. {CAUSES}"
+            )
+        return {"recorded_ticks": len(self._wanted), "compared_ticks": wanted}
+
+    def _otherwise(self, found: Difference, run: Run) -> Refused:
+        """Where, when and by how much."""
+        sent = run.rows[run.rows[:, COLUMN["sync_sent"]] != 0.0]
+        line, axis = int(sent[found.tick, COLUMN["line"]]), self.machine.axes[found.axis]
+        apart = abs((found.again - found.recorded) / axis.counts_per_unit * axis.shown_per_unit)
+        unit, at_s = "mm" if axis.kind is Kind.LINEAR else "degrees", found.tick * self.machine.period_s
+        return Refused(
+            f"{self._file}: made again the run differs from the recorded one in tick {found.tick} (line "
+            f"{line}, at {at_s:.3f} s): {axis.name} was told {found.recorded} counts, and {found.again} now, "
+            f"{apart:.6f} {unit} apart. {CAUSES}",
+            tick=found.tick,
+            time_s=at_s,
+            line=line,
+            axis=axis.name,
+            difference=apart,
+            unit=unit,
+        )
+
+    def _ended_as(self) -> str:
+        """ "" where nobody lived to write it."""
+        return str(_facts(self._file.parent).get("result", ""))
+
+
+def _facts(folder: Path) -> dict[str, Any]:
+    """What is known of a run: of one that was killed only how it began."""
+    for name in (RUN, BEGUN):
+        with contextlib.suppress(OSError, ValueError, TypeError):
+            return dict(json.loads((folder / name).read_text(encoding="utf-8")))
+    return {}
+
+
+def read(file: Path, machine: Machine, program: bytes) -> RecordedRun | None:
+    """The record of a run, None where an operator wrote the file. Raises EventError, and Refused where
+    it is of another program or machine.
+    """
+    found = events.recorded(file)
+    if found is None:
+        return None
+    for what, wanted, given in (
+        ("program", found.begin.program_sha256, program),
+        ("machine file", found.begin.machine_sha256, machine.text.encode()),
+    ):
+        if wanted != hashlib.sha256(given).hexdigest():
+            raise Refused(f"{file}: is the record of a run with another {what}; give the one that was run.")
+    return RecordedRun(file, found, machine, program)
+
+
+def whole(folder: Path, machine: str | None, program: Path | None) -> RecordedRun:
+    """A record with what was run in it; ``machine`` and ``program`` name files to be taken in their place.
+
+    Raises EventError, ConfigError, OSError, and Refused where something of it is missing or of another run.
+    """
+    file = folder / events.FILE
+    if not file.is_file():
+        raise Refused(f"{folder}: there is no {events.FILE} in it; give the folder of a run's record.")
+    text = _part(folder, events.PROGRAM, "--program") if program is None else _linked(program)
+    if machine is not None:
+        built = machine_file.load(machine)
+    else:
+        built = machine_file.read(_part(folder, events.MACHINE, "--machine").decode(), events.MACHINE)
+    found = read(file, built, text)
+    if found is None or not found.duration_s:
+        raise Refused(f"{folder}: nothing of a run was recorded in it that could be compared; give another.")
+    return found
+
+
+def _part(folder: Path, name: str, option: str) -> bytes:
+    """Raises Refused, and OSError."""
+    if not (folder / name).is_file():
+        raise Refused(f"{folder}: has no {name}, as records of older versions; name the file with {option}.")
+    return (folder / name).read_bytes()
+
+
+def _linked(program: Path) -> bytes:
+    """With the subs of other files, as the service runs it."""
+    return linked.linked(program.read_bytes(), linked.beside(program))

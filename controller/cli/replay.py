@@ -1,0 +1,142 @@
+"""``directrix replay``: a run of a machine in production, made again from its record and compared."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from controller.cli import recorded_runs
+from controller.cli.recorded_runs import RecordedRun
+from controller.ipc import control_socket
+from controller.machine.toml_table import ConfigError
+from controller.runtime import checked, events, starts
+from controller.runtime.startup import SessionError
+from controller.verify.console import Refused, bar, refusals, show, tell
+
+RunName = Annotated[
+    str,
+    typer.Argument(
+        metavar="RUN", help="The folder of a run's record, or its number or name in the state folder."
+    ),
+]
+State = Annotated[
+    Path | None, typer.Option("--state", help="Folder of what is kept, for a number or a name.")
+]
+MachineFile = Annotated[
+    str | None, typer.Option("--machine", help="Machine file; default: the one that the record has.")
+]
+ProgramFile = Annotated[
+    Path | None, typer.Option("--program", help="Part program; default: the one that the record has.")
+]
+Trace = Annotated[Path | None, typer.Option("--trace", help="Write every tick of the repetition (.npz).")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+
+def replay(
+    run: RunName,
+    state: State = None,
+    machine: MachineFile = None,
+    program: ProgramFile = None,
+    trace_file: Trace = None,
+    as_json: Json = False,
+) -> None:
+    """Make a recorded run again on the stepped clock, and compare every setpoint bit for bit.
+
+    In it come again: what was set before the start, overrides, holds, retract and return, jogs out of a hold,
+    tool changes, a start behind a line, faults, a plan that was killed. No run, and so in no record, are
+    homing and jogs between programs: a run begins where they have left the axes.
+
+    Exit code 0: the same setpoints. 1: others, with the first tick, time, axis and difference; or no
+    record to be made again.
+    """
+    with refusals(as_json, _expected):
+        folder = folder_of(run, state)
+        record = recorded_runs.whole(folder, machine, program)
+        if trace_file is not None:
+            trace_file.open("ab").close()
+        figures = {"run": folder.name, **_made_again(record, trace_file, as_json)}
+        if as_json:
+            print(json.dumps({"ok": True, **figures}))
+        else:
+            show.print(_told(figures), markup=False)
+
+
+def _expected() -> tuple[type[Exception], ...]:
+    from drives.bus import BusError
+    from drives.commission import CommissionError
+
+    return ConfigError, SessionError, events.EventError, BusError, CommissionError
+
+
+def folder_of(run: str, state: Path | None) -> Path:
+    """Of a record. Raises Refused where there is none, and StoreError."""
+    if (given := Path(run)).is_dir():
+        return given
+    where = state or control_socket.state_folder()
+    name = _of_number(int(run), where) if run.isdecimal() else run
+    if not (found := where / "runs" / name).is_dir():
+        raise Refused(
+            f"{run}: there is no record of such a run in {where}; give the folder of a record, or a number "
+            "as `directrix runs` lists it, with --state where another folder has it."
+        )
+    return found
+
+
+def _of_number(number: int, state: Path) -> str:
+    """Name of the record. Raises Refused."""
+    from controller.api.database import FILE, StoreError
+    from controller.api.store import Store
+
+    if not (state / FILE).is_file():
+        raise Refused(f"{number}: {state} has no store of runs; give the folder of the record, or --state.")
+    try:
+        found = Store(state).runs.get(number)
+    except StoreError as error:
+        raise Refused(str(error)) from error
+    name = str(found.facts.get("record", "")) if found is not None else ""
+    if not name:
+        raise Refused(f"{number}: there is no record of such a run in {state}; `directrix runs` lists them.")
+    return name
+
+
+def _made_again(record: RecordedRun, trace_file: Path | None, as_json: bool) -> dict[str, Any]:
+    """What came of it. Raises Refused where it is another run."""
+    from controller.cli import memory
+    from controller.runtime.stepped import SteppedMachine
+
+    memory.keep_freed()
+    memory.collect_rarely()
+    task = checked.task(record.text, record.name, record.machine)
+    if not as_json:
+        tell.print(f"{record.name} on {record.machine.name}, as it was recorded", markup=False)
+    walk = starts.path_from(task, None, record.recorded.begin.start)
+    bench = SteppedMachine(record.machine)
+    bench.come_up()
+    record.stand(bench)
+    with bar("replaying", as_json) as progress:
+        run = record.run(bench, walk, task, lambda s: progress(s / max(record.duration_s, s, 1e-9)))
+    if trace_file is not None:
+        from controller.verify import trace as traces
+
+        stretches, first = bench.planner.stretches, run.first_tick
+        made = traces.from_rows(run.rows, record.machine, task.kinematics, stretches, first_tick=first)
+        made.save(trace_file)
+    return {
+        "program": record.name,
+        "machine": record.machine.name,
+        "period_s": record.machine.period_s,
+        "result": run.result,
+        **record.judge(run),
+        "trace": str(trace_file) if trace_file is not None else None,
+    }
+
+
+def _told(figures: dict[str, Any]) -> str:
+    ticks, of = figures["compared_ticks"], figures["recorded_ticks"]
+    said = f"The same setpoints, bit for bit: {ticks} of {of} ticks ({ticks * figures['period_s']:.3f} s)."
+    if ticks < of:
+        said += " From there on the axes were off their path, and were told where the drives were."
+    return f"{said} Trace: {figures['trace']}" if figures["trace"] else said

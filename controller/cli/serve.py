@@ -1,0 +1,85 @@
+"""``directrix serve``: the service of one machine, until it is told to end."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from controller.ipc import control_socket
+from controller.machine import machine_file
+from controller.machine.toml_table import ConfigError
+from controller.runtime.startup import SessionError
+from controller.verify.console import Refused, refusals, tell
+
+NOTIFY_S = 5.0  # for systemd to make room
+
+MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
+
+
+def serve(
+    machine: MachineFile = "trunnion",
+    simulate: Annotated[
+        bool, typer.Option("--simulate", help="Virtual buses with simulated drives.")
+    ] = False,
+    state: Annotated[
+        Path | None, typer.Option("--state", help="Folder of what is kept; default: systemd's or the user's.")
+    ] = None,
+    runtime: Annotated[
+        Path | None, typer.Option("--runtime", help="Folder of the socket; default: systemd's or the user's.")
+    ] = None,
+    period_ms: Annotated[
+        float | None, typer.Option("--period-ms", help="Instead of the machine file's period.")
+    ] = None,
+    late: Annotated[
+        Literal["stop", "count"] | None,
+        typer.Option("--late", help="Of late ticks; default: the machine file's, simulated 'count'."),
+    ] = None,
+    group: Annotated[str, typer.Option("--group", help="Whose members may use the socket, too.")] = "",
+) -> None:
+    """Drive a machine: drives, planner and tick, with a local socket for panel and scripts."""
+    from drives.bus import BusError
+
+    with refusals(False, lambda: (ConfigError, SessionError, BusError)):
+        from controller.service import main
+
+        made = machine_file.load(machine)
+        made = made if period_ms is None else machine_file.with_period(made, period_ms / 1e3)
+        # Simulated drives take no harm from a computer that is busy with other work.
+        made = replace(made, late=late or ("count" if simulate else made.late))
+        for sentence in machine_file.warnings(made):
+            tell.print(sentence, markup=False)
+        where = (state or control_socket.state_folder(), runtime or control_socket.runtime_folder())
+        tell.print(f"{made.name}: {'simulated, ' if simulate else ''}socket in {where[1]}", markup=False)
+        try:
+            main.run(made, *where, simulate, _notifier(), group)
+        except OSError as error:
+            raise Refused(f"{error.filename or where[0]}: {error.strerror or error}.") from error
+        except control_socket.DoorError as error:
+            raise Refused(error.sentence) from error
+
+
+def _notifier() -> Callable[[str], None]:
+    """To systemd where it started us, else to nobody.
+
+    The whole protocol is a datagram to the socket that the environment names (sd_notify(3)); no package is
+    needed for it, so that none can be missing: a service of Type=notify that stays silent is ended.
+    """
+    name = os.environ.get("NOTIFY_SOCKET", "")
+    if not name:
+        return lambda _: None
+    address = "\0" + name[1:] if name.startswith("@") else name  # "@": in the abstract name space
+    own = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    own.settimeout(NOTIFY_S)
+
+    def tell_systemd(words: str) -> None:
+        with contextlib.suppress(OSError):  # one that is lost is followed by others
+            own.sendto(words.encode(), address)
+
+    return tell_systemd

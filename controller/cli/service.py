@@ -1,0 +1,296 @@
+"""``directrix service``: the services of a machine under systemd: install, uninstall, status, self-test."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from controller.cli import installation, self_test
+from controller.cli.installation import ENVIRONMENT, STATE, TARGET, UNITS
+from controller.machine import machine_file
+from controller.machine.model import Machine
+from controller.machine.toml_table import ConfigError
+from controller.runtime import drive_sheets
+from controller.verify.console import Refused, refusals, show, tell
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    help="The services of a machine under systemd: install, uninstall, status, self-test.",
+)
+
+Root = Annotated[
+    Path | None,
+    typer.Option("--root", help="Write below this folder and leave the running system alone (images)."),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+MachineFile = Annotated[
+    str | None,
+    typer.Option("--machine", help="Machine file, or the name of a shipped one; default: the installed one."),
+]
+HIDDEN = ("/home", "/root", "/run/user", "/tmp", "/var/tmp")  # ProtectHome=yes, PrivateTmp=yes
+SHOWN = ("LoadState", "ActiveState", "SubState", "Result", "NRestarts", "MainPID", "StatusText")
+NOT_RUNNING = 3  # exit code, as systemctl's
+
+
+# --- install -----------------------------------------------------------------------------
+
+
+@app.command()
+def install(
+    machine: MachineFile = None,
+    simulate: Annotated[
+        bool | None, typer.Option("--simulate/--no-simulate", help="With simulated drives.")
+    ] = None,
+    panel: Annotated[str | None, typer.Option("--panel", help="Options of `directrix panel`.")] = None,
+    start: Annotated[bool, typer.Option("--start", help="Start the services, too.")] = False,
+    root: Root = None,
+    as_json: Json = False,
+) -> None:
+    """Write the units, users, folders and CAN interfaces of a machine, to be started at every boot.
+
+    What it writes it writes again each time, but never over /etc/directrix. Nothing moves by it.
+    """
+    with refusals(as_json, lambda: (ConfigError,)):
+        present = _present(root or Path("/"))
+        source = _source(machine)
+        named = source or installation.machine_named_in(present or "")
+        made = machine_file.load(named)
+        if problems := drive_sheets.refusal(made):
+            raise Refused(problems)
+        if root is None:
+            _may_install(made, named)
+        serve = None if simulate is None else "--simulate" * simulate
+        text = installation.environment(present, source, serve, panel)
+        paths = _write(root or Path("/"), made, text)
+        if root is None:
+            _make_known(made)
+            if start:
+                _run("systemctl", "start", TARGET)
+        _tell_installed(as_json, paths, made, root is None and not start)
+
+
+def _present(root: Path) -> str | None:
+    file = root / ENVIRONMENT.relative_to("/")
+    return file.read_text() if file.exists() else None
+
+
+def _source(machine: str | None) -> str | None:
+    """A file by its whole path: the service starts in another folder."""
+    return str(Path(machine).resolve()) if machine is not None and Path(machine).is_file() else machine
+
+
+def _may_install(machine: Machine, source: str) -> None:
+    """Raises Refused, before anything is written. ``source``: path or name of the machine file."""
+    _as_root("install")
+    if not Path("/run/systemd/system").is_dir():
+        raise Refused(
+            "systemd does not run here, it is not process 1; use --root FOLDER to write the files only."
+        )
+    _seen_by_a_service(source)
+    for bus in installation.interfaces(machine):
+        if not bus.channel:
+            raise Refused(
+                f'bus {bus.name}: no channel is named; needed is a CAN interface, as channel = "can0".'
+            )
+
+
+def _seen_by_a_service(source: str) -> None:
+    """Raises Refused."""
+    for what, path in _needed(source):
+        if path.startswith(tuple(f"{folder}/" for folder in HIDDEN)):
+            raise Refused(
+                f"{what} is {path}, which a service cannot see ({', '.join(HIDDEN)} are hidden from it);"
+                " put it elsewhere, for instance into /opt/directrix or /etc/directrix."
+            )
+
+
+def _needed(source: str) -> Iterator[tuple[str, str]]:
+    """What the services read, by the path that they are told and by the one where it ends."""
+    python = Path(sys.executable).absolute()  # of a virtual environment: a link into the system's
+    for path in dict.fromkeys((python, python.resolve())):
+        yield "This Python", str(path)
+    yield (
+        "The package",
+        str(Path(machine_file.__file__).resolve()),
+    )  # perhaps a checkout, installed as editable
+    yield "The machine file", source
+
+
+def _as_root(what: str) -> None:
+    if os.geteuid() != 0:
+        raise Refused(f"directrix service {what} changes /etc; run it as root.")
+
+
+def _write(root: Path, machine: Machine, environment: str) -> list[Path]:
+    """Raises OSError. All texts are there before the first is written."""
+    written = [*installation.files(machine), installation.File(ENVIRONMENT, environment)]
+    for old in installation.written(root):
+        old.unlink()  # of another machine perhaps, with other interfaces
+    for file in written:
+        path = root / file.path.relative_to("/")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(file.text)
+    for link in installation.links(machine):
+        path = root / link.path.relative_to("/")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.symlink_to(link.to)
+        written.append(installation.File(link.path, ""))
+    return [file.path for file in written]
+
+
+def _make_known(machine: Machine) -> None:
+    """Users, folders, units, interfaces. Raises Refused."""
+    _run("systemd-sysusers", "/etc/sysusers.d/directrix.conf")
+    _run("systemd-tmpfiles", "--create", "/etc/tmpfiles.d/directrix.conf")
+    _run("systemctl", "daemon-reload")
+    names = [f"/sys/class/net/{bus.channel}" for bus in installation.interfaces(machine)]
+    with contextlib.suppress(Refused):  # interfaces that are there already; others are met when they come
+        _run("udevadm", "control", "--reload")
+        there = [name for name in names if Path(name).exists()]
+        if there:
+            _run("udevadm", "trigger", "--action=add", "--settle", *there)
+    with contextlib.suppress(Refused):  # nobody to reload: the service starts it
+        _run("networkctl", "reload")
+
+
+def _run(*command: str) -> str:
+    """Its standard output. Raises Refused with its own words."""
+    try:
+        done = subprocess.run(command, capture_output=True, text=True)
+    except FileNotFoundError:
+        raise Refused(f"{command[0]} is not there; it belongs to systemd, install that.") from None
+    if done.returncode:
+        words = done.stderr.strip() or f"code {done.returncode}"
+        raise Refused(f"{' '.join(command)} failed: {words}")
+    return done.stdout
+
+
+def _tell_installed(as_json: bool, paths: list[Path], machine: Machine, hint: bool) -> None:
+    if as_json:
+        print(json.dumps({"ok": True, "machine": machine.name, "written": list(map(str, paths))}))
+        return
+    for path in paths:
+        show.print(str(path), markup=False)
+    if hint:
+        show.print(f"Start it with 'systemctl start {TARGET}'; see 'directrix service self-test' first.")
+
+
+# --- uninstall ---------------------------------------------------------------------------
+
+
+@app.command()
+def uninstall(root: Root = None, as_json: Json = False) -> None:
+    """Stop the services and take away what install wrote; /etc/directrix and programs stay."""
+    with refusals(as_json, lambda: ()):
+        below = root or Path("/")
+        if root is None:
+            _as_root("uninstall")
+        paths = installation.written(below)
+        if root is None and (below / "etc/systemd/system" / TARGET) in paths:
+            _run("systemctl", "stop", *UNITS)
+        paths += installation.enabled_lines(below)
+        for path in paths:
+            path.unlink()
+            _remove_empty(path.parent)
+        if root is None and shutil.which("systemctl"):
+            _run("systemctl", "daemon-reload")
+        if as_json:
+            print(json.dumps({"ok": True, "removed": list(map(str, paths))}))
+        elif paths:
+            show.print(f"Removed {len(paths)} files; {ENVIRONMENT.parent} and {STATE} are left as they are.")
+        else:
+            show.print("Nothing is installed.")
+
+
+def _remove_empty(folder: Path) -> None:
+    """Folders that were made for links and drop-ins."""
+    if folder.suffix in (".wants", ".d") and folder.name != "sysusers.d" and not any(folder.iterdir()):
+        with contextlib.suppress(OSError):
+            folder.rmdir()
+
+
+# --- status ------------------------------------------------------------------------------
+
+
+@app.command()
+def status(as_json: Json = False) -> None:
+    """How the services are; exit code 3 when one of them does not run."""
+    with refusals(as_json, lambda: ()):
+        units = _shown(_run("systemctl", "show", "--property", ",".join(("Id", *SHOWN)), *UNITS))
+        running = all(unit["ActiveState"] == "active" for unit in units)
+        if as_json:
+            print(json.dumps({"ok": running, "units": units}))
+        else:
+            for unit in units:
+                show.print(_sentence(unit), markup=False)
+        if not running:
+            raise typer.Exit(NOT_RUNNING)
+
+
+def _shown(text: str) -> list[dict[str, str]]:
+    """The blocks of `systemctl show`, one a unit."""
+    blocks = [block for block in text.strip().split("\n\n") if block]
+    return [dict(line.split("=", 1) for line in block.splitlines() if "=" in line) for block in blocks]
+
+
+def _sentence(unit: dict[str, str]) -> str:
+    if unit.get("LoadState") == "not-found":
+        return f"{unit['Id']}: not installed; 'directrix service install' does it."
+    words = [f"{unit['Id']}: {unit['ActiveState']} ({unit['SubState']})"]
+    if unit.get("Result") not in (None, "", "success"):
+        words.append(f"ended by {unit['Result']}; 'journalctl -u {unit['Id']}' says more")
+    if unit.get("NRestarts", "0") not in ("0", ""):
+        words.append(f"restarted {unit['NRestarts']} times")
+    if unit.get("StatusText"):
+        words.append(unit["StatusText"])
+    return ", ".join(words)
+
+
+# --- self-test ---------------------------------------------------------------------------
+
+
+@app.command("self-test")
+def self_tests(
+    machine: MachineFile = None,
+    seconds: Annotated[float, typer.Option("--seconds", help="How long latency is measured.")] = 5.0,
+    state: Annotated[Path, typer.Option("--state", help="Folder of programs and recordings.")] = STATE,
+    as_json: Json = False,
+) -> None:
+    """Whether this computer can run the machine: one line each, pass or fail, with the remedy.
+
+    Run it as root, or in the service's place; while the machine runs it looks at the running tick.
+    """
+    with refusals(as_json, lambda: (ConfigError,)):
+        if not 0.0 < seconds <= 3600.0:
+            raise Refused(f"--seconds {seconds:g} is no time; allowed are numbers above 0 up to 3600.")
+        named = _source(machine) or installation.machine_named_in(_present(Path("/")) or "")
+        lines = self_test.run(machine_file.load(named), state, seconds)
+        _report(lines, as_json)
+
+
+def _report(lines: Sequence[self_test.Line], as_json: bool) -> None:
+    """Exit code 1 when a line failed."""
+    failed = sum(not line.passed for line in lines)
+    if as_json:
+        rows: list[dict[str, Any]] = [line.to_dict() for line in lines]
+        print(json.dumps({"ok": not failed, "failed": failed, "lines": rows}))
+    for line in () if as_json else lines:
+        show.print(
+            f"{'pass' if line.passed else 'FAIL'}  {line.name:<16} {line.found}", markup=False, soft_wrap=True
+        )
+        if line.remedy:
+            show.print(f"      {'':<16} -> {line.remedy}", markup=False, soft_wrap=True)
+    if failed:
+        if not as_json:
+            tell.print(f"{failed} of {len(lines)} failed.")
+        raise typer.Exit(1)

@@ -1,0 +1,157 @@
+"""``directrix drives simulate``: drives that run in software, on a virtual bus or a CAN interface."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Annotated, NoReturn
+
+import typer
+
+from controller.machine import drive_profiles, machine_file, nodes
+from controller.machine.toml_table import ConfigError
+from controller.runtime.simulation import surround
+from controller.verify.console import Refused, refusals, tell
+from drives.gateways import options
+from drives.profile import Profile
+from drives.settings import BusSettings, IoSettings, SpindleSettings
+from drives.simulated import IoNode, SimulatedDrive, build, families, family_sheet
+from drives.simulated.can_bridge import InterfaceError
+from drives.simulated.parameters import LostSync, Parameters
+from drives.simulated.serve import Server, on_interface, run
+from drives.virtual.fault_script import ScriptError
+from drives.virtual.hub import Hub
+
+CHANNEL = Path(tempfile.gettempdir()) / "directrix-can"
+BIT_RATE = 1_000_000
+COUNTS_PER_REV = 4096.0  # of a spindle that no machine file describes
+LAST_NODE = 127
+
+Devices = list[SimulatedDrive | IoNode]
+Ids = Annotated[str, typer.Option(help="Node ids, e.g. 1-5 or 1,2,7.")]
+
+
+def simulate(
+    profile: Annotated[str, typer.Option("--profile", help="Their family: a shipped profile, or a file.")] = (
+        "simulated"
+    ),
+    eds: Annotated[Path | None, typer.Option("--eds", help="Data sheet they answer by.")] = None,
+    ids: Annotated[str, typer.Option("--nodes", help="Node ids of the drives, e.g. 1-5 or 1,2,7.")] = "1-5",
+    spindle: Ids = "",
+    io: Ids = "",
+    machine: Annotated[str, typer.Option("--machine", help="Instead: the nodes of this machine ...")] = "",
+    bus: Annotated[str, typer.Option("--bus", help="... on this bus.")] = "",
+    channel: Annotated[
+        str, typer.Option("--channel", help=f"Path of the virtual bus; {CHANNEL} if not said.")
+    ] = "",
+    interface: Annotated[str, typer.Option("--socketcan", help="Instead: a CAN interface, as vcan0.")] = "",
+    bit_rate: Annotated[
+        int | None, typer.Option("--bit-rate", help="bit/s; 0 = frames take no time, as on a CAN interface.")
+    ] = None,
+    worst_stuffing: Annotated[
+        bool, typer.Option("--worst-stuffing", help="Let every frame take as long as it can.")
+    ] = False,
+    write_eds: Annotated[
+        Path | None, typer.Option("--write-eds", help="Write the data sheet that such drives answer by.")
+    ] = None,
+    bare: Annotated[bool, typer.Option("--bare", help="Without what the profile calls optional.")] = False,
+    lost_sync: Annotated[LostSync, typer.Option("--lost-sync", help="What they do then.")] = LostSync.HOLD,
+    faults: Annotated[Path | None, typer.Option("--faults", help="Script of faults on the bus.")] = None,
+    log: Annotated[Path | None, typer.Option("--log", help="Candump log of every frame.")] = None,
+    socketcand: Annotated[
+        int | None, typer.Option("--socketcand", help="Serve socketcand on this port of 127.0.0.1.")
+    ] = None,
+    slcan: Annotated[Path | None, typer.Option("--slcan", help="Make a terminal that speaks slcan.")] = None,
+) -> None:
+    """Simulated drives of a family or a machine, until Ctrl-C: on a virtual bus, or on a CAN interface."""
+    expected = (ConfigError, ScriptError, InterfaceError)
+    with refusals(False, lambda: expected), tempfile.TemporaryDirectory() as folder:
+        nature = Parameters(lost_sync=lost_sync)
+        if machine:
+            wanted, devices = _of_machine(machine, bus, nature)
+            if not (channel or interface):
+                channel, interface = _place(wanted)
+            bit_rate = wanted.bit_rate if bit_rate is None else bit_rate
+        else:
+            family = drive_profiles.load(profile)
+            sheet = eds or _sheet(family, bare, write_eds, Path(folder))
+            devices = _of_family(family, sheet, bare, ids, spindle, io, nature)
+        server = _server(channel, interface, bit_rate, worst_stuffing)
+        named = (None if log is None else str(log), socketcand, None if slcan is None else str(slcan))
+        with options.equipped(server, faults, *named):
+            tell.print(f"{len(devices)} simulated nodes on {server.path}; Ctrl-C ends them.", markup=False)
+            run(server, devices)
+
+
+def numbers(text: str, option: str) -> list[int]:
+    """Node ids of "1-5,7". Raises Refused."""
+    found: list[int] = []
+    for part in filter(None, (part.strip() for part in text.split(","))):
+        first, _, last = part.partition("-")
+        if not first.isdigit() or (last or "1").isdigit() is False:
+            _refuse_ids(option, text)
+        found += range(int(first), int(last or first) + 1)
+    if any(not 1 <= node <= LAST_NODE for node in found):
+        _refuse_ids(option, text)
+    return found
+
+
+def _refuse_ids(option: str, text: str) -> NoReturn:
+    raise Refused(
+        f"{option} {text}: not a list of node ids; allowed are 1 to {LAST_NODE}, e.g. 1-5 or 1,2,7."
+    )
+
+
+def _sheet(profile: Profile, bare: bool, wanted: Path | None, folder: Path) -> Path:
+    """The data sheet that comes with the profile, or one made from it. Raises OSError."""
+    if profile.eds and not (bare or wanted):
+        return Path(profile.eds)
+    written = family_sheet.write(wanted or folder / f"{Path(profile.name).stem}.eds", profile, bare)
+    if wanted:
+        tell.print(f"Their data sheet is {written}.", markup=False)
+    return written
+
+
+def _of_family(
+    profile: Profile, sheet: Path, bare: bool, ids: str, spindle: str, io: str, nature: Parameters
+) -> Devices:
+    """Drives of a profile, with spindles and inputs and outputs beside them. Raises Refused, OSError."""
+    axes, spindles, others = numbers(ids, "--nodes"), numbers(spindle, "--spindle"), numbers(io, "--io")
+    every = [*axes, *spindles, *others]
+    twice = sorted({node for node in every if every.count(node) > 1})
+    if twice or not every:
+        found = f"node {twice[0]} is named twice" if twice else "no node is named"
+        raise Refused(f"--nodes, --spindle, --io: {found}; each node needs an id of its own; change one.")
+    made: Devices = [families.restrict(SimulatedDrive(node, nature, sheet), profile, bare) for node in axes]
+    made += [build.spindle(SpindleSettings("spindle", "", n, "", COUNTS_PER_REV), nature) for n in spindles]
+    return made + [build.inputs_and_outputs(IoSettings("io", "", node, ""), nature) for node in others]
+
+
+def _of_machine(file: str, bus: str, nature: Parameters) -> tuple[BusSettings, Devices]:
+    """A bus of a machine and its nodes. Raises Refused, ConfigError, OSError."""
+    made = machine_file.load(file)
+    buses = {settings.name: settings for settings in nodes.bus_settings(made)}
+    if (bus and bus not in buses) or (not bus and len(buses) > 1):
+        found = f"--bus {bus}: there is no such bus" if bus else "the machine has several buses"
+        raise Refused(f"{found}; choose one of {', '.join(buses)}, each has a process of its own.")
+    wanted = buses[bus] if bus else next(iter(buses.values()))
+    its = [node for node in nodes.all_settings(made) if node.bus == wanted.name]
+    devices = [build.device(node, nature) for node in its]
+    for device in devices:
+        if isinstance(device, IoNode):
+            surround(device, made)
+    return wanted, devices
+
+
+def _place(bus: BusSettings) -> tuple[str, str]:
+    """Path of the virtual bus, or the CAN interface, that a machine file names."""
+    return ("", bus.channel) if bus.interface == "socketcan" else (bus.channel, "")
+
+
+def _server(channel: str, interface: str, bit_rate: int | None, worst_stuffing: bool) -> Server:
+    if interface and channel:
+        raise Refused("--channel and --socketcan: one or the other; leave one out.")
+    if interface:
+        return on_interface(interface, bit_rate or 0, worst_stuffing=worst_stuffing)
+    bit_rate = BIT_RATE if bit_rate is None else bit_rate
+    return Hub(channel or str(CHANNEL), bit_rate, sync_log=False, worst_stuffing=worst_stuffing)

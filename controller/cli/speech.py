@@ -1,0 +1,48 @@
+"""In which language the client verbs speak, and have the panel speak: ``--language`` of each of them."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable
+from contextvars import ContextVar
+from typing import Annotated, Any
+
+import typer
+
+from controller import messages
+
+HELP = f"Of what is said: {', '.join(messages.LANGUAGES)}."
+Language = Annotated[str, typer.Option("--language", envvar="DIRECTRIX_LANGUAGE", help=HELP)]
+
+spoken: ContextVar[str] = ContextVar("spoken", default=messages.DEFAULT)
+
+
+def header() -> dict[str, str]:
+    """What asks the panel for it."""
+    return {"Accept-Language": spoken.get()}
+
+
+def say(key: str, **values: object) -> str:
+    """A text of the client's own."""
+    return messages.text(messages.said(f"client.{key}", **values), spoken.get())
+
+
+def word(key: str, otherwise: str = "") -> str:
+    """A word that the page has, too, for instance of a result."""
+    return messages.of(spoken.get()).page.get(key, otherwise)
+
+
+def speaking(verb: Callable[..., None]) -> Callable[..., None]:
+    """The verb with ``--language``; one that there is not is English, as the panel has it."""
+
+    @functools.wraps(verb)
+    def with_language(*args: Any, language: str, **more: Any) -> None:
+        spoken.set(messages.chosen(language))
+        verb(*args, **more)
+
+    own, kind = inspect.signature(verb, eval_str=True), inspect.Parameter.KEYWORD_ONLY
+    last = inspect.Parameter("language", kind, default=messages.DEFAULT, annotation=Language)
+    told = own.replace(parameters=[*own.parameters.values(), last])
+    with_language.__signature__ = told  # type: ignore[attr-defined]
+    return with_language

@@ -1,0 +1,299 @@
+"""``directrix verify``: the surface as cut against the nominal one, from the plan or from a trace."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+from zipfile import BadZipFile
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from controller import messages
+from controller.machine import machine_file
+from controller.machine.model import Machine, Tool
+from controller.machine.toml_table import ConfigError
+from controller.plan.report.verdict import Verdict
+from controller.plan.stretch import Stretch
+from controller.program import blocks, linked
+from controller.program.program import Block
+from controller.runtime import checked
+from controller.verify import forms, passes, trace, wording
+from controller.verify.audit import Watched
+from controller.verify.bound import Bound, bound
+from controller.verify.console import Refused, bar, refusals, show, tell
+from controller.verify.gouges import Gouge, gouges, in_table
+from controller.verify.judge import SETTLED_MM, Judged, Worst, Zone, judge
+from controller.verify.nominal import Nominal
+from controller.verify.sweep import FIT_MM, Pass
+
+Argument = Annotated[Path, typer.Argument(help="The program, or a trace of it (.npz, or a fault's folder).")]
+Program = Annotated[Path | None, typer.Option("--program", help="The program that a trace is of.")]
+MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
+Commanded = Annotated[
+    bool, typer.Option("--commanded", help="Of a trace: what the drives were told, not what they did.")
+]
+GougeWord = Annotated[
+    Literal["refuse", "warn"] | None, typer.Option("--gouge", help="Default: the machine file's.")
+]
+BoundWord = Annotated[
+    bool,
+    typer.Option("--bound", help="Beside each placed surface the best that a search of its own comes to."),
+]
+Plot = Annotated[Path | None, typer.Option("--plot", help="Draw heat maps and the part (.png).")]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+
+MOST_ROWS = 40  # of the table
+TRACE = "trace.npz"  # in the folder of a recording
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """Everything that is told of a program or of a trace."""
+
+    of: str  # 'plan', 'actual', 'commanded'
+    judged: list[Judged]
+    gouges: list[Gouge]
+    ends: list[Gouge]  # what twist costs beside the ends of cuts
+    verdicts: list[Verdict]  # on the surfaces that have a form tolerance
+    notes: list[tuple[int, str]]
+    bounds: list[Bound] | None = (
+        None  # of the surfaces that are placed off their rulings; None: not asked for
+    )
+
+    @property
+    def exceeding(self) -> int:
+        """How many surfaces exceed their tolerance."""
+        return sum(not one.within for one in self.verdicts)
+
+    @property
+    def wrong(self) -> str:
+        """The first gouge, or else the surface that exceeds its tolerance most."""
+        if not self.gouges:
+            more = self.exceeding - 1
+            return messages.text(wording.summed(self.verdicts)) + (f" ({more} more)" if more else "")
+        first, more = self.gouges[0], len(self.gouges) - 1
+        others = f" ({more} more)" if more else ""
+        return f"line {first.by_line}: {first.sentence}; {first.advice}{others}."
+
+    def to_dict(self, machine: Machine) -> dict[str, Any]:
+        return {
+            "of": self.of,
+            "machine": machine.name,
+            "accuracy_mm": {"settled": SETTLED_MM, "poses": FIT_MM},
+            "table": machine.table is not None,
+            "surfaces": [one.to_dict() for one in self.judged],
+            "gouges": [{**one.to_dict(), "sentence": one.sentence} for one in self.gouges],
+            "ends": [{**one.to_dict(), "sentence": one.sentence} for one in self.ends],
+            "verdict": messages.told(wording.told(self.verdicts)),
+            **({"bounds": [one.to_dict() for one in self.bounds]} if self.bounds is not None else {}),
+            "notes": [{"line": line, "note": sentence} for line, sentence in self.notes],
+        }
+
+
+def verify(
+    file: Argument,
+    program: Program = None,
+    machine: MachineFile = "trunnion",
+    commanded: Commanded = False,
+    gouge: GougeWord = None,
+    plot: Plot = None,
+    with_bound: BoundWord = False,
+    as_json: Json = False,
+) -> None:
+    """Compute the surface as cut: overcut and undercut along the normal, gouges, collisions."""
+    with refusals(as_json, lambda: (ConfigError,)):
+        made = machine_file.load(machine)
+        refuses = (gouge or made.gouge) == "refuse"
+        file = file / TRACE if (file / TRACE).is_file() else file
+        part = _part(file, program, commanded)
+        # What gouges is to be seen here, not to be refused before it is.
+        text = linked.linked(part.read_bytes(), linked.beside(part))
+        task = checked.task(text, str(part), replace(made, gouge="warn"))
+        recorded = None if part is file else _recorded(file, task)
+        with bar("verifying", as_json) as progress:
+            found = _found(task, recorded, commanded, progress)
+        if with_bound:
+            with bar("searching", as_json) as progress:
+                found = replace(found, bounds=_bounds(found.judged, progress))
+        if plot:
+            from controller.verify import cut_pictures
+
+            cut_pictures.picture(found.judged, plot, f"{part.name}, {found.of}, on {made.name}")
+        figures = {"program": str(part), **found.to_dict(made)}
+        bad = refuses and bool(found.gouges or found.exceeding)
+        if as_json and not bad:
+            print(json.dumps({"ok": True, **figures}))
+            return
+        if not as_json:
+            _show(found)
+        if bad:
+            raise Refused(f"{part}: {found.wrong}", **figures)
+
+
+def _part(file: Path, program: Path | None, commanded: bool) -> Path:
+    """The program: ``file`` itself, unless that is a trace."""
+    is_trace = file.suffix == ".npz"
+    part = program if is_trace else file
+    if part is None:
+        raise Refused(f"{file}: a trace holds no surfaces; give its program with --program.")
+    if not is_trace and (program is not None or commanded):
+        raise Refused(f"{file}: --program and --commanded belong to a trace (.npz), and this is none.")
+    for one in (file, part):
+        if not one.is_file():
+            what = "this is a folder" if one.is_dir() else "there is no such file"
+            raise Refused(f"{one}: {what}; give the path of a part program or of a trace.")
+    return part
+
+
+def _recorded(file: Path, task: checked.Task) -> trace.Trace:
+    try:
+        if trace.is_recording(file):
+            return trace.of_recording(file, task.machine, task.kinematics)
+        return trace.load(file)
+    except (ValueError, EOFError, KeyError, BadZipFile) as error:
+        raise Refused(
+            f"{file}: cannot be read as a trace ({error}); make one by simulate --trace, or give the folder "
+            f"of a recording, with its machine by --machine."
+        ) from error
+
+
+def _found(task: checked.Task, recorded: trace.Trace | None, commanded: bool, progress: Any) -> Found:
+    walk = checked.path_of(task, checked.chosen_for(task, lambda share: progress(0.1 * share)))
+    watched = Watched(walk.items)
+    for _ in watched:
+        pass
+    fitted = passes.Fitted.of(_blocks(task), task.machine)
+    surfaces = passes.nominals(watched.stretches, fitted)
+    ways = _ways(task, recorded, commanded, watched.stretches, surfaces, fitted)
+    judged = judge(surfaces, ways, lambda share: progress(0.1 + 0.7 * share))
+    errors_mm = 0.0 if recorded is None or commanded else _errors_mm(recorded, task, ways)
+    most_mm = task.machine.max_overcut_mm
+    seen = gouges(surfaces, ways, most_mm, lambda share: progress(0.8 + 0.2 * share), errors_mm)
+    table = in_table(task.machine.table, _rough(task, recorded, watched.stretches, ways, fitted))
+    notes = [(note.place.line, note.sentence) for note in walk.notes]
+    if not surfaces:
+        notes.append(
+            (1, "The program cuts no surface (G51, G52, G6.2): there is nothing to hold it against.")
+        )
+    of = "plan" if recorded is None else "commanded" if commanded else "actual"
+    hurt = sorted([*seen.gouges, *table], key=lambda one: one.by_line)
+    held = [one for one in judged if one.nominal.tolerance_mm is not None]
+    verdicts = [forms.widened(a, b) for a, b in zip(seen.verdicts, held, strict=True)]
+    return Found(of, judged, hurt, seen.ends, verdicts, notes)
+
+
+def _bounds(judged: Sequence[Judged], progress: Any) -> list[Bound]:
+    """What each surface could be cut to, by a search that shares nothing with the planner's."""
+    found = []
+    for k, one in enumerate(judged):
+
+        def share(of_one: float, k: int = k) -> None:
+            progress((k + of_one) / len(judged))
+
+        found.append(bound(one.nominal, share))
+    return [one for one in found if one is not None]
+
+
+def _blocks(task: checked.Task) -> Iterator[Block]:
+    return blocks.stream(task.text, task.machine, task.name, start=task.start)
+
+
+def _ways(
+    task: checked.Task,
+    recorded: trace.Trace | None,
+    commanded: bool,
+    stretches: Mapping[int, Stretch],
+    surfaces: Sequence[Nominal],
+    fitted: passes.Fitted,
+) -> Mapping[Tool, list[Pass]]:
+    """Where each tool went: as planned, or as the drives did it."""
+    if recorded is None:
+        return passes.planned(stretches, surfaces, fitted, task.kinematics)
+    axes = tuple(axis.name for axis in task.machine.axes)
+    if recorded.axes != axes:
+        ours, theirs = " ".join(axes), " ".join(recorded.axes)
+        raise Refused(
+            f"The trace is of a machine with {theirs}, this one has {ours}; give its own by --machine."
+        )
+    return passes.traced(recorded, task.machine, fitted, task.kinematics, not commanded)
+
+
+def _errors_mm(recorded: trace.Trace, task: checked.Task, ways: Mapping[Tool, list[Pass]]) -> float:
+    """How far the drives were off the path they were told, at the tip and at the top of the longest tool."""
+    errors = trace.path_errors(recorded, task.machine, task.kinematics)
+    top_mm = max((tool.length_mm + tool.flute_mm for tool in ways), default=0.0)
+    tilted = np.radians(errors.axis_deg) * top_mm
+    return float((errors.path_mm + tilted).max(initial=0.0))
+
+
+def _rough(
+    task: checked.Task,
+    recorded: trace.Trace | None,
+    stretches: Mapping[int, Stretch],
+    ways: Mapping[Tool, list[Pass]],
+    fitted: passes.Fitted,
+) -> list[tuple[Tool, Pass]]:
+    """All motions, for the table; none where the machine file has none."""
+    if task.machine.table is None:
+        return []
+    if recorded is None:
+        return passes.rough(stretches, fitted, task.kinematics)
+    return [(tool, one) for tool, rows in ways.items() for one in rows]
+
+
+# ---- for people --------------------------------------------------------------------
+
+
+def _show(found: Found) -> None:
+    for line, sentence in found.notes:
+        tell.print(f"line {line}: {sentence}", markup=False)
+    if found.judged:
+        show.print(_table(found))
+    for one in found.gouges:
+        show.print(f"Gouge, line {one.by_line}: {one.sentence}; {one.advice}.", markup=False)
+    for one in found.ends:
+        show.print(f"Overcut, line {one.by_line}: {one.sentence}; {one.advice}.", markup=False)
+    for bounded in found.bounds or ():
+        show.print(f"Bound, line {bounded.line}: {bounded.sentence}", markup=False)
+    if found.bounds == []:
+        show.print("No bound: no surface has its cutter placed off its rulings (P2, P3).", markup=False)
+    if sentence := messages.text(wording.summed(found.verdicts)):
+        show.print(sentence, markup=False)
+
+
+def _table(found: Found) -> Table:
+    table = Table(title=f"Cut surface against nominal ({found.of}), µm along the normal")
+    for head in ("line", "where", "overcut", "undercut", "mean", "99 %", "worst at"):
+        table.add_column(head, justify="left" if head in ("where", "worst at") else "right", no_wrap=True)
+    for one in found.judged[:MOST_ROWS]:
+        line = str(one.nominal.line)
+        for where, zone in (("inside", one.inside), ("ends", one.ends), ("with all", one.whole)):
+            table.add_row(line, where, *_figures(zone))
+            line = ""
+    if len(found.judged) > MOST_ROWS:
+        table.caption = f"{len(found.judged) - MOST_ROWS} more surfaces with --json."
+    return table
+
+
+def _figures(zone: Zone) -> tuple[str, ...]:
+    worst = max((zone.overcut, zone.undercut), key=lambda one: abs(one.mm) if one else 0.0)
+    return (
+        _micro(-zone.overcut.mm if zone.overcut else 0.0),
+        _micro(zone.undercut.mm if zone.undercut else 0.0),
+        _micro(zone.mean_mm),
+        _micro(zone.percentiles_mm["99"]),
+        _at(worst) + (f", {zone.uncut:.0%} uncut" if zone.uncut else ""),
+    )
+
+
+def _at(worst: Worst | None) -> str:
+    return f"u {worst.u:.3f} v {worst.v:.2f}" if worst else ""
+
+
+def _micro(mm: float) -> str:
+    return f"{1e3 * mm:.1f}"

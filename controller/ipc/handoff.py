@@ -1,0 +1,345 @@
+"""The one door between the slow side and the tick.
+
+Four things pass through it, and nothing else:
+
+* pieces, plan -> tick: a SEQPACKET socket; a message is taken whole or not at all;
+* requests, operator -> tick: datagrams of one fixed size, and of another for a jog;
+* the snapshot, tick -> all: shared memory, two buffers and a counter;
+* the flight recorder, tick -> slow side: a ring of rows in shared memory.
+
+Plan time is the path clock: seconds of planned motion since the queue began. It
+advances by one period at every SYNC sent, or stands. A message of pieces says from
+which plan time on it replaces the queue:
+
+```
+   plan time   |-- past --|now|-- at least 20 ms --|commit|-- may be replaced --|queue end, at rest
+                                                    ^ replace_from_s >= commit
+```
+Every message ends in a standstill, so whatever is lost afterwards, the queue does too.
+To stop earlier, the tick leaves the plan by a stop that the message brought along
+(``StopTable``); once at rest it empties the queue, counts ``epoch`` up, and the plan begins
+anew from the motion and s at which it stands.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import pickle
+import select
+import socket
+import struct
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from controller.motion.pieces import (
+    DEAD_MAN_S,
+    STANDSTILL,
+    STILL,
+    Awaited,
+    Jog,
+    Law,
+    Piece,
+    PieceMessage,
+    Quintic,
+    StopTable,
+    dwell,
+)
+from controller.state.live_state import (
+    ANALOGUE,
+    COLUMN,
+    LAYOUT,
+    OFF_PATH,
+    OPTIONAL_STOP,
+    ROW,
+    SINGLE_BLOCK,
+    STOOD,
+    WAITED,
+    Flat,
+    Snapshot,
+    blank,
+    flat,
+    of_axes,
+    snapshot_of,
+)
+from controller.state.modes import MOST_AXES
+from controller.state.requests import (
+    PLAN_IDS,
+    Answers,
+    Arrangement,
+    Outcome,
+    RequestInbox,
+    plan_ids,
+    request_pair,
+    send_arrangement,
+    send_jog,
+    send_request,
+)
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+__all__ = [
+    "ANALOGUE",
+    "COLUMN",
+    "DEAD_MAN_S",
+    "OFF_PATH",
+    "OPTIONAL_STOP",
+    "PLANNER_SILENCE_S",
+    "PLAN_IDS",
+    "ROW",
+    "SINGLE_BLOCK",
+    "STANDSTILL",
+    "STILL",
+    "STOOD",
+    "WAITED",
+    "Answers",
+    "Arrangement",
+    "Awaited",
+    "Jog",
+    "Law",
+    "Outcome",
+    "Piece",
+    "PieceInbox",
+    "PieceMessage",
+    "PieceOutbox",
+    "Quintic",
+    "Recorder",
+    "RequestInbox",
+    "SharedBlock",
+    "Snapshot",
+    "SnapshotBoard",
+    "StopTable",
+    "blank",
+    "dwell",
+    "encode",
+    "flat",
+    "of_axes",
+    "piece_pair",
+    "plan_ids",
+    "request_pair",
+    "rows_of",
+    "send_arrangement",
+    "send_jog",
+    "send_request",
+]
+
+PLANNER_SILENCE_S = 2.0  # a plan that hangs; the queue ends at rest by itself, so a pause is no danger
+
+
+# ---- pieces on the wire: packets of (sequence, part, parts) + a slice of the pickle.
+# The kernel bounds a packet by the send buffer, so a long message goes in parts.
+_PART = struct.Struct("<IHH")
+_PART_BYTES = 60_000
+_BUFFER_BYTES = 4 << 20
+
+
+def encode(message: PieceMessage) -> list[bytes]:
+    """The packets of a message, in the order in which they must be sent; a keepalive has no parts."""
+    if message.is_keepalive:
+        return [_PART.pack(message.sequence & 0xFFFFFFFF, 0, 0)]
+    data = pickle.dumps(message, protocol=pickle.HIGHEST_PROTOCOL)
+    parts = [data[i : i + _PART_BYTES] for i in range(0, len(data), _PART_BYTES)]
+    return [_PART.pack(message.sequence & 0xFFFFFFFF, i, len(parts)) + p for i, p in enumerate(parts)]
+
+
+def piece_pair() -> tuple[socket.socket, socket.socket]:
+    """(plan's end, tick's end) of a new piece socket, both non-blocking."""
+    plan, tick = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    for end, option in ((plan, socket.SO_SNDBUF), (tick, socket.SO_RCVBUF)):
+        end.setsockopt(socket.SOL_SOCKET, option, _BUFFER_BYTES)
+        end.setblocking(False)
+    return plan, tick
+
+
+class PieceOutbox:
+    """Plan's end of the piece socket; keeps what does not fit into it yet."""
+
+    def __init__(self, plan_end: socket.socket) -> None:
+        self._socket = plan_end
+        self._waiting: list[bytes] = []
+
+    def send(self, message: PieceMessage) -> bool:
+        """Queue and send what fits; False while packets are still waiting.
+
+        A keepalive is dropped when packets wait: they are a sign of life themselves.
+        """
+        if not (message.is_keepalive and self._waiting):
+            self._waiting += encode(message)
+        return self.flush()
+
+    def flush(self) -> bool:
+        """Send waiting packets; False when some still wait. OSError when the tick is gone."""
+        while self._waiting:
+            try:
+                self._socket.send(self._waiting[0])
+            except BlockingIOError:
+                return False
+            del self._waiting[0]
+        return True
+
+
+class PieceInbox:
+    """The tick's end of the piece socket: at most one whole message per ``take``."""
+
+    def __init__(self, tick_end: socket.socket) -> None:
+        self._socket = tick_end
+        self._poll = select.poll()  # a third of what it costs to receive nothing
+        self._poll.register(tick_end, select.POLLIN)
+        self._parts: list[bytes] = []
+        self.heard = False  # anything came in since the flag was last cleared
+        self.closed = False
+
+    def take(self) -> PieceMessage | None:
+        """The next complete message, or None. Never blocks, never raises on a lost peer."""
+        while not self.closed and self._poll.poll(0):
+            try:
+                packet = self._socket.recv(_PART_BYTES + _PART.size)
+            except BlockingIOError:
+                return None
+            except OSError:
+                packet = b""
+            if not packet:
+                self.closed = True  # the plan is gone
+                return None
+            self.heard = True
+            message = self._join(packet)
+            if message is not None:
+                return message
+        return None
+
+    def _join(self, packet: bytes) -> PieceMessage | None:
+        _, part, parts = _PART.unpack_from(packet)
+        if parts == 0:
+            return None  # a keepalive: it was heard, that is all
+        if part == 0:
+            self._parts.clear()
+        if part != len(self._parts):
+            return None  # the rest of a message whose beginning was lost
+        self._parts.append(packet[_PART.size :])
+        if part + 1 < parts:
+            return None
+        message = pickle.loads(b"".join(self._parts))
+        self._parts.clear()
+        return message if isinstance(message, PieceMessage) else None
+
+
+# ---- shared memory
+class SharedBlock:
+    """Bytes that processes share, behind a counter: anonymous (inherited by fork) or a file in memory.
+
+    The counter is one machine word, read and written at once. With ``struct`` a reader now and then finds
+    0 in it, for that clears the bytes before it writes them.
+    """
+
+    def __init__(self, size: int, path: str | None = None, create: bool = True) -> None:
+        self.path = path
+        self.memory = _mapped(_COUNTER_BYTES + size, path, create)
+        self.counter = memoryview(self.memory)[:_COUNTER_BYTES].cast("Q")
+
+
+def _mapped(size: int, path: str | None, create: bool) -> mmap.mmap:
+    if path is None:
+        return mmap.mmap(-1, size)
+    descriptor = os.open(path, os.O_RDWR | (os.O_CREAT if create else 0), 0o660)
+    try:
+        if create:
+            os.ftruncate(descriptor, size)
+        return mmap.mmap(descriptor, size)
+    finally:
+        os.close(descriptor)
+
+
+_COUNTER_BYTES = 8
+_SLOT = (LAYOUT.size + 7) // 8 * 8
+
+
+class SnapshotBoard:
+    """One writer (the tick), any number of readers; a reader never sees half a snapshot.
+
+    The writer fills the buffer that is not shown and then moves the counter; a reader
+    whose counter has moved on meanwhile reads again.
+    """
+
+    def __init__(self, path: str | None = None, create: bool = True, axes: int = MOST_AXES) -> None:
+        """``axes``: how many the machine has, for those who read."""
+        self.block = SharedBlock(2 * _SLOT, path, create)
+        self._snapshot_of = snapshot_of(axes)
+        self._memory, self._counter = self.block.memory, self.block.counter
+        self._count = 0
+
+    def write(self, values: Flat) -> None:
+        """Publish one snapshot: its flat values, see ``live_state.gather``."""
+        self._count += 1
+        LAYOUT.pack_into(self._memory, _COUNTER_BYTES + (self._count & 1) * _SLOT, *values)
+        self._counter[0] = self._count
+
+    def read(self) -> Snapshot | None:
+        """The newest snapshot; None before the first."""
+        while True:
+            count = self._counter[0]
+            if count == 0:
+                return None
+            values = LAYOUT.unpack_from(self._memory, _COUNTER_BYTES + (count & 1) * _SLOT)
+            if self._counter[0] == count:
+                return self._snapshot_of(values)
+
+
+# ---- flight recorder: one row of float64 per tick
+_ROW = struct.Struct(f"<{len(ROW)}d")
+RECORDER_ROWS = 1 << 15  # 65 s at 2 ms; of three quarters of it 12 s are left at 0.5 ms
+
+
+def rows_of(columns: Sequence[str], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rows (N, len(ROW)) of what was kept under these columns, in whatever order; NaN where there is none.
+
+    So what an older version kept can be read, and what a newer one did.
+    """
+    import numpy as np
+
+    rows = np.full((len(values), len(ROW)), np.nan)
+    for i, name in enumerate(columns):
+        if name in COLUMN:
+            rows[:, COLUMN[name]] = values[:, i]
+    return rows
+
+
+class Recorder:
+    """Ring of rows in shared memory: the tick writes, the slow side drains."""
+
+    def __init__(self, path: str | None = None, create: bool = True, rows: int = RECORDER_ROWS) -> None:
+        self.rows = rows
+        self.block = SharedBlock(rows * _ROW.size, path, create)
+        self._memory, self._counter = self.block.memory, self.block.counter
+        self._written = 0
+        self._read = 0
+        self.lost = 0  # rows overwritten before this reader saw them
+
+    def write(self, *values: float) -> None:
+        """Append one row: the values in the order of ``ROW``, with which a tick's values begin."""
+        _ROW.pack_into(self._memory, _COUNTER_BYTES + self._written % self.rows * _ROW.size, *values)
+        self._written += 1
+        self._counter[0] = self._written
+
+    def drain(self) -> NDArray[np.float64]:
+        """Rows written since the last call, shape (N, len(ROW)); counts in ``lost`` what was too old.
+
+        The oldest quarter of a full ring may be overwritten while it is copied and is given up.
+        """
+        written = self._counter[0]
+        first = max(self._read, written - self.rows * 3 // 4)
+        self.lost += first - self._read
+        self._read = written
+        return self._copy(first, written)
+
+    def last(self, rows: int) -> NDArray[np.float64]:
+        """The newest rows, at most so many, drained already or not; shape (N, len(ROW))."""
+        written = self._counter[0]
+        return self._copy(max(0, written - min(rows, self.rows * 3 // 4)), written)
+
+    def _copy(self, first: int, written: int) -> NDArray[np.float64]:
+        import numpy as np
+
+        ring = np.frombuffer(self._memory, dtype="<f8", offset=_COUNTER_BYTES).reshape(self.rows, len(ROW))
+        return np.asarray(ring[np.arange(first, written) % self.rows], dtype=np.float64)

@@ -1,0 +1,190 @@
+"""TOML to ``Profile``: what a family of drives can do and how it is commissioned.
+
+``load(name_or_path)`` is the verb. A profile file has one table ``[drive]``, for what else a
+drive must be told ``[[write]]`` tables, for makers' objects with the counts of a revolution
+``[[encoder_resolution]]``, and ``[[override]]`` tables where its data sheets are wrong;
+``config/drives`` holds the shipped ones.
+Every refusal is a ``ConfigError`` in the form of ``toml_table``, and no key goes unread.
+"""
+
+from __future__ import annotations
+
+import difflib
+from functools import lru_cache
+from pathlib import Path
+
+from controller.machine import drive_objects
+from controller.machine.drive_objects import OBJECT
+from controller.machine.toml_table import ConfigError, Table, is_number, parse, read_text
+from drives.profile import CyclicMode, Encoder, Profile, Supervision, Write
+
+SHIPPED = Path(__file__).resolve().parent.parent.parent / "config" / "drives"
+MODES = {"csp": CyclicMode.CSP, "ip": CyclicMode.IP}
+NONE = "none"  # TOML has no null
+LAST_PDO = 4  # numbers with a pre-defined identifier (CiA 301, 7.3.5)
+GENERAL = Profile()
+
+
+def load(source: str | Path) -> Profile:
+    """The profile of a file, or of a shipped file by its name ("maxon_epos4").
+
+    The name of a file that is not shipped is its path. Raises ``ConfigError``.
+    """
+    return _load(str(source))
+
+
+def shipped() -> tuple[str, ...]:
+    """Names of the profiles that come with Directrix, for ``load``."""
+    return tuple(sorted(path.stem for path in SHIPPED.glob("*.toml")))
+
+
+@lru_cache(maxsize=64)
+def _load(source: str) -> Profile:
+    path = _find(source)
+    name = path.stem if path.parent == SHIPPED else source
+    return read(read_text(path), path.name, path.parent, name)
+
+
+def _find(source: str) -> Path:
+    path = Path(source) if source.endswith(".toml") else SHIPPED / f"{source}.toml"
+    if path.is_file():
+        return path
+    near = difflib.get_close_matches(source, shipped(), n=1)
+    do = f"did you mean {near[0]!r}" if near else "name one of these or give the path of a .toml file"
+    raise ConfigError(
+        f"profile {source}: there is no drive profile of this name; allowed: {', '.join(shipped())}; {do}."
+    )
+
+
+def read(text: str, file: str, folder: Path, name: str) -> Profile:
+    """The profile of a text; its data sheet is looked for from ``folder``. Raises ``ConfigError``."""
+    top = parse(text, file)
+    table = top.table("drive", "[drive]")
+    shortest_s, longest_s = _period(table)
+    profile = Profile(
+        name=name,
+        eds=_eds(table, folder),
+        mode=MODES[table.text("mode", tuple(MODES), "csp")],
+        rpdo=table.integer("rpdo", 1, LAST_PDO, GENERAL.rpdo),
+        tpdo=table.integer("tpdo", 1, LAST_PDO, GENERAL.tpdo),
+        command_rpdo=table.integer("command_rpdo", 1, LAST_PDO, GENERAL.command_rpdo),
+        takes_feed_forward=table.flag("feed_forward", GENERAL.takes_feed_forward),
+        most_feedback_every=table.integer("most_feedback_every", 1, 240, GENERAL.most_feedback_every),
+        period_exponents=_integers(table, "period_exponents", -6, -1, GENERAL.period_exponents),
+        period_step_s=table.positive("period_step_ms", GENERAL.period_step_s * 1e3) / 1e3,
+        period_min_s=shortest_s,
+        period_max_s=longest_s,
+        supervision=Supervision(table.text("supervision", [s.value for s in Supervision])),
+        quick_stop_code=_code(table, "quick_stop_code", 0, 8, GENERAL.quick_stop_code),
+        abort_code=_code(table, "abort_code", 0, 3, GENERAL.abort_code),
+        error_behaviour=_code(table, "error_behaviour", 0, 2, GENERAL.error_behaviour),
+        most_following_error=table.integer(
+            "most_following_error", 1, 0xFFFF_FFFF, GENERAL.most_following_error
+        ),
+        homing_methods=_integers(table, "homing_methods", -128, 127, GENERAL.homing_methods),
+        home_offset=_home_offset(table),
+        vendor=table.integer("vendor", 1, 0xFFFF_FFFF) if table.has("vendor") else None,
+        product=table.integer("product", 1, 0xFFFF_FFFF) if table.has("product") else None,
+        optional=_objects(table, "optional"),
+        writes=tuple(_write(entry) for entry in top.tables("write")),
+        velocity_unit_counts_s=table.positive_or_none("velocity_unit_counts_s") or 0.0,
+        acceleration_unit_counts_s2=table.positive_or_none("acceleration_unit_counts_s2") or 0.0,
+        revolution=table.text("revolution", ("motor", "shaft"), GENERAL.revolution),
+        encoder_resolution=tuple(_encoder(entry) for entry in top.tables("encoder_resolution")),
+        overrides=drive_objects.overrides(top),
+        quirks=_sentences(table, "quirks"),
+    )
+    _audit(profile, table)
+    table.finish()
+    top.finish()
+    return profile
+
+
+def _audit(profile: Profile, table: Table) -> None:
+    """What only the whole table can show."""
+    if profile.takes_feed_forward and profile.rpdo == profile.command_rpdo:
+        problem = f"RPDO {profile.rpdo} carries the target already"
+        table.refuse(
+            "command_rpdo", problem, "another number than rpdo", "change one or feed_forward = false"
+        )
+    if profile.acceleration_unit_counts_s2 and not profile.velocity_unit_counts_s:
+        problem = "velocity_unit_counts_s is missing"
+        table.refuse("acceleration_unit_counts_s2", problem, "both, or none", "add it")
+    if profile.mode is CyclicMode.IP and profile.takes_feed_forward:
+        problem = "in interpolated position mode there is no 60B1h to send it to"
+        table.refuse("feed_forward", problem, 'false with mode = "ip"', "write feed_forward = false")
+
+
+def _eds(table: Table, folder: Path) -> str:
+    """The data sheet, absolute; "" where the maker of the drive keeps it."""
+    name = table.text("eds", default=GENERAL.eds)
+    path = (folder / name).resolve()
+    if name and not path.is_file():
+        table.refuse("eds", f"there is no file {path}", "a path seen from the profile", "correct the path")
+    return str(path) if name else ""
+
+
+def _period(table: Table) -> tuple[float, float]:
+    default = (GENERAL.period_min_s * 1e3, GENERAL.period_max_s * 1e3)
+    shortest_ms, longest_ms = table.numbers("period_ms", 2, default)
+    if not 0.0 < shortest_ms <= longest_ms:
+        table.refuse("period_ms", "is no range", "[shortest, longest] above 0", "swap or change them")
+    return shortest_ms / 1e3, longest_ms / 1e3
+
+
+def _code(table: Table, key: str, lower: int, upper: int, default: int | None) -> int | None:
+    """An option code, or "none" for a drive that has no such object."""
+    if table.has(key) and table.get(key, "") == NONE:
+        return None
+    return table.integer(key, lower, upper, default) if table.has(key) or default is not None else None
+
+
+def _integers(table: Table, key: str, lower: int, upper: int, default: tuple[int, ...]) -> tuple[int, ...]:
+    allowed = f"a list of whole numbers from {lower} to {upper}"
+    values = table.get(key, allowed, default)
+    sound = isinstance(values, list | tuple) and values and all(type(v) is int for v in values)
+    if not sound or not all(lower <= value <= upper for value in values):
+        table.refuse(key, "is not such a list", allowed, "correct it")
+    return tuple(values)
+
+
+def _sentences(table: Table, key: str) -> tuple[str, ...]:
+    values = table.get(key, "a list of texts", ())
+    if not isinstance(values, list | tuple) or not all(isinstance(v, str) for v in values):
+        table.refuse(key, "is not a list of texts", "a list of texts in quotes", "correct it")
+    return tuple(values)
+
+
+def _objects(table: Table, key: str) -> tuple[int, ...]:
+    found = tuple(drive_objects.index(text) for text in _sentences(table, key))
+    if None in found:
+        table.refuse(key, "is not a list of objects", f"{OBJECT}, each", 'write e.g. ["60F4", "6502"]')
+    return tuple(index for index in found if index is not None)
+
+
+def _home_offset(table: Table) -> int | None:
+    text = table.text("home_offset", default="607C")
+    if text == NONE:
+        return None
+    index = drive_objects.index(text)
+    if index is None:
+        table.refuse("home_offset", "is no object", f'{OBJECT}, or "none"', 'write e.g. "607C"')
+    return index
+
+
+def _encoder(table: Table) -> Encoder:
+    """``object = "3000:05"`` that tells counts, or with ``times = 4`` pulses, of a revolution."""
+    found = Encoder(*drive_objects.place(table), table.integer("times", 1, 1024, 1))
+    table.finish()
+    return found
+
+
+def _write(table: Table) -> Write:
+    """``object = "2210:01"``, its value, and why it is needed (the end of a sentence)."""
+    where = drive_objects.place(table)
+    value = table.get("value", "a whole number")
+    if not is_number(value) or type(value) is not int:
+        table.refuse("value", "is not a whole number", "a whole number", "write it without quotes")
+    write = Write(*where, value, table.text("why"))
+    table.finish()
+    return write

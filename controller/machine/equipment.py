@@ -1,0 +1,371 @@
+"""The tables of a machine file beside its axes: spindle, inputs and outputs, clamps.
+
+Every refusal is a ``ConfigError`` in the form of ``toml_table``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from controller.geometry.vectors import Z, norm, scale
+from controller.machine import drive_objects
+from controller.machine.model import (
+    AnalogueOut,
+    Axis,
+    Bus,
+    Clamp,
+    Following,
+    Homing,
+    Io,
+    Orient,
+    Spindle,
+    Stopping,
+    Temperature,
+    WorkTable,
+)
+from controller.machine.toml_table import Table
+
+INPUTS = (
+    "estop",
+    "door",
+    "power",
+    "tool_clamped",
+    "coolant_flow",
+    "feed_stop",
+)  # beside those that clamps name
+OUTPUTS = ("coolant", "mist")
+# Of the drive's own window (following_error): what the controller allows at rest, and of that in position.
+REST_SHARE = IN_POSITION_SHARE = 0.1
+MOST_BITS = 64  # of a PDO
+MOST_CHANNELS = 4  # of 16 bits in one
+INT16 = -(2**15), 2**15 - 1
+# That programs have for what is the machine's own.
+M_CODE = re.compile(r"M(1[0-8]|2[0-8]|3[1-9]|4[0-7]|5[4-9]|69|7[4-9]|8[0-9]|9[0-7]|[1-9][0-9][0-9])")
+M_CODES = "M10 to M18, M20 to M28, M31 to M47, M54 to M59, M69, M74 to M97, M100 to M999"
+MODES = {"csv": 9, "pv": 3}
+
+FindProfile = Callable[[Table], str]  # the profile that a table names
+
+
+def spindle(table: Table, buses: Sequence[Bus], profile: FindProfile, folder: Path | None) -> Spindle:
+    """``[spindle]``: without ``node`` only what programs need, with it also its drive."""
+    most = table.positive("max_rev_min")
+    if not table.has("node"):
+        table.finish()
+        return Spindle(most)
+    found = Spindle(
+        max_rev_min=most,
+        bus=table.text("bus", [bus.name for bus in buses], buses[0].name),
+        node=table.integer("node", 1, 126),
+        profile=profile(table),
+        counts_per_rev=table.number("counts_per_rev"),
+        mode=MODES[table.text("mode", tuple(MODES), "csv")],
+        at_speed_share=table.number("at_speed_share", 0.001, 0.5, default=0.05),
+        spin_up_s=table.number("spin_up_s", 0.1, 120.0, default=10.0),
+        acceleration_rev_s2=table.positive("acceleration_rev_s2", default=50.0),
+        eds=_data_sheet(table, folder),
+        stopping=Stopping(0.0, *_units(table)),
+        unsupervised=table.flag("unsupervised", False),
+        overrides=drive_objects.overrides(table),
+    )
+    _fits(table, found)
+    table.finish()
+    return found
+
+
+def _fits(table: Table, found: Spindle) -> None:
+    """The target is at most an int32 (60FFh), in counts per second where the drive has no other unit."""
+    if found.counts_per_rev == 0.0:
+        table.refuse("counts_per_rev", "is zero", "a number other than 0", "give the encoder's resolution")
+    most = (2**31 - 1) / abs(found.counts_per_rev) * 60.0
+    if found.max_rev_min > most:
+        problem = f"{found.max_rev_min:g} 1/min does not fit a drive's 32-bit velocity in counts/s"
+        allowed = f"up to {most:.0f} 1/min with this counts_per_rev"
+        table.refuse("max_rev_min", problem, allowed, "lower it or the resolution")
+
+
+def stopping(table: Table, unit: str, inner: float) -> Stopping:
+    """``quick_stop_mm_s2`` and the drive's units of an axis; ``unit`` is mm or deg, ``inner`` its size."""
+    return Stopping(table.positive_or_none(f"quick_stop_{unit}_s2", abs(inner)) or 0.0, *_units(table))
+
+
+def _units(table: Table) -> tuple[float, float]:
+    """One unit of the drive's velocity and acceleration, where the drive cannot say what they are."""
+    velocity, acceleration = "velocity_unit_counts_s", "acceleration_unit_counts_s2"
+    if table.has(acceleration) and not table.has(velocity):
+        table.refuse(acceleration, f"{velocity} is missing", "both, or none", "add it")
+    return table.positive_or_none(velocity) or 0.0, table.positive_or_none(acceleration) or 0.0
+
+
+def homing(table: Table, unit: str, travel: tuple[float, float], inner: float) -> Homing:
+    """``homing = { ... }`` of an axis; ``unit`` is mm or deg, ``inner`` its size (sign: sense).
+
+    Method 0 is CiA 402's "no homing required": the encoder is absolute.
+    """
+    entry = table.table("homing", f"{table.name} homing", optional=True)
+    absolute, method = entry.flag("absolute", False), entry.integer("method", -128, 127, 37)
+
+    def rate(key: str) -> float:
+        return entry.positive_or_none(key, abs(inner)) or 0.0
+
+    found = Homing(
+        method=0 if absolute else method,
+        group=entry.integer("group", 0, 99, 0),
+        position=entry.number(f"position_{unit}", *travel, default=0.0) * inner,
+        absolute=absolute or method == 0,
+        fast=rate(f"fast_{unit}_s"),
+        slow=rate(f"slow_{unit}_s"),
+        acceleration=rate(f"acceleration_{unit}_s2"),
+    )
+    entry.finish()
+    return found
+
+
+def following(table: Table, unit: str, inner: float) -> Following:
+    """``following = { ... }`` of an axis; by default the drive's window at full speed, a tenth at rest."""
+    drives_own = table.positive(f"following_error_{unit}")
+    entry = table.table("following", f"{table.name} following", optional=True)
+    tightens = not entry.has(f"at_speed_{unit}")
+    rest = entry.positive(f"rest_{unit}", REST_SHARE * drives_own)
+    found = Following(
+        rest=rest * inner,
+        at_speed=entry.number(f"at_speed_{unit}", 0.0, default=drives_own) * inner,
+        in_position=entry.number(f"in_position_{unit}", 0.0, rest, IN_POSITION_SHARE * rest) * inner,
+        ticks=entry.integer("ticks", 1, 10, 3),
+        tightens=tightens,
+    )
+    entry.finish()
+    return found
+
+
+def clamp(table: Table) -> Clamp | None:
+    """``clamp = { output, input, open_s }`` of an axis."""
+    if not table.has("clamp"):
+        return None
+    entry = table.table("clamp", f"{table.name} clamp")
+    found = Clamp(
+        output=entry.text("output"),
+        input=entry.text("input", default=""),
+        open_s=entry.number("open_s", 0.01, 30.0, default=0.5),
+    )
+    entry.finish()
+    return found
+
+
+def temperature(table: Table) -> Temperature | None:
+    """``temperature = { index, sub, bits, tpdo, per_degree }`` of an axis' drive."""
+    if not table.has("temperature"):
+        return None
+    entry = table.table("temperature", f"{table.name} temperature")
+    found = Temperature(
+        index=entry.integer("index", 0x2000, 0x6FFF),
+        sub=entry.integer("sub", 0, 254, 0),
+        bits=entry.integer("bits", 8, 32, 16),
+        tpdo=entry.integer("tpdo", 1, 4),
+        per_degree=entry.positive("per_degree", 1.0),
+    )
+    if found.bits not in (8, 16, 32):
+        entry.refuse("bits", "is no size of an object", "8, 16 or 32", "take it from the drive's manual")
+    entry.finish()
+    return found
+
+
+def io(table: Table, buses: Sequence[Bus], axes: Sequence[Axis], folder: Path | None) -> Io:
+    """``[io]``; every bit has a name that something uses."""
+    clamps = [axis.clamp for axis in axes if axis.clamp is not None]
+    digital_in, digital_out = table.names("digital_in"), table.names("digital_out")
+    orient = _orient(table)
+    spindles = ((orient.output, orient.input),) if orient else ()
+    known = (*OUTPUTS, *(c.output for c in clamps), *(output for output, _ in spindles))
+    watched = (*INPUTS, *(c.input for c in clamps if c.input), *(one for _, one in spindles))
+    inputs = _bits(table, "inputs", (*watched, *digital_in))
+    outputs = _bits(table, "outputs", (*known, *digital_out))
+    _of_programs(table, "digital_in", digital_in, inputs, ())
+    _of_programs(table, "digital_out", digital_out, outputs, known)
+    found = Io(
+        bus=table.text("bus", [bus.name for bus in buses], buses[0].name),
+        node=table.integer("node", 1, 126),
+        eds=_data_sheet(table, folder),
+        inputs=inputs,
+        outputs=outputs,
+        inverted=_inverted(table, [name for name, _ in (*inputs, *outputs)]),
+        unsupervised=table.flag("unsupervised", False),
+        overrides=drive_objects.overrides(table),
+        digital_in=digital_in,
+        digital_out=digital_out,
+        held=_held(table, digital_out),
+        m_codes=_m_codes(table, digital_out),
+        analogue_out=_analogue_out(table),
+        orient=orient,
+    )
+    _has_its_bits(table, found)
+    table.finish()
+    return found
+
+
+def _orient(table: Table) -> Orient | None:
+    """``orient = { output, input, angle_deg, within_s, shift }``."""
+    if not table.has("orient"):
+        return None
+    entry = table.table("orient", f"{table.name} orient")
+    found = Orient(
+        output=entry.text("output"),
+        input=entry.text("input"),
+        angle_deg=entry.number("angle_deg", 0.0, 360.0, default=0.0),
+        within_s=entry.number("within_s", 0.1, 120.0, default=10.0),
+        shift=entry.text("shift", ("X+", "X-", "Y+", "Y-")) if entry.has("shift") else "",
+    )
+    entry.finish()
+    return found
+
+
+def _has_its_bits(table: Table, io: Io) -> None:
+    """The output and the input of ``orient`` are bits of the node, and no program switches them by number."""
+    if io.orient is None:
+        return
+    for key, name, bits, others in (
+        ("output", io.orient.output, io.outputs, io.digital_out),
+        ("input", io.orient.input, io.inputs, io.digital_in),
+    ):
+        if name not in dict(bits) or name in others:
+            problem = f"{key} {name} is no bit in {key}s, or one that programs have by number"
+            allowed = ", ".join(one for one, _ in bits if one not in others) or "none, for no bit is free"
+            table.refuse("orient", problem, allowed, f"name a bit of its own in {key}s")
+
+
+def _analogue_out(table: Table) -> tuple[AnalogueOut, ...]:
+    """``analogue_out = { name = { channel, low, high, low_counts, high_counts } }`` in the order of E."""
+    entries = table.table("analogue_out", f"{table.name} analogue_out", optional=True)
+    found: dict[int, AnalogueOut] = {}
+    for name in entries.written:
+        entry = entries.table(name, f"{entries.name}.{name}")
+        one = AnalogueOut(
+            name,
+            entry.integer("channel", 1, MOST_CHANNELS),
+            entry.number("low", default=0.0),
+            entry.number("high"),
+            entry.integer("low_counts", *INT16, 0),
+            entry.integer("high_counts", *INT16, INT16[1]),
+        )
+        entry.finish()
+        if one.high <= one.low:
+            entry.refuse("high", "is not above low", f"a number above {one.low:g}", "change one of them")
+        if one.channel in found:
+            twin = found[one.channel].name
+            entry.refuse("channel", f"{twin} has this channel, too", "a channel per name", "change one")
+        found[one.channel] = one
+    return tuple(found.values())
+
+
+def _of_programs(
+    table: Table, key: str, names: Sequence[str], bits: Sequence[tuple[str, int]], taken: Sequence[str]
+) -> None:
+    """What programs switch or wait for has a bit, and is nobody else's."""
+    known = [name for name, _ in bits if name not in taken]
+    for name in names:
+        if name not in known:
+            problem = f"{name} is no {'input' if key == 'digital_in' else 'output'} that programs may have"
+            allowed = ", ".join(known) or "none, for no bit has such a name"
+            table.refuse(key, problem, allowed, "name a bit in inputs or outputs, not of coolant and clamps")
+
+
+def _held(table: Table, digital_out: Sequence[str]) -> tuple[str, ...]:
+    """``held``: outputs that stay as the program left them."""
+    names = table.names("held")
+    if any(name not in digital_out for name in names):
+        allowed = ", ".join(digital_out) or "none, for there is no digital_out"
+        table.refuse("held", "names what is no output of programs", allowed, "add it to digital_out")
+    return names
+
+
+def _m_codes(table: Table, digital_out: Sequence[str]) -> tuple[tuple[str, str, bool], ...]:
+    """``m_codes = { M10 = { output = "vise", on = true } }``."""
+    codes = table.table("m_codes", f"{table.name} m_codes", optional=True)
+    found: list[tuple[str, str, bool]] = []
+    for code in codes.written:
+        if not M_CODE.fullmatch(code):
+            codes.refuse(code, "is no code that a machine may have", M_CODES, "choose one of these")
+        entry = codes.table(code, f"{codes.name}.{code}")
+        found.append((code, entry.text("output", digital_out), entry.flag("on", True)))
+        entry.finish()
+    return tuple(found)
+
+
+def _data_sheet(table: Table, folder: Path | None) -> str:
+    if not table.has("eds"):
+        return ""
+    path = (folder or Path()) / table.text("eds")
+    if not path.is_file():
+        table.refuse("eds", f"there is no file {path}", "a path seen from the machine file", "correct it")
+    return str(path.resolve())
+
+
+def _bits(table: Table, key: str, known: Sequence[str]) -> tuple[tuple[str, int], ...]:
+    """``{ name = bit, ... }`` in the order of the bits."""
+    entry = table.table(key, f"{table.name} {key}", optional=True)
+    found: dict[str, int] = {}
+    for name in known:
+        if entry.has(name) and name not in found:
+            found[name] = entry.integer(name, 0, MOST_BITS - 1)
+            twins = [other for other, bit in found.items() if bit == found[name] and other != name]
+            if twins:
+                entry.refuse(name, f"{twins[0]} has this bit, too", "a bit per name", "change one")
+    for name in known:
+        entry.get(name, "", 0)  # known, so that ``finish`` lists it among what is allowed
+    entry.finish()
+    return tuple(sorted(found.items(), key=lambda row: row[1]))
+
+
+def _inverted(table: Table, names: Sequence[str]) -> tuple[str, ...]:
+    allowed = f"a list of names out of {', '.join(names) or 'inputs and outputs'}"
+    value = table.get("inverted", allowed, [])
+    if not isinstance(value, list) or not all(name in names for name in value):
+        table.refuse("inverted", "names something that is no input or output", allowed, "correct it")
+    return tuple(value)
+
+
+def audit(axes: Sequence[Axis], devices: tuple[Spindle | None, Io | None], top: Table) -> None:
+    """What only the whole file can show: nodes used twice, clamps without their bits."""
+    turning, found = devices
+    taken = {(axis.bus, axis.node): f"axis {axis.name}" for axis in axes}
+    others = []
+    if turning is not None and turning.is_driven:
+        others.append(("spindle", turning.bus, turning.node))
+    if found is not None:
+        others.append(("io", found.bus, found.node))
+    for key, bus, node in others:
+        table = top.table(key, f"[{key}]")
+        if (bus, node) in taken:
+            problem = f"{taken[bus, node]} is this node on bus {bus}"
+            table.refuse("node", problem, "a node per device", "change one")
+        taken[bus, node] = table.name
+    for axis in axes:
+        if axis.clamp is not None:
+            _audit_clamp(axis.clamp, top.entry("axis", axis.name), found)
+
+
+def _audit_clamp(its: Clamp, axis: Table, found: Io | None) -> None:
+    table = axis.table("clamp", f"{axis.name} clamp")
+    if found is None or found.output(its.output) is None:
+        names = ", ".join(name for name, _ in found.outputs) if found else "none, for there is no [io]"
+        table.refuse("output", "there is no such output in [io]", names, "add it to [io] outputs")
+    if its.input and found.input(its.input) is None:
+        names = ", ".join(name for name, _ in found.inputs)
+        table.refuse("input", "there is no such input in [io]", names, "add it to [io] inputs")
+
+
+def work_table(table: Table) -> WorkTable:
+    """``[table]``: the disc under the work, in the table frame with all rotaries at zero."""
+    normal = table.vector("normal", Z)
+    if norm(normal) < 1e-9:
+        table.refuse("normal", "has no length", "a vector other than 0 0 0", "point it out of the face")
+    found = WorkTable(
+        centre=table.vector("centre_mm"),
+        normal=scale(normal, 1.0 / norm(normal)),
+        radius_mm=table.positive("radius_mm"),
+        thickness_mm=table.positive("thickness_mm", default=20.0),
+    )
+    table.finish()
+    return found

@@ -1,0 +1,150 @@
+"""The machine as the bus side knows it: buses, drives, spindle, inputs and outputs, in counts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from controller.machine import drive_profiles
+from controller.machine.model import Axis, Machine, Temperature
+from controller.machine.toml_table import ConfigError
+from drives.settings import (
+    BusSettings,
+    FollowingWindow,
+    IoSettings,
+    MasterSettings,
+    NodeSettings,
+    SpindleSettings,
+)
+
+IN_POSITION_COUNTS = 2.0
+MM_PER_M = 1000.0
+IO_EDS = Path(__file__).resolve().parent.parent.parent / "config" / "eds" / "simulated_io.eds"
+
+
+def bus_settings(machine: Machine) -> tuple[BusSettings, ...]:
+    """The machine's buses as the drives' side knows them."""
+    return tuple(BusSettings(b.name, b.interface, b.channel, b.bit_rate) for b in machine.buses)
+
+
+def master_settings(machine: Machine) -> MasterSettings:
+    """The controller as a CANopen node on every bus."""
+    return MasterSettings(period_s=machine.period_s, sync=machine.sync)
+
+
+def node_settings(machine: Machine) -> tuple[NodeSettings, ...]:
+    """One drive per axis, in the axes' order, in counts; raises ``ConfigError`` without its EDS."""
+    return tuple(_node(axis, machine) for axis in machine.axes)
+
+
+def spindle_settings(machine: Machine) -> SpindleSettings | None:
+    """The spindle's drive, None where the controller has none; raises ``ConfigError`` without its EDS."""
+    spindle = machine.spindle
+    if spindle is None or not spindle.is_driven:
+        return None
+    return SpindleSettings(
+        name="spindle",
+        bus=spindle.bus,
+        node=spindle.node,
+        eds=str(eds_of(spindle.profile, spindle.eds)),
+        counts_per_rev=spindle.counts_per_rev,
+        mode=spindle.mode,
+        at_speed_share=spindle.at_speed_share,
+        profile=drive_profiles.load(spindle.profile),
+        acceleration_rev_s2=spindle.acceleration_rev_s2,
+        most_rev_min=spindle.max_rev_min,
+        velocity_unit_counts_s=spindle.stopping.velocity_unit_counts_s,
+        acceleration_unit_counts_s2=spindle.stopping.acceleration_unit_counts_s2,
+        unsupervised=spindle.unsupervised,
+        overrides=spindle.overrides,
+    )
+
+
+def io_settings(machine: Machine) -> tuple[IoSettings, ...]:
+    """The nodes with inputs and outputs: none or one."""
+    io = machine.io
+    if io is None:
+        return ()
+    inputs, outputs = (max((bit for _, bit in bits), default=0) // 8 + 1 for bits in (io.inputs, io.outputs))
+    made = IoSettings("io", io.bus, io.node, io.eds or str(IO_EDS), inputs, outputs)
+    idle = {one.channel: one.counts(one.idle) for one in io.analogue_out}
+    analogue = tuple(idle.get(channel, 0) for channel in range(1, max(idle, default=0) + 1))
+    return (replace(made, analogue=analogue, unsupervised=io.unsupervised, overrides=io.overrides),)
+
+
+def all_settings(machine: Machine) -> tuple[NodeSettings | SpindleSettings | IoSettings, ...]:
+    """Every node of the machine: what is commissioned, and what takes bus time."""
+    spindle = spindle_settings(machine)
+    return (*node_settings(machine), *(() if spindle is None else (spindle,)), *io_settings(machine))
+
+
+def eds_of(profile: str, named: str = "") -> Path:
+    """The electronic data sheet that a machine file names, else the one that comes with the profile.
+
+    Raises ``ConfigError`` where neither is there: makers keep the sheets of their drives.
+    """
+    eds = named or drive_profiles.load(profile).eds
+    if not eds:
+        sentence = f"profile {profile}: brings no data sheet; allowed: one that the machine file names"
+        raise ConfigError(
+            f'{sentence}; get the EDS from the drive\'s maker and add eds = "path" to its table.'
+        )
+    return Path(eds).resolve()
+
+
+def _node(axis: Axis, machine: Machine) -> NodeSettings:
+    counts = abs(axis.counts_per_unit)
+    ends = sorted(round(q * axis.counts_per_unit) for q in (axis.travel_min, axis.travel_max))
+    return NodeSettings(
+        name=axis.name,
+        bus=axis.bus,
+        node=axis.node,
+        eds=str(eds_of(axis.profile, axis.eds)),
+        counts_min=ends[0],
+        counts_max=ends[1],
+        following_error_counts=round(abs(axis.following_error * axis.counts_per_unit)),
+        following=_following(axis),
+        homing_method=axis.homing.method,
+        homing_position_counts=round(axis.homing.position * axis.counts_per_unit),
+        absolute=axis.homing.absolute,
+        homing_fast_counts_s=round(axis.homing.fast * counts),
+        homing_slow_counts_s=round(axis.homing.slow * counts),
+        homing_acceleration_counts_s2=round(axis.homing.acceleration * counts),
+        velocity_counts_s=axis.limits.velocity * counts,
+        acceleration_counts_s2=axis.limits.acceleration * counts,
+        quick_stop_counts_s2=axis.stopping.quick_stop * counts,
+        most_quick_stop_s=machine.max_quick_stop_s,
+        rotary=axis.is_rotary,
+        counts_per_si=counts if axis.is_rotary else counts * MM_PER_M,
+        velocity_unit_counts_s=axis.stopping.velocity_unit_counts_s,
+        acceleration_unit_counts_s2=axis.stopping.acceleration_unit_counts_s2,
+        period_s=machine.period_s,
+        brake=axis.brake,
+        feedback_every=axis.feedback_every,
+        feed_forward=axis.feed_forward,
+        enable_group=axis.enable_group,
+        unsupervised=axis.unsupervised,
+        overrides=axis.overrides,
+        profile=drive_profiles.load(axis.profile),
+        serial=axis.serial,
+        temperature_tpdo=axis.temperature.tpdo if axis.temperature else 0,
+        temperature_entry=_entry(axis.temperature) if axis.temperature else 0,
+    )
+
+
+def _following(axis: Axis) -> FollowingWindow:
+    """The controller's own window; what is in position is so within two counts at least."""
+    counts, allowed = abs(axis.counts_per_unit), axis.following
+    return FollowingWindow(
+        rest_counts=allowed.rest * counts,
+        speed_s=allowed.at_speed / axis.limits.velocity,
+        in_position_counts=max(IN_POSITION_COUNTS, allowed.in_position * counts),
+        ticks=allowed.ticks,
+        velocity_counts_s=axis.limits.velocity * counts,
+        tightens=allowed.tightens,
+    )
+
+
+def _entry(told: Temperature) -> int:
+    """As a mapping object has it (CiA 301, 7.5.2.37)."""
+    return told.index << 16 | told.sub << 8 | told.bits

@@ -1,0 +1,283 @@
+"""What is fitted on the machine now: offsets, tools and the like as operator and programs changed them.
+
+The machine file stays as its builder wrote it. What was changed at the machine is kept
+beside it, in one small file of the state folder, and laid over the machine when it is loaded:
+
+    {"offsets": {"G54": {"origin_mm": [8, 96, 120], "turned_deg": [0, 0, 0], "rotary_deg": {"C": 30}}},
+     "tools": {"2": {"name": "end mill 3 mm", "radius_mm": 1.5, "length_mm": 0, "flute_mm": 15}, "3": null},
+     "shift": {"G92": {"origin_mm": [1, 0, 0], "rotary_deg": {}, "suspended": false}},
+     "references": {"G28": {"X": 0, "Y": 0, "Z": 250, "A": 0, "C": 0}},
+     "parameters": {"500": 12.5}}
+
+A tool that is null was taken out of the table. Which one is in the spindle is kept in a file of its own,
+for a backup that is brought back says nothing of it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from controller import atomic_file
+from controller.geometry.vectors import ZERO, Frame
+from controller.machine import machine_file, offset_table
+from controller.machine.changes import located
+from controller.machine.model import (
+    OFFSETS,
+    REFERENCES,
+    STILL,
+    TOOL_AT_POWER_ON,
+    USUAL_OFFSETS,
+    Machine,
+    Shift,
+)
+from controller.machine.toml_table import ConfigError, Table
+
+FILE = "fitting.json"
+IN_SPINDLE = "in_spindle"
+MACHINE = "machine.json"  # the machine file that the service runs on, complete, for those beside it
+KINDS = ("offsets", "tools", "shift", "references", "parameters")
+SHORTEST_MM = -10_000.0  # G10 sets tools' lengths below 0, too, as against a longer one
+Values = Mapping[str, Any]
+
+
+def load(state: Path) -> dict[str, Any]:
+    """What is kept in a state folder; nothing where nothing was changed. Raises ConfigError."""
+    return read(state / FILE, {})
+
+
+def read(file: Path, missing: dict[str, Any] | None = None) -> dict[str, Any]:
+    """What a file keeps; ``missing``: what there is without one. Raises ConfigError."""
+    try:
+        values = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        if missing is not None and isinstance(error, FileNotFoundError):
+            return missing
+        raise ConfigError(
+            f"{file}: cannot be read ({error}); restore it from a backup or remove it."
+        ) from error
+    if not isinstance(values, dict):
+        raise ConfigError(f"{file}: is no JSON object; restore it from a backup or remove it.")
+    return values
+
+
+def save(state: Path, values: Values) -> None:
+    """Keep it, whole or not at all. Raises OSError."""
+    state.mkdir(parents=True, exist_ok=True)
+    atomic_file.write(state / FILE, text_of(values))
+
+
+def text_of(values: Values) -> str:
+    """What is kept, as it stands in its file."""
+    return json.dumps(values, indent=1)
+
+
+def in_spindle(state: Path) -> int:
+    """Number of the tool that is in the spindle: T1 where nobody has changed it yet; 0 = not known."""
+    try:
+        return int((state / IN_SPINDLE).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return TOOL_AT_POWER_ON
+    except (OSError, ValueError):
+        return 0
+
+
+def put_in(state: Path, number: int) -> None:
+    """Keep which tool is in the spindle, 0 = not known. Raises OSError."""
+    atomic_file.write(state / IN_SPINDLE, f"{number}\n")
+
+
+def note(state: Path, machine: Machine) -> None:
+    """Note the machine file that a service runs on. Raises OSError."""
+    file, text = state / MACHINE, note_of(machine)
+    if not file.exists() or file.read_text(encoding="utf-8") != text:
+        atomic_file.write(file, text)
+
+
+def note_of(machine: Machine) -> str:
+    """What notes a machine file, as it stands in its own."""
+    return json.dumps({"name": machine.name, "text": machine.text})
+
+
+def machine(state: Path) -> Machine:
+    """The machine of the service that runs, or ran last, on a state folder, as it is fitted.
+
+    Raises ConfigError, and OSError or ValueError where no service has noted it.
+    """
+    return applied(noted(state), load(state))
+
+
+def noted(state: Path) -> Machine:
+    """The machine that ``note`` noted, as its builder wrote it; raises as ``machine`` does."""
+    found = json.loads((state / MACHINE).read_text(encoding="utf-8"))
+    return machine_file.read(found["text"], found["name"])
+
+
+def applied(machine: Machine, values: Values) -> Machine:
+    """The machine with what is fitted laid over its file. Raises ConfigError."""
+    for kind in KINDS:
+        for key, value in dict(values.get(kind) or {}).items():
+            machine = _LAID[kind](machine, str(key), value)
+    return machine
+
+
+def with_offset(machine: Machine, name: str, values: object) -> Machine:
+    """A work offset (mm; ``turned_deg`` about X, then Y, then Z of the table). Raises ConfigError."""
+    table = Table("offsets", "offset", {"name": name})
+    table.text("name", OFFSETS)
+    i = OFFSETS.index(name)
+    before = machine.offset(i).turned_rad
+    found = offset_table.offset(Table("offsets", name, {name: values}), name, machine.axes, before)
+    offsets, turned = list(machine.offsets), [machine.offset(k).turned_rad for k in range(len(OFFSETS))]
+    offsets[i], turned[i] = found.frame, found.turned_rad
+    unset = tuple(one for one in machine.unset if one != name)
+    return replace(machine, offsets=tuple(offsets), turned_rad=tuple(turned), unset=unset)
+
+
+def with_shift(machine: Machine, key: str, values: object) -> Machine:
+    """The shift of G92. Raises ConfigError."""
+    table = Table("shift", key, {key: values}).table(key, key)
+    xyz, turned_rad = table.vector("origin_mm", ZERO), offset_table.rotary(table, "rotary_deg", machine.axes)
+    suspended = table.flag("suspended", False)
+    table.finish()
+    return replace(machine, shift=Shift(xyz, turned_rad), suspended=suspended)
+
+
+def with_reference(machine: Machine, key: str, values: object) -> Machine:
+    """The point of G28 or G30: positions of all axes (mm, degrees as shown). Raises ConfigError."""
+    Table("references", "reference", {"name": key}).text("name", REFERENCES)
+    table = Table("references", key, {key: values}).table(key, key)
+    point = tuple([table.number(axis.name) / axis.shown_per_unit for axis in machine.axes])
+    table.finish()
+    # Where the file has no second one it is the first, as that stood there.
+    first, second = (point if key == code else machine.reference(code) for code in REFERENCES)
+    rows = zip(machine.axes, first, second, strict=True)
+    return replace(machine, axes=tuple(replace(a, reference=p, second_reference=q) for a, p, q in rows))
+
+
+def with_parameter(machine: Machine, key: str, value: object) -> Machine:
+    """A numbered parameter; of those that the machine does not keep (any more) nothing."""
+    found = Table("parameters", f"#{key}", {"value": value}).number("value")
+    number = int(key) if key.isdigit() else 0
+    if not any(first <= number <= last for first, last in machine.kept):
+        return machine
+    return replace(machine, parameters=tuple(sorted({**dict(machine.parameters), number: found}.items())))
+
+
+def with_tool(machine: Machine, number: int, values: object, shortest_mm: float = 0.0) -> Machine:
+    """A tool by its number, new or changed; None takes it out of the table. Raises ConfigError."""
+    kept = tuple(tool for tool in machine.tools if tool.number != number)
+    if values is None:
+        if number == TOOL_AT_POWER_ON:
+            raise ConfigError(
+                "tools: tool 1: it is in the spindle at power-on; change it, it cannot be removed."
+            )
+        return replace(machine, tools=kept)
+    if not isinstance(values, dict):
+        raise ConfigError(
+            f"tools: tool {number}: is no table; allowed: name, radius_mm, length_mm, flute_mm, corner_mm, "
+            "taper_deg, holder, wear_radius_mm, wear_length_mm."
+        )
+    table = Table("tools", f"tool {number}", {"number": number, **values})
+    before = next((tool for tool in machine.tools if tool.number == number), None)
+    tool = machine_file.tool(table, f"tool {number}", before, shortest_mm)
+    return replace(machine, tools=tuple(sorted((*kept, tool), key=lambda one: one.number)))
+
+
+def _laid_tool(machine: Machine, key: str, values: object) -> Machine:
+    return with_tool(machine, int(key), values, SHORTEST_MM)
+
+
+_LAID: Mapping[str, Callable[[Machine, str, object], Machine]] = MappingProxyType(
+    dict(zip(KINDS, (with_offset, _laid_tool, with_shift, with_reference, with_parameter), strict=True))
+)
+
+
+# ---- as it is shown ----------------------------------------------------------------------
+
+
+def told(machine: Machine, values: Values) -> dict[str, Any]:
+    """All that is fitted as an operator reads it; ``source``: where it was set, "file" or "machine"."""
+    offsets, tools = offsets_of(machine), tools_of(machine)
+    for name, row in offsets.items():
+        row["source"] = _source(values, "offsets", name)
+    for row in tools:
+        row["source"] = _source(values, "tools", str(row["number"]))
+    return {"offsets": offsets, "tools": tools, **_others(machine, values)}
+
+
+def _source(values: Values, kind: str, key: str) -> str:
+    return "machine" if key in (values.get(kind) or {}) else "file"
+
+
+def _others(machine: Machine, values: Values) -> dict[str, Any]:
+    """The shift of G92, the reference points and the parameters that are kept."""
+    points = {name: machine.shown(machine.reference(name)) for name in REFERENCES}
+    names = [axis.name for axis in machine.axes]
+    shift = located(machine, machine.shift.xyz, machine.shift.turned_rad)
+    return {
+        "shift": {**shift, "suspended": machine.suspended, "source": _source(values, "shift", "G92")},
+        "references": {
+            name: {**dict(zip(names, point, strict=True)), "source": _source(values, "references", name)}
+            for name, point in points.items()
+        },
+        "parameters": {f"#{number}": value for number, value in machine.parameters},
+    }
+
+
+def names(values: Values) -> list[str]:
+    """Of all that is kept: "G54", "T3", "G92", "G28", "#500"."""
+    marks = {"tools": "T", "parameters": "#"}
+    return [f"{marks.get(kind, '')}{key}" for kind in KINDS for key in values.get(kind) or {}]
+
+
+def without(values: Values, name: str) -> dict[str, Any]:
+    """What is kept but for one thing: "G54", "T3", "G92", "G28", "#500", or "all". Raises KeyError."""
+    if name == "all":
+        return {}
+    kind = next(kind for kind, is_its in _NAMED.items() if is_its(name))
+    rows = dict(values.get(kind) or {})
+    del rows[name[1:] if name[0] in "T#" else name]
+    return {**values, kind: rows}
+
+
+_NAMED: Mapping[str, Callable[[str], bool]] = MappingProxyType(
+    {
+        "tools": lambda name: name[:1] == "T",
+        "parameters": lambda name: name[:1] == "#",
+        "shift": lambda name: name == "G92",
+        "references": lambda name: name in REFERENCES,
+        "offsets": lambda name: True,
+    }
+)
+
+
+def offsets_of(machine: Machine) -> dict[str, Any]:
+    """The work offsets as an operator reads them; a turned one shows its axes, too, and one may be unset."""
+    shown = (name for name in OFFSETS if name in USUAL_OFFSETS or name not in machine.unset)
+    return {name: {**_shown(machine, name), "unset": name in machine.unset} for name in shown}
+
+
+def rotary_deg(machine: Machine, name: str) -> dict[str, Any]:
+    """Of a work offset, as it stands in the file; nothing where its rotaries are not shifted."""
+    offset = machine.offset(OFFSETS.index(name))
+    at = located(machine, offset.frame.origin, offset.turned_rad)
+    return {"rotary_deg": at["rotary_deg"]} if offset.turned_rad != STILL else {}
+
+
+def _shown(machine: Machine, name: str) -> dict[str, Any]:
+    offset = machine.offset(OFFSETS.index(name))
+    frame = offset.frame
+    shown: dict[str, Any] = {"origin_mm": list(frame.origin), **rotary_deg(machine, name)}
+    if frame != Frame(frame.origin):
+        shown["axes"] = [list(frame.x), list(frame.y), list(frame.z)]
+    return shown
+
+
+def tools_of(machine: Machine) -> list[dict[str, Any]]:
+    """The tool table."""
+    return [{name: getattr(tool, name) for name in tool.__slots__} for tool in machine.tools]

@@ -1,0 +1,362 @@
+"""G0 and G1 under G43.4 and G43.5: from blocks to exact lines of the tool and to rapids.
+
+Where the tool stands is kept as the program said it (tip and axis), so that rounding of
+the kinematics does not add up from line to line.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NoReturn
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.geometry.vectors import Vector, add, dot, norm, subtract, unit
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Joints, Machine
+from controller.motion.motions import DEG_PER_MM, Rotaries, ToolLine
+from controller.plan.rotaries.tool_axes import AxisLost, Followed, GreatCircles, follow
+from controller.plan.stretch import STANDS_MM, STILL_MM, Stretch, Voice, joints_of, rotaries_of, straight
+from controller.plan.surfaces import audit
+from controller.program.block_look_ahead import AHEAD_LINES
+from controller.program.program import Place, TipLine
+
+Array = npt.NDArray[np.float64]
+
+SAME_ROTARY_RAD = 1e-6  # rotaries nearer than this are what the great circle leads to
+SAME_AXIS = 1e-15  # 1 - cosine of the angle between two axes
+GREAT = "great_circle"
+
+
+@dataclass(frozen=True, slots=True)
+class Stand:
+    """The tool standing between two lines: tip and axis in the table frame."""
+
+    joints: Joints
+    tip: Vector
+    axis: Vector
+    rotaries: Rotaries
+    length_mm: float
+
+    @staticmethod
+    def at(joints: Joints, length_mm: float, kinematics: Kinematics) -> Stand:
+        tip, axis = kinematics.forward(joints, length_mm)
+        return Stand(joints, tip, axis, rotaries_of(joints, kinematics), length_mm)
+
+
+def tip_of(block: TipLine, here: Vector) -> Vector:
+    """Where a block sends the tip that is ``here``, both in the part frame."""
+    if block.relative:
+        x, y, z = (p + (word or 0.0) for p, word in zip(here, block.tip, strict=True))
+    else:
+        x, y, z = (p if word is None else word for p, word in zip(here, block.tip, strict=True))
+    return x, y, z
+
+
+def rotaries_to(block: TipLine, now: Rotaries) -> Rotaries:
+    """Where a block under G43.4 sends the rotaries."""
+    if block.relative:
+        a, b = (q + (word or 0.0) for q, word in zip(now, block.rotaries, strict=True))
+    else:
+        a, b = (q if word is None else word for q, word in zip(now, block.rotaries, strict=True))
+    return a, b
+
+
+def exact(
+    block: TipLine, stand: Stand, machine: Machine, kinematics: Kinematics, voice: Voice
+) -> tuple[list[Stretch], Stand]:
+    """The exact stretches of a G1, a swivel at the pole before it if it needs one, and where it ends."""
+    part = block.modal.frame(machine)
+    tip = part.to_parent(tip_of(block, part.from_parent(stand.tip)))
+    if block.axis is None:
+        rotaries = rotaries_to(block, stand.rotaries)
+        return _to_rotaries(block, stand, tip, rotaries, machine, kinematics)
+    axis = part.turn(unit(block.axis))
+    try:
+        circles = circle(stand.axis, axis)
+        found = follow(circles, stand.rotaries, kinematics)
+    except AxisLost as lost:
+        refuse_lost(lost, block.place, voice)
+    begin, end = _pair(found.rotaries[0]), _pair(found.rotaries[-1])
+    stretches = []
+    swivel = turn(block, stand, begin, kinematics)
+    if swivel is not None:
+        stretches.append(swivel)
+        stand = Stand(swivel.end, stand.tip, stand.axis, begin, stand.length_mm)
+    line = great_line(stand, tip, circles, end)
+    if line is not None:
+        stretches.append(stretch_of(block, line, stand.joints, kinematics))
+        stand = Stand(stretches[-1].end, tip, axis, end, stand.length_mm)
+    return stretches, stand
+
+
+def refuse_lost(lost: AxisLost, place: Place, voice: Voice) -> NoReturn:
+    voice.refuse(
+        place, f"{lost.reason} on this line; tilt the part, split the line or go round with the axis"
+    )
+
+
+def _to_rotaries(
+    block: TipLine, stand: Stand, tip: Vector, rotaries: Rotaries, machine: Machine, kinematics: Kinematics
+) -> tuple[list[Stretch], Stand]:
+    axis = axis_of(rotaries, kinematics)
+    circles = great_circle(stand, axis, rotaries, machine, kinematics)
+    if circles is None:
+        line = even_line(stand.tip, tip, stand.rotaries, rotaries, stand.length_mm)
+    else:
+        line = great_line(stand, tip, circles, rotaries)
+    if line is None:
+        return [], stand
+    stretch = stretch_of(block, line, stand.joints, kinematics)
+    return [stretch], Stand(stretch.end, tip, axis, rotaries, stand.length_mm)
+
+
+def axis_of(rotaries: Rotaries, kinematics: Kinematics) -> Vector:
+    """Tool axis in the table frame."""
+    return kinematics.tool_axis(rotaries)
+
+
+def circle(a: Vector, b: Vector) -> GreatCircles:
+    return GreatCircles.of(np.array([a, b]))
+
+
+def great_circle(
+    stand: Stand, axis: Vector, rotaries: Rotaries, machine: Machine, kinematics: Kinematics
+) -> GreatCircles | None:
+    """The great circle to ``axis`` if it leads to just these rotaries; None: they turn evenly.
+
+    It does not where a program turns a rotary the long way round, by whole turns, or at the pole.
+    """
+    if machine.tool_lines != GREAT or dot(stand.axis, axis) > 1.0 - SAME_AXIS:
+        return None
+    try:
+        circles = circle(stand.axis, axis)
+        found = follow(circles, stand.rotaries, kinematics)
+    except AxisLost:
+        return None
+    ends = np.abs(found.rotaries[[0, -1]] - np.array([stand.rotaries, rotaries])).max()
+    return circles if ends < SAME_ROTARY_RAD else None
+
+
+def even_line(
+    start: Vector, end: Vector, first: Rotaries, last: Rotaries, length_mm: float
+) -> ToolLine | None:
+    """A line with rotaries turning evenly; None where nothing moves."""
+    turned = math.degrees(math.hypot(last[0] - first[0], last[1] - first[1]))
+    size = measure(norm(subtract(end, start)), turned)
+    if size < STILL_MM:
+        return None
+    way = subtract(end, start)
+    return ToolLine(start, way, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), 0.0, first, last, True, length_mm, size)
+
+
+def great_line(stand: Stand, tip: Vector, circles: GreatCircles, last: Rotaries) -> ToolLine | None:
+    """A line with the axis on a great circle; None where nothing moves."""
+    first, angle = stand.rotaries, float(circles.angle[0])
+    way = subtract(tip, stand.tip)
+    turned = math.degrees(max(angle, abs(last[0] - first[0]), abs(last[1] - first[1])))
+    size = measure(norm(way), turned)
+    if norm(way) < STANDS_MM:
+        size = math.degrees(angle)
+    if size < STILL_MM:
+        return None
+    axis, across = _vector(circles.axis[0]), _vector(circles.across[0])
+    return ToolLine(stand.tip, way, axis, across, angle, first, last, False, stand.length_mm, size)
+
+
+def measure(tip_mm: float, turned_deg: float) -> float:
+    """Length of a line in the unit of s, see ``motions.DEG_PER_MM``."""
+    return turned_deg if tip_mm < STANDS_MM else max(tip_mm, turned_deg / DEG_PER_MM)
+
+
+def turn(block: TipLine, stand: Stand, rotaries: Rotaries, kinematics: Kinematics) -> Stretch | None:
+    """At the pole the work's rotary turns under the standing tool, to where the next line begins."""
+    if max(abs(a - b) for a, b in zip(rotaries, stand.rotaries, strict=True)) < SAME_ROTARY_RAD:
+        return None
+    line = even_line(stand.tip, stand.tip, stand.rotaries, rotaries, stand.length_mm)
+    return None if line is None else stretch_of(block, line, stand.joints, kinematics, "swivel")
+
+
+def stretch_of(
+    block: TipLine, line: ToolLine, start: Joints, kinematics: Kinematics, name: str = "line"
+) -> Stretch:
+    """A tool line with the block's feed: of the tip, or of the turn where the tip stands."""
+    xyz = kinematics.linear(add(line.tip, line.way), line.end_rotaries, line.length_mm)
+    end = joints_of(xyz, line.end_rotaries, kinematics)
+    stands = norm(line.way) < STANDS_MM
+    feed = block.feed_deg_s if stands else block.feed_mm_s
+    if block.time_s is not None:
+        feed = line.end / block.time_s * line.tip_rate
+    return Stretch(line, block.place, feed, False, start, end, True, name)
+
+
+# ---- rapids ----------------------------------------------------------------------
+
+
+def rapid(
+    block: TipLine,
+    stand: Stand,
+    following: Sequence[TipLine],
+    wanted: Rotaries | None,
+    machine: Machine,
+    kinematics: Kinematics,
+    voice: Voice,
+) -> tuple[Stretch | None, Stand]:
+    """G0: the joints go straight to where the tip and axis are wanted.
+
+    Under G43.5 the branch and turns are chosen here: ``wanted``, or the least rotary travel
+    of the move with the lines ``following`` it, inside the travel of all joints.
+    """
+    part = block.modal.frame(machine)
+    tip = part.to_parent(tip_of(block, part.from_parent(stand.tip)))
+    if block.axis is None:
+        rotaries = rotaries_to(block, stand.rotaries)
+        axis = axis_of(rotaries, kinematics)
+    else:
+        axis = part.turn(unit(block.axis))
+        rotaries = _chosen(block, stand, tip, axis, following, wanted, machine, kinematics, voice)
+    end = joints_of(kinematics.linear(tip, rotaries, stand.length_mm), rotaries, kinematics)
+    stretch = straight("line", block.place, stand.joints, end, None, kinematics)
+    return stretch, Stand(end, tip, axis, rotaries, stand.length_mm)
+
+
+def _chosen(
+    block: TipLine,
+    stand: Stand,
+    tip: Vector,
+    axis: Vector,
+    following: Sequence[TipLine],
+    wanted: Rotaries | None,
+    machine: Machine,
+    kinematics: Kinematics,
+    voice: Voice,
+) -> Rotaries:
+    if wanted is not None:
+        return wanted
+    tips, axes = _row_ahead(block, tip, axis, following, machine)
+    ways = _ways(axes, stand.rotaries, kinematics)
+    if not ways:
+        voice.refuse(block.place, f"{kinematics.unreached}; tilt the part or the tool")
+    ways = [shifted for way in ways for shifted in _in_turns(way, stand.rotaries, machine)]
+    ways.sort(key=lambda way: _travel(way, stand.rotaries))
+    for way in ways:
+        if _inside(way, tips, stand.length_mm, machine, kinematics):
+            return _pair(way.rotaries[0])
+    return _pair(ways[0].rotaries[0])  # the audit of what comes says what is outside
+
+
+def _row_ahead(
+    block: TipLine, tip: Vector, axis: Vector, following: Sequence[TipLine], machine: Machine
+) -> tuple[Array, Array]:
+    """Tips and axes from the end of the rapid on, table frame, as long as lines with one offset follow."""
+    part = block.modal.frame(machine)
+    here, tips, axes = part.from_parent(tip), [tip], [axis]
+    for after in following[:AHEAD_LINES]:
+        here = tip_of(after, here)
+        tips.append(part.to_parent(here))
+        axes.append(axes[-1] if after.axis is None else part.turn(unit(after.axis)))
+    # At the pole a free rotary is best where the first line that leaves it wants it.
+    first = next((i for i, other in enumerate(axes) if dot(axis, other) < 1.0 - SAME_AXIS), 1) - 1
+    tips, axes = tips[first:], axes[first:]
+    if len(axes) == 1:
+        tips, axes = tips * 2, axes * 2
+    return np.array(tips), np.array(axes)
+
+
+def _ways(axes: Array, near: Rotaries, kinematics: Kinematics) -> list[Followed]:
+    """The row on both branches, in the turns nearest ``near``; what cannot be followed is looked at later."""
+    pairs = kinematics.branches(_vector(axes[0]), math, None, near)
+    starts = [pair for pair in pairs if not any(map(math.isnan, pair))]
+    found = []
+    for start in starts:
+        place = [
+            q + 2.0 * math.pi * round((n - q) / (2.0 * math.pi)) for q, n in zip(start, near, strict=True)
+        ]
+        begin = (place[0], place[1])
+        for row in (axes, axes[[0, 0]]):
+            try:
+                found.append(follow(GreatCircles.of(row), begin, kinematics))
+                break
+            except AxisLost:
+                continue
+    return found
+
+
+def _in_turns(way: Followed, near: Rotaries, machine: Machine) -> list[Followed]:
+    """The same way in each whole turn, of those that matter, in which the rotaries stay inside travel."""
+    options: list[list[int]] = []
+    for k, (least, most) in enumerate(machine.turns()):
+        q = way.rotaries[:, k]
+        first = math.ceil((least - float(q.min()) - 1e-9) / (2.0 * math.pi))
+        last = math.floor((most - float(q.max()) + 1e-9) / (2.0 * math.pi))
+        nearest = (near[k] - float(q[0])) / (2.0 * math.pi)
+        around = {math.floor(nearest), math.ceil(nearest)}
+        options.append(sorted({min(max(n, first), last) for n in around}) if first <= last else [0])
+    turned = [(i, j) for i in options[0] for j in options[1]]
+    return [
+        Followed(way.line, way.share, way.rotaries + 2.0 * math.pi * np.array(turns, dtype=float), way.sine)
+        for turns in turned
+    ]
+
+
+def _travel(way: Followed, near: Rotaries) -> tuple[float, float]:
+    approach = np.abs(way.rotaries[0] - np.array(near)).sum()
+    return round(float(approach + np.abs(np.diff(way.rotaries, axis=0)).sum()), 9), float(
+        np.abs(way.rotaries).max()
+    )
+
+
+def _inside(way: Followed, tips: Array, length_mm: float, machine: Machine, kinematics: Kinematics) -> bool:
+    tip = tips[way.line] + way.share[:, None] * (tips[way.line + 1] - tips[way.line])
+    a, b = way.rotaries.T
+    xyz = kinematics.linear((tip[:, 0], tip[:, 1], tip[:, 2]), (a, b), length_mm, np)
+    values = (*xyz, a, b)
+    joints = np.stack(kinematics.arrange(values), axis=1)
+    return all(
+        axis.travel_min - audit.ROUNDING <= q.min() and q.max() <= axis.travel_max + audit.ROUNDING
+        for axis, q in zip(machine.axes, joints.T, strict=True)
+    )
+
+
+def _pair(row: Array) -> Rotaries:
+    return float(row[0]), float(row[1])
+
+
+def _vector(row: Array) -> Vector:
+    return float(row[0]), float(row[1]), float(row[2])
+
+
+# ---- running through ---------------------------------------------------------------
+
+SLIGHT = 1e-4  # share of a line over which its rates at an end are measured
+STOP_SHARE = 0.03  # of the feed: a junction that must be slower is a stop
+JUMP_SHARE = 0.8  # of each limit that the jump of the rates may use in one tick, as ``limits`` has it
+
+
+def runs_through(before: Stretch, after: Stretch, machine: Machine, kinematics: Kinematics) -> bool:
+    """Whether two exact tool lines need no stop between them: their rates jump by little in one tick."""
+    if not isinstance(before.motion, ToolLine) or not isinstance(after.motion, ToolLine):
+        return False
+    if before.feed_mm_s is None or after.feed_mm_s is None:
+        return False
+    rates = [_rates(s, at_end, kinematics) for s, at_end in ((before, True), (after, False))]
+    speeds = [s.feed_mm_s / s.motion.tip_rate for s in (before, after)]  # type: ignore[union-attr,operator]
+    period = machine.period_s
+    for axis, p, q in zip(machine.axes, *rates, strict=True):
+        step = min(axis.limits.acceleration * period, axis.limits.jerk * period**2)
+        if abs(q - p) * min(speeds) * STOP_SHARE > JUMP_SHARE * step:
+            return False
+    return True
+
+
+def _rates(stretch: Stretch, at_end: bool, kinematics: Kinematics) -> list[float]:
+    """Joints per unit of s at one end of a line."""
+    end = stretch.motion.end
+    joints = stretch.end if at_end else stretch.start
+    s = end * (1.0 - SLIGHT) if at_end else end * SLIGHT
+    inner = stretch.motion.joints(s, rotaries_of(joints, kinematics), kinematics) or joints
+    sign = 1.0 if at_end else -1.0
+    return [sign * (q - p) / (end * SLIGHT) for p, q in zip(inner, joints, strict=True)]

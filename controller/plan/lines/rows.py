@@ -1,0 +1,382 @@
+"""Rows of lines and arcs under G64 P as smooth splines: from blocks to chains, some thousand lines at a time.
+
+    lines -> corners: tip (table frame) and rotaries, more where the great circle asks for it
+          -> ``fit`` -> spans -> motions of ``SPANS`` spans each
+
+A row is at rest at both ends and wherever ``fit`` finds no blend, where the tip stands while
+the axis turns by more than ``STANDING_DEG``, and where a rotary must turn at the pole.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from array import array
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.geometry.vectors import Vector
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Joints, Machine
+from controller.motion.motions import DEG_PER_MM, ToolLine, ToolSpline
+from controller.plan.lines import lines, moves
+from controller.plan.lines.corners import CHORD_SHARE, CIRCLE_SHARE, CornerMaker, Corners, Feed
+from controller.plan.lines.lines import Stand
+from controller.plan.lines.spline_fit import Polyline, Row, Spans, Tolerance
+from controller.plan.rotaries import tool_paths
+from controller.plan.rotaries.tool_axes import GreatCircles
+from controller.plan.stretch import (
+    LEAST_TIP_RATE,
+    STANDS_MM,
+    Chain,
+    Stretch,
+    Voice,
+    joints_of,
+    rotaries_of,
+    straight,
+)
+from controller.plan.surfaces import audit
+from controller.program.program import JointArc, JointLine, Modal, Place, Tip, TipLine
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+
+WINDOW = 2000  # lines that are fitted together
+SPANS = 128  # of one motion at most
+BLEND_DEG = 0.05  # G64 P without Q: the axis may leave its way by so much (17 um at 20 mm of flute)
+STANDING_DEG = 1.0  # turns of a standing tip that a row runs through
+TRAVEL_SAMPLES = 4  # of each span
+AUDIT_DEG = 2.0  # turn of an exact line per sample of its audit
+LEAST = 1e-9  # corners nearer than this in s are one
+
+
+def blends(block: Feed) -> bool:
+    """Whether a block is a line or an arc that G64 P lets be left."""
+    feeds = block.feed_mm_s is not None
+    framed = isinstance(block, JointLine) and block.machine_frame
+    return feeds and not framed and not block.modal.exact and block.modal.blend_mm > 0.0
+
+
+def _key(modal: Modal) -> tuple[object, ...]:
+    """What must not change inside a row."""
+    where = modal.tip, modal.offset, modal.part, modal.tilted
+    return *where, modal.length_mm, modal.blend_mm, modal.blend_deg, modal.outputs, modal.overrides
+
+
+class LineRow:
+    """Collects the blocks of one row; ``chains`` gives what can be given of it."""
+
+    def __init__(
+        self, block: Feed, stand: Stand, machine: Machine, kinematics: Kinematics, voice: Voice
+    ) -> None:
+        self._machine, self._kinematics, self._voice = machine, kinematics, voice
+        self._modal = block.modal
+        self._tips = block.modal.tip is not Tip.OFF
+        self._vectors = block.modal.tip is Tip.VECTORS
+        degrees = block.modal.blend_deg or BLEND_DEG
+        self._axis_rad = math.radians(degrees)
+        self._maker = CornerMaker(block.modal, self._axis_rad, machine, kinematics, voice)
+        self._stand = stand
+        self.joints = stand.joints  # where the stretches given away end
+        self._blocks: list[Feed] = []
+        self._given = 0  # lines that have been fitted before
+        self._row: Row | None = None
+        self._s = 0.0
+        self._lines_s: list[float] = []  # where each line begins, with its block
+        self._lines: list[Feed] = []
+        self._feeds: list[tuple[float, bool]] = []  # of each line; whether of s, as the tip stands
+
+    @property
+    def only(self) -> Feed | None:
+        """The row's block if it is but one: it stays exact."""
+        return self._blocks[0] if len(self._blocks) == 1 and not self._given else None
+
+    @property
+    def stand(self) -> Stand:
+        """Where the row has come to."""
+        return self._stand
+
+    def takes(self, block: Feed) -> bool:
+        return block.modal is self._modal or _key(block.modal) == _key(self._modal)
+
+    def add(self, block: Feed) -> None:
+        self._blocks.append(block)
+
+    @property
+    def full(self) -> bool:
+        return len(self._blocks) >= WINDOW
+
+    def chains(self, final: bool) -> Iterator[Chain]:
+        """Fit what has been collected and give away what is certain, ``final``: all of it."""
+        blocks, self._blocks = self._blocks, []
+        if blocks:
+            self._given += len(blocks)
+            yield from self._fitted(blocks)
+        if final:
+            yield from self._taken(True)
+
+    # ---- from blocks to corners ------------------------------------------------------
+
+    def _fitted(self, blocks: list[Feed]) -> Iterator[Chain]:
+        found, ends = self._maker.of(blocks, self._stand)
+        yield from self._begun(blocks[0], found)
+        step = self._steps(found)
+        first = 0
+        for after, through in self._stops(found, len(blocks)):
+            self._grow(blocks, found, step, first, after)
+            yield from self._taken(True)
+            yield from self._turned(blocks, found, after, through)
+            first = through
+        self._grow(blocks, found, step, first, len(found.line) - 1)
+        self._stand = ends
+        yield from self._taken(False)
+
+    def _begun(self, block: Feed, found: Corners) -> Iterator[Chain]:
+        """A swivel at the pole before the first line, where its tool vectors ask for it."""
+        if not isinstance(block, TipLine):
+            return
+        begin = (float(found.values[0, 3]), float(found.values[0, 4]))
+        swivel = lines.turn(block, self._stand, begin, self._kinematics)
+        if swivel is not None:
+            yield from self._taken(True)
+            audit_line(swivel, self._machine, self._kinematics, self._voice)
+            self.joints = swivel.end
+            yield Chain((swivel,))
+
+    # ---- from corners to spans ---------------------------------------------------------
+
+    def _steps(self, found: Corners) -> Array:
+        """Length in s from each corner to the next."""
+        way = np.diff(found.values, axis=0)
+        tip = np.sqrt((way[:, :3] ** 2).sum(axis=1))
+        turned = np.degrees(np.abs(way[:, 3:]).max(axis=1, initial=0.0))
+        return np.asarray(np.maximum(tip, turned / DEG_PER_MM))
+
+    def _stops(self, found: Corners, count: int) -> list[tuple[int, int]]:
+        """(last corner before, first corner after) each turn of the standing tool."""
+        way = np.diff(found.values, axis=0)
+        moved = np.sqrt((way[:, :3] ** 2).sum(axis=1)) >= STANDS_MM
+        turned = np.degrees(np.abs(way[:, 3:]).max(axis=1, initial=0.0))
+        of = found.line[:-1]
+        within = found.share[:-1] < 1.0  # otherwise between the end of a line and the start of the next
+        rest = np.bincount(of, moved & within, count) == 0.0
+        whole = np.bincount(of, np.where(within, turned, 0.0), count)
+        stands = (rest & (whole > STANDING_DEG))[of] & within
+        swivels = ~within & (turned > math.degrees(lines.SAME_ROTARY_RAD))
+        stops: list[tuple[int, int]] = []
+        for i in np.flatnonzero(stands | swivels).tolist():
+            if stops and i < stops[-1][1]:
+                continue
+            last = i + 1
+            while stands[i] and last < len(of) and of[last] == of[i] and stands[last]:
+                last += 1
+            stops.append((i, last))
+        return stops
+
+    def _grow(self, blocks: list[Feed], found: Corners, step: Array, first: int, last: int) -> None:
+        """The corners from ``first`` to ``last`` join the spline."""
+        if last <= first:
+            return
+        s = self._s + np.concatenate(([0.0], np.cumsum(step[first:last])))
+        values, sine = found.values[first : last + 1], found.sine[first : last + 1]
+        keep = np.concatenate(([True], np.diff(s) > LEAST))
+        if not keep[1:].any():
+            return
+        self._note_lines(blocks, found, s, first, last)
+        line = Polyline(s[keep], values[keep], sine[keep])
+        if self._row is None:
+            spin = self._kinematics.work if self._tips else None
+            share = 1.0 - CIRCLE_SHARE if self._tips else 1.0
+            chords = 0.0 if self._tips else CHORD_SHARE
+            tolerance = Tolerance((1.0 - chords) * self._modal.blend_mm, share * self._axis_rad, spin)
+            self._row = Row(tolerance, line.between(0, 0))
+        self._row.extend(line)
+        self._s = float(line.s[-1])
+
+    def _note_lines(self, blocks: list[Feed], found: Corners, s: Array, first: int, last: int) -> None:
+        """Where each line begins in s, and its feed."""
+        of = found.line[first:last]
+        starts = np.concatenate(([0], np.flatnonzero(np.diff(of)) + 1))
+        ends = np.concatenate((starts[1:], [last - first]))
+        way = np.diff(found.values[first : last + 1], axis=0)
+        tip, turned = (
+            np.add.reduceat(np.sqrt((part * part).sum(axis=1)), starts) for part in (way[:, :3], way[:, 3:])
+        )
+        sizes = s[ends] - s[starts]
+        for line, at, size, length, turn in zip(
+            *(row.tolist() for row in (of[starts], s[starts], sizes, tip, turned)), strict=True
+        ):
+            self._lines_s.append(at)
+            self._lines.append(blocks[line])
+            self._feeds.append(_feed(blocks[line], size, length, math.degrees(turn)))
+
+    def _taken(self, final: bool) -> Iterator[Chain]:
+        """What ``fit`` can give away by now."""
+        while self._row is not None:
+            spans = self._row.take(final)
+            if spans is None:
+                break
+            yield self._chain(spans)
+        if final:
+            self._row = None
+
+    def _turned(self, blocks: list[Feed], found: Corners, after: int, through: int) -> Iterator[Chain]:
+        """The tip stands while the axis turns: an exact line of its own."""
+        a, b = found.values[after], found.values[through]
+        swivel = bool(found.share[after] == 1.0)
+        block = blocks[int(found.line[through] if swivel else found.line[after])]
+        first, last = (float(a[3]), float(a[4])), (float(b[3]), float(b[4]))
+        kinematics = self._kinematics
+        if not isinstance(block, TipLine):
+            start, end = (joints_of(_three(v), (float(v[3]), float(v[4])), kinematics) for v in (a, b))
+            feeds = (block.feed_mm_s, kinematics, _turning_feed(block))
+            stretch = straight("line", block.place, start, end, *feeds)
+            if stretch is not None:
+                if block.time_s is not None:
+                    stretch = moves.timed(stretch, block.time_s)
+                self._audit(stretch, np.array([0.0, stretch.motion.end]), np.array([start, end]))
+                self.joints = stretch.end
+                yield Chain((stretch,))
+            return
+        stand = self._maker.standing(a[:3], first, lines.axis_of(first, kinematics))
+        line: ToolLine | None
+        axis = lines.axis_of(last, kinematics)
+        circles = None if swivel else self._circle(stand, axis, last)
+        if circles is None:
+            line = lines.even_line(stand.tip, stand.tip, first, last, stand.length_mm)
+        else:
+            line = lines.great_line(stand, stand.tip, circles, last)
+        if line is not None:
+            name = "swivel" if swivel else "line"
+            stretch = lines.stretch_of(block, line, stand.joints, kinematics, name)
+            audit_line(stretch, self._machine, kinematics, self._voice)
+            self.joints = stretch.end
+            yield Chain((stretch,))
+
+    def _circle(self, stand: Stand, axis: Vector, last: tuple[float, float]) -> GreatCircles | None:
+        if self._vectors:
+            return lines.circle(stand.axis, axis)
+        return lines.great_circle(stand, axis, last, self._machine, self._kinematics)
+
+    # ---- from spans to motions -----------------------------------------------------------
+
+    def _chain(self, spans: Spans) -> Chain:
+        stretches = []
+        for first in range(0, len(spans.c), SPANS):
+            last = min(first + SPANS, len(spans.c))
+            stretches.append(self._stretch(spans.knots[first : last + 1], spans.c[first:last]))
+        self.joints = stretches[-1].end
+        return Chain(tuple(stretches), runs_on=not spans.rests)
+
+    def _stretch(self, knots: Array, c: Array) -> Stretch:
+        first = max(0, int(np.searchsorted(self._lines_s, knots[0] + LEAST, side="right")) - 1)
+        last = int(np.searchsorted(self._lines_s, knots[-1] - LEAST, side="left"))
+        here, starts = self._lines[first:last], [s - float(knots[0]) for s in self._lines_s[first:last]]
+        motion = ToolSpline(
+            array("d", (knots - knots[0]).tobytes()),
+            array("d", np.ascontiguousarray(c).tobytes()),
+            self._tips,
+            self._modal.length_mm if self._tips else 0.0,
+            array("l", [block.place.line for block in here]),
+            array("d", starts),
+        )
+        steps = _feed_steps(starts, [feed for feed, _ in self._feeds[first:last]])
+        stands = [stands for _, stands in self._feeds[first:last]]
+        places = np.concatenate(
+            [np.linspace(a, b, TRAVEL_SAMPLES, endpoint=False) for a, b in _pairs(motion)]
+        )
+        places = np.append(places, motion.end)
+        joints = tool_paths.joints_along_spline(motion, places, self._kinematics)
+        start, end = _joints(joints[0]), _joints(joints[-1])
+        found = Stretch(
+            motion,
+            here[0].place,
+            steps[0][1],
+            False,
+            start,
+            end,
+            False,
+            "line",
+            steps if len(steps) > 1 else (),
+            _turning(starts, stands),
+            tuple(block.place.order for block in here) if here[0].place.step else (),
+        )
+        self._audit(found, places, joints)
+        del self._lines[: last - 1], self._lines_s[: last - 1], self._feeds[: last - 1]
+        return found
+
+    def _audit(self, stretch: Stretch, s: Array, joints: Array) -> None:
+        """Travel of all joints."""
+        low = np.array([axis.travel_min for axis in self._machine.axes]) - audit.ROUNDING
+        high = np.array([axis.travel_max for axis in self._machine.axes]) + audit.ROUNDING
+        out = ((joints < low) | (joints > high)).any(axis=1)
+        if out.any():  # the first line that leaves it, not the worst
+            s, joints = s[: out.argmax() + 1], joints[: out.argmax() + 1]
+        excess = audit.outside(self._machine, s, joints)
+        if excess is not None:
+            motion = stretch.motion
+            at = float(s[excess.sample])
+            line = motion.line_at(at) if isinstance(motion, ToolSpline) else stretch.place.line
+            sentence = audit.describe(self._machine.axes[excess.axis], excess, "")
+            self._voice.refuse(Place(line, stretch.place.column), sentence)
+
+
+def audit_line(stretch: Stretch, machine: Machine, kinematics: Kinematics, voice: Voice) -> None:
+    """Refuses an exact tool line on which a joint leaves its travel."""
+    motion = stretch.motion
+    first, last = rotaries_of(stretch.start, kinematics), rotaries_of(stretch.end, kinematics)
+    turned = math.degrees(max(abs(a - b) for a, b in zip(first, last, strict=True)))
+    near, rows = first, []
+    s = np.linspace(0.0, motion.end, 3 + math.ceil(turned / AUDIT_DEG))
+    for at in s.tolist():
+        joints = motion.joints(at, near, kinematics) or stretch.end
+        near = rotaries_of(joints, kinematics)
+        rows.append(joints)
+    excess = audit.outside(machine, s, np.array(rows))
+    if excess is not None:
+        voice.refuse(stretch.place, audit.describe(machine.axes[excess.axis], excess, ""))
+
+
+def _pairs(motion: ToolSpline) -> Iterator[tuple[float, float]]:
+    return zip(motion.knots[:-1], motion.knots[1:], strict=True)
+
+
+def _feed(block: Feed, size: float, tip_mm: float, turned_deg: float) -> tuple[float, bool]:
+    """The feed of a line of ``size`` in s, and whether it is that of s (the tip stands) or of the tip."""
+    stands = tip_mm < STANDS_MM and turned_deg > 0.0
+    if block.time_s is not None:
+        return (size if stands else max(tip_mm, LEAST_TIP_RATE * size)) / block.time_s, stands
+    if stands:
+        return (_turning_feed(block) or 0.0) * size / turned_deg, True
+    return block.feed_mm_s or 0.0, False
+
+
+def _turning_feed(block: Feed) -> float | None:
+    """Degrees per second where only the axis turns: of an arc whose radius is none, its F."""
+    return block.feed_mm_s if isinstance(block, JointArc) else block.feed_deg_s
+
+
+def _turning(starts: list[float], stands: list[bool]) -> tuple[tuple[float, float], ...]:
+    """From s to s where the tip stands."""
+    changes = [0, *(k for k in range(1, len(stands)) if stands[k] != stands[k - 1]), len(stands)]
+    bounds = [-math.inf, *starts[1:], math.inf]
+    return tuple((bounds[i], bounds[k]) for i, k in itertools.pairwise(changes) if stands[i])
+
+
+def _feed_steps(starts: list[float], feeds: list[float]) -> tuple[tuple[float, float], ...]:
+    """(s, feed) where it changes."""
+    steps = [(max(starts[0], 0.0), feeds[0])]
+    for s, feed in zip(starts[1:], feeds[1:], strict=True):
+        if feed != steps[-1][1]:
+            steps.append((s, feed))
+    return tuple(steps)
+
+
+def _joints(row: Array) -> Joints:
+    return tuple(map(float, row))
+
+
+def _three(row: Array) -> Vector:
+    return float(row[0]), float(row[1]), float(row[2])

@@ -1,0 +1,414 @@
+"""Windows: the next part of a path, planned to a standstill, with pieces and stops for the tick.
+
+Out of rest, or out of the motion of the window before. How far a window reaches depends on the
+path alone: ``WINDOW_S`` of motion at the feed, or at what the velocity limits leave of it, or
+the whole course where that is little more. A heavy machine that needs long to brake has longer windows.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.ipc.handoff import STILL, Awaited, Law, Piece, StopTable, dwell
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Machine
+from controller.plan.feed import binding, pace, profile
+from controller.plan.feed.course import REMEMBERED, Course
+from controller.plan.feed.profile import Profile, State
+from controller.plan.path.path import Pause, Stretch
+from controller.plan.stops import table as stops
+from controller.plan.track import Track, Unit
+from controller.program.program import UNSAID, Act, Await, Level
+
+FIRST_S = 2.5  # of motion in a window that must be ready soon ...
+WINDOW_S = 8.0  # ... and in others
+WHOLE_SHARE = 1.6  # of a window: a course no longer than this is planned in one
+STOPS_BEYOND_S = 0.5  # the seam: should the next window be late
+STOP_STEP_S = 0.004  # between two stops; two ticks at most
+NEXT_TO_NOTHING = 1e-9  # of s left: the place is the end
+BLOCKS_TO_STOP_IN = 4  # program blocks within which single block must have stopped a motion
+LONG_STOP_S = 0.3  # where no stop is known
+BRAKING_SHARE = 2.0  # of the length to brake in, for a window from motion
+# What is waited for, at rest.
+SETTING = (Act.SPINDLE, Act.COOLANT, Act.OUTPUT, Act.INPUT, Act.TOOL, Act.CLAMP)
+SHORTENED = (1.0, 0.5, 0.25, 0.1)  # shares of a window that are tried where it cannot be planned
+
+
+class Orders(NamedTuple):
+    """What the operator's switches say of the feed."""
+
+    override: float = 1.0
+    rapid_override: float = 1.0
+    single_block: bool = False
+
+    @property
+    def scales(self) -> tuple[float, float]:
+        """Factors on feeds and rapids; what an override of 0 is for is not planned at all."""
+        return self.override or 1.0, self.rapid_override or 1.0
+
+
+class Place(NamedTuple):
+    """Unit of the track, and s in its motion."""
+
+    unit: int
+    s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Sent:
+    """A window, or a pause, at its place in plan time."""
+
+    first: int  # number of the unit at which its course begins, or of the pause
+    start_s: float  # plan time
+    end_s: float  # plan time up to which it holds: its rest, or where the next window replaces it
+    seam_s: float | None  # plan time from which on the next window is to replace it; None: it ends for good
+    after: Place  # where the path goes on after its rest
+    orders: Orders
+    pieces: tuple[Piece, ...]
+    course: Course | None = None  # None: a pause
+    profile: Profile | None = None
+    stops: StopTable | None = None
+    stretches: dict[int, Stretch] = field(default_factory=dict)  # of its motions, by id
+    is_split: bool = False  # a block of the program ends inside
+    is_short: bool = False  # it ends with a block of the program where the course would go on
+
+    def is_other(self, orders: Orders) -> bool:
+        """Whether other orders would have made it another one."""
+        if self.course is None or orders == self.orders:
+            return False
+        single = self.is_split if orders.single_block else self.is_short
+        return (
+            (orders.override != self.orders.override and _has_feed(self.course))
+            or (orders.rapid_override != self.orders.rapid_override and _has_rapid(self.course))
+            or (orders.single_block != self.orders.single_block and single)
+        )
+
+    def is_blocked(self, orders: Orders) -> bool:
+        """Whether an override of nothing forbids it."""
+        return self.course is not None and _stands(self.course.stretches, orders)
+
+    def place_at(self, plan_s: float) -> Place:
+        """Where on the path it is at a plan time; a pause stands at its beginning."""
+        if self.course is None or self.profile is None:
+            ended = not (self.pieces[0].sets or self.pieces[0].stop or self.pieces[0].optional_stop)
+            return self.after if ended and self.end_s <= self.start_s else Place(self.first, 0.0)
+        s = self.profile.at(min(max(plan_s - self.start_s, 0.0), self.profile.duration_s)).s
+        k = int(self.course.index(np.array([s]))[0])
+        return Place(self.first + k, s - float(self.course.starts[k]))
+
+    def motion_at(self, plan_s: float) -> int | None:
+        """Id of the motion in which it is at a plan time."""
+        if self.course is None or self.profile is None:
+            return None
+        s = self.profile.at(plan_s - self.start_s).s
+        return list(self.stretches)[int(self.course.index(np.array([s]))[0])]
+
+
+class NoLaw(RuntimeError):
+    """From rest nothing was found that keeps every limit."""
+
+    def __init__(self, sentence: str, line: int) -> None:
+        super().__init__(sentence)
+        self.line = line
+
+
+class _Reach(NamedTuple):
+    """Units of a window, and where on their course it ends (None: at its end)."""
+
+    units: list[Unit]
+    until: float | None
+    rests: bool  # for good: it is not to be replaced by the next window
+    marked: bool  # a block of the program ends there
+
+
+class Windows:
+    """Plans windows of a track."""
+
+    def __init__(self, machine: Machine, kinematics: Kinematics) -> None:
+        self._machine, self._kinematics = machine, kinematics
+        self._period_s = machine.period_s
+        self._takes = lru_cache(REMEMBERED)(self._takes_s)
+
+    # --- what others ask for
+
+    def from_rest(
+        self, track: Track, place: Place, start_s: float, orders: Orders, soon: bool = False
+    ) -> Sent | None:
+        """The next window or pause from rest; None at the end, and where an override of 0 forbids it."""
+        unit = track.at(place.unit)
+        if unit is None:
+            return None
+        if isinstance(unit.what, Pause):
+            return self._pause(unit, unit.what, place, start_s, orders)
+        place = Place(place.unit, max(place.s, unit.begin))
+        if place.s >= unit.length - NEXT_TO_NOTHING:
+            if not unit.rests:
+                return self.from_rest(track, Place(place.unit + 1, 0.0), start_s, orders, soon)
+            mark = dwell(0.0, unit.line, end=unit.last)._replace(block_end=unit.block_end)
+            after = Place(place.unit + 1, 0.0)
+            return Sent(place.unit, start_s, start_s, None, after, orders, (mark,))
+        begin = State(place.s, 0.0, 0.0)
+        seconds = FIRST_S if soon else WINDOW_S
+        reaches = [self._reach(track, place, orders, share * seconds, 0) for share in SHORTENED]
+        if self._forbidden(reaches[0], orders):
+            return None
+        for reach in [*reaches, _first_of(reaches[-1])]:
+            made = self._window(reach, place, begin, None, start_s, orders)
+            if made is not None:
+                return made
+        raise NoLaw(f"Line {unit.line}: no way was found to move from rest within the limits.", unit.line)
+
+    def from_motion(
+        self, track: Track, sent: Sent, plan_s: float, orders: Orders, soon: bool = False
+    ) -> Sent | None:
+        """The path from a sent window's state at ``plan_s`` on; None where there is no way on."""
+        if sent.course is None or sent.profile is None:
+            return None
+        t = plan_s - sent.start_s
+        state = sent.profile.at(t)
+        if t >= sent.profile.duration_s:
+            return None
+        k = int(sent.course.index(np.array([state.s]))[0])
+        offset = float(sent.course.starts[k])
+        place = Place(sent.first + k, state.s - offset)
+        begin = State(place.s, state.v, state.a)
+        guess = _tail(sent.profile, t, offset)
+        skips = range(BLOCKS_TO_STOP_IN if orders.single_block else 1)
+        seconds, least = FIRST_S if soon else WINDOW_S, BRAKING_SHARE * _braking(sent, plan_s, state.v)
+        reaches = [self._reach(track, place, orders, seconds, n, least) for n in skips]
+        if self._forbidden(reaches[0], orders):
+            return None
+        if len(reaches[-1].units) > 1:
+            reaches.append(_first_of(reaches[-1]))
+        for reach in reaches:
+            made = self._window(reach, place, begin, guess, plan_s, orders)
+            if made is not None:
+                return made
+        return None
+
+    # --- how far
+
+    def _reach(
+        self, track: Track, place: Place, orders: Orders, seconds: float, skipped: int, least: float = 0.0
+    ) -> _Reach:
+        """Units from ``place`` on that take about ``seconds``, or the course where it takes little more.
+
+        At a feed that was lowered much, a few seconds may be too short to brake in: ``least`` is the
+        length that is needed.
+        With single block the course ends with a block of the program, after ``skipped`` others.
+        """
+        units: list[Unit] = []
+        takes: list[float] = []
+        number, s, start = place.unit, place.s, 0.0
+        while (unit := track.at(number)) is not None and isinstance(unit.what, Stretch):
+            units.append(unit)
+            takes_s, braking_s = self._takes(unit.what, s, orders)
+            takes.append(takes_s)
+            seconds = pace.window_s(seconds, braking_s)
+            inner = (
+                [end for end in unit.lines_end if end > s + NEXT_TO_NOTHING] if orders.single_block else []
+            )
+            if len(inner) > max(skipped, 0):
+                return _Reach(units, start + inner[max(skipped, 0)], rests=True, marked=True)
+            skipped -= len(inner)
+            if sum(takes) > WHOLE_SHARE * seconds and start + unit.length - place.s > least:
+                return self._cut(units, takes, place.s, seconds, least)
+            if unit.rests or (orders.single_block and unit.block_end and skipped <= 0):
+                return _Reach(units, None, rests=True, marked=unit.block_end)
+            skipped -= unit.block_end
+            number, s, start = number + 1, 0.0, start + unit.length
+        return _Reach(units, None, rests=True, marked=False)  # the path was refused further on
+
+    def _cut(self, units: list[Unit], takes: list[float], s: float, seconds: float, least: float) -> _Reach:
+        """A window of just ``seconds``, and not below the ``least`` length."""
+        ends = np.cumsum([unit.length for unit in units])
+        until = np.interp(seconds, np.cumsum([0.0, *takes]), [s, *ends])
+        until = max(float(until), s + least)
+        last = int(np.searchsorted(ends, until))
+        return _Reach(units[: last + 1], until, rests=False, marked=False)
+
+    def _takes_s(self, stretch: Stretch, from_s: float, orders: Orders) -> tuple[float, float]:
+        """Seconds from ``from_s`` to the end, and the longest that braking takes on the way."""
+        if stretch.scale(orders.override, orders.rapid_override) <= 0.0:
+            return 0.0, 0.0  # it is not to move at all
+        return pace.takes_s(Course([stretch], self._machine, self._kinematics, *orders.scales), from_s)
+
+    def _forbidden(self, reach: _Reach, orders: Orders) -> bool:
+        return _stands([u.what for u in reach.units if isinstance(u.what, Stretch)], orders)
+
+    # --- one window
+
+    def _window(
+        self,
+        reach: _Reach,
+        place: Place,
+        begin: State,
+        guess: Profile | None,
+        start_s: float,
+        orders: Orders,
+    ) -> Sent | None:
+        units = reach.units
+        stretches = [unit.what for unit in units if isinstance(unit.what, Stretch)]
+        course = Course(stretches, self._machine, self._kinematics, *orders.scales)
+        found = profile.plan(course, begin, reach.until, guess)
+        if found is None:
+            return None
+        made = Sent(
+            place.unit,
+            start_s,
+            start_s + self._on_grid(found.duration_s),
+            None if reach.rests else start_s + self._on_grid(pace.seam_s(course, found)),
+            self._after(reach, place, course),
+            orders,
+            (),
+            course,
+            found,
+            stretches={unit.motion_id: s for unit, s in zip(units, stretches, strict=True)},
+            is_split=any(unit.block_end for unit in units[:-1]) or any(unit.lines_end for unit in units),
+            is_short=reach.marked and not (units[-1].rests and reach.until is None),
+        )
+        return replace(made, pieces=self._pieces(made, units, reach), stops=self._stops(made))
+
+    def _on_grid(self, seconds: float) -> float:
+        """Rounded up to whole periods."""
+        return math.ceil(seconds / self._period_s - 1e-6) * self._period_s
+
+    def _after(self, reach: _Reach, place: Place, course: Course) -> Place:
+        last = len(reach.units) - 1
+        if reach.until is None:
+            return Place(place.unit + last + 1, 0.0)
+        return Place(place.unit + last, reach.until - float(course.starts[last]))
+
+    def _pieces(self, made: Sent, units: list[Unit], reach: _Reach) -> tuple[Piece, ...]:
+        assert made.profile is not None and made.course is not None
+        pieces, laws = [], made.profile.laws(made.course)
+        for (k, law), binds in zip(laws, self._binds(made.course, laws), strict=True):
+            stretch, orders = made.course.stretches[k], made.orders
+            rapid = stretch.feed_mm_s is None
+            pieces.append(
+                Piece(
+                    units[k].motion_id,
+                    units[k].line,
+                    law,
+                    law.duration_s,
+                    cutting=stretch.cutting,
+                    rapid=rapid,
+                    override=stretch.scale(orders.override, orders.rapid_override),
+                    own_feed=not stretch.overrides.feed,
+                    heeds_stop=stretch.overrides.stop,
+                    binds=binds,
+                    outputs=stretch.outputs,
+                )
+            )
+        rest_s = made.end_s - made.start_s - sum(piece.duration_s for piece in pieces)
+        last = pieces[-1]
+        pieces[-1] = last._replace(law=_rested(last.law, rest_s), duration_s=last.duration_s + rest_s)
+        ends = units[-1].last and reach.until is None
+        pieces[-1] = pieces[-1]._replace(block_end=reach.marked, end=ends)
+        return tuple(pieces)
+
+    def _binds(self, course: Course, laws: binding.Laws) -> list[binding.Marks]:
+        return binding.marks(course, laws)
+
+    def _stops(self, made: Sent) -> StopTable | None:
+        """Stops for the part that is meant to be followed, and a little more."""
+        assert made.profile is not None and made.course is not None
+        last_s = made.profile.duration_s
+        if made.seam_s is not None:
+            last_s = min(last_s, made.seam_s - made.start_s + STOPS_BEYOND_S)
+        step_s = (1 if self._period_s > 0.75 * STOP_STEP_S else 2) * self._period_s
+        return stops.stops(made.course, made.profile, 0.0, last_s, step_s).shifted(made.start_s)
+
+    # --- pauses
+
+    def _awaited(self, asked: Await) -> Awaited | None:
+        """The input by its bit of the node, and the ticks that it may take."""
+        io = self._machine.io
+        bit = None if io is None else io.input(io.awaited[asked.number])
+        if bit is None:
+            return None
+        on, edge = asked.level in (Level.RISE, Level.HIGH), asked.level in (Level.RISE, Level.FALL)
+        return Awaited(1 << bit, on, edge, round(asked.seconds / self._period_s))
+
+    def _pause(self, unit: Unit, pause: Pause, place: Place, start_s: float, orders: Orders) -> Sent:
+        sets = self._machine.has_peripherals and pause.act in SETTING
+        piece = Piece(
+            unit.motion_id,
+            unit.line,
+            STILL,
+            self._on_grid(pause.seconds),
+            stop=pause.act is Act.STOP,
+            optional_stop=pause.act is Act.OPTIONAL_STOP,
+            block_end=unit.block_end,
+            end=unit.last,
+            sets=sets,
+            spindle_rev_min=pause.modal.spindle_rev_min,
+            coolant=pause.modal.coolant,
+            outputs=pause.modal.outputs if sets and pause.act is Act.OUTPUT else UNSAID,
+            open_clamps=pause.open_clamps,
+            awaits=self._awaited(pause.awaits) if pause.awaits is not None else None,
+        )
+        end_s, after = start_s + piece.duration_s, Place(place.unit + 1, 0.0)
+        return Sent(place.unit, start_s, end_s, None, after, orders, (piece,))
+
+
+def _first_of(reach: _Reach) -> _Reach:
+    """Only the first unit, to a rest at its end: where no way is found to run on into the next."""
+    if len(reach.units) == 1:
+        return reach
+    return _Reach(reach.units[:1], None, rests=True, marked=reach.units[0].block_end)
+
+
+def _has_feed(course: Course) -> bool:
+    """Whether the override of feeds counts somewhere in it."""
+    return any(one.feed_mm_s is not None and one.overrides.feed for one in course.stretches)
+
+
+def _has_rapid(course: Course) -> bool:
+    return any(stretch.feed_mm_s is None for stretch in course.stretches)
+
+
+def _stands(stretches: Sequence[Stretch], orders: Orders) -> bool:
+    """Whether one of them is at an override of nothing."""
+    return any(one.scale(orders.override, orders.rapid_override) <= 0.0 for one in stretches)
+
+
+def _braking(sent: Sent, plan_s: float, v: float) -> float:
+    """More than the length in which the sent motion can stop, by its own stops."""
+    table = sent.stops
+    if table is None or len(table) == 0:
+        return v * LONG_STOP_S
+    i = min(max(round((plan_s - table.start_s) / table.step_s), 0), len(table) - 1)
+    steps = table.first[i + 1] - table.first[i]
+    return v * (steps * table.jerk_step_s if steps else LONG_STOP_S)
+
+
+def _tail(found: Profile, t: float, offset: float) -> Profile:
+    """A profile from its time ``t`` on, with ``offset`` taken off its places."""
+    i = int(np.clip(np.searchsorted(found.times, t, side="right") - 1, 0, len(found.pieces) - 1))
+    times, pieces = found.times[i:] - t, found.pieces[i:].copy()
+    x = -float(times[0])
+    times[0] = 0.0
+    c0, c1, c2, c3 = (float(c) for c in pieces[0, :4])
+    pieces[0, :4] = (
+        c0 + x * (c1 + x * (c2 + x * c3)),
+        c1 + x * (2.0 * c2 + x * 3.0 * c3),
+        c2 + 3.0 * x * c3,
+        c3,
+    )
+    pieces[:, 0] -= offset
+    return Profile(times, pieces)
+
+
+def _rested(law: Law, seconds: float) -> Law:
+    """A law that stands at its end for some time more."""
+    if seconds <= 0.0:
+        return law
+    end = law.at(law.duration_s)[0]
+    return Law((*law.knots_s, law.duration_s + seconds), (*law.coefficients, (end, 0.0, 0.0, 0.0, 0.0, 0.0)))

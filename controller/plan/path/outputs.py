@@ -1,0 +1,42 @@
+"""What the program says of outputs (M62, M63) and overrides (M48 to M53) while it moves.
+
+Each stretch has what was said up to its block.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+from controller.plan.stretch import Chain, Pause, Stretch
+from controller.program.program import ENABLED, UNSAID, Block, Outputs, Overrides
+
+_NOTHING = (UNSAID, ENABLED)
+
+
+class Switched:
+    """Notes the blocks as they are read, and hands on what is made of them."""
+
+    def __init__(self) -> None:
+        self._said = deque[tuple[int, tuple[Outputs, Overrides]]]([(0, _NOTHING)])  # from which order on
+
+    def read(self, blocks: Iterable[Block]) -> Iterator[Block]:
+        for block in blocks:
+            said = block.modal.outputs, block.modal.overrides
+            if said != self._said[-1][1]:
+                self._said.append((block.place.order, said))
+            yield block
+
+    def laid(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+        """The same path; the stretches come in the order of their blocks."""
+        for item in items:
+            if isinstance(item, Chain) and (len(self._said) > 1 or self._said[0][1] != _NOTHING):
+                item = replace(item, stretches=tuple(self._switching(one) for one in item.stretches))
+            yield item
+
+    def _switching(self, stretch: Stretch) -> Stretch:
+        while len(self._said) > 1 and self._said[1][0] <= stretch.place.order:
+            self._said.popleft()
+        outputs, overrides = self._said[0][1]
+        return replace(stretch, outputs=outputs, overrides=overrides)

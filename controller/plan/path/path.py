@@ -1,0 +1,416 @@
+"""The way of a whole program: blocks in, chains of motion out, every joint audited.
+
+    blocks -> moves (G0 to G3), tool lines and rows of lines (G43.4, G43.5, G64 P), or trains
+              of cuts (G51, G52, G6.2) with approach and departure
+           -> chains that run through, pauses where the machine stands
+
+Nothing here knows of time: ``limits`` and ``profile`` put the motion law on each chain.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Joints, Machine
+from controller.motion.motions import JointMove, Rotaries, SurfaceCut, ToolLine
+from controller.plan.lines import lines, moves, rows, spline_moves
+from controller.plan.lines.corners import Feed
+from controller.plan.lines.lines import Stand
+from controller.plan.lines.rows import LineRow
+from controller.plan.path import clamps
+from controller.plan.path.outputs import Switched
+from controller.plan.rotaries.branch import BranchLost, joints_along
+from controller.plan.stretch import Chain, Note, Path, Pause, Stretch, Voice, rotaries_of
+from controller.plan.surfaces import approach, audit, choices, cuts, leads, links, train, unwind
+from controller.plan.surfaces.train import Leg
+from controller.program.block_look_ahead import Ahead
+from controller.program.program import (
+    Act,
+    Action,
+    Aside,
+    Await,
+    Block,
+    CutBlock,
+    CutCone,
+    CutRuled,
+    Dwell,
+    JointArc,
+    JointCurve,
+    JointLine,
+    JointMotion,
+    Place,
+    Program,
+    ProgramError,
+    Remark,
+    Setting,
+    TipLine,
+)
+
+__all__ = [
+    "BranchLost",
+    "Chain",
+    "Note",
+    "Path",
+    "Pause",
+    "Stretch",
+    "Tracer",
+    "joints_along",
+    "stream",
+    "trace",
+]
+
+ARC_SAMPLES = 181
+MOST_SAID = 100  # messages that are noted
+SAYS = "Says here: {}"
+ALONE = "G64 is run as G61 where it has no P: the path is followed exactly and not blended."
+LONGEST_CHAIN = 64  # stretches; a longer row of lines comes in parts
+SWIVEL = "Stops at the pole between two blocks and turns the rotary axis under the standing tool."
+
+
+def trace(program: Program, machine: Machine, kinematics: Kinematics, start: Joints) -> Path:
+    """The path of ``program`` from the joints ``start`` (mm, rad); nothing moves by it.
+
+    Raises ProgramError with file, line, column and a sentence for the first block that
+    cannot be run: surface, gouge, corner, travel, branch or arc.
+    """
+    chosen = choices.choices(program.blocks, machine, kinematics, start, program.name)
+    tracer = Tracer(program.name, machine, kinematics, start, chosen)
+    items = tuple(tracer.items(program.blocks))
+    path = Path(items, tuple(tracer.notes), tracer.now)
+    if program.blocks and not path.items:  # every move ends where it starts: a run of no length
+        path = replace(path, items=(Pause(program.blocks[-1].place, program.blocks[-1].modal),))
+    return path
+
+
+def stream(
+    blocks: Iterable[Block],
+    name: str,
+    machine: Machine,
+    kinematics: Kinematics,
+    start: Joints,
+    chosen: Mapping[int, Rotaries] | None = None,
+) -> Iterator[Chain | Pause]:
+    """As ``trace``, item by item and without the notes; no more of the program is held than a window.
+
+    ``chosen``: rotaries (rad) at the start of a train of cuts or at a G0 with a tool vector, by
+    ``Place.order``; without it each is chosen as it comes. ProgramError comes when its block does.
+    """
+    return Tracer(name, machine, kinematics, start, chosen or {}).items(blocks)
+
+
+class _Way(NamedTuple):
+    """Cuts under way: the next train may follow without a retract."""
+
+    legs: Sequence[Leg]
+    run: list[Stretch]  # of the chain that they end in
+
+
+class Tracer:
+    """Makes the path block by block; ``now`` are the joints where it has come to, ``notes`` what to tell."""
+
+    def __init__(
+        self,
+        name: str,
+        machine: Machine,
+        kinematics: Kinematics,
+        start: Joints,
+        chosen: Mapping[int, Rotaries],
+    ) -> None:
+        self._machine, self._kinematics = machine, kinematics
+        self._chosen = chosen  # rotaries at the start of a train, by the order of its first block
+        self._voice = Voice(name, self._note)
+        self._items: list[Chain | Pause] = []  # not given away yet
+        self._ahead = Ahead(iter(()))
+        self.notes: list[Note] = []
+        self._row: LineRow | None = None  # of lines and arcs under G64 P
+        self._stand: Stand | None = None  # of the tool after the last block of G43.4 or G43.5
+        self._run: list[Stretch] = []  # feed moves that still run through
+        self._blends_noted = False
+        self._way: _Way | None = None  # cuts that are not left yet
+        self._said: set[tuple[int, str]] = set()  # line and message that were noted
+        self.now = start
+
+    def items(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
+        """The path of all blocks, as it is made; before a block that is refused comes all that is sound."""
+        switched = Switched()
+        items = switched.laid(self._sound_items(switched.read(blocks)))
+        return clamps.opened(items, self._machine, self._kinematics)
+
+    def _sound_items(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
+        try:
+            yield from self._items_of(blocks)
+        except ProgramError:
+            self._leave()
+            self._rest()
+            yield from self._made()
+            raise
+
+    def _items_of(self, blocks: Iterable[Block]) -> Iterator[Chain | Pause]:
+        self._ahead = Ahead(self._heard(blocks))
+        for is_cut, group in itertools.groupby(self._ahead, lambda b: isinstance(b, CutBlock)):
+            if is_cut:
+                self._surfaces(block for block in group if isinstance(block, CutBlock))
+                yield from self._made()
+                continue
+            for block in group:
+                self._block(block)
+                if self._items:
+                    yield from self._made()
+        self._end_row()
+        self._rest()
+        yield from self._made()
+
+    def _heard(self, blocks: Iterable[Block]) -> Iterator[Block]:
+        """All but what stands aside; of it what is said to the operator is noted."""
+        for block in blocks:
+            if not isinstance(block, Aside):
+                yield block
+            elif isinstance(block, Setting):
+                continue
+            elif (said := (block.place.line, block.text)) not in self._said and len(self._said) < MOST_SAID:
+                self._said.add(said)
+                self._note(block.place, SAYS.format(block.text))
+
+    def _made(self) -> list[Chain | Pause]:
+        made, self._items = self._items, []
+        return made
+
+    def _block(self, block: Block) -> None:
+        """Anything but a cut."""
+        if isinstance(block, Remark):
+            self._note(block.place, block.sentence)
+            return
+        if isinstance(block, JointLine | TipLine | JointArc) and rows.blends(block):
+            self._blended(block)
+            return
+        self._end_row()
+        if isinstance(block, Dwell):
+            self._pause(Pause(block.place, block.modal, seconds=block.seconds))
+        elif isinstance(block, Await):
+            self._pause(Pause(block.place, block.modal, act=Act.INPUT, awaits=block))
+        elif isinstance(block, Action):
+            self._pause(Pause(block.place, block.modal, act=block.act))
+        elif isinstance(block, TipLine):
+            self._note_blend(block)
+            self._tool(block)
+        elif isinstance(block, JointMotion):
+            self._note_blend(block)
+            self._exact(block)
+
+    def _exact(self, block: JointMotion) -> None:
+        """G0 to G5.2 without a tool-centre mode, as it stands there."""
+        machine, kinematics, now = self._machine, self._kinematics, self.now
+        made: Sequence[Stretch | None]
+        if isinstance(block, JointCurve):
+            made = spline_moves.stretches(block, machine, kinematics, now, self._voice)
+        elif isinstance(block, JointLine):
+            made = [moves.line(block, machine, kinematics, now)]
+        else:
+            made = [moves.arc(block, machine, kinematics, now, self._voice)]
+        for stretch in made:
+            self._move(stretch, block.relative)
+
+    # ---- lines of the tool and rows of lines -----------------------------------------
+
+    def _standing(self, length_mm: float) -> Stand:
+        """The tool where the path has come to, as programmed if the last block moved it so."""
+        stand = self._stand
+        if stand is None or stand.joints != self.now or stand.length_mm != length_mm:
+            stand = Stand.at(self.now, length_mm, self._kinematics)
+        return stand
+
+    def _tool(self, block: TipLine) -> None:
+        """G0 or exact G1 under G43.4 or G43.5."""
+        stand = self._standing(block.modal.length_mm)
+        machine, kinematics = self._machine, self._kinematics
+        made: list[Stretch] = []
+        if block.feed_mm_s is None and not block.stands:
+            following = self._ahead.lines_like(block) if block.axis is not None else []
+            wanted = self._chosen.get(block.place.order)
+            one, stand = lines.rapid(block, stand, following, wanted, machine, kinematics, self._voice)
+            made += [one] if one is not None else []
+        else:
+            made, stand = lines.exact(block, stand, machine, kinematics, self._voice)
+        for stretch in made:
+            if stretch.name == "swivel":
+                self._rest()
+            self._move(stretch, block.relative)
+            if stretch.name == "swivel":
+                self._rest()
+        self._stand = replace(stand, joints=self.now)
+
+    def _blended(self, block: Feed) -> None:
+        """A line or an arc that joins the row under G64 P, or begins one."""
+        if self._row is not None and not self._row.takes(block):
+            self._end_row()
+        if self._row is None:
+            stand = self._standing(block.modal.length_mm)
+            self._row = LineRow(block, stand, self._machine, self._kinematics, self._voice)
+        self._row.add(block)
+        if self._row.full:
+            self._rest()
+            self._items += self._row.chains(False)
+
+    def _end_row(self) -> None:
+        row, self._row = self._row, None
+        if row is None:
+            return
+        only = row.only
+        if isinstance(only, TipLine):
+            self._tool(only)
+        elif only is not None:
+            self._exact(only)
+        else:
+            self._rest()
+            self._items += row.chains(True)
+            self.now = row.joints
+            self._stand = replace(row.stand, joints=self.now)
+
+    # ---- cuts ------------------------------------------------------------------------
+
+    def _surfaces(self, blocks: Iterable[CutBlock]) -> None:
+        """Consecutive cuts: each train of joined ones with its approach and departure."""
+        self._end_row()
+        self._rest()
+        ready: list[cuts.Cut] = []
+        for block in blocks:
+            if isinstance(block, CutCone | CutRuled) and block.doubt:
+                self._note(block.place, block.doubt)
+            ready += cuts.build(block, self._machine, self._voice)
+        for members, meetings in train.trains(ready, self._machine, self._kinematics, self._voice):
+            self._train(members, meetings)
+            if self._machine.link_mm <= 0.0:
+                self._leave()
+        self._leave()
+
+    def _train(self, members: Sequence[cuts.Cut], meetings: Sequence[train.Meeting]) -> None:
+        """The cuts of a train behind its lead in, or behind a link from the train before."""
+        linked = self._linked(members)
+        if linked is not None:
+            legs, run = linked
+        else:
+            self._leave()
+            legs = self._legs(members, rotaries_of(self.now, self._kinematics))
+            onto = leads.lay(legs, True, self._machine, self._kinematics, self._voice)
+            for chain in approach.arrive(legs, onto, self.now, self._machine, self._kinematics):
+                self._chain(chain)
+            run = list(onto.stretches)
+        self._way = _Way(legs, self._cut(legs, meetings, run))
+
+    def _legs(self, members: Sequence[cuts.Cut], near: Rotaries) -> list[Leg]:
+        wanted = self._chosen.get(members[0].block.place.order)
+        return train.choose(members, self._machine, self._kinematics, near, self._voice, wanted)
+
+    def _linked(self, members: Sequence[cuts.Cut]) -> tuple[list[Leg], list[Stretch]] | None:
+        """The next train and the run with the link to it; None where the tool goes up between them."""
+        if self._way is None:
+            return None
+        before, run = self._way
+        if not links.reaches(before[-1].cut, members[0], self._machine):
+            return None
+        try:
+            legs = self._legs(members, before[-1].end)
+        except ProgramError:  # it may be cut from where a departure leads
+            return None
+        link = links.lay(before, legs, self._machine, self._kinematics)
+        return (legs, [*run, link]) if link is not None else None
+
+    def _leave(self) -> None:
+        """The end of the cuts that are under way, lead out and departure."""
+        if self._way is None:
+            return
+        (legs, run), self._way = self._way, None
+        off = leads.lay(legs, False, self._machine, self._kinematics, self._voice)
+        self._chain(Chain((*run, *off.stretches)))
+        for chain in approach.depart(legs, off, self._machine, self._kinematics):
+            self._chain(chain)
+
+    def _cut(
+        self, legs: Sequence[Leg], meetings: Sequence[train.Meeting], run: list[Stretch]
+    ) -> list[Stretch]:
+        """``run`` with the cuts and the pivots between them; a swivel at a pole stands alone."""
+        run.append(legs[0].stretch)
+        for (before, after), meeting in zip(itertools.pairwise(legs), meetings, strict=True):
+            for stretch in approach.between(before, after, meeting, self._kinematics):
+                if stretch.name == "swivel":
+                    self._note(stretch.place, SWIVEL)
+                    self._way = None  # of a train before that is linked: here it is
+                    self._chain(Chain(tuple(run)))
+                    self._chain(Chain((stretch,)))
+                    run = []
+                else:
+                    run.append(stretch)
+            run.append(after.stretch)
+        return run
+
+    # ---- collecting --------------------------------------------------------------
+
+    def _note(self, place: Place, sentence: str) -> None:
+        self.notes.append(Note(place, sentence))
+
+    def _note_blend(self, block: Feed | JointCurve) -> None:
+        if not block.modal.exact and block.feed_mm_s is not None and not self._blends_noted:
+            self._blends_noted = True
+            self._note(block.place, ALONE)
+
+    def _pause(self, pause: Pause) -> None:
+        self._rest()
+        self._items.append(pause)
+
+    def _move(self, stretch: Stretch | None, relative: bool) -> None:
+        """A stretch of G0 to G3: at rest on both sides unless it goes on as its neighbour came."""
+        if stretch is None:
+            return
+        self._audit(stretch, relative)
+        rapid = stretch.feed_mm_s is None
+        if self._run and (rapid or not self._runs_through(self._run[-1], stretch)):
+            self._rest()
+        if len(self._run) > LONGEST_CHAIN:
+            self._items.append(Chain(tuple(self._run), runs_on=True))
+            self._run = []
+        self._run.append(stretch)
+        self.now = stretch.end
+        if rapid:
+            self._rest()
+
+    def _runs_through(self, before: Stretch, after: Stretch) -> bool:
+        return moves.runs_through(before, after) or lines.runs_through(
+            before, after, self._machine, self._kinematics
+        )
+
+    def _rest(self) -> None:
+        if self._run:
+            self._items.append(Chain(tuple(self._run)))
+            self._run = []
+
+    def _chain(self, chain: Chain) -> None:
+        for stretch in chain.stretches:
+            self._audit(stretch)
+        self._items.append(chain)
+        self.now = chain.stretches[-1].end
+
+    def _audit(self, stretch: Stretch, relative: bool = False) -> None:
+        """Travel of everything that is not a cut: those were audited as their branch was chosen."""
+        if isinstance(stretch.motion, ToolLine):
+            rows.audit_line(stretch, self._machine, self._kinematics, self._voice)
+        turns = isinstance(stretch.motion, SurfaceCut) and not stretch.cutting  # a pivot of placed axes
+        if not isinstance(stretch.motion, JointMove) and not turns:
+            return
+        excess = audit.outside_at(self._machine, stretch.end)
+        if excess is None and stretch.name in ("arc", "curve", "lead in", "lead out", "pivot", "swivel"):
+            s = np.linspace(0.0, stretch.motion.end, ARC_SAMPLES)
+            excess = audit.outside(self._machine, s, joints_along(stretch, s, self._kinematics))
+        if excess is not None:
+            axis = self._machine.axes[excess.axis]
+            where = f" in the {stretch.name}" if stretch.name != "line" else ""
+            advice = audit.MOVE
+            if axis.is_rotary and relative:  # from another turn the same distance may fit
+                a, b = stretch.start[excess.axis], stretch.end[excess.axis]
+                advice = unwind.offer(axis, a, min(a, b), max(a, b))
+            self._voice.refuse(stretch.place, audit.describe(axis, excess, where, advice))

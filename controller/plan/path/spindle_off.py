@@ -1,0 +1,34 @@
+"""Feed moves with a spindle that was never started are told: a cutter that stands breaks in the part."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+
+from controller.machine.model import Machine
+from controller.plan.stretch import Chain, Note, Pause
+from controller.program.program import Place
+
+OFF = "Feeds with a spindle that was never started: no M3 or M4 with S stands before this line."
+
+
+def noted(
+    items: Iterable[Chain | Pause], machine: Machine, note: Callable[[Note], None]
+) -> Iterator[Chain | Pause]:
+    """The path as it is; ``note`` is told of the first feed move before the spindle ever turns.
+
+    Surfaces are refused without it. A machine whose file has no spindle is not asked.
+    """
+    waits = machine.spindle is not None
+    for item in items:
+        if waits and isinstance(item, Pause):
+            waits = item.modal.spindle_rev_min == 0.0
+        elif waits and (place := _fed(item)) is not None:
+            note(Note(place, OFF))
+            waits = False
+        yield item
+
+
+def _fed(item: Chain | Pause) -> Place | None:
+    """Where a chain first moves at a feed."""
+    stretches = item.stretches if isinstance(item, Chain) else ()
+    return next((one.place for one in stretches if one.feed_mm_s is not None), None)

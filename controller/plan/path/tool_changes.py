@@ -1,0 +1,57 @@
+"""Tools are changed by hand: M6 with another tool than the one in the spindle is a program stop.
+
+The operator puts the tool in and lets the program go on. What is in the spindle at a start is known, or
+is not (0): then the program stops before it moves with any. A program that names no tool means T1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+
+from controller.machine.model import Machine
+from controller.plan.stretch import Chain, Note, Pause
+from controller.program import modal
+from controller.program.program import Act, Modal
+
+
+def stopped(
+    items: Iterable[Chain | Pause],
+    machine: Machine,
+    in_spindle: int,
+    before: Modal | None = None,
+    typed: bool = False,
+    note: Callable[[Note], None] = lambda _: None,
+) -> Iterator[Chain | Pause]:
+    """The path with a stop behind every change to another tool than the one that is there.
+
+    ``before``: the state in which the path begins; None: that of a whole program. ``typed`` by hand:
+    until it names a tool it means the one that is there. ``note`` is told of every stop.
+    """
+    state, is_open = before or modal.power_on().modal, 0
+    asks = not typed
+    for item in items:
+        if isinstance(item, Pause):
+            yield item
+            state, is_open = item.modal, item.open_clamps
+            asks = asks or item.act is Act.TOOL
+            if item.act is not Act.TOOL or state.tool == in_spindle:
+                continue
+            place = item.place
+        else:
+            if state.tool == in_spindle or not asks:
+                yield item
+                continue
+            place = item.stretches[0].place
+            yield Pause(place, state, act=Act.TOOL, open_clamps=is_open)
+        note(Note(place, f"Stops until {_named(state.tool, machine)} is in the spindle."))
+        yield Pause(place, state, act=Act.STOP, open_clamps=is_open)
+        in_spindle = state.tool
+        if not isinstance(item, Pause):
+            yield item
+
+
+def _named(number: int, machine: Machine) -> str:
+    if number == 0:
+        return "no tool"
+    tool = machine.tool(number)
+    return f"T{number} ({tool.name})" if tool is not None and tool.name else f"T{number}"

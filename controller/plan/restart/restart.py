@@ -1,0 +1,377 @@
+"""Start inside of a program: read it without motion up to a place, enter there, cut the rest.
+
+    blocks ... o-------o-------*====o====o====>      the path is made from the program's own start,
+               read, not moved ^ cut as ever         so the rest is the very same motions
+
+The place is line and fraction of a block, or, for the same program from the same start, a
+motion and its s. Rapids are not gone through in part: the entry leads to their end.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.geometry.vectors import Vector, norm, subtract
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Joints, Machine
+from controller.motion.motions import JointMove, Rotaries, SurfaceCut, ToolSpline
+from controller.plan.path import clamps, tool_changes
+from controller.plan.path.path import Tracer, joints_along
+from controller.plan.restart import dry_run, entry
+from controller.plan.restart.program_position import (
+    ENTRY_ID,
+    FORMER,
+    Spot,
+    fraction_at,
+    line_of,
+    lines_of,
+    order_of,
+    place_in,
+)
+from controller.plan.stretch import Chain, Pause, Stretch, rotaries_of
+from controller.plan.surfaces import links
+from controller.plan.surfaces.leads import LEADS
+from controller.program import modal
+from controller.program.program import Act, Action, Aside, Await, Block, Dwell, Modal, ProgramError
+
+Array = npt.NDArray[np.float64]
+
+NO_MOTION = "the program has no motion at or behind this line; choose an earlier one"
+NO_MOTION_OF_IT = (
+    "this line moves nothing in this program, which has subs or loops: it begins where a line runs for the "
+    "first time; choose a line with a motion"
+)
+WHICH_TIME = (
+    "the program has subs or loops, and with another tool it is not known which time this line was running; "
+    "start at a line, which begins the first time that it runs"
+)
+SIDE = 33  # samples along a motion, for its highest point
+FOLLOW_MM = 0.25  # between samples when the rotaries are followed to a place
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A program on a machine, and where a whole run of it starts."""
+
+    blocks: Iterable[Block]
+    name: str
+    machine: Machine
+    kinematics: Kinematics
+    start: Joints  # mm, rad
+    chosen: Mapping[int, Rotaries] | None = None  # as a check of the whole program chose
+    dry_run_mm: float = 0.0
+
+    def dry(self) -> Source:
+        """What is read in its place where it is run dry. Raises ProgramError for an impossible offset."""
+        if self.dry_run_mm == 0.0:
+            return self
+        if why := dry_run.refusal(self.dry_run_mm):
+            raise ProgramError(self.name, 1, 1, why)
+        machine = dry_run.machine_for(self.machine, self.dry_run_mm)
+        blocks = dry_run.blocks_for(self.blocks, self.dry_run_mm)
+        return Source(blocks, self.name, machine, self.kinematics, self.start, self.chosen)
+
+
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """What is left of a program from a place on; nothing of it is walked until ``items`` are."""
+
+    spot: Spot
+    target: entry.Target
+    what: str  # 'cut', 'line', 'arc' ... or 'pause'
+    items: Iterator[Chain | Pause]  # without an entry and without clamps
+    source: Source
+    order: int = 0  # ``Place.order`` of the line
+
+    def entered(self, now: Joints, in_spindle: int) -> Iterator[Chain | Pause]:
+        """All of the path: from the joints ``now`` to the place, and the rest. Raises ProgramError."""
+        here = self.source
+        way = entry.enter(self.target, now, in_spindle, here.machine, here.kinematics, here.name)
+        return self.opened(itertools.chain(named(way, ENTRY_ID), self.items))
+
+    def opened(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+        """With the clamps opened where their axes move, and stopped where a tool is changed."""
+        modal = self.target.modal
+        changed = tool_changes.stopped(items, self.source.machine, modal.tool, modal)
+        return clamps.opened(changed, self.source.machine, self.source.kinematics)
+
+
+def find(source: Source, spot: Spot) -> Rest:
+    """The rest of a program from ``spot`` on. Nothing moves by it.
+
+    Raises ProgramError where the program is refused on the way, or has no such place.
+    """
+    if not 0.0 <= spot.fraction <= 1.0:
+        raise ProgramError(
+            source.name, spot.line, 1, f"a fraction of {spot.fraction:g} is none of a block; 0 to 1 are"
+        )
+    return _Search(source.dry(), spot).rest()
+
+
+def named(items: Iterable[Chain | Pause], first_id: int) -> list[Chain | Pause]:
+    """The same path with its motions counted from ``first_id`` on."""
+    made: list[Chain | Pause] = []
+    for item in items:
+        if isinstance(item, Chain):
+            made.append(Chain(item.stretches, item.runs_on, item.from_s, first_id))
+            first_id += len(item.stretches)
+        else:
+            made.append(item)
+    return made
+
+
+class _Line(NamedTuple):
+    before: Modal  # the state before the line
+    moving: Modal | None  # the state of its motion
+
+
+class _Lines:
+    """Blocks as they are read; of each line the state is remembered until it is passed."""
+
+    def __init__(self, blocks: Iterable[Block], machine: Machine) -> None:
+        self._blocks = blocks
+        self._seen: dict[int, _Line] = {}  # by ``Place.order``
+        self._now = modal.begun(machine).modal
+
+    def __iter__(self) -> Iterator[Block]:
+        for block in self._blocks:
+            line = self._seen.setdefault(block.place.order, _Line(self._now, None))
+            if not isinstance(block, Action | Await | Dwell | Aside):
+                self._seen[block.place.order] = line._replace(moving=block.modal)
+            self._now = block.modal
+            yield block
+
+    def at(self, order: int) -> _Line:
+        return self._seen[order]
+
+    def forget(self, before: int) -> None:
+        while (first := next(iter(self._seen))) < before:
+            del self._seen[first]
+
+
+class _Search:
+    """Walks along the path until the place is found."""
+
+    def __init__(self, source: Source, spot: Spot) -> None:
+        self._source, self._spot = source, spot
+        self._lines = _Lines(source.blocks, source.machine)
+        tracer = Tracer(source.name, source.machine, source.kinematics, source.start, source.chosen or {})
+        self._items = _unclamped(tracer.items(self._lines))
+        self._stands = source.start
+        self._goes_back = False  # lines run in another order than they stand
+        self._count = 0  # motions before the item that is looked at
+        self._tops: list[Vector] = []
+
+    def rest(self) -> Rest:
+        for item in self._items:
+            if isinstance(item, Pause):
+                if self._spot.motion_id < 0 and self._is_pause(item):
+                    return self._at_pause(item)
+                continue
+            found = self._in(item)
+            if found is not None:
+                return self._from(item, *found)
+            self._pass(item)
+        raise self._none(NO_MOTION_OF_IT if self._goes_back else NO_MOTION)
+
+    def _none(self, sentence: str) -> ProgramError:
+        return ProgramError(self._source.name, self._spot.line, 1, sentence)
+
+    def _check_known(self) -> None:
+        """A line alone says where to begin only if it runs once, or the operator has named it."""
+        if self._spot.motion_id == FORMER and self._goes_back:
+            raise self._none(WHICH_TIME)
+
+    def _pass(self, chain: Chain) -> None:
+        self._note_tops(chain)
+        self._count += len(chain.stretches)
+        self._stands = chain.stretches[-1].end
+        self._lines.forget(chain.stretches[0].place.order)
+
+    # --- where
+
+    def _is_pause(self, pause: Pause) -> bool:
+        self._goes_back |= pause.place.step != 0
+        line = pause.place.line
+        here = line == self._spot.line if self._goes_back else line >= self._spot.line
+        return here and self._spot.fraction == 0.0
+
+    def _in(self, chain: Chain) -> tuple[int, float] | None:
+        """(index, s) of the place if it is in this chain."""
+        line, fraction, motion_id, s = self._spot
+        if motion_id >= 0:
+            k = motion_id - self._count
+            return (k, s) if 0 <= k < len(chain.stretches) else None
+        self._goes_back |= chain.stretches[0].place.step != 0
+        if fraction > 0.0:
+            found = place_in(chain, line, fraction)
+            if not self._goes_back and found is None and lines_of(chain.stretches[0])[0] > line:
+                raise self._none(
+                    "this line moves nothing, so there is no fraction of it; "
+                    "start at its beginning (fraction 0) or at a line with a motion"
+                )
+            return found
+        return self._first(chain, line)
+
+    def _first(self, chain: Chain, line: int) -> tuple[int, float] | None:
+        """Where the first motion of this line, or of one behind it, begins; of this line alone where lines
+        are carried out in another order than they stand."""
+        if self._goes_back:
+            return self._first_of(chain, line)
+        for k, stretch in enumerate(chain.stretches):
+            low, high = lines_of(stretch)
+            if low >= line:
+                return k, 0.0
+            if high >= line:
+                found = place_in(chain, line, 0.0)
+                return found if found is not None else (k, stretch.motion.end)
+        return None
+
+    @staticmethod
+    def _first_of(chain: Chain, line: int) -> tuple[int, float] | None:
+        for k, stretch in enumerate(chain.stretches):
+            if stretch.place.line == line:
+                return k, 0.0
+            if isinstance(stretch.motion, ToolSpline) and line in stretch.motion.lines:
+                return place_in(chain, line, 0.0)
+        return None
+
+    # --- what is left from there
+
+    def _from(self, chain: Chain, k: int, s: float) -> Rest:
+        """From inside a chain; over the end of rapids that the place is in."""
+        while chain.stretches[k].feed_mm_s is None:
+            self._stands = chain.stretches[k].end
+            if k + 1 < len(chain.stretches):
+                k, s = k + 1, 0.0
+                continue
+            self._count += len(chain.stretches)
+            after = next(self._items, None)
+            if after is None:
+                raise self._none("only a rapid is left of the program there; choose an earlier place")
+            if isinstance(after, Pause):
+                return self._at_pause(after)
+            chain, k, s = after, 0, 0.0
+        self._note_tops(chain)
+        return self._on(chain, k, min(max(s, 0.0), chain.stretches[k].motion.end))
+
+    def _on(self, chain: Chain, k: int, s: float) -> Rest:
+        stretch = chain.stretches[k]
+        self._check_known()
+        line = line_of(stretch, s)
+        known = self._lines.at(order_of(stretch, s))
+        state = known.moving or known.before
+        joints = joints_at(stretch, s, self._source.kinematics)
+        rest = Chain(chain.stretches[k:], chain.runs_on, s, self._count + k)
+        spot = Spot(line, fraction_at(chain, k, s), self._count + k, s)
+        target = entry.Target(
+            joints, state, stretch.place, _feed(stretch, s, state), self._clear(joints, state)
+        )
+        return Rest(spot, target, stretch.name, _then(rest, self._items), self._source, order_of(stretch, s))
+
+    def _at_pause(self, pause: Pause) -> Rest:
+        self._check_known()
+        line = pause.place.line
+        state = self._lines.at(pause.place.order).before
+        feed = state.feed_mm_s or entry.TURNING_MM_S
+        clear = self._clear(self._stands, state)
+        target = entry.Target(self._stands, state, pause.place, feed, clear)
+        items = _counted(_then(pause, self._items), self._count)
+        return Rest(Spot(line, 0.0), target, "pause", items, self._source, pause.place.order)
+
+    # --- how high
+
+    def _length(self, order: int) -> float:
+        known = self._lines.at(order)
+        tool = (known.moving or known.before).tool_in(self._source.machine)
+        return tool.length_mm if tool is not None else 0.0
+
+    def _note_tops(self, chain: Chain) -> None:
+        """The highest that feed moves went so far stands for the height of the part."""
+        kinematics = self._source.kinematics
+        for stretch in chain.stretches:
+            if stretch.feed_mm_s is None:
+                continue
+            self._tops += _tops(stretch, self._length(stretch.place.order), kinematics)
+        if len(self._tops) > 20_000:
+            self._tops = _extremes(self._tops)
+
+    def _clear(self, joints: Joints, state: Modal) -> float:
+        machine = self._source.machine
+        tool = state.tool_in(machine)
+        length = tool.length_mm if tool is not None else 0.0
+        above = entry.highest(self._tops, joints, length, self._source.kinematics)
+        return max(0.0, above) + machine.clearance_mm
+
+
+def joints_at(stretch: Stretch, s: float, kinematics: Kinematics) -> Joints:
+    """The joints at a place of a stretch, on the branch and in the turns of the program's own path."""
+    steps = max(2, round(s / FOLLOW_MM)) if isinstance(stretch.motion, SurfaceCut) else 2
+    row = joints_along(stretch, np.linspace(0.0, s, steps), kinematics)[-1]
+    near = tuple(map(float, row))
+    exact = stretch.motion.joints(s, rotaries_of(near, kinematics), kinematics)
+    return exact if exact is not None else near
+
+
+def _feed(stretch: Stretch, s: float, state: Modal) -> float:
+    """The feed at a place; where only rotaries move it is in degrees and tells nothing of the tip.
+
+    A lead is as fast as it likes along itself: the way down to it is at the block's own feed.
+    """
+    motion = stretch.motion
+    if isinstance(motion, JointMove) and norm(subtract(motion.curve.at(1.0), motion.curve.at(0.0))) < 1e-6:
+        return entry.TURNING_MM_S
+    if stretch.name in (*LEADS, links.NAME) and state.feed_mm_s:
+        return state.feed_mm_s
+    return float(stretch.feed_at(np.array([s]))[0])
+
+
+def _tops(stretch: Stretch, length_mm: float, kinematics: Kinematics) -> list[Vector]:
+    """Points of the table frame that are at least as high as what a stretch cuts."""
+    motion = stretch.motion
+    if isinstance(motion, SurfaceCut) and stretch.cutting:
+        u = np.linspace(0.0, 1.0, SIDE)
+        top, tip = motion.surface.point(u, 0.0 * u, np), motion.surface.contact(u, np)
+        return [*_points(motion.part.to_parent(top)), *_points(motion.part.to_parent(tip))]
+    s = np.linspace(0.0, motion.end, 2 if stretch.name == "line" else SIDE)
+    rows = joints_along(stretch, s, kinematics)
+    return _points(kinematics.forward(tuple(rows.T), length_mm, np).tip)
+
+
+def _points(xyz: Vector) -> list[Vector]:
+    x, y, z = np.broadcast_arrays(*xyz)
+    return [(float(a), float(b), float(c)) for a, b, c in zip(x, y, z, strict=True)]
+
+
+def _extremes(points: list[Vector]) -> list[Vector]:
+    """Corners of the box of points: no lower in any direction than they are."""
+    rows: Array = np.array(points)
+    low, high = rows.min(axis=0), rows.max(axis=0)
+    corners = np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
+    return [(float(x), float(y), float(z)) for x, y, z in corners]
+
+
+def _unclamped(items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
+    """Clamps are asked for anew on the way that is really gone."""
+    return (item for item in items if not (isinstance(item, Pause) and item.act is Act.CLAMP))
+
+
+def _then(first: Chain | Pause, items: Iterator[Chain | Pause]) -> Iterator[Chain | Pause]:
+    yield first
+    yield from items
+
+
+def _counted(items: Iterator[Chain | Pause], first_id: int) -> Iterator[Chain | Pause]:
+    """The first chain keeps its number in the whole program; the others are counted on."""
+    for item in items:
+        if isinstance(item, Chain):
+            yield Chain(item.stretches, item.runs_on, item.from_s, first_id)
+            break
+        yield item
+    yield from items

@@ -1,0 +1,1 @@
+"""What both rotaries do along a path: branch, turns, tool vectors."""

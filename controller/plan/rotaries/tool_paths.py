@@ -1,0 +1,138 @@
+"""Joints and their exact derivatives along tool lines and tool splines, at arrays of places."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.geometry import series as jets
+from controller.geometry.arrays import columns
+from controller.geometry.vectors import Number
+from controller.machine.kinematics import Kinematics
+from controller.motion.motions import ROW, ToolLine, ToolSpline
+from controller.plan.rotaries.tool_axes import GreatCircles, follow
+
+Array = npt.NDArray[np.float64]
+
+# Exact derivatives of the rotaries are 0/0 at a pole and lose digits beside it; this
+# share of a line inside they are those of the limit. Away from it they are taken at the ends themselves.
+POLE_MARGIN = 1e-4
+
+
+def joints_along_line(line: ToolLine, s: Array, kinematics: Kinematics) -> Array:
+    """Joints (N, axes) at the places ``s`` (N,), in any order."""
+    share = s / line.end
+    rotaries = _rotaries(line, share, kinematics)
+    tip = tuple(t + w * share for t, w in zip(line.tip, line.way, strict=True))
+    x, y, z = kinematics.linear(
+        (tip[0], tip[1], tip[2]), (rotaries[:, 0], rotaries[:, 1]), line.length_mm, np
+    )
+    values = (x, y, z, rotaries[:, 0], rotaries[:, 1])
+    return columns(kinematics.arrange(values), len(share))
+
+
+def _rotaries(line: ToolLine, share: Array, kinematics: Kinematics) -> Array:
+    if line.even:
+        start, end = np.array(line.start_rotaries), np.array(line.end_rotaries)
+        return np.asarray(start + (end - start) * share[:, None])
+    inner = np.unique(share[(share > 0.0) & (share < 1.0)])
+    found = follow(
+        _circle(line), line.start_rotaries, kinematics, extra=(np.zeros(len(inner), dtype=np.intp), inner)
+    )
+    return np.asarray(found.rotaries[np.searchsorted(found.share, np.clip(share, 0.0, 1.0))])
+
+
+def _circle(line: ToolLine) -> GreatCircles:
+    return GreatCircles(np.array([line.axis]), np.array([line.across]), np.array([line.angle_rad]))
+
+
+def derivatives_of_line(line: ToolLine, s: Array, kinematics: Kinematics) -> tuple[Array, Array, Array]:
+    """q', q'', q''' (N, axes) of the joints over s."""
+    share = s / line.end
+    if not line.even:
+        first, last = _margins(line, kinematics)
+        share = np.clip(share, first, 1.0 - last)
+    x = jets.Jet(np.stack([share, np.full_like(s, 1.0 / line.end), 0.0 * s, 0.0 * s]))
+    tip = tuple(t + x * w for t, w in zip(line.tip, line.way, strict=True))
+    first, second = _rotary_jets(line, share, x, kinematics)
+    return _orders((tip[0], tip[1], tip[2], first, second), True, line.length_mm, kinematics, s)
+
+
+def _margins(line: ToolLine, kinematics: Kinematics) -> tuple[float, float]:
+    """How far inside its start and its end, as shares of a line, its derivatives are taken."""
+    c, w = math.cos(line.angle_rad), math.sin(line.angle_rad)
+    x, y, z = (c * a + w * b for a, b in zip(line.axis, line.across, strict=True))
+    first, last = (
+        0.0 if kinematics.is_clear_of_pole(axis) else POLE_MARGIN for axis in (line.axis, (x, y, z))
+    )
+    return first, last
+
+
+def _rotary_jets(line: ToolLine, share: Array, x: jets.Jet, kinematics: Kinematics) -> tuple[Number, Number]:
+    if line.even:
+        pairs = zip(line.start_rotaries, line.end_rotaries, strict=True)
+        first, second = (a + x * (b - a) for a, b in pairs)
+        return first, second
+    shown = _rotaries(line, share, kinematics)
+    c, w = jets.cos(x * line.angle_rad), jets.sin(x * line.angle_rad)
+    ax, ay, az = (c * a + w * b for a, b in zip(line.axis, line.across, strict=True))
+    one, other = kinematics.branches((ax, ay, az), jets)
+    away = [sum(1.0 - np.cos(q.c[0] - shown[:, i]) for i, q in enumerate(pair)) for pair in (one, other)]
+    near = np.asarray(away[0] <= away[1])
+    first, second = (jets.Jet(np.where(near, p.c, q.c)) for p, q in zip(one, other, strict=True))
+    return first, second
+
+
+def _spans(spline: ToolSpline, s: Array) -> tuple[Array, Array]:
+    """Coefficients (N, 5, 4) of the spans in which ``s`` lies, and the way into them (N, 1)."""
+    knots = np.frombuffer(spline.knots)
+    i = np.clip(np.searchsorted(knots, s, side="right") - 1, 0, len(knots) - 2)
+    return np.frombuffer(spline.spans).reshape(-1, ROW)[i].reshape(-1, 5, 4), (s - knots[i])[:, None]
+
+
+def joints_along_spline(spline: ToolSpline, s: Array, kinematics: Kinematics) -> Array:
+    """Joints (N, axes) at the places ``s`` (N,), in any order."""
+    c, h = _spans(spline, s)
+    value = c[..., 0] + h * (c[..., 1] + h * (c[..., 2] + h * c[..., 3]))
+    x, y, z, a, b = value.T
+    if spline.tips:
+        x, y, z = kinematics.linear((x, y, z), (a, b), spline.length_mm, np)
+    values = (x, y, z, a, b)
+    return columns(kinematics.arrange(values), len(s))
+
+
+def derivatives_of_spline(spline: ToolSpline, s: Array, kinematics: Kinematics) -> tuple[Array, Array, Array]:
+    """q', q'', q''' (N, axes) of the joints over s; at a knot those behind it."""
+    c, h = _spans(spline, s)
+    series = np.stack(
+        [
+            c[..., 0] + h * (c[..., 1] + h * (c[..., 2] + h * c[..., 3])),
+            c[..., 1] + h * (2.0 * c[..., 2] + h * (3.0 * c[..., 3])),
+            c[..., 2] + h * (3.0 * c[..., 3]),
+            c[..., 3],
+        ]
+    )
+    x, y, z, a, b = (jets.Jet(series[..., i]) for i in range(5))
+    return _orders((x, y, z, a, b), spline.tips, spline.length_mm, kinematics, s)
+
+
+def _orders(
+    values: tuple[Number, Number, Number, Number, Number],
+    tips: bool,
+    length_mm: float,
+    kinematics: Kinematics,
+    s: Array,
+) -> tuple[Array, Array, Array]:
+    x, y, z, a, b = values
+    if tips:
+        x, y, z = kinematics.linear((x, y, z), (a, b), length_mm, jets)
+    series = (x, y, z, a, b)
+    joints = kinematics.arrange(series)
+    first, second, third = (np.stack([_coefficient(q, k, s) for q in joints], axis=1) for k in (1, 2, 3))
+    return first, 2.0 * second, 6.0 * third
+
+
+def _coefficient(q: Number, k: int, s: Array) -> Array:
+    return np.broadcast_to(np.asarray(q.c[k] if isinstance(q, jets.Jet) else 0.0, dtype=float), s.shape)

@@ -1,0 +1,223 @@
+"""What ``path.trace`` returns: chains of stretches, pauses between them, and notes.
+
+A stretch is one motion with its feed. A chain runs through without a planned stop
+and begins and ends at rest; everything else that a program asks for happens at
+rest, in a pause.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NoReturn
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.geometry.curves import Arc, Line
+from controller.geometry.vectors import Vector, norm, subtract
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Joints
+from controller.motion.motions import JointMove, Motion, Rotaries, ToolLine, ToolSpline
+from controller.program.program import (
+    ENABLED,
+    UNSAID,
+    Act,
+    Await,
+    Modal,
+    Outputs,
+    Overrides,
+    Place,
+    ProgramError,
+)
+
+Array = npt.NDArray[np.float64]
+
+STILL_MM = 1e-9  # moves below (also in degrees) are no moves
+STANDS_MM = 1e-6  # X Y Z, or a tip, that moves less stands: s is then the turn in degrees
+
+LEAST_TIP_RATE = 1e-3  # where the tip all but stands the rotaries alone set the speed
+
+
+def tip_rate(motion: Motion, s: Array) -> Array:
+    """Millimetres that the tip moves per unit of s at the places ``s`` (N,); 1 for all but tool lines."""
+    if isinstance(motion, ToolLine):
+        return np.full(np.shape(s), max(motion.tip_rate, LEAST_TIP_RATE))
+    if not isinstance(motion, ToolSpline):
+        return np.ones(np.shape(s))
+    knots = np.frombuffer(motion.knots)
+    i = np.clip(np.searchsorted(knots, s, side="right") - 1, 0, len(knots) - 2)
+    c = np.frombuffer(motion.spans).reshape(-1, 5, 4)[i, :3]
+    h = (s - knots[i])[:, None]
+    rate = c[..., 1] + h * (2.0 * c[..., 2] + h * (3.0 * c[..., 3]))
+    return np.asarray(np.maximum(np.sqrt((rate * rate).sum(axis=1)), LEAST_TIP_RATE))
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """One motion of a block, with its feed and the joints at both ends."""
+
+    motion: Motion
+    place: Place
+    feed_mm_s: float | None  # in the unit of the motion's s per second; None = rapid
+    cutting: bool  # the cutter follows a surface
+    start: Joints
+    end: Joints
+    exact: bool  # G61
+    name: str  # 'retract', 'position', 'down', 'plunge', 'lead in', 'cut', 'pivot', 'swivel', ...
+    # (s from which it holds, feed mm/s) in rising order, where the feed changes inside the
+    # motion; ``feed_mm_s`` is then the first of them. Empty: one feed.
+    feed_steps: tuple[tuple[float, float], ...] = ()
+    # From s to s inside a spline where the feed is that of s, not of the tip: only rotaries are programmed
+    # to move, or s runs on as that of a cut.
+    turning: tuple[tuple[float, float], ...] = ()
+    # ``Place.order`` of the lines of a spline, in a program with subs or loops; empty: the lines themselves.
+    orders: tuple[int, ...] = ()
+    outputs: Outputs = UNSAID  # that are switched where it begins
+    overrides: Overrides = ENABLED
+
+    def scale(self, override: float, rapid_override: float) -> float:
+        """The share of its speed that the operator has set, of the two that he sets."""
+        if self.feed_mm_s is None:
+            return rapid_override
+        return override if self.overrides.feed else 1.0
+
+    def feed_at(self, s: Array) -> Array:
+        """Programmed speed in the unit of s per second at the places ``s`` (N,); inf on rapids.
+
+        F is the feed of the tip: where the tip moves by other than 1 mm per unit of s
+        (corners that a spline cuts), s runs that much faster or slower; not where it is to stand.
+        """
+        if self.feed_mm_s is None:
+            return np.full(np.shape(s), math.inf)
+        if self.feed_steps:
+            starts, feeds = np.array(self.feed_steps).T
+            feed = feeds[np.clip(np.searchsorted(starts, s, side="right") - 1, 0, None)]
+        else:
+            feed = np.full(np.shape(s), self.feed_mm_s)
+        return np.asarray(feed / self.tip_rate(s))
+
+    def tip_rate(self, s: Array) -> Array:
+        """Millimetres of the tip that count as one of s at the places ``s`` (N,); 1 where it is to stand."""
+        rate = tip_rate(self.motion, s)
+        for begin, end in self.turning:
+            rate[(s >= begin) & (s < end)] = 1.0
+        return rate
+
+
+@dataclass(frozen=True, slots=True)
+class Chain:
+    """Stretches run through without a planned stop; at rest before and after.
+
+    ``runs_on``: the next chain goes on without a rest; so an endless row of program
+    lines comes in parts. ``from_s`` and ``first_id``: a restart begins inside of its first
+    stretch, which keeps the number it has in the whole program.
+    """
+
+    stretches: tuple[Stretch, ...]
+    runs_on: bool = False
+    from_s: float = 0.0  # in the unit of the first stretch's s; what lies before it is cut already
+    first_id: int | None = None  # motion id of the first stretch; None: counted on
+
+
+@dataclass(frozen=True, slots=True)
+class Pause:
+    """Standstill: a dwell of ``seconds``, or a machine function with the modal state after it."""
+
+    place: Place
+    modal: Modal
+    seconds: float = 0.0
+    act: Act | None = None
+    open_clamps: int = 0  # bit i: the clamp of the i-th axis is open from here on
+    awaits: Await | None = None  # an input
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A decision or a warning that ``check`` shows."""
+
+    place: Place
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """A whole program as motion; ``end`` are the joints where it leaves the machine."""
+
+    items: tuple[Chain | Pause, ...]
+    notes: tuple[Note, ...]
+    end: Joints
+
+
+Tell = Callable[[Place, str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Voice:
+    """How the parts of the trace speak: refuse a block, or note something about it."""
+
+    program: str
+    tell: Tell
+
+    def refuse(self, place: Place, sentence: str) -> NoReturn:
+        raise ProgramError(self.program, place.line, place.column, sentence)
+
+
+def rotaries_of(joints: Joints, kinematics: Kinematics) -> Rotaries:
+    """The pair of rotaries out of joints."""
+    return kinematics.rotaries(joints)
+
+
+def xyz_of(joints: Joints, kinematics: Kinematics) -> Vector:
+    """X, Y and Z out of joints."""
+    x, y, z, _, _ = kinematics.spread(joints)
+    return x, y, z
+
+
+def joints_of(xyz: Vector, rotaries: Rotaries, kinematics: Kinematics) -> Joints:
+    """Joints in the machine's order."""
+    return tuple(map(float, kinematics.arrange((*xyz, *rotaries))))
+
+
+def straight(
+    name: str,
+    place: Place,
+    start: Joints,
+    end: Joints,
+    feed_mm_s: float | None,
+    kinematics: Kinematics,
+    feed_deg_s: float | None = None,
+) -> Stretch | None:
+    """A line of joint space; None where nothing moves.
+
+    s is in millimetres of X Y Z; where only rotaries move, in degrees, at ``feed_deg_s``
+    (if left out, the number of ``feed_mm_s``).
+    """
+    a, b = xyz_of(start, kinematics), xyz_of(end, kinematics)
+    first, last = rotaries_of(start, kinematics), rotaries_of(end, kinematics)
+    length, feed = norm(subtract(b, a)), feed_mm_s
+    if length < STANDS_MM:
+        turned = math.degrees(math.hypot(last[0] - first[0], last[1] - first[1]))
+        length = max(length, turned)
+        feed = feed_mm_s if feed_deg_s is None else feed_deg_s
+    if length < STILL_MM:
+        return None
+    move = JointMove(Line(a, b), length, first, last)
+    return Stretch(move, place, feed, False, start, end, True, name)
+
+
+def round_arc(
+    name: str,
+    place: Place,
+    start: Joints,
+    end: Joints,
+    arc: Arc,
+    feed_mm_s: float | None,
+    kinematics: Kinematics,
+) -> Stretch:
+    """An arc or helix of X Y Z between two joint positions, rotaries turning evenly."""
+    length = math.hypot(norm(arc.first) * arc.sweep_rad, norm(arc.rise))
+    first, last = rotaries_of(start, kinematics), rotaries_of(end, kinematics)
+    move = JointMove(arc, length, first, last)
+    return Stretch(move, place, feed_mm_s, False, start, end, True, name)

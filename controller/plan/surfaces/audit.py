@@ -1,0 +1,188 @@
+"""Audits over dense samples: joints inside their travel, cutter outside the part."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.geometry.arrays import rows
+from controller.geometry.placement import Placed
+from controller.geometry.vectors import Vector
+from controller.machine.model import Axis, Joints, Machine
+from controller.motion.motions import SurfaceCut
+from controller.plan.surfaces.cuts import Cut
+
+Array = npt.NDArray[np.float64]
+
+ROUNDING = 1e-9  # mm or rad by which a joint may pass its travel
+MOVE = "move the part (work offset) or the block"  # what helps against a joint outside of its travel
+POINTS_PER_CUT = (161, 7)  # along and across, for the gouge check of leads
+MOST_POINTS = 20000
+TURN_POSES = 33
+BESIDE = 0.1  # share of u on either side of a joint that is looked at while the tool turns there
+
+
+class Excess(NamedTuple):
+    """A joint outside of its travel: which, at which sample, where it gets to and by how much."""
+
+    axis: int
+    sample: int
+    value: float
+    by: float  # mm or rad
+
+
+def extremes(x: Array, values: Array) -> tuple[Array, Array, Array, Array]:
+    """(lowest, its sample, highest, its sample) of each column of ``values`` (N, k) over ``x`` (N,).
+
+    Beside the samples the vertex of the parabola through three neighbours counts, so
+    that an extreme between samples is not missed.
+    """
+    low, high = values.copy(), values.copy()
+    if len(x) > 2:
+        h0, h1 = (x[1:-1] - x[:-2])[:, None], (x[2:] - x[1:-1])[:, None]
+        d0, d1 = np.diff(values, axis=0)[:-1] / h0, np.diff(values, axis=0)[1:] / h1
+        slope, bend = (d0 * h1 + d1 * h0) / (h0 + h1), (d1 - d0) / (h0 + h1)
+        vertex = (d0 * d1 < 0.0) & (bend != 0.0)
+        peak = values[1:-1] - np.where(vertex, slope * slope / np.where(vertex, 4.0 * bend, 1.0), 0.0)
+        low[1:-1], high[1:-1] = np.minimum(low[1:-1], peak), np.maximum(high[1:-1], peak)
+    i, j = np.argmin(low, axis=0), np.argmax(high, axis=0)
+    columns = np.arange(values.shape[1])
+    return low[i, columns], i, high[j, columns], j
+
+
+def outside(machine: Machine, x: Array, joints: Array, rotary: bool = True) -> Excess | None:
+    """The joint (of all, or of the linear ones) that leaves its travel most, each in its own unit."""
+    low, i, high, j = extremes(x, joints)
+    found = []
+    for n, axis in enumerate(machine.axes):
+        if axis.is_rotary and not rotary:
+            continue
+        under, over = axis.travel_min - float(low[n]), float(high[n]) - axis.travel_max
+        found.append(Excess(n, int(i[n]), float(low[n]), under))
+        found.append(Excess(n, int(j[n]), float(high[n]), over))
+    worst = max(found, key=lambda excess: excess.by)
+    return worst if worst.by > ROUNDING else None
+
+
+def outside_at(machine: Machine, joints: Joints) -> Excess | None:
+    """As ``outside`` for one position, on floats."""
+    for n, (axis, q) in enumerate(zip(machine.axes, joints, strict=True)):
+        by = max(axis.travel_min - q, q - axis.travel_max)
+        if by > ROUNDING:
+            return Excess(n, 0, q, by)
+    return None
+
+
+def describe(axis: Axis, excess: Excess, where: str, advice: str = MOVE) -> str:
+    """One sentence: which axis, where, how far, what is allowed and what to do."""
+    unit = "deg" if axis.is_rotary else "mm"
+    k = axis.shown_per_unit
+    low, high = sorted((axis.travel_min * k, axis.travel_max * k))
+    return (
+        f"{axis.name} would reach {excess.value * k:.3f} {unit}{where}, {abs(excess.by * k):.3f} {unit} "
+        f"beyond its travel of {low:.3f} to {high:.3f} {unit}; {advice}"
+    )
+
+
+def at_place(cut: Cut, u: float) -> str:
+    """Where on a block, for a sentence: its parameter and the contact, part frame."""
+    x, y, z = cut.motion.surface.contact(u)
+    return f" at u = {cut.block_u(u):.4f} (part X {x:.3f} Y {y:.3f} Z {z:.3f} mm)"
+
+
+# ---- gouging ---------------------------------------------------------------------
+
+
+def surface_points(cuts: Sequence[Cut]) -> Array:
+    """Points (3, N) of the surfaces of joined cuts, table frame."""
+    along, across = POINTS_PER_CUT
+    along = max(9, min(along, MOST_POINTS // (across * len(cuts))))
+    u, v = np.meshgrid(np.linspace(0.0, 1.0, along), np.linspace(0.0, 1.0, across), indexing="ij")
+    columns = []
+    for cut in cuts:
+        point = cut.motion.surface.point(u.ravel(), v.ravel(), np)
+        columns.append(np.array(cut.motion.part.to_parent(point)))
+    return np.concatenate(columns, axis=1)
+
+
+def depth(points: Array, tips: Array, axes: Array, radius_mm: float, taper_rad: float = 0.0) -> float:
+    """Deepest that a cylinder on tips (3, M) along axes (3, M) reaches into ``points`` (3, N), mm.
+
+    With a taper it is a cone, thicker upwards by that half angle. What lies below the tip's plane
+    the flat end does not touch. 0 where nothing is reached.
+    """
+    deepest = 0.0
+    for tip, axis in zip(tips.T, axes.T, strict=True):
+        away = points - tip[:, None]
+        height = axis @ away
+        square = np.einsum("ij,ij->j", away, away) - height * height
+        above = height > -1e-6
+        square = square[above]
+        if taper_rad and len(square):
+            gap = np.sqrt(np.maximum(square, 0.0)) - radius_mm - height[above] * math.tan(taper_rad)
+            deepest = max(deepest, -float(gap.min()) * math.cos(taper_rad))
+        elif len(square):
+            deepest = max(deepest, radius_mm - math.sqrt(max(0.0, float(square.min()))))
+    return deepest
+
+
+def depth_near(cut: Cut, points: Array, at_start: bool, reach_mm: float) -> float:
+    """As ``depth`` for the cut itself over ``reach_mm`` next to one of its ends."""
+    length = cut.motion.arc.length_mm
+    s = np.linspace(0.0, min(reach_mm, length), 13)
+    u = cut.motion.arc.u_along(s if at_start else length - s)
+    tip, axis = cut.motion.surface.pose(u, cut.motion.offset_mm, np)
+    part = cut.motion.part
+    shape = np.zeros((3, len(u)))
+    return depth(
+        points,
+        np.array(part.to_parent(tip)) + shape,
+        shape + _rows(part.turn(axis)),
+        cut.tool.radius_mm,
+        cut.tool.taper_rad,
+    )
+
+
+def _rows(vector: Vector) -> Array:
+    return np.array([np.atleast_1d(c) for c in np.broadcast_arrays(*vector)])
+
+
+def depth_in_turn(way: SurfaceCut, before: Cut, after: Cut) -> float:
+    """How deep (mm) the flank gets into both surfaces while the tool turns from one placement to the next.
+
+    As far as the corner of the tool reaches nothing is looked at: it touches the lower edge only.
+    """
+    poses = [way.surface.pose(float(x), 0.0) for x in np.linspace(0.0, 1.0, TURN_POSES)]
+    tips, axes = (np.array(column) for column in zip(*poses, strict=True))
+    deepest = 0.0
+    for cut, u in ((before, 1.0 - BESIDE * _NEAR), (after, BESIDE * _NEAR)):
+        points = _beside(cut, u)
+        height = axes @ points - (axes * tips).sum(axis=1)[:, None]
+        square = ((points[None] - tips[:, :, None]) ** 2).sum(axis=1) - height * height
+        flank = _flank(cut)
+        gap = np.sqrt(np.maximum(square, 0.0)) - flank[0] - height * math.tan(cut.tool.taper_rad)
+        gap = np.where(height < flank[1], math.inf, gap * math.cos(cut.tool.taper_rad))
+        deepest = max(deepest, -float(gap.min()))
+    return deepest
+
+
+_NEAR = np.linspace(0.0, 1.0, 65) ** 2  # closer towards the joint
+
+
+def _beside(cut: Cut, u: Array) -> Array:
+    """Points (3, N) of a surface at the rulings ``u``, part frame."""
+    along, across = (a.ravel() for a in np.meshgrid(u, np.linspace(0.0, 1.0, 17), indexing="ij"))
+    point = cut.motion.surface.point(along, across, np)
+    return rows(point, along.shape)
+
+
+def _flank(cut: Cut) -> tuple[float, float]:
+    """Radius (mm) of the flank at the height of the tip as placed, and height from which it cuts."""
+    tool, surface = cut.tool, cut.motion.surface
+    low = surface.shift_mm if isinstance(surface, Placed) else 0.0
+    radius = surface.offset_mm if isinstance(surface, Placed) else cut.motion.offset_mm
+    return abs(radius) - low * math.tan(tool.taper_rad), tool.corner_mm * (1.0 - math.sin(tool.taper_rad))

@@ -1,0 +1,298 @@
+"""Joints of surfaces within a tolerance: the poses on both sides are led over into each other.
+
+Programs have three to five decimals, so the rulings that two surfaces share agree but their normals
+differ by hundredths of a degree. There the cutter would have to pivot, or would cut a nanometre into
+one of the two. Instead both cuts are corrected next to the joint (``placement.Blend``) by half of what
+their poses, and the first two derivatives of these over the length of the contact, differ by: they
+come to the same pose at the same rates. What this leaves on the surfaces, or takes off them, is
+computed point by point (``blends``), and the blend made shorter until it is within the tolerance.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from enum import Enum
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.geometry.placement import Blend
+from controller.geometry.vectors import add, angle_between, cross, dot, norm, scale, subtract, unit
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Machine
+from controller.motion.motions import SurfaceCut
+from controller.plan.surfaces.blends import End, Looked, Rounding, between, led_over, placed
+from controller.plan.surfaces.cuts import MOST_KNOWN, REMEMBERED, SAME_RAD, Cut, apart, edge, turned
+from controller.plan.surfaces.placements import name_of
+from controller.program.program import Modal
+
+Array = npt.NDArray[np.float64]
+
+USEFUL_S = 0.1  # a blend takes so long at the feed, on either side; longer ones ask less of no joint
+USEFUL_MM = (1.0, 10.0)
+SHARE = 0.45  # of a cut: both its ends may be blended
+SHORTEST_MM = 0.02
+TRIES = 10
+USED = 0.9  # of what the tolerance leaves, for what lies between the points that are looked at
+CLOSE = 0.85  # of the shortest blend that is too long: so near to it one is long enough
+ROUNDINGS = (0.0594, 0.09, 0.12, 0.16)  # how far each stays away from a corner of slope 1 over its reach
+CLEAR_OF_POLE = 10.0  # times the change of the axis: so far from the pole it hardly turns a rotary
+NEARLY_UPPER = 0.99  # of the ruling
+MEANT_MM = 1e-9  # poses nearer than this are meant to be one
+SMOOTH, ALIKE = 1e-9, 3.0  # rad within a millimetre; times the tolerance, within the same
+
+
+class Tolerance(NamedTuple):
+    """How far two surfaces may be apart and the blend may leave them (mm), and their turn (rad)."""
+
+    mm: float
+    rad: float
+
+
+EXACT = Tolerance(1e-5, math.radians(1e-3))  # G61: the rounding of the program's own numbers
+
+
+class Joint(NamedTuple):
+    """Two cuts, blended: what they differed by, and what the blend costs."""
+
+    before: Cut
+    after: Cut
+    angle_rad: float  # of the normals, at the contact
+    crease_rad: float  # the same at the upper end of the ruling
+    gap_mm: float
+    reach_mm: float  # of the longer of both blends
+    deviates_mm: float
+    shortened: bool  # by the tolerance
+
+
+def tolerance(before: Cut, after: Cut, machine: Machine) -> Tolerance:
+    """What holds at the joint of two blocks: the tighter of both."""
+    a, b = (_told(cut.block.modal, machine) for cut in (before, after))
+    return EXACT if EXACT in (a, b) else Tolerance(min(a.mm, b.mm), min(a.rad, b.rad))
+
+
+def _told(modal: Modal, machine: Machine) -> Tolerance:
+    if modal.exact_joints:
+        return EXACT
+    degrees = modal.blend_deg or machine.joint_tolerance_deg
+    return Tolerance(modal.blend_mm or machine.joint_tolerance_mm, math.radians(degrees))
+
+
+def joined(before: Cut, after: Cut, allowed: Tolerance, kinematics: Kinematics) -> Joint | None:
+    """The two cuts run through, if they meet within the tolerance and a blend keeps it."""
+    end, start = before.end, after.start
+    angle, gap = turned(end, start), apart(end.contact, start.contact)
+    longest = max(norm(before.motion.surface.ruling(1.0)), norm(after.motion.surface.ruling(0.0)))
+    tilt = apart(end.ruling, start.ruling)
+    if max(abs(angle), tilt) > allowed.rad or max(gap, tilt * longest) > allowed.mm:
+        return None
+    step = subtract(start.contact, end.contact)
+    upper = add(step, scale(subtract(start.ruling, end.ruling), longest))
+    left = allowed.mm - max(abs(dot(step, end.out)), abs(dot(upper, end.out)))
+    if after.side * angle < 0.0:  # a hollow: each of the two is cut by the other one's flank
+        left -= after.tool.radius_mm * (1.0 - math.cos(angle))
+    reach = min(max(USEFUL_S * after.block.feed_mm_s, USEFUL_MM[0]), USEFUL_MM[1])
+    within = Tolerance(USED * left, allowed.rad)
+    found = _shortened(before.motion, after.motion, reach, within, kinematics)
+    if found is None:
+        return None
+    deviates = allowed.mm - left + found.deviates_mm
+    first = replace(before, motion=found.before, end=edge(found.before, 1.0))
+    second = replace(after, motion=found.after, start=edge(found.after, 0.0))
+    most = max(min(reach, SHARE * cut.motion.end) for cut in (before, after))
+    shortened = found.reach_mm < most
+    return Joint(first, second, abs(angle), _crease(before, after), gap, found.reach_mm, deviates, shortened)
+
+
+def _crease(before: Cut, after: Cut) -> float:
+    """Angle (rad) of the normals at the upper end of the ruling: just below it, a cone may have a tip."""
+    normals = []
+    for motion, u in ((before.motion, 1.0), (after.motion, 0.0)):
+        surface = placed(motion)
+        tangent, turn = surface.rates(u, math)
+        normals.append(unit(cross(add(tangent, scale(turn, NEARLY_UPPER)), surface.ruling(u))))
+    return float(angle_between(normals[0], normals[1]))
+
+
+class Difference(Enum):
+    """What two cuts differ by whose poses agree within a nanometre or two."""
+
+    NONE = "none"
+    ROUNDING = "of the program's decimals"
+    KINK = "the axis or the normal turns at quite another rate: that is how the surfaces are meant"
+
+
+def difference(before: Cut, after: Cut, allowed: Tolerance) -> Difference:
+    """Of poses and rates; a kink is one only where the poses agree to the last digit."""
+    if allowed is EXACT:
+        return Difference.NONE
+    if max(apart(before.end.contact, after.start.contact), apart(before.end.tip, after.start.tip)) > MEANT_MM:
+        return Difference.ROUNDING
+    with np.errstate(all="ignore"):
+        one, other = End.of(before.motion, False), End.of(after.motion, True)
+    if not (one.sound and other.sound):
+        return Difference.NONE
+    step = np.abs(other.rows[1:] - one.rows[1:])
+    turns = np.maximum(step[:, 3:].max(axis=1), step[:, :3].max(axis=1) / max(after.tool.radius_mm, 1.0))
+    if turns.max() <= SMOOTH:
+        return Difference.NONE
+    alike = turns[0] * USEFUL_MM[0] <= ALIKE * allowed.rad
+    return Difference.ROUNDING if alike else Difference.KINK
+
+
+# ---- two motions -------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Pair:
+    """Both motions with a blend, and what it adds to the deviation from the surfaces."""
+
+    before: SurfaceCut
+    after: SurfaceCut
+    reach_mm: float
+    deviates_mm: float
+
+
+class _Choice(NamedTuple):
+    """How long a blend is on either side, how it is rounded, whether the axis is, too, and what it costs."""
+
+    reaches_mm: tuple[float, float]
+    rounding: Rounding
+    axis_too: bool
+    deviates_mm: float
+
+    @property
+    def reach_mm(self) -> float:
+        return max(self.reaches_mm)
+
+
+_chosen: dict[str, _Choice | None] = {}  # a check comes to every joint twice: of a thousand not one is kept
+
+
+@lru_cache(REMEMBERED)
+def _shortened(
+    before: SurfaceCut,
+    after: SurfaceCut,
+    reach_mm: float,
+    allowed: Tolerance,
+    kinematics: Kinematics,
+) -> _Pair | None:
+    """The longest blend of the two, up to ``reach_mm``, that adds no more than is ``allowed``.
+
+    Beside a pole, where no blend of the axis is short enough, of the tip alone.
+    """
+    with np.errstate(all="ignore"):
+        ends = End.of(before, False), End.of(after, True)
+    if allowed.mm <= 0.0 or not all(end.sound for end in ends):
+        return None
+    rest = (before.offset_mm, before.part, after.part, reach_mm, allowed, kinematics.work_frame())
+    name = name_of(before.surface, after.surface, after.offset_mm, *rest)
+    if name not in _chosen:
+        if len(_chosen) >= MOST_KNOWN:
+            _chosen.clear()
+        _chosen[name] = _sought(*ends, reach_mm, allowed, kinematics)
+    choice = _chosen[name]
+    if choice is None:
+        return None
+    pair = led_over(*ends, choice.reaches_mm, choice.rounding, choice.axis_too)
+    return _Pair(*pair, choice.reach_mm, choice.deviates_mm)
+
+
+def _sought(
+    one: End, other: End, reach_mm: float, allowed: Tolerance, kinematics: Kinematics
+) -> _Choice | None:
+    for axis_too in (True, False):
+        search = _Search(one, other, reach_mm, allowed, kinematics, axis_too)
+        best = search.longest(Rounding.of(ROUNDINGS[0]))
+        for rounding in map(Rounding.of, ROUNDINGS[1:]):
+            if best is not None and best.reach_mm < search.most_mm:
+                best = search.better(best, rounding)
+        if best is not None:
+            return best
+    return None
+
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """For the blend of two ends that bends least, reaches no further and adds no more than is allowed."""
+
+    one: End
+    other: End
+    wanted_mm: float
+    allowed: Tolerance
+    kinematics: Kinematics
+    axis_too: bool
+
+    @property
+    def most_mm(self) -> float:
+        """As far as it reaches, or as the cuts are long enough for."""
+        return max(self._reaches(self.wanted_mm))
+
+    def better(self, best: _Choice, rounding: Rounding) -> _Choice:
+        """As ``rounding`` has it if that bends less, else ``best``."""
+        as_good = best.reach_mm * math.sqrt(rounding.third / best.rounding.third)
+        if as_good >= self.most_mm or self._added(as_good, rounding) > self.allowed.mm:
+            return best
+        return self.longest(rounding, as_good) or best
+
+    def longest(self, rounding: Rounding, kept_mm: float = 0.0) -> _Choice | None:
+        """The longest within the tolerance; that one of ``kept_mm`` is, is known."""
+        found, short, long, reach = None, kept_mm, math.inf, self.most_mm
+        for _ in range(TRIES):
+            added = self._added(reach, rounding)
+            if added <= self.allowed.mm:
+                found, short = _Choice(self._reaches(reach), rounding, self.axis_too, added), reach
+            else:
+                long = reach
+            if max(short, SHORTEST_MM) > CLOSE * long or math.isinf(long):
+                break
+            share = min(0.8, max(0.3, 0.95 * self.allowed.mm / added))
+            reach = math.sqrt(short * long) if short else share * long
+        return found
+
+    def _reaches(self, reach_mm: float) -> tuple[float, float]:
+        a, b = (min(reach_mm, SHARE * end.motion.end) for end in (self.one, self.other))
+        return a, b
+
+    def _added(self, reach_mm: float, rounding: Rounding) -> float:
+        """What a blend adds to the deviation (mm); inf where the axis may not be led so."""
+        one, other, reaches = self.one, self.other, self._reaches(reach_mm)
+        blends = between(one, other, reaches, rounding)
+        if not _is_clear(one.motion, other.motion, blends, self.axis_too, self.allowed.rad, self.kinematics):
+            return math.inf
+        looked = Looked.at(one.motion, other.motion, blends, reaches)
+        return looked.added(*led_over(one, other, reaches, rounding, self.axis_too))
+
+
+def _is_clear(
+    before: SurfaceCut,
+    after: SurfaceCut,
+    blends: tuple[Blend, Blend],
+    axis_too: bool,
+    allowed_rad: float,
+    kinematics: Kinematics,
+) -> bool:
+    """Whether the axis may be changed or, without ``axis_too``, need not be.
+
+    Beside a pole a rotary turns by far more than the axis, and whatever shifts the axis by a little
+    might lead it past the pole instead of through it. There only the tip is blended, if the axes agree.
+    """
+    seen = [_axes(*one) for one in zip((before, after), blends, strict=True)]
+    if not axis_too:
+        return float(np.abs(seen[0][0][:, 0] - seen[1][0][:, 0]).max()) <= SAME_RAD
+    change = max(float(np.abs(changed - plain).max()) for plain, changed in seen)
+    clear = min(float(np.min(kinematics.off_pole(tuple(plain), np))) for plain, _ in seen)
+    return clear > CLEAR_OF_POLE * change and change <= allowed_rad
+
+
+def _axes(motion: SurfaceCut, blend: Blend) -> tuple[Array, Array]:
+    """The axis from the joint as far as the blend reaches, without and with it, table frame, (3, N) each."""
+    away = np.linspace(0.0, 1.0, 33) / blend.per_u
+    u = away if blend.at_start else 1.0 - away
+    pose = placed(motion).pose(u, motion.offset_mm, np)
+    both = (pose.axis, blend.onto(pose, u, np).axis)
+    plain, changed = (np.array([np.broadcast_to(c, u.shape) for c in motion.part.turn(a)]) for a in both)
+    return plain, changed

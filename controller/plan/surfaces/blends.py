@@ -1,0 +1,200 @@
+"""What leads one cut over into the next: corrections beside a joint, and what they leave on the surfaces."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+from numpy.polynomial import Polynomial
+
+from controller.geometry import series
+from controller.geometry.curves import Curve
+from controller.geometry.placement import Blend, Blended, Placed
+from controller.geometry.vectors import Vector, dot, subtract
+from controller.motion.motions import SurfaceCut
+from controller.plan.surfaces import deviation
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+Reaches = tuple[float, float]  # of the blends before and behind the joint, mm
+
+BESIDE = 1.25  # times the blend's own reach is looked at
+_ALONG, _ACROSS = np.linspace(0.0, 1.0, 17), np.linspace(0.0, 1.0, 5)
+_FURTHER = np.linspace(0.0, 1.0, 13)[1:] ** 2
+
+
+class Rounding(NamedTuple):
+    """A corner's rounding, (1 - x)^4 (a + (4 a - 1) x - 0.85 x^2), of slope -1 over x at the corner."""
+
+    away: float  # a: how far it stays away from the corner
+    bend: float  # its second derivative there
+    third: float  # its largest third derivative
+
+    @staticmethod
+    @lru_cache
+    def of(away: float) -> Rounding:
+        """The one of these forms whose third derivative is least for what it deviates by.
+
+        With a = 0.0594 it swings past the corner by as much as it stays away from it: the least of all.
+        Where a corner costs nothing on its inner side more is better.
+        """
+        shape = Polynomial([1.0, -1.0]) ** 4 * Polynomial([away, 4.0 * away - 1.0, -0.85])
+        third = np.abs(shape.deriv(3)(np.linspace(0.0, 1.0, 101))).max()
+        return Rounding(away, float(shape.deriv(2)(0.0)), float(third))
+
+
+def between(one: End, other: End, reaches_mm: Reaches, rounding: Rounding) -> tuple[Blend, Blend]:
+    """Each of both ends is led over by half of what they differ by.
+
+    Where their rates differ the way is rounded as a corner is.
+    """
+    half, reach = 0.5 * (other.rows - one.rows), min(reaches_mm)
+    rounded = np.outer((rounding.away * reach, 0.0, rounding.bend / reach), half[1])
+    return one.blend(rounded + half, reaches_mm[0]), other.blend(rounded - half, reaches_mm[1])
+
+
+def led_over(
+    one: End, other: End, reaches_mm: Reaches, rounding: Rounding, axis_too: bool
+) -> tuple[SurfaceCut, SurfaceCut]:
+    """Both cuts with their blends, without ``axis_too`` of the tip alone."""
+    first, second = (
+        blend if axis_too else replace(blend, axis=None)
+        for blend in between(one, other, reaches_mm, rounding)
+    )
+    return _with(one.motion, first), _with(other.motion, second)
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """Tip and axis at one end of a cut with two derivatives: ``rows`` (3, 6), over s.
+
+    ``rate`` and ``bend`` are the first two derivatives of u over s there.
+    """
+
+    motion: SurfaceCut
+    at_start: bool
+    rows: Array
+    rate: float
+    bend: float
+
+    @staticmethod
+    def of(motion: SurfaceCut, at_start: bool) -> End:
+        u = in_arc_length(motion.surface.lower, np.array([0.0 if at_start else 1.0]))
+        tip, axis = motion.surface.pose(u, motion.offset_mm, series)
+        parts = [series.jet(value) for value in (*tip, *axis)]
+        rows = np.array([[part.derivative(k).item() for part in parts] for k in range(3)])
+        return End(motion, at_start, rows, u.derivative(1).item(), u.derivative(2).item())
+
+    @property
+    def sound(self) -> bool:
+        """Whether there are derivatives: not where C1 stands still."""
+        return bool(np.isfinite(self.rows).all() and math.isfinite(self.bend) and self.rate > 0.0)
+
+    def blend(self, rows: Array, reach_mm: float) -> Blend:
+        """What adds ``rows`` (over s) at this end and is gone ``reach_mm`` from it."""
+        arc = self.motion.arc
+        width = arc.u_at(reach_mm) if self.at_start else 1.0 - arc.u_at(arc.length_mm - reach_mm)
+        per_u = rows[1] / self.rate
+        first = (width if self.at_start else -width) * per_u
+        second = width * width * (rows[2] - per_u * self.bend) / self.rate**2
+        a = rows[0]
+        b = first + 4.0 * a
+        c = 0.5 * second + 4.0 * b - 6.0 * a
+        tip, axis = ((_vector(a[k]), _vector(b[k]), _vector(c[k])) for k in (slice(0, 3), slice(3, 6)))
+        return Blend(self.at_start, 1.0 / width, tip, axis)
+
+
+def _vector(row: Array) -> Vector:
+    x, y, z = (float(value) for value in row)
+    return x, y, z
+
+
+def in_arc_length(lower: Curve, u: Array) -> series.Jet:
+    """u as a series in arc length: the reversion of s(u), whose rate is abs(C1')."""
+    rate = lower.derivative(series.variable(u), 1, series)
+    b = series.sqrt(rate[0] * rate[0] + rate[1] * rate[1] + rate[2] * rate[2]).c
+    b1, b2, b3 = (np.broadcast_to(b[k] / (k + 1.0), u.shape) for k in range(3))  # a line's rate is one number
+    return series.Jet(np.stack([u, 1.0 / b1, -b2 / b1**3, (2.0 * b2 * b2 - b1 * b3) / b1**5]))
+
+
+def placed(motion: SurfaceCut) -> Placed:
+    surface = motion.surface
+    return surface if isinstance(surface, Placed) else Placed(surface, motion.offset_mm)
+
+
+def _with(motion: SurfaceCut, blend: Blend) -> SurfaceCut:
+    touches = motion.touches
+    if blend.axis is not None:  # there it is another axis than the touches tell
+        low, high = (1.0 / blend.per_u, 1.0) if blend.at_start else (0.0, 1.0 - 1.0 / blend.per_u)
+        shorter = (t._replace(low=max(t.low, low), high=min(t.high, high)) for t in touches)
+        touches = tuple(t for t in shorter if t.low < t.high)
+    return replace(motion, surface=Blended.of(placed(motion), blend), touches=touches)
+
+
+# ---- what it costs -------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Looked:
+    """Points (3, N) of both surfaces beside a joint, and how far each of both flanks is from them."""
+
+    points: Array
+    own: tuple[Mask, Mask]  # of each flank: which of the points are on its own surface, (N,)
+    flanks: tuple[Placed, Placed]
+    seen: tuple[deviation.Deviation, deviation.Deviation]
+
+    @staticmethod
+    def at(before: SurfaceCut, after: SurfaceCut, blends: tuple[Blend, Blend], reaches_mm: Reaches) -> Looked:
+        flanks = placed(before), placed(after)
+        sides = [_beside(*one) for one in zip(flanks, blends, reaches_mm, strict=True)]
+        points = np.concatenate(sides, axis=1)
+        first = np.arange(points.shape[1]) < sides[0].shape[1]
+        seen = deviation.of(flanks[0], points), deviation.of(flanks[1], points)
+        return Looked(points, (first, ~first), flanks, seen)
+
+    def added(self, before: SurfaceCut, after: SurfaceCut) -> float:
+        """The most (mm) that is cut deeper, or left, or that the cutter's end leaves the lower edge."""
+        flanks = placed(before), placed(after)
+        now = [_left(*one, self.points) for one in zip(flanks, self.seen, strict=True)]
+        left = np.minimum(*now)
+        own = np.where(self.own[0], self.seen[0].left, self.seen[1].left)
+        deeper = np.minimum(self.seen[0].left, self.seen[1].left) - left
+        worst = max(float(deeper.max()), float((left - own).max()))
+        for plain, blended, seen, mine in zip(self.flanks, flanks, self.seen, self.own, strict=True):
+            worst = max(worst, _off_edge(plain, blended, seen.at_u[mine]))
+        return worst
+
+
+def _left(flank: Placed, seen: deviation.Deviation, points: Array) -> Array:
+    """What a blended flank leaves: sought where it was nearest without the blend, and in the blend itself."""
+    assert isinstance(flank, Blended)
+    blend = flank.blends[-1]
+    within = np.full(points.shape[1], 0.3 / blend.per_u if blend.at_start else 1.0 - 0.3 / blend.per_u)
+    starts = np.concatenate((seen.at_u, within))
+    return np.asarray(deviation.of(flank, np.tile(points, 2), starts).left.reshape(2, -1).min(axis=0))
+
+
+def _beside(flank: Placed, blend: Blend, reach_mm: float) -> Array:
+    """Points (3, N) of a surface at the joint, as far as its blend reaches, and a radius further.
+
+    A twisted surface is touched as far as that beside the ruling at which the cutter stands.
+    """
+    further = BESIDE + _FURTHER * abs(flank.offset_mm) / reach_mm
+    away = np.minimum(np.concatenate((BESIDE * _ALONG, further)) / blend.per_u, 1.0)
+    u, v = (one.ravel() for one in np.meshgrid(away if blend.at_start else 1.0 - away, _ACROSS))
+    return deviation.points(flank, u, v)
+
+
+def _off_edge(plain: Placed, blended: Placed, u: Array) -> float:
+    """How far (mm) the end of the cutter leaves the lower edge of the surface, along its axis.
+
+    Beside the contact: a cutter that leans more about it goes up on its far side, as the surface has it.
+    """
+    a, b = (flank.pose(u, flank.offset_mm, np) for flank in (plain, blended))
+    contact = plain.contact(u, np)
+    heights = [dot(subtract(contact, pose.tip), pose.axis) for pose in (a, b)]
+    return float(np.abs(heights[1] - heights[0]).max())

@@ -1,0 +1,88 @@
+"""What a whole program asks of the rotaries, and the choice of branch and turns for all of it.
+
+A pass of its own over the blocks, before the path: the path then needs only the small
+mapping it returns, and can be read block by block.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import groupby
+
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Joints, Machine
+from controller.motion.motions import Rotaries
+from controller.plan.rotaries import winding
+from controller.plan.rotaries.winding import Row, Turned, Way
+from controller.plan.stretch import Voice, rotaries_of
+from controller.plan.surfaces import cuts, train
+from controller.program.program import Aside, Block, CutBlock, JointMotion, ProgramError, TipLine
+
+
+def choices(
+    blocks: Iterable[Block], machine: Machine, kinematics: Kinematics, start: Joints, name: str
+) -> dict[int, Rotaries]:
+    """Rotaries (rad) at the start of each train of cuts, by the order of its first block (``Place.order``).
+
+    Least rotary travel over the whole program from the joints ``start``, all joints
+    inside travel. A program that is refused somewhere gives the choices up to there.
+    """
+    return winding.choose(_steps(blocks, machine, kinematics, name), rotaries_of(start, kinematics), machine)
+
+
+def _steps(
+    blocks: Iterable[Block], machine: Machine, kinematics: Kinematics, name: str
+) -> Iterator[Row | Turned]:
+    voice = Voice(name, lambda place, sentence: None)  # the path says it all again
+    try:
+        for is_cut, group in groupby(_moving(blocks), lambda block: isinstance(block, CutBlock)):
+            if is_cut:
+                row = (block for block in group if isinstance(block, CutBlock))
+                yield from _rows(row, machine, kinematics, voice)
+            else:
+                yield from _moves(group, machine)
+    except ProgramError:  # the path comes to it and refuses it with all that it knows
+        return
+
+
+def _moving(blocks: Iterable[Block]) -> Iterator[Block]:
+    """What stands aside parts no surfaces."""
+    return (block for block in blocks if not isinstance(block, Aside))
+
+
+def _rows(
+    blocks: Iterable[CutBlock], machine: Machine, kinematics: Kinematics, voice: Voice
+) -> Iterator[Row]:
+    ready = [cut for block in blocks for cut in cuts.build(block, machine, voice)]
+    for members, _ in train.trains(ready, machine, kinematics, voice):
+        yield Row(members[0].block.place.order, _ways(members, machine, kinematics, voice))
+
+
+def _ways(
+    members: Sequence[cuts.Cut], machine: Machine, kinematics: Kinematics, voice: Voice
+) -> Callable[[Rotaries], Sequence[Way]]:
+    """The branches of a train; followed once, unless they depend on where the rotaries stand."""
+    fields = train.Fields(members, kinematics)
+    known: list[Way] = []
+
+    def ways(near: Rotaries) -> Sequence[Way]:
+        if known and not fields.free:
+            return known
+        try:
+            found = [option.way for option in train.options(fields, machine, near, voice)]
+        except ProgramError:
+            return []
+        known[:] = found
+        return found
+
+    return ways
+
+
+def _moves(blocks: Iterable[Block], machine: Machine) -> Iterator[Turned]:
+    for block in blocks:
+        if isinstance(block, JointMotion):
+            to = machine.pair(block.targets, None)
+            if to != (None, None):
+                yield Turned(to, block.relative)
+        elif isinstance(block, TipLine) and block.rotaries != (None, None):
+            yield Turned(block.rotaries, block.relative)

@@ -1,0 +1,371 @@
+"""From a G51, G52 or G6.2 block to the motions of its cut, and the audit of its surface.
+
+A surface between B-splines becomes several cuts that join: one for each part over
+which the joints change smoothly, as two G52 blocks would.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, Generic, TypeVar
+
+from controller.geometry.curves import ArcLength, Bezier
+from controller.geometry.placement import Placed, Strategy, Turn
+from controller.geometry.rulings import smooth_parts
+from controller.geometry.surfaces import (
+    Cone,
+    Defect,
+    DefectKind,
+    RuledSurface,
+    Surface,
+    concave_radius,
+    defect,
+)
+from controller.geometry.vectors import Number, Vector, add, cross, dot, norm, rotate, scale, subtract, unit
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Machine, Tool
+from controller.motion.motions import SurfaceCut
+from controller.plan.stretch import Voice
+from controller.plan.surfaces.placements import name_of
+from controller.plan.surfaces.placing import Cutter, off_mm, place
+from controller.plan.surfaces.touching import touched
+from controller.program.program import CutBlock, CutCone, CutNurbs, CutRuled, GougeRefused, Modal
+
+# What is wrong at u (and v), and what to do.
+DEFECTS = {
+    DefectKind.COINCIDENT: (
+        "the upper and the lower directrix coincide, so there is no ruling to hold the cutter along; "
+        "give two different curves"
+    ),
+    DefectKind.ZERO_RULING_INSIDE: (
+        "the ruling at u = {u:.4f} has no length, so the tool axis is undefined there; "
+        "keep the directrices apart"
+    ),
+    DefectKind.ZERO_RULING_END: (
+        "the ruling at u = {u:.4f}, an end of the block, has no length, so the tool axis is undefined there; "
+        "keep the directrices apart at their ends too"
+    ),
+    DefectKind.CROSSING: (
+        "the directrices cross near u = {u:.4f}; a ruled surface needs two curves that stay apart"
+    ),
+    DefectKind.STANDSTILL: (
+        "the lower directrix stands still at u = {u:.4f} (C1' = 0), where the cutter has no direction of "
+        "travel; split the block there or move its control points apart"
+    ),
+    DefectKind.TWIST: (
+        "the normal of the surface turns by {turn_deg:.1f} degrees along the ruling at u = {u:.4f}, which "
+        "only an axis that leaves the ruling can follow"
+    ),
+    DefectKind.FOLD: (
+        "the surface folds at u = {u:.4f}, v = {v:.3f}: it has no normal there, so no cutter can stand "
+        "beside it; make the directrices run the same way"
+    ),
+}
+FREE = (Strategy.OPTIMAL, Strategy.AUTO)  # leave the ruling: they take any twist
+
+
+NO_TOLERANCE = (
+    "the cutter is to be placed automatically (auto, P4), and there is no form tolerance to be kept; "
+    "write R beside P, or tolerance_mm for the tool or in [machine]"
+)
+
+# A check builds every block twice: to choose the branches of the whole program, and to trace it.
+REMEMBERED = 256
+SAME_RAD = math.radians(1e-6)  # axes nearer than this are one
+MOST_KNOWN = 20_000
+T = TypeVar("T")
+
+
+class _Known(Generic[T]):
+    """What a look at a surface has found, by its hash: of a thousand surfaces not one is kept for that."""
+
+    def __init__(self, look: Callable[..., T]) -> None:
+        self._look, self._found = look, dict[str, T]()
+
+    def __call__(self, surface: Surface, *asked: float) -> T:
+        name = name_of(surface, *asked)
+        if name not in self._found:
+            if len(self._found) >= MOST_KNOWN:
+                self._found.clear()
+            self._found[name] = self._look(surface, *asked)
+        return self._found[name]
+
+
+_defect = _Known(defect)
+_concave_radius = _Known(concave_radius)
+_arc: Callable[[Any], ArcLength] = lru_cache(REMEMBERED)(ArcLength.of)
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """One end of a cut in the table frame: where the cutter stands and which way it goes."""
+
+    contact: Vector
+    tip: Vector
+    axis: Vector
+    ruling: Vector  # unit vector along the ruling, upward: the axis itself where the paper places it
+    tangent: Vector  # unit vector along C1, in the direction of travel
+    out: Vector  # unit normal towards the cutter's side
+    away: Vector  # off all of the ruling: half way between its normals where they differ much, else ``out``
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """One G51 or G52 block, or a smooth part of a G6.2 block, ready to be followed."""
+
+    block: CutBlock
+    tool: Tool
+    motion: SurfaceCut
+    start: Edge
+    end: Edge
+    part: tuple[float, float] = (0.0, 1.0)  # which part of the block, in its u
+
+    def block_u(self, u: Number) -> Number:
+        """The block's parameter at the cut's own."""
+        return self.part[0] + (self.part[1] - self.part[0]) * u
+
+    @property
+    def side(self) -> float:
+        return self.block.modal.side.value
+
+
+def build(block: CutBlock, machine: Machine, voice: Voice) -> tuple[Cut, ...]:
+    """The cuts of one block, in order; refuses a surface that its cutter cannot cut."""
+    tool = block.modal.tool_in(machine)
+    if tool is None:
+        known = ", ".join(f"T{t.number}" for t in machine.tools)
+        voice.refuse(
+            block.place,
+            f"T{block.modal.tool} is not in the tool table, which has {known}; add it or take one",
+        )
+    surface = surface_of(block)
+    found = _defect(surface)
+    twisted = found is not None and found.kind is DefectKind.TWIST
+    if found is not None and not (twisted and strategy(block, tool, machine) in FREE):
+        advice = _untwisted(block, surface, tool, machine) if twisted else ""
+        voice.refuse(block.place, f"{code(block)}: {describe(found)}{advice}")
+    if block.modal.allowance_mm < 0.0 and tool.radius_mm + block.modal.allowance_mm <= 0.0:
+        sentence = (
+            f"Q of {block.modal.allowance_mm:.3f} mm leaves nothing of T{tool.number} with its radius of "
+            f"{tool.radius_mm:.3f} mm; give a smaller correction"
+        )
+        voice.refuse(block.place, sentence)
+    if strategy(block, tool, machine) is Strategy.AUTO and tolerance_mm(block.modal, tool, machine) is None:
+        voice.refuse(block.place, NO_TOLERANCE)
+    if not twisted:  # an axis off the ruling meets other curvatures: what it cuts is judged
+        _audit_hollow(block, surface, tool, machine, voice)
+    _tell_flute(block, surface, tool, voice)
+    try:
+        return tuple(_cut(block, part, at, tool, machine) for part, at in _parts(block, surface))
+    except ValueError as error:
+        voice.refuse(block.place, f"{code(block)}: the lower directrix cannot be travelled: {error}")
+
+
+def _cut(block: CutBlock, surface: Surface, part: tuple[float, float], tool: Tool, machine: Machine) -> Cut:
+    modal = block.modal
+    cutter = _cutter(modal, tool)
+    placed = place(surface, cutter, strategy(block, tool, machine), tolerance_mm(modal, tool, machine) or 0.0)
+    frame = modal.frame(machine)
+    motion = SurfaceCut(placed, _arc(surface.lower), cutter.offset_mm, tool.length_mm, frame)
+    motion = touched(motion, kinematics_of(machine))
+    return Cut(block, tool, motion, edge(motion, 0.0), edge(motion, 1.0), part)
+
+
+def _cutter(modal: Modal, tool: Tool) -> Cutter:
+    return Cutter.of(tool, modal.side.value, modal.allowance_mm, tool.below_mm)
+
+
+def strategy(block: CutBlock, tool: Tool, machine: Machine) -> Strategy:
+    """How the cutter is placed: as the program says, else the tool, else the machine."""
+    if block.modal.placement:
+        return Strategy(block.modal.placement)
+    return Strategy[(tool.placement or machine.placement).upper()]
+
+
+def tolerance_mm(modal: Modal, tool: Tool, machine: Machine) -> float | None:
+    """The form tolerance of a surface: as the program says, else the tool, else the machine; None: none."""
+    if modal.tolerance_mm is not None:
+        return modal.tolerance_mm
+    return machine.tolerance_mm if tool.tolerance_mm is None else tool.tolerance_mm
+
+
+def code(block: CutBlock) -> str:
+    """The code that a block was written with."""
+    if isinstance(block, CutCone):
+        return "G51"
+    return "G52" if isinstance(block, CutRuled) else "G6.2"
+
+
+def surface_of(block: CutBlock) -> Surface:
+    """The nominal surface of a block, part frame."""
+    if isinstance(block, CutCone):
+        return Cone(block.start, block.centre, block.height_mm, block.upper_radius_mm, block.sweep_rad)
+    if isinstance(block, CutRuled):
+        return RuledSurface(upper=Bezier(block.upper), lower=Bezier(block.lower))
+    return RuledSurface(upper=block.upper, lower=block.lower)
+
+
+def _parts(block: CutBlock, surface: Surface) -> Iterator[tuple[Surface, tuple[float, float]]]:
+    """The smooth parts of a block's surface, each with the share of the block that it is."""
+    if isinstance(block, CutCone | CutRuled):
+        yield surface, (0.0, 1.0)
+        return
+    upper, lower = block.upper.snapped(block.lower.breaks), block.lower
+    for start, end in smooth_parts(upper, lower):
+        yield RuledSurface(upper.between(start, end), lower.between(start, end)), (start, end)
+
+
+def describe(found: Defect) -> str:
+    """What is wrong with a surface and what to do; without a full stop."""
+    return DEFECTS[found.kind].format(u=found.u, v=found.v, turn_deg=found.turn_deg)
+
+
+def _untwisted(block: CutBlock, surface: Surface, tool: Tool, machine: Machine) -> str:
+    """What helps a twisted surface: a placement that leaves the ruling, where one is good enough.
+
+    A surface in several parts is not searched for a refusal: that would take seconds for each of them.
+    """
+    if isinstance(block, CutNurbs) and len(list(_parts(block, surface))) > 1:
+        return "; try P3 (optimal) or P4 (auto)"
+    cutter, kind = _cutter(block.modal, tool), strategy(block, tool, machine)
+    own, best = (off_mm(surface, cutter, one) for one in (kind, Strategy.OPTIMAL))
+    most = tolerance_mm(block.modal, tool, machine)
+    if best < own and (most is None or best <= most):
+        words = "P3 (optimal)" if most is None else "P3 (optimal) or P4 (auto)"
+        return f"; write {words} ({kind.name.lower()} would be {own:.3f} mm off, optimal {best:.3f} mm)"
+    allowed = "" if most is None else f" (the form tolerance is {most:g} mm)"
+    return (
+        f", and with T{tool.number} none was found that is less than {min(own, best):.3f} mm off{allowed}; "
+        "take a thinner cutter or let both curves run more alike"
+    )
+
+
+def _audit_hollow(block: CutBlock, surface: Surface, tool: Tool, machine: Machine, voice: Voice) -> None:
+    """A cutter that does not fit into the hollow of its side cuts away what it must leave (gouge)."""
+    side = block.modal.side
+    radius, u = _concave_radius(surface, side.value)
+    if tool.radius_mm > radius * (1.0 + 1e-9):
+        gouge(
+            f"{code(block)}: the cutter T{tool.number} of radius {tool.radius_mm:.3f} mm does not fit into "
+            f"the hollow of radius {radius:.3f} mm at u = {u:.4f} on its {side.name.lower()} side",
+            f"take a cutter of at most {radius:.3f} mm or the other side",
+            block,
+            machine,
+            voice,
+        )
+
+
+def _tell_flute(block: CutBlock, surface: Surface, tool: Tool, voice: Voice) -> None:
+    """A note where the longest ruling is longer than the flute."""
+    if tool.flute_mm > 0.0:
+        longest = max(float(norm(surface.ruling(i / 64.0))) for i in range(65))
+        if longest > tool.flute_mm:
+            sentence = (
+                f"The flute of T{tool.number} is {tool.flute_mm:.3f} mm long, the longest ruling "
+                f"{longest:.3f} mm; above the flute nothing is cut."
+            )
+            voice.tell(block.place, sentence)
+
+
+def gouge(what: str, advice: str, block: CutBlock, machine: Machine, voice: Voice) -> None:
+    """Refuse what cuts into the part, or only note it where the machine file says gouge = "warn"."""
+    if machine.gouge == "refuse":
+        sentence = f'{what}; {advice}, or set gouge = "warn" to cut it anyway'
+        raise GougeRefused(voice.program, block.place.line, block.place.column, sentence)
+    voice.tell(block.place, f"Gouge: {what}; {advice}.")
+
+
+def edge(cut: SurfaceCut, u: float) -> Edge:
+    """The end of a cut at ``u`` = 0 or 1, in the table frame."""
+    surface, part = cut.surface, cut.part
+    tip, axis = surface.pose(u, cut.offset_mm)
+    out = scale(surface.normal(u), math.copysign(1.0, cut.offset_mm))
+    ruling = unit(surface.ruling(u)) if isinstance(surface, Placed) else axis
+    return Edge(
+        contact=part.to_parent(surface.contact(u)),
+        tip=part.to_parent(tip),
+        axis=part.turn(axis),
+        ruling=part.turn(ruling),
+        tangent=part.turn(_tangent(surface, u)),
+        out=part.turn(out),
+        away=part.turn(_away(surface, u, out)),
+    )
+
+
+def _away(surface: Surface, u: float, out: Vector) -> Vector:
+    """Half way between ``out`` at C1 and the normal at C0, where an axis leaves the ruling; else ``out``.
+
+    Along ``out`` itself the upper part of the flank would go into a surface whose normal turns by more
+    than 90 degrees.
+    """
+    if not (isinstance(surface, Placed) and surface.run is not None):
+        return out
+    ruling = surface.ruling(u)
+    upper = cross(add(*surface.rates(u, math)), ruling)
+    upper = scale(unit(upper), math.copysign(1.0, dot(out, cross(surface.rates(u, math)[0], ruling))))
+    return unit(add(out, upper))
+
+
+def _tangent(surface: Surface, u: float) -> Vector:
+    """Direction of C1 at an end; where C1' is 0 there, the direction just inside."""
+    rate = surface.lower.derivative(u)
+    if norm(rate) > 1e-9:
+        return unit(rate)
+    inner = 1e-6 if u < 0.5 else 1.0 - 1e-6
+    return unit(surface.lower.derivative(inner))
+
+
+def hollow(cut: Cut, u: float) -> bool:
+    """Whether the surface bends towards the cutter at ``u``, seen in the plane normal to the ruling.
+
+    The curvature there is (C1'' n - 2 (C1' a)(a' n)) / |t|^2 with a the axis and t
+    the part of C1' across it (the twist of the ruling takes part where C1 is oblique).
+    """
+    surface = cut.motion.surface
+    axis, normal = unit(surface.ruling(u)), surface.normal(u)
+    tangent, second = surface.lower.derivative(u), surface.lower.derivative(u, 2)
+    along = dot(tangent, axis)
+    across = subtract(tangent, scale(axis, along))
+    twist = dot(surface.ruling_curve.derivative(u), normal) / norm(surface.ruling(u))
+    bend = dot(second, normal) - 2.0 * along * twist
+    return bool(cut.side * bend > 1e-6 * max(dot(across, across), 1e-18))
+
+
+def turned(before: Edge, after: Edge) -> float:
+    """Angle (rad) by which the side normal turns about the shared ruling, left positive."""
+    across = dot(cross(before.out, after.out), before.ruling)
+    return math.atan2(across, dot(before.out, after.out))
+
+
+def turned_axis(edge: Edge, angle_rad: float) -> Vector:
+    """The axis of an edge after a turn about its ruling."""
+    return rotate(edge.ruling, angle_rad, edge.axis) if edge.ruling is not edge.axis else edge.axis
+
+
+def turn(before: Cut, after: Cut) -> SurfaceCut | None:
+    """What leads from one cut to the next about the ruling they share, contact standing.
+
+    None where the axis of both is along that ruling: it is held then, and an arc will do.
+    """
+    end, start = before.end, after.start
+    if all(apart(edge.axis, edge.ruling) <= SAME_RAD for edge in (end, start)):
+        return None
+    first, second = before.motion.surface, after.motion.surface
+    poses = first.pose(1.0, before.motion.offset_mm), second.pose(0.0, after.motion.offset_mm)
+    way = Turn(first.contact(1.0), unit(first.ruling(1.0)), *poses, turned(end, start))
+    return SurfaceCut(way, ArcLength.of(way.lower), 0.0, after.motion.length_mm, after.motion.part)
+
+
+def apart(a: Vector, b: Vector) -> float:
+    """Distance of two points, or, of two unit vectors, their angle while it is tiny."""
+    return float(norm(subtract(a, b)))
+
+
+def beside(point: Vector, *steps: tuple[Vector, float]) -> Vector:
+    """A point moved by so much along each of some directions."""
+    for direction, by in steps:
+        point = add(point, scale(direction, by))
+    return point

@@ -1,0 +1,134 @@
+"""How far the flank of a placed cutter is from the surface: fast, for choosing a placement.
+
+The moving flank is the union of the flanks of all its positions. A point p of the surface is
+cut by the position whose flank comes nearest, so what is left on p (or, negative, cut too deep)
+is the least over u of
+
+    (e(u) - rho - (h(u) - shift) tan t) cos t        e, h: p seen from the axis at u,
+
+rho the radius beside C1 and t the taper. End face, corner and holder are not in it: those are
+looked at by the verifier, which judges the whole cutter.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.geometry.arrays import rows
+from controller.geometry.placement import Placed
+from controller.geometry.surfaces import Surface
+from controller.geometry.vectors import Vector, dot, scale, subtract
+
+Array = npt.NDArray[np.float64]
+
+COARSE = 193  # positions among which the nearest is sought first
+PARABOLAS = 6
+STEP, FARTHEST, SETTLED = 1e-4, 0.03, 1e-6  # of u
+
+
+class Deviation(NamedTuple):
+    """At points of the surface: what is left on it (mm, negative: overcut), and what cuts it."""
+
+    left: Array  # (N,)
+    at_u: Array  # (N,) position of the cutter that comes nearest
+    height: Array  # (N,) mm above the tip along its axis
+    away: Array  # (3, N) unit vectors from the point to that axis
+
+
+def points(surface: Surface, u: Array, v: Array) -> Array:
+    """S(u, v), (3, N) mm."""
+    return _stacked(surface.point(u, v, np), u)
+
+
+def of(placed: Placed, at: Array, near: Array | None = None) -> Deviation:
+    """Of the points ``at`` (3, N); ``near`` (N,): where to look first, else everywhere.
+
+    The least of the distance is found by parabolas: at the least its place counts in the
+    second order only, so that plain differences will do.
+    """
+    u = _nearest(placed, at) if near is None else near
+    for _ in range(PARABOLAS):
+        inner = np.clip(u, STEP, 1.0 - STEP)
+        before, here, behind = _gaps(placed, at, inner)
+        slope, bend = 0.5 * (behind - before) / STEP, (before - 2.0 * here + behind) / STEP**2
+        step = np.where(bend > 0.0, slope / np.where(bend > 0.0, bend, 1.0), np.sign(slope) * FARTHEST)
+        step = np.clip(step, -FARTHEST, FARTHEST)
+        last, u = u, np.clip(inner - step, 0.0, 1.0)
+        if float(np.abs(u - last).max()) < SETTLED:
+            break
+    return _seen(placed, at, u)
+
+
+def _gaps(placed: Placed, at: Array, u: Array) -> Array:
+    """Of each point (3, N) to the flank a step before its own ``u``, there, and behind it, (3, N).
+
+    What is the same everywhere is left out. All at once: it is the number of calls that takes the time.
+    """
+    u = (u + np.array([[-STEP], [0.0], [STEP]])).ravel()
+    tip, axis = placed.pose(u, placed.offset_mm, np)
+    x, y, z = np.tile(at, 3)
+    away: Vector = subtract((x, y, z), tip)
+    height = dot(away, axis)
+    foot = subtract(away, scale(axis, height))
+    gap = np.sqrt(dot(foot, foot)) - height * math.tan(placed.taper_rad)
+    return np.asarray(gap).reshape(3, -1)
+
+
+def _seen(placed: Placed, at: Array, u: Array) -> Deviation:
+    tip, axis = (_stacked(v, u) for v in placed.pose(u, placed.offset_mm, np))
+    away = at - tip
+    height = (away * axis).sum(axis=0)
+    foot = away - axis * height
+    across = np.sqrt((foot * foot).sum(axis=0))
+    tangent, cosine = math.tan(placed.taper_rad), math.cos(placed.taper_rad)
+    left = (across - abs(placed.offset_mm) - (height - placed.shift_mm) * tangent) * cosine
+    return Deviation(left, u, height, -foot / np.maximum(across, 1e-12))
+
+
+def _nearest(placed: Placed, at: Array) -> Array:
+    """Among positions spread over the block the one whose flank comes nearest to each point."""
+    u = np.linspace(0.0, 1.0, COARSE)
+    tips, axes = (_stacked(v, u) for v in placed.pose(u, placed.offset_mm, np))
+    tangent = math.tan(placed.taper_rad)
+    height = _products(axes, at) - (axes * tips).sum(axis=0)[:, None]
+    square = (at * at).sum(axis=0) - 2.0 * _products(tips, at) + (tips * tips).sum(axis=0)[:, None]
+    gap = np.sqrt(np.maximum(square - height * height, 0.0)) - height * tangent
+    return np.asarray(u[np.argmin(gap, axis=0)])
+
+
+def _products(a: Array, b: Array) -> Array:
+    """Of every vector of a (3, M) with every one of b (3, N): (M, N). In one thread, as ``placing``."""
+    (x, y, z), (p, q, r) = a[:, :, None], b
+    return np.asarray(x * p + y * q + z * r)
+
+
+def directions(placed: Placed, u: Array) -> tuple[Array, Array, Array, Array]:
+    """Unit vectors (3, N): normals at the upper and the lower point, and along the slides of both."""
+    ruling = _stacked(placed.ruling(u, np), u)
+    tangent, turn = (_stacked(v, u) for v in placed.rates(u, np))
+    upper, lower = (_unit(np.cross(tangent + (1.0 - v) * turn, ruling, axis=0)) for v in placed.normals_v)
+    along = _unit(ruling)
+    return upper, lower, np.cross(along, upper, axis=0), np.cross(along, lower, axis=0)
+
+
+def share_of_upper(placed: Placed, seen: Deviation) -> Array:
+    """Where along the way from the lower to the upper point of the axis each foot lies, 0 to 1, (N,).
+
+    The heights of both points above the tip are their feet on the axis: next to the ruling's.
+    """
+    u = seen.at_u
+    tip, axis = (_stacked(v, u) for v in placed.pose(u, placed.offset_mm, np))
+    high, low = (((points(placed, u, np.full(u.shape, v)) - tip) * axis).sum(axis=0) for v in placed.points_v)
+    return np.asarray((seen.height - low) / (high - low))
+
+
+def _unit(v: Array) -> Array:
+    return np.asarray(v / np.sqrt((v * v).sum(axis=0)))
+
+
+def _stacked(v: Vector, u: Array) -> Array:
+    return rows(v, u.shape)

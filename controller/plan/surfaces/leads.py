@@ -1,0 +1,404 @@
+r"""Leads: onto the first ruling of a train and off the last one, in one motion with the cut.
+
+        C1   ==================>======.            the cut, at its feed
+             . . . . . . . . . . . . . `-.         the lead, at its own
+                                           `\
+                                             |     ``lead_mm`` off the surface
+
+Over s, which runs on from the cut's own, the tip and both rotaries are cubics that begin with the place,
+the rate and the bend that the cut has there. So nothing jumps at the ruling that the tick would see:
+the cut's own bend fades while the way off bends more and more, as a railway's cubic parabola does.
+The rotaries turn on: on a twisted surface the flank leaves as it would follow the next rulings.
+"""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.geometry import series as jets
+from controller.geometry.placement import AT_LOWER, Placed
+from controller.geometry.vectors import Vector
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Joints, Machine
+from controller.motion.motions import Rotaries, ToolSpline
+from controller.plan.rotaries.branch import joints_along
+from controller.plan.stretch import Stretch, Voice, joints_of, rotaries_of, straight
+from controller.plan.surfaces import audit, rates
+from controller.plan.surfaces.cuts import Cut, Edge, beside, gouge, tolerance_mm
+from controller.plan.surfaces.train import Leg
+
+Array = npt.NDArray[np.float64]
+
+LEADS = ("lead in", "lead out")
+POSES = 33  # of a lead that are looked at
+OVERCUT_MM = 1e-3  # by which a lead may reach deeper into the surface than the cut itself does ...
+SPARE_MM = 1e-3  # of the form tolerance, for what is not looked at
+CLEAR_MM, MORE = 2e-4, 0.1  # ... and one that joins it; or such a share more, within the form tolerance
+# Where none does: as much again as the cut, or this, but no more than so much of what is left of that
+# tolerance. A micron does the part less harm than a cut that rests, or slows down, at its ruling.
+AGAIN_MM, OF_REST = 1e-3, 0.5
+SLENDER = 1.5  # length of a lead over how far off it leads: it bends no more than an arc of that radius
+# What is tried in turn: share of ``lead_mm``, how slender, over what part the rotaries come to stand; the
+# first ``AT_FEED`` are as long as the feed needs. Past the end of a twisted surface the flank goes on to
+# reach into it: what leaves sooner, or turns on less, reaches less.
+SHAPES = (
+    (1.0, SLENDER, 0.0),
+    (1.0, SLENDER, 0.2),
+    (1.0, SLENDER, 0.0),
+    (1.0, 0.75, 0.0),
+    (1.0, 0.75, 0.2),
+    (1.0, 0.35, 0.2),
+    (0.5, 1.0, 0.2),
+    (0.25, 1.0, 0.2),
+)
+AT_FEED = 2
+ROOM = 1.2  # times the way in which the feed is reached: the lead bends meanwhile
+LONGEST = 5.0  # times ``lead_mm``, however long a machine needs to its feed
+FADING, FADING_RAD = 1.0, math.radians(10.0)  # by so much of itself, and so far, a bend may turn the way
+MOST_FADE = 0.45  # of a lead, on which the cut's bend fades: twice that must fit
+DIPS, TICKS, LEAST_MM = 1.5, 4.0, 0.004  # of the way at the cut's feed beside the ruling
+MOST_TILT_RAD = math.radians(20.0)  # of the axis on a lead
+EASY = 0.4  # of both, where the feed does not need more
+MOST_TURN_RAD = math.radians(60.0)  # of a rotary: beside a pole it might be any number of turns
+STANDS_RAD = 1e-9  # per mm: rounding of a rotary that stands
+LEAST_RATE = 0.2  # mm of the tip per mm of the contact: in a tight hollow the tip all but stands
+RESTS = (
+    "The {} is straight, and the cut rests at that ruling: one that joins it at its feed would cut into "
+    "the part, leave an axis' travel, or has no direction there."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Lead:
+    """The way onto or off C1 at one end of a train, and how the tool stands at its outer end."""
+
+    stretches: tuple[Stretch, ...]
+    tip: Vector  # table frame
+    axis: Vector
+    rotaries: Rotaries
+
+
+def lay(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinematics, voice: Voice) -> Lead:
+    """The longest lead that stays outside of the train's surfaces and in travel; none where ``lead_mm`` is 0.
+
+    Refuses (or tells, where the machine is to warn only) what would cut into them in any case.
+    """
+    leg = legs[0 if at_start else -1]
+    end = End.of(leg, at_start, kinematics)
+    if machine.lead_mm <= 0.0:
+        return end.standing(())
+    free = Room.of(legs, at_start, machine, kinematics)
+    found = free.best(end.joined(machine))
+    if found is not None:
+        return end.led(found)
+    off = end.straight_off(_off_mm(leg, machine), leg.cut.block.feed_mm_s)
+    if off is None:
+        return end.standing(())
+    reached = free.reached(off)
+    if reached > OVERCUT_MM:
+        gouge(
+            f"the {off.name} of {machine.lead_mm:.3f} mm would cut {reached:.3f} mm into the surface",
+            "set a smaller lead_mm, take a smaller cutter or the other side (G41/G42)",
+            leg.cut.block,
+            machine,
+            voice,
+        )
+    voice.tell(leg.cut.block.place, RESTS.format(off.name))
+    return end.led(off)
+
+
+def _off_mm(leg: Leg, machine: Machine) -> float:
+    """At most the radius of a cutter that leans against the twist: a longer lead reaches over the end."""
+    surface = leg.cut.motion.surface
+    leans = isinstance(surface, Placed) and surface.normals_v != AT_LOWER
+    return min(machine.lead_mm, leg.cut.tool.radius_mm) if leans else machine.lead_mm
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """One end of a cut: ``rows`` (3, 5) of the tip (table frame) and both rotaries, with two derivatives.
+
+    ``rates`` (axes,) and ``bends`` (axes,) are first and second derivatives of the joints, without sign, and
+    ``tilt`` is the rate of the axis (rad), all over s in mm.
+    """
+
+    leg: Leg
+    at_start: bool
+    kinematics: Kinematics
+    rows: Array
+    rates: Array
+    bends: Array
+    tilt: float
+
+    @staticmethod
+    def of(leg: Leg, at_start: bool, kinematics: Kinematics) -> End:
+        stretch = leg.stretch
+        with np.errstate(all="ignore"):
+            d = rates.derivatives(stretch, np.array([0.0 if at_start else stretch.motion.end]), kinematics)
+        q = stretch.start if at_start else stretch.end
+        series = [
+            jets.Jet(np.array([[q[i]], d.first[:, i], 0.5 * d.second[:, i], d.third[:, i] / 6.0]))
+            for i in range(len(q))
+        ]
+        tip, axis = kinematics.forward(series, leg.cut.motion.length_mm, jets)
+        turns = kinematics.spread(series)[3:]
+        rows = np.array([[jets.jet(one).derivative(k).item() for one in (*tip, *turns)] for k in range(3)])
+        rows[1:, 3:][np.abs(rows[1:, 3:]) < STANDS_RAD] = 0.0
+        tilt = math.hypot(*(jets.jet(one).derivative(1).item() for one in axis))
+        return End(leg, at_start, kinematics, rows, np.abs(d.first[0]), np.abs(d.second[0]), tilt)
+
+    @property
+    def edge(self) -> Edge:
+        return self.leg.cut.start if self.at_start else self.leg.cut.end
+
+    @property
+    def name(self) -> str:
+        return LEADS[not self.at_start]
+
+    @property
+    def _joints(self) -> Joints:
+        stretch = self.leg.stretch
+        return stretch.start if self.at_start else stretch.end
+
+    @property
+    def tip_rate(self) -> float:
+        """Millimetres of the tip per mm of s."""
+        return max(float(np.linalg.norm(self.rows[1, :3])), LEAST_RATE)
+
+    def joined(self, machine: Machine) -> Iterator[Stretch]:
+        """Leads that join the cut, the longest first; none where it has no rate."""
+        if not np.isfinite(self.rows).all():
+            return
+        tip_rate = self.tip_rate
+        most, feed = self._longest(), lead_feed(self.leg, tip_rate, machine)
+        settling = self.settling(machine)
+        way = max(self._ramp(machine), self._bending(_off_mm(self.leg, machine), machine))
+        ramp = min(ROOM * way, LONGEST * machine.lead_mm)
+        for k, (share, slender, holds) in enumerate(SHAPES):
+            off = share * _off_mm(self.leg, machine)
+            length = max(min(slender * off / tip_rate, EASY * most), min(ramp, most) if k < AT_FEED else 0.0)
+            yield self._lead(length, off, feed, settling, holds)
+
+    def _longest(self) -> float:
+        """The longest way on which neither the axis nor a rotary turns by more than it is to."""
+        turn = float(np.abs(self.rows[1, 3:]).max())
+        return min(MOST_TURN_RAD / (turn + 1e-12), MOST_TILT_RAD / (self.tilt + 1e-12))
+
+    def _along(self, machine: Machine) -> tuple[float, float, float]:
+        """Largest speed, acceleration and jerk along s that the joints allow at the ruling."""
+        limits = rates.limits(machine)
+        velocity, acceleration, jerk = (limits / (self.rates[:, None] + 1e-12)).min(axis=0).tolist()
+        bent = float(np.sqrt(limits[:, 1] / (self.bends + 1e-12)).min())
+        return min(self.leg.cut.block.feed_mm_s, velocity, bent), acceleration, jerk
+
+    def _ramp(self, machine: Machine) -> float:
+        """The way from rest to the feed, or to what the joints' velocities leave of it."""
+        v, acceleration, jerk = self._along(machine)
+        if v * jerk < acceleration**2:
+            return v * math.sqrt(v / jerk)
+        return 0.5 * v * (v / acceleration + acceleration / jerk)
+
+    def _bending(self, off_mm: float, machine: Machine) -> float:
+        """The way L over which no axis' jerk is in the way of the feed v.
+
+        A cubic leads off, with the third derivative 6 off / L^3 on linear axes, while the cut's own bend q"
+        fades over ``MOST_FADE`` L: (6 off / L^3 + |q"| / (MOST_FADE L)) v^3 = jerk is a cubic in L with one
+        positive root.
+        """
+        speed, _, _ = self._along(machine)
+        per_jerk = speed**3 / rates.limits(machine)[:, 2]
+        one, lift = np.ones(len(per_jerk)), np.zeros(len(per_jerk))
+        lift[list(machine.linear())] = 6.0 * off_mm
+        cubics = np.array([one, -self.bends * per_jerk / MOST_FADE, 0.0 * one, -lift * per_jerk])
+        return max(float(np.roots(cubic).real.max()) for cubic in cubics.T)
+
+    def settling(self, machine: Machine) -> float:
+        """The way at the cut's own feed beside the ruling.
+
+        To brake late and dip below the feed saves time: there is room for it before the cut begins.
+        """
+        v, acceleration, jerk = self._along(machine)
+        dip_s = 2.0 * min(math.sqrt(2.0 * v / jerk), acceleration / jerk)
+        return max(v * (DIPS * dip_s + TICKS * machine.period_s), LEAST_MM)
+
+    def _lead(self, length: float, off_mm: float, feed_mm_s: float, settling: float, holds: float) -> Stretch:
+        """Cubics over ``length`` whose tip ends ``off_mm`` off the tangent; the cut's bend fades first.
+
+        ``holds``: over this share of it, twice, the rotaries come to stand; 0: they turn on.
+        """
+        fade = holds * length if holds else min(self._fade(length), MOST_FADE * length)
+        sign = -1.0 if self.at_start else 1.0
+        x = sign * np.array([0.0, fade, 2.0 * fade, length])  # of s, from the ruling
+        spans = self._spans(x, off_mm, bool(holds))
+        if self.at_start:
+            spans = [_from(cubic, d) for cubic, d in zip(spans, np.diff(x), strict=True)][::-1]
+        block = self.leg.cut.block
+        spline = spline_of(np.sort(x - x.min()), np.array([cubic.T for cubic in spans]), self.leg.cut)
+        outer = spline.joints(0.0 if self.at_start else length, self._rotaries, self.kinematics)
+        assert outer is not None
+        ends = (outer, self._joints) if self.at_start else (self._joints, outer)
+        made = Stretch(spline, block.place, block.feed_mm_s, False, *ends, True, self.name)
+        return self._fed(made, feed_mm_s, settling)
+
+    def _spans(self, x: Array, off_mm: float, holds: bool) -> list[Array]:
+        """Coefficients (4, 5) between the knots ``x`` (4,), each from the knot nearer to the ruling.
+
+        Their bends are straight lines from knot to knot, to which the cubic that leads off is added.
+        """
+        value, first, bend = self.rows
+        bends = np.array([bend, 0.0 * bend, 0.0 * bend, 0.0 * bend])
+        if holds:
+            bends[1, 3:] = -(first[3:] / x[1] + 0.5 * bend[3:])
+        end, spans = value + first * x[-1], list[Array]()
+        for d, b, c in zip(np.diff(x), bends, bends[1:], strict=False):
+            spans.append(np.array([value, first, 0.5 * b, (c - b) / (6.0 * d)]))
+            value, first = value + d * (first + d * (2.0 * b + c) / 6.0), first + 0.5 * d * (b + c)
+        lift = np.zeros(5)
+        lift[:3] = ((end - value)[:3] + off_mm * np.array(self.edge.away)) / x[-1] ** 3
+        powers = (np.array([at**3, 3.0 * at**2, 3.0 * at, 1.0]) for at in x)
+        return [cubic + np.outer(power, lift) for cubic, power in zip(spans, powers, strict=False)]
+
+    def _fade(self, length: float) -> float:
+        """Over what way the bends of the cut fade: one that is sharp at its end is not drawn on far."""
+        tip, turn = float(np.linalg.norm(self.rows[2, :3])), float(np.abs(self.rows[2, 3:]).max())
+        by_tip = FADING * float(np.linalg.norm(self.rows[1, :3])) / (tip + 1e-12)
+        by_turn = 2.0 * FADING_RAD / (turn * length + 1e-12)
+        return min(max(min(by_tip, by_turn), 0.01 * length), 0.9 * length)
+
+    def _fed(self, lead: Stretch, feed_mm_s: float, settling: float) -> Stretch:
+        """At ``feed_mm_s``, and beside the ruling at the cut's own."""
+        own, length = self.leg.cut.block.feed_mm_s, lead.motion.end
+        if settling >= length or feed_mm_s <= own:
+            return replace(lead, turning=((0.0, math.inf),))
+        at = length - settling if self.at_start else settling
+        if self.at_start:
+            steps, own_s = ((0.0, feed_mm_s), (at, own)), (at, math.inf)
+        else:
+            steps, own_s = ((0.0, own), (at, feed_mm_s)), (0.0, at)
+        return replace(lead, feed_mm_s=steps[0][1], feed_steps=steps, turning=(own_s,))
+
+    def straight_off(self, off_mm: float, feed_mm_s: float) -> Stretch | None:
+        """A line off the ruling with the tool axis held: the machine rests at that ruling."""
+        rotaries = self._rotaries
+        tip = beside(self.edge.tip, (self.edge.away, off_mm))
+        xyz = self.kinematics.linear(tip, rotaries, self.leg.cut.motion.length_mm)
+        outer = joints_of(xyz, rotaries, self.kinematics)
+        ends = (outer, self._joints) if self.at_start else (self._joints, outer)
+        return straight(self.name, self.leg.cut.block.place, *ends, feed_mm_s, self.kinematics)
+
+    @property
+    def _rotaries(self) -> Rotaries:
+        return self.leg.start if self.at_start else self.leg.end
+
+    def standing(self, stretches: tuple[Stretch, ...]) -> Lead:
+        return Lead(stretches, self.edge.tip, self.edge.axis, self._rotaries)
+
+    def led(self, stretch: Stretch) -> Lead:
+        """The way of one stretch."""
+        outer = stretch.start if self.at_start else stretch.end
+        pose = self.kinematics.forward(outer, self.leg.cut.motion.length_mm)
+        return Lead((stretch,), pose.tip, pose.axis, rotaries_of(outer, self.kinematics))
+
+
+def spline_of(knots: Array, cubics: Array, cut: Cut) -> ToolSpline:
+    """``cubics`` (n, 5, 4) of tip and rotaries between n + 1 ``knots``, with a cut's tool and line."""
+    flat = array("d", cubics.ravel().tolist())
+    line = array("l", [cut.block.place.line])
+    return ToolSpline(array("d", knots.tolist()), flat, True, cut.motion.length_mm, line, array("d", [0.0]))
+
+
+def _from(cubic: Array, x: float) -> Array:
+    """Coefficients (4, n) of the same cubics in powers of what lies behind ``x``."""
+    a, b, c, d = cubic
+    return np.array([a + x * (b + x * (c + x * d)), b + x * (2.0 * c + x * 3.0 * d), c + 3.0 * x * d, d])
+
+
+def lead_feed(leg: Leg, tip_rate: float, machine: Machine) -> float:
+    """Feed of the tip (mm/s): never so low that the cut could not begin at its own."""
+    fastest = min(machine.axes[i].limits.velocity for i in machine.linear())
+    own = fastest if machine.lead_feed_mm_s is None else machine.lead_feed_mm_s
+    feed = leg.cut.block.feed_mm_s * tip_rate
+    return max(own, feed)
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """Where a lead may be: points (3, N) of the train's surfaces, and how deep the cut gets into its own.
+
+    On a twisted surface a cylinder overcuts a little even where it is placed right, so 0 would be
+    too strict; what the cut does to its neighbours is no excuse.
+    """
+
+    cut: Cut
+    points: Array
+    allowed_mm: float
+    more_mm: float  # than that: where going on costs what the twist does, within the form tolerance
+    most_mm: float  # likewise, where no lead keeps to that
+    machine: Machine
+    kinematics: Kinematics
+
+    @staticmethod
+    def of(legs: Sequence[Leg], at_start: bool, machine: Machine, kinematics: Kinematics) -> Room:
+        cut = legs[0 if at_start else -1].cut
+        points, allowed = audit.surface_points([leg.cut for leg in legs]), 0.0
+        if cut.tool.radius_mm > 0.0:
+            reach = machine.lead_mm + 2.0 * cut.tool.radius_mm
+            allowed = audit.depth_near(cut, audit.surface_points([cut]), at_start, reach)
+        more = most = MORE * allowed
+        tolerance = tolerance_mm(cut.block.modal, cut.tool, machine)
+        if tolerance is not None and allowed < tolerance:
+            left = tolerance - SPARE_MM - allowed
+            more, most = min(more, left), min(max(allowed, AGAIN_MM), OF_REST * left)
+        more = max(CLEAR_MM, more)
+        return Room(cut, points, allowed, more, max(more, most), machine, kinematics)
+
+    def lets(self, one: Stretch) -> bool:
+        """Whether it stays in travel and hardly reaches deeper than the cut."""
+        return self._reached_in_travel(one) <= self.more_mm
+
+    def best(self, leads: Iterator[Stretch]) -> Stretch | None:
+        """The first that hardly reaches deeper than the cut, else the first that does so within bounds.
+
+        Those at the feed come before all others.
+        """
+        for count in (AT_FEED, None):
+            tried = list[tuple[float, Stretch]]()
+            for one in islice(leads, count):
+                reached = self._reached_in_travel(one)
+                if reached <= self.more_mm:
+                    return one
+                tried.append((reached, one))
+            for reached, one in tried:
+                if reached <= self.most_mm:
+                    return one
+        return None
+
+    def reached(self, lead: Stretch) -> float:
+        """How much deeper (mm) a lead gets into the surfaces than the cut does beside it."""
+        return self._reached(self._along(lead)[1])
+
+    def _reached_in_travel(self, lead: Stretch) -> float:
+        """Likewise; infinite where it leaves an axis' travel."""
+        s, joints = self._along(lead)
+        outside = audit.outside(self.machine, s, joints) is not None
+        return math.inf if outside else self._reached(joints)
+
+    def _along(self, lead: Stretch) -> tuple[Array, Array]:
+        """Where it is looked at, and the joints (N, axes) there."""
+        s = np.linspace(0.0, lead.motion.end, POSES)
+        return s, joints_along(lead, s, self.kinematics)
+
+    def _reached(self, joints: Array) -> float:
+        if self.cut.tool.radius_mm <= 0.0:
+            return 0.0
+        pose = self.kinematics.forward(tuple(joints.T), self.cut.motion.length_mm, np)
+        tips, axes = (np.array([np.broadcast_to(c, joints.shape[:1]) for c in v]) for v in pose)
+        depth = audit.depth(self.points, tips, axes, self.cut.tool.radius_mm, self.cut.tool.taper_rad)
+        return depth - self.allowed_mm

@@ -1,0 +1,97 @@
+"""How fast the limits of the joints let two cuts go over into each other: about, at an even speed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Axis, Machine
+from controller.plan.rotaries.branch import BranchLost, field, joints_on
+from controller.plan.stretch import Stretch
+from controller.plan.surfaces import rates
+from controller.plan.surfaces.cuts import Cut
+from controller.plan.surfaces.rates import Derivatives
+
+Array = npt.NDArray[np.float64]
+Pair = tuple[Cut, Cut]
+
+PASSED = 0.8  # of the feed: what is passed faster is left as it is
+SEEN_S = 0.02  # lost at a kink: a longer stay of the contact leaves a mark
+LOOKED = np.linspace(0.0, 1.0, 17)
+KINDS = ("velocity", "acceleration", "jerk")
+
+
+class Slowest(NamedTuple):
+    """What the contact slows down to (mm/s), and which limit of which joint binds there."""
+
+    mm_s: float
+    binds: str
+
+
+def slowest(pair: Pair, reach_mm: float, machine: Machine, kinematics: Kinematics) -> Slowest | None:
+    """Within ``reach_mm`` of the joint of two cuts that join smoothly; None where that is at the feed."""
+    found = _beside(pair, reach_mm, kinematics)
+    if not found:
+        return None
+    rows = np.array([_speeds(d, machine.axes) for d in found])  # (2, 3, N, 5)
+    _, kind, _, axis = np.unravel_index(int(rows.argmin()), rows.shape)
+    least = float(rows.min())
+    if least >= pair[1].block.feed_mm_s:
+        return None
+    return Slowest(least, f"{machine.axes[axis].name} {KINDS[kind]}")
+
+
+def leaves_a_mark(pair: Pair, machine: Machine, kinematics: Kinematics) -> bool:
+    """Whether the contact slows down at a kink, where the rates jump, for so long that it is seen.
+
+    The step of the joints' rates has to fit into one tick, so it is hardly passed at all. To slow down
+    to nearly nothing and to speed up again each take 2 sqrt(F / j), of which half is lost.
+    """
+    found = _beside(pair, 0.0, kinematics)
+    if not found:
+        return False
+    a, b = (d.first[0] for d in found)
+    limits, period, feed = [axis.limits for axis in machine.axes], machine.period_s, pair[1].block.feed_mm_s
+    step = [min(one.acceleration * period, one.jerk * period**2) for one in limits]
+    jerk = min(one.jerk / max(abs(p), abs(q), 1e-9) for one, p, q in zip(limits, a, b, strict=True))
+    slowed = bool((np.abs(b - a) * feed * PASSED > step).any())
+    return slowed and 2.0 * math.sqrt(feed / jerk) > SEEN_S
+
+
+def _beside(pair: Pair, reach_mm: float, kinematics: Kinematics) -> list[Derivatives]:
+    """The joints' derivatives before and behind the joint; nothing where the rotaries cannot follow."""
+    try:
+        before, after = _followed(pair, kinematics)
+    except BranchLost:
+        return []
+    places = before.motion.end - reach_mm * LOOKED, reach_mm * LOOKED
+    return [
+        rates.derivatives(one, np.clip(s, 0.0, one.motion.end), kinematics)
+        for one, s in zip((before, after), places, strict=True)
+    ]
+
+
+def _followed(pair: Pair, kinematics: Kinematics) -> Iterator[Stretch]:
+    """Both cuts on the first branch; which one makes no difference to how fast they may be."""
+    near = None
+    for cut in pair:
+        found = field(cut.motion, kinematics)
+        begin = found.pairs[0, 0] if near is None else near
+        rotaries = found.follow((float(begin[0]), float(begin[1])))
+        near = rotaries[-1]
+        start, end = joints_on(cut.motion, found.u, rotaries, kinematics)[[0, -1]].tolist()
+        block = cut.block
+        yield Stretch(cut.motion, block.place, block.feed_mm_s, True, tuple(start), tuple(end), True, "cut")
+
+
+def _speeds(d: Derivatives, axes: tuple[Axis, ...]) -> Array:
+    """Speed that each joint's velocity, acceleration and jerk allow at N places, (3, N, axes), mm/s."""
+    limits = np.array([[a.limits.velocity, a.limits.acceleration, a.limits.jerk] for a in axes]).T
+    rows = np.abs(np.stack([d.first, d.second, d.third])) + 1e-30
+    allowed = limits[:, None, :] / rows
+    return np.asarray(np.stack([allowed[0], np.sqrt(allowed[1]), np.cbrt(allowed[2])]))

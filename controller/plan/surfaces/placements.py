@@ -1,0 +1,126 @@
+"""Placements that have been found, as plain numbers: a check keeps them, so that no start searches again.
+
+Finding the best placement of one surface takes seconds, more than the motion that a moving machine
+has in its queue. The search is done by the check; what it found goes with it, exactly, and whoever
+reads the program again takes it from here. Nothing is lost where it is not: then it is searched.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from controller.geometry.placement import Placed
+from controller.geometry.splines import BSpline
+from controller.geometry.surfaces import Surface
+from controller.geometry.vectors import Vector
+from controller.motion.motions import SurfaceCut
+from controller.plan.stretch import Chain, Pause
+
+FORMAT = 2  # another one where the same numbers would mean another pose
+MOST = 20_000  # that are known at once
+NAME = 32  # letters
+Pair = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Recipe:
+    """A ``Placed`` without its surface, mm and rad; ``breaks`` is empty where it has no corrections."""
+
+    offset_mm: float
+    points_v: Pair
+    normals_v: Pair
+    taper_rad: float
+    shift_mm: float
+    breaks: tuple[float, ...] = ()
+    spans: tuple[tuple[Vector, ...], ...] = ()
+    smooth: tuple[int, ...] = ()
+    run: tuple[tuple[Vector, ...], ...] = ()  # spans of the lower point's slide; empty: it has none
+
+    @staticmethod
+    def of(placed: Placed) -> Recipe:
+        curve = placed.corrections
+        run = placed.run
+        # As placing makes them: both on the same knots.
+        assert curve is None or isinstance(curve, BSpline)
+        assert run is None or (isinstance(run, BSpline) and curve is not None and run.breaks == curve.breaks)
+        parts = (curve.breaks, curve.spans, curve.smooth, run.spans if run else ()) if curve else ()
+        offset, taper, shift = placed.offset_mm, placed.taper_rad, placed.shift_mm
+        return Recipe(offset, placed.points_v, placed.normals_v, taper, shift, *parts)
+
+    def on(self, base: Surface, name: str) -> Placed:
+        """The cutter on that surface again, to the last bit."""
+        curve = BSpline(self.breaks, self.spans, (), self.smooth) if self.breaks else None
+        run = BSpline(self.breaks, self.run, (), self.smooth) if self.run else None
+        points, normals = self.points_v, self.normals_v
+        return Placed(base, self.offset_mm, points, normals, self.taper_rad, self.shift_mm, curve, run, name)
+
+    def to_dict(self) -> dict[str, Any]:
+        return asdict(self)
+
+    @staticmethod
+    def from_dict(values: Mapping[str, Any]) -> Recipe:
+        """Raises ValueError, KeyError or TypeError for anything but what ``to_dict`` makes."""
+        (va, vb), (na, nb) = values["points_v"], values["normals_v"]
+        offset, taper, shift = (float(values[key]) for key in ("offset_mm", "taper_rad", "shift_mm"))
+        breaks = tuple(map(float, values["breaks"]))
+        spans, run = _spans(values["spans"]), _spans(values["run"])
+        if len(spans) != max(0, len(breaks) - 1) or len({len(span) for span in spans}) > 1:
+            raise ValueError("spans and breaks do not fit")
+        if run and [len(span) for span in run] != [len(span) for span in spans]:
+            raise ValueError("the spans of both curves do not fit")
+        smooth = tuple(map(int, values["smooth"]))
+        pairs = (float(va), float(vb)), (float(na), float(nb))
+        return Recipe(offset, *pairs, taper, shift, breaks, spans, smooth, run)
+
+
+def _spans(values: Any) -> tuple[tuple[Vector, ...], ...]:
+    return tuple(tuple(_vector(point) for point in span) for span in values)
+
+
+def _vector(values: Any) -> Vector:
+    x, y, z = values
+    return float(x), float(y), float(z)
+
+
+def name_of(surface: Surface, *asked: object) -> str:
+    """Under what a placement is known: a hash of the surface's curves and of what was ``asked`` for."""
+    text = repr((FORMAT, surface, asked))
+    return hashlib.sha256(text.encode()).hexdigest()[:NAME]
+
+
+_known: dict[str, Recipe] = {}
+
+
+def learn(found: Mapping[str, Recipe]) -> None:
+    """What a check has found, by name."""
+    if len(_known) + len(found) > MOST:
+        _known.clear()
+    _known.update(found)
+
+
+def known(name: str) -> Recipe | None:
+    """What was found under that name, if it has been learnt."""
+    return _known.get(name)
+
+
+class Noted:
+    """A path as it is walked over, and the placements seen on it."""
+
+    def __init__(self, items: Iterable[Chain | Pause]) -> None:
+        self._items = items
+        self.recipes: dict[str, Recipe] = {}
+
+    def __iter__(self) -> Iterator[Chain | Pause]:
+        for item in self._items:
+            if isinstance(item, Chain):
+                self._note(item)
+            yield item
+
+    def _note(self, chain: Chain) -> None:
+        for stretch in chain.stretches:
+            surface = stretch.motion.surface if isinstance(stretch.motion, SurfaceCut) else None
+            if isinstance(surface, Placed) and surface.name:
+                self.recipes[surface.name] = Recipe.of(surface)

@@ -1,0 +1,248 @@
+"""How the joints change along a path: exact derivatives with respect to its length.
+
+The joints q are functions of the path length s. With exact derivatives q', q'',
+q''' the motion law s(t) moves joint j by
+
+    velocity      q' v
+    acceleration  q'' v^2 + q' a
+    jerk          q''' v^3 + 3 q'' v a + q' j
+
+so every joint limit is a limit on (v, a, j) at each place of the path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.geometry import series as jets
+from controller.geometry.curves import Bezier, Curve
+from controller.geometry.placement import Blend, Blended, Placed
+from controller.geometry.surfaces import RuledSurface, Surface
+from controller.geometry.touches import seen_at
+from controller.geometry.vectors import Number, Vector, norm
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import STILL, Machine
+from controller.motion.motions import JointMove, SurfaceCut, ToolLine, ToolSpline
+from controller.plan.rotaries import tool_paths
+from controller.plan.rotaries.branch import joints_along, one_branch
+from controller.plan.stretch import Stretch
+from controller.plan.surfaces.blends import in_arc_length
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+Pair = tuple[Number, Number]  # of the rotaries
+Terms = tuple[Vector, Vector, Vector]
+
+# Exact derivatives of the rotaries are 0/0 at a pole and lose 1/distance^3 digits beside it. They are
+# taken a micron inside and carried on from there: a lead whose begin had the rate of a micron before
+# would jump by what the path bends meanwhile. A touch tells them at the pole itself.
+# Away from it they are taken where they are asked for: two cuts that join smoothly would seem to
+# turn by what the path bends within two microns, and a slow machine would creep over the joint.
+POLE_MARGIN_MM = 1e-3
+REMEMBERED = 256  # cuts: a window asks for its own again and again
+LEAST_RATE = 1e-3  # of C1'' at an end: below that C1 stands still there, and s has no series
+
+
+@dataclass(frozen=True, slots=True)
+class Derivatives:
+    """q', q'', q''' at N places of a stretch, each (N, axes), per mm (or degree) of s."""
+
+    first: Array
+    second: Array
+    third: Array
+
+    def velocity(self, v: Array) -> Array:
+        return self.first * v[:, None]
+
+    def acceleration(self, v: Array, a: Array) -> Array:
+        return self.second * (v * v)[:, None] + self.first * a[:, None]
+
+    def jerk(self, v: Array, a: Array, j: Array) -> Array:
+        cubic = self.third * (v**3)[:, None] + 3.0 * self.second * (v * a)[:, None]
+        return cubic + self.first * j[:, None]
+
+    def beyond(self, way: Array) -> Derivatives:
+        """By Taylor's series at places that lie ``way`` (N,), in mm, further along."""
+        x = way[:, None]
+        second = self.second + x * self.third
+        return Derivatives(self.first + 0.5 * x * (self.second + second), second, self.third)
+
+
+def limits(machine: Machine) -> Array:
+    """Largest velocity, acceleration and jerk of each joint: (axes, 3), in mm or rad, per s, s^2 and s^3."""
+    return np.array([(a.limits.velocity, a.limits.acceleration, a.limits.jerk) for a in machine.axes])
+
+
+def derivatives(stretch: Stretch, s: Array, kinematics: Kinematics) -> Derivatives:
+    """Exact derivatives of the joints with respect to s at the places ``s`` (N,)."""
+    if isinstance(stretch.motion, JointMove):
+        return _derivatives_of_move(stretch.motion, s, kinematics)
+    if isinstance(stretch.motion, ToolLine):
+        return Derivatives(*tool_paths.derivatives_of_line(stretch.motion, s, kinematics))
+    if isinstance(stretch.motion, ToolSpline):
+        return Derivatives(*tool_paths.derivatives_of_spline(stretch.motion, s, kinematics))
+    return _derivatives_of_cut(stretch, stretch.motion, s, kinematics)
+
+
+def _derivatives_of_move(move: JointMove, s: Array, kinematics: Kinematics) -> Derivatives:
+    per_s = 1.0 / move.end
+    (a0, b0), (a1, b1) = move.start_rotaries, move.end_rotaries
+    found = []
+    for order in (1, 2, 3):
+        xyz = [np.broadcast_to(c, s.shape) for c in move.curve.derivative(s * per_s, order, np)]
+        turns = [np.full_like(s, a1 - a0), np.full_like(s, b1 - b0)] if order == 1 else [0.0 * s, 0.0 * s]
+        values = [*xyz, *turns]
+        found.append(np.stack(kinematics.arrange(values), axis=1) * per_s**order)
+    return Derivatives(*found)
+
+
+@lru_cache(REMEMBERED)
+def _inside(cut: SurfaceCut, kinematics: Kinematics) -> tuple[float, float]:
+    """From where to where (mm) in a cut its derivatives are taken."""
+    lower = cut.surface.lower
+
+    def margin(u: float) -> float:
+        rate, bend = (float(norm(lower.derivative(u, k))) for k in (1, 2))
+        axis = cut.part.turn(cut.surface.axis(u))
+        told = seen_at(cut.touches, u) is not None or kinematics.is_clear_of_pole(axis)
+        return 0.0 if told and rate > LEAST_RATE * bend else POLE_MARGIN_MM
+
+    return min(margin(0.0), cut.end / 3), cut.end - min(margin(1.0), cut.end / 3)
+
+
+def _derivatives_of_cut(stretch: Stretch, cut: SurfaceCut, s: Array, kinematics: Kinematics) -> Derivatives:
+    inside = np.clip(s, *_inside(cut, kinematics))
+    u, branch = cut.arc.u_along(inside), one_branch(stretch, cut, kinematics)
+    if branch is not None:
+        return _derived(cut, cut.surface, u, kinematics, lambda pairs: pairs[branch]).beyond(s - inside)
+    first, second = kinematics.spread([*joints_along(stretch, inside, kinematics).T])[3:]
+    shown = first, second  # where a free rotary stands, X and Y are the part's turned by it
+    own = partial(_matching, shown=shown)
+    return _derived(cut, cut.surface, u, kinematics, own, shown).beyond(s - inside)
+
+
+def _derived(
+    cut: SurfaceCut,
+    surface: Surface,
+    u: Array,
+    kinematics: Kinematics,
+    own: Callable[[Sequence[Pair]], Pair],
+    keep: Pair = STILL,
+) -> Derivatives:
+    """At the parameters ``u`` (N,) of a surface, the rest as in ``cut``; ``own`` takes a branch.
+
+    ``keep``: the pair of rotaries there, for one that is free.
+    """
+    series = in_arc_length(surface.lower, u)
+    tip, axis = surface.pose(series, cut.offset_mm, jets)
+    tip, axis = cut.part.to_parent(tip), cut.part.turn(axis)
+    seen = cut.seen_along(series, axis, kinematics, jets)
+    first, second = own(kinematics.branches(axis, jets, keep=keep, seen=seen))
+    x, y, z = kinematics.linear(tip, (first, second), cut.length_mm, jets)
+    values: tuple[Number, ...] = (x, y, z, first, second)
+    joint = kinematics.arrange(values)
+    orders = [np.stack([_coefficient(q, k, u) for q in joint], axis=1) for k in (1, 2, 3)]
+    return Derivatives(orders[0], 2.0 * orders[1], 6.0 * orders[2])
+
+
+# ---- cuts of one kind, together: a row of short surfaces costs little more than one
+
+
+class _Row(Surface):
+    """Ruled surfaces as one whose control points are arrays: the n-th sample lies on surface ``of[n]``."""
+
+    __slots__ = ("lower", "ruling_curve", "upper")
+
+    def __init__(self, surfaces: Sequence[Surface], of: Index) -> None:
+        self.lower = self.upper = _gathered([one.lower for one in surfaces], of)
+        self.ruling_curve = _gathered([one.ruling_curve for one in surfaces], of)
+
+
+def _row(surfaces: Sequence[Surface], of: Index) -> Surface:
+    """Surfaces of one kind in a row, with what is placed and blended on them."""
+    row, first = _Row(surfaces, of), surfaces[0]
+    if not isinstance(first, Placed):
+        return row
+    placed = replace(first, base=row)
+    if not isinstance(placed, Blended):
+        return placed
+    blends = [one.blends for one in surfaces if isinstance(one, Blended)]
+    return replace(placed, blends=tuple(_blends(each, of) for each in zip(*blends, strict=True)))
+
+
+def _blends(blends: Sequence[Blend], of: Index) -> Blend:
+    per_u = np.array([one.per_u for one in blends])[of]
+    tip = _terms([one.tip for one in blends], of)
+    axes = [one.axis for one in blends if one.axis is not None]
+    return Blend(blends[0].at_start, per_u, tip, _terms(axes, of) if axes else None)
+
+
+def _terms(terms: Sequence[Terms], of: Index) -> Terms:
+    (a, b, c) = ((p[:, 0], p[:, 1], p[:, 2]) for p in np.moveaxis(np.array(terms)[of], 1, 0))
+    return a, b, c
+
+
+def _gathered(curves: Sequence[Curve], of: Index) -> Curve:
+    points = np.array([curve.points for curve in curves if isinstance(curve, Bezier)])[of]
+    return Bezier(tuple((p[:, 0], p[:, 1], p[:, 2]) for p in np.moveaxis(points, 1, 0)))
+
+
+def kind(stretch: Stretch, kinematics: Kinematics) -> object:
+    """What stretches have in common whose derivatives can be taken together; None: they cannot."""
+    cut = stretch.motion
+    if not isinstance(cut, SurfaceCut) or cut.touches or cut.beside_pole:
+        return None
+    surface = cut.surface
+    lower, ruling = surface.lower, surface.ruling_curve
+    base = surface.base if isinstance(surface, Placed) else surface
+    if type(base) is not RuledSurface or not isinstance(lower, Bezier) or not isinstance(ruling, Bezier):
+        return None
+    branch = one_branch(stretch, cut, kinematics)
+    if branch is None or (isinstance(surface, Placed) and surface.corrections is not None):
+        return None
+    form = (len(lower.points), len(ruling.points), _placement(surface))
+    return *form, cut.offset_mm, cut.length_mm, cut.part, branch
+
+
+def _placement(surface: Surface) -> object:
+    """All of a placed cutter but for the surface, and where it is blended."""
+    if not isinstance(surface, Placed):
+        return None
+    blends = surface.blends if isinstance(surface, Blended) else ()
+    ends = tuple((one.at_start, one.axis is None) for one in blends)
+    return surface.offset_mm, surface.points_v, surface.normals_v, surface.taper_rad, surface.shift_mm, ends
+
+
+def together(stretches: Sequence[Stretch], s: Array, of: Index, kinematics: Kinematics) -> Derivatives:
+    """As ``derivatives`` for cuts of one kind: ``s`` (N,) in the stretches ``of`` (N,)."""
+    cuts = [one.motion for one in stretches if isinstance(one.motion, SurfaceCut)]
+    spans = np.array([_inside(cut, kinematics) for cut in cuts])[of]
+    inside, u = np.clip(s, spans[:, 0], spans[:, 1]), np.empty(len(s))
+    for k in np.unique(of):
+        here = of == k
+        u[here] = cuts[k].arc.u_along(inside[here])
+    branch = one_branch(stretches[0], cuts[0], kinematics) or 0
+    row = _row([cut.surface for cut in cuts], of)
+    return _derived(cuts[0], row, u, kinematics, lambda pairs: pairs[branch]).beyond(s - inside)
+
+
+def _coefficient(q: Number, k: int, s: Array) -> Array:
+    """The k-th Taylor coefficient of a joint; a joint that does not move may be a bare number."""
+    return np.broadcast_to(np.asarray(q.c[k] if isinstance(q, jets.Jet) else 0.0, dtype=float), s.shape)
+
+
+def _matching(pairs: Sequence[Pair], shown: Pair) -> Pair:
+    """Of the two branches, at each place the one the path is on: the next to the rotaries ``shown``."""
+
+    def away(pair: Pair) -> Array:
+        da, db = (q.c[0] - at for q, at in zip(pair, shown, strict=True))
+        return np.asarray((1.0 - np.cos(da)) + (1.0 - np.cos(db)))
+
+    near = away(pairs[0]) <= away(pairs[1])
+    pick = [jets.Jet(np.where(near, p.c, q.c)) for p, q in zip(pairs[0], pairs[1], strict=True)]
+    return pick[0], pick[1]

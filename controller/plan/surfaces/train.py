@@ -1,0 +1,370 @@
+"""Cuts that run through: which blocks join, and on which branch and turns all of them are cut.
+
+A train is a row of blocks between one approach and one departure. Inside it the
+rotaries have no choice: they follow the tool axis. The choice is made once, at its
+start, for all of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.machine.kinematics import Kinematics
+from controller.machine.model import Kind, Machine
+from controller.motion.motions import Rotaries
+from controller.plan.rotaries import winding
+from controller.plan.rotaries.branch import BranchLost, Field, field, joints_on
+from controller.plan.rotaries.turns import wrapped
+from controller.plan.rotaries.winding import Way
+from controller.plan.stretch import Stretch, Voice
+from controller.plan.surfaces import audit, blending, passing, unwind
+from controller.plan.surfaces.cuts import SAME_RAD, Cut, apart, turn, turned, turned_axis
+from controller.program.program import ProgramError
+
+Array = npt.NDArray[np.float64]
+
+SAME_MM = 2e-6  # rounding of six decimals, in three words
+SAME_ROTARY_RAD = 1e-6  # rotaries nearer than this at a joint run through, as the poses do
+FLAT_MM = 1e-4  # a concave corner that costs less overcut than this is rounding of the program
+TURNED_BACK_RAD = math.pi - 1e-6
+
+
+class Meeting(Enum):
+    """How one cut follows another."""
+
+    JOIN = "joins"
+    PIVOT = "pivots"
+    APART = "apart"
+
+
+class Met(NamedTuple):
+    """How two cuts meet, as a sentence about the first, and both as they are cut: a blend changes them."""
+
+    meeting: Meeting
+    sentence: str
+    before: Cut
+    after: Cut
+
+
+def meet(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voice: Voice) -> Met:
+    """Whether two blocks run through, pivot or need a departure; refuses a concave corner."""
+    met = _met(before, after, machine, kinematics, voice)
+    name = f"the block of line {before.block.place.line}"
+    if before.block is after.block:
+        if met.meeting is Meeting.JOIN:
+            return met
+        name = f"its own part before u = {after.part[0]:.4f}"
+    voice.tell(after.block.place, met.sentence.format(name))
+    return met
+
+
+def _met(before: Cut, after: Cut, machine: Machine, kinematics: Kinematics, voice: Voice) -> Met:
+    a, b = before.block.modal, after.block.modal
+    differ = [
+        name
+        for name, same in (
+            ("tool", a.tool == b.tool),
+            ("work offset", a.offset == b.offset),
+            ("side", a.side == b.side),
+        )
+        if not same
+    ]
+    if differ:
+        sentence = f"Departs from {{}} and approaches again: another {' and '.join(differ)}."
+        return Met(Meeting.APART, sentence, before, after)
+    end, start = before.end, after.start
+    gap, tilt = apart(end.contact, start.contact), apart(end.ruling, start.ruling)
+    shared = tilt <= SAME_RAD and gap <= SAME_MM
+    agree = shared and apart(end.tip, start.tip) <= SAME_MM and apart(end.axis, start.axis) <= SAME_RAD
+    allowed = blending.tolerance(before, after, machine)
+    joint = None
+    if not agree or _to_be_blended(before, after, allowed, machine, kinematics):
+        joint = blending.joined(before, after, allowed, kinematics)
+    if joint is not None:
+        sentence = _blended(joint) + _slowed(joint, allowed, machine, kinematics)
+        return Met(Meeting.JOIN, sentence, joint.before, joint.after)
+    if agree:
+        return Met(Meeting.JOIN, "Joins {}: the poses agree and the cut runs through.", before, after)
+    if shared:
+        return Met(*_corner(before, after, allowed, voice), before, after)
+    sentence = (
+        "Departs from {} and approaches again: it ends elsewhere or on another ruling "
+        f"({gap:.6f} mm and {math.degrees(tilt):.4f} degrees apart; {_told(allowed)})."
+    )
+    return Met(Meeting.APART, sentence, before, after)
+
+
+def _to_be_blended(
+    before: Cut,
+    after: Cut,
+    allowed: blending.Tolerance,
+    machine: Machine,
+    kinematics: Kinematics,
+) -> bool:
+    """Of two cuts whose poses agree: whether their rates differ by rounding, or so that it leaves a mark."""
+    if before.block is after.block:  # its parts are meant as they are, to the last derivative
+        return False
+    found = blending.difference(before, after, allowed)
+    if found is blending.Difference.KINK:
+        return passing.leaves_a_mark((before, after), machine, kinematics)
+    return found is blending.Difference.ROUNDING
+
+
+def _blended(joint: blending.Joint) -> str:
+    degrees, um = math.degrees(joint.angle_rad), 1000.0 * joint.deviates_mm
+    return (
+        f"Joins {{}} within the joint tolerance: normals {degrees:.4f} degrees, gap {joint.gap_mm:.6f} mm; "
+        f"the blend over {joint.reach_mm:.2f} mm on either side deviates by {um:.3f} um at most."
+    )
+
+
+def _slowed(
+    joint: blending.Joint, allowed: blending.Tolerance, machine: Machine, kinematics: Kinematics
+) -> str:
+    """What a blend that the tolerance keeps short costs: a sentence, or nothing."""
+    if not joint.shortened:
+        return ""
+    told = passing.slowest((joint.before, joint.after), joint.reach_mm, machine, kinematics)
+    if told is None:
+        return ""
+    along = math.degrees(joint.crease_rad)
+    crease = f" Along the ruling the normals differ by up to {along:.3f} degrees:" if along > 0.01 else ""
+    return (
+        f"{crease} within {allowed.mm:g} mm the contact slows down to about {60.0 * told.mm_s:.0f} mm/min "
+        f"there ({told.binds}); let the surfaces run on alike, or allow more (G64 P, joint_tolerance_mm)."
+    )
+
+
+def _told(allowed: blending.Tolerance) -> str:
+    return f"the joint tolerance is {allowed.mm:g} mm and {math.degrees(allowed.rad):g} degrees"
+
+
+def _corner(before: Cut, after: Cut, allowed: blending.Tolerance, voice: Voice) -> tuple[Meeting, str]:
+    """Ends meet on one ruling, the normals differ.
+
+    With the cutter on the right a turn to the left leads it round the outside of the
+    edge (convex), a turn to the right into a corner; on the left, the other way about.
+    """
+    angle = turned(before.end, after.start)
+    radius, degrees = after.tool.radius_mm, math.degrees(abs(angle))
+    if abs(angle) > TURNED_BACK_RAD:
+        return Meeting.APART, "Departs from {} and approaches again: it turns straight back."
+    if after.side * angle < 0.0 and radius * (1.0 - math.cos(angle)) > FLAT_MM:
+        voice.refuse(
+            after.block.place,
+            f"{_where(before, after)} in a concave corner of "
+            f"{degrees:.4f} degrees; a cutter of radius {radius:.3f} mm would cut "
+            f"{radius * (1.0 - math.cos(angle)):.6f} mm into one of the two; {_told(allowed)}; "
+            "blend the corner with a surface of a larger radius, cut on the other side, or allow more "
+            "(joint_tolerance_mm and _deg in [machine], or G64 P Q)",
+        )
+    tilt = math.degrees(apart(turned_axis(before.end, angle), after.start.axis))
+    and_tilts = f" and tilts by {tilt:.4f} degrees, as the cutter is placed," if tilt > 1e-6 else ""
+    sentence = f"Pivots by {degrees:.4f} degrees{and_tilts} about the ruling it shares with {{}}"
+    return Meeting.PIVOT, sentence + _reached(before, after) + "."
+
+
+def _reached(before: Cut, after: Cut) -> str:
+    """What a turn between two placements costs the surfaces that meet there."""
+    way = turn(before, after)
+    if way is None:
+        return ""
+    return f"; on its way the cutter reaches {audit.depth_in_turn(way, before, after):.4f} mm into them"
+
+
+def _where(before: Cut, after: Cut) -> str:
+    if before.block is after.block:
+        return f"the two parts of this block meet at u = {after.part[0]:.4f}"
+    return f"this block meets the one of line {before.block.place.line}"
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """One cut with its rotaries followed: samples ``u`` (N,), ``rotaries`` (N, 2), ``joints`` (N, axes)."""
+
+    cut: Cut
+    u: Array
+    rotaries: Array
+    joints: Array
+
+    @property
+    def start(self) -> Rotaries:
+        return float(self.rotaries[0, 0]), float(self.rotaries[0, 1])
+
+    @property
+    def end(self) -> Rotaries:
+        return float(self.rotaries[-1, 0]), float(self.rotaries[-1, 1])
+
+    @property
+    def stretch(self) -> Stretch:
+        """The cut itself."""
+        block = self.cut.block
+        start, end = tuple(self.joints[0].tolist()), tuple(self.joints[-1].tolist())
+        return Stretch(self.cut.motion, block.place, block.feed_mm_s, True, start, end, True, "cut")
+
+    def shifted(self, machine: Machine, by: Rotaries) -> Leg:
+        """The same leg in other whole turns (rad) of the two rotaries."""
+        joints = self.joints.copy()
+        for i, turn_rad in zip(machine.rotary(), by, strict=False):
+            joints[:, i] += turn_rad
+        return Leg(self.cut, self.u, self.rotaries + np.array(by), joints)
+
+
+class Fields:
+    """Both branches of each cut of a train, solved when they are first asked for."""
+
+    def __init__(self, cuts: Sequence[Cut], kinematics: Kinematics) -> None:
+        self.cuts, self.kinematics = cuts, kinematics
+        self._known: dict[int, Field] = {}
+
+    def of(self, i: int) -> Field:
+        """Of the i-th cut; raises BranchLost."""
+        if i not in self._known:
+            self._known[i] = field(self.cuts[i].motion, self.kinematics)
+        return self._known[i]
+
+    @property
+    def free(self) -> bool:
+        """Whether a rotary may begin the train wherever it stands (a tool axis on the pole)."""
+        return bool(np.isnan(self.of(0).pairs[:, 0]).any())
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """A train followed on one branch, in some whole turn."""
+
+    legs: tuple[Leg, ...]
+    way: Way
+
+    def shifted(self, machine: Machine, by: Rotaries) -> list[Leg]:
+        return [leg.shifted(machine, by) for leg in self.legs]
+
+
+def choose(
+    cuts: Sequence[Cut],
+    machine: Machine,
+    kinematics: Kinematics,
+    now: Rotaries,
+    voice: Voice,
+    wanted: Rotaries | None = None,
+) -> list[Leg]:
+    """The legs of a train from the rotaries ``wanted``, which were chosen over the whole program.
+
+    Without them, or where they do not fit, as DESIGN section 1 asks for the train alone:
+    least rotary travel with its approach from ``now``, then positive tilt, then smaller
+    abs(rotary), then positive rotary; of these the first that keeps all joints in travel.
+    """
+    fields = Fields(cuts, kinematics)
+    if wanted is not None:
+        for option in options(fields, machine, wanted, voice):
+            for by in option.way.shifts(machine, wanted):
+                if (
+                    option.way.inside
+                    and winding.apart(winding.moved(option.way.start, by), wanted) < SAME_ROTARY_RAD
+                ):
+                    return option.shifted(machine, by)
+    found = options(fields, machine, now, voice)
+    fitting = [(o, by) for o in found if o.way.inside for by in o.way.shifts(machine, now)]
+    if not fitting:
+        unwind.refuse(found, machine, now, voice)
+    option, by = min(fitting, key=lambda pair: pair[0].way.rank(pair[1], now).key)
+    return option.shifted(machine, by)
+
+
+def options(fields: Fields, machine: Machine, near: Rotaries, voice: Voice) -> list[Option]:
+    """The train followed from each branch of its start; refuses where neither can be followed."""
+    found: list[Option] = []
+    refusal: ProgramError | None = None
+    for branch in (0, 1):
+        try:
+            legs = _followed(fields, branch, near, voice)
+            found.append(Option(tuple(legs), _way(legs, machine)))
+        except ProgramError as error:
+            refusal = refusal or error
+    if not found and refusal is not None:
+        raise refusal
+    return found
+
+
+def _followed(fields: Fields, branch: int, near: Rotaries, voice: Voice) -> list[Leg]:
+    legs: list[Leg] = []
+    for i, cut in enumerate(fields.cuts):
+        try:
+            if i:
+                near = _turned(fields, i, near)
+            found = fields.of(i)
+            start = _start(found.pairs[branch if i == 0 else slice(None), 0], near)
+            rotaries = found.follow(start)
+        except BranchLost as lost:
+            sentence = f"{lost.reason}{audit.at_place(cut, lost.u)}; tilt the part or split the block there"
+            voice.refuse(cut.block.place, sentence)
+        joints = joints_on(cut.motion, found.u, rotaries, fields.kinematics)
+        legs.append(Leg(cut, found.u, rotaries, joints))
+        near = legs[-1].end
+    return legs
+
+
+def _turned(fields: Fields, i: int, near: Rotaries) -> Rotaries:
+    """The rotaries after the turn that leads to the i-th cut, if there is one."""
+    way = turn(fields.cuts[i - 1], fields.cuts[i])
+    if way is None:
+        return near
+    first, second = field(way, fields.kinematics).follow(near)[-1]
+    return float(first), float(second)
+
+
+def _way(legs: Sequence[Leg], machine: Machine) -> Way:
+    tilt = tilt_of(machine)
+    travel, place = 0.0, legs[0].rotaries[0]
+    for leg in legs:
+        travel += float(np.abs(leg.rotaries[0] - place).sum() + np.abs(np.diff(leg.rotaries, axis=0)).sum())
+        place = leg.rotaries[-1]
+    ends = [audit.extremes(leg.u, leg.rotaries) for leg in legs]
+    low, high = np.min([e[0] for e in ends], axis=0), np.max([e[2] for e in ends], axis=0)
+    tilts = legs[0].rotaries[:, tilt]
+    return Way(
+        start=legs[0].start,
+        end=legs[-1].end,
+        low=(float(low[0]), float(low[1])),
+        high=(float(high[0]), float(high[1])),
+        travel=travel,
+        negative=bool(tilts[np.argmax(np.abs(tilts))] < -1e-9),
+        inside=all(audit.outside(machine, leg.u, leg.joints, rotary=False) is None for leg in legs),
+        tilt=tilt,
+    )
+
+
+def _start(pairs: Array, near: Rotaries) -> Rotaries:
+    """Of the given branches the one nearest ``near``, in the nearest turn; a free rotary stays."""
+    away = np.nan_to_num(wrapped(np.atleast_2d(pairs) - np.array(near)))
+    first, second = away[int(np.argmin((away * away).sum(axis=1)))]
+    return near[0] + float(first), near[1] + float(second)
+
+
+def tilt_of(machine: Machine) -> int:
+    """Which rotary of the pair (0 or 1) stands next to the tool: it tilts, the other one turns."""
+    _, second = machine.pair([axis.kind for axis in machine.axes], Kind.LINEAR)
+    return 1 if second is Kind.HEAD else 0
+
+
+def trains(
+    ready: Sequence[Cut], machine: Machine, kinematics: Kinematics, voice: Voice
+) -> Iterator[tuple[list[Cut], list[Meeting]]]:
+    """Rows of cuts that run through, with how each follows the one before."""
+    members, meetings = [ready[0]], list[Meeting]()
+    for following in ready[1:]:
+        meeting, _, members[-1], after = meet(members[-1], following, machine, kinematics, voice)
+        if meeting is Meeting.APART:
+            yield members, meetings
+            members, meetings = [after], []
+        else:
+            members.append(after)
+            meetings.append(meeting)
+    yield members, meetings

@@ -1,0 +1,147 @@
+"""A rotary wound up beyond its travel: the refusal, and the position from which it would go.
+
+A rotary stands alike after every whole turn, so a block that would leave the travel can
+often be cut from a start some turns back. Between cuts the machine finds such a start by
+itself; here is what is said where it cannot, because nothing lets it turn back in time.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, NoReturn
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.machine.model import Axis, Machine
+from controller.motion.motions import Rotaries
+from controller.plan.rotaries.turns import TURN
+from controller.plan.rotaries.winding import Way
+from controller.plan.stretch import Voice
+from controller.plan.surfaces import audit
+
+if TYPE_CHECKING:
+    from controller.plan.surfaces.train import Leg, Option
+
+Array = npt.NDArray[np.float64]
+
+
+def refuse(options: Sequence[Option], machine: Machine, now: Rotaries, voice: Voice) -> NoReturn:
+    """Refuse a train that leaves the travel on every branch, shown where it gets farthest."""
+    legs = _farthest_legs(options, machine, now)
+    for i, leg in enumerate(legs):
+        excess = audit.outside(machine, leg.u, leg.joints)
+        if excess is not None:
+            axis = machine.axes[excess.axis]
+            where = audit.at_place(leg.cut, float(leg.u[excess.sample]))
+            advice = _advice(legs, i, excess.axis, machine) if axis.is_rotary else audit.MOVE
+            voice.refuse(leg.cut.block.place, audit.describe(axis, excess, where, advice))
+    raise AssertionError("a train was refused for its travel but is inside")
+
+
+def _farthest_legs(options: Sequence[Option], machine: Machine, now: Rotaries) -> list[Leg]:
+    """The branch and turns in which the most samples come before the first outside of travel."""
+    found: list[tuple[int, tuple[float, int, float, int], int, list[Leg]]] = []
+    for option in options:
+        for by in _shifts(option.way, machine):
+            legs = option.shifted(machine, by)
+            found.append((-_inside(legs, machine), option.way.rank(by, now).key, len(found), legs))
+    return min(found)[-1]
+
+
+def _shifts(way: Way, machine: Machine) -> Iterator[Rotaries]:
+    """Every turn in which the row begins inside travel, or the one nearest to that."""
+    turns = []
+    for start, (least, most) in zip(way.start, machine.turns(), strict=True):
+        first = math.ceil((least - start - audit.ROUNDING) / TURN)
+        last = math.floor((most - start + audit.ROUNDING) / TURN)
+        middle = round((0.5 * (least + most) - start) / TURN)
+        turns.append(range(first, last + 1) if first <= last else [middle])
+    for a, b in itertools.product(*turns):
+        yield a * TURN, b * TURN
+
+
+def _inside(legs: Sequence[Leg], machine: Machine) -> int:
+    """Samples before the first outside of travel."""
+    low, high = (np.array([getattr(a, name) for a in machine.axes]) for name in ("travel_min", "travel_max"))
+    count = 0
+    for leg in legs:
+        beyond = (leg.joints < low - audit.ROUNDING) | (leg.joints > high + audit.ROUNDING)
+        outside = np.flatnonzero(beyond.any(axis=1))
+        if len(outside):
+            return count + int(outside[0])
+        count += len(leg.u)
+    return count
+
+
+def start_in_travel(axis: Axis, start: float, low: float, high: float) -> float | None:
+    """``start`` moved by the fewest whole turns that bring ``low`` .. ``high`` inside travel; or None."""
+    first = math.ceil((axis.travel_min - low - audit.ROUNDING) / TURN)
+    last = math.floor((axis.travel_max - high + audit.ROUNDING) / TURN)
+    return start + TURN * min(max(0, first), last) if first <= last else None
+
+
+def offer(axis: Axis, start: float, low: float, high: float) -> str:
+    """Advice for a move whose rotary leaves its travel between ``low`` and ``high`` (rad)."""
+    better = start_in_travel(axis, start, low, high)
+    return audit.MOVE if better is None else _first(axis, better)
+
+
+def _first(axis: Axis, start: float) -> str:
+    at = f"{start * axis.shown_per_unit:.3f}"
+    name = axis.name
+    return f"unwind first: write G0 {name}{at} before this block, so that it starts with {name} at {at} deg"
+
+
+def _advice(legs: Sequence[Leg], i: int, index: int, machine: Machine) -> str:
+    """What to do about a rotary that leaves its travel in leg ``i`` of a train."""
+    axis, block = machine.axes[index], legs[i].cut.block
+    first = next(k for k, leg in enumerate(legs) if leg.cut.block is block)
+    behind = next((k for k in range(i, len(legs)) if legs[k].cut.block is not block), len(legs))
+    if first > 0:  # cuts before this block: a move between ends their train
+        for last in (len(legs), behind):
+            low, high = _range(legs[first:last], index)
+            better = start_in_travel(axis, float(legs[first].joints[0, index]), low, high)
+            if better is not None:
+                return _first(axis, better)
+    return _split(legs[first:behind], index, axis)
+
+
+def _range(legs: Sequence[Leg], index: int) -> tuple[float, float]:
+    ends = [audit.extremes(leg.u, leg.joints[:, index : index + 1]) for leg in legs]
+    return min(float(e[0][0]) for e in ends), max(float(e[2][0]) for e in ends)
+
+
+def _split(legs: Sequence[Leg], index: int, axis: Axis) -> str:
+    """Where to split a block that turns farther than the travel, and where its second part begins."""
+    low, high = _range(legs, index)
+    k = abs(axis.shown_per_unit)
+    turned = (
+        f"it turns {axis.name} through {(high - low) * k:.3f} deg, more than its travel holds in any turn"
+    )
+    u = np.concatenate([leg.cut.block_u(leg.u) for leg in legs])
+    values = np.concatenate([leg.joints[:, index] for leg in legs])
+    at, _ = _farthest(values, axis)
+    rest, start = _farthest(values[at:], axis)
+    if at == 0 or rest == 0 or abs(start - values[at]) < 1e-6:
+        return f"{turned}; {audit.MOVE}"
+    shown = start * axis.shown_per_unit
+    return (
+        f"{turned}; split the block at u = {u[at]:.4f} or before and unwind between the parts: write "
+        f"G0 {axis.name}{shown:.3f} there, so that the second begins with {axis.name} at {shown:.3f} deg"
+    )
+
+
+def _farthest(values: Array, axis: Axis) -> tuple[int, float]:
+    """(samples that stay inside, start) in the turn in which the rotary goes farthest before it leaves."""
+    turns = range(
+        math.ceil((axis.travel_min - values[0]) / TURN), math.floor((axis.travel_max - values[0]) / TURN) + 1
+    )
+    found = [(0, float(values[0]))]
+    for n in turns:
+        shifted = values + n * TURN
+        outside = np.flatnonzero((shifted < axis.travel_min) | (shifted > axis.travel_max))
+        found.append(((int(outside[0]) if len(outside) else len(values)) - 1, float(shifted[0])))
+    return max(found)

@@ -1,0 +1,491 @@
+"""Words to blocks: what each line asks for, under the modal state it stands in.
+
+The language is RS-274/NGC as far as DESIGN section 1 names it, with the paper's G51
+(cone) and G52 (ruled surface) and G6.2 (ruled surface between NURBS curves). Codes of
+one line run in the order of RS-274/NGC section 3.8: F S T M6 M3-5 M7-9 G4, the modal G
+codes, the motion, M0-M30. Only the unit comes first, so that G20 holds for the F beside
+it. A line changes nothing until all of it has been found sound: state is replaced,
+never edited.
+
+Length words are millimetres or inches as G21/G20 say. The words of G51, G52 and G6.2
+follow the paper: without a decimal point they count in BLU (0.01 mm, 0.001 degree,
+0.01 mm/min), with one in the active unit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from types import MappingProxyType
+
+from controller.machine.model import Joints, Machine
+from controller.program import (
+    arc_words,
+    codes,
+    compensation,
+    cycles,
+    decoding,
+    foreign,
+    kept,
+    line_words,
+    linked,
+    modal,
+    nurbs_words,
+    offset_words,
+    planar_words,
+    plane_words,
+    points,
+    polar_words,
+    reference_words,
+    spline_words,
+    surface_words,
+    tool_axis_words,
+    words,
+)
+from controller.program.code_rows import Fate
+from controller.program.code_table import BY_DIALECT, takers_of
+from controller.program.codes import CURVES, CYCLES, PLACES, SIDES, SURFACES, TILTS, TO_PLANE, Ask, letters_of
+from controller.program.decoding import Bytes
+from controller.program.flow import Limits
+from controller.program.functions import Functions
+from controller.program.given import Given
+from controller.program.line import Upcoming
+from controller.program.modal import TIPS, State
+from controller.program.offset_words import Here
+from controller.program.parameters import OF_FANUC, Parameters
+from controller.program.plain import CommonLines
+from controller.program.position import Position, homed
+from controller.program.program import (
+    Act,
+    Action,
+    Block,
+    Message,
+    Program,
+    ProgramError,
+    Remark,
+    Setting,
+    Tip,
+)
+from controller.program.saved import Saved
+from controller.program.words import Line, Word
+
+_CLEARED = MappingProxyType(
+    {
+        "G51": "it is surplus after the whole cone of G51 on line {}, which clears the motion mode",
+        "G52": "it is a surplus point, as G52 needs 8 points of X Y Z, the G52 of line {} has them and "
+        "clears the motion mode",
+        "G6.2": "it is surplus after the two whole curves of G6.2 on line {}, which clears the motion mode",
+        "G80": "G80 on line {} cleared the motion mode",
+        **dict.fromkeys(CURVES, "each curve names its code, and that of line {} is whole"),
+    }
+)
+
+
+def read(
+    data: bytes, machine: Machine, name: str, block_delete: bool = False, start: Joints | None = None
+) -> Program:
+    """The program in ``data`` as blocks: millimetres, radians (carried sense), mm/s.
+
+    The text ends at M2, M30, the closing % or the end of the file; what follows is
+    not looked at, beyond being text. ``block_delete`` skips lines that begin with /. ``start``: the
+    joints (mm, rad) from which it is run; None: the homed position.
+    Raises ProgramError with file, line, column and one sentence; nothing is kept then.
+    """
+    return Program(name, tuple(stream(data, machine, name, block_delete, start)))
+
+
+def stream(
+    data: Bytes,
+    machine: Machine,
+    name: str,
+    block_delete: bool = False,
+    start: Joints | None = None,
+    refused: list[ProgramError] | None = None,
+) -> Iterator[Block]:
+    """As ``read``, block by block: what comes before a line that is refused has been given by then.
+
+    With ``refused``, lines that are refused are noted there and left out, as far as it can be read on.
+    """
+    program, behind = linked.parts(data)
+    text, remark = decoding.text_of(program, name)
+    files = {
+        label: (file, decoding.text_of(content, file)[0].whole()) for label, (file, content) in behind.items()
+    }
+    given = Given(machine, modal.begun(machine), Position(machine, start or homed(machine)))
+    system = OF_FANUC if machine.dialect == "fanuc" else range(0)
+    parameters = Parameters(given, machine.parameters, machine.kept, system)
+    limits = Limits(machine.call_levels, machine.program_passes)
+    lines = words.read(text, name, block_delete, parameters, limits, files, refused)
+    if remark is not None:
+        yield Remark(remark[0], given.state.modal, remark[1])
+    read = _blocks(lines, machine, given, refused)
+    beside = compensation.beside(read, given.position, machine, name, refused)
+    yield from foreign.judged(beside, text, name, refused)
+
+
+def _blocks(
+    read: Iterator[Line], machine: Machine, given: Given, refused: list[ProgramError] | None = None
+) -> Iterator[Block]:
+    """Blocks of lines; ``given`` has the state and the position between two of them."""
+    state, ahead, saved = given.state, Upcoming(), Saved(machine)
+    common = CommonLines(machine)
+    functions = Functions(common)
+    told: list[Line] = []
+    lines = ahead.given(read, told)
+    for line in lines:
+        if told:
+            yield from _said(told, state)
+        if (quick := common.read(line, state)) is not None:
+            block, given.state = quick
+            state = given.state
+            yield block
+            continue
+        if (known := functions.read(line, state)) is not None:
+            done, given.state = known
+            state = given.state
+            yield from done
+            continue
+        before = state
+        try:
+            state, restored, line = saved.carry_out(line, state)
+            ask = points.counted(codes.sort(line, machine), state, machine)
+            ask = polar_words.cartesian(ask, state, given.position, machine)
+            turn = _Turn(ask, state, machine, given.position, lines, ahead)
+            turn.run()
+        except ProgramError as error:
+            if refused is None:
+                raise
+            refused.append(error)
+            state = given.state = _behind(line, state, machine, lines, ahead)
+            continue
+        state = given.state = functions.learnt(line, before, turn.state, turn.made)
+        yield from restored
+        yield from turn.made
+        if turn.ended:
+            break
+    yield from _said(told, state)
+
+
+def _behind(line: Line, state: State, machine: Machine, lines: Iterator[Line], ahead: Upcoming) -> State:
+    """The state behind a line that was refused and left out, so that what follows it is not refused, too."""
+    state = state._replace(begun=None)
+    named = [f"G{word.value:g}" for word in line.words if word.letter == "G"]
+    known = BY_DIALECT[machine.dialect]
+    motion = next((code for code in named if code in known and known[code].group == "motion"), state.motion)
+    if motion in SURFACES or motion == "G5.2":  # and its points
+        while (after := ahead.look(lines)) is not None and all(map(_is_part, after.words)):
+            next(lines)
+    return state._replace(motion="" if motion in _CLEARED else motion)
+
+
+def _is_part(word: Word) -> bool:
+    """Whether it may stand in the lines behind a surface's or a NURBS' first."""
+    return word.letter in "XYZKRPL" or (word.letter == "G" and word.value in (5.2, 5.3))
+
+
+def _said(told: list[Line], state: State) -> list[Block]:
+    said: list[Block] = []
+    for line in told:
+        if line.message:
+            said.append(Message(line.place(1), state.modal, line.message))
+        if line.kept:
+            said.append(Setting(line.place(1), state.modal, kept.of_parameters(line.kept)))
+    told.clear()
+    return said
+
+
+class _Turn:
+    """One line being carried out; its state counts only when ``run`` returns."""
+
+    def __init__(
+        self,
+        ask: Ask,
+        state: State,
+        machine: Machine,
+        position: Position,
+        lines: Iterator[Line],
+        ahead: Upcoming,
+    ) -> None:
+        self.ask = ask
+        self.state = self._before = state
+        self.made: list[Block] = []
+        self.ended = False
+        self._machine, self._position = machine, position
+        self._lines = lines  # what follows: G52 takes its points from here
+        self._axes = "".join(axis.name for axis in machine.axes)
+        self._shifts = ask.code("motion") == "G52" and surface_words.is_shift(
+            ask, state, machine, lines, ahead
+        )
+        self._motion = self._find_motion()
+
+    @property
+    def _free(self) -> str:
+        """Letters that need no code."""
+        return "FSTD" if self._machine.dialect == "fanuc" else "FST"
+
+    def run(self) -> None:
+        plane_words.check_whole(self.ask, self.state)
+        self._check_words()
+        self._keep_number()
+        sides = [letters for code, letters in self._takers() if code in SIDES]
+        self.state, self.made = modal.apply(self.ask, self._motion, self.state, self._machine, "".join(sides))
+        self._check_frame()
+        self._notes()
+        self._origins()
+        planar_words.check(self.ask, self._before.modal, self.state.modal)
+        if self._motion:
+            self.made += self._move()
+        self._keep_motion()
+        self._stop()
+
+    def _keep_number(self) -> None:
+        """D of Fanuc's, which stays for the next G41 or G42 without one."""
+        taken = any("D" in letters for code, letters in self._takers() if code not in SIDES)
+        if "D" in self.ask.words and self._machine.dialect == "fanuc" and not taken:
+            self.state = self.state._replace(offset_number=self.ask.words["D"])
+
+    def _find_motion(self) -> str:
+        """The motion this line makes: named, or modal where words for one stand."""
+        if self._shifts or self._places():
+            return ""
+        named = self.ask.code("motion")
+        moving = self.ask.has(self._axes + "IJK") or (named in ("G2", "G3") and self.ask.has("RP"))
+        if named in SURFACES or named in CURVES:
+            return named
+        if named == "G80":
+            named = self._beneath()
+            return named if moving else ""
+        return (named or self.state.motion) if moving else ""
+
+    def _beneath(self) -> str:
+        """What G80 leaves modal: nothing, under fanuc what was before the cycle."""
+        if self._machine.dialect != "fanuc":
+            return ""
+        return self.state.beneath if self.state.motion in CYCLES else self.state.motion
+
+    def _places(self) -> bool:
+        """Whether another code than a motion takes the axis words."""
+        once, length = self.ask.code("one-line"), self.ask.code("length")
+        if once == "G4":
+            return "X" in self.ask.words and "X" in self._letters("G4")
+        if once in PLACES or self.ask.code("rotation") in ("G68", *TILTS):
+            return True
+        return length == "G43.1" or any("X" in self._letters(code) for code in self._noted())
+
+    @property
+    def _names_motion(self) -> bool:
+        return self.ask.code("motion") not in ("", "G80")
+
+    def _noted(self) -> list[str]:
+        """The codes that need no action, of a line that names no motion."""
+        if self._names_motion:
+            return []
+        return [code for group, (code, _) in self.ask.codes.items() if group == code]
+
+    # ---- words and their codes ---------------------------------------------------------
+
+    def _takers(self) -> list[tuple[str, str]]:
+        """The codes that run on this line, with the letters each takes."""
+        running = [code for group, (code, _) in self.ask.codes.items() if group != "motion"]
+        takers = [(code, self._letters(code)) for code in running]
+        if self._motion:
+            takers.append((self._motion, self._letters(self._motion)))
+        if self._shifts:
+            takers.append(("G52", self._axes))
+        return [(code, self._side_letters(takers) if code in SIDES else taken) for code, taken in takers]
+
+    def _letters(self, code: str) -> str:
+        """The letters of the table, as far as this line and dialect have them."""
+        if code in ("G0", "G1"):
+            return "XYZIJK" if self._vectors() else self._axes
+        if self._names_motion and code in self.ask.codes:  # a noted one, beside a motion
+            return letters_of(code, self._machine.dialect, "")
+        return letters_of(code, self._machine.dialect, self._axes)
+
+    def _side_letters(self, takers: list[tuple[str, str]]) -> str:
+        """P, Q, R, and D but for G40, of G40 to G42: those that no other code of the line takes."""
+        others = "".join(letters for _, letters in takers)
+        mine = "PQR" if "G40" in (code for code, _ in takers) else "DPQR"
+        return "".join(letter for letter in mine if letter not in others)
+
+    def _vectors(self) -> bool:
+        """Whether G0 and G1 of this line take tool vectors: G43.5, but for machine positions."""
+        code = self.ask.code("length")
+        tip = TIPS.get(code, Tip.OFF) if code else self.state.modal.tip
+        return tip is Tip.VECTORS and self.ask.code("one-line") != "G53"
+
+    def _check_words(self) -> None:
+        """Every word belongs to exactly one code."""
+        takers = self._takers()
+        for letter, word in self.ask.words.items():
+            owners = [code for code, letters in takers if letter in letters]
+            if not owners and letter not in self._free:
+                raise self._unowned(word)
+            if len(owners) > 1:
+                raise self.ask.refusal(
+                    word,
+                    f"{' and '.join(owners)} on one line both take {letter}: which of them {word.text} "
+                    "belongs to is not clear; write two lines",
+                )
+
+    def _unowned(self, word: Word) -> ProgramError:
+        if self._motion == "G6.2":
+            return nurbs_words.refusal(self.ask.line, word, f"found {word.text}")
+        if self._motion in CURVES:
+            return spline_words.refusal(self.ask.line, word, self._motion)
+        if self._motion in SURFACES:
+            return surface_words.surplus(self.ask, self._motion, word)
+        if word.letter in self._axes + "K" and not self._motion and not self._places():
+            return self.ask.refusal(
+                word,
+                f"{word.text} has no motion: {self.state.cleared}; write G0 to G3, G51, G52 or G6.2 with it, "
+                "or remove the line",
+            )
+        if word.letter == "E":
+            return self.ask.refusal(
+                word,
+                f"{word.text}: E is a word beside M67 and M68 alone, and numbers have no "
+                "exponents; write the number out",
+            )
+        if word.letter in self._axes and self._vectors():
+            return self.ask.refusal(
+                word,
+                f"{word.text} is a rotary position under G43.5, where I J K along the tool axis say how the "
+                "tool stands; write I J K, or G43.4 for rotary words",
+            )
+        if word.letter in "IJK" and self._motion in ("G0", "G1"):
+            return self.ask.refusal(
+                word,
+                f"no code on this line takes {word.text}: {self._motion} has tool vectors I J K under G43.5 "
+                "only, and arcs with I J K are G2 and G3; write G43.5 or remove the word",
+            )
+        return self.ask.refusal(
+            word,
+            f"no code on this line takes {word.text}: {word.letter} belongs to "
+            f"{takers_of(word.letter, self._machine.dialect)}; add the code or remove the word",
+        )
+
+    def _check_frame(self) -> None:
+        once = self.ask.code("one-line")
+        if once == "G53" and self._motion not in ("G0", "G1"):
+            raise self.ask.refusal(
+                self.ask.codes["one-line"][1],
+                "G53 (machine position) has no move: it goes with axis words under G0 or G1; add G0 and the "
+                "axes, or remove G53",
+            )
+        named = self.ask.code("motion")
+        harmless = ("", "G80") if self._machine.dialect == "rs274" else ("", "G80", "G0", "G1", "G2", "G3")
+        if self._places() and named not in harmless:
+            other = next(code for code, letters in self._takers() if "Z" in letters or code == "G4")
+            raise self.ask.refusal(
+                self.ask.codes["motion"][1],
+                f"{named} and {other} on one line both take the axis words; write two lines",
+            )
+
+    # ---- what is done ------------------------------------------------------------------
+
+    def _notes(self) -> None:
+        """A remark for the first of each code that needs no action here."""
+        for code, word in self.ask.codes.values():
+            row = BY_DIALECT[self._machine.dialect][code]
+            if row.only and not self._has(row.only):
+                raise self.ask.refusal(word, f"{code} ({row.meaning}) is not done here: {row.instead}")
+            if row.fate is Fate.NOTED and code not in self.state.noted:
+                sentence = f"{code} ({row.meaning}) needs no action here. {row.told}"
+                self.made.append(Remark(self.ask.place(word), self.state.modal, sentence))
+                self.state = self.state._replace(noted=self.state.noted | {code})
+
+    def _has(self, written: str) -> bool:
+        """Whether the line has a word such as P0."""
+        word = self.ask.words.get(written[0])
+        return word is not None and word.value == float(written[1:])
+
+    def _here(self) -> Here:
+        return Here(self.ask, self.state, self._position, self._machine)
+
+    def _origins(self) -> None:
+        """What shifts, turns or stores positions, and the ways to the reference points."""
+        once, before = self.ask.code("one-line"), self.state
+        if self.ask.code("rotation") in TILTS:
+            self.state, told = plane_words.defined(self._here())
+            self.made += told
+        elif "rotation" in self.ask.codes:
+            self.state = offset_words.rotation(self._here())
+        if self._shifts:
+            self.state = offset_words.local_shift(self._here())
+            self.made.append(surface_words.told_shift(self.ask, self.state))
+        if once in TO_PLANE:
+            self.state, turned = tool_axis_words.turned(self._here())
+            self.made += turned
+        elif once in ("G28", "G30"):
+            self.made += reference_words.moves(self._here())
+        elif once in ("G28.1", "G30.1"):
+            self.state = reference_words.stored(self._here())
+        elif once == "G10" or once.startswith("G92"):
+            self.state = offset_words.applied(self._here(), once)
+        if changes := kept.between(before, self.state):
+            self.made.append(Setting(self.ask.line.place(1), self.state.modal, changes))
+
+    def _move(self) -> list[Block]:
+        motion = self._motion
+        self._for_side()
+        if motion == "G51":
+            return [surface_words.cone(self.ask, self.state, self._machine)]
+        if motion == "G52":
+            return [surface_words.ruled(self.ask, self.state, self._machine, self._lines)]
+        if motion == "G6.2":
+            return [nurbs_words.surface(self.ask, self.state, self._machine, self._lines)]
+        here, word = self._here(), self._word_of_motion()
+        if motion in CURVES:
+            made_curve, self.state = spline_words.curve(here, motion, word, self._lines)
+            return [made_curve]
+        if motion in CYCLES:
+            made, self.state = cycles.blocks(here, motion, word)
+            return made
+        return (
+            [line_words.line(here, motion, word)]
+            if motion in ("G0", "G1")
+            else [arc_words.arc(here, motion, word)]
+        )
+
+    def _for_side(self) -> None:
+        """Whether the side of the cutter that is on is for this motion."""
+        word = self._word_of_motion()
+        if self._motion in SURFACES:
+            self.state = planar_words.for_surfaces(self.ask, self._motion, word, self.state)
+        elif self._motion in ("G1", "G2", "G3"):
+            self.state = planar_words.for_lines(self.ask, self._motion, word, self.state)
+
+    def _keep_motion(self) -> None:
+        """G0 to G3 and cycles stay; G51, G52, G6.2, curves and G80 leave no motion mode."""
+        named = self.ask.code("motion")
+        if self._shifts or not named:
+            return
+        if named == "G80" and (beneath := self._beneath()):
+            self.state = self.state._replace(motion=beneath, cycle=None)
+        elif named in _CLEARED:
+            cuts = self.state.cuts or named in SURFACES
+            why = _CLEARED[named].format(self.ask.line.number)
+            goes = self.state.curve_goes if named == "G5" else None
+            self.state = self.state._replace(motion="", cleared=why, cuts=cuts, cycle=None, curve_goes=goes)
+        elif named != self.state.motion or (self.state.cycle and named not in CYCLES):
+            kept = self.state.cycle if named in CYCLES else None
+            self.state = self.state._replace(motion=named, cycle=kept)
+
+    def _word_of_motion(self) -> Word:
+        """The motion code, or the first word that the modal motion takes."""
+        if "motion" in self.ask.codes:
+            return self.ask.codes["motion"][1]
+        return next(word for letter, word in self.ask.words.items() if letter in self._axes + "IJK")
+
+    def _stop(self) -> None:
+        """M2 and M30 end the program with spindle and coolant off."""
+        if "stop" not in self.ask.codes:
+            return
+        code, word = self.ask.codes["stop"]
+        self.ended = code in ("M2", "M30")
+        if self.ended:
+            off = replace(self.state.modal, spindle_rev_min=0.0, coolant=0)
+            self.state = self.state._replace(modal=off)
+        act = {"M0": Act.STOP, "M60": Act.STOP, "M1": Act.OPTIONAL_STOP}.get(code, Act.END)
+        self.made.append(Action(self.ask.place(word), self.state.modal, act))

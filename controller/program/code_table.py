@@ -1,0 +1,268 @@
+"""Every code of the language in one table: what the reader knows, the README shows and the refusals quote.
+
+A row says what a code is, who defines it and what comes of it here: done, noted (it needs no action on this
+control; ``check`` tells what it would have done) or refused, with what to write instead. ``dialect`` is given
+where RS-274/NGC and Fanuc-like controls mean different things by one name.
+"""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+
+from controller.program.code_rows import AXES, FANUC, HAAS, LINUXCNC, NIST, PAPER, Code, Fate, done
+from controller.program.codes_not_done import NOT_DONE
+
+# Where a code is tried; those that are not named here, in ``test_each_code`` and ``test_codes_not_done``.
+_EACH, _NOT_DONE = "program/test_each_code.py", "program/test_codes_not_done.py"
+_TESTS = {
+    "program/test_plain.py": "G0 G1 G2 G3 G4 G17 G20 G21 G93 G94 M3 M8",
+    "program/test_plane_words.py": "G18 G53 G68.2 G68.3 G53.1 G53.3 G53.6",
+    "program/test_tilted_planes.py": "G68.4 G69",
+    "program/test_cycles.py": "G73 G74 G81 G82 G83 G84 G85 G86 G89 G98 G99 G19 M4 M5",
+    "program/test_boring.py": "G76 G87",
+    "program/test_blocks.py": "G51 G61 G64 M6 M30",
+    "program/test_shifts.py": "G52",
+    "program/test_nurbs.py": "G6.2",
+    "program/test_spline_words.py": "G5 G5.1 G5.2 G5.3",
+    "program/test_offset_words.py": "G10 G28 G28.1 G30 G43 G43.1 G43.2 G44 G54.1 G68 G91 G92 M61",
+    "program/test_compensation.py": "G40 G41 G42 G41.1 G42.1 G43.4 G54 G55 G90",
+    "program/test_posts.py": "G80 G154 G234",
+    "program/test_parameters.py": "G90.1 G95 M70 M72 M73",
+    "program/test_override_words.py": "M48 M49 M50 M51 M52 M53",
+    "program/test_flow.py": "M98 M99",
+    "tick/test_outputs.py": "M10 M11 M62 M63 M64 M65 M66",
+    "tick/test_analogue_outputs.py": "M19 M67 M68",
+    "machine/test_changes.py": "G30.1 G92.3",
+}
+TEST_OF = MappingProxyType({name: file for file, names in _TESTS.items() for name in names.split()})
+
+
+def test_of(row: Code) -> str:
+    """The file of tests, in tests/controller, that shows what comes of a code."""
+    return TEST_OF.get(row.name, _NOT_DONE if row.fate is not Fate.DONE else _EACH)
+
+
+_CYCLE = AXES + "RLK"
+
+ROWS: tuple[Code, ...] = (
+    *done(
+        "motion",
+        NIST,
+        ("G0", AXES + "IJK", "rapid; I J K under G43.5"),
+        ("G1", AXES + "IJK", "line at feed; I J K under G43.5"),
+        ("G2", AXES + "IJKRP", "arc or helix, clockwise"),
+        ("G3", AXES + "IJKRP", "arc or helix, counter-clockwise"),
+        ("G73", _CYCLE + "Q", "drilling, chip breaking by Q"),
+        ("G74", _CYCLE + "P", "tapping, left-hand, with a floating holder"),
+        ("G80", "", "ends a canned cycle and the motion mode"),
+        ("G81", _CYCLE, "drilling"),
+        ("G82", _CYCLE + "P", "drilling, dwell P"),
+        ("G83", _CYCLE + "Q", "drilling by Q with full retraction"),
+        ("G84", _CYCLE + "P", "tapping, right-hand, with a floating holder"),
+        ("G85", _CYCLE, "boring, out at feed"),
+        ("G86", _CYCLE + "P", "boring, spindle stopped, out at rapid"),
+        ("G89", _CYCLE + "P", "boring, dwell P, out at feed"),
+    ),
+    *done(
+        "motion",
+        FANUC,
+        ("G76", _CYCLE + "QPIJ", "fine boring: out with the spindle at its angle, the tip Q off the wall"),
+        ("G87", _CYCLE + "QPIJ", "back boring: down likewise, up at feed from R to Z"),
+        dialect="fanuc",
+    ),
+    *done(
+        "motion",
+        PAPER,
+        ("G51", "XYZIJKHRD", "cone: ruled surface about +Z"),
+        ("G52", "XYZ", "ruled surface between two cubic Beziers; without F a shift (below)"),
+    ),
+    *done(
+        "motion",
+        LINUXCNC,
+        ("G5", "XYIJPQ", "cubic curve in X and Y"),
+        ("G5.1", "XYIJ", "quadratic curve in X and Y"),
+        ("G5.2", "XYPL", "NURBS in X and Y (below)"),
+        ("G5.3", "", "ends a NURBS"),
+        dialect="rs274",
+    ),
+    *done("motion", FANUC, ("G6.2", "PQ", "ruled surface between two NURBS curves")),
+    *done(
+        "one-line",
+        NIST,
+        ("G10", AXES + "LPR", "sets work offsets (L2, L20) and tools (L1, L10, L11), for good"),
+        (
+            "G28",
+            AXES + "UVW",
+            "rapid to the reference point, by way of the axis words, or U V W as distances",
+        ),
+        ("G30", AXES + "UVWP", "rapid to the second reference point, likewise"),
+        ("G53", "", "this line's G0 or G1 in machine positions"),
+        ("G92", AXES, "shifts all work offsets so that the position reads as said, for good"),
+        ("G92.1", "", "cancels the shift of G92"),
+        ("G92.2", "", "suspends the shift of G92"),
+        ("G92.3", "", "takes the shift of G92 up again"),
+    ),
+    *done("one-line", NIST, ("G4", "P", "dwell of P seconds"), dialect="rs274"),
+    *done("one-line", FANUC, ("G4", "PX", "dwell of P or X seconds; ms without a point"), dialect="fanuc"),
+    *done(
+        "one-line",
+        LINUXCNC,
+        ("G28.1", "", "the position becomes the reference point, for good"),
+        ("G30.1", "", "the position becomes the second reference point, for good"),
+    ),
+    *done("plane", NIST, ("G17", "", "plane XY"), ("G18", "", "plane ZX"), ("G19", "", "plane YZ")),
+    *done("unit", NIST, ("G20", "", "inches"), ("G21", "", "millimetres")),
+    *done("unit", FANUC, ("G70", "", "inches, as G20"), ("G71", "", "millimetres, as G21"), dialect="fanuc"),
+    *done(
+        "side",
+        PAPER,
+        ("G40", "", "ends G41 and G42; cutter on the right of surfaces"),
+        ("G41", "", "cutter on the left: of lines and arcs in the plane with D, of surfaces"),
+        ("G42", "", "cutter on the right: of lines and arcs in the plane with D, of surfaces"),
+    ),
+    *done(
+        "side",
+        LINUXCNC,
+        ("G41.1", "DL", "cutter with the diameter D on the left of lines and arcs in the plane"),
+        ("G42.1", "DL", "cutter with the diameter D on the right of lines and arcs in the plane"),
+    ),
+    *done(
+        "length",
+        NIST,
+        ("G43", "H", "adds the tool's length to Z"),
+    ),
+    *done("length", NIST, ("G49", "", "no tool length, no tool-centre control"), dialect="rs274"),
+    *done("length", FANUC, ("G49", "H", "no tool length, no tool-centre control; H0 only"), dialect="fanuc"),
+    *done(
+        "length",
+        LINUXCNC,
+        ("G43.1", "Z", "adds the length Z to Z"),
+        ("G43.2", "H", "adds the length of one more tool"),
+    ),
+    *done("length", FANUC, ("G44", "H", "takes the tool's length off Z"), dialect="fanuc"),
+    *done(
+        "length",
+        FANUC,
+        ("G43.4", "H", "tool-centre control, rotary words"),
+        ("G43.5", "H", "tool-centre control, tool vectors I J K"),
+    ),
+    *done("length", HAAS, ("G234", "H", "tool-centre control, as G43.4"), dialect="fanuc"),
+    *done("offset", NIST, *((f"G{54 + i}", "", f"work offset {i + 1}") for i in range(6))),
+    *done("offset", NIST, *((f"G59.{i}", "", f"work offset {6 + i}") for i in (1, 2, 3))),
+    *done("offset", FANUC, ("G54.1", "P", "work offset P1 to P48 beyond the nine")),
+    *done("offset", HAAS, ("G154", "P", "work offset, as G54.1"), dialect="fanuc"),
+    *done("path", NIST, ("G61", "", "exact path"), ("G61.1", "", "exact path, stop at corners")),
+    *done("path", NIST, ("G64", "PQ", "blends within P mm and Q degrees")),
+    *done("distance", NIST, ("G90", "", "positions"), ("G91", "", "distances")),
+    *done("centre", LINUXCNC, ("G90.1", "", "I J K of arcs are positions"), ("G91.1", "", "distances")),
+    *done(
+        "feed", NIST, ("G93", "", "inverse time"), ("G94", "", "feed a minute"), ("G95", "", "feed a turn")
+    ),
+    *done("speed", LINUXCNC, ("G97", "", "S is turns a minute")),
+    *done(
+        "return",
+        NIST,
+        ("G98", "", "cycles end at the height they began from"),
+        ("G99", "", "cycles end at R"),
+    ),
+    *done(
+        "rotation",
+        FANUC,
+        ("G68", AXES + "R", "turns the coordinates by R in the plane"),
+        ("G68.2", "XYZIJKPQR", "tilted plane, defined as P says (above)"),
+        ("G68.3", "XYZR", "tilted plane across the tool as it stands"),
+        ("G68.4", "XYZIJKPQR", "tilted plane seen from the active one"),
+        ("G69", "", "ends G68 and the tilted plane"),
+    ),
+    *done("one-line", FANUC, ("G53.1", "P", "turns the tool along the tilted plane's Z, X Y Z stand")),
+    *done("one-line", FANUC, ("G53.6", "PH", "the same, the tip stands on the part"), dialect="fanuc"),
+    *done(
+        "one-line",
+        LINUXCNC,
+        ("G53.3", "XYZP", "the same, and to X Y Z of the plane meanwhile"),
+        ("G53.6", "P", "the same, the tip stands on the part"),
+        dialect="rs274",
+    ),
+    *done(
+        "stop",
+        NIST,
+        ("M0", "", "stop"),
+        ("M1", "", "optional stop"),
+        ("M2", "", "end"),
+        ("M30", "", "end"),
+        ("M60", "", "stop, as M0: there is no pallet to change"),
+    ),
+    *done(
+        "spindle", NIST, ("M3", "", "spindle, clockwise"), ("M4", "", "counter-clockwise"), ("M5", "", "off")
+    ),
+    *done("spindle", LINUXCNC, ("M19", "RQP", "brings the spindle to its angle, within Q seconds")),
+    *done("tool change", NIST, ("M6", "", "puts T into the spindle")),
+    *done("tool change", LINUXCNC, ("M61", "Q", "says that tool Q is in the spindle")),
+    *done(
+        "state",
+        LINUXCNC,
+        ("M70", "", "keeps the modal state"),
+        ("M71", "", "forgets the kept state"),
+        ("M72", "", "gives the kept state back"),
+        ("M73", "", "keeps the state until the sub ends"),
+    ),
+    *done("call", FANUC, ("M98", "PL", "calls sub P, L times"), ("M99", "", "ends a sub")),
+    *done(
+        "output",
+        LINUXCNC,
+        ("M62", "P", "output P on, with the motion that comes next"),
+        ("M63", "P", "output P off, with the motion that comes next"),
+        ("M64", "P", "output P on, at rest"),
+        ("M65", "P", "output P off, at rest"),
+        ("M66", "PLQ", "waits at most Q seconds for input P: L1 rise, L2 fall, L3 on, L4 off"),
+        ("M67", "EQ", "analogue output E to Q, with the motion that comes next"),
+        ("M68", "EQ", "analogue output E to Q, at rest"),
+    ),
+    *done(
+        "overrides",
+        LINUXCNC,
+        ("M48", "", "the operator's override of feeds counts"),
+        ("M49", "", "it does not: feeds are as F says"),
+        ("M50", "P", "it counts (P1) or not (P0)"),
+        ("M52", "P", "adaptive feed off (P0); on it is refused, as no input leads the feed"),
+        ("M53", "P", "the input feed_stop stops motion (P1) or not (P0)"),
+    ),
+    *done("coolant", NIST, ("M7", "", "mist"), ("M8", "", "flood"), ("M9", "", "both off")),
+    *NOT_DONE,
+)
+
+
+def of(dialect: str) -> dict[str, Code]:
+    """The rows of a dialect by name."""
+    return {row.name: row for row in ROWS if row.dialect in ("", dialect)}
+
+
+def takers_of(letter: str, dialect: str) -> str:
+    """The codes of a dialect that take a letter, for sentences."""
+    letters = {"U": "U", "V": "V", "W": "W"}.get(letter, letter)
+    sides = {"D": ("G41", "G42")}.get(letter, ("G40", "G41", "G42") if letter in "PQR" else ())
+    axes = AXES if letter in "XYZABC" else letters
+    rows = of(dialect).values()
+    found = [row.name for row in rows if row.name in sides or letters in row.letters or axes in row.letters]
+    return " ".join(found) or "no code of this control"
+
+
+BY_DIALECT = MappingProxyType({dialect: MappingProxyType(of(dialect)) for dialect in ("rs274", "fanuc")})
+
+
+def markdown() -> str:
+    """The table as the README of the programs shows it."""
+    head = ["| code | dialect | from | what it is | here | test |", "|---|---|---|---|---|---|"]
+    return "\n".join([*head, *(_markdown(row) for row in sorted(ROWS, key=_order)), ""])
+
+
+def _order(row: Code) -> tuple[str, float, str]:
+    return row.name[0], float(row.name[1:]), row.dialect
+
+
+def _markdown(row: Code) -> str:
+    here = {Fate.DONE: "", Fate.NOTED: "noted: ", Fate.REFUSED: "refused: "}[row.fate] + (row.told or "done")
+    if row.only:
+        here = f"with {row.only} {here} Else refused: {row.instead}"
+    told = (row.name, row.dialect or "both", row.source, row.meaning, here, f"`{test_of(row)}`")
+    return f"| {' | '.join(told)} |"

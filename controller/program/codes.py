@@ -1,0 +1,155 @@
+"""One line sorted: its codes by modal group, its other words by letter.
+
+Codes and groups are those of ``code_table``; of one group a line takes one code.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+
+from controller.machine.model import Machine
+from controller.program.code_rows import AXES, Code, Fate
+from controller.program.code_table import BY_DIALECT
+from controller.program.program import Place, ProgramError
+from controller.program.words import Line, Word
+
+SIDES = ("G40", "G41", "G42")
+SURFACES = ("G51", "G52", "G6.2")
+CURVES = ("G5", "G5.1", "G5.2", "G5.3")
+CYCLES = ("G73", "G74", "G76", "G81", "G82", "G83", "G84", "G85", "G86", "G87", "G89")
+PLACES = ("G10", "G28", "G30", "G53.3", "G92")  # of the codes for one line those that take the axis words
+TILTS = ("G68.2", "G68.3", "G68.4")
+TO_PLANE = ("G53.1", "G53.3", "G53.6")  # turn the tool to it
+CONE_WORDS = "XYZIJKHRD"
+
+
+def group(name: str, dialect: str) -> list[str]:
+    """The codes of a modal group that a dialect has, in the order of the table."""
+    return [code.name for code in BY_DIALECT[dialect].values() if code.group == name]
+
+
+@cache
+def letters_of(code: str, dialect: str, axes: str) -> str:
+    """The letters that a code takes on a machine with these axes."""
+    letters = BY_DIALECT[dialect][code].letters.replace(AXES, axes)
+    if dialect == "fanuc":
+        return letters
+    left_out = "ABCKP" if code in ("G74", "G84") else "ABCK" if code in CYCLES else "UVW"
+    return "".join(letter for letter in letters if letter not in left_out)
+
+
+@dataclass(frozen=True, slots=True)
+class Ask:
+    """What one line asks for; every refusal of it has its file and line."""
+
+    line: Line
+    codes: dict[str, tuple[str, Word]]  # modal group -> code as named in the table, and its word
+    words: dict[str, Word]  # letter -> word, without G M N
+    switches: tuple[tuple[Word, int, bool], ...] = ()  # the machine's own codes: number of an output, on
+    polar: tuple[float, float] | None = None  # @ (mm) and ^ (rad) under G91, for which X and Y stand
+
+    def code(self, group: str) -> str:
+        return self.codes[group][0] if group in self.codes else ""
+
+    def has(self, letters: str) -> bool:
+        return any(letter in self.words for letter in letters)
+
+    def refusal(self, word: Word, sentence: str) -> ProgramError:
+        return self.line.refusal(word, sentence)
+
+    def place(self, word: Word) -> Place:
+        return self.line.place(word.column)
+
+    def whole(self, word: Word) -> int:
+        if word.value != math.floor(word.value) or word.value < 0.0:
+            raise self.refusal(
+                word, f"{word.text} is not a count: {word.letter} takes a whole number from 0 up; correct it"
+            )
+        return int(word.value)
+
+    def not_negative(self, word: Word) -> float:
+        if word.value < 0.0:
+            raise self.refusal(word, f"{word.text} is negative: {word.letter} is 0 or more here; correct it")
+        return word.value
+
+
+def sort(line: Line, machine: Machine) -> Ask:
+    """The line by groups and letters; ProgramError on unknown or doubled words."""
+    codes: dict[str, tuple[str, Word]] = {}
+    others: dict[str, Word] = {}
+    switches = tuple(found for word in line.words if (found := _switch(word, machine)) is not None)
+    own = [word for word, _, _ in switches]
+    for word in line.words:  # codes first: they are to blame before the letters that they take
+        if word.letter in "GM" and word not in own:
+            _take_code(line, word, codes, machine.dialect)
+    for word in line.words:
+        if word.letter not in "GM":
+            _check_letter(line, word, others, machine)
+            others[word.letter] = word
+    return Ask(line, codes, others, switches)
+
+
+def _switch(word: Word, machine: Machine) -> tuple[Word, int, bool] | None:
+    """What a code of ``[io] m_codes`` switches; None of any other word."""
+    if word.letter != "M" or machine.io is None:
+        return None
+    for code, name, on in machine.io.m_codes:
+        if word.value == float(code[1:]):
+            return word, machine.io.digital_out.index(name), on
+    return None
+
+
+def _take_code(line: Line, word: Word, codes: dict[str, tuple[str, Word]], dialect: str) -> None:
+    """Lay a code beside the others of the line; G80 beside another motion only ends what was before."""
+    code = _code(line, word, dialect)
+    if code.group not in codes:
+        codes[code.group] = (code.name, word)
+        return
+    before = codes[code.group][0]
+    if code.group == "motion" and "G80" in (before, code.name) and before != code.name:
+        if before == "G80":
+            codes["motion"] = (code.name, word)
+        return
+    raise line.refusal(
+        word,
+        f"{before} and {code.name} are both {code.group} codes: one line takes one of "
+        f"{' '.join(group(code.group, dialect))}; remove one or write two lines",
+    )
+
+
+def _code(line: Line, word: Word, dialect: str) -> Code:
+    tenths = round(word.value * 10.0)
+    number = f"{tenths // 10}" if tenths % 10 == 0 else f"{tenths / 10:.1f}"
+    found = BY_DIALECT[dialect].get(f"{word.letter}{number}")
+    if found is not None and abs(word.value * 10.0 - tenths) < 1e-6:
+        if found.fate is Fate.REFUSED:
+            raise line.refusal(word, f"{found.name} ({found.meaning}) is not done here: {found.told}")
+        return found
+    done = (code.name for code in BY_DIALECT[dialect].values() if code.fate is Fate.DONE)
+    known = " ".join(sorted((c for c in done if c[0] == word.letter), key=lambda c: float(c[1:])))
+    own = ", or name an output for it in m_codes of [io]" if word.letter == "M" else ""
+    raise line.refusal(
+        word, f"{word.text} is not a code of this control: it knows {known}; use one of these{own}"
+    )
+
+
+def _check_letter(line: Line, word: Word, before: dict[str, Word], machine: Machine) -> None:
+    names = [axis.name for axis in machine.axes]
+    if word.letter in "ABC" and word.letter not in names:
+        raise line.refusal(
+            word,
+            f"{word.text} moves an axis that this machine does not have: its axes are {' '.join(names)}; "
+            "use one of these, or choose the machine that the program was written for",
+        )
+    if word.letter == "N":
+        raise line.refusal(
+            word, f"{word.text} stands inside the line: N is the first word; move or remove it"
+        )
+    if word.letter in before:
+        raise line.refusal(
+            word,
+            f"{before[word.letter].text} and {word.text} stand on one line: each letter but G and M may "
+            "stand once; remove one",
+        )

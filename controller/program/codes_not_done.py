@@ -1,0 +1,188 @@
+"""The rows of the table of codes for what is only noted, and what is refused with what to write instead."""
+
+from __future__ import annotations
+
+from controller.program.code_rows import (
+    AXES,
+    BROTHER,
+    FANUC,
+    HAAS,
+    HURCO,
+    LINUXCNC,
+    MAZAK,
+    Code,
+    Fate,
+    noted,
+    only,
+    refused,
+)
+
+_LATHE = "this control has no lathe axis"
+_NO_SYNC = "no spindle here is tied to the feed"
+_PROBE = "touch the part off by hand on the set-up page"
+_AHEAD = "The feed is always planned as far ahead as the limits ask."
+_NEVER = "It is never on here."
+_SMOOTH = "G64 P says here how far the path may be left; without it it is exact."
+_SPINDLE = "S alone says how fast the spindle turns."
+_NO_OUTPUT = "m_codes in [io] has no output for it"
+
+NOT_DONE: tuple[Code, ...] = (
+    *noted(
+        FANUC,
+        ("G5", "P", "high-precision mode", _AHEAD),
+        ("G5.1", AXES + "QRP", "look-ahead mode; of Q2 the axes", _AHEAD),
+        ("G8", "P", "look-ahead mode", _AHEAD),
+        ("G9", "", "exact stop", "Corners are exact but under G64 P."),
+        ("G11", "", "end of data setting", "G10 is for its line alone."),
+        ("G13.1", "", "polar interpolation off", _NEVER),
+        ("G50.1", AXES, "mirror image off", _NEVER),
+        ("G62", "", "slower in inside corners", "The feed in corners is planned by the limits of the axes."),
+        ("M41", "", "low gear", _SPINDLE),
+        ("M42", "", "high gear", _SPINDLE),
+        dialect="fanuc",
+    ),
+    *noted(
+        FANUC,
+        ("G15", "", "polar coordinates off", _NEVER),
+        ("G23", "", "stored stroke limits off", "The travel of the axes is always watched."),
+        (
+            "G25",
+            "",
+            "spindle speed watch off",
+            "The spindle is watched wherever the machine file names its drive.",
+        ),
+        ("G50", "", "scaling off", _NEVER),
+        ("G67", "", "modal macro off", _NEVER),
+        ("M10", "", "clamp on", f"{_NO_OUTPUT}; clamps of axes close by themselves."),
+        ("M11", "", "clamp off", f"{_NO_OUTPUT}; clamps of axes open by themselves."),
+    ),
+    *noted(HURCO, ("G5.3", "P", "surface finish", _SMOOTH), dialect="fanuc"),
+    *noted(
+        HAAS,
+        ("G103", "P", "limits look-ahead", "The whole program is read and planned ahead."),
+        ("G187", "PE", "smoothness", _SMOOTH),
+        ("G255", "", "dynamic work offset off", "It is never on here; G43.4 follows the turned part."),
+    ),
+    *noted(
+        HAAS,
+        ("G269", "", "tilted plane off", "G268 is never on here; G69 ends G68.2."),
+        ("M12", "", "clamp of the fifth axis on", f"{_NO_OUTPUT}; clamps of axes close by themselves."),
+        ("M13", "", "clamp of the fifth axis off", f"{_NO_OUTPUT}; clamps of axes open by themselves."),
+        ("M31", "", "chip conveyor forward", f"{_NO_OUTPUT}."),
+        ("M32", "", "chip conveyor back", f"{_NO_OUTPUT}."),
+        ("M33", "", "chip conveyor off", f"{_NO_OUTPUT}."),
+        ("M84", "", "air blast off", f"{_NO_OUTPUT}."),
+        ("M89", "", "coolant through the spindle off", f"{_NO_OUTPUT}."),
+        ("M138", "PE", "varying spindle speed", "The spindle turns as S says."),
+        ("M139", "", "varying spindle speed off", "The spindle turns as S says."),
+        dialect="fanuc",
+    ),
+    *noted(BROTHER, ("M298", "L", "high-accuracy mode", _AHEAD), dialect="fanuc"),
+    *only(
+        "P0",
+        (
+            "G54.2",
+            "P",
+            FANUC,
+            "offset that follows the table",
+            _NEVER,
+            "write G43.4, which follows the turned part",
+        ),
+        (
+            "G54.4",
+            "P",
+            FANUC,
+            "error of the part's setting",
+            _NEVER,
+            "write G10 L2 with the place, and R its turn",
+        ),
+    ),
+    *only(
+        "X0",
+        ("G10.9", "X", MAZAK, "diameters (X1) or radii (X0)", "Words of X are positions.", "write radii"),
+    ),
+    Code(
+        "M51",
+        "overrides",
+        "P",
+        LINUXCNC,
+        "spindle override counts (P1) or not (P0)",
+        "There is none here: the spindle turns as S says.",
+        Fate.NOTED,
+    ),
+    # --- what is refused, and what to write instead
+    *refused(
+        LINUXCNC,
+        ("G7", "diameter mode of lathes", f"{_LATHE}; write radii"),
+        ("G8", "radius mode of lathes", f"{_LATHE}; leave it out"),
+        ("G76", "threading", f"{_NO_SYNC}; mill the thread with G2 or G3 and Z"),
+        ("G44", "length taken off Z", "write G43 or G43.1 with the length"),
+        ("G87", "back boring", 'write M19 and the moves themselves, or G87 under dialect = "fanuc"'),
+        dialect="rs274",
+    ),
+    *refused(
+        LINUXCNC,
+        ("G5.2", "NURBS", "write it as G1 lines under G64 P, or a surface as G6.2"),
+        dialect="fanuc",
+    ),
+    *refused(
+        FANUC,
+        ("G53.3", "tool along the tilted plane's Z with a move", "write G53.1, and G0 on the next line"),
+        ("G7", "imaginary axis", "write the moves themselves"),
+        ("G12.1", "polar interpolation", "write X and Y"),
+        ("G43.3", "nutating head", "write G43.4"),
+        ("G45", "tool offset added once", "write G41 or G42 with D"),
+        ("G46", "tool offset taken off once", "write G41 or G42 with D"),
+        ("G47", "tool offset added twice", "write G41 or G42 with D"),
+        ("G48", "tool offset taken off twice", "write G41 or G42 with D"),
+        ("G51.1", "mirror image", "write the mirrored moves"),
+        ("G60", "approach from one side", "write G0 to a place before it"),
+        ("G63", "tapping mode", "write M49 before the cut and M48 behind it"),
+        ("G107", "cylindrical interpolation", "write words of the rotary axis"),
+        ("M198", "call of a file", "write M98 P, which looks for the file, too"),
+        dialect="fanuc",
+    ),
+    *refused(
+        LINUXCNC,
+        ("G17.1", "plane UV", "this control has no axes U V W; write G17"),
+        ("G18.1", "plane WU", "this control has no axes U V W; write G18"),
+        ("G19.1", "plane VW", "this control has no axes U V W; write G19"),
+        ("G33", "spindle-synchronised motion", f"{_NO_SYNC}; mill the thread with G2 or G3 and Z"),
+        ("G33.1", "rigid tapping", f"{_NO_SYNC}; write G84 with a floating holder"),
+        ("G38.2", "probing", _PROBE),
+        ("G38.3", "probing", _PROBE),
+        ("G38.4", "probing", _PROBE),
+        ("G38.5", "probing", _PROBE),
+        ("G88", "boring with retraction by hand", "write G86, or M0 at the bottom"),
+        ("G96", "constant surface speed", f"{_LATHE}; write G97 and S"),
+    ),
+    *refused(
+        FANUC,
+        ("G16", "polar coordinates", "write X and Y"),
+        ("G22", "stored stroke limits", "the travel of the axes in the machine file is always watched"),
+        ("G26", "spindle speed watch", "leave it out"),
+        ("G27", "reference point check", "write G28"),
+        ("G29", "return from the reference point", "write G0 and the position"),
+        ("G31", "skip", _PROBE),
+        ("G65", "macro call", "write M98 and its number"),
+        ("G66", "modal macro", "write M98 and its number on every line"),
+        ("M29", "rigid tapping", f"{_NO_SYNC}; write G84 with a floating holder"),
+    ),
+    *refused(
+        HAAS,
+        ("G254", "dynamic work offset", "write G43.4, which follows the turned part"),
+    ),
+    *refused(
+        HAAS,
+        ("G12", "circular pocket, clockwise", "write the arcs"),
+        ("G13", "circular pocket, counter-clockwise", "write the arcs"),
+        ("G150", "pocket", "write the moves themselves"),
+        ("G253", "spindle along the tilted plane's Z", "write G53.1"),
+        ("G268", "tilted plane", "write G68.2"),
+        ("M83", "air blast", "name an output for it in m_codes of [io], or write M7"),
+        ("M88", "coolant through the spindle", "name an output for it in m_codes of [io], or write M8"),
+        ("M97", "call of a line", "write M98 and P with the number of a sub behind M30"),
+        dialect="fanuc",
+    ),
+    *refused(BROTHER, ("G100", "tool change with moves", "write T, M6 and the moves"), dialect="fanuc"),
+)

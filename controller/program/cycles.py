@@ -1,0 +1,250 @@
+"""Canned cycles G73, G74, G76 and G81 to G89 as the canonical moves they stand for (RS-274/NGC 3.5.16).
+
+    ---- level   where the series began; G98 ends here
+    ---- R       clearance; rapids go down to here, G99 ends here
+    ---- Z       bottom
+
+Each line drills once, or L times (K under fanuc). Its words stay for the next line of the same cycle, but L.
+Z of G17 is the axis across the plane; under G18 and G19 Y and X take its place. Under G91 X and Y are steps,
+R counts from the level and Z from R.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from types import MappingProxyType
+
+from controller.geometry.vectors import angle_between
+from controller.program import boring, line_words
+from controller.program.codes import CYCLES, Ask
+from controller.program.cycle_way import PLANES, Way
+from controller.program.modal import Cycle, State, dwell_s
+from controller.program.offset_words import Here
+from controller.program.position import Known
+from controller.program.program import Block, Remark, Tip
+from controller.program.words import Word
+
+BREAK_MM = 0.254  # what G73 draws back, and where G83 ends its rapid above the last depth, as LinuxCNC
+SAME_MM = 1e-9  # of two heights: in a tilted plane they come by way of the axes, and are rounded
+ALONG_DEG = 0.01  # by which the axis of a cycle may miss the tool: rotary words of two decimals
+MOST_REPEATS = 1000  # of one line ...
+MOST_PECKS = 10_000  # ... in all of them
+FLOATING = (
+    "is tapped with a floating holder: the feed is not tied to the spindle, which turns back at the bottom."
+)
+
+
+def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
+    """The moves of one line of a cycle, and the state after them."""
+    _check(here, code, word)
+    cycle, start = _cycle(here, code, word)
+    feed = here.state.feed(here.ask, code, word)
+    way = Way(here, here.ask.place(word), feed, line_words.targets(here))
+    before = here.state.motion
+    beneath = here.state.beneath if before in CYCLES else before
+    state = here.state._replace(cycle=cycle, motion=code, beneath=beneath)
+    if code in ("G74", "G84"):
+        state = _told_floating(way, state, code)
+    clearance, bottom = _heights(here, cycle)
+    if abs(start - clearance) < SAME_MM:
+        start = clearance
+    if start < clearance:
+        way.rapid(None, None, start := clearance)
+    way.end = clearance if here.state.to_clearance else max(start, clearance)
+    relative = not here.state.absolute
+    x, y = way.begin
+    way.repeats = _repeats(here.ask, way)
+    for _ in range(way.repeats):
+        x, y = way.hole(x, y, relative)
+        way.rapid(x, y, start)
+        if start != clearance and code != "G87":
+            way.rapid(None, None, clearance)
+        _DRILL[code](way, cycle, clearance, bottom)
+        way.rapid(None, None, way.end)
+        start = way.end
+    return way.made, state._replace(modal=replace(state.modal, outputs=way.modal.outputs))
+
+
+def _check(here: Here, code: str, word: Word) -> None:
+    ask, state = here.ask, here.state
+    why = ""
+    if state.modal.tip is not Tip.OFF:
+        why = "under tool-centre control (G43.4, G43.5); write G49 before it, or the moves themselves"
+    elif state.inverse:
+        why = "under G93, where F is a time; write G94 and the feed per minute before it"
+    elif state.side != "G40":
+        why = f"under {state.side}; write G40 before it"
+    elif code in ("G74", "G84") and state.turning != (1 if code == "G84" else -1):
+        way, start = ("clockwise", "M3") if code == "G84" else ("counter-clockwise", "M4")
+        why = f"while the spindle does not turn {way}; write S and {start} before it"
+    elif code in ("G76", "G86", "G87") and state.turning == 0:
+        why = "while the spindle stands; write S and M3 or M4 before it"
+    elif code == "G87" and state.to_clearance:
+        why = "under G99, and its R is below the part: it ends where it began; write G98 before it"
+    if why:
+        raise ask.refusal(word, f"{code} stands {why}")
+    _check_along(here, code, word)
+
+
+def _check_along(here: Here, code: str, word: Word) -> None:
+    """In a tilted plane a cycle goes along the tool. Raises ProgramError."""
+    modal, position = here.state.modal, here.position
+    if not modal.tilted:
+        return
+    first, second = here.known(word, position.rotaries, code)
+    normal = PLANES[modal.plane][2]
+    along = modal.frame(here.machine)[1 + normal]
+    off = math.degrees(angle_between(position.chain().tool_axis((first, second)), along))
+    if off > ALONG_DEG:
+        raise here.ask.refusal(
+            word,
+            f"{code} would go along {'XYZ'[normal]} of the tilted plane, {off:.4g} degrees off the tool: "
+            f"a cycle goes along the tool, within {ALONG_DEG:g} degrees; write G53.1 before it",
+        )
+
+
+def _cycle(here: Here, code: str, word: Word) -> tuple[Cycle, float]:
+    """What the words say and what is kept, and the height from which the line begins."""
+    before, state = here.state.cycle, here.state
+    keeps = before is not None and (before.code == code or here.machine.dialect == "fanuc")
+    normal = PLANES[state.modal.plane][2]
+    bottom, clearance = here.length_mm("XYZ"[normal]), here.length_mm("R")
+    if before is not None and keeps:
+        bottom = before.bottom if bottom is None else bottom
+        clearance = before.clearance if clearance is None else clearance
+    if bottom is None or clearance is None:
+        lacks = "XYZ"[normal] if bottom is None else "R"
+        what = "the bottom" if bottom is None else "the height down to which rapids go"
+        raise here.ask.refusal(
+            word, f"{code} has no {lacks}, {what}: the first line of a cycle says it; write it"
+        )
+    (now,) = here.known(word, here.position.in_frame(state.modal)[normal : normal + 1], code)
+    start = before.level if before is not None and keeps and not state.to_clearance else now
+    level = before.level if before is not None and keeps else now
+    old = before if before is not None and keeps else None
+    depth, seconds = _depth(here, code, word, old), _seconds(here, code, word, old)
+    return Cycle(code, bottom, clearance, level, depth, seconds, boring.shift(here, code, word, old)), start
+
+
+def _depth(here: Here, code: str, word: Word, before: Cycle | None) -> Known:
+    given = here.ask.words.get("Q")
+    depth = here.length_mm("Q") if given is not None else before.depth if before is not None else None
+    if code not in ("G73", "G83"):
+        return depth
+    if depth is None or depth <= 0.0:
+        found = "no Q" if given is None else given.text
+        raise here.ask.refusal(
+            given or word, f"{code} has {found}: Q is the depth of each peck, greater than 0; write it"
+        )
+    return depth
+
+
+def _seconds(here: Here, code: str, word: Word, before: Cycle | None) -> Known:
+    given = here.ask.words.get("P")
+    if given is not None:
+        return dwell_s(here.ask, given, here.machine)
+    kept = before.seconds if before is not None else None
+    if kept is None and code in ("G82", "G86", "G89") and here.machine.dialect == "rs274":
+        raise here.ask.refusal(
+            word, f"{code} has no P, the seconds it waits at the bottom; write it, or G81 or G85"
+        )
+    return kept
+
+
+def _heights(here: Here, cycle: Cycle) -> tuple[float, float]:
+    """Clearance and bottom in program coordinates; of G87, which cuts upwards, R and Z."""
+    clearance, bottom = cycle.clearance, cycle.bottom
+    if not here.state.absolute:
+        clearance += cycle.level
+        bottom += clearance
+    word = here.ask.words.get("R") or here.ask.line.words[0]
+    if cycle.code == "G87":
+        boring.check_heights(here, word, clearance, bottom, cycle.level)
+    elif bottom > clearance:
+        raise here.ask.refusal(
+            word,
+            f"{cycle.code} has its clearance R at {clearance:.4g} mm, below its bottom at {bottom:.4g} mm: R "
+            "is above the bottom; correct one of the two",
+        )
+    return clearance, bottom
+
+
+def _repeats(ask: Ask, way: Way) -> int:
+    word = ask.words.get("L") or ask.words.get("K")
+    if word is None:
+        return 1
+    count = ask.whole(word)
+    least = 0 if way.fanuc else 1  # K0 under fanuc: the words are kept and nothing is drilled
+    if not least <= count <= MOST_REPEATS:
+        raise ask.refusal(word, f"{word.text} repeats a cycle {least} to {MOST_REPEATS} times; correct it")
+    return count
+
+
+def _told_floating(way: Way, state: State, code: str) -> State:
+    if code in state.noted:
+        return state
+    way.made.append(Remark(way.place, state.modal, f"{code} {FLOATING}"))
+    return state._replace(noted=state.noted | {code})
+
+
+def _drill(way: Way, cycle: Cycle, clearance: float, bottom: float) -> None:
+    way.cut(bottom)
+    way.wait(cycle.seconds if cycle.code == "G82" else None)
+
+
+def _peck(way: Way, cycle: Cycle, clearance: float, bottom: float) -> None:
+    """G73 draws back a little after each peck, G83 to the clearance and down again."""
+    depth = cycle.depth or 0.0
+    pecks = (clearance - bottom) / depth * way.repeats
+    if pecks > MOST_PECKS:
+        word = way.here.ask.line.words[0]
+        raise way.here.ask.refusal(
+            word, f"{cycle.code} would peck {pecks:.0f} times: {MOST_PECKS} are the most; raise Q"
+        )
+    height = clearance - depth
+    while height > bottom:
+        way.cut(height)
+        if cycle.code == "G83":
+            way.rapid(None, None, clearance)
+        way.rapid(None, None, min(height + BREAK_MM, clearance))
+        height -= depth
+    way.cut(bottom)
+
+
+def _tap(way: Way, cycle: Cycle, clearance: float, bottom: float) -> None:
+    way.cut(bottom)
+    way.spindle(-1.0)
+    way.wait(cycle.seconds)
+    way.cut(clearance)
+    way.spindle(1.0)
+
+
+def _bore(way: Way, cycle: Cycle, clearance: float, bottom: float) -> None:
+    """Out at feed: G85 to the clearance; G89, after a dwell, all the way under rs274."""
+    way.cut(bottom)
+    way.wait(cycle.seconds if cycle.code == "G89" else None)
+    way.cut(way.end if cycle.code == "G89" and not way.fanuc else clearance)
+
+
+def _bore_standing(way: Way, cycle: Cycle, clearance: float, bottom: float) -> None:
+    """G86: out at rapid with the spindle stopped."""
+    way.cut(bottom)
+    way.wait(cycle.seconds)
+    way.spindle(0.0)
+    way.rapid(None, None, way.end)
+    way.spindle(1.0)
+
+
+_DRILL: MappingProxyType[str, Callable[[Way, Cycle, float, float], None]] = MappingProxyType(
+    {
+        **dict.fromkeys(("G81", "G82"), _drill),
+        **dict.fromkeys(("G73", "G83"), _peck),
+        **dict.fromkeys(("G74", "G84"), _tap),
+        **dict.fromkeys(("G85", "G89"), _bore),
+        "G86": _bore_standing,
+        "G76": boring.fine,
+        "G87": boring.back,
+    }
+)

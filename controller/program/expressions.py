@@ -1,0 +1,271 @@
+"""Values as a program writes them (RS-274/NGC 3.3.2, LinuxCNC's comparisons, names and EXISTS).
+
+A value is a number, a parameter ``#1`` or ``#<name>``, an expression ``[1 + 2]`` or a function
+``sin[30]`` (degrees). Truth is 1 and 0; what is not 0 counts as true.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+import re
+from collections.abc import Callable
+
+from controller.program.parameters import Key, NoValue, Parameters
+from controller.program.program import ProgramError
+
+DEEPEST = 30  # nesting of brackets, so that no text can exhaust the stack
+NUMBERED = range(1, 6000)
+GAPS = " \t\0"  # \0 marks where a comment stood: it ends a number, a space does not
+SAME = 1e-4  # values that EQ takes for one, as LinuxCNC's interpreter
+
+_NUMBER = re.compile(r"[+-]?[ \t]*(?:[0-9][0-9 \t]*(?:\.[0-9 \t]*)?|\.[ \t]*[0-9][0-9 \t]*)")
+_NAME = re.compile(r"<([^<>\[\]#;\0]*)>")
+
+
+class _Unsound(Exception):
+    """An expression without a finite real value; becomes a ProgramError where it stands."""
+
+
+def _mod(a: float, b: float) -> float:
+    """The remainder, never negative, whatever the sign of the divisor (as LinuxCNC's)."""
+    rest = math.fmod(a, b)
+    return rest + abs(b) if rest < 0.0 else rest
+
+
+# ** first, then * / mod, then + -, then comparisons, then the rest; equals from left to right.
+_OPERATIONS: dict[str, tuple[int, Callable[[float, float], float]]] = {
+    "**": (5, math.pow),
+    "*": (4, operator.mul),
+    "/": (4, operator.truediv),
+    "mod": (4, _mod),
+    "+": (3, operator.add),
+    "-": (3, operator.sub),
+    "eq": (2, lambda a, b: float(abs(a - b) < SAME)),
+    "ne": (2, lambda a, b: float(abs(a - b) >= SAME)),
+    "gt": (2, lambda a, b: float(a > b)),
+    "ge": (2, lambda a, b: float(a >= b)),
+    "lt": (2, lambda a, b: float(a < b)),
+    "le": (2, lambda a, b: float(a <= b)),
+    "and": (1, lambda a, b: float(a != 0.0 and b != 0.0)),
+    "or": (1, lambda a, b: float(a != 0.0 or b != 0.0)),
+    "xor": (1, lambda a, b: float((a != 0.0) != (b != 0.0))),
+}
+_OPERATOR = re.compile("|".join(re.escape(name) for name in _OPERATIONS))
+_FUNCTIONS: dict[str, Callable[[float], float]] = {
+    "abs": abs,
+    "acos": lambda x: math.degrees(math.acos(x)),
+    "asin": lambda x: math.degrees(math.asin(x)),
+    "cos": lambda x: math.cos(math.radians(x)),
+    "exp": math.exp,
+    "fix": lambda x: float(math.floor(x)),
+    "fup": lambda x: float(math.ceil(x)),
+    "ln": math.log,
+    "round": lambda x: math.copysign(math.floor(abs(x) + 0.5), x),
+    "sin": lambda x: math.sin(math.radians(x)),
+    "sqrt": math.sqrt,
+    "tan": lambda x: math.tan(math.radians(x)),
+}
+LINE = "_line"  # the name of the line number, which each line has by itself
+_FUNCTION = re.compile(rf"({'|'.join(_FUNCTIONS)}|atan|exists)[ \t]*(?=\[)")
+
+
+def _sound(function: Callable[..., float], *arguments: float) -> float:
+    try:
+        return _finite(function(*arguments))
+    except (ValueError, OverflowError, ZeroDivisionError) as error:
+        raise _Unsound from error
+
+
+def _finite(value: float) -> float:
+    if not math.isfinite(value):
+        raise _Unsound
+    return value
+
+
+class Values:
+    """Reads values from one line of text, in small letters and without comments, from left to right."""
+
+    def __init__(self, text: str, name: str, number: int, parameters: Parameters) -> None:
+        self._text = text
+        self._name = name
+        self._number = number
+        self._parameters = parameters
+        self._at = 0
+        self._depth = 0
+
+    def refusal(self, at: int, sentence: str) -> ProgramError:
+        """The error of this line at the 0-based place ``at``."""
+        return ProgramError(self._name, self._number, at + 1, sentence)
+
+    def peek(self) -> str:
+        """The next character that is no gap, or nothing at the end of the line."""
+        text, at = self._text, self._at
+        while at < len(text) and text[at] in GAPS:
+            at += 1
+        self._at = at
+        return text[at] if at < len(text) else ""
+
+    def take(self, character: str) -> bool:
+        if self.peek() != character:
+            return False
+        self._at += 1
+        return True
+
+    def go(self, at: int) -> None:
+        """Read on from a place of the line."""
+        self._at = at
+
+    @property
+    def rest(self) -> str:
+        """What has not been read yet."""
+        return self._text[self._at :]
+
+    def skip(self, word: str) -> bool:
+        """Read over a word, if it comes next."""
+        self.peek()
+        found = self._text.startswith(word, self._at)
+        self._at += len(word) if found else 0
+        return found
+
+    def value(self, start: int, what: str) -> tuple[float, bool]:
+        """A value, and whether it counts as written with a decimal point."""
+        self.peek()
+        at = self._at
+        try:
+            value = self._operand()
+        except _Unsound:
+            raise self.refusal(
+                start,
+                f"{what} has no finite value: it is too large, divides by zero or leaves the range of a "
+                "function; correct it",
+            ) from None
+        if value is None:
+            raise self.refusal(start, self._no_number(what))
+        written = self._text[at : self._at]
+        return value, any(mark in written for mark in ".#[")
+
+    def _no_number(self, what: str) -> str:
+        if self.peek() == "o":
+            return f"{what} is followed by the letter O: is it a zero? Write the digit 0"
+        return (
+            f"{what} has no number: it takes a number such as 12.5, a parameter #1, an expression [1+2] "
+            "or a function sin[30]; write the number or take the word out"
+        )
+
+    def bracket(self) -> float:
+        start = self._at
+        if not self.take("["):
+            raise self.refusal(
+                start, "[ is missing: the value of a function or a condition stands in brackets, as sin[30]"
+            )
+        value = self._chain(1)
+        if not self.take("]"):
+            raise self.refusal(
+                start, "this [ is not closed: an expression runs from [ to ] on one line; add the ]"
+            )
+        return value
+
+    def key(self) -> Key:
+        """The number or name of a parameter, with its #."""
+        start = self._at
+        self.take("#")
+        if self.peek() == "<":
+            return self._named()
+        return self._in_range(start, self.value(start, "#")[0])
+
+    def _in_range(self, start: int, value: float) -> int:
+        if value != math.floor(value) or int(value) not in NUMBERED:
+            raise self.refusal(
+                start,
+                f"#{value:g} is no parameter: they are numbered {NUMBERED.start} to {NUMBERED.stop - 1}; "
+                "use one of these",
+            )
+        return int(value)
+
+    def _named(self) -> str:
+        found = _NAME.match(self._text, self._at)
+        name = "".join(found.group(1).split()) if found else ""
+        if found is None or not name:
+            raise self.refusal(
+                self._at, "#< opens the name of a parameter, which ends with > on its line, as #<depth>"
+            )
+        self._at = found.end()
+        return name
+
+    def _operand(self) -> float | None:
+        """A number, parameter, bracket or function with an optional sign; None where none stands."""
+        self.peek()
+        if number := _NUMBER.match(self._text, self._at):
+            self._at = number.end()
+            return _finite(float("".join(number.group().split())))
+        negative = self.take("-")
+        if not negative:
+            self.take("+")
+        self._depth += 1
+        if self._depth > DEEPEST:
+            raise self.refusal(
+                self._at, f"brackets are nested deeper than {DEEPEST}: split it with parameters #1, #2, ..."
+            )
+        value = self._compound()
+        self._depth -= 1
+        return -value if negative and value is not None else value
+
+    def _compound(self) -> float | None:
+        start = self.peek()
+        if start == "#":
+            return self._parameter()
+        if start == "[":
+            return self.bracket()
+        if function := _FUNCTION.match(self._text, self._at):
+            self._at = function.end()
+            return self._function(function.group(1))
+        return None
+
+    def _parameter(self) -> float:
+        start = self._at
+        key = self.key()
+        if key == LINE:
+            return float(self._number)
+        try:
+            return self._parameters.value(key)
+        except NoValue as why:
+            raise self.refusal(start, str(why)) from None
+
+    def _chain(self, level: int) -> float:
+        """Operands joined by operators of ``level`` or above."""
+        self.peek()
+        value = self.value(self._at, "the expression")[0]
+        while self.peek() and (found := _OPERATOR.match(self._text, self._at)):
+            binds, function = _OPERATIONS[found.group()]
+            if binds < level:
+                break
+            self._at = found.end()
+            value = _sound(function, value, self._chain(binds + 1))
+        return value
+
+    def _function(self, name: str) -> float:
+        if name == "exists":
+            return self._exists()
+        value = self.bracket()
+        if name != "atan":
+            return _sound(_FUNCTIONS[name], value)
+        if not self.take("/"):  # atan[y]/[x] keeps the quadrant (RS-274/NGC 3.3.2.4)
+            raise self.refusal(self._at, "atan takes two values: write atan[y]/[x]")
+        self.peek()
+        return math.degrees(math.atan2(value, self.bracket()))
+
+    def _exists(self) -> float:
+        """EXISTS[#<name>]: whether a parameter may be read here."""
+        start = self._at
+        self.take("[")
+        if self.peek() != "#":
+            raise self.refusal(start, "EXISTS asks for a parameter: write EXISTS[#<name>]")
+        at = self._at
+        self.take("#")
+        key: Key | float = self._named() if self.peek() == "<" else self.value(at, "#")[0]
+        if not self.take("]"):
+            raise self.refusal(start, "EXISTS takes one parameter and a ]: write EXISTS[#<name>]")
+        if isinstance(key, float):  # no number is no parameter, rather than a mistake
+            return float(key in NUMBERED and self._parameters.exists(int(key)))
+        return float(key == LINE or self._parameters.exists(key))

@@ -1,0 +1,426 @@
+"""The order in which lines are carried out: subs called, choices made, loops gone round.
+
+    lines = Run(text, name, ...).lines()        as the text has them, where it holds no O-word
+
+A run is a place in the text and a stack of what was called; the structure itself is known
+beforehand (``marks``). What goes back in the text is counted, so that no program runs for ever.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from controller.machine.model import CALL_LEVELS, PROGRAM_PASSES
+from controller.program import marks
+from controller.program.decoding import NEWLINE
+from controller.program.expressions import GAPS, Values
+from controller.program.line import Line, Where, Word
+from controller.program.marks import ALONE, BY_NUMBER, COMPUTED, Mark, Marks
+from controller.program.parameters import ARGUMENTS, Parameters
+from controller.program.program import ProgramError
+
+CALLS, RETURNS, RESTORES = 98.0, 99.0, 73.0  # M98, M99, M73
+MOST_CALLERS = 4  # that a sentence names
+SPLIT = 10_000  # P of M98 in eight digits: how often, and which of four digits
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What a program may do; the keys of [machine] in the machine file."""
+
+    call_levels: int = CALL_LEVELS  # subs, one in the other
+    passes: int = PROGRAM_PASSES  # rounds of loops and calls of one run, together
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A text with its marks."""
+
+    name: str
+    text: str
+    marks: Marks
+
+    @classmethod
+    def of(cls, name: str, text: str) -> Source:
+        """Raises ProgramError for O-words that make no whole structure."""
+        found = marks.found(text, name)
+        return cls(name, text[: found.end], found)
+
+
+@dataclass(slots=True)
+class _Frame:
+    """A program or sub that is being carried out."""
+
+    source: Source
+    at: int  # offset of the line that comes next
+    number: int
+    sub: Mark | None = None
+    callers: tuple[str, ...] = ()  # innermost first
+    calls: str = ""  # the same for a sentence
+    line: int = 0  # of the program that called a file in; 0: this is of the program itself
+    by_number: bool = False  # with M98
+    serial: int = 0  # counted over all calls
+    rounds: int = 1  # L of M98
+    restores: bool = False  # M73 was given
+    left: dict[int, int] = field(default_factory=dict)  # rounds of each repeat, by its offset
+
+
+Scan = Callable[[str, str, int], Line | None]  # raw text, file, number -> the line
+
+
+class Run:
+    """One run of a program."""
+
+    def __init__(
+        self,
+        source: Source,
+        scan: Scan,
+        parameters: Parameters,
+        limits: Limits,
+        files: Mapping[str, tuple[str, str]],
+        block_delete: bool,
+    ) -> None:
+        self._scan, self._parameters, self._limits = scan, parameters, limits
+        self._files, self._block_delete = files, block_delete
+        self._main = source
+        self._sources = {source.name: source}
+        self._frames = [_Frame(source, 0, 1)]
+        self._passes = self._step = self._last = 0
+        self._due: Line | None = None  # what a sub that ended has restored
+        self._begun = False  # a word or an O-word with a meaning has been met
+        self._acts: dict[str, Callable[[Mark], None]] = {
+            "sub": self._over,
+            "endsub": self._leave_sub,
+            "return": self._leave_sub,
+            "call": self._call,
+            "if": self._choose,
+            "elseif": self._over,
+            "else": self._over,
+            "while": self._while,
+            "endwhile": self._again,
+            "repeat": self._repeat,
+            "endrepeat": self._repeat_again,
+            "break": self._break,
+            "continue": self._continue,
+            ALONE: self._number_alone,
+        }
+
+    def lines(self) -> Iterator[Line]:
+        """All lines with words or messages, as often as they are carried out. Raises ProgramError."""
+        while (frame := self._frames[-1]).at <= len(frame.source.text):
+            try:
+                line = self._next(frame)
+            except ProgramError as error:
+                raise error.within(frame.calls) from None
+            if line is not None:
+                yield from self._said(line, frame)
+            if self._due is not None:
+                yield self._due
+                self._due = None
+        if len(self._frames) > 1:
+            raise self._unended(frame)
+
+    def _next(self, frame: _Frame) -> Line | None:
+        """Carry out the line that comes next, or give it away."""
+        text, at, number = frame.source.text, frame.at, frame.number
+        mark = frame.source.marks.by_offset.get(at)
+        if mark is not None:
+            frame.at, frame.number = mark.after, number + 1
+            if not (mark.deleted and self._block_delete):
+                self._acts.get(mark.keyword, _nothing)(mark)
+            return None
+        end = NEWLINE.search(text, at)
+        raw = text[at : end.start()] if end else text[at:]
+        frame.at, frame.number = end.end() if end else len(text) + 1, number + 1
+        return self._scan(raw, frame.source.name, number)
+
+    def _said(self, line: Line, frame: _Frame) -> Iterator[Line]:
+        """A line with its place in the order; calls by M98 are carried out behind its other words."""
+        self._begun |= line.is_plain or bool(line.words)
+        self._count_step(frame, line.number)
+        line.where = Where(frame.line or line.number, self._step, frame.serial, frame.calls)
+        if line.is_plain:
+            yield line
+            return
+        frame.restores |= any(w.letter == "M" and w.value == RESTORES for w in line.words)
+        turn = next((w for w in line.words if w.letter == "M" and w.value in (CALLS, RETURNS)), None)
+        if turn is None:
+            yield line
+            return
+        rest = tuple(
+            w for w in line.words if w is not turn and not (w.letter in "PL" and turn.value == CALLS)
+        )
+        if rest or line.says:
+            yield line.with_words(rest)
+        if turn.value == CALLS:
+            self._call_by_number(line, turn)
+        else:
+            self._return(line, turn)
+
+    def _count_step(self, frame: _Frame, number: int) -> None:
+        """Steps are line numbers, until something goes back or another text begins."""
+        ahead = number - self._last if len(self._frames) == 1 and number > self._last else 1
+        self._step += ahead
+        self._last = number if len(self._frames) == 1 else self._last
+
+    # ---- structures
+
+    def _go(self, mark: Mark, behind: bool = True) -> None:
+        frame = self._frames[-1]
+        frame.at, frame.number = (mark.after, mark.number + 1) if behind else (mark.at, mark.number)
+
+    def _count(self, mark: Mark) -> None:
+        self._passes += 1
+        if self._passes > self._limits.passes:
+            raise mark.refusal(
+                self._frames[-1].source.name,
+                f"{mark.written}: the program has gone round loops and called subs {self._limits.passes} "
+                "times, which is the most (program_passes in [machine]); end the loop, or raise it",
+            )
+
+    def _values(self, mark: Mark) -> Values:
+        values = Values(mark.text, self._frames[-1].source.name, mark.number, self._parameters)
+        values.go(mark.rest)
+        return values
+
+    def _value(self, mark: Mark) -> float:
+        """The one value in brackets behind a keyword."""
+        values = self._values(mark)
+        values.peek()
+        value = values.bracket()
+        self._at_end(mark, values)
+        return value
+
+    def _at_end(self, mark: Mark, values: Values) -> None:
+        if rest := values.rest.strip(GAPS):
+            raise mark.refusal(
+                self._frames[-1].source.name,
+                f"{rest.upper()[:20]} stands behind {mark.written}: nothing else goes on a line with an "
+                "O-word; write it on a line of its own",
+            )
+
+    def _over(self, mark: Mark) -> None:
+        """A sub that is not called, or branches behind the one that was taken."""
+        self._go(mark.last)
+
+    def _choose(self, mark: Mark) -> None:
+        for part in mark.parts:
+            if part.keyword == "endif" or part.keyword == "else" or self._value(part) != 0.0:
+                self._go(part)
+                return
+
+    def _while(self, mark: Mark) -> None:
+        """At the head of a while, or at the end of a do."""
+        true = self._value(mark) != 0.0
+        first, last = mark.parts[0], mark.last
+        if true:
+            self._count(mark)
+        if mark is first and not true:
+            self._go(last)
+        elif mark is last and true:
+            self._go(first)
+
+    def _again(self, mark: Mark) -> None:
+        self._go(mark.parts[0], behind=False)
+
+    def _repeat(self, mark: Mark) -> None:
+        rounds = round(self._value(mark))  # to the nearest whole number, a half to the even one (as LinuxCNC)
+        if rounds <= 0:
+            self._go(mark.last)
+            return
+        self._count(mark)
+        self._frames[-1].left[mark.at] = rounds - 1
+
+    def _repeat_again(self, mark: Mark) -> None:
+        first, left = mark.parts[0], self._frames[-1].left
+        if left[first.at] > 0:
+            left[first.at] -= 1
+            self._count(mark)
+            self._go(first)
+
+    def _break(self, mark: Mark) -> None:
+        self._go(mark.last)
+
+    def _continue(self, mark: Mark) -> None:
+        self._go(mark.last, behind=False)
+
+    # ---- subs
+
+    def _call(self, mark: Mark) -> None:
+        values = self._values(mark)
+        label = mark.label if mark.label != COMPUTED else self._computed(mark, values)
+        arguments: list[float] = []
+        while values.peek() == "[":
+            arguments.append(values.bracket())
+        self._at_end(mark, values)
+        if len(arguments) > len(ARGUMENTS):
+            raise mark.refusal(
+                self._frames[-1].source.name,
+                f"{mark.written} has {len(arguments)} arguments: a sub takes up to {len(ARGUMENTS)}, as #1 "
+                "to #30",
+            )
+        source, sub = self._found(mark, label)
+        self._enter(mark, source, sub)
+        self._parameters.enter(arguments)
+
+    def _computed(self, mark: Mark, values: Values) -> str:
+        """The label of ``o[expression] call``."""
+        value = values.value(mark.rest, "the label")[0]
+        if value != math.floor(value) or value < 0.0 or not values.skip("call"):
+            raise mark.refusal(
+                self._frames[-1].source.name,
+                f"o with the value {value:g} calls nothing: a computed label is a whole number and goes "
+                "with call only, as o[#1+100] call",
+            )
+        return str(int(value))
+
+    def _found(self, mark: Mark, label: str) -> tuple[Source, Mark]:
+        """The sub of a label, in this text, the program's or a file of that name."""
+        here = self._frames[-1].source
+        for source in (here, self._main, self._file(label)):
+            if source is not None and (sub := source.marks.subs.get(label)) is not None:
+                return source, sub
+        if label in here.marks.numbered:
+            raise mark.refusal(here.name, f"O{label} ends with M99: such a sub is called with M98 P{label}")
+        raise mark.refusal(
+            here.name,
+            f"there is no sub {label}: neither o{label} sub in this program nor a file of that name with it "
+            f"in the folder of programs{self._known()}; add it, or correct the name",
+        )
+
+    def _known(self) -> str:
+        names = sorted(name for name, _ in self._files.values())
+        return f" (of it {' '.join(names[:20])} are called)" if names else ""
+
+    def _file(self, label: str) -> Source | None:
+        if label not in self._files:
+            return None
+        if label not in self._sources:
+            self._sources[label] = Source.of(*self._files[label])
+        return self._sources[label]
+
+    def _enter(self, mark: Mark, source: Source, sub: Mark) -> None:
+        self._count(mark)
+        caller = self._frames[-1]
+        if len(self._frames) > self._limits.call_levels:
+            raise mark.refusal(
+                caller.source.name,
+                f"{mark.written} calls deeper than {self._limits.call_levels} subs in each other "
+                "(call_levels in [machine]): end the recursion, or raise it",
+            )
+        line = 0 if source is self._main else caller.line or mark.number
+        callers = (f"{mark.written} on line {mark.number} of {caller.source.name}", *caller.callers)
+        frame = _Frame(source, sub.after, sub.number + 1, sub, callers, _chain(callers), line)
+        frame.serial = self._passes
+        self._frames.append(frame)
+
+    def _leave_sub(self, mark: Mark) -> None:
+        values = self._values(mark)
+        value = values.bracket() if values.peek() == "[" else None
+        self._at_end(mark, values)
+        self._leave(mark.number)
+        self._parameters.leave(value)
+
+    def _leave(self, number: int) -> None:
+        frame = self._frames.pop()
+        if frame.restores:
+            words = (Word("M", 72.0, False, 1, "M72"),)
+            self._due = Line(frame.source.name, number, words)
+            self._due.where = Where(frame.line or number, self._step, frame.serial, frame.calls)
+
+    # ---- subs by number
+
+    def _call_by_number(self, line: Line, word: Word) -> None:
+        """M98 P L. P of more than four digits: how often and, in the last four, which (as Fanuc)."""
+        letters = {w.letter: w for w in line.words if w.letter in "PL"}
+        if "P" not in letters:
+            raise line.refusal(word, "M98 calls no sub: write P and its number beside it, as M98 P1000")
+        number, rounds = (_count_of(line, letters.get(letter)) for letter in "PL")
+        if str(number) not in self._main.marks.numbered and number >= SPLIT and "L" not in letters:
+            rounds, number = divmod(number, SPLIT)
+        if rounds == 0:
+            return
+        call = Mark(0, 0, line.number, str(number), BY_NUMBER, "", 0, False)
+        source, sub = self._numbered(line, word, str(number))
+        self._enter(call, source, sub)
+        self._frames[-1].by_number, self._frames[-1].rounds = True, rounds
+        self._parameters.enter_sharing()
+
+    def _numbered(self, line: Line, word: Word, label: str) -> tuple[Source, Mark]:
+        here = self._frames[-1].source
+        for source in (here, self._main, self._file(label)):
+            if source is not None and (sub := source.marks.numbered.get(label)) is not None:
+                return source, sub
+        if (source := self._file(label)) is not None and not source.marks.subs:
+            return source, Mark(0, 0, 0, label, ALONE, "", 0, False)  # a file without its number
+        if label in here.marks.subs or label in self._main.marks.subs:
+            raise line.refusal(
+                word, f"o{label} sub ends with endsub: it is called with o{label} call, not M98"
+            )
+        raise line.refusal(
+            word,
+            f"there is no O{label}: neither in this program, behind its M30, nor as a file of that name in "
+            f"the folder of programs{self._known()}; add it, or correct P",
+        )
+
+    def _return(self, line: Line, word: Word) -> None:
+        """M99: back to the caller, or once more from the top of the sub."""
+        frame = self._frames[-1]
+        if len(self._frames) == 1:
+            raise line.refusal(
+                word,
+                "M99 in the program itself would begin it again for ever: it ends subs that M98 calls; end "
+                "the program with M30",
+            )
+        if not frame.by_number or frame.sub is None:
+            raise line.refusal(word, "M99 ends subs that M98 calls; this one ends with endsub or return")
+        frame.rounds -= 1
+        self._parameters.leave_sharing()
+        if frame.rounds:
+            self._parameters.enter_sharing()
+            self._go(frame.sub)
+            self._count(frame.sub)
+            return
+        self._leave(line.number)
+
+    def _number_alone(self, mark: Mark) -> None:
+        """The number of the program at its head; anywhere else a sub begins, which is only called."""
+        frame = self._frames[-1]
+        if not self._begun and len(self._frames) == 1:
+            self._begun = True
+            return
+        what = frame.sub.written if frame.sub is not None else "the program"
+        end = "M99" if frame.by_number else "M30"
+        raise mark.refusal(
+            frame.source.name,
+            f"{what} runs into {mark.written or 'O' + mark.label}, which begins a sub for M98: write {end} "
+            "before it",
+        )
+
+    def _unended(self, frame: _Frame) -> ProgramError:
+        sub = frame.sub.written if frame.sub is not None else ""
+        sentence = f"the text ends inside of sub {sub}: write M99 at its end"
+        return ProgramError(frame.source.name, max(1, frame.number - 1), 1, sentence).within(frame.calls)
+
+
+def _nothing(mark: Mark) -> None:
+    """A line that only marks a place."""
+
+
+def _count_of(line: Line, word: Word | None) -> int:
+    if word is None:
+        return 1
+    if word.value != math.floor(word.value) or word.value < 0.0:
+        raise line.refusal(
+            word, f"{word.text} is no count: P and L of M98 are whole numbers from 0 up; correct it"
+        )
+    return int(word.value)
+
+
+def _chain(callers: tuple[str, ...]) -> str:
+    """Who called, for a sentence."""
+    told = [f"called by {caller}" for caller in callers[:MOST_CALLERS]]
+    more = len(callers) - MOST_CALLERS
+    return ", ".join([*told, f"{more} calls more"] if more > 0 else told)

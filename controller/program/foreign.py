@@ -1,0 +1,174 @@
+"""Programs and lines of other controls: what they are, and what to post or write instead.
+
+Asked where something has been refused, so that a program that reads well is never taken for another's; but a
+title of Siemens', which would be a comment here, tells enough: tools have their lengths without G43 there.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from itertools import islice
+from types import MappingProxyType
+
+from controller.program.decoding import Text
+from controller.program.program import Block, ProgramError
+
+MOST_LINES = 100_000  # that are looked at
+SHOWN = 40  # characters of a line in a sentence
+
+
+def _beginning(*forms: str) -> str:
+    """Of a line, behind its number, which Heidenhain writes without an N."""
+    return rf"^[ \t]*(?:N[0-9]+[ \t]*|[0-9]+[ \t]+)?(?P<it>{'|'.join(forms)})"
+
+
+def _words(names: str) -> str:
+    """Anywhere, but not in a name of ours such as #<supa>."""
+    return rf"(?<![A-Z0-9<_#])(?:{'|'.join(names.split())})(?![A-Z0-9_>])"
+
+
+_HEIDENHAIN = (
+    _beginning(
+        r"(?:BEGIN|END)[ \t]+PGM",
+        r"BLK[ \t]+FORM",
+        r"TOOL[ \t]+(?:CALL|DEF)",
+        r"CYCL[ \t]+(?:CALL|DEF)",
+        r"CALL[ \t]+(?:LBL|PGM)",
+        r"LBL[ \t]+[0-9\"]",
+        r"FN[ \t]*[0-9]+[ \t]*:",
+        r"(?:PLANE|FUNCTION|APPR|DEP)[ \t]+[A-Z]",
+        r"QS?[0-9]+[ \t]*=",
+        r"(?:LN?|LP|LT|C|CC|CP|CR|CTP?)[ \t]+(?:I?[XYZABC]|I?P[AR]|R|DR|F)[+-]?[0-9.Q]",
+        r"(?:RND[ \t]+R|CHF[ \t]+)[0-9]",
+    ),
+    _words("FMAX"),
+)
+_HEIDENHAIN_ISO = (_beginning(r"%[A-Z0-9_-]+[ \t]+G7[01]"), r"[0-9][ \t]*\*[ \t]*$")
+_SIEMENS = (
+    _beginning(r"%_N_", r";[ \t]*\$PATH", r"%(?:MPF|SPF)[ \t]*[0-9]"),
+    _beginning(r"(?:TRANS|ROT|MIRROR|SCALE|MSG|PROC|DEF[ \t]+(?:REAL|INT|BOOL|STRING))(?![A-Z_])"),
+    _beginning(r"RET[ \t]*$"),
+    _words(
+        "TRAORI TRAFOOF TRANSMIT TRACYL CUT3DC CUT2D ORIWKS ORIMKS ORIAXES ORIVECT ORIPATH ORISON COMPCAD "
+        "COMPCURV COMPON COMPOF COMPSURF FFWON FFWOF UPATH SPATH FGROUP SUPA STOPRE CFTCP CFC CFIN ATRANS "
+        "AROT AMIRROR TOFRAME TOROT MCALL GOTOF GOTOB EXTCALL EXTERN WORKPIECE NEWCONF WAITM DIAMOF DIAMON "
+        "G64[1-5] G500 G50[5-9] G5[1-9][0-9] G45[01] G29[01]"
+    ),
+    r"(?<![A-Z0-9<_#])(?:CYCLE|POCKET|SLOT|HOLES|LONGHOLE)[0-9]*[ \t]*\(",
+    r"(?<![A-Z0-9<_#])(?:R[0-9]+|[XYZABCIJKTD]|CR|AR|RP|AP|TURN|ADIS|[ABC][2-6]|[MS][1-9]|[IJK]1|SPOS|LIMS|"
+    r"OFFN|CTOL|OTOL)[ \t]*=(?!=|[ \t]*V)",
+    r"\$(?:P|A|M[ACN])[A-Z]*_",
+)
+_CONTROLS = tuple(
+    (name, re.compile("|".join(sign.replace("?P<it>", "?:") for sign in signs), re.IGNORECASE))
+    for name, signs in (
+        ("Heidenhain (conversational)", _HEIDENHAIN),
+        ("Heidenhain (DIN/ISO)", _HEIDENHAIN_ISO),
+        ("Siemens (Sinumerik)", _SIEMENS),
+    )
+)
+
+# Okuma's programs of variables have X=XPOS, too, and are read but for their variables.
+_OKUMA = re.compile(
+    _beginning(
+        r"IF[ \t]*\[.*\][ \t]*N[A-Z]", r"GOTO[ \t]*N[A-Z]", r"CALL[ \t]+O", r"VC[0-9]+[ \t]*=", r"MODIN"
+    ),
+    re.IGNORECASE,
+)
+
+# Lines of controls whose other lines are read, and what to write instead.
+_STATEMENTS = MappingProxyType(
+    {
+        re.compile(_beginning(*forms), re.IGNORECASE): told
+        for forms, told in (
+            (
+                (r"(?:IF|WHILE)[ \t]*\[", r"GOTO[ \t]*[N0-9\[#]", r"(?:DO|END)[ \t]*[0-9]"),
+                "a line of macros as Fanuc's; write o100 if [...], o100 while [...] and their ends",
+            ),
+            (
+                (r"(?:POPEN|DPRNT|BPRNT|PCLOS)",),
+                "a line of macros as Fanuc's; write (PRINT, ...) to tell the operator something",
+            ),
+            ((r"CALL[ \t]+O",), "Okuma's call of a sub; write M98 and P with its number"),
+            ((r"MOD(?:IN|OUT)",), "Okuma's modal call; write M98 and P with its number on every line"),
+            ((r"RTS(?![A-Z])",), "the end of a sub of Okuma's; write M99"),
+            (
+                (r"V(?:C|S|ZOF|TOF|DIN|DOUT|LIM)[A-Z]*[ \t]*[\[0-9]",),
+                "a variable of Okuma's; write a parameter, as #101=5, and G10 for offsets",
+            ),
+        )
+    }
+)
+_TITLE = re.compile(rb"(?:%_N_\w+\s*)?;[ \t]*\$PATH", re.IGNORECASE)
+_COMMENT = re.compile(r"\([^)]*\)?")
+
+
+def judged(
+    read: Iterator[Block], text: Text, name: str, refused: list[ProgramError] | None
+) -> Iterator[Block]:
+    """The blocks of a text; where one is refused in a program of another control, that is the refusal."""
+    other = None
+    try:
+        if _TITLE.match(text.body):
+            other = program(text.lines(), name)
+        if other is None:
+            yield from read
+    except ProgramError as error:
+        other = program(text.lines(), name)
+        if other is None:
+            raise error from None
+    if refused:
+        other = other or program(text.lines(), name)
+        if other is not None:
+            refused.clear()
+    if other is not None:
+        raise other
+
+
+def program(lines: Iterable[str], name: str) -> ProgramError | None:
+    """What to tell of a program where a line of it is another control's; else None."""
+    other = None
+    for number, raw in enumerate(islice(lines, MOST_LINES), start=1):
+        if other is None and (found := _control(raw)) is not None:
+            other = _told(name, number, raw, *found)
+        if _OKUMA.search(raw):
+            return None
+    return other
+
+
+def _told(name: str, number: int, raw: str, control: str, at: int) -> ProgramError:
+    sentence = (
+        f"{_shown(raw)} is of a program for {control}, where words have other meanings: none of it "
+        'is read; post the part for Fanuc (dialect = "fanuc") or LinuxCNC (dialect = "rs274"), '
+        "tool-centre control as G43.4, tilted planes as G68.2"
+    )
+    return ProgramError(name, number, at + 1, sentence, control.split()[0])
+
+
+def statement(raw: str, name: str, number: int) -> ProgramError | None:
+    """What to tell of a line that a control has whose other lines are read here; else None."""
+    for pattern, told in _STATEMENTS.items():
+        if found := pattern.search(raw):
+            word = found["it"].rstrip(" \t[0123456789#").upper()
+            return ProgramError(name, number, found.start("it") + 1, f"{_shown(raw)} is {told}", word)
+    return None
+
+
+def _control(raw: str) -> tuple[str, int] | None:
+    """Control and offset of the first sign in a line; comments, and what block delete skips, are none."""
+    first = raw.lstrip()[:1]
+    if first == "/" or (first == ";" and "$PATH" not in raw.upper()):
+        return None
+    told = _COMMENT.sub(lambda found: "(".ljust(len(found.group())), raw)  # as arguments they are a sign
+    if first != ";":
+        told = told.partition(";")[0]
+    for control, signs in _CONTROLS:
+        if found := signs.search(told):
+            return control, len(told) - len(told.lstrip()) if found.start() == 0 else found.start()
+    return None
+
+
+def _shown(raw: str) -> str:
+    bare = " ".join(raw.split())
+    return bare if len(bare) <= SHOWN else f"{bare[:SHOWN]} ..."

@@ -1,0 +1,189 @@
+"""One line of a program as its words, and the short way for the common lines of CAM systems."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import NamedTuple
+
+from controller.program.program import Place, ProgramError
+
+# A common line as programs from CAM systems have them in millions: an N, G0 to G3, words in the usual order,
+# one M of spindle or coolant, a comment. Nothing in it can be refused as text, or says something. Nine digits
+# are below what any word may be. Only single characters repeat possessively: Python before 3.11.5 goes on
+# behind the begin of a group that it gave up (gh-106052), so that "G0X" would match as G0.
+_SHORT_NUMBER = r"[+-]?(?:[0-9]{1,9}+(?:\.[0-9]*+)?|\.[0-9]++)"
+LETTERS = "XYZABCIJKRFS"
+_WORDS = "".join(rf"(?:[{letter}{letter.lower()}]({_SHORT_NUMBER})[ \t]*+)?" for letter in LETTERS)
+COMMON = re.compile(
+    rf"[ \t]*+(?:[Nn][0-9]++[ \t]*+)?(?:[Gg](0?[0-3])[ \t]*+)?{_WORDS}(?:[Mm](0?[3-57-9])[ \t]*+)?"
+    r"(?:\([^(),;]*+\)[ \t]*+)?(?:;.*+)?",
+    re.DOTALL,
+)
+# Of ``Line.parts``, and of the groups of a match less one.
+MOTION, AXES, CENTRE, RADIUS, FEED, SPEED, FUNCTION = 0, 1, 7, 10, 11, 12, 13
+PARTS = MappingProxyType(
+    {"G": MOTION, **{letter: AXES + k for k, letter in enumerate(LETTERS)}, "M": FUNCTION}
+)
+Part = str | float | None
+# Any words with plain numbers, behind an N: no comment, parameter, expression or O-word.
+_NUMBER = r"[+-]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)"
+SIMPLE = re.compile(rf"[ \t]*+(?:[Nn][ \t]*+[0-9]++[ \t]*+)?((?:[A-MP-Za-mp-z][ \t]*+{_NUMBER}[ \t]*+)+)")
+_ONE = re.compile(rf"([A-Za-z])[ \t]*({_NUMBER})")
+
+
+class Word(NamedTuple):
+    """A letter with its value; ``point``: a decimal point was written, or the value was computed."""
+
+    letter: str
+    value: float
+    point: bool
+    column: int
+    text: str  # as written, without spaces, in capitals
+
+
+def simple(found: re.Match[str], largest: float) -> tuple[Word, ...] | None:
+    """The words of a match of SIMPLE; None where one is beyond +-``largest``."""
+    words = []
+    for word in _ONE.finditer(found.string, found.start(1)):
+        letter, number = word.groups()
+        value = float(number)
+        if not -largest <= value <= largest:
+            return None
+        letter = letter.upper()
+        words.append(Word(letter, value, "." in number, word.start() + 1, (letter + number)[:40]))
+    return tuple(words)
+
+
+def _parts(words: Sequence[Word]) -> Sequence[Part] | None:
+    """Of words in any order; None where one is another, or stands twice."""
+    found: list[Part] = [None] * len(PARTS)
+    for word in words:
+        at = PARTS.get(word.letter)
+        if at is None or found[at] is not None:
+            return None
+        found[at] = word.value
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class Where:
+    """Where a line stands in the order in which lines are carried out."""
+
+    line: int  # of the program: its own, or the one that calls the file it stands in
+    step: int  # rises from line to line; the line's number while nothing goes back
+    sub: int  # number of the call that it belongs to; 0: of the program itself
+    calls: str  # who called, for a sentence
+
+
+class Line:
+    """The words of one text line, N and parameter settings taken off.
+
+    Of a common line (``match`` of COMMON) they are only read when they are asked for, by ``scan`` from
+    text, name and number.
+    """
+
+    __slots__ = ("_match", "_scan", "_words", "kept", "message", "name", "number", "where")
+
+    def __init__(
+        self,
+        name: str,
+        number: int,
+        words: tuple[Word, ...],
+        match: re.Match[str] | None = None,
+        scan: Callable[[str, str, int], tuple[Word, ...]] | None = None,
+    ) -> None:
+        self.name, self.number = name, number
+        self.where: Where | None = None  # None: lines are carried out as they stand
+        self.message = ""  # to the operator, before the words
+        self.kept: Mapping[int, float] = {}  # parameters that it sets for good
+        self._words, self._match, self._scan = words, match, scan
+
+    @property
+    def words(self) -> tuple[Word, ...]:
+        if not self._words and self._match is not None and self._scan is not None:
+            self._words = self._scan(self._match.string, self.name, self.number)
+        return self._words
+
+    @property
+    def text(self) -> str:
+        """As written, of a common line; else empty."""
+        return self._match.string if self._match is not None else ""
+
+    @property
+    def parts(self) -> Sequence[Part] | None:
+        """The values of a line of nothing but common words, by ``PARTS``; None of any other.
+
+        Numbers, or texts of which ``float`` makes them.
+        """
+        return self._match.groups() if self._match is not None else _parts(self._words)
+
+    def column(self, part: int) -> int:
+        """Of the word of one of ``parts``."""
+        if self._match is not None:
+            return self._match.start(part + 1)
+        return next(word.column for word in self._words if PARTS[word.letter] == part)
+
+    @property
+    def is_plain(self) -> bool:
+        return self._match is not None
+
+    @property
+    def says(self) -> bool:
+        """Whether something stands aside of its words."""
+        return bool(self.message or self.kept)
+
+    @property
+    def sub(self) -> int:
+        """Number of the call that it belongs to, counted over the run; 0: of the program itself."""
+        return self.where.sub if self.where is not None else 0
+
+    def with_words(self, words: tuple[Word, ...]) -> Line:
+        """The same line with other words."""
+        made = Line(self.name, self.number, words)
+        made.where, made.message, made.kept = self.where, self.message, self.kept
+        return made
+
+    def place_of(self, part: int) -> Place:
+        """Where the word of one of ``parts`` stands."""
+        if self.where is None and self._match is not None:  # millions of lines
+            return Place._make((self.number, self._match.start(part + 1), 0, ""))
+        return self.place(self.column(part))
+
+    def place(self, column: int) -> Place:
+        if self.where is None:
+            return Place._make((self.number, column, 0, ""))
+        return Place(self.where.line, column, self.where.step, self.where.calls)
+
+    def refusal(self, word: Word, sentence: str) -> ProgramError:
+        about = word.text if word.letter in "GM" else word.letter
+        error = ProgramError(self.name, self.number, word.column, sentence, about)
+        return error.within(self.where.calls) if self.where is not None else error
+
+
+class Upcoming:
+    """Lets the line that comes next be looked at before it is its turn."""
+
+    def __init__(self) -> None:
+        self._seen: list[Line] = []
+
+    def given(self, lines: Iterator[Line], told: list[Line]) -> Iterator[Line]:
+        """Those with words; those that say something are noted. What has been looked at comes after all."""
+        for line in lines:
+            if not line.is_plain:
+                if line.says:
+                    told.append(line)
+                if not line.words:
+                    continue
+            yield line
+            while self._seen:
+                yield self._seen.pop()
+
+    def look(self, given: Iterator[Line]) -> Line | None:
+        """The next of the lines that ``given`` gives, while one of them is being read; None at their end."""
+        line = next(given, None)
+        if line is not None:
+            self._seen.append(line)
+        return line

@@ -1,0 +1,90 @@
+"""G0 and G1: what their words say of a line, of the axes or of the tool."""
+
+from __future__ import annotations
+
+import math
+
+from controller.geometry.vectors import Vector
+from controller.program.offset_words import Here
+from controller.program.program import JointLine, Targets, Tip, TipLine
+from controller.program.words import Word
+
+SHORTEST_VECTOR = 1e-6  # of I J K; shorter ones have no sure direction
+
+
+def targets(here: Here) -> Targets:
+    """A value per axis of the machine: mm, or radians of the carried body."""
+    check_rotaries(here)
+    found: list[float | None] = []
+    turned = iter(here.state.modal.turned_rad)
+    shifts = here.state.absolute and here.ask.code("one-line") != "G53"
+    for axis in here.machine.axes:
+        word = here.ask.words.get(axis.name)
+        shift = next(turned) if axis.is_rotary else 0.0
+        if word is None:
+            found.append(None)
+        elif axis.is_rotary:
+            found.append(word.value / axis.shown_per_unit + (shift if shifts else 0.0))
+        else:
+            found.append(word.value * here.state.mm_per_unit)
+    return tuple(found)
+
+
+def check_rotaries(here: Here) -> None:
+    """In a tilted plane X Y Z are places on the part, to which no straight way leads while rotaries turn."""
+    ask, modal = here.ask, here.state.modal
+    if not modal.tilted or modal.tip is not Tip.OFF or ask.code("one-line") == "G53":
+        return
+    rotary = [here.machine.axes[i].name for i in here.machine.rotary()]
+    if ask.has("XYZUVW") and ask.has("".join(rotary)):
+        word = next(ask.words[name] for name in rotary if name in ask.words)
+        raise ask.refusal(
+            word,
+            f"{word.text} stands beside X Y Z in a tilted plane: these are places on the part, and the tool "
+            "would leave the straight way between them while it turns; write rotary words on a line of their "
+            "own, or G43.4 before it",
+        )
+
+
+def line(here: Here, motion: str, word: Word) -> JointLine | TipLine:
+    """The line of G0 or G1 (``motion``, or the first word that it takes)."""
+    ask, state = here.ask, here.state
+    mm = degrees = time = None
+    if motion == "G1":
+        time = state.time(ask, "G1", word)
+        mm = 0.0 if time else state.feed(ask, "G1", word)
+        degrees = 0.0 if time else state.feed_deg_s
+    machine_frame = ask.code("one-line") == "G53"
+    relative = not state.absolute and not machine_frame
+    place, values = ask.place(word), targets(here)
+    if state.modal.tip is Tip.OFF or machine_frame:
+        return JointLine(place, state.modal, values, relative, machine_frame, mm, degrees, time)
+    x, y, z = (values[i] for i in here.machine.linear())
+    turns = here.machine.pair(values, None)
+    return TipLine(place, state.modal, (x, y, z), turns, _axis(here), relative, mm, degrees, time)
+
+
+def _axis(here: Here) -> Vector | None:
+    """I J K along the tool axis (G43.5): all of them or none."""
+    words = [here.ask.words[letter] for letter in "IJK" if letter in here.ask.words]
+    if not words:
+        return None
+    found = " ".join(word.text for word in words)
+    if len(words) < 3:
+        raise here.ask.refusal(
+            words[0],
+            f"{found} is not a whole tool vector: under G43.5 I J K stand together, from the tip to the "
+            "spindle in the part frame, or none of them; write all three",
+        )
+    if not here.state.absolute:
+        raise here.ask.refusal(
+            words[0], f"{found} is a direction and no distance: tool vectors need G90; write G90 before it"
+        )
+    i, j, k = (word.value for word in words)
+    if math.sqrt(i * i + j * j + k * k) < SHORTEST_VECTOR:
+        raise here.ask.refusal(
+            words[0],
+            f"{found} has no length: a tool vector points from the tip to the spindle and may have any "
+            f"length from {SHORTEST_VECTOR:g} up; correct I J K",
+        )
+    return i, j, k

@@ -1,0 +1,125 @@
+"""A program with the files that it calls, as one text; and lines that block delete leaves out.
+
+``o<name> call`` and ``M98 P1000`` take subs from files of that name beside the program. What is
+checked, kept, recorded and gone on with must be all of it, so the files are put behind the
+program as soon as it is read, each behind a mark that no text holds:
+
+    program ... M30
+    <FS>name<TAB>file
+    o<name> sub ...
+
+A program that calls no file stays as it is, to the byte.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Iterator, Mapping
+from mmap import ACCESS_READ, mmap
+from pathlib import Path
+from typing import TypeVar
+
+from controller.program.decoding import Bytes
+
+MOST_FILES = 200
+SUFFIXES = (".ngc", ".nc", ".tap", ".cnc", ".txt", ".h", "")  # of files of subs, the first that is there
+
+_MARK = re.compile(rb"\n\x1c([^\t\n\x1c]+)\t([^\t\n\x1c]+)\n")
+_CALL = re.compile(rb"[oO][ \t]*(?:<([^<>\r\n]*)>|([0-9]+))[ \t]*[cC][aA][lL][lL]")
+_BY_NUMBER = re.compile(rb"[mM][ \t]*0*98[^;(\r\n]*?[pP][ \t]*([0-9]+)")
+_SUB = re.compile(rb"[oO][ \t]*(?:<([^<>\r\n]*)>|([0-9]+))[ \t]*[sS][uU][bB]")
+_NUMBER = re.compile(rb"(?:^|[\r\n])[ \t]*[oO:][ \t]*([0-9]+)[ \t]*(?=[\r\n(;<]|$)")
+_DELETED = re.compile(rb"((?:^|[\r\n])[ \t]*)/")
+
+B = TypeVar("B", bound=Bytes)
+Find = Callable[[str], tuple[str, bytes] | None]  # label -> name and content of its file
+
+
+def linked(program: B, find: Find) -> B | bytes:
+    """The program with all files that it and they call; unknown names are left to the reader to refuse."""
+    found: dict[str, tuple[str, bytes]] = {}
+    due, known = list(_called(program)), set(_defined(program))
+    while due and len(found) < MOST_FILES:
+        label = due.pop(0)
+        if label in found or label in known or (file := find(label)) is None:
+            continue
+        found[label] = file
+        due += _called(file[1])
+    if not found:
+        return program
+    return bytes(program) + b"".join(
+        b"\n\x1c%s\t%s\n%s" % (label.encode(), name.encode(), text) for label, (name, text) in found.items()
+    )
+
+
+def mapped(program: Path) -> Bytes:
+    """A file whose bytes are mapped, not read: they take no memory of ours. Raises OSError."""
+    with program.open("rb") as file:
+        return mmap(file.fileno(), 0, access=ACCESS_READ) if os.fstat(file.fileno()).st_size else b""
+
+
+def parts(data: Bytes) -> tuple[Bytes, dict[str, tuple[str, bytes]]]:
+    """The program, and the files behind it: label -> name and content."""
+    if _MARK.search(data) is None:
+        return data, {}  # not split: a long program is not held twice
+    program, *rest = _MARK.split(data)
+    files = zip(rest[::3], rest[1::3], rest[2::3], strict=True)
+    return program, {label.decode(): (name.decode(), text) for label, name, text in files}
+
+
+def beside(program: Path) -> Find:
+    """Finds files of subs in the folder of a program."""
+    return among(
+        {file.name: file for file in sorted(program.parent.iterdir())} if program.parent.is_dir() else {}
+    )
+
+
+def among(files: Mapping[str, Path]) -> Find:
+    """Finds files of subs among these, by name: ``name.ngc``, or for a number ``1000.ngc`` and ``O1000``."""
+    by_label: dict[str, dict[str, str]] = {}
+    for name in files:
+        stem, suffix = Path(name).stem, Path(name).suffix.lower()
+        for label in labels_of(stem if suffix in SUFFIXES else name):
+            by_label.setdefault(label, {}).setdefault(suffix, name)
+
+    def find(label: str) -> tuple[str, bytes] | None:
+        there = by_label.get(label, {})
+        name = next((there[suffix] for suffix in SUFFIXES if suffix in there), None)
+        if name is None or not files[name].is_file():
+            return None
+        return name, files[name].read_bytes()
+
+    return find
+
+
+def labels_of(stem: str) -> Iterator[str]:
+    """What the sub in a file of that name may be called by."""
+    name = "".join(stem.lower().split())
+    yield name
+    if (number := name.removeprefix("o")).isdigit():
+        yield str(int(number))
+
+
+def without_deleted(program: bytes) -> bytes:
+    """What is carried out with block delete on: lines that begin with / are comments."""
+    return _DELETED.sub(rb"\1;/", program)
+
+
+def _called(text: Bytes) -> Iterator[str]:
+    for name, number in _CALL.findall(text):
+        yield _label(name, number)
+    for number in _BY_NUMBER.findall(text):
+        yield str(int(number))
+        yield str(int(number[-4:]))
+
+
+def _defined(text: Bytes) -> Iterator[str]:
+    for name, number in _SUB.findall(text):
+        yield _label(name, number)
+    for number in _NUMBER.findall(text):
+        yield str(int(number))
+
+
+def _label(name: bytes, number: bytes) -> str:
+    return str(int(number)) if number else "".join(name.decode("utf-8", "replace").lower().split())

@@ -1,0 +1,292 @@
+"""The O-words of a text: where subs, choices and loops begin, branch and end.
+
+    o100 sub ... o100 return ... o100 endsub       called by o100 call [argument] ...
+    o101 if [] ... o101 elseif [] ... o101 else ... o101 endif
+    o102 while [] ... o102 endwhile       o103 do ... o103 while []       o104 repeat [] ... o104 endrepeat
+    O1000 ... M99                                  called by M98 P1000
+
+Found in one pass before a line is carried out, so that nothing is searched later and a
+structure that is wrong is refused wherever it stands. A text without O-words has no marks.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+from controller.program.comments import without_comments
+from controller.program.decoding import NEWLINE
+from controller.program.expressions import GAPS
+from controller.program.program import ProgramError
+
+ENDS = {"endsub": "sub", "endif": "if", "endwhile": "while", "endrepeat": "repeat"}
+LOOPS = ("while", "do", "repeat")
+BY_NUMBER = "M98"  # a call that is no O-word
+ALONE = ""  # the keyword of a number that stands alone: a sub for M98
+COMPUTED = ""  # the label of a call whose number is an expression
+
+_COMMENTS = r"(?:\([^()\r\n]*\)[ \t]*)*"
+_O = re.compile(r"[oO:]")
+_LINE = re.compile(rf"[ \t]*{_COMMENTS}/?[ \t]*{_COMMENTS}(?:[nN][ \t]*[0-9.][0-9. \t]*)?{_COMMENTS}[oO:]")
+_MARK = re.compile(
+    rf"[{GAPS}]*(?P<deleted>/?)[{GAPS}]*(?:n[ \t]*[0-9.][0-9. \t]*)?[{GAPS}]*[o:][{GAPS}]*"
+    r"(?:<(?P<name>[^<>\0]*)>|(?P<number>[0-9][0-9 \t]*)|(?=[\[#]))"
+)
+_KEYWORD = re.compile(
+    rf"[{GAPS}]*(endsub|endif|endwhile|endrepeat|elseif|sub|call|return|if|else|while|do|repeat|break|continue)"
+    r"(?![a-z])"
+)
+_TITLE = re.compile(rf"[{GAPS}]*(<[^<>]*>)?[{GAPS}]*")  # as some controls name programs: O1234 <PART>
+_CALLS_BY_NUMBER = re.compile(r"[mM][ \t]*0*9[ \t]*[89](?![0-9])")
+
+
+@dataclass(eq=False, slots=True)
+class Mark:
+    """A line with an O-word."""
+
+    at: int  # offset of the line in its text
+    after: int  # ... and of the line behind it
+    number: int  # of the line, from 1
+    label: str
+    keyword: str
+    text: str  # the line in small letters, its comments blanked
+    rest: int  # where what follows the keyword (the label, if computed) begins in it
+    deleted: bool  # it begins with /
+    parts: list[Mark] = field(default_factory=list)  # of the structure it belongs to, in order, itself too
+
+    @property
+    def last(self) -> Mark:
+        return self.parts[-1]
+
+    @property
+    def written(self) -> str:
+        if self.keyword == BY_NUMBER:
+            return f"M98 P{self.label}"
+        label = self.label if self.label.isdigit() else f"<{self.label}>"
+        return f"o{'[]' if self.label == COMPUTED else label} {self.keyword}".rstrip()
+
+    def refusal(self, name: str, sentence: str) -> ProgramError:
+        return ProgramError(name, self.number, self.text.find("o") + 1 or 1, sentence)
+
+
+@dataclass(frozen=True, slots=True)
+class Marks:
+    """All of a text."""
+
+    by_offset: dict[int, Mark]
+    subs: dict[str, Mark]  # label -> sub
+    numbered: dict[str, Mark]  # label -> number that stands alone
+    by_number: bool  # M98 or M99 may stand in the text
+    end: int  # of the text: the closing %
+
+    @property
+    def none(self) -> bool:
+        """Lines are carried out as they stand: at most the program's own number is marked."""
+        return not self.subs and not self.by_number and len(self.by_offset) == len(self.numbered) <= 1
+
+
+def found(text: str, name: str) -> Marks:
+    """The marks of a text. Raises ProgramError for O-words that make no whole structure."""
+    end = _end_of(text)
+    marks = list(_marks(text, name, end))
+    _paired(marks, name)
+    subs = {mark.label: mark for mark in marks if mark.keyword == "sub"}
+    numbered = {mark.label: mark for mark in marks if mark.keyword == ALONE}
+    by_number = _CALLS_BY_NUMBER.search(text) is not None
+    return Marks({mark.at: mark for mark in marks}, subs, numbered, by_number, end)
+
+
+def plain(parts: Iterable[str]) -> bool:
+    """Whether lines just follow: the text, in pieces of whole lines, has at most one number alone."""
+    numbers = 0
+    for part in parts:
+        try:
+            words = [mark.keyword for mark in _marks(part, "", len(part))]
+        except ProgramError:
+            return False
+        numbers += len(words)
+        if any(words) or numbers > 1 or _CALLS_BY_NUMBER.search(part):
+            return False
+    return True
+
+
+def _marks(text: str, name: str, end: int) -> Iterator[Mark]:
+    stop, number = 0, 1
+    while (candidate := _O.search(text, stop, end)) is not None:
+        at = _line_start(text, stop, candidate.start())
+        number += sum(1 for _ in NEWLINE.finditer(text, stop, at))
+        newline = NEWLINE.search(text, candidate.end())
+        if _LINE.match(text, at):
+            yield _mark(text, at, newline, number, name)
+        if newline is None:
+            return
+        stop, number = newline.end(), number + 1
+
+
+def _line_start(text: str, low: int, at: int) -> int:
+    """The offset of the line that ``at`` is in; no line begins before ``low`` that is not begun there."""
+    return max(low, text.rfind("\n", low, at) + 1, text.rfind("\r", low, at) + 1)
+
+
+def _mark(text: str, at: int, stop: re.Match[str] | None, number: int, name: str) -> Mark:
+    raw = text[at : stop.start() if stop else len(text)]
+    bare = without_comments(raw, name, number).lower()
+    head = _MARK.match(bare)
+    if head is None:
+        column = re.search("[o:]", bare)
+        raise ProgramError(
+            name,
+            number,
+            column.start() + 1 if column else 1,
+            "O is followed by no number and no <name>: an O-word is a label and what it does, as o100 sub; "
+            "correct it",
+        )
+    label = "".join((head["name"] or "").split()) or head["number"] or COMPUTED
+    label = str(int("".join(label.split()))) if head["number"] else label
+    word = _KEYWORD.match(bare, head.end())
+    keyword = word.group(1) if word else "call" if label == COMPUTED else ALONE
+    rest = word.end() if word else head.end()
+    made = Mark(
+        at, stop.end() if stop else len(text) + 1, number, label, keyword, bare, rest, bool(head["deleted"])
+    )
+    if keyword == ALONE and not _TITLE.fullmatch(bare, rest):
+        raise made.refusal(
+            name,
+            f"{bare[rest:].strip(GAPS).upper()} behind o{label} is no O-word: sub endsub call return if "
+            "elseif else endif while endwhile do repeat endrepeat break continue are; correct it",
+        )
+    return made
+
+
+def _end_of(text: str) -> int:
+    """Where the closing % stands, or the end of the text."""
+    low, opened = 0, False
+    while (at := text.find("%", low)) >= 0:
+        start, newline = _line_start(text, low, at), NEWLINE.search(text, at)
+        low = newline.end() if newline else len(text)
+        if text[start : newline.start() if newline else len(text)].strip() != "%":
+            continue
+        if opened or any(_says_something(line) for line in text[:start].splitlines()):
+            return start
+        opened = True
+    return len(text)
+
+
+def _says_something(line: str) -> bool:
+    return bool(re.sub(r"\([^()]*\)|;.*", "", line).strip())
+
+
+def _paired(marks: list[Mark], name: str) -> None:
+    pairs = _Pairs(name)
+    for mark in marks:
+        pairs.take(mark)
+    if pairs.open:
+        mark = pairs.open[-1]
+        ends = {start: end for end, start in ENDS.items()} | {"do": "while [condition]"}
+        what = f"o{mark.label} {ends[mark.keyword]}"
+        raise mark.refusal(name, f"{mark.written} has no end: write {what} where it ends")
+
+
+class _Pairs:
+    """What is open while the marks are gone through in order."""
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self.open: list[Mark] = []
+        self._used: dict[str, Mark] = {}  # labels of the sub, or of what is outside of subs
+        self._outside: dict[str, Mark] = {}
+        self._subs: dict[str, Mark] = {}
+
+    def take(self, mark: Mark) -> None:
+        if mark.deleted and mark.keyword not in ("call", "return", "break", "continue"):
+            raise mark.refusal(
+                self._name,
+                f"/ before {mark.written} would take away a part of a structure: only call, return, break "
+                "and continue can be left out by block delete; take the / away",
+            )
+        if mark.keyword in ("sub", ALONE):
+            self._sub(mark)
+        elif mark.keyword in ("while", "do", "repeat", "if"):
+            self._begins(mark)
+        elif mark.keyword in ENDS:
+            self._ends(mark, ENDS[mark.keyword])
+        elif mark.keyword in ("elseif", "else"):
+            self._branch(mark)
+        elif mark.keyword in ("break", "continue"):
+            self._in_loop(mark)
+        elif mark.keyword == "return" and not (self.open and self.open[0].keyword == "sub"):
+            raise mark.refusal(
+                self._name, f"{mark.written} stands outside of every sub: it ends the sub that it stands in"
+            )
+
+    def _sub(self, mark: Mark) -> None:
+        if self.open:
+            raise mark.refusal(
+                self._name,
+                f"{mark.written} stands inside of {self.open[-1].written} on line {self.open[-1].number}: "
+                "subs stand beside each other; end that one before",
+            )
+        self._unused(mark, self._subs)
+        mark.parts = [mark]
+        if mark.keyword == "sub":
+            self.open.append(mark)
+            self._outside, self._used = self._used, {}
+
+    def _begins(self, mark: Mark) -> None:
+        if mark.keyword == "while" and self.open and self._closes(mark, "do"):
+            self._ends(mark, "do")
+            return
+        self._unused(mark, self._used)
+        mark.parts = [mark]
+        self.open.append(mark)
+
+    def _unused(self, mark: Mark, used: dict[str, Mark]) -> None:
+        if (other := used.get(mark.label)) is not None:
+            raise mark.refusal(
+                self._name,
+                f"the label of {mark.written} was used on line {other.number} ({other.written}): in a "
+                "program, and in each sub of it, every structure has a label of its own; choose another",
+            )
+        used[mark.label] = mark
+
+    def _closes(self, mark: Mark, keyword: str) -> bool:
+        return bool(self.open) and self.open[-1].keyword == keyword and self.open[-1].label == mark.label
+
+    def _part(self, mark: Mark, keyword: str) -> Mark:
+        """The open structure that ``mark`` goes on with or ends."""
+        if not self._closes(mark, keyword):
+            inner = self.open[-1] if self.open else None
+            here = f"{inner.written} of line {inner.number} is open" if inner else "nothing is open"
+            raise mark.refusal(
+                self._name,
+                f"{mark.written} belongs to no o{mark.label} {keyword}: {here} here; end what was begun "
+                "last first",
+            )
+        opened = self.open[-1]
+        opened.parts.append(mark)
+        mark.parts = opened.parts
+        return opened
+
+    def _ends(self, mark: Mark, keyword: str) -> None:
+        self._part(mark, keyword)
+        self.open.pop()
+        if keyword == "sub":
+            self._used = self._outside
+
+    def _branch(self, mark: Mark) -> None:
+        opened = self._part(mark, "if")
+        if any(part.keyword == "else" for part in opened.parts[:-1]):
+            raise mark.refusal(
+                self._name, f"{mark.written} comes after the else of o{mark.label}: else is last"
+            )
+
+    def _in_loop(self, mark: Mark) -> None:
+        loop = next((o for o in reversed(self.open) if o.keyword in LOOPS and o.label == mark.label), None)
+        if loop is None:
+            raise mark.refusal(
+                self._name,
+                f"{mark.written} stands in no loop o{mark.label}: it takes the label of a while, do or "
+                "repeat around it; correct the label",
+            )
+        mark.parts = loop.parts

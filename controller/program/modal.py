@@ -1,0 +1,490 @@
+"""The modal state, and what the codes of a line make of it before the line moves.
+
+State is replaced, never edited: a line that is refused leaves the old one as it was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import NamedTuple
+
+from controller.machine.model import OFFSETS, TOOL_AT_POWER_ON, Machine, Tool
+from controller.program import output_words, override_words, planar_words, side_words
+from controller.program.codes import SURFACES, Ask
+from controller.program.origins import Origins
+from controller.program.position import Known
+from controller.program.program import Act, Action, Await, Block, Dwell, Level, Modal, Side, Tip
+from controller.program.words import Word
+
+TIPS = MappingProxyType(
+    {
+        **dict.fromkeys(("G43", "G43.1", "G43.2", "G44"), Tip.OFF),
+        "G43.4": Tip.ROTARIES,
+        "G234": Tip.ROTARIES,
+        "G43.5": Tip.VECTORS,
+    }
+)
+INCHES = ("G20", "G70")
+BLU_PER_MM = 100.0  # the paper's basic length unit is 0.01 mm (and 0.01 mm/min)
+FEEDS = (1e-4, 1e7)  # units a minute: below, a millimetre takes a week; above, no drive follows
+MOST_DWELL_S = 604_800.0
+
+
+@dataclass(frozen=True, slots=True)
+class Cycle:
+    """What the words of a canned cycle leave to its next line; lengths in mm as written."""
+
+    code: str
+    bottom: float
+    clearance: float
+    level: float  # where the series began, along the cycle's axis in program coordinates
+    depth: float | None = None  # Q
+    seconds: float | None = None  # P
+    shift: tuple[float, float] | None = None  # of boring: the way off the wall, in the plane
+
+
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """A tilted plane whose definition takes several lines, as far as they have been read."""
+
+    code: str  # G68.2 or G68.4
+    p: int
+    line: int  # where it begins
+    rows: Mapping[int, Mapping[str, float]]  # words (mm, degrees) by Q
+
+
+class State(NamedTuple):
+    """Everything one line leaves to the next."""
+
+    modal: Modal
+    motion: str = ""  # G0 to G3, a cycle, or nothing
+    beneath: str = ""  # of a cycle under fanuc: what was modal before, and is behind G80
+    cleared: str = "no motion mode is active at the start of a program"
+    mm_per_unit: float = 1.0
+    side: str = "G40"
+    absolute: bool = True
+    selected: int | None = None  # T
+    speed_rev_min: float = 0.0  # S
+    turning: int = 0  # M3: 1, M4: -1, M5: 0
+    feed_deg_s: float | None = None  # the modal F as moves of rotaries alone read it; None as that of lengths
+    cuts: bool = False  # a surface came before: the program is one for this control
+    inverse: bool = False  # G93: F is one over the minutes that its line takes
+    per_turn: bool = False  # G95: F is for a turn of the spindle ...
+    turn_feed: tuple[float, float] | None = None  # ... mm and degrees
+    centres_absolute: bool = False  # G90.1
+    to_clearance: bool = False  # G99: canned cycles end at R
+    cycle: Cycle | None = None  # the canned cycle that is modal
+    origins: Origins = Origins()
+    tools: Mapping[int, Tool] = MappingProxyType({})  # as G10 changed them, their wear beside their size
+    references: Mapping[str, tuple[Known, ...]] = MappingProxyType({})
+    offset_number: Word | None = None  # D of a line without G41 (Fanuc), for the next one without D
+    noted: frozenset[str] = frozenset()  # codes that a remark has told of
+    curve_goes: tuple[float, float] | None = None  # mm: where the G5 before leads on to
+    begun: Begun | None = None  # a tilted plane that takes more lines
+
+    def time(self, ask: Ask, code: str, word: Word) -> float | None:
+        """Seconds that a feed motion takes under G93, None under G94; ProgramError for G93 without F."""
+        if not self.inverse:
+            return None
+        if "F" not in ask.words:
+            raise ask.refusal(
+                word,
+                f"{code} under G93 without F: in inverse time each line of G1 to G3 needs its own F, one "
+                "over the minutes that it takes; write F, or G94 and the feed per minute",
+            )
+        return 60.0 / ask.words["F"].value
+
+    def tool_as_told(self, number: int, machine: Machine) -> Tool | None:
+        """A tool of the table, as G10 has changed it, its wear beside its size."""
+        return self.tools.get(number) or machine.tool_as_told(number)
+
+    def tool(self, number: int, machine: Machine) -> Tool | None:
+        """The same as it is cut with: worn."""
+        found = self.tool_as_told(number, machine)
+        return None if found is None else found.worn
+
+    def with_tool(self, number: int, machine: Machine) -> Modal:
+        """The modal state with another tool in the spindle."""
+        cutter = self.tool(number, machine) if number in self.tools else None
+        return replace(self.modal, tool=number, cutter=cutter)
+
+    def with_origins(self, origins: Origins, machine: Machine) -> State:
+        """The state in which positions are read by ``origins``."""
+        part = None if origins.untouched(machine) else origins.frame(machine)
+        turned = origins.turned_rad(machine)
+        tilted = origins.plane is not None
+        modal = replace(self.modal, offset=origins.index, part=part, turned_rad=turned, tilted=tilted)
+        return self._replace(origins=origins, modal=modal)
+
+    def feed(self, ask: Ask, code: str, word: Word) -> float:
+        """The modal F for a motion, mm/s; ProgramError where there is none."""
+        if self.inverse and code in SURFACES:
+            raise ask.refusal(
+                word,
+                f"{code} takes its feed per minute: inverse time (G93) is for G1 to G3; write G94 before it",
+            )
+        feed = self.modal.feed_mm_s
+        if feed is None and self.turn_feed is not None:
+            raise ask.refusal(
+                word,
+                f"{code} has a feed per turn (G95) and the spindle stands: write S and M3, or G94 before it",
+            )
+        if feed is None:
+            raise ask.refusal(
+                word, f"{code} has no feed: no F stands here or before it; write F with the feed per minute"
+            )
+        return feed
+
+
+def power_on() -> State:
+    """T1 in the spindle, G17 G21 G40 G49 G54 G61 G90 G94, spindle and coolant off (DESIGN 1)."""
+    return State(Modal(TOOL_AT_POWER_ON, 0, Side.RIGHT, 0.0, True, 0.0, 0.0, None, 0.0, 0))
+
+
+def begun(machine: Machine) -> State:
+    """The same on a machine: under the offsets that it has at the start of a program."""
+    return power_on().with_origins(Origins.begun(machine), machine)
+
+
+def apply(
+    ask: Ask, motion: str, state: State, machine: Machine, side_letters: str = ""
+) -> tuple[State, list[Block]]:
+    """The state after all codes of the line but its motion and stop, and their actions in order.
+
+    ``motion`` is the motion the line will make ("" = none); it says how F is counted.
+    ``side_letters`` are the words of G40 to G42 on this line.
+    """
+    settings = _Settings(ask, motion, state, machine)
+    settings.side_letters = side_letters
+    settings.run()
+    return settings.state, settings.made
+
+
+class _Settings:
+    """One line being carried out up to its motion; one method per step of RS-274/NGC 3.8."""
+
+    def __init__(self, ask: Ask, motion: str, state: State, machine: Machine) -> None:
+        self.ask = ask
+        self.state = state
+        self.made: list[Block] = []
+        self._motion = motion
+        self._machine = machine
+        self.side_letters = ""
+
+    def run(self) -> None:
+        self._units()
+        self._feed_mode()
+        self._feed()
+        self._speed()
+        self._select_tool()
+        self._outputs()
+        self._change_tool()
+        self._spindle()
+        self._turn_feed()
+        self._coolant()
+        if "overrides" in self.ask.codes:
+            self._set_modal(override_words.applied(self.ask, self.state.modal, self._machine))
+        self._dwell()
+        self._side()
+        self._length()
+        self._plane_offset_path_distance()
+
+    def _set_modal(self, modal: Modal) -> None:
+        self.state = self.state._replace(modal=modal)
+
+    def _act(self, word: Word, act: Act) -> None:
+        self.made.append(Action(self.ask.place(word), self.state.modal, act))
+
+    def _units(self) -> None:
+        if code := self.ask.code("unit"):
+            self.state = self.state._replace(mm_per_unit=25.4 if code in INCHES else 1.0)
+
+    def _feed_mode(self) -> None:
+        """Between G93, G94 and G95 no feed survives: what F means has changed."""
+        code = self.ask.code("feed")
+        if code and (code == "G93", code == "G95") != (self.state.inverse, self.state.per_turn):
+            inverse, per_turn = code == "G93", code == "G95"
+            self.state = self.state._replace(
+                inverse=inverse, per_turn=per_turn, turn_feed=None, feed_deg_s=None
+            )
+            self._set_modal(replace(self.state.modal, feed_mm_s=None))
+
+    def _feed(self) -> None:
+        word = self.ask.words.get("F")
+        if word is None:
+            return
+        if self.state.inverse and word.value > 0.0:
+            return  # counts for this line only
+        in_blu = self._motion in SURFACES and not word.point
+        per_min = word.value / BLU_PER_MM if in_blu else word.value
+        mm_s = per_min * (1.0 if in_blu else self.state.mm_per_unit) / 60.0
+        if mm_s <= 0.0:
+            raise self.ask.refusal(word, f"{word.text} is no feed: F must be greater than 0; correct it")
+        if not FEEDS[0] <= per_min <= FEEDS[1]:
+            low, high = (f"{feed * (BLU_PER_MM if in_blu else 1.0):.12g}" for feed in FEEDS)
+            raise self.ask.refusal(word, f"{word.text} is no feed: {low} to {high} a minute are; correct it")
+        deg_s = per_min / 60.0
+        if self.state.per_turn:
+            self.state = self.state._replace(turn_feed=(mm_s * 60.0, per_min))
+            return
+        if (mm_s, deg_s) != (self.state.modal.feed_mm_s, self.state.feed_deg_s):
+            modal = replace(self.state.modal, feed_mm_s=mm_s)
+            self.state = self.state._replace(modal=modal, feed_deg_s=deg_s)
+
+    def _turn_feed(self) -> None:
+        """G95: the feed a second follows the spindle; none where it stands."""
+        if self.state.turn_feed is None:
+            return
+        turns_s = abs(self.state.modal.spindle_rev_min) / 60.0
+        mm_s, deg_s = (feed * turns_s if turns_s else None for feed in self.state.turn_feed)
+        self.state = self.state._replace(feed_deg_s=deg_s)
+        self._set_modal(replace(self.state.modal, feed_mm_s=mm_s))
+
+    def _speed(self) -> None:
+        word = self.ask.words.get("S")
+        if word is None:
+            return
+        spindle = self._machine.spindle
+        if spindle is not None and word.value > spindle.max_rev_min:
+            raise self.ask.refusal(
+                word,
+                f"{word.text} is too fast: this spindle turns at up to {spindle.max_rev_min:g} 1/min; "
+                "lower it",
+            )
+        self.state = self.state._replace(speed_rev_min=self.ask.not_negative(word))
+        if self.state.turning and "spindle" not in self.ask.codes and "tool change" not in self.ask.codes:
+            self._turn_spindle(self.state.turning, word)
+
+    def _select_tool(self) -> None:
+        """T0 is no tool: M6 empties the spindle."""
+        word = self.ask.words.get("T")
+        if word is not None:
+            if word.value != 0.0:
+                self._known_tool(word)
+            self.state = self.state._replace(selected=int(word.value))
+
+    def _outputs(self) -> None:
+        """M62, M63 and M67 count with the next motion, M64, M65, M68 and the machine's own codes at once."""
+        if "output" in self.ask.codes:
+            code, word = self.ask.codes["output"]
+            if code == "M66":
+                self.made += output_words.awaited(self.ask, word, self.state.modal, self._machine)
+                return
+            self._say(code, word)
+            if code in ("M64", "M65", "M68"):
+                self._act(word, Act.OUTPUT)
+        for word, number, on in self.ask.switches:
+            self._switch(number, on)
+            self._act(word, Act.OUTPUT)
+
+    def _say(self, code: str, word: Word) -> None:
+        """An output, digital or analogue, is told."""
+        if code in ("M67", "M68"):
+            modal = self.state.modal
+            said = output_words.led(self.ask, code, word, self._machine)
+            self._set_modal(replace(modal, outputs=modal.outputs.led(*said)))
+        else:
+            self._switch(output_words.number(self.ask, code, word, self._machine), code in ("M62", "M64"))
+
+    def _switch(self, number: int, on: bool) -> None:
+        modal = self.state.modal
+        self._set_modal(replace(modal, outputs=modal.outputs.switched(number, on)))
+
+    def _known_tool(self, word: Word) -> float:
+        """Length of the tool that a T or H word names."""
+        tool = self.state.tool(self.ask.whole(word), self._machine)
+        if tool is None:
+            raise self.ask.refusal(
+                word,
+                f"{word.text} names no tool: the tool table has {tool_list(self._machine)}; use one "
+                "of these or add it",
+            )
+        return tool.length_mm
+
+    def _change_tool(self) -> None:
+        """M6 also stops the spindle (RS-274/NGC 3.6.3); M61 only says which tool is there."""
+        if self.ask.code("tool change") == "M61":
+            self._name_tool()
+            return
+        if "tool change" not in self.ask.codes:
+            return
+        word = self.ask.codes["tool change"][1]
+        if self.state.selected is None:
+            raise self.ask.refusal(
+                word, "M6 has no tool to change to: write T and its number before or beside it"
+            )
+        modal = self.state.with_tool(self.state.selected, self._machine)
+        self.state = self.state._replace(modal=replace(modal, spindle_rev_min=0.0), turning=0)
+        self._act(word, Act.TOOL)
+
+    def _name_tool(self) -> None:
+        word = self.ask.words.get("Q")
+        if word is None:
+            raise self.ask.refusal(
+                self.ask.codes["tool change"][1],
+                "M61 does not say which tool is in the spindle: write Q and its number, such as M61 Q2",
+            )
+        if word.value != 0.0:
+            self._known_tool(word)
+        self._set_modal(self.state.with_tool(int(word.value), self._machine))
+
+    def _spindle(self) -> None:
+        if "spindle" not in self.ask.codes:
+            return
+        code, word = self.ask.codes["spindle"]
+        if code == "M19":
+            self._orient(word)
+            return
+        if self._machine.io is not None and self._machine.io.orient is not None:
+            self._let_go(len(self._machine.io.digital_out), word)
+        self._turn_spindle({"M3": 1, "M4": -1, "M5": 0}[code], word)
+
+    def _orient(self, word: Word) -> None:
+        """M19: the spindle stops, its drive brings it to the angle, and motion waits until it is there."""
+        output, back, most_s = output_words.oriented(self.ask, word, self._machine)
+        self._turn_spindle(0, word)
+        self._switch(output, True)
+        self._act(word, Act.OUTPUT)
+        self.made.append(Await(self.ask.place(word), self.state.modal, back, Level.HIGH, most_s))
+
+    def _let_go(self, output: int, word: Word) -> None:
+        """M3 to M5 behind M19: the drive is free to turn again before it is told to."""
+        if self.state.modal.outputs.on >> output & 1:
+            self._switch(output, False)
+            self._act(word, Act.OUTPUT)
+
+    def _turn_spindle(self, turning: int, word: Word) -> None:
+        modal = replace(self.state.modal, spindle_rev_min=turning * self.state.speed_rev_min)
+        self.state = self.state._replace(modal=modal, turning=turning)
+        self._act(word, Act.SPINDLE)
+
+    def _coolant(self) -> None:
+        if "coolant" in self.ask.codes:
+            code, word = self.ask.codes["coolant"]
+            coolant = {"M7": self.state.modal.coolant | 1, "M8": self.state.modal.coolant | 2, "M9": 0}[code]
+            self._set_modal(replace(self.state.modal, coolant=coolant))
+            self._act(word, Act.COOLANT)
+
+    def _dwell(self) -> None:
+        if self.ask.code("one-line") != "G4":
+            return
+        word = self.ask.codes["one-line"][1]
+        if not self.ask.has("PX"):
+            raise self.ask.refusal(word, "G4 has no time: write P with the seconds to wait, such as G4 P0.5")
+        seconds = dwell_s(self.ask, self.ask.words.get("P") or self.ask.words["X"], self._machine)
+        self.made.append(Dwell(self.ask.place(word), self.state.modal, seconds))
+
+    def _side(self) -> None:
+        if code := self.ask.code("side"):
+            modal = side_words.applied(
+                self.ask, code, self.side_letters, self.state.mm_per_unit, self.state.modal
+            )
+            self.state = self.state._replace(modal=modal)
+            planar = planar_words.said(self.ask, code, self.side_letters, self.state, self._machine)
+            self.state = self.state._replace(side=code, modal=replace(modal, planar=planar))
+
+    def _length(self) -> None:
+        """G43 adds the length of the tool in the spindle, or of tool H; H0 is none.
+
+        G43.4 and G43.5 take the same length and make X Y Z places of the tip.
+        """
+        code = self.ask.code("length")
+        if code == "G49":
+            self._check_no_length()
+            self._set_modal(replace(self.state.modal, length_mm=0.0, tip=Tip.OFF))
+        if code not in TIPS:
+            return
+        modal, said = self.state.modal, self._said_mm(code)
+        length = {"G43.2": modal.length_mm + said, "G44": -said}.get(code, said)
+        self._set_modal(replace(modal, length_mm=length, tip=TIPS[code]))
+
+    def _check_no_length(self) -> None:
+        """H0 says beside G49 what it says."""
+        word = self.ask.words.get("H")
+        if word is not None and word.value != 0.0:
+            raise self.ask.refusal(
+                word, f"{word.text} stands beside G49, which ends the tool's length; write H0, or G43 with it"
+            )
+
+    def _said_mm(self, code: str) -> float:
+        """The length that H, or Z of G43.1, names; without one that of the tool in the spindle."""
+        word = self.ask.words.get("Z" if code == "G43.1" else "H")
+        if word is None and code in ("G43.1", "G43.2"):
+            takes = "Z, the length" if code == "G43.1" else "H, the number of a tool"
+            raise self.ask.refusal(self.ask.codes["length"][1], f"{code} takes {takes}; write it")
+        if word is None:
+            tool = self.state.tool(self.state.modal.tool, self._machine)
+            return tool.length_mm if tool is not None else 0.0
+        if code == "G43.1":
+            return word.value * self.state.mm_per_unit
+        return 0.0 if word.value == 0.0 else self._known_tool(word)
+
+    def _plane_offset_path_distance(self) -> None:
+        ask, state = self.ask, self.state
+        if ask.codes.keys().isdisjoint(("plane", "offset", "path", "distance", "centre", "return")):
+            return
+        if code := ask.code("offset"):
+            index = self._offset(code)
+            state = state.with_origins(replace(state.origins, index=index), self._machine)
+        modal = state.modal
+        if code := ask.code("path"):
+            blend = self._blend() if code == "G64" else (0.0, 0.0)
+            exact = code != "G64"
+            modal = replace(modal, exact=exact, blend_mm=blend[0], blend_deg=blend[1], exact_joints=exact)
+        absolute = {"G90": True, "G91": False}.get(ask.code("distance"), state.absolute)
+        centres = {"G90.1": True, "G91.1": False}.get(ask.code("centre"), state.centres_absolute)
+        ends = {"G99": True, "G98": False}.get(ask.code("return"), state.to_clearance)
+        modal = replace(modal, plane=ask.code("plane") or modal.plane)
+        self.state = state._replace(
+            modal=modal, absolute=absolute, centres_absolute=centres, to_clearance=ends
+        )
+
+    def _offset(self, code: str) -> int:
+        word = self.ask.codes["offset"][1]
+        name = code
+        if code in ("G54.1", "G154"):
+            name = f"G54.1 P{self._numbered(code, word)}"
+        index = OFFSETS.index(name)
+        if not self.state.origins.is_set(index, self._machine):
+            known = [one for i, one in enumerate(OFFSETS) if self.state.origins.is_set(i, self._machine)]
+            raise self.ask.refusal(
+                word,
+                f"{name} is not set, neither in [offsets] of the machine file nor at the machine; set it, or"
+                f" use {' '.join(known)}",
+            )
+        return index
+
+    def _numbered(self, code: str, word: Word) -> int:
+        """P of G54.1 and G154."""
+        number = self.ask.words.get("P")
+        if number is None or not 1 <= self.ask.whole(number) <= 48:
+            raise self.ask.refusal(
+                number or word, f"{code} takes P1 to P48, the number of a work offset; write one of these"
+            )
+        return int(number.value)
+
+    def _blend(self) -> tuple[float, float]:
+        p, q = self.ask.words.get("P"), self.ask.words.get("Q")
+        blend_mm = self.ask.not_negative(p) * self.state.mm_per_unit if p is not None else 0.0
+        return blend_mm, self.ask.not_negative(q) if q is not None else 0.0
+
+
+def dwell_s(ask: Ask, word: Word, machine: Machine) -> float:
+    """The seconds of a dwell: P in seconds; under fanuc without a point in milliseconds."""
+    seconds = ask.not_negative(word)
+    if machine.dialect == "fanuc" and not word.point:
+        seconds /= 1000.0
+    if seconds > MOST_DWELL_S:
+        raise ask.refusal(
+            word,
+            f"{word.text} waits for {seconds / 3600.0:.4g} h: {word.letter} of G4 is 0 to "
+            f"{MOST_DWELL_S:.0f} seconds, a week; write M0 to wait for the operator",
+        )
+    return seconds
+
+
+def tool_list(machine: Machine) -> str:
+    """The tool table in a few words, for sentences."""
+    return " ".join(f"T{tool.number}" for tool in machine.tools) or "none"

@@ -1,0 +1,305 @@
+"""G10, G52, G68, G69 and G92: what they make of the origins and of the tool table.
+
+Under rs274 G10 reads as LinuxCNC has it, and G52 and G92 write the same shift. Under fanuc G10 L2 takes
+distances under G91, L20 means the offsets of G54.1, L10 to L13 take values, and G52 is a shift of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+from controller.geometry.vectors import ZERO, Frame, Vector, X, Y, Z
+from controller.machine.model import MOST_WEAR_MM, OFFSETS, Machine, Offset, Shift, Tool
+from controller.program.codes import Ask
+from controller.program.modal import State, tool_list
+from controller.program.origins import NONE, Origins, about, turned_about_z
+from controller.program.position import Known, Position
+from controller.program.words import Word
+
+NORMALS = MappingProxyType({"G17": Z, "G18": Y, "G19": X})
+_FANUC_TOOL = MappingProxyType({10: "length_mm", 11: "wear_length_mm", 12: "radius_mm", 13: "wear_radius_mm"})
+
+
+class Here(NamedTuple):
+    """What a line finds: its words, the state before it, where the axes stand."""
+
+    ask: Ask
+    state: State
+    position: Position
+    machine: Machine
+
+    def known(self, word: Word, values: Sequence[Known], what: str) -> tuple[float, ...]:
+        """``values``, refused where one of them is not known."""
+        if any(value is None for value in values):
+            raise self.ask.refusal(
+                word,
+                f"{what} has to know where the axes stand, and after a surface or a tool vector that is the "
+                "path's choice; write G0 with positions of X Y Z and of the rotary axes before it",
+            )
+        return tuple(value for value in values if value is not None)
+
+    def length_mm(self, letter: str) -> float | None:
+        word = self.ask.words.get(letter)
+        return None if word is None else word.value * self.state.mm_per_unit
+
+    def rotary_rad(self) -> tuple[Known, Known]:
+        """The words of the two rotaries (carried sense)."""
+        given = ((self.ask.words.get(axis.name), axis) for axis in self.machine.axes)
+        found = [None if word is None else word.value / axis.shown_per_unit for word, axis in given]
+        return self.machine.pair(found, None)
+
+    def lengths_mm(self) -> tuple[Known, Known, Known]:
+        return self.length_mm("X"), self.length_mm("Y"), self.length_mm("Z")
+
+
+def applied(here: Here, code: str) -> State:
+    """The state after G10, G92 to G92.3."""
+    if code == "G10":
+        return _g10(here)
+    origins = here.state.origins
+    if code == "G92":
+        origins = _shifted_to(here)
+    elif code == "G92.1":
+        origins = replace(origins, shift=NONE, suspended=False)
+    else:
+        origins = replace(origins, suspended=code == "G92.2")
+    return here.state.with_origins(origins, here.machine)
+
+
+def _shifted_to(here: Here) -> Origins:
+    """G92: the shift with which the position reads as the words say."""
+    ask, state = here.ask, here.state
+    word = ask.codes["one-line"][1]
+    xyz, rotary = here.lengths_mm(), here.rotary_rad()
+    if all(value is None for value in (*xyz, *rotary)):
+        raise ask.refusal(word, "G92 says no position: write the axes and what their positions are to read")
+    if state.origins.turn is not None:
+        raise ask.refusal(
+            word, "G92 stands under G68: the shift would be turned with it; write G69 before it"
+        )
+    origins = replace(
+        state.origins, shift=NONE if state.origins.suspended else state.origins.shift, suspended=False
+    )
+    plain = state.with_origins(origins, here.machine)
+    now = _said(here, here.position.in_frame(plain.modal), xyz, word)
+    shift = origins.shift
+    x, y, z = (s + (n - w if w is not None else 0.0) for s, n, w in zip(shift.xyz, now, xyz, strict=True))
+    stand = _said(here, here.position.rotaries, rotary, word)
+    before = zip(shift.turned_rad, stand, rotary, plain.modal.turned_rad, strict=True)
+    a, b = (s if w is None else s + n - t - w for s, n, w, t in before)
+    return replace(origins, shift=Shift((x, y, z), (a, b)))
+
+
+def _said(here: Here, now: Sequence[Known], words: Sequence[Known], word: Word) -> tuple[float, ...]:
+    """Positions; those of axes without a word are not needed."""
+    needed = [0.0 if w is None else n for n, w in zip(now, words, strict=True)]
+    return here.known(word, needed, here.ask.code("one-line"))
+
+
+# ---- G10 -------------------------------------------------------------------------
+
+
+def _g10(here: Here) -> State:
+    word = here.ask.codes["one-line"][1]
+    kind, number = here.ask.words.get("L"), here.ask.words.get("P")
+    if kind is None or number is None:
+        raise _not_set(here, word)
+    what, n = here.ask.whole(kind), here.ask.whole(number)
+    fanuc = here.machine.dialect == "fanuc"
+    if what == 2 or (what == 20 and not fanuc):
+        return _set_offset(here, _index(here, n), what == 20)
+    if what == 20 and 1 <= n <= 48:
+        return _set_offset(here, OFFSETS.index(f"G54.1 P{n}"), False)
+    if what in (_FANUC_TOOL if fanuc else (1, 10, 11)):
+        return _set_tool(here, what, n)
+    raise _not_set(here, kind)
+
+
+def _not_set(here: Here, word: Word) -> Exception:
+    if here.machine.dialect == "fanuc":
+        known = "L2 P1 to P6 and L20 P1 to P48 (work offsets), L10 to L13 P and the tool with R"
+    else:
+        known = "L2 and L20 P0 to P9 (work offsets), L1, L10 and L11 P and the tool with Z and R"
+    return here.ask.refusal(word, f"{word.text} sets nothing here: G10 takes {known}; write one of these")
+
+
+def _index(here: Here, number: int) -> int:
+    """The work offset of P: 0 is the active one."""
+    fanuc = here.machine.dialect == "fanuc"
+    if number == 0 and not fanuc:
+        return here.state.origins.index
+    if not 1 <= number <= (6 if fanuc else 9):
+        raise _not_set(here, here.ask.words["P"])
+    return number - 1
+
+
+def _set_offset(here: Here, index: int, to_here: bool) -> State:
+    """L2: its values; L20 (``to_here``): such that the position reads as the words say."""
+    origins = here.state.origins
+    before = origins.offset(index, here.machine)
+    r = here.ask.words.get("R")
+    if r is not None and to_here:
+        raise here.ask.refusal(r, f"{r.text} is not taken by G10 L20: R turns an offset with L2; correct it")
+    if to_here:
+        _check_untilted(here, "G10 L20")
+    xyz, rotary = here.lengths_mm(), here.rotary_rad()
+    offset = _offset_here(here, index, xyz, rotary) if to_here else _offset_said(here, before, xyz, rotary)
+    if r is not None:
+        offset = replace(offset, frame=turned_about_z(offset.frame, r.value))
+    return here.state.with_origins(origins.with_offset(index, offset), here.machine)
+
+
+def _check_untilted(here: Here, code: str) -> None:
+    if here.state.origins.plane is not None:
+        raise here.ask.refusal(
+            here.ask.codes["one-line"][1],
+            f"{code} takes where the tool stands, which is told in a tilted plane here and not in the work "
+            "offset; write G69 before it",
+        )
+
+
+def _offset_said(here: Here, before: Offset, xyz: Sequence[Known], rotary: Sequence[Known]) -> Offset:
+    distances = here.machine.dialect == "fanuc" and not here.state.absolute
+
+    def said(old: Sequence[float], words: Sequence[Known]) -> list[float]:
+        base = old if distances else [0.0] * len(old)
+        return [q if w is None else b + w for q, b, w in zip(old, base, words, strict=True)]
+
+    x, y, z = said(before.frame.origin, xyz)
+    a, b = said(before.turned_rad, rotary)
+    return Offset(before.frame._replace(origin=(x, y, z)), (a, b))
+
+
+def _offset_here(here: Here, index: int, xyz: Sequence[Known], rotary: Sequence[Known]) -> Offset:
+    """Moved along its own axes by what the position under it reads too much."""
+    word = here.ask.codes["one-line"][1]
+    under = replace(here.state.origins, index=index, turn=None)
+    plain = here.state.with_origins(under, here.machine)
+    now = _said(here, here.position.in_frame(plain.modal), xyz, word)
+    stand = _said(here, here.position.rotaries, rotary, word)
+    before = under.offset(index, here.machine)
+    x, y, z = (0.0 if w is None else n - w for n, w in zip(now, xyz, strict=True))
+    turned = zip(before.turned_rad, stand, rotary, plain.modal.turned_rad, strict=True)
+    a, b = (old if w is None else old + n - t - w for old, n, w, t in turned)
+    return Offset(before.frame._replace(origin=before.frame.to_parent((x, y, z))), (a, b))
+
+
+def _set_tool(here: Here, what: int, number: int) -> State:
+    tool = here.state.tool_as_told(number, here.machine)
+    if tool is None:
+        word = here.ask.words["P"]
+        raise here.ask.refusal(
+            word, f"{word.text} names no tool: the tool table has {tool_list(here.machine)}; use one of these"
+        )
+    changed = _fanuc_tool(here, what, tool) if here.machine.dialect == "fanuc" else _tool(here, what, tool)
+    _check_tool(here, changed)
+    state = here.state._replace(tools=MappingProxyType({**here.state.tools, number: changed}))
+    if state.modal.tool == number:
+        state = state._replace(modal=state.with_tool(number, here.machine))
+    return state
+
+
+def _check_tool(here: Here, tool: Tool) -> None:
+    """As the tool table would."""
+    word = here.ask.words.get("R", here.ask.words["P"])
+    if tool.radius_mm <= 0.0:
+        raise here.ask.refusal(
+            word, f"{word.text} leaves no tool: its radius must be greater than 0; correct it"
+        )
+    least_mm = min(MOST_WEAR_MM, 0.5 * tool.radius_mm)
+    worn = -least_mm <= tool.wear_radius_mm <= MOST_WEAR_MM and abs(tool.wear_length_mm) <= MOST_WEAR_MM
+    if not worn:
+        raise here.ask.refusal(
+            word,
+            f"{word.text} is no wear: {-MOST_WEAR_MM:g} to {MOST_WEAR_MM:g} mm are, and half of the radius "
+            "at most; what is worn more is another tool, so correct it, or set length and radius",
+        )
+
+
+def _tool(here: Here, what: int, tool: Tool) -> Tool:
+    """L1: length Z and radius R; L10, L11: the length with which Z reads as said, now or in G59.3.
+
+    What is measured anew is worn no more.
+    """
+    z, r = here.length_mm("Z"), here.length_mm("R")
+    if z is not None and what != 1:
+        _check_untilted(here, f"G10 L{what}")
+        modal = here.state.modal
+        if what == 11:
+            index = OFFSETS.index("G59.3")
+            modal = here.state.with_origins(Origins(index, here.state.origins.written), here.machine).modal
+        (height,) = here.known(here.ask.words["Z"], here.position.in_frame(modal)[2:], "G10")
+        z = height + modal.length_mm - z
+    if z is not None:
+        tool = replace(tool, length_mm=z, wear_length_mm=0.0)
+    return tool if r is None else _with_radius(replace(tool, wear_radius_mm=0.0), r)
+
+
+def _with_radius(tool: Tool, radius_mm: float) -> Tool:
+    """With another radius; a corner is never more than that."""
+    return replace(tool, radius_mm=radius_mm, corner_mm=min(tool.corner_mm, radius_mm))
+
+
+def _fanuc_tool(here: Here, what: int, tool: Tool) -> Tool:
+    """L10 length, L11 wear of it, L12 radius, L13 wear of it: R is the value, under G91 what is added."""
+    r = here.length_mm("R")
+    if r is None:
+        raise _not_set(here, here.ask.words["L"])
+    name = _FANUC_TOOL[what]
+    value = r + (getattr(tool, name) if not here.state.absolute else 0.0)
+    if name == "radius_mm":
+        return _with_radius(tool, value)
+    changed: dict[str, Any] = {name: value}
+    return replace(tool, **changed)
+
+
+# ---- G52, G68 ----------------------------------------------------------------------
+
+
+def local_shift(here: Here) -> State:
+    """G52 as a shift of coordinates."""
+    origins = here.state.origins
+    apart = here.machine.dialect == "fanuc"
+    before = origins.local if apart else (NONE if origins.suspended else origins.shift)
+    relative = apart and not here.state.absolute
+    xyz = _laid(before.xyz, here.lengths_mm(), relative)
+    turned = _laid(before.turned_rad, here.rotary_rad(), relative)
+    shift = Shift((xyz[0], xyz[1], xyz[2]), (turned[0], turned[1]))
+    changed = replace(origins, local=shift) if apart else replace(origins, shift=shift, suspended=False)
+    return here.state.with_origins(changed, here.machine)
+
+
+def _laid(before: Sequence[float], words: Sequence[Known], relative: bool) -> list[float]:
+    return [q if w is None else w + (q if relative else 0.0) for q, w in zip(before, words, strict=True)]
+
+
+def rotation(here: Here) -> State:
+    """G68: turned by R about the axis words of the plane, or about the position; G69 ends it and G68.2."""
+    code, word = here.ask.codes["rotation"]
+    origins = here.state.origins
+    if code == "G69":
+        cycle = here.state.cycle if origins.plane is None else None  # its heights were those of the plane
+        return here.state._replace(begun=None, cycle=cycle).with_origins(origins.outside(), here.machine)
+    r = here.ask.words.get("R")
+    if r is None:
+        raise here.ask.refusal(word, "G68 does not say by how much: write R and the angle in degrees")
+    unturned = here.state.with_origins(replace(origins, turn=None), here.machine)
+    normal = NORMALS[here.state.modal.plane]
+    centre = _centre(here, unturned, normal, word)
+    turn: Frame | None = about(centre, normal, math.radians(r.value))
+    return here.state.with_origins(replace(origins, turn=turn), here.machine)
+
+
+def _centre(here: Here, unturned: State, normal: Vector, word: Word) -> Vector:
+    """The words of the plane's axes; one without a word is where the tool stands."""
+    now = here.position.in_frame(unturned.modal)
+    found = list(ZERO)
+    for i, said in enumerate(here.lengths_mm()):
+        if normal[i] == 1.0:
+            continue
+        (found[i],) = here.known(word, (now[i] if said is None else said,), "G68 without its centre")
+    return found[0], found[1], found[2]

@@ -1,0 +1,121 @@
+"""What stands between the machine's positions and the program's: work offset, shifts and turns.
+
+    table frame -> work offset (the machine's or of G10) -> shift of G92 -> local shift of G52
+                -> tilted plane of G68.2 -> shifts made inside of it -> turn of G68
+
+All of it is one frame for X Y Z and one shift for each rotary. State is replaced, never edited.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+from controller.geometry.vectors import ZERO, Frame, Vector, X, Y, Z, add, rotate
+from controller.machine.model import OFFSETS, Machine, Offset, Pair, Shift
+
+NONE = Shift()
+
+
+@dataclass(frozen=True, slots=True)
+class Plane:
+    """A tilted work plane; the shifts that it stands in rest here until G69 takes them up again."""
+
+    frame: Frame  # seen from the work offset as these shifts have moved it
+    shift: Shift
+    suspended: bool
+    local: Shift
+
+
+@dataclass(frozen=True, slots=True)
+class Origins:
+    """Everything that makes program coordinates out of positions of the machine."""
+
+    index: int = 0  # of the work offset, as ``machine.OFFSETS``
+    written: Mapping[int, Offset] = field(default_factory=lambda: MappingProxyType({}))  # by G10
+    shift: Shift = NONE  # G92
+    suspended: bool = False  # G92.2
+    local: Shift = NONE  # G52
+    turn: Frame | None = None  # G68, seen from the shifted frame
+    plane: Plane | None = None  # G68.2 to G68.4
+    waiting: Frame | None = None  # as ``Plane.frame``; under rs274 it counts from G53.1 on
+
+    @classmethod
+    def begun(cls, machine: Machine) -> Origins:
+        """With which a program begins: G54, and the shift that an earlier one has left."""
+        return cls(shift=machine.shift, suspended=machine.suspended)
+
+    def offset(self, index: int, machine: Machine) -> Offset:
+        """A work offset as it is now; an unset one is that of the machine's zero."""
+        return self.written[index] if index in self.written else machine.offset(index)
+
+    def is_set(self, index: int, machine: Machine) -> bool:
+        """Whether the machine file, the operator or the program has set a work offset."""
+        if index in self.written:
+            return True
+        return index < len(machine.offsets) and OFFSETS[index] not in machine.unset
+
+    def with_offset(self, index: int, offset: Offset) -> Origins:
+        return replace(self, written=MappingProxyType({**self.written, index: offset}))
+
+    def untouched(self, machine: Machine) -> bool:
+        """Whether positions are read in the work offset exactly as the machine has it."""
+        plain = self.index not in self.written and self.index < len(machine.offsets) and self.turn is None
+        shifted = self.local != NONE or (not self.suspended and self.shift != NONE)
+        return plain and not shifted and self.plane is None
+
+    def frame(self, machine: Machine) -> Frame:
+        """The program's frame seen from the table frame at zero."""
+        if self.plane is None:
+            return self._moved(self.offset(self.index, machine).frame)
+        return within(self.outside().frame(machine), self._moved(self.plane.frame))
+
+    def _moved(self, frame: Frame) -> Frame:
+        """A frame shifted and turned by what stands in it."""
+        shift = ZERO if self.suspended else self.shift.xyz
+        frame = frame._replace(origin=frame.to_parent(add(shift, self.local.xyz)))
+        return frame if self.turn is None else within(frame, self.turn)
+
+    def outside(self) -> Origins:
+        """As G69 leaves them: no turn and no tilted plane, but the shifts that it stood in."""
+        if self.plane is None:
+            return replace(self, turn=None, waiting=None)
+        shift, suspended, local = self.plane.shift, self.plane.suspended, self.plane.local
+        return Origins(self.index, self.written, shift, suspended, local)
+
+    def tilted(self, frame: Frame) -> Origins:
+        """With a tilted plane, as seen from ``outside``, and nothing that shifts inside of it."""
+        out = self.outside()
+        plane = Plane(frame, out.shift, out.suspended, out.local)
+        return Origins(self.index, self.written, plane=plane)
+
+    def inside(self) -> Frame:
+        """The program's frame as seen from ``outside``: the tilted plane and what stands in it."""
+        return self._moved(self.plane.frame if self.plane is not None else Frame())
+
+    def turned_rad(self, machine: Machine) -> Pair:
+        """What is added to the words of the rotaries (carried sense)."""
+        of = self.offset(self.index, machine).turned_rad
+        under = of if self.plane is None else self.outside().turned_rad(machine)
+        a, b = (sum(pair) for pair in zip(under, self.local.turned_rad, strict=True))
+        return (a, b) if self.suspended else (a + self.shift.turned_rad[0], b + self.shift.turned_rad[1])
+
+
+def within(outer: Frame, inner: Frame) -> Frame:
+    """``inner``, seen from ``outer``, as seen from the parent of ``outer``."""
+    return Frame(outer.to_parent(inner.origin), outer.turn(inner.x), outer.turn(inner.y), outer.turn(inner.z))
+
+
+def about(centre: Vector, direction: Vector, angle_rad: float) -> Frame:
+    """The frame that is turned about a line through ``centre``."""
+    x, y, z = (rotate(direction, angle_rad, v) for v in (X, Y, Z))
+    turned = Frame(ZERO, x, y, z)
+    return turned._replace(origin=add(centre, turned.turn((-centre[0], -centre[1], -centre[2]))))
+
+
+def turned_about_z(frame: Frame, degrees: float) -> Frame:
+    """The same origin with X and Y turned by the right hand from those of the table (G10 R)."""
+    angle = math.radians(degrees)
+    return Frame(frame.origin, *(rotate(Z, angle, v) for v in (X, Y, Z)))

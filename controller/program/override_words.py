@@ -1,0 +1,52 @@
+"""M48 to M53: what the program takes from the operator's hand, and gives back.
+
+M48 and M49 are for all overrides; here that is the one of feeds, as there is none of the spindle. The
+override of rapids, hold and stop stay with the operator.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from controller.machine.model import Machine
+from controller.program.codes import Ask
+from controller.program.program import Modal
+
+FEED_STOP = "feed_stop"  # the input of M53
+
+
+def applied(ask: Ask, modal: Modal, machine: Machine) -> Modal:
+    """The modal state after the line's code of the group. Raises ProgramError."""
+    code, word = ask.codes["overrides"]
+    if code in ("M48", "M49"):
+        return replace(modal, overrides=modal.overrides._replace(feed=code == "M48"))
+    on = _on(ask, code)
+    if code == "M50":
+        return replace(modal, overrides=modal.overrides._replace(feed=on))
+    if code == "M52" and on:
+        raise ask.refusal(
+            word,
+            "M52 lets an input lead the feed (adaptive feed), and no machine file has one: the feed is "
+            "planned ahead by the limits of the axes; write M52 P0, or leave it out",
+        )
+    if code == "M53":
+        _check_input(ask, machine, on)
+        return replace(modal, overrides=modal.overrides._replace(stop=on))
+    return modal
+
+
+def _on(ask: Ask, code: str) -> bool:
+    """P: 0 is off, 1 or nothing on."""
+    p = ask.words.get("P")
+    if p is not None and p.value not in (0.0, 1.0):
+        raise ask.refusal(p, f"{p.text} is neither on nor off: {code} takes P1 or P0; write one of these")
+    return p is None or p.value == 1.0
+
+
+def _check_input(ask: Ask, machine: Machine, on: bool) -> None:
+    if on and (machine.io is None or machine.io.input(FEED_STOP) is None):
+        raise ask.refusal(
+            ask.codes["overrides"][1],
+            f"M53 has nothing to work on: the machine file has no {FEED_STOP} among inputs in [io]; name it "
+            "there, or leave M53 out",
+        )

@@ -1,0 +1,158 @@
+"""G40 to G42 with D, G41.1 and G42.1: cutter compensation of lines and arcs, as far as words say it.
+
+Which of its two meanings a G41 has, a person can tell: with D it is for lines and arcs, with P, Q or R
+for surfaces, and with none of them for whatever of the two comes first. ``compensation`` does it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from controller.machine.model import Machine, Tool
+from controller.program.codes import Ask
+from controller.program.program import Modal, Planar, ProgramError, Tip
+from controller.program.words import Word
+
+if TYPE_CHECKING:
+    from controller.program.modal import State
+
+WRITTEN = ("G41.1", "G42.1")  # D is the diameter itself
+# What must not change while the cutter runs beside a contour, and the groups of codes that change it.
+_STAYS = MappingProxyType(
+    {
+        "plane": ("plane",),
+        "tool": ("tool change",),
+        "length_mm": ("length",),
+        "tip": ("length",),
+        "offset": ("offset",),
+        "part": ("one-line", "rotation", "motion"),
+        "turned_rad": ("one-line", "motion"),
+    }
+)
+_NEVER = ("G28", "G30", "G53")
+
+
+def said(ask: Ask, code: str, letters: str, state: State, machine: Machine) -> Planar | None:
+    """What G40 to G42.1 leave on; ``letters``: those of D P Q R that no other code of the line takes."""
+    word, before = ask.codes["side"][1], state.modal.planar
+    if code == "G40":
+        return None
+    number = ask.words.get("D") if "D" in letters or code in WRITTEN else None
+    for_surfaces = [ask.words[letter] for letter in "PQR" if letter in letters and letter in ask.words]
+    if before is not None and before.lines:
+        if machine.dialect == "fanuc" and code == before.code and not for_surfaces:
+            again = before if number is None else _beside(ask, code, number, state, machine)
+            if again is not None and again.off_mm == before.off_mm:
+                return before
+        raise ask.refusal(
+            word,
+            f"{word.text} stands under the {before.code} of line {before.place.line}, which is on until G40; "
+            "write G40 with a move away from the contour before it",
+        )
+    if for_surfaces and number is not None:
+        raise ask.refusal(
+            number,
+            f"{number.text} and {for_surfaces[0].text} stand beside {code}: with D it is for lines and arcs, "
+            "with P, Q and R for surfaces; write one of the two",
+        )
+    if for_surfaces:
+        return None
+    number = number or (state.offset_number if code not in WRITTEN else None)
+    return _beside(ask, code, number, state, machine)
+
+
+def _beside(ask: Ask, code: str, number: Word | None, state: State, machine: Machine) -> Planar | None:
+    """The compensation of a code with D, or without."""
+    written = code in WRITTEN
+    if number is None and written:
+        raise ask.refusal(ask.codes["side"][1], f"{code} has no D: write D and the cutter's diameter")
+    if written and "L" in ask.words and ask.words["L"].value not in (0.0, 9.0):
+        raise ask.refusal(
+            ask.words["L"],
+            f"{ask.words['L'].text} is the edge of a turning tool: a cutter here is round; leave L out",
+        )
+    if written and number is not None:
+        radius: float | None = number.value * state.mm_per_unit / 2.0
+    else:
+        radius = _radius(ask, number, state, machine)
+    if radius is None:
+        return None
+    place = ask.place(ask.codes["side"][1])
+    off = radius if code.startswith("G41") else -radius
+    return Planar(place, code, off, number is not None, machine.dialect == "fanuc")
+
+
+def _radius(ask: Ask, number: Word | None, state: State, machine: Machine) -> float | None:
+    """Of the tool that D names, or that is in the spindle (D0 too; of Fanuc's D0 nothing)."""
+    if number is None:
+        tool = state.modal.tool_in(machine)
+        return None if tool is None else tool.radius_mm
+    whole = ask.whole(number)
+    if whole == 0 and machine.dialect == "fanuc":
+        return 0.0
+    found: Tool | None = state.tool(whole, machine) if whole else state.modal.tool_in(machine)
+    if found is None:
+        known = " ".join(f"D{tool.number}" for tool in machine.tools) or "none"
+        raise ask.refusal(
+            number,
+            f"{number.text} names no tool: D is the number in the tool table, which has {known}; use one of "
+            "these or add it, or write G41.1 or G42.1 with D as the diameter",
+        )
+    return found.radius_mm
+
+
+def for_lines(ask: Ask, motion: str, word: Word, state: State) -> State:
+    """The state in which a G1 to G3 is read; it decides a G41 that does not say. Raises ProgramError."""
+    planar = state.modal.planar
+    if state.side == "G40" or (planar is not None and planar.lines and state.modal.tip is Tip.OFF):
+        return state
+    if planar is None:
+        raise ask.refusal(
+            word,
+            f"{motion} runs under {state.side}, which is for surfaces here: P, Q or R stand beside it, or a "
+            "surface came after it; write G40, and G41 or G42 with D for lines and arcs",
+        )
+    if state.modal.tip is not Tip.OFF:
+        raise ask.refusal(
+            word,
+            f"{motion} runs under {state.side} and tool-centre control: lines and arcs have their cutter "
+            "beside them in a plane of X Y Z only; write G49 before it, or G40",
+        )
+    return state._replace(modal=replace(state.modal, planar=planar._replace(lines=True)))
+
+
+def for_surfaces(ask: Ask, motion: str, word: Word, state: State) -> State:
+    """Likewise for a surface."""
+    planar = state.modal.planar
+    if planar is not None and planar.lines:
+        raise ask.refusal(
+            word,
+            f"{motion} is a surface, and the {planar.code} of line {planar.place.line} is for lines and "
+            "arcs: D stands beside it, or a line came first; write G40 before it, and G41 or G42 without D",
+        )
+    return state if planar is None else state._replace(modal=replace(state.modal, planar=None))
+
+
+def check(ask: Ask, before: Modal, after: Modal) -> None:
+    """Refuses what must not change between G41 and G40."""
+    planar = before.planar
+    if planar is None or not planar.lines or after.planar is None:
+        return
+    once = ask.code("one-line")
+    if "tool change" in ask.codes or once in _NEVER:
+        raise _changed(ask, "tool change" if "tool change" in ask.codes else "one-line", planar)
+    for name, groups in _STAYS.items():
+        if getattr(before, name) != getattr(after, name):
+            group = next((group for group in groups if group in ask.codes), "")
+            raise _changed(ask, group or next(iter(ask.codes)), planar)
+
+
+def _changed(ask: Ask, group: str, planar: Planar) -> ProgramError:
+    word = ask.codes[group][1]
+    return ask.refusal(
+        word,
+        f"{word.text} stands under the {planar.code} of line {planar.place.line}: tool, length, plane and "
+        "coordinates stay as they are until G40; write G40 with a move away from the contour before it",
+    )

@@ -1,0 +1,392 @@
+"""G68.2, G68.3 and G68.4: the tilted plane that their words define.
+
+Two dialects, two meanings (the table in config/programs/README.md): Fanuc's feature coordinate system, whose
+shift and R are those of the plane, and LinuxCNC's tilted work plane, a remap in progress, where R turns about
+the Z outside of it, Q has more orders, and the plane counts from G53.1 on.
+
+A plane is a frame as seen from the work offset with its shifts, that of G68.4 from the plane before it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+from controller.geometry.vectors import (
+    ZERO,
+    Frame,
+    Vector,
+    X,
+    Y,
+    Z,
+    angle_between,
+    cross,
+    dot,
+    norm,
+    rotate,
+    scale,
+    subtract,
+    unit,
+)
+from controller.program.codes import Ask
+from controller.program.modal import Begun, State
+from controller.program.offset_words import Here
+from controller.program.origins import within
+from controller.program.program import Block, ProgramError, Remark
+from controller.program.words import Word
+
+AXES = (X, Y, Z)
+EULER = ("121", "131", "212", "232", "313", "323")
+TURNS = ("123", "132", "213", "231", "312", "321")
+LEAST_MM = 0.1  # of a point from the line through the others
+SHORTEST = 1e-6  # of a vector
+SQUARE_DEG = 5.0  # by which Fanuc's two vectors may miss a right angle ...
+SQUARE_COSINE = 0.001  # ... and LinuxCNC's
+TOLD_DEG = 0.01  # by which they miss it for more than the rounding of their words
+LEAST_DEG = 1.0  # between two projections
+UPRIGHT = 1e-6  # sine of the angle to the work offset's Z below which a tool stands upright
+
+Turn = tuple[Vector, float]  # about an axis, degrees
+Triad = tuple[Vector, Vector, Vector]
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """What all lines of a definition say, by Q, in mm, degrees and components of vectors."""
+
+    rows: Mapping[int, Mapping[str, float]]
+    order: str  # Q of a definition of one line, "" without one
+    refusal: Callable[[str], ProgramError]
+    tell: Callable[[str], None]
+
+    def get(self, letters: str, q: int = 0) -> Vector:
+        row = self.rows.get(q, {})
+        a, b, c = (row.get(letter, 0.0) for letter in letters)
+        return a, b, c
+
+    @property
+    def turn(self) -> float:
+        """R, degrees."""
+        return self.rows.get(0, {}).get("R", 0.0)
+
+    def order_of(self, allowed: tuple[str, ...], otherwise: str) -> list[int]:
+        """The axes (0 to 2) that are turned about, one after the other."""
+        order = self.order or otherwise
+        if order not in allowed:
+            raise self.refusal(
+                f"has Q{order}: Q is the order of the axes, 1 for X, 2 for Y, 3 for Z, one of "
+                f"{' '.join(allowed)}; correct it"
+            )
+        return [int(digit) - 1 for digit in order]
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """One way to define a plane: the letters of its lines by Q, and what comes of them."""
+
+    letters: Mapping[int, str]  # a definition of one line has the row 0
+    made: Callable[[Said], Frame]
+    optional: tuple[int, ...] = ()  # rows that may be left out
+    points: str = "XYZ"  # letters in the active unit of length in row 0; X Y Z are in each
+
+    @property
+    def rows(self) -> bool:
+        """Whether it takes more lines than one."""
+        return len(self.letters) > 1
+
+
+def defined(here: Here) -> tuple[State, list[Block]]:
+    """The state after a line of G68.2 to G68.4, and what ``check`` is to tell. Raises ProgramError."""
+    code, word = here.ask.codes["rotation"]
+    _check_state(here, code, word)
+    if code == "G68.3":
+        return _taken(here, _of_tool(here, word)), []
+    p, form = _form(here, code, word)
+    rows = _rows(here, code, p, form)
+    if any(q not in rows and q not in form.optional for q in form.letters):
+        begun = here.state.begun
+        line = begun.line if begun is not None else here.ask.line.number
+        return here.state._replace(begun=Begun(code, p, line, rows)), []
+    told: list[Block] = []
+
+    def tell(sentence: str) -> None:
+        told.append(Remark(here.ask.place(word), here.state.modal, f"{code} P{p} {sentence}"))
+
+    given = None if form.rows else here.ask.words.get("Q")
+    said = Said(
+        rows,
+        f"{given.value:g}" if given is not None else "",
+        lambda sentence: here.ask.refusal(word, f"{code} P{p} {sentence}"),
+        tell,
+    )
+    frame = form.made(said)
+    return _taken(here, within(here.state.origins.inside(), frame) if code == "G68.4" else frame), told
+
+
+def check_whole(ask: Ask, state: State) -> None:
+    """Nothing stands between the lines of one definition. Raises ProgramError."""
+    begun = state.begun
+    if begun is not None and ask.code("rotation") != begun.code:
+        raise _not_whole(ask, begun)
+
+
+def _not_whole(ask: Ask, begun: Begun) -> ProgramError:
+    given = " ".join(f"Q{q}" for q in sorted(begun.rows))
+    return ask.refusal(
+        ask.line.words[0],
+        f"{begun.code} P{begun.p} from line {begun.line} on is not whole: only {given} of it stands before "
+        "this line; write its other lines there, nothing between them",
+    )
+
+
+def _taken(here: Here, frame: Frame) -> State:
+    """Under fanuc the plane counts from here on, under rs274 from G53.1 on."""
+    state, origins = here.state._replace(begun=None, cycle=None), here.state.origins
+    if here.machine.dialect == "fanuc":
+        return state.with_origins(origins.tilted(frame), here.machine)
+    return state._replace(origins=replace(origins, waiting=frame))
+
+
+def _check_state(here: Here, code: str, word: Word) -> None:
+    """Whether a plane may be defined in this state."""
+    origins, rs274 = here.state.origins, here.machine.dialect == "rs274"
+    why = ""
+    if code == "G68.4" and origins.plane is None:
+        before = "G68.2 and G53.1" if rs274 else "G68.2"
+        why = f"is seen from a tilted plane, and none is active: write {before} before it"
+    elif code != "G68.4" and origins.turn is not None:
+        why = "stands under G68, which would be turned with it: write G69 before it"
+    elif rs274 and origins.waiting is not None:
+        why = "would replace a plane that no G53.1 has turned the tool to: write G53.1 or G69 before it"
+    elif rs274 and code != "G68.4" and origins.plane is not None:
+        why = "stands in a tilted plane: write G69 before it, or G68.4 for a plane seen from it"
+    if why:
+        raise here.ask.refusal(word, f"{code} {why}")
+
+
+# ---- words ---------------------------------------------------------------------------
+
+
+def _form(here: Here, code: str, word: Word) -> tuple[int, Form]:
+    given, forms = here.ask.words.get("P"), FORMS[here.machine.dialect]
+    p = 0 if given is None else here.ask.whole(given)
+    if p not in forms:
+        raise here.ask.refusal(
+            given or word,
+            f"P{p} is no definition of {code}: under {here.machine.dialect} P0 are Euler angles, P1 turns "
+            "about X Y Z, P2 three points, P3 two vectors"
+            + (", P4 projected angles" if 4 in forms else "")
+            + "; write one of these",
+        )
+    return p, forms[p]
+
+
+def _rows(here: Here, code: str, p: int, form: Form) -> Mapping[int, Mapping[str, float]]:
+    """The lines of the definition by Q, this one with them."""
+    ask, begun = here.ask, here.state.begun
+    if begun is not None and begun.p != p:
+        raise _not_whole(ask, begun)
+    before = begun.rows if begun is not None else {}
+    given = ask.words.get("Q") if form.rows else None
+    q = 0 if given is None else ask.whole(given)
+    word = given or ask.codes["rotation"][1]
+    if q not in form.letters:
+        known = " ".join(f"Q{one}" for one in form.letters)
+        raise ask.refusal(word, f"{code} P{p} has no line Q{q}: its lines are {known}; write one of these")
+    if q in before:
+        raise ask.refusal(
+            word, f"{code} P{p} Q{q} stands here for the second time: each line once; remove one"
+        )
+    _check_letters(ask, code, p, form, q)
+    points = form.points if q == 0 else "XYZ"
+    row = {
+        letter: given.value * (here.state.mm_per_unit if letter in points else 1.0)
+        for letter, given in ask.words.items()
+        if letter in form.letters[q] and letter != "Q"
+    }
+    return {**before, q: row}
+
+
+def _check_letters(ask: Ask, code: str, p: int, form: Form, q: int) -> None:
+    """Each line of each definition has its own words."""
+    letters = form.letters[q] + "P" + ("Q" if form.rows else "")
+    for letter in "XYZIJKRQ":
+        if letter in ask.words and letter not in letters:
+            raise ask.refusal(
+                ask.words[letter],
+                f"{ask.words[letter].text} is not taken by {code} P{p}{f' Q{q}' if form.rows else ''}: that "
+                f"has {' '.join(form.letters[q])}; remove the word",
+            )
+
+
+# ---- frames --------------------------------------------------------------------------
+
+
+def _spun(turns: list[Turn], v: Vector) -> Vector:
+    """Turned about fixed axes, one after the other."""
+    for axis, degrees in turns:
+        v = rotate(axis, math.radians(degrees), v)
+    return v
+
+
+def _turned(origin: Vector, turns: list[Turn]) -> Frame:
+    return Frame(origin, *(_spun(turns, v) for v in AXES))
+
+
+def _carried(order: list[int], angles: Vector) -> list[Turn]:
+    """Turns about the axes of a frame that each of them carries along, as turns about fixed ones."""
+    return [(AXES[i], angle) for i, angle in zip(order, angles, strict=True)][::-1]
+
+
+def _euler(said: Said) -> Frame:
+    """Fanuc P0: I about Z, J about the new X, K about the new Z."""
+    return _turned(said.get("XYZ"), _carried([2, 0, 2], said.get("IJK")))
+
+
+def _roll_pitch_yaw(said: Said) -> Frame:
+    """Fanuc P1: I, J, K about X, Y, Z of the work offset, in the order of Q."""
+    angles = said.get("IJK")
+    return _turned(said.get("XYZ"), [(AXES[i], angles[i]) for i in said.order_of(TURNS, "123")])
+
+
+def _in_order(allowed: tuple[str, ...], otherwise: str) -> Callable[[Said], Frame]:
+    """LinuxCNC P0 and P1: I, J, K are first, second and third turn about carried axes; then R."""
+
+    def made(said: Said) -> Frame:
+        turns = _carried(said.order_of(allowed, otherwise), said.get("IJK"))
+        return _turned(said.get("XYZ"), [*turns, (Z, said.turn)])
+
+    return made
+
+
+def _points(said: Said) -> Triad:
+    """X from the first point to the second, Y to the side of the third."""
+    first, second, third = (said.get("XYZ", q) for q in (1, 2, 3))
+    along, other = subtract(second, first), subtract(third, first)
+    longest = max(norm(along), norm(other), norm(subtract(third, second)))
+    across = cross(along, other)
+    if longest < LEAST_MM or norm(along) < LEAST_MM or norm(across) / longest < LEAST_MM:
+        raise said.refusal(
+            f"has three points on one line or in one place: each is at least {LEAST_MM:g} mm off the line "
+            "through the others, as no plane is told by less; correct them"
+        )
+    x, z = unit(along), unit(across)
+    return x, cross(z, x), z
+
+
+def _by_points(said: Said) -> Frame:
+    """Fanuc P2: the origin is the first point, Q0 moves it along the plane's own axes and turns by R."""
+    frame = Frame(said.get("XYZ", 1), *_points(said))
+    return within(frame, _turned(said.get("XYZ"), [(Z, said.turn)]))
+
+
+def _by_points_apart(said: Said) -> Frame:
+    """LinuxCNC P2: the points are directions alone, the origin is that of Q0; R turns about Z outside."""
+    x, y, z = (_spun([(Z, said.turn)], v) for v in _points(said))
+    return Frame(said.get("XYZ"), x, y, z)
+
+
+def _squared(said: Said, along: Vector, normal: Vector, most_deg: float) -> Triad:
+    """X and Z of two vectors; where they miss the right angle Z stays and X gives way."""
+    for v, name in ((along, "X"), (normal, "Z")):
+        if norm(v) < SHORTEST:
+            raise said.refusal(
+                f"has a vector along {name} without length: I J K are its direction; write them"
+            )
+    off = math.degrees(angle_between(along, normal)) - 90.0
+    if abs(off) > most_deg:
+        raise said.refusal(
+            f"has X and Z of the plane {off + 90.0:.4g} degrees apart: they are {90.0 - most_deg:.4g} to "
+            f"{90.0 + most_deg:.4g} degrees apart, and X gives way to make it 90; correct one of them"
+        )
+    if abs(off) > TOLD_DEG:
+        said.tell(
+            f"has X and Z of the plane {off + 90.0:.4g} degrees apart: Z stays, X gives way to make it 90."
+        )
+    z = unit(normal)
+    x = unit(subtract(along, scale(z, dot(z, along))))
+    return x, cross(z, x), z
+
+
+def _by_vectors(said: Said) -> Frame:
+    """Fanuc P3: Q1 the origin and X, Q2 Z."""
+    return Frame(said.get("XYZ", 1), *_squared(said, said.get("IJK", 1), said.get("IJK", 2), SQUARE_DEG))
+
+
+def _by_vectors_apart(said: Said) -> Frame:
+    """LinuxCNC P3: Q0 the origin and a point I J K on X, Q1 Z; R turns about Z outside."""
+    origin, most = said.get("XYZ"), math.degrees(math.asin(SQUARE_COSINE))
+    axes = _squared(said, subtract(said.get("IJK"), origin), said.get("IJK", 1), most)
+    x, y, z = (_spun([(Z, said.turn)], v) for v in axes)
+    return Frame(origin, x, y, z)
+
+
+def _projected(said: Said) -> Frame:
+    """Fanuc P4: X turned by I about Y and Y turned by J about X lie in the plane; K turns in it."""
+    i, j, k = said.get("IJK")
+    x, other = _spun([(Y, i)], X), _spun([(X, j)], Y)
+    apart = math.degrees(angle_between(x, other))
+    if not LEAST_DEG <= apart <= 180.0 - LEAST_DEG:
+        raise said.refusal(
+            f"has projected axes {round(apart, 4):g} degrees apart, which tell no plane: they are "
+            f"{LEAST_DEG:g} to {180.0 - LEAST_DEG:g} apart; correct I and J, or write Euler angles (P0)"
+        )
+    z = unit(cross(x, other))
+    return within(Frame(said.get("XYZ"), x, cross(z, x), z), _turned(ZERO, [(Z, k)]))
+
+
+def _of_tool(here: Here, word: Word) -> Frame:
+    """G68.3: Z along the tool, X level (across Z of the work offset), turned by R about the tool."""
+    first, second = here.known(word, here.position.rotaries, "G68.3")
+    axis = here.position.chain().tool_axis((first, second))
+    out = here.state.with_origins(here.state.origins.outside(), here.machine)
+    frame = out.modal.frame(here.machine)
+    z = frame.turn_back(axis)
+    level = cross(Z, z)
+    x = unit(level) if norm(level) > UPRIGHT else X
+    x = unit(subtract(x, scale(z, dot(x, z))))
+    r = here.ask.words.get("R")
+    turned = _turned(ZERO, [(Z, 0.0 if r is None else r.value)])
+    return within(Frame(_origin(here, out, word), x, cross(z, x), z), turned)
+
+
+def _origin(here: Here, out: State, word: Word) -> Vector:
+    """X Y Z of G68.3; under fanuc all of them or none, which is where the tip stands."""
+    said = here.lengths_mm()
+    missing = ["XYZ"[i] for i, value in enumerate(said) if value is None]
+    if here.machine.dialect == "rs274" or not missing:
+        x, y, z = (value or 0.0 for value in said)
+        return x, y, z
+    if len(missing) < 3:
+        raise here.ask.refusal(
+            word,
+            f"G68.3 has an origin without {' '.join(missing)}: write X Y Z, or none of them for the tool tip",
+        )
+    x, y, z = here.known(word, here.position.in_frame(replace(out.modal, tilted=True)), "G68.3")
+    return x, y, z
+
+
+_THREE = {0: "XYZR", 1: "XYZ", 2: "XYZ", 3: "XYZ"}
+FORMS: Mapping[str, Mapping[int, Form]] = MappingProxyType(
+    {
+        "fanuc": MappingProxyType(
+            {
+                0: Form({0: "XYZIJK"}, _euler),
+                1: Form({0: "XYZIJKQ"}, _roll_pitch_yaw),
+                2: Form(_THREE, _by_points, optional=(0,)),
+                3: Form({1: "XYZIJK", 2: "IJK"}, _by_vectors),
+                4: Form({0: "XYZIJK"}, _projected),
+            }
+        ),
+        "rs274": MappingProxyType(
+            {
+                0: Form({0: "XYZIJKQR"}, _in_order(EULER, "313")),
+                1: Form({0: "XYZIJKQR"}, _in_order(TURNS, "123")),
+                2: Form(_THREE, _by_points_apart),
+                3: Form({0: "XYZIJKR", 1: "IJK"}, _by_vectors_apart, points="XYZIJK"),
+            }
+        ),
+    }
+)

@@ -1,0 +1,368 @@
+"""A program as read: blocks with their place in the text, and the error that refuses one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum
+from types import MappingProxyType
+from typing import Any, NamedTuple
+
+from controller.geometry.splines import BSpline
+from controller.geometry.vectors import Frame, Vector
+from controller.machine.changes import Change
+from controller.machine.model import Machine, Tool
+
+
+class ProgramError(Exception):
+    """One sentence on why a program is refused, and where: file, 1-based line and column."""
+
+    facts: Mapping[str, Any] = MappingProxyType({})  # beside the sentence, for JSON
+
+    def __init__(self, file: str, line: int, column: int, sentence: str, about: str = "") -> None:
+        """``about``: the code or letter that is to blame, for counts."""
+        super().__init__(f"{file}:{line}:{column}: {sentence}")
+        self.file, self.line, self.column, self.sentence = file, line, column, sentence
+        self.about = about
+
+    def within(self, calls: str) -> ProgramError:
+        """The same error inside of a sub; ``calls``: who called it, or ""."""
+        if not calls:
+            return self
+        return ProgramError(self.file, self.line, self.column, f"{self.sentence} ({calls})", self.about)
+
+
+class GougeRefused(ProgramError):
+    """Refused because the part would be cut into; gouge = "warn" allows it."""
+
+
+class Place(NamedTuple):
+    """Where a block's motion word stands: 1-based line and column.
+
+    A line of a sub or loop is carried out more than once: ``order`` tells its turns apart. It rises
+    from block to block, and is the line itself in a program without subs and loops.
+    """
+
+    line: int
+    column: int
+    step: int = 0
+    calls: str = ""  # the subs that it runs in, for a sentence
+
+    @property
+    def order(self) -> int:
+        return self.step or self.line
+
+
+class Side(Enum):
+    """Side of the surface on which the cutter runs, seen along the travel with C0 up."""
+
+    RIGHT = 1.0  # Eq. 5: G42, and G40 on G51/G52
+    LEFT = -1.0  # G41
+
+
+class Planar(NamedTuple):
+    """G41 or G42 for lines and arcs: the cutter beside the contour in the active plane."""
+
+    place: Place  # of the code
+    code: str
+    off_mm: float  # so far left of the travel: the radius, negative on the right
+    lines: bool  # D stands beside it, or a line came first; else what comes first decides
+    joins: bool  # the first move ends beside what follows it (Fanuc), not beside its own end (RS-274/NGC)
+
+
+class Tip(Enum):
+    """What X Y Z of G0 and G1 mean, and how the tool axis is given."""
+
+    OFF = 0  # positions of the machine's axes plus work offset
+    ROTARIES = 1  # G43.4: the tool tip in the part frame; words of the rotary axes
+    VECTORS = 2  # G43.5: the tool tip in the part frame; I J K along the tool axis
+
+
+class Outputs(NamedTuple):
+    """What the program has said of outputs so far: bit n is P of M62 to M65; of analogue ones E and Q."""
+
+    on: int = 0
+    off: int = 0
+    levels: tuple[tuple[int, float], ...] = ()
+
+    def switched(self, number: int, on: bool) -> Outputs:
+        bit = 1 << number
+        on_, off = (self.on | bit, self.off & ~bit) if on else (self.on & ~bit, self.off | bit)
+        return self._replace(on=on_, off=off)
+
+    def led(self, number: int, value: float) -> Outputs:
+        return self._replace(levels=tuple(sorted({**dict(self.levels), number: value}.items())))
+
+
+UNSAID = Outputs()
+
+
+class Overrides(NamedTuple):
+    """What M48 to M53 leave in the operator's hand."""
+
+    feed: bool = True  # his override of feeds
+    stop: bool = True  # the input feed_stop
+
+
+ENABLED = Overrides()
+
+
+@dataclass(frozen=True, slots=True)
+class Modal:
+    """The modal state in which a block runs."""
+
+    tool: int  # number of the tool in the spindle
+    offset: int  # 0 = G54, as ``machine.OFFSETS`` counts
+    side: Side
+    length_mm: float  # tool length that G43 adds to Z of joint moves, 0 under G49
+    exact: bool  # G61; False = G64
+    # G64 P and Q, how far the path may be left; 0.0 where the word is missing, so that
+    # G64 alone gives nothing away and runs as G61.
+    blend_mm: float
+    blend_deg: float
+    feed_mm_s: float | None  # modal F as lengths read it
+    spindle_rev_min: float  # signed; 0 = off
+    coolant: int  # 0 off, 1 mist, 2 flood, 3 both
+    tip: Tip = Tip.OFF
+    placement: int = 0  # P of G40, G41, G42: 1 single .. 4 auto (``Strategy``); 0 as tool or machine has it
+    allowance_mm: float = 0.0  # Q of the same: what stays on G51, G52 and G6.2
+    # G61 was written: surfaces, too, meet exactly. At power-on lines do, while surfaces meet within
+    # the machine's tolerance of joints.
+    exact_joints: bool = False
+    tolerance_mm: float | None = None  # R of the same: of their form; None as tool or machine has it
+    # The frame of the program's positions where it is not the machine's work offset as it stands:
+    # set by G10, shifted by G92 or G52, turned by G68, tilted by G68.2.
+    part: Frame | None = None
+    turned_rad: tuple[float, float] = (0.0, 0.0)  # what the rotaries' words are shifted by, carried sense
+    plane: str = "G17"  # of arcs and canned cycles
+    cutter: Tool | None = None  # the tool in the spindle where G10 has changed it
+    # A tilted plane: X Y Z are places of the tool tip in it, fixed to the part, with or without G43.4.
+    tilted: bool = False
+    outputs: Outputs = UNSAID  # of M62 to M65 and of the machine's own codes
+    overrides: Overrides = ENABLED
+    planar: Planar | None = None  # cutter compensation of lines and arcs
+
+    def frame(self, machine: Machine) -> Frame:
+        """The program's frame seen from the table frame at zero."""
+        return self.part if self.part is not None else machine.offsets[self.offset]
+
+    def tool_in(self, machine: Machine) -> Tool | None:
+        """The tool in the spindle; None where the table has none of its number."""
+        return self.cutter if self.cutter is not None else machine.tool(self.tool)
+
+
+@dataclass(frozen=True, slots=True)
+class CutCone:
+    """G51: right circular cone frustum, axis +Z, absolute part-frame coordinates in mm."""
+
+    place: Place
+    modal: Modal
+    start: Vector
+    centre: Vector
+    height_mm: float
+    upper_radius_mm: float
+    sweep_rad: float  # positive counter-clockwise seen from +Z
+    feed_mm_s: float
+    doubt: str = field(default="", compare=False)  # whether its words mean what they say, for ``check``
+
+
+@dataclass(frozen=True, slots=True)
+class CutRuled:
+    """G52: two cubic Beziers, upper and lower, absolute part-frame coordinates in mm."""
+
+    place: Place
+    modal: Modal
+    upper: tuple[Vector, Vector, Vector, Vector]
+    lower: tuple[Vector, Vector, Vector, Vector]
+    feed_mm_s: float
+    doubt: str = field(default="", compare=False)  # as of a cone
+
+
+@dataclass(frozen=True, slots=True)
+class CutNurbs:
+    """G6.2: upper and lower rational B-spline, absolute part-frame coordinates in mm."""
+
+    place: Place
+    modal: Modal
+    upper: BSpline
+    lower: BSpline
+    feed_mm_s: float
+
+
+# A target per axis of the machine: None keeps the axis where it is, otherwise a
+# program value in mm or radians (carried sense) and whether it is a distance (G91)
+# or a machine position (G53, no offset).
+Targets = tuple[float | None, ...]
+
+
+# Lines and arcs come in millions: as frozen ones each would take as long to be made as to be read.
+@dataclass(slots=True, unsafe_hash=True)
+class JointLine:
+    """G0 or G1 to joint targets; both feeds None: rapid.
+
+    ``feed_deg_s`` counts where only rotaries move, whatever words are written (RS274/NGC 2.1.2.5).
+    """
+
+    place: Place
+    modal: Modal
+    targets: Targets
+    relative: bool
+    machine_frame: bool
+    feed_mm_s: float | None
+    feed_deg_s: float | None
+    time_s: float | None = None  # G93: what the whole block takes; both feeds are 0 then
+
+
+@dataclass(slots=True, unsafe_hash=True)
+class TipLine:
+    """G0 or G1 under G43.4 or G43.5: the tip to a place of the part frame, the tool axis with it.
+
+    None keeps a value where it is; ``axis`` is as written, not of unit length. Both
+    feeds None: rapid. ``feed_deg_s`` counts where only the axis turns.
+    """
+
+    place: Place
+    modal: Modal
+    tip: tuple[float | None, float | None, float | None]  # mm
+    rotaries: tuple[float | None, float | None]  # rad, carried sense; not under G43.5
+    axis: Vector | None  # not under G43.4
+    relative: bool  # tip and rotaries are distances (G91)
+    feed_mm_s: float | None
+    feed_deg_s: float | None
+    time_s: float | None = None  # G93
+    stands: bool = False  # a rapid on which the tip keeps its place on the part: G53.6
+
+
+@dataclass(slots=True, unsafe_hash=True)
+class JointArc:
+    """G2/G3 in the plane (a, b) with a helix along the third axis; centre by I J K or R."""
+
+    place: Place
+    modal: Modal
+    plane: tuple[int, int, int]  # 0..2 for X Y Z: first, second, normal axis of the plane
+    clockwise: bool
+    targets: Targets
+    relative: bool
+    centre_mm: tuple[float, float] | None  # from the start point (G91.1), plane axes
+    radius_mm: float | None  # R form; negative = the long way
+    turns: int  # P: 1 is the arc itself, each more adds a whole turn
+    feed_mm_s: float
+    time_s: float | None = None  # as JointLine
+
+
+class Control(NamedTuple):
+    """A control point in the plane XY, mm: where its words lead, and how far it lies from there."""
+
+    x: float | None  # as a target: None keeps what the start of the curve has
+    y: float | None
+    off: tuple[float, float] = (0.0, 0.0)
+    weight: float = 1.0
+
+
+@dataclass(slots=True, unsafe_hash=True)
+class JointCurve:
+    """G5, G5.1 and G5.2: a B-spline in X and Y with even knots, from the start to the last point."""
+
+    place: Place
+    modal: Modal
+    order: int  # degree + 1
+    controls: tuple[Control, ...]  # the first is the start
+    targets: Targets  # the last
+    relative: bool
+    feed_mm_s: float
+    time_s: float | None = None  # as JointLine
+
+
+JointMotion = JointLine | JointArc | JointCurve
+
+
+@dataclass(frozen=True, slots=True)
+class Dwell:
+    """G4 P: standstill for a time that runs on ticks."""
+
+    place: Place
+    modal: Modal
+    seconds: float
+
+
+class Act(Enum):
+    """What the machine does between motions; comes at standstill."""
+
+    STOP = "M0"
+    OPTIONAL_STOP = "M1"
+    END = "M30"
+    SPINDLE = "M3/M4/M5"
+    TOOL = "M6"
+    COOLANT = "M7/M8/M9"
+    OUTPUT = "M64/M65/M68"
+    INPUT = "M66"
+    CLAMP = "clamp"  # no word of a program: the path asks for it between motions
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """A machine function; ``modal`` is the state after it."""
+
+    place: Place
+    modal: Modal
+    act: Act
+
+
+class Level(Enum):
+    """What M66 waits for, by its L."""
+
+    RISE = 1
+    FALL = 2
+    HIGH = 3
+    LOW = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Await:
+    """M66 and M19: standstill until an input is as asked; the program is held where it is not in time."""
+
+    place: Place
+    modal: Modal
+    number: int  # P; that of M19 comes behind them
+    level: Level
+    seconds: float  # Q, at most
+
+
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """Words that need no action here: nothing moves or stops; ``check`` tells why."""
+
+    place: Place
+    modal: Modal
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True)
+class Message:
+    """What the program says to the operator at its place in the run; nothing moves or stops."""
+
+    place: Place
+    modal: Modal
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What the program changes for good, from its place in the run on; nothing moves or stops."""
+
+    place: Place
+    modal: Modal
+    changes: tuple[Change, ...]
+
+
+CutBlock = CutCone | CutRuled | CutNurbs
+Aside = Message | Setting  # parts no motions
+Block = CutBlock | JointMotion | TipLine | Dwell | Await | Action | Remark | Aside
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """A whole program, read and found sound as text."""
+
+    name: str
+    blocks: tuple[Block, ...]

@@ -1,0 +1,60 @@
+"""G40 to G42: the side of the cutter on surfaces, and P, Q and R beside them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from controller.machine.model import MOST_WEAR_MM
+from controller.program.codes import Ask
+from controller.program.program import Modal, Side
+from controller.program.words import Word
+
+
+def applied(ask: Ask, code: str, letters: str, mm_per_unit: float, modal: Modal) -> Modal:
+    """The state after G40, G41 or G42; ``letters``: those of P, Q, R that no other code of the line takes."""
+    words = {letter: ask.words[letter] for letter in letters if letter in ask.words}
+    return replace(
+        modal,
+        side=Side.LEFT if code.startswith("G41") else Side.RIGHT,
+        placement=_placement(ask, code, words),
+        allowance_mm=_allowance_mm(ask, code, words, mm_per_unit),
+        tolerance_mm=_tolerance_mm(ask, code, words, mm_per_unit),
+    )
+
+
+def _placement(ask: Ask, code: str, words: dict[str, Word]) -> int:
+    placement = ask.whole(words["P"]) if "P" in words else 0
+    if "P" in words and placement not in (1, 2, 3, 4):
+        raise ask.refusal(
+            words["P"],
+            f"{words['P'].text} is no placement of the cutter: P of {code} is 1 (single), 2 (double), 3 "
+            "(optimal) or 4 (auto); write one of these, or nothing for the machine's own",
+        )
+    return placement
+
+
+def _allowance_mm(ask: Ask, code: str, words: dict[str, Word], mm_per_unit: float) -> float:
+    """Q: what stays on the surface, or, negative, a cutter's wear."""
+    if (word := words.get("Q")) is None:
+        return 0.0
+    allowance = word.value * mm_per_unit
+    if allowance < -MOST_WEAR_MM:
+        raise ask.refusal(
+            word,
+            f"{word.text} takes {-allowance:g} mm more off than the surface: Q of {code} is what stays on "
+            f"it, and below 0 the cutter's wear, at most {MOST_WEAR_MM:g} mm; correct it",
+        )
+    return allowance
+
+
+def _tolerance_mm(ask: Ask, code: str, words: dict[str, Word], mm_per_unit: float) -> float | None:
+    word = words.get("R")
+    if word is None:
+        return None
+    if word.value <= 0.0:
+        raise ask.refusal(
+            word,
+            f"{word.text} is no tolerance: R of {code} is how far a surface may be off its form, greater "
+            "than 0; correct it, or leave it out for the tool's or the machine's own",
+        )
+    return word.value * mm_per_unit

@@ -1,0 +1,197 @@
+"""G51 and G52: the paper's cone and ruled surface, word for word.
+
+Both names mean something else on other controls (scaling, local shift), so a set of
+words that is not exactly the paper's is refused with a sentence that says so. Seven lines of
+X Y Z after a G52 could be moves under a modal G1 as well. So F beside it makes it a surface. Without F
+the next line says what it is: bare coordinates are points where no G0 to G3 is active, or a surface came
+before, which programs for other controls have none of, and are refused elsewhere; anything else makes
+it a shift. Under the fanuc dialect a G52 without F always is one.
+
+Their words follow the paper: without a decimal point they count in BLU (0.01 mm,
+0.001 degree), with one in the active unit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from controller.geometry.vectors import Vector
+from controller.machine.model import Machine
+from controller.program import surface_doubts
+from controller.program.codes import CONE_WORDS, Ask
+from controller.program.line import Upcoming
+from controller.program.modal import BLU_PER_MM, State, tool_list
+from controller.program.origins import NONE
+from controller.program.program import CutCone, CutRuled, ProgramError, Remark
+from controller.program.words import Line, Word
+
+BLU_PER_DEGREE = 1000.0
+MOST_SWEEP_DEG = 36_000.0  # a hundred turns; no rotary that is told in degrees goes much further
+LENGTHS = "XYZIJKHR"  # of a cone
+AXES = "XYZABC"  # of a shift
+LEVEL_MM = 1e-9  # start and centre of a cone are on one level, a radius is not 0, beyond this
+
+
+def surplus(ask: Ask, motion: str, word: Word) -> ProgramError:
+    """The refusal of a word that the G51 or G52 of this line does not take."""
+    make = _not_a_cone if motion == "G51" else _not_a_ruled
+    return make(ask.line, word, f"found {word.text}")
+
+
+def _not_a_cone(line: Line, word: Word, found: str) -> ProgramError:
+    return line.refusal(
+        word,
+        f"{found}: G51 cuts a cone here and needs X Y Z I J K H R D and, unless one is modal, F; a G51 with "
+        "P is scaling on other controls and is not done here; write exactly these words",
+    )
+
+
+def _not_a_ruled(line: Line, word: Word, found: str) -> ProgramError:
+    return line.refusal(
+        word,
+        f"{found}: G52 needs 8 points of X Y Z, four of the upper and four of the lower curve, the first "
+        "beside G52 (with F) and one on each of the seven lines after it; write all 8 points and nothing "
+        "between; a G52 that shifts coordinates has no F beside it and a line with other words after it",
+    )
+
+
+def is_shift(ask: Ask, state: State, machine: Machine, lines: Iterator[Line], ahead: Upcoming) -> bool:
+    """Whether the G52 of a line shifts coordinates; False: it is a surface.
+
+    Raises ProgramError where bare coordinates after it leave open what it is.
+    """
+    axes = [given for letter, given in ask.words.items() if letter in AXES]
+    if "F" in ask.words or not axes:
+        return False
+    if machine.dialect == "fanuc":
+        return True
+    after = None if ask.code("stop") in ("M2", "M30") else ahead.look(lines)
+    if after is None or any(given.letter not in "XYZ" for given in after.words):
+        return True  # neither a point nor a modal move follows
+    if state.cuts or not state.motion:
+        return False
+    found = " ".join(["G52", *(given.text for given in axes)])
+    raise ask.refusal(
+        ask.codes["motion"][1],
+        f"{found} without F may be a local shift, with moves of {state.motion} from line {after.number} on: "
+        "where a G0 to G3 is active, the first G52 of a ruled surface has F beside it, and the other seven "
+        "points of each are the next lines, of X Y Z alone; write it so, or, for a shift, G0 or G1 on the "
+        'next line; under dialect = "fanuc" a G52 without F always shifts',
+    )
+
+
+def told_shift(ask: Ask, state: State) -> Remark:
+    """What ``check`` tells of a G52 that shifts."""
+    origins = state.origins
+    sentence = "G52 with zeros cancels a shift of coordinates; none is in force here."
+    if origins.local != NONE or (origins.shift != NONE and not origins.suspended):
+        of = "all work offsets" if origins.plane is None else "this tilted plane"
+        sentence = f"G52 without F shifts the coordinates of {of} from here on."
+    return Remark(ask.place(ask.codes["motion"][1]), state.modal, sentence)
+
+
+def cone(ask: Ask, state: State, machine: Machine) -> CutCone:
+    """The cone of a line with G51 (mm, radians, part frame)."""
+    word, given = ask.codes["motion"][1], ask.words
+    if lacking := missing(given, CONE_WORDS):
+        raise _not_a_cone(ask.line, word, lacking)
+    start, centre = point_of(given, "XYZ", state), point_of(given, "IJK", state)
+    sweep = given["D"].value if given["D"].point else given["D"].value / BLU_PER_DEGREE
+    _check_cone(ask, start, centre, sweep)
+    height, radius = _length_mm(given["H"], state), _length_mm(given["R"], state)
+    feed = feed_of(ask, "G51", word, state, machine)
+    sweep_rad = math.radians(sweep)
+    contact_mm = abs(sweep_rad) * math.hypot(start[0] - centre[0], start[1] - centre[1])
+    doubt = surface_doubts.of_words("G51", (given[letter] for letter in LENGTHS), contact_mm)
+    return CutCone(ask.place(word), state.modal, start, centre, height, radius, sweep_rad, feed, doubt)
+
+
+def _check_cone(ask: Ask, start: Vector, centre: Vector, sweep_deg: float) -> None:
+    given = ask.words
+    radius = math.hypot(start[0] - centre[0], start[1] - centre[1])
+    forbidden = (
+        ("H", given["H"].value <= 0.0, "the height H must be greater than 0"),
+        ("R", given["R"].value < 0.0, "the upper radius R must be 0 (a tip) or more"),
+        ("D", given["D"].value == 0.0, "the swept angle D must not be 0 (positive is counter-clockwise)"),
+        ("K", abs(start[2] - centre[2]) > LEVEL_MM, "start Z and centre K must be on one level"),
+        ("I", radius <= LEVEL_MM, "the start X Y must be off the centre I J by the bottom radius"),
+        ("D", abs(sweep_deg) > MOST_SWEEP_DEG, f"D sweeps at most {MOST_SWEEP_DEG:.0f} degrees either way"),
+    )
+    for letter, is_so, allowed in forbidden:
+        if is_so:
+            word = given[letter]
+            raise ask.refusal(word, f"{word.text} makes no cone of G51: {allowed}; correct it")
+
+
+def ruled(ask: Ask, state: State, machine: Machine, lines: Iterator[Line]) -> CutRuled:
+    """The ruled surface of a line with G52; takes its other seven points from ``lines`` (mm)."""
+    word, given = ask.codes["motion"][1], ask.words
+    if lacking := missing(given, "XYZ"):
+        raise _not_a_ruled(ask.line, word, lacking)
+    if "stop" in ask.codes:
+        raise _not_a_ruled(ask.line, ask.codes["stop"][1], f"found {ask.code('stop')}")
+    p, words = [point_of(given, "XYZ", state)], [given[letter] for letter in "XYZ"]
+    while len(p) < 8:
+        line = next(lines, None)
+        if line is None:
+            raise _not_a_ruled(ask.line, word, f"the program ends after {len(p)} of the 8 points")
+        due = f"point {len(p) + 1} of the G52 on line {ask.line.number}"
+        point = _point_words(line, due)
+        p.append(point_of(point, "XYZ", state))
+        words += point.values()
+    feed = feed_of(ask, "G52", word, state, machine)
+    upper, lower = (p[0], p[1], p[2], p[3]), (p[4], p[5], p[6], p[7])
+    if surface_doubts.is_upside_down(upper, lower, state.modal.frame(machine)):
+        raise ask.refusal(
+            word,
+            "the first four points of this G52, the upper curve, lie below the last four, so the tool would"
+            " stand upside down; exchange the two curves",
+        )
+    doubt = surface_doubts.of_words("G52", words, surface_doubts.contact_mm(lower))
+    return CutRuled(ask.place(word), state.modal, upper, lower, feed, doubt)
+
+
+def _point_words(line: Line, due: str) -> dict[str, Word]:
+    """Exactly X Y Z."""
+    given: dict[str, Word] = {}
+    for found in line.words:
+        if found.letter not in "XYZ" or found.letter in given:
+            raise _not_a_ruled(line, found, f"found {found.text} where {due} is due")
+        given[found.letter] = found
+    if lacking := missing(given, "XYZ"):
+        raise _not_a_ruled(line, line.words[0], f"{lacking} in {due}")
+    return given
+
+
+def missing(given: dict[str, Word], needed: str) -> str:
+    lacking = [letter for letter in needed if letter not in given]
+    return f"{' '.join(lacking)} missing" if lacking else ""
+
+
+def _length_mm(word: Word, state: State) -> float:
+    # Divided, not multiplied, so that x7 and x0.07 are the same number to the last bit.
+    return word.value * state.mm_per_unit if word.point else word.value / BLU_PER_MM
+
+
+def point_of(given: dict[str, Word], letters: str, state: State) -> Vector:
+    x, y, z = (_length_mm(given[letter], state) for letter in letters)
+    return x, y, z
+
+
+def feed_of(ask: Ask, code: str, word: Word, state: State, machine: Machine) -> float:
+    """The feed in mm/s, once all that a surface needs of the state is there."""
+    modal = state.modal
+    if not state.absolute:
+        raise ask.refusal(
+            word, f"{code} stands under G91: its X Y Z I J K are absolute positions; write G90 before it"
+        )
+    if modal.tool_in(machine) is None:
+        raise ask.refusal(
+            word,
+            f"{code} needs radius and length of tool T{modal.tool} in the spindle, but the tool table has "
+            f"{tool_list(machine)}: add it there or change the tool",
+        )
+    if machine.spindle is not None and modal.spindle_rev_min == 0.0:
+        raise ask.refusal(word, f"{code} would cut with the spindle off: write S and M3 or M4 before it")
+    return state.feed(ask, code, word)

@@ -1,0 +1,233 @@
+"""Program text to words (RS-274/NGC sections 3.3 and 3.4): what is written, not what it means.
+
+A line is an optional ``/``, an optional N word, then words, parameter settings and
+comments; case and spaces mean nothing. A word is a letter with a value. As parameters
+change from line to line, lines are read in the order in which they are carried out,
+each as often as it is.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+
+from controller.program import foreign, marks
+from controller.program.comments import message, without_comments
+from controller.program.decoding import Text
+from controller.program.expressions import GAPS, Values
+from controller.program.flow import Limits, Run, Source
+from controller.program.line import COMMON, SIMPLE, Line, Word, simple
+from controller.program.parameters import SAYS_DEBUG, Key, NoValue, Parameters
+from controller.program.program import ProgramError
+
+__all__ = ["LARGEST", "Line", "Word", "read"]
+
+# No machine and no feed needs more; far below what squares and cubes could overflow.
+LARGEST = 1e9
+
+_O_WORD = re.compile(r"o[ \t]*(?:<[^<>]*>|[0-9 \t]+)[ \t]*[a-z]{2}")
+_MARK = re.compile(r"[ \t]*%[ \t]*")
+_LEVEL = re.compile(rf"[1-9][{GAPS}]*[a-z#]")
+# As controls name programs before the first block: O1234, :1234, O1234 <PART>, <PART>.
+_TITLE = re.compile(rf"[{GAPS}]*(?:[oO:][ \t]*[0-9]{{1,8}}[{GAPS}]*)?(?:[oO]?[{GAPS}]*<[^<>]*>)?[{GAPS}]*")
+
+
+def read(
+    whole: Text,
+    name: str,
+    block_delete: bool = False,
+    parameters: Parameters | None = None,
+    limits: Limits | None = None,
+    files: Mapping[str, tuple[str, str]] | None = None,
+    refused: list[ProgramError] | None = None,
+) -> Iterator[Line]:
+    """The lines of a text that have words or say something, as they are carried out, up to the closing
+    ``%`` or the end.
+
+    ``block_delete`` skips lines that begin with ``/``; off (the power-on state) they are read. ``files``:
+    other texts with their names, whose subs may be called, by label. Raises ProgramError while iterating
+    for text that is no word, or when the end comes before any word; with ``refused``, a line that is none
+    is noted there and left out.
+    """
+    scan = _Scan(parameters or Parameters(), block_delete, refused)
+    source = None if marks.plain(whole.parts()) else Source.of(name, whole.whole())
+    if source is None or source.marks.none:
+        yield from scan.lines(whole.lines(), name)
+    else:
+        run = Run(source, scan.line, scan.parameters, limits or Limits(), files or {}, block_delete)
+        yield from run.lines()
+    if not scan.found:
+        what = "only blank lines and comments" if whole.body else "nothing"
+        raise ProgramError(
+            name, 1, 1, f"the file holds {what}: a program needs at least one word; send the whole program"
+        )
+
+
+class _Scan:
+    """Raw lines to lines of words."""
+
+    def __init__(
+        self, parameters: Parameters, block_delete: bool, refused: list[ProgramError] | None
+    ) -> None:
+        self.parameters, self._refused = parameters, refused
+        self._block_delete = block_delete
+        self.found = False  # a word
+        self._opened = self._named = False
+
+    def lines(self, whole: Iterable[str], name: str) -> Iterator[Line]:
+        """All of a text, as it stands."""
+        for number, raw in enumerate(whole, start=1):
+            if (common := COMMON.fullmatch(raw)) is not None and common.lastindex is not None:
+                self.found = self._opened = True
+                yield Line(name, number, (), common, _plain_words)
+            elif common is not None and raw.lstrip()[:1] not in ("N", "n"):
+                continue
+            elif _MARK.fullmatch(raw):
+                if self._opened:
+                    break
+                self._opened = True
+            elif (line := self._general(raw, name, number)) is not None:
+                yield line
+
+    def line(self, raw: str, name: str, number: int) -> Line | None:
+        """One line that is carried out; None where it says nothing."""
+        if (common := COMMON.fullmatch(raw)) is not None and common.lastindex is not None:
+            self.found = True
+            return Line(name, number, (), common, _plain_words)
+        return None if _MARK.fullmatch(raw) else self._general(raw, name, number)
+
+    def _general(self, raw: str, name: str, number: int) -> Line | None:
+        try:
+            return self._words_of(raw, name, number)
+        except ProgramError as error:
+            error = foreign.statement(raw, name, number) or error
+            if self._refused is None:
+                raise error from None
+            self._refused.append(error)
+            self.found = self._opened = True
+            return None
+
+    def _words_of(self, raw: str, name: str, number: int) -> Line | None:
+        if (found := SIMPLE.fullmatch(raw)) is not None and (simple_words := simple(found, LARGEST)):
+            self.found = self._opened = True
+            return Line(name, number, simple_words)
+        text = without_comments(raw, name, number)
+        bare = text.strip(GAPS)
+        if self._block_delete and bare.startswith("/"):
+            return None
+        words: tuple[Word, ...] = ()
+        if bare:
+            if not self.found and not self._named and _TITLE.fullmatch(text):
+                self._named = self._opened = True
+                return None
+            self._opened = True
+            words = _Words(text, name, number, self.parameters).words()
+            self.found |= bool(words)
+        kept = self.parameters.fresh() if "#" in text else {}
+        line = self._saying(Line(name, number, words), raw) if words or kept or "," in raw else None
+        if line is not None:
+            line.kept = kept
+        return line if line is not None and (words or line.says) else None
+
+    def _saying(self, line: Line, raw: str) -> Line:
+        """The line with what its comments say."""
+        if "," in raw and "(" in raw:
+
+            def value(written: str) -> float:
+                values = Values(written.lower(), line.name, line.number, self.parameters)
+                return values.value(0, written)[0]
+
+            line.message = message(raw, value, self.parameters.value(SAYS_DEBUG) != 0.0)
+        return line
+
+
+def _plain_words(text: str, name: str, number: int) -> tuple[Word, ...]:
+    return _Words(without_comments(text, name, number), name, number, Parameters()).words()
+
+
+class _Words(Values):
+    """Reads one line from left to right."""
+
+    def words(self) -> tuple[Word, ...]:
+        """All words of the line; parameter settings take effect after it, together."""
+        self._check_ascii()
+        self._text = self._text.lower()
+        words: list[Word] = []
+        settings: dict[Key, float] = {}
+        if self.take("/") and self.peek() in "123456789" and _LEVEL.match(self._text, self._at):
+            self._at += 1  # Fanuc's /2: there is one switch for all of them
+        if self.peek() == "n":
+            self._line_number()
+        while self.peek():
+            if self.peek() == "#":
+                key, value = self._setting()
+                settings[key] = value
+            else:
+                words.append(self._word())
+        self._parameters.set(settings)
+        return tuple(words)
+
+    def _check_ascii(self) -> None:
+        if not self._text.isascii():
+            raise self._stray(next(at for at, c in enumerate(self._text) if not c.isascii()))
+
+    def _stray(self, at: int) -> ProgramError:
+        found = self._text[at]
+        if found == "%":
+            return self.refusal(at, "% marks the start and end of a program and stands alone on its line")
+        return self.refusal(
+            at,
+            f"{found!r} cannot stand here: a line is made of words such as X12.5 (a letter and its number, "
+            "with a decimal point, not a comma), parameter settings and comments; correct or remove it",
+        )
+
+    def _line_number(self) -> None:
+        word = self._word()
+        if word.value < 0.0:
+            raise self.refusal(
+                word.column - 1,
+                f"{word.text} is no line number: N takes a number from 0 up; correct it or leave it out",
+            )
+
+    def _word(self) -> Word:
+        letter, start = self.peek(), self._at
+        if not (letter.isalpha() or letter in "@^"):
+            raise self._stray(start)
+        if letter == "o":
+            raise self._stray_o(start)
+        self._at += 1
+        value, point = self.value(start, letter.upper())
+        if abs(value) > LARGEST:
+            raise self.refusal(
+                start,
+                f"{letter.upper()} has the value {value:g}: no word may be beyond +-{LARGEST:.0f}; "
+                "correct it",
+            )
+        text = "".join(self._text[start : self._at].split()).replace("\0", "").upper()
+        return Word(letter.upper(), value, point, start + 1, text[:40])
+
+    def _stray_o(self, at: int) -> ProgramError:
+        before = self._text[:at].rstrip(GAPS)
+        is_word = _O_WORD.match(self._text, at) is not None
+        if not is_word and (before[-1:].isdigit() or before[-1:] == "."):
+            return self.refusal(at, f"O after {before[-1]}: is it a zero? A number has digits only; write 0")
+        return self.refusal(
+            at, "O stands inside the line: an O-word (o100 call) stands alone on its line; write two lines"
+        )
+
+    def _setting(self) -> tuple[Key, float]:
+        """``#n = value``."""
+        start = self._at
+        key = self.key()
+        written = f"#<{key}>" if isinstance(key, str) else f"#{key}"
+        try:
+            self._parameters.check_settable(key)
+        except NoValue as why:
+            raise self.refusal(start, str(why)) from None
+        if not self.take("="):
+            raise self.refusal(
+                start,
+                f"{written} stands alone: a parameter is set with {written}=value or used after a letter, "
+                f"as X{written}; add what is missing",
+            )
+        return key, self.value(start, f"{written}=")[0]

@@ -1,0 +1,289 @@
+"""A program checked as a whole, and the check kept: what a start stands on.
+
+check(...)   reads, plans and audits everything, keeps what it found
+find(...)    the kept check of the same program, machine, tools and offsets, if there is one
+path_of(...) the path again, block by block, with the choices of the check
+rest_of(...) what is left of it from a place on
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from controller.machine.kinematics import Kinematics, kinematics_of
+from controller.machine.model import TOOL_AT_POWER_ON, Joints, Machine
+from controller.motion.motions import Rotaries
+from controller.plan.look_ahead import NoLaw
+from controller.plan.path import path, spindle_off, tool_changes
+from controller.plan.report import duration, stored, survey
+from controller.plan.report.passing import Passing
+from controller.plan.report.stored import Stored
+from controller.plan.report.survey import BlockUse, Survey
+from controller.plan.restart import restart
+from controller.plan.restart.program_position import Spot
+from controller.plan.restart.restart import Rest, Source
+from controller.plan.stretch import Chain, Note, Pause, Stretch
+from controller.plan.surfaces import choices, placements
+from controller.program import blocks
+from controller.program.position import homed
+from controller.program.program import Block, GougeRefused, ProgramError
+from controller.verify import wording
+from controller.verify.audit import Audit, FormRefused, Watched, audit
+
+NO_LAW = (
+    "no motion was found from here on that keeps all axes within their limits: somewhere they would have to "
+    "turn all but at once; smooth the surfaces there, split the block, or tilt the part"
+)
+CHOSEN, PLANNED = 0.2, 0.6  # share of a check that is done when branches are chosen, and when all is planned
+NOTHING = "The program has no block that does anything; nothing to run."
+
+
+Progress = Callable[[float], None]  # gets the share that is done
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """What is to be run, and from where."""
+
+    text: bytes
+    name: str
+    machine: Machine
+    kinematics: Kinematics
+    start: Joints
+    look: Callable[[Block], None] | None = None  # called with every block that is read; may raise
+
+    @property
+    def key(self) -> str:
+        return stored.key(self.text, self.machine, self.start)
+
+
+@dataclass(slots=True)
+class Walk:
+    """A path that is read as it is walked; notes come as they are made."""
+
+    items: Iterable[Chain | Pause]
+    notes: list[Note] = field(default_factory=list)
+    choices: Mapping[int, Rotaries] = field(default_factory=dict)
+
+
+def task(text: bytes, name: str, machine: Machine) -> Task:
+    """A program to be run from the homed position."""
+    return Task(text, name, machine, kinematics_of(machine), homed(machine))
+
+
+def path_of(
+    asked: Task,
+    chosen: Mapping[int, Rotaries] | None = None,
+    dry_run_mm: float = 0.0,
+    in_spindle: int | None = None,
+    typed: bool = False,
+) -> Walk:
+    """The path block by block, as ``chosen`` over the whole program, or as the blocks come.
+
+    What it walks over raises ProgramError where a block is refused. ``dry_run_mm``: so far off the
+    part along the tool axis, spindle and coolant off. ``in_spindle``: a tool's number, 0 = not known;
+    it stops where another one is to be put in. None: nobody is waited for.
+    ``typed``: a line by hand, which means the tool that is there until it names one.
+    """
+    source = _source(asked, chosen, dry_run_mm).dry()
+    tracer = path.Tracer(asked.name, source.machine, asked.kinematics, asked.start, chosen or {})
+    read = _Read(iter(source.blocks))
+    items = duration.bounded(tracer.items(read), source.machine, asked.name, whole=chosen is not None)
+    items = _whole(items, read, asked.name)
+    if not typed and not dry_run_mm:
+        items = spindle_off.noted(items, source.machine, tracer.notes.append)
+    if in_spindle is not None:
+        items = tool_changes.stopped(items, asked.machine, in_spindle, None, typed, tracer.notes.append)
+    return Walk(items, tracer.notes, chosen or {})
+
+
+def rest_of(asked: Task, chosen: Mapping[int, Rotaries] | None, spot: Spot, dry_run_mm: float = 0.0) -> Rest:
+    """What is left of a program from ``spot`` on: its state to be shown, and its way once ``entered``.
+
+    ``asked.start`` is where the whole run started, as the journal has it, or would start now. Raises
+    ProgramError where there is no such place, or the program is refused before it.
+    """
+    return restart.find(_source(asked, chosen, dry_run_mm), spot)
+
+
+def _source(asked: Task, chosen: Mapping[int, Rotaries] | None, dry_run_mm: float) -> Source:
+    read = _blocks(asked)
+    return Source(read, asked.name, asked.machine, asked.kinematics, asked.start, chosen, dry_run_mm)
+
+
+def _blocks(asked: Task) -> Iterator[Block]:
+    for block in blocks.stream(asked.text, asked.machine, asked.name, start=asked.start):
+        if asked.look is not None:
+            asked.look(block)
+        yield block
+
+
+class _Read:
+    """Blocks, with the last one that was given."""
+
+    def __init__(self, blocks: Iterator[Block]) -> None:
+        self._blocks = blocks
+        self.last: Block | None = None
+
+    def __iter__(self) -> Iterator[Block]:
+        for block in self._blocks:
+            self.last = block
+            yield block
+
+
+def _whole(items: Iterator[Chain | Pause], read: _Read, name: str) -> Iterator[Chain | Pause]:
+    """A program without a block is refused; one whose moves all end where they start is a pause."""
+    empty = True
+    for item in items:
+        empty = False
+        yield item
+    if read.last is None:
+        raise ProgramError(name, 1, 1, NOTHING)
+    if empty:
+        yield Pause(read.last.place, read.last.modal)
+
+
+def chosen_for(asked: Task, progress: Progress = lambda _: None) -> dict[int, Rotaries]:
+    """Branch and turns over the whole program: a pass of its own over its blocks."""
+    read = _told(_blocks(asked), asked, progress)
+    return choices.choices(read, asked.machine, asked.kinematics, asked.start, asked.name)
+
+
+def _told(read: Iterator[Block], asked: Task, progress: Progress) -> Iterator[Block]:
+    """Blocks; ``progress`` gets the share of the program that is read."""
+    lines = max(1, asked.text.count(b"\n"))
+    for block in read:
+        progress(min(1.0, block.place.line / lines))
+        yield block
+
+
+def _between(progress: Progress, low: float, high: float) -> Progress:
+    """The progress of a part of what is done, as that of all of it."""
+    return lambda share: progress(low + (high - low) * min(share, 1.0))
+
+
+def walk_of(asked: Task, kept: Stored | None, unchecked: bool, progress: Progress = lambda _: None) -> Walk:
+    """The path of a start: by its stored check; else read to its end first, so that nothing
+    begins that will be refused; else, ``unchecked``, refused only where the walk comes to it.
+    """
+    if kept is None and not unchecked:
+        with _gouges_placed(asked):
+            whole = path_of(asked, chosen_for(asked, _between(progress, 0.0, PLANNED)))
+            watched = _walked(whole)
+            notes = whole.notes + _audited(asked, watched, _between(progress, PLANNED, 1.0)).notes
+        return _noted(path_of(asked, whole.choices), notes)
+    if kept is not None:
+        placements.learn(kept.placements)
+    return _noted(path_of(asked, kept.choices if kept else None), kept.notes if kept else ())
+
+
+def _walked(walk: Walk) -> Watched:
+    """A path gone through, and what is kept of it."""
+    watched = Watched(walk.items)
+    for _ in watched:
+        pass
+    return watched
+
+
+@contextlib.contextmanager
+def _gouges_placed(asked: Task) -> Iterator[None]:
+    """What the path itself refuses as a gouge is looked at as closely as what its end would show.
+
+    A lead or a hollow is refused as soon as the path comes to it; place and depth of the whole
+    program's gouges need all of it, so it is read once more with gouges let through.
+    """
+    try:
+        yield
+    except GougeRefused as refusal:
+        lenient = replace(asked, machine=replace(asked.machine, gouge="warn"))
+        try:
+            _audited(asked, _walked(path_of(lenient, chosen_for(lenient))))
+        except FormRefused:
+            raise refusal from None
+        except ProgramError as found:
+            raise found from refusal
+        raise
+
+
+def _audited(asked: Task, watched: Watched, progress: Progress = lambda _: None) -> Audit:
+    """What is told of the surfaces; raises ProgramError where they are refused."""
+
+    def read() -> Iterator[Block]:
+        return blocks.stream(asked.text, asked.machine, asked.name, start=asked.start)
+
+    return audit(watched, read, asked.name, asked.machine, asked.kinematics, progress)
+
+
+def _noted(walk: Walk, notes: Sequence[Note]) -> Walk:
+    if notes:
+        walk.notes = list(notes)
+    return walk
+
+
+def stretches(walk: Walk) -> dict[int, Stretch]:
+    """All stretches of a path by motion id: the planner counts them in the order of the path."""
+    chains = (item for item in walk.items if isinstance(item, Chain))
+    return dict(enumerate(stretch for chain in chains for stretch in chain.stretches))
+
+
+def check(
+    asked: Task,
+    where: Path,
+    tell: Callable[[BlockUse], None] = lambda _: None,
+    progress: Callable[[int], None] = lambda _: None,
+    watch: Callable[[Iterable[Chain | Pause]], Iterable[Chain | Pause]] = lambda items: items,
+) -> tuple[Survey, Stored, str]:
+    """Look at the whole program and keep what was found: survey, check, and a warning or "".
+
+    ``tell`` is that of ``survey.survey``; ``progress`` gets what is done of all, as a line of the
+    program; ``watch`` hands the path on as it is read. Raises ProgramError.
+    """
+    lines = max(1, asked.text.count(b"\n"))
+
+    def done(share: float) -> None:
+        progress(int(share * lines))
+
+    planned = _between(done, CHOSEN, PLANNED)
+    with _gouges_placed(asked):
+        chosen = chosen_for(asked, _between(done, 0.0, CHOSEN))
+        walk = path_of(asked, chosen, in_spindle=TOOL_AT_POWER_ON)
+        placed = placements.Noted(watch(walk.items))
+        watched, passing = Watched(placed), Passing()
+        try:
+            found = survey.survey(
+                watched, asked.machine, asked.kinematics, tell, lambda line: planned(line / lines), passing
+            )
+        except NoLaw as lost:
+            raise ProgramError(asked.name, lost.line, 1, NO_LAW) from lost
+        seen = _audited(asked, watched, _between(done, PLANNED, 1.0))
+    notes, overcuts = (*walk.notes, *seen.notes), tuple(seen.overcuts)
+    figures = found.ticks, found.duration_s, found.blocks
+    kept = Stored(
+        *figures, walk.choices, notes, overcuts, placed.recipes, tuple(seen.verdicts), tuple(passing.marks)
+    )
+    try:
+        stored.save(kept, asked.key, where)
+    except OSError as error:
+        return (
+            found,
+            kept,
+            f"{where}: the check could not be stored ({error.strerror}); a start checks again.",
+        )
+    return found, kept, ""
+
+
+def verdict_of(kept: Stored, most: int = wording.MOST) -> dict[str, Any] | None:
+    """What a check says of the form of all surfaces, as ``wording.told`` does."""
+    return wording.told(kept.verdicts, most)
+
+
+def find(asked: Task, where: Path) -> tuple[Stored | None, str]:
+    """The kept check, and a warning or "" where there is none to be used."""
+    kept, warning = stored.load(asked.key, where)
+    if kept is not None:
+        placements.learn(kept.placements)
+    return kept, warning

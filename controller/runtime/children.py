@@ -1,0 +1,138 @@
+"""The processes of a live machine as its parent holds them: started, asked how they are, ended.
+
+They are fresh interpreters and no forks, so that nothing of the parent (its terminal, its
+threads, its open files) reaches into a process that has a deadline. Each is a process
+group of its own, for Ctrl-C is the parent's alone, and is told to end when the parent dies,
+whatever it dies of.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import pickle
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from controller.machine.model import Machine
+
+SESSION = "controller.runtime"  # the module of most of them
+END_S = 5.0  # to stand down; then it is killed
+
+_PR_SET_PDEATHSIG = 1
+_PR_SET_NAME = 15
+_STDERR = 2
+# numpy's libraries start a thread per processor when they are loaded, wanted or not.
+_ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """What the tick's process is given: its end of each socket (descriptors), and where shared memory is."""
+
+    machine: Machine
+    pieces: int
+    requests: int
+    snapshot_path: str
+    recorder_path: str
+
+
+class Child:
+    """A running process."""
+
+    def __init__(
+        self,
+        role: str,
+        arguments: Sequence[str],
+        words: Path,
+        descriptors: Sequence[int] = (),
+        module: str = SESSION,
+    ) -> None:
+        """``words``: the file in which the process would leave a sentence about its end."""
+        self.role = role
+        self._words = words
+        self.process = subprocess.Popen(
+            # -P: a folder of the user's that happens to be named like one of ours is not ours.
+            [sys.executable, "-P", "-m", module, role, str(os.getpid()), *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=_STDERR,  # standard output is the command's own
+            pass_fds=descriptors,
+            env={**os.environ, **_ONE_THREAD, "PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))},
+            process_group=0,
+        )
+
+    @property
+    def pid(self) -> int:
+        return self.process.pid
+
+    def is_alive(self) -> bool:
+        return self.process.poll() is None
+
+    def last_words(self) -> str:
+        """The sentence it left, or how it ended; empty while it runs and when it was asked to end."""
+        with contextlib.suppress(OSError):
+            return self._words.read_text()
+        code = self.process.poll()
+        if code is not None and code < 0:
+            return f"The {self.role} process was killed by signal {signal.Signals(-code).name}."
+        return f"The {self.role} process ended with code {code}; see its message above." if code else ""
+
+    def end(self) -> None:
+        """Ask it to end; kill it if it does not."""
+        for number in (signal.SIGTERM, signal.SIGCONT):  # a stopped process hears nothing
+            self.process.send_signal(number)
+        try:
+            self.process.wait(END_S)
+        finally:
+            self.process.kill()
+            self.process.wait()
+
+
+def start(role: str, job: object, folder: Path, descriptors: Sequence[int], module: str = SESSION) -> Child:
+    """Start the process of a role on its job; ``folder`` holds what it is told and says."""
+    file = folder / f"{role}.job"
+    file.write_bytes(pickle.dumps(job))
+    words_of(file).unlink(missing_ok=True)  # of the one before it
+    return Child(role, [str(file)], words_of(file), descriptors, module)
+
+
+def words_of(job_file: Path) -> Path:
+    """Where a process leaves its last words."""
+    return job_file.with_suffix(".words")
+
+
+class Asked:
+    """Becomes true when this process is asked to end."""
+
+    def __init__(self) -> None:
+        self.yes = False
+        for number in (signal.SIGTERM, signal.SIGINT):
+            signal.signal(number, self._hear)
+
+    def _hear(self, _number: int, _frame: object) -> None:
+        self.yes = True
+
+
+def end_with(parent: int) -> None:
+    """Called in the process: SIGTERM for us when ``parent`` is gone."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
+    if os.getppid() != parent:
+        sys.exit(1)  # it was gone before we could ask
+
+
+def name_process(name: str) -> None:
+    """Called in the process: the name that ``ps`` shows (15 characters)."""
+    ctypes.CDLL(None).prctl(_PR_SET_NAME, name.encode(), 0, 0, 0)
+
+
+def joined(descriptor: int, kind: socket.SocketKind) -> socket.socket:
+    """Called in the process: the non-blocking socket that was handed over as ``descriptor``."""
+    handed = socket.socket(socket.AF_UNIX, kind, fileno=descriptor)
+    handed.setblocking(False)
+    return handed

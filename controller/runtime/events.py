@@ -1,0 +1,247 @@
+"""What happened in a run by ticks, one JSON object a line.
+
+An operator writes the ``--events`` file of ``simulate``: requests at ticks. The record of a live run is
+such a file, too, with more kinds of lines, so that every setpoint comes again:
+
+    begin               first: where the machine stood, what was fitted
+    plan                before this tick the planner acted, with ``value`` seconds for itself
+    retract, return     likewise, for a way off the path by ``value`` mm, or back (with what was fitted then)
+    pieces              with this tick its message was taken
+    stand               after a long gap the path was stood still before this tick
+    wait                from this tick on motion waited for spindle, coolant or clamps (1), or no more (0)
+    fault               in this tick drives or devices had the fault ``value``
+    off_path            from this tick on the setpoints are where the drives were, and are not made again
+
+Tick -1 is before the start. ``at`` is the machine's own count of ticks, which orders the lines, and ``late``
+says that its tick sent no SYNC: ``tick`` is the next one that did.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from controller.ipc.handoff import Jog
+from controller.runtime.starts import Start
+from controller.state.modes import Fault, Request
+from controller.tick.mode import MOST_OVERRIDE
+
+REQUESTS = {
+    "hold": Request.HOLD,
+    "resume": Request.RESUME,
+    "stop": Request.STOP,
+    "override": Request.OVERRIDE,
+    "rapid_override": Request.RAPID_OVERRIDE,
+    "single_block": Request.SINGLE_BLOCK,
+    "optional_stop": Request.OPTIONAL_STOP,
+}
+RECORDED = {  # by a live run alone
+    "estop": Request.ESTOP,
+    "plan_lost": Request.PLAN_LOST,
+    "jog": Request.JOG,
+    "jog_stop": Request.JOG_STOP,
+}
+FILE, PROGRAM, MACHINE = "events.jsonl", "program.ngc", "machine.toml"  # of a record
+OVERRIDES = ("override", "rapid_override")
+SWITCHES = ("single_block", "optional_stop")
+STAND, PLAN, RETRACT, RETURN, ASIDE = "stand", "plan", "retract", "return", "aside"
+WAIT, FAULT, OFF_PATH, PIECES, BEGIN = "wait", "fault", "off_path", "pieces", "begin"
+TURNS = (PLAN, RETRACT, RETURN)
+_RANKS = {STAND: 0, PLAN: 1, RETRACT: 1, RETURN: 1, PIECES: 3}  # within a tick; all others between
+_KEYS = frozenset({"tick", "request", "value"})
+_RECORDED_KEYS = _KEYS | {"share", "at", "late"}
+_LED_ASIDE = (
+    "in this run the tool was led off the path by hand, which is not in this record; only a run without "
+    "a retract can be run again."
+)
+
+
+class EventError(Exception):
+    """One sentence on what is wrong in an events file, with file and line."""
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """``request`` reaches the tick of trace row ``tick``; ``value`` is a share (1.0 = 100 %) or a switch."""
+
+    tick: int
+    request: Request
+    value: float = 0.0
+    jog: Jog | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One line of a record: ``event`` of an operator, or what else happened."""
+
+    tick: int
+    kind: str
+    at: int | None = None  # the machine's own count; None in a record of an older version
+    late: bool = False  # in a tick that sent no SYNC
+    event: Event | None = None
+    value: Any = None
+
+
+@dataclass(frozen=True, slots=True)
+class Begin:
+    """How a recorded run began."""
+
+    start: Start
+    fitted: dict[str, Any]  # offsets and tools, as ``fitting`` keeps them
+    program_sha256: str
+    machine_sha256: str
+    period_s: float | None = None  # None: an old record, at the machine file's
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """All of a record's events, in the order in which they came to the machine."""
+
+    begin: Begin
+    lines: tuple[Line, ...]
+
+
+def read(path: Path) -> tuple[Event, ...]:
+    """An operator's events of a file in the order of their ticks. Raises EventError."""
+    found = [one.event for one in _lines(path) if isinstance(one, Line) and one.event is not None]
+    return tuple(sorted(found, key=lambda event: event.tick))
+
+
+def recorded(path: Path) -> Recorded | None:
+    """The record of a live run; None where an operator wrote the file. Raises EventError."""
+    found = _lines(path)
+    begin = next((one for one in found if isinstance(one, Begin)), None)
+    if begin is None:
+        return None
+    lines = [one for one in found if isinstance(one, Line)]
+    return Recorded(begin, tuple(sorted(lines, key=_order)))
+
+
+def _order(line: Line) -> tuple[int, int, int, int]:
+    """A record of an older version is in order within a tick."""
+    if line.at is None:
+        return line.tick, 0, 0, 0
+    return line.tick, 0 if line.late or line.tick < 0 else 1, line.at, _RANKS.get(line.kind, 2)
+
+
+def _lines(path: Path) -> list[Line | Begin]:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise EventError(f"{path}: byte {error.start} is not UTF-8; give a file of JSON lines.") from error
+    except OSError as error:
+        raise EventError(f"{path}: {error.strerror}; give a file of JSON lines.") from error
+    lines = text.splitlines()
+    is_record = bool(lines) and '"request": "begin"' in lines[0]
+    if is_record and not text.endswith("\n"):
+        del lines[-1]  # its writer did not live to write it to its end
+    keys = _RECORDED_KEYS if is_record else _KEYS
+    return [_line(f"{path}:{n}", line, keys) for n, line in enumerate(lines, 1) if line.strip()]
+
+
+def _line(where: str, line: str, keys: frozenset[str]) -> Line | Begin:
+    try:
+        data = json.loads(line)
+    except (ValueError, RecursionError) as error:  # also numbers of thousands of digits
+        said = error.msg if isinstance(error, json.JSONDecodeError) else "too long"
+        raise EventError(f"{where}: this is not JSON ({said}); write one object per line.") from error
+    if not isinstance(data, dict) or (unknown := set(data) - keys):
+        named = f"unknown key {sorted(unknown)[0]!r}" if isinstance(data, dict) else "no object"
+        raise EventError(f'{where}: {named}; allowed are "tick", "request" and "value".')
+    request = data.get("request")
+    if request == BEGIN:
+        return _begin(where, data.get("value"))
+    if request == ASIDE:
+        raise EventError(f"{where}: {_LED_ASIDE}")
+    if request in (STAND, PIECES, WAIT, FAULT, OFF_PATH, *TURNS):
+        return _happened(where, data)
+    return _asked(where, data)
+
+
+def _asked(where: str, data: dict[str, Any]) -> Line:
+    """What an operator asked for."""
+    tick, request, is_recorded = data.get("tick"), data.get("request"), "at" in data
+    if not isinstance(tick, int) or isinstance(tick, bool) or tick < (-1 if is_recorded else 0):
+        raise EventError(
+            f'{where}: "tick" is {tick!r}; it must be a whole number from 0, counted from cycle start.'
+        )
+    known = {**REQUESTS, **RECORDED} if is_recorded else REQUESTS
+    if not isinstance(request, str) or request not in known:
+        raise EventError(f'{where}: "request" is {request!r}; allowed are {", ".join(REQUESTS)}.')
+    jog = _jog(where, data.get("value")) if request == "jog" else None
+    event = Event(tick, known[request], _value(where, request, data), jog)
+    return Line(tick, request, *_when(where, data), event)
+
+
+def _happened(where: str, data: dict[str, Any]) -> Line:
+    """What else happened; it is only in a record, which nobody writes by hand."""
+    tick, kind, value = data.get("tick"), str(data["request"]), data.get("value", 0.0)
+    number = type(value) in (int, float) and 0.0 <= value < math.inf
+    sound = {
+        RETURN: value == 0.0 or isinstance(value, dict),
+        FAULT: isinstance(value, str) and value in Fault.__members__,
+        PLAN: number and value < 60.0,
+    }.get(kind, number)
+    if type(tick) is not int or tick < -1 or not sound:
+        raise EventError(
+            f'{where}: "{kind}" of a recorded run has a whole "tick" from -1 and a "value" of its own; '
+            "give the file as the run's record has it."
+        )
+    return Line(tick, kind, *_when(where, data), value=value)
+
+
+def _when(where: str, data: dict[str, Any]) -> tuple[int | None, bool]:
+    at, late = data.get("at"), data.get("late", False)
+    if not (at is None or type(at) is int) or not isinstance(late, bool):
+        raise EventError(f'{where}: "at" or "late" is none; give the file as the run\'s record has it.')
+    return at, late
+
+
+def _begin(where: str, value: Any) -> Begin:
+    try:
+        sums = (str(value["program_sha256"]), str(value["machine_sha256"]))
+        period_s = float(value["period_s"]) if "period_s" in value else None
+        return Begin(Start.from_dict(value), dict(value["fitted"]), *sums, period_s)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise EventError(
+            f"{where}: this is no beginning of a recorded run; give the file as the run's record has it."
+        ) from error
+
+
+def _jog(where: str, value: Any) -> Jog:
+    """Speed, length (null: none) and the direction of the axes."""
+    try:
+        speed, length, one, *others = (math.inf if x is None else float(x) for x in value)
+    except (ValueError, TypeError) as error:
+        raise EventError(
+            f"{where}: a jog has a speed, a length and a number for each axis; give the file as the run's "
+            "record has it."
+        ) from error
+    return Jog((one, *others), speed, length)
+
+
+def _value(where: str, request: str, data: dict[str, Any]) -> float:
+    value = data.get("value", "missing")
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if request in OVERRIDES:
+        most = MOST_OVERRIDE * 100.0
+        if not number or not 0.0 <= value <= most:
+            raise EventError(f'{where}: "value" is {value!r}; {request} takes 0 to {most:.0f} (percent).')
+        return float(data["share"]) if isinstance(data.get("share"), float) else float(value) / 100.0
+    if request in SWITCHES:
+        if not number or value not in (0, 1):
+            raise EventError(f'{where}: "value" is {value!r}; {request} takes 0 (off) or 1 (on).')
+        return float(value)
+    return 0.0
+
+
+def line_of(kind: str, value: Any = None) -> dict[str, Any]:
+    """An event as its line has it, but for when it was; an override (share) in percent, and exact."""
+    if kind not in OVERRIDES:
+        return {"request": kind} if value is None else {"request": kind, "value": value}
+    percent = round(100.0 * value, 9)
+    exact = {} if percent / 100.0 == value else {"share": value}
+    return {"request": kind, "value": percent, **exact}

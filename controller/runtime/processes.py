@@ -1,0 +1,116 @@
+"""The top of the machine's processes, and what runs in the tick's.
+
+The plan's process (``service/planning``) owns SDO, the tick's the cyclic frames. They meet in
+the piece socket and the snapshot alone, so either may be killed: without the plan the tick stops
+on the path; without the tick the drives stop by their own supervision.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import pickle
+import socket
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from controller.ipc.handoff import PieceInbox, Recorder, RequestInbox, SnapshotBoard
+from controller.machine import machine_file
+from controller.machine.model import Machine
+from controller.messages import internal_error
+from controller.program.program import ProgramError
+from controller.runtime import children, cores, cyclic
+from controller.runtime.children import Job
+from controller.runtime.startup import SessionError
+from controller.tick import loop
+from controller.tick.cycle import Cycle
+from drives import bus, commission, pdo
+
+# A busy computer has been seen to hold a process back for 20 ms and more; beyond this the
+# heartbeats judge. On a real bus two lost feedbacks in a row are a fault.
+VIRTUAL_PATIENCE_S = 0.150
+
+# Of ``loop.prepare`` and ``cores.take``, as an operator calls them.
+PRIVILEGES = {
+    "locked": "locked memory",
+    "slack": "exact timers",
+    "fifo": "real-time priority",
+    "awake": "processors that are kept awake",
+    "own core": "a core of its own",
+}
+
+EXPECTED = (ProgramError, SessionError, commission.CommissionError, bus.BusError)
+
+
+def run(role: str, main: Callable[[Any], None], job_file: Path) -> int:
+    """Carries out a job; the exit code. Whatever ends it too early is one sentence beside the job."""
+    try:
+        main(pickle.loads(job_file.read_bytes()))
+    except EXPECTED as error:
+        children.words_of(job_file).write_text(str(error))
+    except Exception as error:  # the top of a process: its parent tells the operator
+        children.words_of(job_file).write_text(own_error(role, error))
+    else:
+        return 0
+    return 1
+
+
+def own_error(role: str, error: Exception) -> str:
+    """A mistake of ours in one sentence, with its place."""
+    return f"The {role} process met an error of its own; report this: {internal_error.told(error)}"
+
+
+def tick_main(job: Job) -> None:
+    """The real-time process: opens the buses and ticks until SIGTERM. Raises BusError."""
+    machine = job.machine
+    ports = {
+        settings.name: bus.open(settings, pdo.TICK_FILTERS) for settings in machine_file.bus_settings(machine)
+    }
+    group = cyclic.group(machine, ports, _patience_s(machine))
+    cycle = Cycle(
+        machine,
+        group,
+        PieceInbox(children.joined(job.pieces, socket.SOCK_SEQPACKET)),
+        RequestInbox(children.joined(job.requests, socket.SOCK_DGRAM), len(machine.axes)),
+        SnapshotBoard(job.snapshot_path, create=False),
+        Recorder(job.recorder_path, create=False),
+        time.monotonic,
+    )
+    group.start()
+    granted = loop.prepare()
+    granted["own core"] = cores.take(granted["fifo"]) is not None
+    if missing := lacking(granted, _simulated(machine)):
+        with contextlib.suppress(OSError):  # nobody may be there to read it
+            print(missing, file=sys.stderr, flush=True)
+    asked = children.Asked()
+    filenos = [port.fileno() for port in ports.values() if port.fileno() >= 0]
+    turning = loop.Loop(cycle, loop.WallClock(), filenos)
+    turning.run(lambda: not asked.yes)
+    if turning.error is None:
+        turning.stand_down()
+    group.stop_sync()
+    group.close()
+    if turning.error is not None:
+        raise turning.error
+
+
+def lacking(granted: loop.Granted, simulated: bool) -> str:
+    """What a tick has to do without, in a sentence for the journal; "" where a simulated one bears it."""
+    missing = [PRIVILEGES[name] for name, given in granted.items() if not given]
+    if simulated or not missing:
+        return ""
+    return (
+        f"The tick runs without {', '.join(missing)}, so it may be late more often: "
+        "'directrix service self-test' says what to do."
+    )
+
+
+def _patience_s(machine: Machine) -> float:
+    """Simulated drives on a virtual bus are a process of this computer and may be late."""
+    return VIRTUAL_PATIENCE_S if _simulated(machine) else 0.0
+
+
+def _simulated(machine: Machine) -> bool:
+    return all(bus.interface == "virtual" for bus in machine.buses)

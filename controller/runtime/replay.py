@@ -1,0 +1,248 @@
+"""A live run made again on the stepped clock, out of its record: every setpoint comes again, or it is told.
+
+What reaches the tick comes again in the tick in which it came: requests, the planner's messages, long
+gaps, faults of drives, the ends of waits. What the planner makes depends on when it looked and how long
+it took, so its turns come again, too. The live planner's own messages are in no record: they are planned
+again, and each waits here for the tick that took it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from controller.ipc.handoff import COLUMN, PieceMessage, Snapshot, of_axes
+from controller.machine.model import Machine
+from controller.plan.planner import Planner
+from controller.plan.restart.program_position import Spot
+from controller.plan.restart.restart import Rest
+from controller.plan.retract import NotPossible
+from controller.runtime import checked, events, starts
+from controller.runtime.checked import Task, Walk
+from controller.runtime.events import Line, Recorded
+from controller.runtime.stepped import PLAN_EVERY_S, Items, Run, SteppedMachine
+from controller.state.modes import MOST_AXES, Fault, Mode, Request
+from controller.tick.cycle import Again
+
+SETPOINTS = ("tick", *(f"setpoint_{i}" for i in range(MOST_AXES)))
+WHOLE, PART = "setpoints.npz", "setpoints.part"
+ROW_BYTES = 4 * len(SETPOINTS)
+ENDING = 5  # ticks after the last one that is recorded: the mode follows the standstill
+MOST_TICKS = 50_000_000
+
+Counts = npt.NDArray[np.int32]
+Rows = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """The first setpoint that came out otherwise, in counts."""
+
+    tick: int  # that sent a SYNC, from the start
+    axis: int
+    recorded: int
+    again: int
+
+
+def setpoints(folder: Path) -> Counts | None:
+    """The setpoints of a record, (N, MOST_AXES) counts, as far as written; None where there are none.
+
+    Those of axes that the machine has not are 0.
+
+    Raises OSError, and ValueError where the file is none.
+    """
+    if (folder / WHOLE).exists():
+        with np.load(folder / WHOLE) as file:
+            return np.asarray(file["rows"][:, 1:], dtype=np.int32)
+    if not (folder / PART).exists():
+        return None
+    data = (folder / PART).read_bytes()
+    data = data[: len(data) // ROW_BYTES * ROW_BYTES]  # the last row may be torn
+    return np.frombuffer(data, dtype="<i4").reshape(-1, len(SETPOINTS))[:, 1:]
+
+
+def difference(record: Recorded, wanted: Counts, rows: Rows) -> Difference | None:
+    """Where the setpoints of a repetition are first others than those that were recorded."""
+    sent = rows[rows[:, COLUMN["sync_sent"]] != 0.0]
+    found = sent[:, of_axes("setpoint", MOST_AXES)].astype(np.int64)
+    most = min(len(wanted), len(found), off_path(record))
+    ticks, axes = np.nonzero(wanted[:most] != found[:most])
+    if len(ticks):
+        tick, axis = int(ticks[0]), int(axes[0])
+        return Difference(tick, axis, int(wanted[tick, axis]), int(found[tick, axis]))
+    return None
+
+
+def off_path(record: Recorded) -> int:
+    """The tick from which on nothing can be made again: the setpoints are where the drives were."""
+    return next((line.tick for line in record.lines if line.kind == events.OFF_PATH), MOST_TICKS)
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """The program of a record, and how a machine is fitted with other tools."""
+
+    task: Task
+    fit: Callable[[Mapping[str, Any]], Machine]
+
+
+def again(
+    bench: SteppedMachine,
+    path: Walk,
+    part: Part,
+    record: Recorded,
+    wanted: Counts | None,
+    progress: Callable[[float], None] = lambda _: None,
+) -> Run:
+    """The run once more, as far as its setpoints go; ``wanted``: these. The machine stands where it began.
+
+    Raises SessionError where the machine forbids the start.
+    """
+    last = max((line.tick for line in record.lines), default=0) + 1
+    ticks = min(last if wanted is None else len(wanted), off_path(record) + 1)
+    return _Repetition(bench, part, record).run(path, ticks, wanted is None, progress)
+
+
+class _Repetition:
+    def __init__(self, bench: SteppedMachine, part: Part, record: Recorded) -> None:
+        self._bench, self._part, self._record = bench, part, record
+        self._waiting: deque[PieceMessage] = deque()
+        self._planner = bench.planner = Planner(bench.machine, bench.kinematics, self._send, remember=True)
+        now = self._now()
+        self._planner.go_on_from(max(now.accepted, now.rejected))
+        self._fitted = bench.machine
+        self._waits, self._fault = False, Fault.NONE
+
+    def _send(self, message: PieceMessage) -> bool:
+        if message.is_keepalive:
+            return self._bench.outbox.send(message)
+        self._waiting.append(message)
+        return True
+
+    def _now(self) -> Snapshot:
+        found = self._bench.board.read()
+        assert found is not None
+        return found
+
+    # -- the run
+
+    def run(self, path: Items, ticks: int, to_its_end: bool, progress: Callable[[float], None]) -> Run:
+        bench, follow = self._bench, self._bench.cycle.follow
+        self._planner.load(path.items, follow.queue_end_s, follow.epoch)
+        lines = deque(self._record.lines)
+        for line in _taken(lines, -1):
+            self._make(line)
+            if line.kind == events.PIECES or line.event is not None:
+                bench.tick()
+        bench.begin_rows()
+        started = bench.request(Request.START)
+        first, skips = bench.cycle.tick + 1, bench.cycle.skips
+        every = max(1, round(PLAN_EVERY_S / bench.machine.period_s))
+        for n in range(ticks):
+            if n % every == 0:
+                self._planner.keepalive()
+            self._tick(list(_taken(lines, n)))
+            if n == 0:
+                bench.see_started(started)
+            bench.keep_rows(n + 1, progress)
+        self._end(to_its_end)
+        ended = self._ended(first, skips, MOST_TICKS if to_its_end else ticks)
+        bench.cycle.again = None  # from here on the simulated drives' own faults count
+        return ended
+
+    def _tick(self, lines: list[Line]) -> None:
+        """One that sends a SYNC, and before it those that came too late for theirs."""
+        late = [line for line in lines if line.late]
+        for _, group in groupby(late, key=lambda line: line.at):
+            self._make_all(group)
+            self._bench.cycle.pass_by()
+        self._make_all(line for line in lines if not line.late)
+        self._bench.tick()
+
+    def _make_all(self, lines: Iterable[Line]) -> None:
+        """What came from drives and devices is told to the tick; old records do not have it."""
+        self._fault, recorded = Fault.NONE, self._bench.cycle.again is not None
+        for line in lines:
+            self._make(line)
+            recorded |= line.at is not None
+        if recorded:
+            self._bench.cycle.again = Again(self._waits, self._fault)
+
+    def _make(self, line: Line) -> None:
+        bench = self._bench
+        if line.event is not None:
+            bench.send(line.event)
+        elif line.kind == events.STAND:
+            bench.cycle.stand()
+        elif line.kind == events.PIECES:
+            if self._waiting:
+                bench.outbox.send(self._waiting.popleft())
+        elif line.kind == events.WAIT:
+            self._waits = bool(line.value)
+        elif line.kind == events.FAULT:
+            self._fault = Fault[line.value]
+        elif line.kind in events.TURNS:
+            with contextlib.suppress(NotPossible):  # the operator was told then
+                self._turn(line)
+
+    def _turn(self, line: Line) -> None:
+        now, planner = self._now(), self._planner
+        if line.kind == events.PLAN:
+            planner.lead_s = line.value
+            planner.work(now)
+        elif line.kind == events.RETRACT:
+            planner.retract(now, line.value)
+        elif isinstance(line.value, dict) and planner.aside is not None:
+            planner.go_back(now, *self._with_other_tools(line.value, planner.aside.spot))
+        else:
+            planner.go_back(now)
+
+    def _with_other_tools(self, fitted: Mapping[str, Any], spot: Spot) -> tuple[Rest, tuple[float, float]]:
+        before, made = self._fitted, self._part.fit(fitted)
+        asked = checked.task(self._part.task.text, self._part.task.name, made)
+        start = self._record.begin.start
+        whole_from = start.joints if start.spot is None else start.whole_from
+        start = replace(start, spot=Spot(spot.line, spot.fraction), whole_from=whole_from)
+        rest = starts.rest(asked, checked.chosen_for(asked), start)
+        self._fitted = made
+        return rest, starts.lengths_mm(rest, before, made)
+
+    # -- its end
+
+    def _end(self, to_its_end: bool) -> None:
+        """Some ticks more, in which the mode follows; where no setpoints were kept, to a standstill."""
+        bench = self._bench
+        for _ in range(MOST_TICKS if to_its_end else ENDING):
+            if bench.stands(()):
+                return
+            self._planner.keepalive()
+            bench.tick()
+
+    def _ended(self, first: int, skips_before: int, ticks: int) -> Run:
+        """What came of it; of the rows those that were recorded."""
+        bench, modes = self._bench, self._bench.cycle.modes
+        rows = bench.kept_rows()
+        rows = rows[np.cumsum(rows[:, COLUMN["sync_sent"]]) <= ticks]
+        stopped = bool(np.any(rows[:, COLUMN["mode"]] == Mode.STOPPING))
+        result = {
+            Mode.FAULT: "fault",
+            Mode.READY: "stopped" if stopped else "completed",
+            Mode.HOLD: "held",
+            Mode.JOG: "held",
+        }.get(modes.mode, "lost")
+        skips = bench.cycle.skips - skips_before
+        return Run(rows, result, modes.fault, modes.fault_axis, first, skips, 0, 0, bench.fault_text)
+
+
+def _taken(lines: deque[Line], tick: int) -> Iterator[Line]:
+    """Those up to a tick, which are then gone."""
+    while lines and lines[0].tick <= tick:
+        yield lines.popleft()

@@ -1,0 +1,67 @@
+"""What stands around the simulated devices of a machine: closed doors, and clamps with their switches."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from controller.machine.model import Machine
+from drives.simulated.io_node import IoNode
+
+SWITCH_SHARE = 0.5  # of the time that a clamp may take: a simulated one takes this
+
+
+class Wire(NamedTuple):
+    """An input that follows an output, ``delay_s`` later; ``inverted``: it is on when that is off."""
+
+    output: int
+    input: int
+    delay_s: float
+    inverted: bool
+
+
+def healthy_inputs(machine: Machine) -> int:
+    """The inputs' word, electrically, with all circuits and doors closed and all clamps closed."""
+    io = machine.io
+    if io is None:
+        return 0
+    return sum(1 << bit for name, bit in io.inputs if name not in io.inverted)
+
+
+def wires(machine: Machine) -> tuple[Wire, ...]:
+    """From the valve of each clamp to its switch."""
+    io = machine.io
+    if io is None:
+        return ()
+    found = []
+    for clamp in (axis.clamp for axis in machine.axes if axis.clamp is not None):
+        valve, switch = io.output(clamp.output), io.input(clamp.input)
+        if valve is not None and switch is not None:
+            straight = (clamp.output in io.inverted) == (clamp.input in io.inverted)
+            found.append(Wire(valve, switch, SWITCH_SHARE * clamp.open_s, straight))
+    if io.orient is not None:
+        asked, there = io.output(io.orient.output) or 0, io.input(io.orient.input) or 0
+        turned = (io.orient.output in io.inverted) != (io.orient.input in io.inverted)
+        found.append(Wire(asked, there, SWITCH_SHARE * io.orient.within_s, turned))
+    return tuple(found)
+
+
+def surround(node: IoNode, machine: Machine) -> None:
+    """All doors closed, and clamps that do as they are told."""
+    node.set_inputs(healthy_inputs(machine), 0.0)
+    for wire in wires(machine):
+        node.wire(*wire)
+
+
+def options(machine: Machine, bus: str) -> list[str]:
+    """What ``drives.simulated`` is told to put on one bus."""
+    axes = [axis for axis in machine.axes if axis.bus == bus]
+    told = ["--nodes", *(str(axis.node) for axis in axes)]
+    places = {a.node: round(a.homing.position * a.counts_per_unit) for a in axes if a.homing.absolute}
+    told += ["--absolute", *(f"{node}={counts}" for node, counts in places.items())]
+    spindle, io = machine.spindle, machine.io
+    if spindle is not None and spindle.is_driven and spindle.bus == bus:
+        told += ["--spindle", str(spindle.node), "--counts-per-rev", str(abs(spindle.counts_per_rev))]
+    if io is not None and io.bus == bus:
+        told += ["--io", str(io.node), "--inputs", str(healthy_inputs(machine))]
+        told += ["--wire", *(f"{w.output}:{w.input}:{w.delay_s}:{w.inverted:d}" for w in wires(machine))]
+    return told

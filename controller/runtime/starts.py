@@ -1,0 +1,85 @@
+"""Where and how a run begins: what a start needs besides the program, in the service and in its repetition.
+
+The path is the program's own, from the place where a whole run of it starts. The machine may stand
+elsewhere when a rest of it is gone on with: then an entry leads to that rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from controller.machine.model import Joints, Machine
+from controller.plan.report.stored import Stored
+from controller.plan.restart.program_position import Spot
+from controller.plan.restart.restart import Rest
+from controller.runtime import checked
+from controller.runtime.checked import Task, Walk
+
+SAME_PLACE = 1e-9  # mm or rad
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """One start of a program."""
+
+    joints: Joints  # mm, rad: where the machine stands
+    plan_time_s: float  # of the path clock
+    spot: Spot | None = None  # to go on from; None: from the top
+    whole_from: Joints | None = None  # where the whole run starts that ``spot`` is of; None: homed position
+    dry_run_mm: float = 0.0  # off along the tool axis, spindle off
+    in_spindle: int = 0  # number of the tool; 0 = not known
+    typed: bool = False  # a line by hand, which means that tool
+    unchecked: bool = False  # from the top, with branch and turns chosen as the blocks come
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON has it, without loss."""
+        return {**asdict(self), "spot": None if self.spot is None else list(self.spot)}
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any]) -> Start:
+        """Raises ValueError, KeyError or TypeError for anything but what ``to_dict`` makes."""
+        spot, whole = values["spot"], values["whole_from"]
+        return cls(
+            _joints(values["joints"]),
+            float(values["plan_time_s"]),
+            None if spot is None else Spot(int(spot[0]), float(spot[1]), int(spot[2]), float(spot[3])),
+            None if whole is None else _joints(whole),
+            float(values["dry_run_mm"]),
+            int(values["in_spindle"]),
+            bool(values.get("typed", False)),
+            bool(values.get("unchecked", False)),
+        )
+
+
+def _joints(values: Iterable[Any]) -> Joints:
+    return tuple([float(q) for q in values])
+
+
+def path_from(asked: Task, kept: Stored | None, start: Start) -> Walk:
+    """The path of a start; without a check branch and turns are chosen here. Raises ProgramError."""
+    choices = kept.choices if kept is not None else None if start.unchecked else checked.chosen_for(asked)
+    if start.spot is not None:
+        entered = rest(asked, choices or {}, start).entered(start.joints, start.in_spindle)
+        return Walk(entered, choices=choices or {})
+    if max(abs(a - b) for a, b in zip(start.joints, asked.start, strict=True)) > SAME_PLACE:
+        asked = replace(asked, start=start.joints)
+    walk = checked.path_of(asked, choices, start.dry_run_mm, start.in_spindle, start.typed)
+    walk.notes += kept.notes if kept is not None else ()
+    return walk
+
+
+def lengths_mm(left: Rest, before: Machine, after: Machine) -> tuple[float, float]:
+    """Of the tool that cuts what is left, as it was fitted before and after."""
+    number = left.target.modal.tool
+    was, is_now = (machine.tool(number) for machine in (before, after))
+    return (was.length_mm if was is not None else 0.0), (is_now.length_mm if is_now is not None else 0.0)
+
+
+def rest(asked: Task, choices: Mapping[int, tuple[float, float]], start: Start) -> Rest:
+    """What is left of the program from the spot of a start on. Raises ProgramError."""
+    assert start.spot is not None
+    if start.whole_from is not None:
+        asked = replace(asked, start=start.whole_from)
+    return checked.rest_of(asked, choices, start.spot, start.dry_run_mm)

@@ -1,0 +1,448 @@
+"""The verbs of the door: what an operator asks for, refused in a sentence or done.
+
+What must not wait (hold, stop, e-stop, overrides, jog) is a datagram that leaves here and
+now, in the door's thread; what takes long goes to the sequencer.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import Any
+
+from controller.geometry.vectors import Frame
+from controller.ipc.control_socket import Answer, DoorError, Values
+from controller.ipc.handoff import Snapshot, blank
+from controller.machine import setup_data
+from controller.machine.model import Machine
+from controller.machine.toml_table import ConfigError
+from controller.messages import Key
+from controller.plan.retract import RETRACT_MM_S
+from controller.service import diagnostics, jobs, node_status, restart_preview, runs, sequences, status, wear
+from controller.service.acknowledged import Acknowledged, refusal
+from controller.service.arguments import number, whole
+from controller.service.jobs import Job
+from controller.service.jogging import ENDS, Jogging, Presses
+from controller.service.refusals import by_fault, refused
+from controller.service.sequencer import Going
+from controller.service.service import Service
+from controller.state.modes import Mode, Request, bars
+from controller.tick.mode import MOST_OVERRIDE
+
+MOST_DISTANCE = 1e5  # mm or degrees of one step; the travel is the tick's own limit
+MOST_MDI = 10_000  # characters
+AT_REST = (Mode.OFF, Mode.READY, Mode.FAULT)
+
+
+class Desk:
+    """Call it with a verb and its arguments."""
+
+    def __init__(self, service: Service) -> None:
+        self._service = service
+        self._jogging, self._presses = Jogging(), Presses()
+        self._answers = Acknowledged(service.machine, lambda: service.engine)
+        self._errands = ThreadPoolExecutor(2, "errands")  # what waits for a disk
+        self._verbs: dict[str, Callable[[Values], Answer]] = {
+            "status": self._status,
+            "facts": self._facts,
+            "restart": lambda _: self._errands.submit(restart_preview.restart, self._service),
+            "load": self._load,
+            "unload": self._unload,
+            "start": self._start,
+            "hold": self._hold,
+            "resume": self._resume,
+            "stop": self._stop,
+            "estop": self._estop,
+            "single_block": lambda args: self._switch(Request.SINGLE_BLOCK, args),
+            "optional_stop": lambda args: self._switch(Request.OPTIONAL_STOP, args),
+            "override": lambda args: self._override(Request.OVERRIDE, args),
+            "rapid_override": lambda args: self._override(Request.RAPID_OVERRIDE, args),
+            "enable": self._enable,
+            "disable": self._disable,
+            "home": self._home,
+            "reset": self._reset,
+            "mdi": self._mdi,
+            "retract": self._retract,
+            "return": lambda _: self._aside("return"),
+            "jog": self._jog,
+            "jog_step": self._jog_step,
+            "jog_stop": lambda _: self._ask(Request.JOG_STOP),
+            "set_offset": lambda args: self._errands.submit(self._set_offset, args),
+            "set_tool": lambda args: self._errands.submit(self._set_tool, args),
+            "forget": lambda args: self._errands.submit(self._forget, args),
+            "drives": self._drives,
+            "alarms": lambda _: {"alarms": self._service.alarms.list()},
+            "acknowledge": lambda args: self._errands.submit(self._acknowledge, args),
+            "runs": lambda _: self._errands.submit(lambda: {"runs": runs.list_runs(self._service.state)}),
+            "rows": lambda args: self._errands.submit(diagnostics.rows, self._service.engine.recorder, args),
+            "buses": lambda _: self._errands.submit(self._buses),
+            "usage": lambda _: self._errands.submit(service.usage.told),
+            "tool_life": lambda args: self._errands.submit(wear.tool_life, service.usage, args),
+            "tool_renewed": lambda args: self._errands.submit(wear.tool_renewed, service.usage, args),
+            "maintenance": lambda args: self._errands.submit(wear.maintenance, service.usage, args),
+            "maintained": lambda args: self._errands.submit(wear.maintained, service.usage, args),
+        }
+
+    def __call__(self, verb: str, args: Values) -> Answer:
+        """The result, or a future of it. Raises DoorError."""
+        act = self._verbs.get(verb)
+        if act is None:
+            raise refused("no_verb", code="bad", verb=verb, allowed=", ".join(self._verbs))
+        if verb in ENDS:  # before it is asked whether the mode takes it: a press may just begin
+            self._presses.end(str(args.get("press", "")))
+        return act(args)
+
+    # -- looking
+
+    def _status(self, _: Values) -> Values:
+        service = self._service
+        alive, found = service.engine.tick_alive, service.engine.snapshot()
+        sequence = service.sequencer.now
+        kept = {
+            "fault": service.fault_at(found, alive),
+            "sequence": sequence.to_dict() if sequence is not None else None,
+            "tick_alive": alive,
+            "plan_alive": service.engine.plan_alive,
+            "commissioned": service.commissioned,
+        }
+        if found is None or found.tick < 0:
+            return {**status.not_begun(self._told(blank(len(service.machine.axes)))), **kept}
+        if not alive:
+            return {**status.unseen(self._told(status.ended(found))), **kept}
+        return {**self._told(found), **kept}
+
+    def _told(self, now: Snapshot) -> Values:
+        """What a snapshot tells, with the job and the motion under way."""
+        service = self._service
+        job = service.running or service.job
+        way = job.way(now.motion_id) if job is not None and job.active else None
+        asked = job.asked_tool(now, service.tool) if job is not None else None
+        age_s = service.pulse.age_s(now.tick)
+        ends_s = service.last_second.left_s
+        return {
+            "time_s": now.tick * service.machine.period_s,
+            **status.machine_values(service.machine, now, way, service.tool, age_s, ends_s),
+            "aside": service.aside,
+            "retract_room_mm": self._retract_room_mm(now),
+            "tool": service.tool or None,
+            **({"in_block": _last_block(job)} if job is not None and not job.active else {}),
+            "tool_change": status.tool_change(service.machine, asked, service.usage) if asked else None,
+            "control": None,
+            "job": job.to_dict(now) if job is not None else None,
+            "drives": node_status.drives(service.machine, now, service.logs, service.homing),
+            "jogging": now.mode is Mode.JOG,
+        }
+
+    def _facts(self, _: Values) -> Values:
+        service = self._service
+        return {
+            **status.facts(service.engine.machine, setup_data.told(service.machine, service.fitted)),
+            "state": str(service.state),
+            "pids": service.engine.pids,
+        }
+
+    def _drives(self, _: Values) -> Values:
+        service = self._service
+        now = service.now()
+        return {"drives": node_status.drives(service.machine, now, service.logs, service.homing)}
+
+    def _buses(self) -> Values:
+        service = self._service
+        return diagnostics.buses(service.machine, service.logs, service.engine.recorder)
+
+    def _acknowledge(self, args: Values) -> Values:
+        return {"acknowledged": self._service.alarms.acknowledge(whole(args, "id"))}
+
+    # -- at once
+
+    def _ask(
+        self, request: Request, value: float = 0.0, instead: Values | None = None, **told: Any
+    ) -> Answer:
+        """A datagram to the tick, and what it answers; see ``Acknowledged``. Raises DoorError."""
+        self._service.now()
+        return self._answers.of(self._service.engine.request(request, value), request, told, instead)
+
+    def _permitted(self, request: Request) -> Snapshot:
+        """The newest snapshot. Raises DoorError where it refuses the request."""
+        now = self._service.now()
+        if why := refusal(self._service.machine, now, request):
+            raise DoorError("refused", why, now.mode.name, request.name)
+        return now
+
+    def _jog(self, args: Values) -> Answer:
+        """Dead-man: without the next one within 200 ms the axes come to rest."""
+        share = number(args, "speed", -1.0, 1.0)
+        if share == 0.0:
+            return self._ask(Request.JOG_STOP)
+        now, part = self._permitted(Request.JOG), self._part()
+        service, frame, axis = self._service, str(args.get("frame", "joint")), str(args.get("axis", ""))
+        line = self._jogging.continuous(service.machine, now, part, frame, axis, share)
+        if not self._presses.may_move(str(args.get("press", ""))):
+            raise refused("press_ended", now.mode.name, "JOG")
+        return self._answers.of(service.engine.jog(line), Request.JOG, {})
+
+    def _jog_step(self, args: Values) -> Answer:
+        distance = number(args, "distance", -MOST_DISTANCE, MOST_DISTANCE)
+        now, part = self._permitted(Request.JOG), self._part()
+        service, frame, axis = self._service, str(args.get("frame", "joint")), str(args.get("axis", ""))
+        line = self._jogging.step(service.machine, now, part, frame, axis, distance)
+        return self._answers.of(service.engine.jog(line), Request.JOG, {})
+
+    def _part(self) -> Frame:
+        """The work offset that is active: of the motion that is held, else G54."""
+        service = self._service
+        found = service.engine.snapshot()
+        way = service.running.way(found.motion_id) if service.running is not None and found else None
+        if way is None:
+            return service.machine.part()
+        return way.part if way.part is not None else service.machine.offset(way.offset).frame
+
+    def _hold(self, _: Values) -> Answer:
+        """Also of what is only being prepared: it does not go out, which is what was asked for."""
+        sequencer = self._service.sequencer
+        given_up = "" if sequencer.busy == "home" else sequencer.give_up()  # drives home by themselves
+        return self._ask(Request.HOLD, instead=_given_up(given_up))
+
+    def _stop(self, _: Values) -> Answer:
+        """Also of what is only being prepared: a check, a start, the next axes that home."""
+        service = self._service
+        loads = "load" if service.sequencer.busy == "load" else ""
+        if given_up := service.sequencer.give_up() or loads:
+            with contextlib.suppress(DoorError):  # a plan that is gone has given it up
+                service.engine.line.give_up()
+        return self._ask(Request.STOP, instead=_given_up(given_up))
+
+    def _estop(self, _: Values) -> Answer:
+        self._service.sequencer.give_up()
+        return self._ask(Request.ESTOP)
+
+    def _resume(self, _: Values) -> Answer:
+        """Along the program only from where it was held: off it the tool must return first."""
+        service = self._service
+        if not service.sequencer.busy and (why := service.no_resume):
+            raise refused("refused", service.now().mode.name, "RESUME", why=Key(why))
+        return self._ask(Request.RESUME)
+
+    def _switch(self, request: Request, args: Values) -> Answer:
+        on = args.get("on")
+        if not isinstance(on, bool):
+            raise refused("not_switch", code="bad", name="on", value=on)
+        return self._ask(request, float(on), on=on)
+
+    def _override(self, request: Request, args: Values) -> Answer:
+        share = number(args, "share", 0.0, MOST_OVERRIDE)
+        return self._ask(request, share, share=share)
+
+    def _disable(self, _: Values) -> Answer:
+        self._service.sequencer.give_up()
+        return self._ask(Request.DISABLE)
+
+    # -- what takes long
+
+    def _sequence(self, name: str, work: Callable[[], Values], going: Going | None = None) -> Answer:
+        found = self._service.engine.snapshot()
+        mode = found.mode.name if found is not None else "OFF"
+        return self._service.sequencer.do(name, work, mode, going)
+
+    def _enable(self, _: Values) -> Answer:
+        now = self._service.now()
+        if now.mode is Mode.READY:
+            return {"done": True, "mode": now.mode.name}
+        self._permitted(Request.ENABLE)
+        return self._sequence("enable", lambda: sequences.enable(self._service))
+
+    def _home(self, args: Values) -> Answer:
+        service = self._service
+        now = service.now()
+        axes = _axis_numbers(service.machine, args.get("axes"), now.mode)
+        if now.mode is not Mode.READY:  # there the drives are switched off first
+            self._permitted(Request.HOME)
+        self._not_running("HOME")
+        going = Going()
+        return self._sequence("home", lambda: sequences.home(service, axes, going), going)
+
+    def _reset(self, _: Values) -> Answer:
+        service = self._service
+        now = service.engine.snapshot()
+        if (
+            service.engine.tick_alive
+            and now is not None
+            and now.mode is not Mode.FAULT
+            and service.commissioned
+        ):
+            raise refused("no_fault", now.mode.name, "RESET")
+        return self._sequence("reset", lambda: sequences.reset(service))
+
+    def _load(self, args: Values) -> Answer:
+        service = self._service
+        self._not_running("LOAD")
+
+        def work() -> Values:
+            job = jobs.read(args, service.machine)
+            if args.get("restart") is True:
+                job = restart_preview.gone_on_with(service, job)
+            service.job = job
+            try:
+                return sequences.load(service, job)
+            except DoorError as error:
+                job.state, job.said = "refused", error.said
+                raise
+
+        return self._sequence("load", work)
+
+    def _unload(self, _: Values) -> Values:
+        self._not_running("UNLOAD")
+        self._service.job = None
+        return {}
+
+    def _not_running(self, request: str) -> None:
+        running, found = self._service.running, self._service.engine.snapshot()
+        if running is not None:
+            mode = found.mode.name if found is not None else "OFF"
+            raise refused("running", mode, request, program=running.program.name)
+
+    def _start(self, args: Values) -> Answer:
+        service = self._service
+        now = service.now()
+        job = service.job
+        if now.mode is Mode.HOLD:
+            return self._resume({})
+        if job is None:
+            raise refused("not_loaded", now.mode.name, "START")
+        if job.state == "loading":
+            raise refused("still_loading", now.mode.name, "START", program=job.program.name)
+        if job.state == "refused":
+            why = job.said
+            raise refused("not_ready", now.mode.name, "START", program=job.program.name, why=why)
+        self._permitted(Request.START)
+        if args.get("worn") is not True:
+            wear.check(service.usage, service.tool, job.program.name)
+        return self._begin("start", job, args.get("unrecorded") is True)
+
+    def _begin(self, name: str, job: Job, unrecorded: bool = False) -> Answer:
+        service = self._service
+        self._permitted(Request.START)
+        self._not_running(name.upper())
+        going = Going()
+        return self._sequence(name, lambda: sequences.start(service, job, going, unrecorded), going)
+
+    def _mdi(self, args: Values) -> Answer:
+        text = args.get("text")
+        if not isinstance(text, str) or not text.strip() or len(text) > MOST_MDI:
+            raise refused("no_text", code="bad", most=MOST_MDI)
+        return self._begin("mdi", jobs.mdi(text, self._service.machine))
+
+    def _retract(self, args: Values) -> Answer:
+        """Off along the tool axis: out of a held program, or from READY, as after a fault."""
+        service, now, mm = self._service, self._service.now(), number(args, "mm", 0.0, MOST_DISTANCE)
+        if now.mode not in (Mode.HOLD, Mode.READY) or not now.at_rest:
+            raise refused("not_retracted", now.mode.name, "RETRACT")
+        room_mm = self._retract_room_mm(now)
+        if room_mm is not None and not 0.0 < mm <= room_mm:
+            raise refused("retract_room", now.mode.name, "RETRACT", mm=mm, room=room_mm)
+        if now.mode is Mode.HOLD:
+            return self._aside("retract", mm)
+        self._not_running("RETRACT")
+        self._permitted(Request.JOG)
+        line = self._jogging.step(service.machine, now, self._part(), "tool", "Z", mm)
+        line, going = line._replace(speed=min(line.speed, RETRACT_MM_S)), Going()
+        return self._sequence("retract", lambda: sequences.retract(service, line, going), going)
+
+    def _retract_room_mm(self, now: Snapshot) -> float | None:
+        """As ``status.retract_room_mm``; None while the tool is aside, or a run is just ending."""
+        service = self._service
+        if service.aside or service.returning or (now.mode is Mode.READY and service.running is not None):
+            return None
+        return status.retract_room_mm(service.machine, now)
+
+    def _aside(self, verb: str, distance_mm: float = 0.0) -> Answer:
+        service, now = self._service, self._service.now()
+        if now.mode is not Mode.HOLD or not now.at_rest:
+            raise refused("not_held", now.mode.name, verb.upper())
+        if bars(now.interlock, Request.RESUME):
+            raise by_fault(now.interlock, now.mode.name, verb.upper())
+        going = Going()
+        return self._sequence(verb, lambda: sequences.aside(service, verb, distance_mm, going), going)
+
+    # -- what is fitted
+
+    def _set_offset(self, args: Values) -> Values:
+        name, values = str(args.get("name", "")), args.get("values")
+        return self._fit("offsets", name, values, partial(setup_data.with_offset, name=name, values=values))
+
+    def _set_tool(self, args: Values) -> Values:
+        values = dict(args)
+        number = values.pop("number", None)
+        if not isinstance(number, int) or isinstance(number, bool):
+            raise refused("not_whole", code="bad", name="number", value=number)
+        tool = None if values.pop("remove", False) else values
+        return self._fit(
+            "tools", str(number), tool, partial(setup_data.with_tool, number=number, values=tool)
+        )
+
+    def _fit(self, what: str, key: str, values: Any, change: Callable[[Machine], Machine]) -> Values:
+        """One value of the store, which then counts instead of the machine file's."""
+        service = self._service
+        with self._fitting(what, f"SET {what.upper()}"):
+            machine = change(service.machine)
+            rotary = setup_data.rotary_deg(machine, key) if what == "offsets" else {}
+            if rotary:  # though it was not said
+                values = {**(values if isinstance(values, dict) else {"origin_mm": values}), **rotary}
+            service.fit(machine, {**service.fitted, what: {**service.fitted.get(what, {}), key: values}})
+        return setup_data.told(service.machine, service.fitted)
+
+    def _forget(self, args: Values) -> Values:
+        """What was set at the machine, or by a program, is the machine file's again."""
+        service, name = self._service, str(args.get("name", ""))
+        what = "tools" if name.startswith("T") else "offsets"
+        with self._fitting(what, "FORGET"):
+            try:
+                values = setup_data.without(service.fitted, name)
+            except KeyError:
+                raise refused("not_set_here", code="bad", name=name) from None
+            service.fit(setup_data.applied(service.file, values), values)
+        return setup_data.told(service.machine, service.fitted)
+
+    @contextlib.contextmanager
+    def _fitting(self, what: str, request: str) -> Iterator[None]:
+        """At rest only: a program under way was planned with what was fitted when it began.
+
+        But a tool that was led off the path of a held program may be changed for another.
+        """
+        service = self._service
+        with service.fitting:  # one change at a time, and no start in the middle of one
+            now = service.engine.snapshot()
+            if now is not None and not self._may_fit(what, now):
+                raise refused("not_fitted", now.mode.name, request, what=Key(what))
+            try:
+                yield
+            except ConfigError as error:
+                raise DoorError("bad", str(error)) from error
+
+    def _may_fit(self, what: str, now: Snapshot) -> bool:
+        service = self._service
+        if what == "tools" and service.aside and now.mode is Mode.HOLD:
+            return service.sequencer.busy != "return"  # which is planned with those that are fitted
+        return now.mode in AT_REST and service.running is None
+
+
+def _given_up(name: str) -> Values | None:
+    """What a hold or stop has done of which the tick itself had nothing to do; None: nothing."""
+    return {"outcome": "given_up", "what": name} if name else None
+
+
+def _axis_numbers(machine: Machine, names: object, mode: Mode) -> tuple[int, ...]:
+    """Numbers of axes by their names, all of them for None. Raises DoorError."""
+    known = [axis.name for axis in machine.axes]
+    if names is None:
+        return tuple(range(len(known)))
+    if not isinstance(names, list) or not names or not all(name in known for name in names):
+        raise refused("no_axes", mode.name, "HOME", "bad", axes=repr(names), allowed=" ".join(known))
+    return tuple(sorted({known.index(name) for name in names}))
+
+
+def _last_block(job: Job) -> Values | None:
+    """Of a program that has ended: where in its block it was."""
+    return status.in_block(job.last, job.ways.get(job.last.motion_id)) if job.last is not None else None

@@ -1,0 +1,93 @@
+"""``directrix serve``, once its options are read: from the first process to an orderly end."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from controller.ipc import control_socket
+from controller.machine.model import Machine
+from controller.runtime import children
+from controller.runtime.startup import SessionError
+from controller.service import engine
+from controller.service.command_handlers import Desk
+from controller.service.folders import Folders
+from controller.service.service import LOOK_S, Service
+from controller.service.socket_server import Server
+
+Tell = Callable[[str], None]  # systemd's notify protocol
+
+FEED_S = 0.5  # between two signs of life; each needs a tick that has gone on
+STATUS_S = 2.0
+
+
+def run(machine: Machine, state: Path, runtime: Path, simulate: bool, tell: Tell, group: str = "") -> None:
+    """Until SIGTERM or SIGINT. Raises SessionError, ConfigError, BusError, OSError where it cannot begin."""
+    if simulate:
+        machine = engine.simulated(machine)
+    elif any(bus.interface == "virtual" for bus in machine.buses):
+        raise SessionError(
+            f"{machine.name}: its [[bus]] is virtual and no drive is on it; name a real interface in the "
+            "machine file, or give --simulate."
+        )
+    asked = children.Asked()
+    with opened(machine, Folders.within(state), runtime, group) as service:
+        tell("READY=1")
+        watch(service, lambda: asked.yes, tell)
+        tell("STOPPING=1")
+
+
+@contextmanager
+def opened(machine: Machine, kept: Folders, runtime: Path, group: str = "") -> Iterator[Service]:
+    """The service of a machine, powered up, with its door in ``runtime``; everything ends with the block.
+
+    Somebody has to ``watch`` it. Raises what ``run`` does.
+    """
+    service = Service(machine, kept)
+    try:
+        service.engine.start_hubs()
+        with_door = Server(control_socket.control_path(runtime), Desk(service), group)
+        try:
+            control_socket.note_runtime(kept.state, runtime)
+            service.power_up()
+            yield service
+        finally:
+            with_door.close()
+    finally:
+        service.close()
+
+
+def watch(
+    service: Service, over: Callable[[], bool], tell: Tell = lambda _: None, look_s: float = LOOK_S
+) -> None:
+    """Look on until it is ``over``; by one thread. ``look_s``: from one look to the next.
+
+    The watchdog is fed by ticks, not by this loop: a tick that hangs starves it.
+
+    A tick that is gone has done what a restart would bring: its drives stand, its alarm is told, and
+    a reset starts another. Then there is nothing to watch, and a restart would cost that reset; the
+    same holds until the first tick of the other.
+    """
+    fed_tick, fed_s, told, told_s = -1, 0.0, "", 0.0
+    while not over():
+        now, now_s = service.look(), time.monotonic()
+        lives = now is not None and now.tick != fed_tick
+        due = now_s - fed_s >= FEED_S
+        if due and (service.engine.starting or (now and (lives or not service.engine.tick_alive))):
+            tell("WATCHDOG=1")
+            fed_tick, fed_s = now.tick if now else -1, now_s
+        if now_s - told_s >= STATUS_S and (words := _words(service)) != told:
+            tell(f"STATUS={words}")
+            told, told_s = words, now_s
+        time.sleep(look_s)
+
+
+def _words(service: Service) -> str:
+    now, job = service.engine.snapshot(), service.running
+    if now is None or not service.engine.tick_alive:
+        return "the tick process is gone"
+    shown = service.fault_at(now)
+    fault = f", {shown['name']}" if shown else ""
+    return f"{now.mode.name}{fault}" + (f", {job.program.name} line {now.line}" if job is not None else "")

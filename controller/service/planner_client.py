@@ -1,0 +1,213 @@
+"""What the service's process and its plan's process say to each other, and the service's end of it.
+
+One order at a time is carried out, and answered once; meanwhile and afterwards the plan tells
+by itself how far it is. A plan that dies leaves its orders unanswered: they end with the
+sentence of its death.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import threading
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from typing import Any
+
+from controller.geometry.curves import ArcLength
+from controller.geometry.vectors import Frame
+from controller.ipc.control_socket import DoorError
+from controller.machine.changes import Change
+from controller.machine.model import STILL, Joints, Machine, Pair
+from controller.plan.report.passing import Passed, place_of
+from controller.plan.restart.program_position import LinePart, Spot, part_at
+from controller.service.refusals import refused
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """What is to be run, and how much of it."""
+
+    text: bytes
+    name: str
+    machine: Machine  # with what is fitted
+    spot: Spot | None = None  # to begin with; None = from the top
+    start: Joints | None = None  # where the whole run started that ``spot`` is of; None = homed position
+    dry_run_mm: float = 0.0  # off along the tool axis, spindle off
+    in_spindle: int = 0  # number of the tool; 0 = not known
+    typed: bool = False  # a line by hand
+    unchecked: bool = False  # it is read as it is run, and what is refused of it is refused on the way
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """``verb``: "commission", "home" (axes), "check" or "arm" (program), "drop", "retract" (mm), "return",
+    "beside" (program: how far the machine stands off it).
+
+    A "return" with a program: other tools were fitted meanwhile, and this is it with them.
+    """
+
+    number: int
+    verb: str
+    axes: tuple[int, ...] = ()
+    program: Program | None = None
+    distance_mm: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """Of one order: what came of it, or why not."""
+
+    number: int
+    facts: dict[str, Any] = field(default_factory=dict)
+    error: tuple[Any, ...] | None = None  # what a DoorError is made of: code, what is said ...
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """The planner acted on the snapshot of this tick."""
+
+    tick: int
+    value: float  # how much time (s) it had for itself; of a retract its way (mm)
+    verb: str = "plan"  # or "retract", "return": a way beside the path was asked for
+    refitted: bool = False  # returned with what is fitted by now
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """What a motion is, for those who look on."""
+
+    end: Joints
+    feed_mm_s: float | None  # programmed; None = rapid. Degrees a second where only rotaries turn
+    length_mm: float  # of the tool
+    part: Frame | None  # in which its words are read; None: the work offset as the machine has it
+    name: str  # 'cut', 'lead in', 'retract' ...
+    tool: int | None = None  # number of the one that the program has changed to; None: the one it began with
+    offset: int = 0  # work offset that is active, 0 = G54
+    end_s: float = 0.0  # of the motion, in the unit of the snapshot's s
+    arc: ArcLength | None = None  # of a surface: which u an s is
+    feed_steps: tuple[tuple[float, float], ...] = ()  # (s, feed) where lines of a row have others
+    turned_rad: Pair = STILL  # what the words of the rotaries are shifted by
+    tilted_mm: float | None = None  # in a tilted plane: length with which X Y Z are the tip's in ``part``
+    lines: tuple[LinePart, ...] = ()  # of which program lines it is; a way aside is of none
+    codes: tuple[str, ...] = ()  # modal ones in force
+
+    def place(self, s: float) -> Passed | None:
+        """Of the program, as a check marks it."""
+        if not self.lines:
+            return None
+        part, fraction = part_at(self.lines, s)
+        return place_of(self.name, part.order, fraction, s)
+
+    def fraction(self, s: float) -> float:
+        """Of the program line that is done at ``s``."""
+        if not self.lines:
+            return 0.0
+        return part_at(self.lines, s)[1]
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """What a program says, or sets for good.
+
+    Due when a motion begins, or when the pause of ``line`` before it holds.
+    """
+
+    text: str
+    motion_id: int
+    line: int | None = None
+    changes: tuple[Change, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class News:
+    """Told by the plan as it comes about."""
+
+    finished: bool = True  # all of the path has been sent
+    whole: bool = False  # ... and nothing of it was dropped or refused
+    refusal: str = ""  # why the program ends before its end; the machine stands before that block
+    tool: int | None = None  # to which the program has changed, as far as it is read
+    aside: bool = False  # the tool stands off the path, and must return before the program goes on
+    returning: bool = False  # it is on its way back, or held there
+    checking: float | None = None  # share of the program's lines that are checked
+    ways: dict[int, Way] = field(default_factory=dict)  # motions that were sent since, by their id
+    changes: dict[int, tuple[int, ...]] = field(default_factory=dict)  # tools asked for since, by their line
+    turns: tuple[Turn, ...] = ()  # since the last news
+    messages: tuple[Said, ...] = ()  # of the program, read since
+
+
+class Line:
+    """The service's end: orders out, answers and news in.
+
+    One thread listens. Another sends: a program of many megabytes goes as slowly as the plan reads it,
+    and whoever gives it up meanwhile must neither wait for that nor come in between.
+    """
+
+    def __init__(self, own: socket.socket, hear: Callable[[News], None]) -> None:
+        self._connection = Connection(own.detach())
+        self._hear = hear
+        self._lock = threading.Lock()
+        self._last = 0
+        self._waiting: dict[int, Future[dict[str, Any]]] = {}
+        self._sender = ThreadPoolExecutor(1, "to the plan")
+        self._listener = threading.Thread(target=self._listen, name="plan", daemon=True)
+        self._listener.start()
+
+    def order(
+        self,
+        verb: str,
+        axes: tuple[int, ...] = (),
+        program: Program | None = None,
+        distance_mm: float = 0.0,
+    ) -> dict[str, Any]:
+        """Have something done and wait for it. Raises DoorError."""
+        answer: Future[dict[str, Any]] = Future()
+        with self._lock:
+            self._last += 1
+            self._waiting[self._last] = answer
+            order = Order(self._last, verb, axes, program, distance_mm)
+        try:
+            self._sender.submit(self._connection.send, order).result()
+        except (OSError, RuntimeError):  # the latter: closed
+            self._waiting.pop(order.number, None)
+            raise refused("no_plan", code="gone") from None
+        return answer.result()
+
+    def give_up(self) -> None:
+        """Have the order under way given up where that is possible: a check. It waits for nothing."""
+        with contextlib.suppress(RuntimeError):
+            self._sender.submit(self._connection.send, Order(0, "give up"))
+
+    def close(self) -> None:
+        self._sender.shutdown(wait=False)
+        with contextlib.suppress(OSError):
+            self._connection.close()
+
+    def _listen(self) -> None:
+        """To the end of the plan. An error of ours is its end, too: another one follows it."""
+        try:
+            while (said := self._heard()) is not None:
+                self._answered(said) if isinstance(said, Answer) else self._hear(said)
+        finally:
+            self.close()
+            for answer in list(self._waiting.values()):
+                answer.set_exception(refused("no_plan", code="gone"))
+            self._waiting.clear()
+
+    def _heard(self) -> Answer | News | None:
+        try:
+            said: Answer | News = self._connection.recv()
+        except (EOFError, OSError, TypeError):  # the last: closed while it waited
+            return None
+        return said
+
+    def _answered(self, said: Answer) -> None:
+        answer = self._waiting.pop(said.number, None)
+        if answer is None:
+            return
+        if said.error is not None:
+            answer.set_exception(DoorError(*said.error))
+        else:
+            answer.set_result(said.facts)

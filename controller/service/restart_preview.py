@@ -1,0 +1,105 @@
+"""What was interrupted and could be gone on with: looked at only, nothing is loaded by it."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import replace
+from typing import Any
+
+from controller import messages
+from controller.ipc.control_socket import DoorError
+from controller.machine import setup_data
+from controller.messages import said
+from controller.service import journal
+from controller.service.jobs import Job
+from controller.service.refusals import refused
+from controller.service.service import JOURNAL, Service
+
+
+def restart(service: Service) -> dict[str, Any]:
+    """The journal's entry as plain values; key and values say why it is not ``offered``.
+
+    Whether the program is still there as it was is for who keeps the programs: it is told by its
+    ``sha256``. A load with ``restart`` looks at everything again.
+    """
+    entry, why = journal.read(service.state / JOURNAL)
+    if entry is None or entry.ended:
+        return {"offered": False, **(why or said("not_interrupted"))}
+    here = journal.Job.of(entry.job.name, b"", service.machine, entry.job.start, entry.job.dry_run_mm)
+    same_program = replace(here, program_sha256=entry.job.program_sha256)
+    homed, untrusted = _trusted(service)
+    axes = len(service.machine.axes)
+    why = journal.refusal(entry, same_program, homed, untrusted, axes)
+    return {
+        "offered": why is None,
+        **messages.facts(why),
+        "name": entry.job.name,
+        "sha256": entry.job.program_sha256,
+        "line": entry.spot.line,
+        "fraction": entry.spot.fraction,
+        "exact": entry.exact,
+        "done": _share(entry),
+        "left_s": entry.duration_s - entry.passed_s
+        if entry.passed_s is not None and entry.duration_s
+        else None,
+        "tool": entry.tool,
+        "mode": entry.mode,
+        "fault": None if entry.fault == "NONE" else entry.fault,
+        "dry_run_mm": entry.job.dry_run_mm or None,
+        "interrupted_s": entry.time_s,
+    }
+
+
+def _share(entry: journal.Entry) -> float | None:
+    """Of a whole run at 100 % that is done."""
+    return entry.passed_s / entry.duration_s if entry.passed_s is not None and entry.duration_s else None
+
+
+def _trusted(service: Service) -> tuple[int, int]:
+    """Bit masks of the axes that are homed, and of those whose position a fault has cost."""
+    try:
+        now = service.now()
+    except DoorError:  # no tick: nobody knows where the axes are
+        return 0, 0
+    return now.homed, now.untrusted
+
+
+def gone_on_with(service: Service, job: Job) -> Job:
+    """The job from where the journal says that it was interrupted. Raises DoorError."""
+    entry, why = journal.read(service.state / JOURNAL)
+    mode = service.now().mode.name
+    if why:
+        raise DoorError("refused", why, mode, "LOAD")
+    if entry is None:
+        raise refused("not_interrupted", mode, "LOAD")
+    job.entry = entry
+    job.program = replace(job.program, start=entry.job.start, dry_run_mm=entry.job.dry_run_mm)
+    look_again(service, job, "LOAD")
+    return job
+
+
+def look_again(service: Service, job: Job, request: str = "START") -> None:
+    """What was loaded to be gone on with, by what is fitted now. Raises DoorError where that forbids it."""
+    entry, program, now = job.entry, job.program, service.now()
+    assert entry is not None
+    here = journal.Job.of(program.name, program.text, service.machine, entry.job.start, program.dry_run_mm)
+    if why := journal.refusal(entry, here, now.homed, now.untrusted, len(service.machine.axes)):
+        raise DoorError("refused", why, now.mode.name, request)
+    # Its lines set anew what they had set, so it is begun with what was fitted then, but for other tools.
+    job.fitted = service.fitted if entry.job.fitted is None else entry.job.fitted
+    if here.tools_sha256 != entry.job.tools_sha256:
+        job.fitted = {**job.fitted, "tools": service.fitted.get("tools", {})}
+    machine = setup_data.applied(service.file, job.fitted)
+    job.program = replace(program, machine=machine, spot=journal.spot_of(entry, here))
+
+
+def tell_beside(service: Service) -> None:
+    """After the tick was gone, the drives having kept count: how far off the path they stopped."""
+    entry, _ = journal.read(service.state / JOURNAL)
+    job = service.job
+    if entry is None or entry.ended or job is None or job.state != "fault":
+        return
+    program = replace(job.program, spot=entry.spot, start=entry.job.start)
+    with contextlib.suppress(DoorError):  # the program may be refused by now, and this is only told
+        if found := service.engine.line.order("beside", program=program)["said"]:
+            service.alarms.add("BESIDE_THE_PATH", found, line=entry.spot.line)

@@ -1,0 +1,1 @@
+"""Modes, requests and faults as tables, and the live state, declared once."""

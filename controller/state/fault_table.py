@@ -1,0 +1,140 @@
+"""Every fault of drive, bus, tick and plan: what it is, what the tick does, what the operator does.
+
+Position is trusted where every drive has kept count and has been in sight of the
+controller all the time. Otherwise the axes concerned lose their homed mark, and no
+program starts before they are homed again.
+
+The time in which a machine stands is a sum, and the fault matrix measures it:
+
+```
+   event ------> noticed ----------> the path slows to rest -----> standstill
+         SYNCs, or    at the next    (or every drive's own ramp,
+         a silence    tick           or the drive's supervision first)
+```
+"""
+
+from __future__ import annotations
+
+from controller import messages
+from controller.faults import Fault, FaultRow, Reaction, Recovery, Times, Wait
+from controller.messages import DEFAULT, LANGUAGES, Key, Said, said, several
+
+
+def _row(
+    fault: Fault,
+    position_trusted: bool,
+    reaction: Reaction,
+    recovery: Recovery,
+    syncs: int = 2,
+    wait: Wait = Wait.NONE,
+) -> tuple[Fault, FaultRow]:
+    words = LANGUAGES[DEFAULT].faults[fault]
+    return fault, FaultRow(words, position_trusted, reaction, recovery, syncs, wait)
+
+
+_ROWS = (
+    _row(Fault.NONE, True, Reaction.NONE, Recovery.NOTHING),
+    # --- plan
+    _row(Fault.PLANNER_GONE, True, Reaction.PATH_STOP, Recovery.RESET, wait=Wait.QUEUE),
+    _row(Fault.TRAVEL, True, Reaction.PATH_STOP, Recovery.RESET),
+    _row(Fault.VELOCITY, True, Reaction.PATH_STOP, Recovery.RESET),
+    _row(Fault.ACCELERATION, True, Reaction.PATH_STOP, Recovery.RESET),
+    _row(Fault.BRANCH_LOST, True, Reaction.PATH_STOP, Recovery.RESET),
+    # --- drives
+    _row(Fault.FEEDBACK_LOST, False, Reaction.LOST_DRIVE, Recovery.COMMISSION, syncs=4),
+    _row(Fault.STATE_LOST, False, Reaction.LOST_DRIVE, Recovery.HOME, syncs=3),
+    _row(Fault.TORQUE_OFF, True, Reaction.LOST_DRIVE, Recovery.RESET, syncs=3),
+    # Three SYNCs until a position answers a setpoint, and some in a row that are beyond the window.
+    _row(Fault.FOLLOWING_ERROR, False, Reaction.LOST_DRIVE, Recovery.HOME, syncs=7),
+    _row(Fault.SETPOINTS_LOST, True, Reaction.LOST_DRIVE, Recovery.RESET, syncs=3, wait=Wait.CONSUMER),
+    _row(Fault.LIMIT_SWITCH, False, Reaction.LOST_DRIVE, Recovery.HOME, syncs=3),
+    _row(Fault.EMCY, False, Reaction.LOST_DRIVE, Recovery.HOME, syncs=3),
+    _row(Fault.DRIVE_WARNING, True, Reaction.WARN, Recovery.NOTHING),
+    _row(Fault.HEARTBEAT_LOST, False, Reaction.LOST_DRIVE, Recovery.COMMISSION, wait=Wait.CONSUMER),
+    # A drive that starts is silent: its boot-up message comes at the end.
+    _row(Fault.NODE_RESET, False, Reaction.LOST_DRIVE, Recovery.COMMISSION, syncs=3, wait=Wait.CONSUMER),
+    _row(Fault.NODE_STOPPED, False, Reaction.LOST_DRIVE, Recovery.COMMISSION, syncs=3, wait=Wait.CONSUMER),
+    _row(Fault.NODE_TWICE, False, Reaction.QUICK_STOP, Recovery.COMMISSION, syncs=5),
+    _row(Fault.MODE_LOST, True, Reaction.LOST_DRIVE, Recovery.COMMISSION, syncs=3, wait=Wait.CONSUMER),
+    _row(Fault.ENABLE_TIMEOUT, True, Reaction.QUICK_STOP, Recovery.RESET, wait=Wait.ENABLE),
+    _row(Fault.HOMING_FAILED, False, Reaction.QUICK_STOP, Recovery.HOME, wait=Wait.HOMING),
+    # --- bus
+    # The drives hear nothing and stop by their own supervision.
+    _row(Fault.BUS_OFF, False, Reaction.QUICK_STOP, Recovery.COMMISSION, wait=Wait.CONSUMER),
+    _row(Fault.BUS_ERROR, False, Reaction.QUICK_STOP, Recovery.COMMISSION, wait=Wait.CONSUMER),
+    _row(Fault.RX_OVERFLOW, True, Reaction.PATH_STOP, Recovery.RESET),
+    _row(Fault.SYNC_FOREIGN, True, Reaction.QUICK_STOP, Recovery.RESET),
+    # A drive obeys the stranger, too: one setpoint of his and it is on its way at full speed, maybe back.
+    # The stop begins from there, with his last frame.
+    _row(Fault.FOREIGN_FRAMES, True, Reaction.QUICK_STOP, Recovery.RESET, wait=Wait.CONSUMER),
+    _row(Fault.SEND_FAILED, False, Reaction.QUICK_STOP, Recovery.COMMISSION, wait=Wait.CONSUMER),
+    _row(Fault.SYNC_LOST, False, Reaction.QUICK_STOP, Recovery.RESTART, syncs=4, wait=Wait.CONSUMER),
+    # --- tick
+    _row(Fault.TOO_MANY_SKIPS, True, Reaction.PATH_STOP, Recovery.RESET),
+    _row(Fault.STOP_OVERDUE, True, Reaction.QUICK_STOP, Recovery.RESET, wait=Wait.STOP),
+    _row(Fault.INTERNAL, False, Reaction.QUICK_STOP, Recovery.RESTART),
+    _row(Fault.CONTROLLER_GONE, False, Reaction.QUICK_STOP, Recovery.RESTART, wait=Wait.CONSUMER),
+    # --- operator, safety, peripherals
+    _row(Fault.EMERGENCY_STOP, True, Reaction.QUICK_STOP, Recovery.RESET),
+    _row(Fault.ESTOP_INPUT, True, Reaction.DISABLE, Recovery.RESET),
+    _row(Fault.POWER_LOST, False, Reaction.DISABLE, Recovery.COMMISSION),
+    _row(Fault.DOOR_OPEN, True, Reaction.HOLD, Recovery.RESUME),
+    _row(Fault.SPINDLE_NOT_AT_SPEED, True, Reaction.HOLD, Recovery.RESUME, wait=Wait.ANSWER),
+    _row(Fault.SPINDLE_LOST, True, Reaction.PATH_STOP, Recovery.RESET, wait=Wait.CONSUMER),
+    _row(Fault.CLAMP, True, Reaction.PATH_STOP, Recovery.RESET, wait=Wait.ANSWER),
+    _row(Fault.COOLANT_LOST, True, Reaction.END_OF_BLOCK, Recovery.RESUME),
+    _row(Fault.INPUT_MISSING, True, Reaction.HOLD, Recovery.RESUME),
+    _row(Fault.IO_LOST, True, Reaction.PATH_STOP, Recovery.RESET, wait=Wait.CONSUMER),
+)
+FAULTS: dict[Fault, FaultRow] = dict(_ROWS)
+
+
+def told(fault: Fault, axis: str = "", also: Fault = Fault.NONE) -> Said:
+    """Text and remedy for the operator, with the axis concerned and what came on top."""
+    text, remedy = said(f"fault.{fault.name}"), said(f"remedy.{fault.name}")
+    first = said("of_axis", axis=axis, text=text) if axis else text
+    if also in (Fault.NONE, fault):
+        return several(first, remedy)
+    more = said("also", text=Key(f"fault.{also.name}"), remedy=Key(f"remedy.{also.name}"))
+    return several(first, remedy, more)
+
+
+def sentence(fault: Fault, axis: str = "", also: Fault = Fault.NONE, language: str = DEFAULT) -> str:
+    """The same in words. Raises ValueError where the catalogue has no such language."""
+    return messages.text(told(fault, axis, also), language)
+
+
+def stands_within_s(fault: Fault, times: Times) -> float:
+    """Longest time from the event to the standstill of all axes that have torque, s; 0 if nothing stops.
+
+    A machine that stands already stands. END_OF_BLOCK promises the block's own time, so 0 too. Where the
+    queue comes to its end first, that is the event.
+    """
+    row = FAULTS[fault]
+    if row.reaction in (Reaction.NONE, Reaction.WARN, Reaction.END_OF_BLOCK):
+        return 0.0
+    noticed_s = row.syncs * times.feedback_every * times.period_s + waits_s(row.wait, times)
+    return noticed_s + _stopping_s(row.reaction, times)
+
+
+def waits_s(wait: Wait, times: Times) -> float:
+    """The seconds of a wait on a machine."""
+    return {
+        Wait.NONE: 0.0,
+        Wait.CONSUMER: times.consumer_s,
+        Wait.QUEUE: 0.0,
+        Wait.ENABLE: times.enable_s,
+        Wait.HOMING: times.homing_s,
+        Wait.ANSWER: times.answer_s,
+        Wait.STOP: times.path_stop_s,
+    }[wait]
+
+
+def _stopping_s(reaction: Reaction, times: Times) -> float:
+    if reaction >= Reaction.QUICK_STOP:
+        return times.quick_stop_s
+    # A path stop that takes too long is broken off; a lost drive may hear nothing, not even quick stop.
+    whole_s = times.path_stop_s + times.quick_stop_s
+    if reaction is Reaction.LOST_DRIVE:
+        return max(whole_s, times.consumer_s + times.quick_stop_s)
+    return whole_s

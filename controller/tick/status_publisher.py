@@ -1,0 +1,98 @@
+"""What a tick leaves for others: the snapshot of the machine, and a row of the flight recorder.
+
+What they hold is declared in ``live_state``; here is what no other part of the tick has as an attribute.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from controller.ipc.handoff import ROW, STANDSTILL, Recorder, SnapshotBoard
+from controller.machine.model import Machine
+from controller.state.live_state import PARTS, gather
+from controller.state.modes import Fault
+from controller.tick.drives import Drives
+from controller.tick.follow import Follow
+from controller.tick.jog import Jogging
+from controller.tick.joints import Encoder
+from controller.tick.mode import Modes
+
+_COLUMNS = len(ROW)
+
+
+class Telling:
+    """Reads the parts of the tick; changes none."""
+
+    def __init__(
+        self,
+        machine: Machine,
+        group: Drives,
+        modes: Modes,
+        follow: Follow,
+        jogging: Jogging,
+        encoder: Encoder,
+        snapshot: SnapshotBoard,
+        recorder: Recorder,
+        **others: Any,
+    ) -> None:
+        """``others``: the parts of the tick that ``live_state`` names besides these."""
+        self._group, self._modes, self._follow, self._jogging = group, modes, follow, jogging
+        self._encoder = encoder
+        others |= {"modes": modes, "follow": follow, "jogging": jogging, "encoder": encoder, "telling": self}
+        self._parts = tuple(others[name] for name in PARTS)
+        self._gather = gather(len(machine.axes))
+        self._snapshot, self._recorder = snapshot, recorder
+        self._buses = _timed(machine, group.lines)
+        self.motion_id = STANDSTILL
+        self.cutting = False
+        self.drive_states = [0] * len(group.drives)
+        self.malformed = [0] * len(group.drives)
+        self.fault_off = 0.0
+        self.bus_share = 0.0
+
+    def publish(self) -> None:
+        """The snapshot of this tick."""
+        self._look()
+        self._snapshot.write(self._gather(*self._parts))
+
+    def record(self) -> None:
+        """The snapshot of this tick and its row, which are the same values."""
+        self._look()
+        self._count_bits()
+        values = self._gather(*self._parts)
+        self._snapshot.write(values)
+        self._recorder.write(*values[:_COLUMNS])
+
+    def _look(self) -> None:
+        piece, states, malformed = self._follow.piece, self.drive_states, self.malformed
+        self.motion_id = piece.motion_id if piece else STANDSTILL
+        self.cutting = piece is not None and piece.cutting and not self._jogging.active
+        for i, drive in enumerate(self._group.drives):
+            states[i], malformed[i] = drive.state, drive.malformed
+        self.fault_off = self._off()
+
+    def _off(self) -> float:
+        """How far the axis is from its command that stopped for that reason."""
+        i = self._modes.fault_axis
+        if self._modes.fault is not Fault.FOLLOWING_ERROR or i < 0:
+            return 0.0
+        return float(self._encoder.to_units(i, self._group.drives[i].following_error.actual))
+
+    def _count_bits(self) -> None:
+        """How full the fullest bus was since the last row; counted anew from here on."""
+        fullest = 0.0
+        for line, share_per_bit in self._buses:
+            share = line.bits * share_per_bit
+            line.bits = 0
+            if share > fullest:
+                fullest = share
+        self.bus_share = fullest
+
+
+def _timed(machine: Machine, lines: Sequence[Any]) -> tuple[tuple[Any, float], ...]:
+    """Each bus with what one bit takes of a period; one without bit timing takes nothing."""
+    rates = {bus.name: bus.bit_rate for bus in machine.buses}
+    return tuple(
+        (line, 1.0 / (rates[line.bus] * machine.period_s) if rates[line.bus] else 0.0) for line in lines
+    )

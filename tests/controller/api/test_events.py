@@ -1,0 +1,174 @@
+"""Events: everybody hears what changes, nobody slows the machine down, nobody without a right hears."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+import uvicorn
+from support.fakes.fake_socket import FakeDoor
+from support.fakes.panels import Scene
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from controller.api.events import MOST_WAITING, Listener
+from controller.api.routes import listen
+
+PATIENCE_S = 20.0
+
+
+@asynccontextmanager
+async def listening(scene: Scene, topics: str = "", **headers: str) -> AsyncIterator[ClientConnection]:
+    """A listener over a real connection, to a real server on a free port."""
+    server = uvicorn.Server(uvicorn.Config(scene.app, port=0, log_level="error"))
+    serving = asyncio.create_task(server.serve())
+    try:
+        while not server.started:
+            await asyncio.sleep(0.01)
+        port = server.servers[0].sockets[0].getsockname()[1]
+        where = f"ws://127.0.0.1:{port}/api/v1/events" + (f"?topics={topics}" if topics else "")
+        async with connect(
+            where, additional_headers=headers, proxy=None, open_timeout=PATIENCE_S
+        ) as connection:
+            yield connection
+    finally:
+        server.should_exit = True
+        await serving
+
+
+async def next_of(connection: ClientConnection, event: str) -> Any:
+    """The next event of that kind, with what came before it left out."""
+    async with asyncio.timeout(PATIENCE_S):
+        while True:
+            told = json.loads(await connection.recv())
+            if told["event"] == event:
+                return told["data"]
+
+
+def test_a_listener_hears_the_status_over_and_over_and_the_job_and_the_alarm_when_they_change(
+    tmp_path: Path,
+) -> None:
+    async def story() -> None:
+        scene = Scene(tmp_path)
+        async with listening(scene) as heard:
+            assert await next_of(heard, "service") == {"answers": True}
+            assert (await next_of(heard, "status"))["mode"] == "OFF"
+            assert (await next_of(heard, "status"))["mode"] == "OFF"
+            scene.door.job = {"name": "part.ngc", "sha256": "0" * 64, "state": "running", "left_s": 9.0}
+            assert await next_of(heard, "job") == {"name": "part.ngc", "sha256": "0" * 64, "state": "running"}
+            scene.door.mode = "FAULT"
+            assert (await next_of(heard, "alarm"))["name"] == "ESTOP"
+            scene.store.alarms.add("ESTOP", "Emergency stop.")
+            assert await next_of(heard, "alarms") == {"newest": 1}
+            scene.door.there = False
+            assert (await next_of(heard, "service"))["answers"] is False
+            scene.panel.events.tell("control", {"holder": "anna"})
+            assert await next_of(heard, "control") == {"holder": "anna"}
+
+    asyncio.run(story())
+
+
+def test_only_the_topics_asked_for_are_told(tmp_path: Path) -> None:
+    async def story() -> list[str]:
+        scene = Scene(tmp_path)
+        async with listening(scene, "job,alarm") as heard:
+            first = [json.loads(await heard.recv())["event"] for _ in range(2)]
+            scene.door.mode = "FAULT"
+            return [*first, json.loads(await heard.recv())["event"]]
+
+    assert asyncio.run(story()) == ["alarm", "job", "alarm"]
+
+
+@pytest.mark.parametrize(
+    ("topics", "headers"),
+    [
+        ("nonsense", {}),
+        ("", {"Origin": "http://evil.example"}),
+        ("", {"Sec-Fetch-Site": "cross-site"}),
+        ("", {"X-Forwarded-For": "192.168.1.7"}),
+    ],
+)
+def test_a_foreign_page_or_an_unknown_topic_is_not_let_in(
+    tmp_path: Path, topics: str, headers: dict[str, str]
+) -> None:
+    async def story() -> None:
+        with pytest.raises(InvalidStatus):
+            async with listening(Scene(tmp_path), topics, **headers):
+                pass
+
+    asyncio.run(story())
+
+
+def test_with_users_a_token_is_needed_and_its_removal_ends_the_listening(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(listen, "CHECK_S", 0.05)
+
+    async def story() -> int:
+        scene = await Scene(tmp_path).with_users()
+        with pytest.raises(InvalidStatus):
+            async with listening(scene):
+                pass
+        async with listening(scene, Authorization=f"Bearer {scene.tokens['view']}") as heard:
+            await next_of(heard, "status")
+            scene.store.users.remove_token("script-view")
+            scene.panel.users.refresh()
+            with pytest.raises(ConnectionClosed) as ended:
+                await next_of(heard, "nothing")
+            assert ended.value.rcvd is not None
+            return ended.value.rcvd.code
+
+    assert asyncio.run(story()) == listen.POLICY
+
+
+def test_nothing_is_asked_of_the_machine_while_nobody_listens_and_once_for_twenty_who_do(
+    tmp_path: Path,
+) -> None:
+    class Counting(FakeDoor):
+        count = 0
+
+        async def ask(self, verb: str, **args: Any) -> dict[str, Any]:
+            self.count += verb == "status"
+            return await super().ask(verb, **args)
+
+    async def story() -> tuple[int, int, list[int]]:
+        door = Counting()
+        scene = Scene(tmp_path, door)
+        async with scene.panel.running():
+            await asyncio.sleep(0.2)
+            before = door.count
+            events = scene.panel.events
+            contexts = [events.listening(frozenset({"status"})) for _ in range(20)]
+            listeners = [context.__enter__() for context in contexts]
+            began_s = time.monotonic()
+            heard = [await listener.next() for listener in listeners]
+            while time.monotonic() - began_s < 0.5:
+                await asyncio.sleep(0.05)
+            for context in contexts:
+                context.__exit__(None, None, None)
+        return before, door.count, [len(texts) for texts in heard]
+
+    before, asked, heard = asyncio.run(story())
+    assert before == 0
+    assert heard == [1] * 20
+    assert asked <= 15
+
+
+def test_one_who_does_not_read_misses_statuses_first_and_is_let_go_when_too_much_waits() -> None:
+    async def story() -> None:
+        slow = Listener(frozenset({"status", "job"}))
+        for i in range(10):
+            slow.tell("status", f"status {i}")
+            slow.tell("job", f"job {i}")
+        assert await slow.next() == [*(f"job {i}" for i in range(10)), "status 9"]
+        for i in range(MOST_WAITING + 1):
+            slow.tell("job", f"job {i}")
+        assert slow.lost
+
+    asyncio.run(story())

@@ -1,0 +1,132 @@
+"""What the service wrote becomes rows, once, whatever the files look like."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.fakes.panels import Scene
+
+from controller.api.service_sync import Gatherer
+from controller.api.store import Store
+from controller.machine import setup_data
+
+ALARM = {
+    "id": 1,
+    "time_s": 1000.5,
+    "name": "FOLLOWING_ERROR",
+    "axis": "X",
+    "key": "of_axis",
+    "values": {"axis": "X", "text": "It lags."},
+    "acknowledged_s": None,
+}
+RUN = {
+    "id": "r1",
+    "name": "part.ngc",
+    "sha256": "00",
+    "started_s": 1.0,
+    "ended_s": 9.0,
+    "result": "completed",
+    "cut_time_s": 3.0,
+    "following_error": {"X": 0.1},
+}
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store(tmp_path)
+
+
+def write_run(store: Store, name: str, text: str) -> None:
+    folder = store.folder / "runs" / name
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "run.json").write_text(text)
+
+
+def append(store: Store, *alarms: object) -> None:
+    with open(store.folder / "alarms.jsonl", "a", encoding="utf-8") as file:
+        file.writelines(f"{a if isinstance(a, str) else json.dumps(a)}\n" for a in alarms)
+
+
+def test_alarms_are_taken_in_once_and_completed_by_later_lines(store: Store) -> None:
+    gatherer = Gatherer(store.database, store.folder)
+    assert not gatherer.gather()
+    append(store, ALARM)
+    assert gatherer.gather() and not gatherer.gather()
+    append(store, {**ALARM, "recording": "x.npz"}, "{cut off")
+    assert gatherer.gather()
+    [alarm] = store.alarms.list()
+    assert (alarm.at_s, alarm.name, alarm.axis, alarm.key) == (1000.5, "FOLLOWING_ERROR", "X", "of_axis")
+    assert alarm.values == ALARM["values"] and alarm.facts == {"recording": "x.npz", "number": 1}
+    assert Gatherer(store.database, store.folder).gather()
+    assert len(store.alarms.list()) == 1
+
+
+def test_what_was_kept_as_a_sentence_before_keys_were_is_still_told(tmp_path: Path) -> None:
+    """Of the machine's file, and of rows of the store: the sentence as it was, whatever is asked for."""
+    scene = Scene(tmp_path)
+    old = {name: value for name, value in ALARM.items() if name not in ("key", "values")}
+    append(scene.store, {**old, "sentence": "X lags.", "cause": "A collision."}, {**ALARM, "id": 2})
+    run = scene.store.runs.begin("part.ngc", "0" * 64)
+    scene.store.runs.end(run, "fault", sentence="The tick was gone.")
+
+    async def story() -> tuple[Any, Any]:
+        async with scene.client() as client:
+            client.headers["Accept-Language"] = "de"
+            alarms = (await client.get("/api/v1/alarms")).json()["alarms"]
+            return alarms, (await client.get("/api/v1/runs/1")).json()
+
+    (new, kept), told = asyncio.run(story())
+    assert (kept["sentence"], kept["key"], kept["facts"]["cause"]) == ("X lags.", None, "A collision.")
+    assert new["sentence"].startswith("Achse X: ") and new["key"] == "of_axis"
+    assert told["facts"]["sentence"] == "The tick was gone."
+
+
+def test_an_acknowledgement_of_either_side_counts_and_is_not_undone(store: Store) -> None:
+    append(store, ALARM, {**ALARM, "id": 2})
+    gatherer = Gatherer(store.database, store.folder)
+    gatherer.gather()
+    store.alarms.acknowledge(1, "anna")
+    append(store, {**ALARM, "acknowledged_s": 1003.0}, {**ALARM, "id": 2, "acknowledged_s": 1004.0})
+    gatherer.gather()
+    assert [(a.id, a.acknowledged_by) for a in store.alarms.list()] == [(2, "at the machine"), (1, "anna")]
+
+
+def test_runs_are_taken_in_when_they_have_ended(store: Store) -> None:
+    (store.folder / "runs" / "under way").mkdir(parents=True)
+    write_run(store, "r1", json.dumps(RUN))
+    gatherer = Gatherer(store.database, store.folder)
+    assert gatherer.gather() and not gatherer.gather()
+    [run] = store.runs.list()
+    assert (run.program, run.result, run.ended_s) == ("part.ngc", "completed", 9.0)
+    assert run.facts == {"cut_time_s": 3.0, "following_error": {"X": 0.1}, "record": "r1"}
+    assert not Gatherer(store.database, store.folder).gather()
+
+
+def test_a_record_that_could_not_be_read_at_first_is_listed_later(store: Store) -> None:
+    write_run(store, "r", "{")
+    gatherer = Gatherer(store.database, store.folder)
+    assert not gatherer.gather()
+    write_run(store, "r", json.dumps(RUN))
+    assert gatherer.gather() and len(store.runs.list()) == 1
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "null", '{"started_s": "x"}', '{"name": 1}'])
+def test_files_that_are_no_records_are_left_out(store: Store, text: str) -> None:
+    write_run(store, "r", text)
+    append(store, text)
+    Gatherer(store.database, store.folder).gather()
+    assert store.runs.list() == [] and store.alarms.list() == []
+
+
+def test_offsets_and_tools_are_those_that_were_fitted_last(store: Store) -> None:
+    gatherer = Gatherer(store.database, store.folder)
+    setup_data.save(store.folder, {"offsets": {"G54": [1.0, 2.0, 3.0]}, "tools": {"2": {"radius_mm": 1.0}}})
+    assert gatherer.gather() and not gatherer.gather()
+    assert store.offsets.all() == {"G54": [1.0, 2.0, 3.0]} and store.tools.all() == {2: {"radius_mm": 1.0}}
+    setup_data.save(store.folder, {"offsets": {}, "tools": {"2": None, "31": {"radius_mm": 7.5}}})
+    assert gatherer.gather()
+    assert store.offsets.all() == {} and store.tools.all() == {2: None, 31: {"radius_mm": 7.5}}

@@ -1,0 +1,451 @@
+"""The client verbs against the panel's own application; the machine behind it only notes what it is asked."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Mapping
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import pytest
+from argon2 import PasswordHasher
+from fastapi.testclient import TestClient
+from rich.console import Console
+from typer.testing import CliRunner, Result
+
+from controller.__main__ import app
+from controller.api.answers import Refusal
+from controller.api.app_state import Panel
+from controller.api.http import make_app
+from controller.api.service_client import Watch
+from controller.api.store import Store
+from controller.api.users import new_token
+from controller.cli import client as verbs
+from controller.cli import client_lists, remote
+from controller.messages import plain
+from controller.state.modes import Fault, told
+
+ASK = CliRunner()
+PROGRAM = b"g90\ng0 x1\nm30\n"
+DEAD = "http://127.0.0.1:9"  # discard: nobody listens there
+
+
+class NotingDoor:
+    """Answers every verb at once and keeps what was asked."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[str, dict[str, Any]]] = []
+        self.results: dict[str, dict[str, Any]] = {"load": {"restart": [plain("Work offset G54.")]}}
+        self.coming: list[dict[str, Any]] = []  # sequences of the next statuses
+        self.jobs: list[dict[str, Any]] = []  # likewise; the last one stays
+        self.refused: dict[str, Refusal] = {}
+        self.status: dict[str, Any] = {"mode": "READY", "joints": {}, "job": None}
+
+    async def ask(self, verb: str, **args: Any) -> dict[str, Any]:
+        if verb != "status":
+            self.asked.append((verb, args))
+        if verb in self.refused:
+            raise self.refused[verb]
+        if verb == "status":
+            if self.jobs:
+                self.status["job"] = self.jobs.pop(0)
+            return {**self.status, "sequence": self.coming.pop(0) if self.coming else None}
+        return self.results.get(verb, {})
+
+    @property
+    def verbs(self) -> list[str]:
+        """Without the end of a jog that giving control back asks for."""
+        return [verb for verb, _ in self.asked if verb != "jog_stop"]
+
+
+@pytest.fixture
+def door() -> NotingDoor:
+    return NotingDoor()
+
+
+@pytest.fixture(scope="module")
+def http(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
+    """The application, made once; every test puts a panel of its own behind it."""
+    store = Store(tmp_path_factory.mktemp("first"))
+    made = make_app(Panel(store, NotingDoor()))
+    with TestClient(made, base_url=remote.URL, client=("127.0.0.1", 40000)) as found:
+        yield found
+    store.close()
+
+
+@pytest.fixture
+def panel(
+    http: TestClient, door: NotingDoor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Panel]:
+    """The verbs reach this panel, whatever address they are given."""
+    monkeypatch.setattr("controller.api.users.PasswordHasher", lambda: PasswordHasher(1, 8, 1))  # quick
+    store = Store(tmp_path / "store")
+    http.app.state.panel = made = Panel(store, door)  # type: ignore[attr-defined]
+
+    @contextlib.contextmanager
+    def client(url: str, headers: Mapping[str, str]) -> Iterator[TestClient]:
+        http.headers.update(headers)
+        yield http
+        http.headers.pop("authorization", None)
+
+    monkeypatch.delenv("DIRECTRIX_TOKEN", raising=False)
+    monkeypatch.delenv("DIRECTRIX_URL", raising=False)
+    monkeypatch.setattr(remote, "client", client)
+    yield made
+    store.close()
+
+
+def run(*words: str, answer: str = "") -> Result:
+    return ASK.invoke(app, list(words), input=answer)
+
+
+def done(*words: str) -> str:
+    ran = run(*words)
+    assert ran.exit_code == 0, ran.output + ran.stderr
+    return ran.stdout
+
+
+@pytest.fixture
+def program(tmp_path: Path) -> Path:
+    file = tmp_path / "part.ngc"
+    file.write_bytes(PROGRAM)
+    return file
+
+
+@pytest.mark.parametrize("verb", ["hold", "stop"])
+def test_a_hold_of_what_was_only_being_prepared_says_so(panel: Panel, door: NotingDoor, verb: str) -> None:
+    door.results[verb] = {"outcome": "given_up", "what": "start", "mode": "READY", "tick": 7}
+    assert done(verb).strip() == "Given up before it began: start."
+    assert json.loads(done(verb, "--json"))["result"]["outcome"] == "given_up"
+
+
+REQUESTS = [
+    (("hold",), "hold", {}),
+    (("stop",), "stop", {}),
+    (("estop",), "estop", {}),
+    (("resume",), "resume", {}),
+    (("reset",), "reset", {}),
+    (("enable",), "enable", {}),
+    (("disable",), "disable", {}),
+    (("start",), "start", {}),
+    (("start", "--unrecorded"), "start", {"unrecorded": True}),
+    (("home",), "home", {"axes": None}),
+    (("home", "x", "C"), "home", {"axes": ["X", "C"]}),
+    (("mdi", "G0 Z50"), "mdi", {"text": "G0 Z50"}),
+    (("override", "80"), "override", {"share": 0.8}),
+    (("override", "25", "--rapid"), "rapid_override", {"share": 0.25}),
+    (("retract", "20"), "retract", {"mm": 20.0}),
+    (("return",), "return", {}),
+    (("jog", "x", "-10"), "jog_step", {"frame": "joint", "axis": "X", "distance": -10.0}),
+    (("jog", "Z", "0.5", "--frame", "tool"), "jog_step", {"frame": "tool", "axis": "Z", "distance": 0.5}),
+]
+
+
+@pytest.mark.parametrize(("words", "verb", "args"), REQUESTS)
+def test_a_verb_asks_the_machine_for_just_that_and_tells_it_as_json_too(
+    words: tuple[str, ...], verb: str, args: dict[str, Any], panel: Panel, door: NotingDoor
+) -> None:
+    assert done(*words)
+    assert [(v, a) for v, a in door.asked if v != "jog_stop"] == [(verb, args)]
+    assert panel.control.holder == "", "control is given back"
+    told = json.loads(done(*words, "--json"))
+    assert told["ok"] is True and told["request"] == verb
+
+
+def test_hold_stop_and_estop_pass_whoever_holds_control(panel: Panel, door: NotingDoor) -> None:
+    panel.control.holder, panel.control._token = "page", "secret"
+    for verb in ("hold", "stop", "estop"):
+        done(verb)
+    assert door.verbs == ["hold", "stop", "estop"] and panel.control.holder == "page"
+
+
+def test_who_holds_control_is_named_and_can_be_taken_over(panel: Panel, door: NotingDoor) -> None:
+    panel.control.holder, panel.control._token = "page", "secret"
+    ran = run("start")
+    assert ran.exit_code == 1 and ran.stderr.startswith("page holds control; ") and not door.verbs
+    assert "--take-over" in ran.stderr
+    done("start", "--take-over")
+    assert door.verbs == ["start"]
+
+
+def test_a_refusal_is_the_machines_own_sentence(panel: Panel, door: NotingDoor) -> None:
+    sentence = "HOME is refused in RUNNING: the tool is in the work; stop first."
+    door.refused["home"] = Refusal(409, "refused", sentence, mode="RUNNING", request="HOME")
+    ran = run("home")
+    assert ran.exit_code == 1 and ran.stderr.strip() == sentence
+    told = json.loads(run("home", "--json").stdout)
+    assert told == {
+        "ok": False,
+        "error": sentence,
+        "status": 409,
+        "code": "refused",
+        "mode": "RUNNING",
+        "request": "HOME",
+    }
+    assert panel.control.holder == "", "given back also after a refusal"
+
+
+def test_what_takes_long_is_waited_for(panel: Panel, door: NotingDoor) -> None:
+    door.results["home"] = {"done": False}
+    door.coming = [{"state": "running"}, {"state": "done"}]
+    assert done("home").strip() == "Homed." and door.coming == []
+
+
+def test_what_fails_on_the_way_is_refused_with_its_sentence(panel: Panel, door: NotingDoor) -> None:
+    door.results["home"] = {"done": False}
+    door.coming = [{"state": "failed", "name": "home", "sentence": "C found no reference switch."}]
+    ran = run("home")
+    assert ran.exit_code == 1 and ran.stderr.strip() == "C found no reference switch."
+    assert panel.control.holder == ""
+
+
+JOB = {
+    "name": "part.ngc",
+    "state": "loaded",
+    "sentence": None,
+    "restart": [plain("Line 2, 0 % of its block.")],
+}
+
+
+def test_a_program_that_takes_long_to_read_is_waited_for_and_its_state_is_shown(
+    panel: Panel, door: NotingDoor, program: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(verbs, "LOOK_S", 0.03)  # a status is shared for less
+    done("upload", str(program))
+    door.results["load"] = {"done": False}
+    door.jobs = [{**JOB, "state": "loading"}, JOB]
+    ran = run("start", "part.ngc", "--line", "2", answer="n\n")
+    assert ran.exit_code == 1 and "Line 2, 0 % of its block." in ran.stderr and door.verbs == ["load"]
+    door.jobs = [{**JOB, "state": "refused", "sentence": "line 2: there is no such code."}]
+    ran = run("start", "part.ngc")
+    assert ran.exit_code == 1 and ran.stderr.strip() == "line 2: there is no such code."
+    door.jobs = [{**JOB, "name": "other.ngc"}]
+    ran = run("start", "part.ngc")
+    assert ran.exit_code == 1 and "another program was loaded" in ran.stderr and "start" not in door.verbs
+
+
+# --- programs
+
+
+def test_a_program_is_uploaded_whole_and_started_by_name(
+    panel: Panel, door: NotingDoor, program: Path
+) -> None:
+    assert done("upload", str(program)).startswith("part.ngc: stored")
+    stored = panel.store.programs.get("part.ngc")
+    assert panel.store.programs.path(stored.sha256).read_bytes() == PROGRAM
+    assert door.asked == [], "an upload starts nothing"
+    done("start", "part.ngc")
+    assert door.verbs == ["load", "start"]
+    assert door.asked[0][1]["sha256"] == stored.sha256
+
+
+def test_a_program_may_have_another_name_in_the_store(panel: Panel, program: Path) -> None:
+    done("upload", str(program), "--name", "bracket.ngc")
+    assert [p.name for p in panel.store.programs.list()] == ["bracket.ngc"]
+
+
+def test_a_file_that_is_not_there_is_refused_before_anything_is_sent(panel: Panel, tmp_path: Path) -> None:
+    ran = run("upload", str(tmp_path / "no.ngc"))
+    assert ran.exit_code == 1 and "there is no such file" in ran.stderr
+
+
+def test_a_program_that_is_not_in_the_store_is_not_started(panel: Panel, door: NotingDoor) -> None:
+    ran = run("start", "nobody.ngc")
+    assert ran.exit_code == 1 and "nobody.ngc" in ran.stderr and door.verbs == []
+
+
+def test_a_start_in_mid_program_shows_the_state_and_asks(
+    panel: Panel, door: NotingDoor, program: Path
+) -> None:
+    done("upload", str(program))
+    no = run("start", "part.ngc", "--line", "2", answer="n\n")
+    assert no.exit_code == 1 and "Work offset G54." in no.stderr and door.verbs == ["load"]
+    yes = run("start", "part.ngc", "--line", "2", "--fraction", "0.5", answer="y\n")
+    assert yes.exit_code == 0 and door.verbs == ["load", "load", "start"]
+    assert [args.get("fraction") for verb, args in door.asked if verb == "load"] == [None, 0.5]
+
+
+def test_a_start_in_mid_program_by_a_script_must_say_yes(
+    panel: Panel, door: NotingDoor, program: Path
+) -> None:
+    done("upload", str(program))
+    ran = run("start", "part.ngc", "--line", "2", "--json")
+    assert ran.exit_code == 1 and "--yes" in json.loads(ran.stdout)["error"] and door.verbs == []
+    assert json.loads(done("start", "part.ngc", "--line", "2", "--yes", "--json"))["ok"]
+
+
+OFFER = {"offered": True, "name": "part.ngc", "sha256": hashlib.sha256(PROGRAM).hexdigest(), "line": 2}
+
+
+def test_what_was_interrupted_is_shown_and_gone_on_with(
+    panel: Panel, door: NotingDoor, program: Path
+) -> None:
+    done("upload", str(program))
+    door.results["restart"] = OFFER
+    no = run("start", "--restart", answer="n\n")
+    assert no.exit_code == 1 and "Work offset G54." in no.stderr and "start" not in door.verbs
+    assert run("start", "--restart", answer="y\n").exit_code == 0
+    assert [args.get("restart") for verb, args in door.asked if verb == "load"] == [True, True]
+    assert door.verbs[-1] == "start"
+    other = run("start", "other.ngc", "--restart")
+    assert other.exit_code == 1 and "part.ngc was interrupted, not other.ngc" in other.stderr
+
+
+def test_where_nothing_is_offered_the_reason_is_told_and_nothing_is_loaded(
+    panel: Panel, door: NotingDoor
+) -> None:
+    door.results["restart"] = {"offered": False, "sentence": "Home all axes first."}
+    ran = run("start", "--restart", "--yes", "--json")
+    assert ran.exit_code == 1 and json.loads(ran.stdout)["error"] == "Home all axes first."
+    assert "load" not in door.verbs and "start" not in door.verbs
+
+
+def test_a_place_needs_a_program(panel: Panel, door: NotingDoor) -> None:
+    ran = run("start", "--line", "5")
+    assert ran.exit_code == 1 and "need the name of a program" in ran.stderr and door.asked == []
+
+
+# --- jog
+
+
+def test_a_continuous_jog_is_refreshed_and_stopped_at_its_end(panel: Panel, door: NotingDoor) -> None:
+    done("jog", "X", "--speed", "-0.5", "--seconds", "0.3")
+    jogs = [args for verb, args in door.asked if verb == "jog"]
+    assert len(jogs) >= 2 and all(j["speed"] == -0.5 and j["axis"] == "X" for j in jogs)
+    assert door.asked[-1][0] == "jog_stop"
+
+
+def test_a_jog_that_is_broken_off_is_stopped(panel: Panel, door: NotingDoor) -> None:
+    door.refused["jog"] = Refusal(409, "refused", "JOG is refused in RUNNING.")
+    assert run("jog", "X", "--speed", "0.5", "--seconds", "60").exit_code == 1
+    assert door.asked[-1][0] == "jog_stop"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("jog", "X"),
+        ("jog", "X", "1", "--speed", "1"),
+        ("jog", "X", "--speed", "1"),
+        ("jog", "X", "1", "--seconds", "1"),
+    ],
+)
+def test_a_jog_needs_a_distance_or_a_speed_with_its_time(
+    words: tuple[str, ...], panel: Panel, door: NotingDoor
+) -> None:
+    assert run(*words).exit_code == 1 and door.asked == []
+
+
+# --- what is looked at
+
+
+def test_status_shows_the_machine_and_what_nobody_acknowledged(panel: Panel, door: NotingDoor) -> None:
+    panel.store.alarms.add("DOOR_OPEN", "The door is open.")
+    told = done("status")
+    assert "READY" in told and "The door is open." in told
+    assert json.loads(done("status", "--json"))["mode"] == "READY"
+
+
+class Pauses:
+    """Instead of waiting: what comes in each pause, then Ctrl-C."""
+
+    def __init__(self, *happenings: Callable[[], None]) -> None:
+        self._happenings = iter(happenings)
+
+    def __call__(self, seconds: float) -> None:
+        happening = next(self._happenings, None)
+        if happening is None:
+            raise KeyboardInterrupt
+        happening()
+
+
+def test_a_watch_into_a_pipe_tells_every_change_once_and_outlives_the_service(
+    panel: Panel, door: NotingDoor, http: TestClient, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gone = Refusal(503, "gone", "The service does not answer.")
+
+    def nothing() -> None: ...
+
+    def ends() -> None:
+        door.refused["status"] = gone
+        panel.watch = Watch(door)  # which remembers no status
+
+    def comes_back() -> None:
+        door.refused.clear()
+        door.status = {"mode": "OFF"}
+        panel.watch = Watch(door)
+
+    client_lists.follow(remote.Machine(http), Pauses(nothing, ends, nothing, comes_back))
+    told = capsys.readouterr().out.splitlines()
+    assert told[0] == "READY" and told[-1] == "OFF" and len(told) == 3
+
+
+def test_a_watch_in_a_terminal_shows_the_whole_view(
+    panel: Panel, http: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    screen = Console(force_terminal=True, width=80, file=StringIO(), _environ={})
+    monkeypatch.setattr(client_lists, "show", screen)
+    client_lists.follow(remote.Machine(http), Pauses())
+    assert isinstance(screen.file, StringIO) and "READY" in screen.file.getvalue()
+
+
+def test_alarms_are_listed_in_either_language_and_acknowledged(panel: Panel) -> None:
+    panel.store.alarms.add("DOOR_OPEN", told(Fault.DOOR_OPEN))
+    assert "The door is open." in done("alarms") and "Die Tür ist offen." in done(
+        "alarms", "--language", "de"
+    )
+    done("alarms", "--acknowledge", "1")
+    assert "acknowledged by local" in done("alarms") and "The door is open." not in done("status")
+    assert json.loads(done("alarms", "--json"))["alarms"][0]["acknowledged_by"] == "local"
+
+
+def test_runs_are_listed(panel: Panel) -> None:
+    assert "Nothing was run yet." in done("runs")
+    number = panel.store.runs.begin("part.ngc", "0" * 64)
+    panel.store.runs.end(number, "completed")
+    told = done("runs")
+    assert "part.ngc" in told and "completed" in told
+    assert json.loads(done("runs", "--json"))["runs"][0]["result"] == "completed"
+
+
+# --- who does not answer
+
+
+def test_where_no_panel_is_the_sentence_says_what_to_start() -> None:
+    ran = run("status", "--url", DEAD)
+    assert ran.exit_code == 1 and "directrix panel" in ran.stderr and DEAD in ran.stderr
+
+
+def test_what_is_no_address_is_refused() -> None:
+    ran = run("status", "--url", "machine")
+    assert ran.exit_code == 1 and "allowed are http:// and https://" in ran.stderr
+
+
+def test_the_token_comes_from_the_environment_or_the_state_folder(
+    own_state_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("DIRECTRIX_TOKEN", raising=False)
+    monkeypatch.delenv("STATE_DIRECTORY", raising=False)
+    assert remote.known_token() == ""
+    (own_state_folder / "directrix").mkdir(exist_ok=True)
+    (own_state_folder / "directrix" / "token").write_text("of the file\n")
+    assert remote.known_token() == "of the file"
+    monkeypatch.setenv("DIRECTRIX_TOKEN", "of the environment")
+    assert remote.known_token() == "of the environment"
+
+
+def test_a_script_with_a_token_needs_its_role(
+    panel: Panel, door: NotingDoor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    token, sha256 = new_token()
+    panel.store.users.set("anna", "no hash", "set_up")
+    panel.store.users.add_token(sha256, "looker", "view", "anna")
+    panel.users.refresh()
+    assert run("hold").exit_code == 1 and door.asked == [], "nobody without a token"
+    monkeypatch.setenv("DIRECTRIX_TOKEN", token)
+    done("status")
+    refused = run("hold")
+    assert refused.exit_code == 1 and "looker has the role view" in refused.stderr and door.asked == []

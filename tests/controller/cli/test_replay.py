@@ -1,0 +1,113 @@
+"""``directrix replay``: a record is found, made again, and judged."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from controller import __main__ as command_line
+from controller.api.service_sync import Gatherer
+from controller.api.store import Store
+
+RUNS = Path(__file__).resolve().parents[2] / "data" / "runs"
+WHOLE, CUT_OFF = RUNS / "restart_behind_a_line", RUNS / "emergency_stop"
+
+
+@pytest.fixture
+def record(tmp_path: Path) -> Path:
+    """A copy, in a state folder."""
+    folder = tmp_path / "runs" / WHOLE.name
+    shutil.copytree(WHOLE, folder)
+    return folder
+
+
+def replayed(*words: str | Path) -> tuple[int, dict[str, Any]]:
+    done = CliRunner().invoke(command_line.app, ["replay", *map(str, words), "--json"])
+    return done.exit_code, json.loads(done.stdout)
+
+
+def changed(record: Path, tick: int, axis: int, counts: int) -> None:
+    with np.load(record / "setpoints.npz") as kept:
+        columns, rows = kept["columns"], np.array(kept["rows"])
+    rows[tick, 1 + axis] += counts
+    np.savez_compressed(record / "setpoints.npz", columns=columns, rows=rows)
+
+
+def test_the_same_setpoints_are_said_in_a_sentence_and_every_tick_may_be_kept(tmp_path: Path) -> None:
+    trace = tmp_path / "again.npz"
+    done = CliRunner().invoke(command_line.app, ["replay", str(WHOLE), "--trace", str(trace)])
+    with np.load(WHOLE / "setpoints.npz") as kept:
+        ticks = len(kept["rows"])
+    said = " ".join(done.stdout.split())
+    assert done.exit_code == 0
+    assert f"The same setpoints, bit for bit: {ticks} of {ticks} ticks ({ticks * 0.005:.3f} s)." in said
+    with np.load(trace) as kept:
+        assert "joint_command" in " ".join(kept.files) or len(kept.files) > 3
+
+
+def test_the_first_difference_is_told_by_tick_time_axis_and_millimetres(record: Path) -> None:
+    changed(record, 250, 2, 40)
+    changed(record, 300, 0, 40)
+    code, told = replayed(record)
+    assert (code, told["ok"], told["tick"], told["axis"], told["unit"]) == (1, False, 250, "Z", "mm")
+    assert told["time_s"] == pytest.approx(1.25) and told["difference"] > 0.0
+    for word in ("in tick 250", "at 1.250 s", "Z was told", "mm apart"):
+        assert word in told["error"], told["error"]
+
+
+def test_where_the_axes_left_their_path_it_says_how_far_it_could_compare() -> None:
+    done = CliRunner().invoke(command_line.app, ["replay", str(CUT_OFF)])
+    said = " ".join(done.stdout.split())
+    assert done.exit_code == 0 and "the axes were off their path" in said
+    assert "fault" in json.loads((CUT_OFF / "run.json").read_text())["result"]
+
+
+def test_a_run_is_found_by_its_number_and_by_its_name(record: Path) -> None:
+    state = record.parents[1]
+    store = Store(state)
+    Gatherer(store.database, state).gather()
+    (run,) = store.runs.list()
+    assert run.facts["record"] == record.name
+    for named in (str(run.id), record.name):
+        code, told = replayed(named, "--state", state)
+        assert (code, told["run"]) == (0, record.name)
+    code, told = replayed(str(run.id + 1), "--state", state)
+    assert code == 1 and "no record of such a run" in told["error"]
+
+
+@pytest.mark.parametrize(
+    ("gone", "words"),
+    [
+        ("events.jsonl", "there is no events.jsonl in it"),
+        ("program.ngc", "name the file with --program"),
+        ("machine.toml", "name the file with --machine"),
+        ("setpoints.npz", "nothing of a run was recorded in it"),
+    ],
+)
+def test_what_a_record_lacks_is_said_with_what_to_do(record: Path, gone: str, words: str) -> None:
+    (record / gone).unlink()
+    code, told = replayed(record)
+    assert code == 1 and words in told["error"] and told["error"].endswith("."), told["error"]
+
+
+def test_a_record_of_an_older_version_takes_program_and_machine_from_files(record: Path) -> None:
+    (record / "program.ngc").rename(record.parent / "program.ngc")
+    assert replayed(record, "--program", record.parent / "program.ngc")[0] == 0
+    code, told = replayed(record, "--program", record.parent / "program.ngc", "--machine", "fig4b")
+    assert code == 1 and "another machine file" in told["error"]
+    other = record.parent / "other.ngc"
+    other.write_text("G21\nM30\n")
+    code, told = replayed(record, "--program", other)
+    assert code == 1 and "another program" in told["error"]
+
+
+@pytest.mark.parametrize("run", ["nowhere", "7", "../.."])
+def test_a_run_that_is_none_is_refused_in_a_sentence(tmp_path: Path, run: str) -> None:
+    code, told = replayed(run, "--state", tmp_path)
+    assert code == 1 and told["error"].endswith("."), told

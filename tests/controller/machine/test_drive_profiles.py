@@ -1,0 +1,110 @@
+"""Drive profiles: TOML in, ``Profile`` out; every slip is one sentence with file, table and key."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from controller.machine import drive_profiles
+from controller.machine.toml_table import ConfigError
+from drives.profile import CyclicMode, Supervision, Write
+
+LEAST = '[drive]\nsupervision = "heartbeat"\n'
+
+
+def read(text: str, folder: Path = Path()) -> object:
+    return drive_profiles.read(text, "mine.toml", folder, "mine")
+
+
+@pytest.mark.parametrize("name", drive_profiles.shipped())
+def test_a_shipped_profile_is_read_whole_and_bears_its_name(name: str) -> None:
+    assert drive_profiles.load(name).name == name
+
+
+def test_seven_families_are_shipped() -> None:
+    families = {"elmo", "elmo_gold", "generic", "maxon_epos4", "pilz_prbt", "simulated", "technosoft_ipos"}
+    assert set(drive_profiles.shipped()) == families
+
+
+def test_only_the_simulated_drive_comes_with_its_data_sheet() -> None:
+    assert [name for name in drive_profiles.shipped() if drive_profiles.load(name).eds] == ["simulated"]
+    assert Path(drive_profiles.load("simulated").eds).is_file()
+
+
+def test_what_the_makers_say_is_in_their_profiles() -> None:
+    epos, ipos, prbt = (drive_profiles.load(name) for name in ("maxon_epos4", "technosoft_ipos", "pilz_prbt"))
+    assert (epos.mode, epos.quick_stop_code, epos.home_offset) == (CyclicMode.CSP, 6, 0x30B0)
+    assert (ipos.mode, ipos.supervision) == (CyclicMode.IP, Supervision.GUARDING)
+    assert [(one.index, one.sub, one.times) for one in epos.encoder_resolution] == [
+        (0x3000, 5, 1),
+        (0x3010, 1, 4),
+    ]
+    assert ipos.velocity_unit_counts_s * 65536 == 1000 and ipos.acceleration_unit_counts_s2 * 65536 == 1e6
+    assert (prbt.quick_stop_code, prbt.abort_code, prbt.homing_methods) == (None, None, (0,))
+
+
+def test_a_profile_beside_the_machine_file_is_named_by_its_path(tmp_path: Path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(LEAST + 'period_ms = [2, 8]\n[[write]]\nobject = "2210:01"\nvalue = -3\nwhy = "so"\n')
+    found = drive_profiles.load(str(file))
+    assert (found.name, found.period_min_s, found.period_max_s) == (str(file), 0.002, 0.008)
+    assert found.writes == (Write(0x2210, 1, -3, "so"),)
+
+
+def test_a_data_sheet_is_looked_for_beside_the_profile(tmp_path: Path) -> None:
+    (tmp_path / "drive.eds").write_text("x")
+    found = drive_profiles.read(LEAST + 'eds = "drive.eds"\n', "mine.toml", tmp_path, "mine")
+    assert found.eds == str((tmp_path / "drive.eds").resolve())
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", r"mine\.toml: top level: drive: is missing"),
+        ("[drive]\n", r"mine\.toml:\d+: \[drive\]: supervision: is missing; allowed: \"heartbeat\" or"),
+        (LEAST + "rpd = 2\n", r"rpd = 2: this key is not known; .* did you mean 'rpdo'"),
+        (LEAST + '[[override]]\nobject = "1016:01"\nhigh = 3\n', r"\[\[override\]\] 1: reason: is missing"),
+        (LEAST + "[more]\n", r"top level: more = .* this key is not known"),
+        (LEAST + 'mode = "pp"\n', r'mode = "pp": is not known; allowed: "csp" or "ip"'),
+        (LEAST + "rpdo = 5\n", "rpdo = 5: is out of range or not whole; allowed: a whole number from 1 to 4"),
+        (LEAST + "rpdo = 2\n", "command_rpdo: RPDO 2 carries the target already"),
+        (LEAST + 'mode = "ip"\n', "feed_forward: in interpolated position mode there is no 60B1h"),
+        (LEAST + "period_ms = [4, 2]\n", r"period_ms = \[4, 2\]: is no range"),
+        (LEAST + "period_ms = [0, 2]\n", "is no range"),
+        (LEAST + "period_exponents = []\n", "period_exponents = .*: is not such a list"),
+        (LEAST + "period_exponents = [3]\n", "a list of whole numbers from -6 to -1"),
+        (LEAST + "quick_stop_code = 9\n", "quick_stop_code = 9: is out of range"),
+        (LEAST + 'quick_stop_code = "off"\n', "quick_stop_code = .*: is out of range or not whole"),
+        (LEAST + "homing_methods = [37.5]\n", "homing_methods = .*: is not such a list"),
+        (LEAST + 'home_offset = "hello"\n', 'home_offset = "hello": is no object'),
+        (LEAST + 'optional = ["60Z4"]\n', "optional = .*: is not a list of objects"),
+        (LEAST + "quirks = [3]\n", "quirks = .*: is not a list of texts"),
+        (LEAST + 'eds = "gone.eds"\n', "eds = .*there is no file .*gone.eds"),
+        (LEAST + '[[write]]\nobject = "22:1"\nvalue = 1\nwhy = "x"\n', r'object = "22:1": is no object'),
+        (LEAST + '[[write]]\nobject = "2210:01"\nvalue = 1.5\nwhy = "x"\n', "value = 1.5: is not a whole"),
+        (LEAST + '[[write]]\nobject = "2210:01"\nvalue = 1\n', "why: is missing"),
+        (LEAST + '[[write]]\nobject = "2210:01"\nvalue = 1\nwhy = "x"\nwhen = 1\n', "when = 1: this key"),
+        (LEAST + "acceleration_unit_counts_s2 = 2.0\n", "velocity_unit_counts_s is missing"),
+        (LEAST + "velocity_unit_counts_s = 0\n", "velocity_unit_counts_s = 0: is not above zero"),
+        (LEAST + 'revolution = "load"\n', 'revolution = "load": is not known; allowed: "motor" or "shaft"'),
+        (LEAST + '[[encoder_resolution]]\nobject = "30:05"\n', r'object = "30:05": is no object'),
+        ("[drive\n", r"mine\.toml: is not TOML"),
+    ],
+)
+def test_a_slip_is_one_sentence(text: str, sentence: str) -> None:
+    with pytest.raises(ConfigError, match=sentence):
+        read(text)
+
+
+def test_an_unknown_name_is_answered_with_the_near_one() -> None:
+    with pytest.raises(ConfigError, match=r"maxon_epos5: there is no .*did you mean 'maxon_epos4'"):
+        drive_profiles.load("maxon_epos5")
+
+
+def test_a_profile_says_where_its_familys_sheets_are_wrong() -> None:
+    gold = drive_profiles.load("elmo_gold")
+    assert (gold.mode, gold.vendor) == (CyclicMode.CSP, drive_profiles.load("elmo").vendor)
+    (wrong,) = gold.overrides
+    assert (wrong.index, wrong.sub, wrong.high) == (0x1016, 1, 0xFFFF_FFFF)
+    assert wrong.reason

@@ -1,0 +1,88 @@
+"""M48 to M53: what they switch, what M70 to M73 give back, and what they are refused for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from support.machines.traced_programs import mill
+
+from controller.machine.model import Io, Machine
+from controller.program import blocks
+from controller.program.program import JointLine, Overrides, ProgramError, Remark
+
+IO = Io("can0", 9, "", (("feed_stop", 0),), ())
+
+
+def machine() -> Machine:
+    return replace(mill(), io=IO, spindle=None)
+
+
+def after(*lines: str, on: Machine | None = None) -> Overrides:
+    """In force on the line behind them."""
+    text = "\n".join([*lines, "G1 X1 F100", ""])
+    (*_, last) = blocks.read(text.encode(), on or machine(), "p.ngc").blocks
+    assert isinstance(last, JointLine)
+    return last.modal.overrides
+
+
+@pytest.mark.parametrize(
+    ("lines", "feed", "stop"),
+    [
+        ((), True, True),
+        (("M49",), False, True),
+        (("M49", "M48"), True, True),
+        (("M50 P0",), False, True),
+        (("M49", "M50 P1"), True, True),
+        (("M49", "M50"), True, True),
+        (("M51 P0",), True, True),
+        (("M53 P0",), True, False),
+        (("M53 P0", "M53"), True, True),
+        (("M53 P0 ", "M48"), True, False),
+        (("M52 P0",), True, True),
+        (("M70", "M49", "M53 P0", "M72"), True, True),
+        (("M49", "M70", "M48", "M72"), False, True),
+        (("o1 sub", "M73", "M49", "o1 endsub", "o1 call"), True, True),
+        (("M49", "M6 T1"), False, True),
+    ],
+)
+def test_they_switch_and_are_given_back(lines: tuple[str, ...], feed: bool, stop: bool) -> None:
+    assert after(*lines) == (feed, stop)
+
+
+@pytest.mark.parametrize("name", ["_feed_override", "_feed_hold"])
+def test_a_program_can_ask_for_them(name: str) -> None:
+    before = blocks.read(f"G1 X#<{name}> F100\n".encode(), machine(), "p.ngc").blocks[0]
+    behind = blocks.read(f"M49\nM53 P0\nG1 X#<{name}> F100\n".encode(), machine(), "p.ngc").blocks[-1]
+    assert isinstance(before, JointLine) and isinstance(behind, JointLine)
+    assert (before.targets[0], behind.targets[0]) == (1.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        ("M48 M50", "are both overrides codes"),
+        ("M49 M51 P1", "are both overrides codes"),
+        ("M50 P2", "P2 is neither on nor off"),
+        ("M51 P-1", "P-1 is neither on nor off"),
+        ("M52", "M52 lets an input lead the feed"),
+        ("M52 P1", "M52 lets an input lead the feed"),
+        ("M49 P1", "no code on this line takes P1"),
+    ],
+)
+def test_what_cannot_be_switched_is_refused(line: str, why: str) -> None:
+    with pytest.raises(ProgramError) as error:
+        after(line)
+    assert why in error.value.sentence
+
+
+def test_m53_names_the_input_that_the_machine_file_lacks() -> None:
+    with pytest.raises(ProgramError, match=r"no feed_stop among inputs in \[io\]"):
+        after("M53 P1", on=mill())
+    assert after("M53 P0", on=mill()) == (True, False)
+
+
+def test_m51_says_that_there_is_no_such_override() -> None:
+    found = blocks.read(b"M51 P0\nG0 X1\nM51 P0\n", machine(), "p.ngc").blocks
+    told = [one.sentence for one in found if isinstance(one, Remark)]
+    assert len(told) == 1 and "There is none here" in told[0]

@@ -1,0 +1,58 @@
+"""All refusals of a program in one answer, and who is blamed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from support.machines.shipped_kinds import machine
+from typer.testing import CliRunner
+
+from controller.__main__ import app
+from controller.program import refusals
+
+POST = "G21 G90\nG1 X1 F100\nG99.9 X2\nX1O\nM97\nG99.9 X3 E5\nX#<depth>\nG1 X4 E2\nX5\nM30\n"
+
+
+def of(text: str) -> list[tuple[int, str]]:
+    found = refusals.of(text.encode(), machine("fig4a", spindle=None), "p")
+    return [(one.line, one.about) for one in found]
+
+
+def test_every_line_that_is_refused_is_told_once_with_what_is_to_blame() -> None:
+    assert of(POST) == [(3, "G99.9"), (4, ""), (5, "M97"), (6, "G99.9"), (7, ""), (8, "E")]
+    found = refusals.of(POST.encode(), machine("fig4a", spindle=None), "p")
+    assert refusals.counts(found) == {"G99.9": 2, "": 2, "M97": 1, "E": 1}
+    assert refusals.summed(found) == "6 refusals: G99.9 2, other 2, M97 1, E 1."
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("G1 X1 F100\nM30\n", []),
+        ("o1 repeat [3]\nG1 X1\no1 endrepeat\n", [(2, "G1")]),
+        ("o1 sub\nM97\no1 endsub\no1 call\no1 call\nM97\n", [(2, "M97"), (6, "M97")]),
+        ("o1 if [1]\nM97\n", [(1, "")]),
+        ("M97 E0 Q1\n", [(1, "M97")]),
+        ("G1 X1\nG1 X1\nF5\nX2\n", [(1, "G1"), (2, "G1")]),
+        ("G51 X1\nX2 Y2\nM97\n", [(1, "G51"), (3, "M97")]),
+        ("", [(1, "")]),
+    ],
+)
+def test_a_line_is_blamed_once_however_often_it_runs(text: str, expected: list[tuple[int, str]]) -> None:
+    assert of(text) == expected
+
+
+def test_check_tells_all_of_them(tmp_path: Path) -> None:
+    (tmp_path / "part.ngc").write_text(POST)
+    told = CliRunner().invoke(app, ["check", str(tmp_path / "part.ngc"), "--store", str(tmp_path)])
+    assert told.exit_code == 1
+    said = "".join(told.stderr.split())
+    for line in (3, 4, 5, 6, 7, 8):
+        assert f"part.ngc:{line}:" in said
+    assert "6refusals:" in said
+    facts = CliRunner().invoke(app, ["check", str(tmp_path / "part.ngc"), "--json"]).stdout
+    found = json.loads(facts)
+    assert [row["line"] for row in found["refusals"]] == [3, 4, 5, 6, 7, 8]
+    assert found["counts"]["G99.9"] == 2 and found["line"] == 3

@@ -1,0 +1,65 @@
+"""G51 and G52 that hardly mean what they say: half their words in another unit, or upside down."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from support.machines.stepped_runs import shipped
+
+from controller.machine.setup_data import with_offset
+from controller.program import blocks
+from controller.program.program import CutCone, CutRuled, ProgramError
+from controller.runtime import checked
+
+MACHINE = replace(shipped(), spindle=None)
+CONE = "G51 X{0} Y0 Z0 I0 J0 K0 H{1} R{2} D{3} F800.\n"
+FLAT = [(0, 0, 10), (5, 0, 10), (10, 0, 10), (15, 0, 10), (0, 1, 0), (5, 1, 0), (10, 1, 0), (15, 1, 0)]
+
+
+def ruled(points: list[tuple[float, ...]], form: str = "{:.3f}") -> str:
+    lines = [" ".join(f"{a}{form.format(v)}" for a, v in zip("XYZ", p, strict=True)) for p in points]
+    return "G52 F800. " + "\n".join(lines) + "\n"
+
+
+def doubt(text: str) -> str:
+    (block,) = blocks.read(f"G21 G90\n{text}".encode(), MACHINE, "part.ngc").blocks
+    assert isinstance(block, CutCone | CutRuled)
+    return block.doubt
+
+
+def test_words_of_one_kind_are_not_doubted() -> None:
+    assert doubt(CONE.format("15.", "10.", "5.", "90")) == ""
+    assert doubt(CONE.format("1500", "1000", "500", "90000")) == ""
+    assert doubt(ruled(FLAT)) == ""
+    assert doubt(ruled([tuple(100 * v for v in p) for p in FLAT], "{:.0f}")) == ""
+
+
+@pytest.mark.parametrize(
+    "text",
+    [CONE.format("1500", "10.", "5.", "90."), ruled(FLAT).replace("X15.000 Y0.000", "X1500 Y0.000")],
+)
+def test_words_of_both_kinds_are(text: str) -> None:
+    assert "mixes words" in doubt(text) and "1500 is 15 mm" in doubt(text)
+
+
+def test_a_microscopic_cut_is_told_in_mm() -> None:
+    said = doubt(CONE.format("15", "10", "5", "90"))
+    assert said.startswith("G51 cuts 0.00024 mm: X15 is 0.15 mm")
+    assert doubt(CONE.format("0.15", "0.1", "0.05", "0.09")) == "", "written with points it is meant"
+
+
+def test_check_notes_a_doubt_at_its_block() -> None:
+    text = "G21 G90\n" + CONE.format("15", "10", "5", "90000")
+    text = text.replace("X15 ", "X15. ")
+    walk = checked.path_of(checked.task((text + "M30\n").encode(), "part.ngc", MACHINE))
+    list(walk.items)
+    assert [note.place.line for note in walk.notes if "mixes words" in note.sentence] == [2]
+
+
+def test_exchanged_curves_are_refused_as_such_but_not_on_a_part_that_is_turned_over() -> None:
+    text = f"G21 G90\n{ruled(FLAT[4:] + FLAT[:4])}".encode()
+    with pytest.raises(ProgramError, match="exchange the two curves"):
+        blocks.read(text, MACHINE, "part.ngc")
+    over = with_offset(MACHINE, "G54", {"origin_mm": [0, 0, 0], "turned_deg": [180, 0, 0]})
+    assert blocks.read(text, over, "part.ngc").blocks

@@ -1,0 +1,51 @@
+"""A live machine behind a serial adapter: a pseudo terminal that speaks slcan, and drives at its far end."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.live.live_machines import run, session
+from support.machines.stepped_runs import shipped
+
+from controller.ipc.handoff import COLUMN
+from controller.state.modes import Fault, Mode
+
+ROOT = Path(__file__).parents[3]
+PERIOD_S = 0.010  # a serial adapter is of the slower class
+
+
+@pytest.fixture
+def far_end(tmp_path: Path) -> Iterator[str]:
+    """Five drives on a virtual bus of another process; the terminal that leads there."""
+    link = tmp_path / "adapter"
+    arguments = [sys.executable, "-m", "drives.simulated", str(tmp_path / "far"), "--slcan", str(link)]
+    process = subprocess.Popen(arguments, cwd=ROOT)
+    while not link.exists():
+        assert process.poll() is None
+        time.sleep(0.01)
+    yield str(link)
+    process.terminate()
+    process.wait(20)
+
+
+@pytest.mark.slow
+@pytest.mark.live
+def test_a_machine_behind_a_serial_adapter_homes_and_runs_a_program(far_end: str) -> None:
+    machine = replace(shipped(), period_s=PERIOD_S)
+    (bus,) = machine.buses
+    machine = replace(machine, buses=(replace(bus, interface="slcan", channel=far_end),))
+    with session("G21 G90 G54 G0 X5. Y3.\nG0 X0.\nM30\n", machine) as running:
+        running.ready()
+        rows, last = run(running)
+    assert (last.mode, last.fault) == (Mode.READY, Fault.NONE)
+    commanded = rows[:, COLUMN["joint_command_0"]]
+    actual = rows[:, COLUMN["actual_0"]]
+    assert commanded.max() - commanded.min() > 4.0
+    assert np.ptp(actual) == pytest.approx(np.ptp(commanded), abs=0.05), "the drive has moved"

@@ -1,0 +1,67 @@
+"""Long rows of joined surfaces: what each costs a check does not grow with their number."""
+
+from __future__ import annotations
+
+import cProfile
+import pstats
+import tempfile
+import tracemalloc
+from pathlib import Path
+
+import pytest
+from support.machines.stepped_runs import shipped
+from support.parts.surface_trains import program
+
+from controller.plan.report.survey import Survey
+from controller.runtime import checked
+
+MOST_CALLS = 100_000  # of functions for one more surface: 144 000 took 180 ms, 63 000 take a third of it
+MOST_KB = 120.0  # at the peak, for one more surface
+
+
+def check(count: int, corners: int = 0) -> Survey:
+    """Each number of surfaces stands elsewhere, so that nothing is known of one from another."""
+    task = checked.task(program(count, 0.01 * count, corners).encode(), "train.ngc", shipped())
+    with tempfile.TemporaryDirectory() as folder:
+        return checked.check(task, Path(folder))[0]
+
+
+def calls(count: int, corners: int = 0) -> int:
+    profile = cProfile.Profile()
+    profile.runcall(check, count, corners)
+    return int(pstats.Stats(profile).total_calls)  # type: ignore[attr-defined]
+
+
+def peak_kb(count: int) -> float:
+    tracemalloc.start()
+    try:
+        check(count)
+        return tracemalloc.get_traced_memory()[1] / 1000.0
+    finally:
+        tracemalloc.stop()
+
+
+def test_joined_surfaces_are_one_path_with_as_many_cuts() -> None:
+    found = check(7)
+    assert len(found.cuts_mm) == 7 and sum(found.cuts_mm) == pytest.approx(28.4, abs=0.2)
+
+
+def test_one_more_surface_costs_no_more_than_so_many_calls() -> None:
+    check(2)  # what is made once is made
+    assert calls(12) - calls(4) <= 8 * MOST_CALLS
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("corners", [0, 3])
+def test_the_cost_is_linear_in_the_number_of_surfaces(corners: int) -> None:
+    """Counted from where the spiral has turned once: from there each has a neighbour on the turn before."""
+    check(2)
+    few, some, many = (calls(count, corners) for count in (48, 96, 192))
+    assert (many - some) / 96 <= 1.15 * (some - few) / 48
+
+
+@pytest.mark.slow
+def test_the_memory_of_one_more_surface_is_small() -> None:
+    peak_kb(8)
+    few, many = peak_kb(80), peak_kb(240)
+    assert (many - few) / 160 <= MOST_KB

@@ -1,0 +1,720 @@
+"""What is asked for while something else is under way, without any process."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import re
+import threading
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+import pytest
+from support.fakes.fake_engine import HANGS_S, FakeEngine, done, heard
+
+from controller import messages
+from controller.ipc.control_socket import DoorError
+from controller.ipc.handoff import Snapshot
+from controller.machine import setup_data
+from controller.machine.kinematics import kinematics_of
+from controller.plan.restart.program_position import FORMER, Spot
+from controller.service import acknowledged, jobs, journal
+from controller.service.command_handlers import Desk
+from controller.service.service import JOURNAL, Service
+from controller.service.watchdog import LastSecond, Pulse
+from controller.state.modes import Fault, Mode, Request, sentence
+from controller.state.requests import Outcome, answer
+
+TEXT = "G21 G90 G54\nG1 X10. F3000\nG1 X20.\nM30\n"
+TOOL = {"number": 2, "name": "", "radius_mm": 1.4, "length_mm": 8.0, "flute_mm": 15.0}
+
+
+def loaded(desk: Desk, service: Service, **more: Any) -> None:
+    path = service.state / "part.ngc"
+    path.write_text(TEXT)
+    done(desk, "load", path=str(path), **more)
+
+
+def held(desk: Desk, service: Service, engine: FakeEngine) -> None:
+    loaded(desk, service)
+    done(desk, "start")
+    done(desk, "hold")
+    assert engine.now.mode is Mode.HOLD
+
+
+def ended(service: Service, engine: FakeEngine) -> None:
+    """The tick has come to the program's end, and that was seen."""
+    service.look()
+    engine.now = engine.now._replace(mode=Mode.READY)
+    heard(service, finished=True, whole=True)
+    service.look()
+
+
+@pytest.mark.parametrize("verb", ["retract", "return"])
+def test_a_hold_while_a_way_is_planned_is_done_and_nothing_moves(
+    desk: Desk, service: Service, engine: FakeEngine, verb: str
+) -> None:
+    held(desk, service, engine)
+    planning, go = threading.Event(), threading.Event()
+
+    def plan(**_: Any) -> dict[str, Any]:
+        planning.set()
+        go.wait(HANGS_S)
+        return {}
+
+    engine.answers[verb] = plan
+    heard(service, aside=verb == "return")
+    way = desk(verb, {"mm": 5.0})
+    assert planning.wait(HANGS_S)
+    told = done(desk, "hold")
+    assert (told["mode"], told["outcome"], told["what"]) == ("HOLD", "given_up", verb)
+    go.set()
+    assert isinstance(way, Future)
+    way.result(HANGS_S)
+    assert Request.RESUME not in engine.requests and engine.now.mode is Mode.HOLD
+
+
+@pytest.mark.parametrize("word", ["hold", "stop"])
+@pytest.mark.parametrize("verb", ["retract", "start"])
+def test_a_hold_or_stop_at_the_last_moment_comes_behind_what_it_is_to_stop(
+    desk: Desk, service: Service, engine: FakeEngine, verb: str, word: str
+) -> None:
+    """What goes out and what gives it up cannot pass each other: the tick takes both, in that order."""
+    if verb == "start":
+        loaded(desk, service)
+    else:
+        held(desk, service, engine)
+    others: list[threading.Thread] = []
+
+    def at_the_last_moment(request: Request) -> None:
+        if request in (Request.START, Request.RESUME):
+            engine.before_request = lambda _: None
+            others.append(threading.Thread(target=done, args=(desk, word)))
+            others[0].start()
+            others[0].join(0.05)
+            assert others[0].is_alive(), "it waits until that is out"
+
+    engine.before_request = at_the_last_moment
+    asked = desk(verb, {"mm": 5.0} if verb == "retract" else {})
+    assert isinstance(asked, Future)
+    with contextlib.suppress(DoorError):
+        asked.result(HANGS_S)
+    others[0].join(HANGS_S)
+    assert engine.now.mode is (Mode.HOLD if word == "hold" else Mode.READY)
+    first = Request.START if verb == "start" else Request.RESUME
+    assert engine.requests[-2:] == [first, Request[word.upper()]]
+
+
+def test_a_stop_while_a_start_is_planned_is_the_end_of_it_and_nothing_goes_out(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    loaded(desk, service)
+    arm, planning, go = engine.answers["arm"], threading.Event(), threading.Event()
+
+    def plan(**more: Any) -> dict[str, Any]:
+        planning.set()
+        go.wait(HANGS_S)
+        return arm(**more)
+
+    engine.answers["arm"] = plan
+    start = desk("start", {})
+    assert planning.wait(HANGS_S) and isinstance(start, Future)
+    assert done(desk, "hold")["outcome"] == "given_up"
+    go.set()
+    with pytest.raises(DoorError, match="stopped before it began"):
+        start.result(HANGS_S)
+    assert Request.START not in engine.requests and service.running is None
+
+
+def test_a_stop_between_two_groups_that_home_ends_the_homing_and_nothing_is_enabled(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    """The machine is off just then, and would move again within a moment."""
+    homing, go = threading.Event(), threading.Event()
+
+    def home(**_: Any) -> dict[str, Any]:
+        homing.set()
+        go.wait(HANGS_S)
+        return {}
+
+    engine.answers["home"] = home
+    engine.now = engine.now._replace(mode=Mode.OFF)
+    asked = desk("home", {})
+    assert homing.wait(HANGS_S) and isinstance(asked, Future)
+    with pytest.raises(DoorError, match="HOLD is refused in OFF"):
+        done(desk, "hold")
+    told = done(desk, "stop")
+    assert (told["outcome"], told["what"], engine.given_up) == ("given_up", "home", 1)
+    go.set()
+    with pytest.raises(DoorError, match="stopped"):
+        asked.result(HANGS_S)
+    assert Request.ENABLE not in engine.requests and engine.now.mode is Mode.OFF
+
+
+def test_a_refusal_is_of_the_request_that_was_refused_and_of_no_later_one(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    """Seen on a bench: the second ENABLE answered with the door of the first, while the drives came up."""
+    engine.now = engine.now._replace(mode=Mode.OFF)
+    request, open_door = engine.request, Fault.ESTOP_INPUT
+
+    def refusing(asked: Request, value: float = 0.0) -> int:
+        if asked is not Request.ENABLE:
+            return request(asked, value)
+        engine.number += 1
+        came = answer(engine.number, Outcome.REFUSED, open_door)
+        engine.now = engine.now._replace(answers=(*engine.now.answers[1:], came))
+        return engine.number
+
+    engine.request = refusing  # type: ignore[method-assign]
+    with pytest.raises(DoorError) as error:
+        done(desk, "enable")
+    assert (error.value.mode, error.value.request) == ("OFF", "ENABLE")
+    assert error.value.sentence == sentence(Fault.ESTOP_INPUT)
+    engine.request = request  # type: ignore[method-assign]
+    number = request(Request.ENABLE)
+    engine.now = engine.now._replace(mode=Mode.READY)
+    assert engine.now.came_of(number)[0] is Outcome.DONE and done(desk, "enable")["done"]
+
+
+def test_every_request_is_answered_as_what_came_of_it_and_not_as_the_mode_suggests(
+    desk: Desk, engine: FakeEngine
+) -> None:
+    """The tick refuses what its table would take: it knows more than the snapshot that was seen last."""
+    engine.now = engine.now._replace(mode=Mode.RUNNING)
+    told = done(desk, "override", share=0.5)
+    assert (told["outcome"], told["share"], told["mode"]) == ("done", 0.5, "RUNNING")
+    engine._answer, take = lambda came: take(Outcome.REFUSED), engine._answer  # type: ignore[method-assign]
+    for verb in ("hold", "resume", "jog_stop", "disable"):
+        with pytest.raises(DoorError) as error:
+            done(desk, verb)
+        assert error.value.request
+
+
+def test_a_tick_that_answers_nothing_is_told_and_keeps_nobody_waiting(
+    desk: Desk, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(acknowledged, "LONGEST_S", 0.02)
+    monkeypatch.setattr(engine, "request", lambda request, value=0.0: 77)
+    asked = desk("hold", {})
+    assert isinstance(asked, Future), "the door's thread goes on"
+    with pytest.raises(DoorError) as error:
+        asked.result(HANGS_S)
+    assert (
+        error.value.code == "silent" and error.value.request == "HOLD" and error.value.said["key"] == "waited"
+    )
+    asked = desk("stop", {})
+    engine.tick_alive = False
+    assert isinstance(asked, Future)
+    with pytest.raises(DoorError):
+        asked.result(HANGS_S)
+
+
+def at(engine: FakeEngine, **degrees: float) -> None:
+    """The axes stand 60 mm lower, with the rotaries turned."""
+    machine = engine.machine
+    joints = [
+        q + (-60.0 if axis.name == "Z" else math.radians(degrees.get(axis.name, 0.0)))
+        for axis, q in zip(machine.axes, engine.now.joints, strict=True)
+    ]
+    engine.now = engine.now._replace(joints=tuple(joints), actual=tuple(joints))
+
+
+def gone(engine: FakeEngine, before: Snapshot) -> tuple[float, float]:
+    """How far (mm) the tool's gauge line went along its own axis, and across it."""
+    kinematics = kinematics_of(engine.machine)
+    (there, axis), (here, _) = (kinematics.forward(q.joints, 0.0) for q in (engine.now, before))
+    way = [float(p - q) for p, q in zip(there, here, strict=True)]
+    along = sum(w * float(a) for w, a in zip(way, axis, strict=True))
+    return along, math.hypot(*(w - along * float(a) for w, a in zip(way, axis, strict=True)))
+
+
+def test_from_ready_as_after_a_fault_the_tool_goes_off_along_its_axis_slowly(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    at(engine, A=35.0, C=-20.0)
+    before, room = engine.now, done(desk, "status")["retract_room_mm"]
+    assert done(desk, "retract", mm=12.5)["mm"] == pytest.approx(12.5)
+    assert gone(engine, before) == pytest.approx((12.5, 0.0), abs=1e-9)
+    (line,) = engine.jogged
+    assert line.length == 12.5 and 0.0 < line.speed <= 10.0, "no faster than out of a held program"
+    after = done(desk, "status")["retract_room_mm"]
+    assert after == pytest.approx(room - 12.5, abs=2e-3)
+    done(desk, "retract", mm=after)  # what is told may be asked for
+    with pytest.raises(DoorError, match=r"up to 0\.000 mm") as error:
+        done(desk, "retract", mm=0.1)
+    assert error.value.mode == "READY" and "0.000 mm im Verfahrweg" in messages.text(error.value.said, "de")
+
+
+@pytest.mark.parametrize("mm", [0.0, 1000.0])
+def test_a_retract_that_cannot_be_is_refused_with_how_far_it_could_go(
+    desk: Desk, service: Service, engine: FakeEngine, mm: float
+) -> None:
+    at(engine)
+    room = done(desk, "status")["retract_room_mm"]
+    with pytest.raises(DoorError, match=f"up to {room:.3f} mm"):
+        done(desk, "retract", mm=mm)
+    held(desk, service, engine)
+    with pytest.raises(DoorError, match=f"up to {room:.3f} mm"):
+        done(desk, "retract", mm=mm)
+    assert not engine.jogged and "retract" not in engine.orders
+
+
+def test_no_retract_where_the_tool_axis_is_not_known_or_a_door_is_open(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    at(engine)
+    good = engine.now
+    engine.now = good._replace(homed=0b10111, untrusted=0b01000)
+    assert done(desk, "status")["retract_room_mm"] is None
+    with pytest.raises(DoorError, match="A is homed"):
+        done(desk, "retract", mm=5.0)
+    engine.now = good._replace(interlock=Fault.DOOR_OPEN)
+    with pytest.raises(DoorError, match="The door is open"):
+        done(desk, "retract", mm=5.0)
+    engine.now = good._replace(mode=Mode.FAULT)
+    with pytest.raises(DoorError, match="reset and enable"):
+        done(desk, "retract", mm=5.0)
+    assert not engine.jogged
+
+
+def test_a_retract_that_something_ends_too_early_is_no_success(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    at(engine)
+    engine.jog_ends_mm = 3.0
+    with pytest.raises(DoorError, match=r"after 3\.000 of 8\.000 mm"):
+        done(desk, "retract", mm=8.0)
+
+
+def leaves(value: Any) -> list[Any]:
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else None
+    return [value] if inner is None else [leaf for one in inner for leaf in leaves(one)]
+
+
+def test_of_a_tick_that_was_killed_in_a_cut_the_very_next_status_tells(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    """Nobody has looked since: no alarm is there yet, and nothing of the cut is told to go on."""
+    loaded(desk, service)
+    done(desk, "start")
+    actual = tuple(q + 0.25 for q in engine.now.joints)
+    engine.now = engine.now._replace(actual=actual, at_rest=False, rate=1.0)
+    before = done(desk, "status")
+    engine.tick_alive = False
+    now = done(desk, "status")
+    assert (before["mode"], before["job"]["state"], before["fault"]) == ("RUNNING", "running", None)
+    assert (now["mode"], now["job"]["state"], now["tick_alive"]) == ("FAULT", "fault", False)
+    assert now["fault"]["name"] == "CONTROLLER_GONE" and not now["fault"]["position_trusted"]
+    assert messages.text(now["fault"])
+    assert now["at_rest"] is None and now["feed_mm_min"]["actual"] is None and now["retract_room_mm"] is None
+    assert now["not_homed"] == ["X", "Y", "Z", "A", "C"]
+    assert now.keys() == before.keys()
+    for axis, joint in now["joints"].items():
+        assert joint["actual"] == before["joints"][axis]["actual"], "where it was heard last"
+        assert (joint["homed"], joint["to_go"], joint["error"]) == (False, None, None)
+    assert {drive["state"] for drive in now["drives"]} == {None}
+    service.look()
+    shown = done(desk, "status")["fault"]
+    assert shown["number"] == service.alarms.list()[0]["id"], "and then with its alarm"
+
+
+@pytest.mark.parametrize("alive", [True, False])
+@pytest.mark.parametrize("never", [True, False])
+def test_before_the_first_tick_every_field_is_there_and_nothing_is_known(
+    desk: Desk,
+    service: Service,
+    engine: FakeEngine,
+    monkeypatch: pytest.MonkeyPatch,
+    alive: bool,
+    never: bool,
+) -> None:
+    full = done(desk, "status")
+    none = None if never else engine.now._replace(tick=-1)
+    monkeypatch.setattr(engine, "snapshot", lambda: none)
+    engine.tick_alive = alive
+    now = done(desk, "status")
+    assert now.keys() == full.keys() and now["joints"].keys() == full["joints"].keys()
+    assert (now["mode"], now["tick_alive"], now["not_homed"]) == ("OFF", alive, ["X", "Y", "Z", "A", "C"])
+    for key in ("joints", "feed_mm_min", "spindle", "tick", "tip", "override", "at_rest", "limited_by"):
+        assert set(leaves(now[key])) == {None} and leaves(now[key]), key
+    assert [drive["axis"] for drive in now["drives"]] == ["X", "Y", "Z", "A", "C"]
+
+
+def test_a_tick_that_stands_is_told_in_every_status_and_once_as_an_alarm(
+    desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seconds = [0.0]
+    service.pulse = Pulse(lambda: seconds[0])
+    service.look()
+    frozen = engine.now
+    monkeypatch.setattr(engine, "snapshot", lambda: frozen)
+    for now_s in (0.1, 0.4):
+        seconds[0] = now_s
+        service.look()
+        assert done(desk, "status")["tick"]["age_s"] == pytest.approx(now_s)
+        assert not done(desk, "status")["notices"] and not service.alarms.list()
+    seconds[0] = 1.0
+    service.look()
+    service.look()
+    told = done(desk, "status")
+    (notice,) = told["notices"]
+    assert notice["name"] == "TICK_STANDS"
+    assert "1.0 s" in messages.text(notice)
+    assert [alarm["name"] for alarm in service.alarms.list()] == ["TICK_STANDS"]
+    frozen = frozen._replace(tick=frozen.tick + 1)
+    service.look()
+    assert not done(desk, "status")["notices"] and done(desk, "status")["tick"]["age_s"] == 0.0
+    seconds[0] = 2.0
+    service.look()
+    assert len(service.alarms.list()) == 2, "it stands once more"
+
+
+def test_in_the_last_second_of_the_queue_the_operator_is_told_and_not_before(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    """The plan has more to send, and does not: the path goes on, and rests where the queue ends."""
+    seconds = [0.0]
+    service.last_second = LastSecond(lambda: seconds[0])
+    loaded(desk, service)
+    done(desk, "start")
+    heard(service, finished=False)
+
+    def told(left_s: float, **more: Any) -> list[dict[str, Any]]:
+        now_s = engine.now.plan_time_s
+        engine.now = engine.now._replace(queue_end_s=now_s + left_s, at_rest=False, **more)
+        seconds[0] += 0.15
+        service.look()
+        notices: list[dict[str, Any]] = done(desk, "status")["notices"]
+        return notices
+
+    assert not told(2.5) and not told(1.01)
+    assert not told(0.9), "where a program begins that is nothing"
+    assert not told(0.8)
+    (notice,) = told(0.7)
+    assert notice["name"] == "PLAN_SILENT" and "0.7 s" in messages.text(notice)
+    assert not told(2.0), "it has sent again"
+    assert not service.alarms.list()
+    for _ in range(3):
+        told(0.5)
+    assert told(0.4)
+    heard(service, finished=True, whole=True)
+    assert not told(0.3) and not told(0.2), "it is the program's own end"
+
+
+def test_a_plan_that_is_killed_in_a_hold_is_a_fault_with_one_alarm(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    held(desk, service, engine)
+    service.look()
+    engine.plan_alive = False
+    service.look()
+    assert Request.STOP not in engine.requests and engine.now.mode is Mode.FAULT
+    service.look()
+    now = done(desk, "status")
+    assert (now["mode"], now["fault"]["name"]) == ("FAULT", "PLANNER_GONE")
+    (alarm,) = service.alarms.list()
+    assert (alarm["name"], now["fault"]["number"]) == ("PLANNER_GONE", alarm["id"])
+    assert service.running is None and service.job is not None
+    assert service.job.state == "fault"
+    assert messages.text(service.job.said) == messages.text(now["fault"])
+
+
+def test_a_later_death_of_the_plan_is_another_alarm(desk: Desk, service: Service, engine: FakeEngine) -> None:
+    for so_many in (1, 2):
+        held(desk, service, engine)
+        service.look()
+        engine.plan_alive = False
+        service.look()
+        service.look()
+        assert len(service.alarms.list()) == so_many
+        mended = threading.Event()
+        service.sequencer.later(mended.set)
+        assert mended.wait(HANGS_S), "the other plan"
+        engine.now = engine.now._replace(mode=Mode.READY, fault=Fault.NONE)
+        service.look()
+
+
+def test_a_hold_right_behind_a_resume_is_sent_although_no_snapshot_shows_that_it_runs(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    held(desk, service, engine)
+    assert done(desk, "resume")["outcome"] == done(desk, "hold")["outcome"] == "done"
+    assert engine.requests[-2:] == [Request.RESUME, Request.HOLD] and engine.now.mode is Mode.HOLD
+    with pytest.raises(DoorError, match="HOLD is refused in HOLD"):
+        done(desk, "hold")
+
+
+def test_a_stop_is_sent_though_the_plan_that_prepares_a_start_is_gone(
+    desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loaded(desk, service)
+    sent: list[Request] = []
+
+    def gone(*_: Any, **__: Any) -> dict[str, Any]:
+        raise DoorError("gone", "The planner is gone.")
+
+    def plan(**_: Any) -> dict[str, Any]:
+        monkeypatch.setattr(engine, "give_up", gone)
+        desk("stop", {})
+        sent.extend(engine.requests)
+        return gone()
+
+    engine.answers["arm"] = plan
+    with pytest.raises(DoorError, match="planner is gone"):
+        done(desk, "start")
+    assert sent == [Request.STOP]
+
+
+def test_a_start_on_a_full_disk_is_confirmed_costs_the_record_and_the_program_ends_as_ever(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    loaded(desk, service)
+    (service.state / "runs").write_text("no folder can be made here")
+    with pytest.raises(DoorError, match=r"is not recorded and cannot be gone on with: .*runs: "):
+        done(desk, "start")
+    assert service.alarms.list() == [] and engine.now.mode is Mode.READY
+    done(desk, "start", unrecorded=True)
+    ended(service, engine)
+    assert service.running is None and service.job is not None and service.job.state == "completed"
+    (alarm,) = service.alarms.list()
+    assert alarm["name"] == "NOT_RECORDED" and alarm["key"] == "not_recorded"
+    done(desk, "start", unrecorded=True)
+
+
+def test_a_disk_that_fills_during_a_run_is_told_once(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    loaded(desk, service)
+    done(desk, "start")
+    assert service.record is not None and service.record._file is not None
+    service.record.began, service.record._file.problem = True, "No space left on device"
+    for _ in range(3):
+        service._look_at_rows(engine.now)
+    (alarm,) = service.alarms.list()
+    assert messages.text(alarm).startswith(
+        "The record of part.ngc ends before the run: No space left on device"
+    )
+    ended(service, engine)
+
+
+def test_a_run_is_told_to_be_over_when_what_it_forbids_is_allowed_again_and_not_before(
+    desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loaded(desk, service)
+    done(desk, "start")
+    job, told = service.running, list[str]()
+    assert job is not None
+    monkeypatch.setattr(service.troubles, "run_over", lambda: told.append(job.state))
+    ended(service, engine)
+    assert told and told[-1] != "completed" and job.state == "completed", "another may look at any time"
+
+
+def test_a_start_that_meets_an_error_of_ours_does_not_bar_the_next(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    loaded(desk, service)
+    good = engine.answers["arm"]
+    engine.answers["arm"] = lambda **_: {}["start"]
+    with pytest.raises(DoorError, match="KeyError"):
+        done(desk, "start")
+    assert service.running is None
+    engine.answers["arm"] = good
+    done(desk, "start")
+
+
+def test_a_line_that_is_over_before_anybody_looks_has_been_run(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    engine.short = True
+
+    def arm(**more: Any) -> dict[str, Any]:
+        heard(service, finished=True, whole=True)
+        return engine._arm(**more)
+
+    engine.answers["arm"] = arm
+    started = desk("mdi", {"text": "M5"})
+    assert isinstance(started, Future)
+    while not started.done() or service.running is not None:
+        service.look()
+    assert started.result() == {"done": True, "mode": "READY"} and service.running is None
+
+
+def test_what_a_plan_left_in_the_tick_when_it_died_is_dropped_before_the_next_start(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    loaded(desk, service)
+    good = engine.answers["arm"]
+
+    def dies(**_: Any) -> dict[str, Any]:
+        engine.now = engine.now._replace(queue_end_s=5.0)
+        engine.plan_alive = False
+        raise DoorError("gone", "The planner is gone.")
+
+    engine.answers["arm"] = dies
+    with pytest.raises(DoorError):
+        done(desk, "start")
+    assert engine.requests == [Request.STOP] and engine.now.queue_end_s == 0.0
+    engine.answers["arm"], engine.plan_alive = good, True
+    engine.now = engine.now._replace(queue_end_s=5.0)  # a stop that never came to the tick
+    done(desk, "start")
+    assert engine.requests == [Request.STOP, Request.STOP, Request.START]
+
+
+def test_two_changes_at_once_are_both_kept(
+    desk: Desk, service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save, both = setup_data.save, threading.Barrier(2, timeout=0.2)
+
+    def slow(state: Path, values: setup_data.Values) -> None:
+        with contextlib.suppress(threading.BrokenBarrierError):
+            both.wait()  # each with what the other has not written yet, where they may
+        save(state, values)
+
+    monkeypatch.setattr(setup_data, "save", slow)
+    asked = [desk("set_offset", {"name": "G55", "values": [1.0, 2.0, 3.0]}), desk("set_tool", dict(TOOL))]
+    for one in asked:
+        assert isinstance(one, Future)
+        one.result(HANGS_S)
+    kept = json.loads((service.state / setup_data.FILE).read_text())
+    assert kept["offsets"]["G55"] == [1.0, 2.0, 3.0] and kept["tools"]["2"]["length_mm"] == 8.0
+    assert service.machine.offsets[1].origin == (1.0, 2.0, 3.0)
+    tool = service.machine.tool(2)
+    assert tool is not None and tool.length_mm == 8.0
+
+
+def test_a_start_during_a_change_runs_with_what_was_changed(
+    desk: Desk, service: Service, engine: FakeEngine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loaded(desk, service)
+    save, writing, go = setup_data.save, threading.Event(), threading.Event()
+
+    def slow(state: Path, values: setup_data.Values) -> None:
+        writing.set()
+        go.wait(HANGS_S)
+        save(state, values)
+
+    armed: list[Any] = []
+    arm = engine.answers["arm"]
+    engine.answers["arm"] = lambda **more: (armed.append(more["program"]), arm(**more))[1]
+    monkeypatch.setattr(setup_data, "save", slow)
+    change = desk("set_offset", {"name": "G54", "values": [1.0, 2.0, 3.0]})
+    assert writing.wait(HANGS_S)
+    start = desk("start", {})
+    go.set()
+    assert isinstance(change, Future) and isinstance(start, Future)
+    change.result(HANGS_S)
+    start.result(HANGS_S)
+    assert armed[0].machine.offsets[0].origin == (1.0, 2.0, 3.0)
+
+
+def interrupted(service: Service) -> None:
+    """The journal of a program that was stopped in line 3."""
+    joints = jobs.homed_position(service.machine)
+    job = journal.Job.of("part.ngc", TEXT.encode(), service.machine, joints)
+    entry = journal.Entry(job, Spot(3, 0.5, 7, 12.0), True, 1, "READY", "NONE", 31, 0.0)
+    journal.write(entry, service.state / JOURNAL)
+
+
+def test_a_restart_that_is_loaded_is_not_started_with_another_offset(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    interrupted(service)
+    loaded(desk, service, restart=True)
+    before = setup_data.offsets_of(service.machine)["G54"]["origin_mm"]
+    done(desk, "set_offset", name="G54", values=[1.0, 2.0, 3.0])
+    with pytest.raises(DoorError, match="a work offset changed") as error:
+        done(desk, "start")
+    assert (error.value.mode, error.value.request) == ("READY", "START")
+    assert "arm" not in engine.orders and service.running is None
+    done(desk, "set_offset", name="G54", values=before)
+    done(desk, "start")
+
+
+def test_a_restart_that_is_loaded_starts_with_another_tool_at_the_fraction_of_its_block(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    interrupted(service)
+    loaded(desk, service, restart=True)
+    assert service.job is not None and service.job.program.spot == Spot(3, 0.5, 7, 12.0)
+    done(desk, "set_tool", **TOOL)
+    done(desk, "start")
+    assert service.job.program.spot == Spot(3, 0.5, FORMER)
+
+
+def test_tools_do_not_change_while_the_way_back_is_planned_with_them(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    held(desk, service, engine)
+    heard(service, aside=True)
+    done(desk, "set_tool", **TOOL)
+    said: list[DoorError] = []
+
+    def plan(**_: Any) -> dict[str, Any]:
+        with contextlib.suppress(DoorError):
+            done(desk, "set_tool", **{**TOOL, "length_mm": 9.0})
+            raise AssertionError("it was changed")
+        said.append(DoorError("", ""))
+        heard(service)
+        engine.aside = True
+        return {}
+
+    engine.answers["return"] = plan
+    done(desk, "return")
+    assert said and service.running is not None
+    tool = service.running.program.machine.tool(2)
+    assert tool is not None and tool.length_mm == 8.0
+
+
+def test_a_start_before_the_program_is_read_or_after_its_refusal_says_why_in_both_languages(
+    desk: Desk, service: Service, engine: FakeEngine
+) -> None:
+    reading, go = threading.Event(), threading.Event()
+
+    def check(**_: Any) -> dict[str, Any]:
+        reading.set()
+        go.wait(HANGS_S)
+        raise DoorError("bad", "part.ngc: line 2: X99. is beyond the travel.")
+
+    engine.answers["check"] = check
+    (service.state / "part.ngc").write_text(TEXT)
+    load = desk("load", {"path": str(service.state / "part.ngc")})
+    assert reading.wait(HANGS_S)
+    with pytest.raises(DoorError, match=r"part\.ngc is still being read and checked; wait") as error:
+        done(desk, "start")
+    assert "wird noch gelesen" in messages.text(error.value.said, "de")
+    go.set()
+    assert isinstance(load, Future)
+    with pytest.raises(DoorError):
+        load.result(HANGS_S)
+    with pytest.raises(DoorError, match=r"was not loaded.* X99\. is beyond the travel\.$") as error:
+        done(desk, "start")
+    assert messages.text(error.value.said, "de").endswith("beyond the travel.")
+    job = done(desk, "status")["job"]
+    assert job["state"] == "refused" and messages.text(job).endswith("beyond the travel.")
+
+
+@pytest.mark.parametrize(
+    ("axis", "end", "sign"), [("X", "travel_max", 1), ("X", "travel_min", -1), ("A", "travel_max", 1)]
+)
+def test_a_jog_into_a_soft_limit_says_that_it_will_not_move_and_why(
+    desk: Desk, service: Service, engine: FakeEngine, axis: str, end: str, sign: int
+) -> None:
+    at(engine)
+    index = [a.name for a in engine.machine.axes].index(axis)
+    there = getattr(engine.machine.axes[index], end)
+    joints = tuple([there if i == index else q for i, q in enumerate(engine.now.joints)])
+    engine.now = engine.now._replace(joints=joints, actual=joints)
+    shown = there * engine.machine.axes[index].shown_per_unit
+    words = f"^{axis} will not move: it stands at its soft limit of {re.escape(f'{shown:g}')} (mm|deg)"
+    for verb, args in (("jog", {"speed": 0.5 * sign}), ("jog_step", {"distance": 1.0 * sign})):
+        with pytest.raises(DoorError, match=words) as error:
+            done(desk, verb, axis=axis, frame="joint", **args)
+        assert "bewegt sich nicht" in messages.text(error.value.said, "de") and not engine.jogged
+    done(desk, "jog_step", axis=axis, frame="joint", distance=-1.0 * sign)
+    assert len(engine.jogged) == 1, "away from the limit it moves"
+    engine.now = engine.now._replace(joints=joints, actual=joints, homed=0, mode=Mode.READY)
+    done(desk, "jog_step", axis=axis, frame="joint", distance=1.0 * sign)
+    assert len(engine.jogged) == 2, "where its zero is not known there is no limit"

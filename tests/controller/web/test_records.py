@@ -1,0 +1,77 @@
+"""What was, on the page: alarms and runs, also while older ones are being read."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from support.live.browser import Site, until
+
+from controller.api.store import Store
+
+pytestmark = pytest.mark.slow
+PAGE = 50  # that are listed at first
+
+
+@pytest.fixture(scope="module")
+def store(site: Site) -> Store:
+    """The panel's own, as the service's records come into it."""
+    return Store(site.folder)
+
+
+def show(page: Any, name: str) -> None:
+    page.evaluate("(name) => dx.show(name)", name)
+    page.wait_for_selector(f"section[data-view={name}] .card")
+
+
+def test_an_alarm_is_acknowledged_also_among_older_ones_and_new_ones_still_come(
+    page: Any, store: Store
+) -> None:
+    first = store.alarms.add("ESTOP", "The first of all.", "", number=4711)
+    for n in range(PAGE + 9):
+        store.alarms.add("ESTOP", f"Sentence {n}.")
+    show(page, "alarms")
+    cards = "document.querySelectorAll('#alarms-list .alarm-card').length"
+    page.wait_for_function(f"() => {cards} === {PAGE}")
+    page.click("#alarms-more")
+    page.wait_for_function(f"() => {cards} === {PAGE + 10}")
+    card = ".alarm-card:has-text('The first of all.')"
+    assert "#4711" in page.inner_text(card), "the number that the machine gave it"
+    page.click(f"{card} >> text=Acknowledge")
+    page.wait_for_selector(f"{card} button:has-text('Acknowledge')", state="detached")
+    found = store.alarms.get(first)
+    assert found is not None and found.acknowledged_s is not None
+    assert str(found.acknowledged_by) in page.inner_text(card)
+    store.alarms.add("LIMIT", "It came later.", "Y")
+    page.wait_for_selector(".alarm-card:first-child:has-text('It came later.')")
+    assert page.is_visible("#alarms-more") is False
+
+
+def test_what_is_wrong_now_has_its_number_and_its_time(page: Any, site: Site) -> None:
+    show(page, "alarms")
+    fault = {"name": "FOLLOWING_ERROR", "axis": "Z", "sentence": "Too far.", "number": 12, "time_s": 1.7e9}
+    site.tell(fault=fault)
+    page.wait_for_selector("#alarms-now >> text=Too far.")
+    told = page.inner_text("#alarms-now .alarm-head")
+    assert "#12" in told and "Z" in told
+    assert page.evaluate("dx.forms.date(1.7e9)") in told
+    site.tell()
+    page.wait_for_selector("#alarms-now >> text=Nothing is wrong.")
+
+
+def test_new_runs_come_while_older_ones_are_read_and_their_worst_errors_are_told_by_unit(
+    page: Any, store: Store
+) -> None:
+    errors = {"X": 0.0211, "Y": 0.0042, "A": 0.0123, "C": 0.0313}
+    for n in range(PAGE + 1):
+        store.runs.end(store.runs.begin(f"{n}.ngc", "0" * 64, following_error=errors), "completed")
+    show(page, "runs")
+    rows = "document.querySelectorAll('#runs-list tr').length"
+    page.wait_for_function(f"() => {rows} === {PAGE}")
+    page.click("#runs-more")
+    page.wait_for_function(f"() => {rows} === {PAGE + 1}")
+    assert "X 21.1 µm, C 31.3 m°" in page.inner_text("#runs-list tr:first-child .r-error")
+    store.runs.end(store.runs.begin("later.ngc", "0" * 64), "stopped")
+    page.wait_for_selector("#runs-list tr:first-child:has-text('later.ngc')")
+    assert until(lambda: page.evaluate(rows) == PAGE + 2, "all of the runs")
+    until(lambda: not page.is_visible("#runs-more"), "no more")
