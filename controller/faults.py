@@ -1,6 +1,6 @@
 """What a fault is made of: its name, what the tick does, what the operator does, what it takes.
 
-The rows themselves are in ``fault_table``, what the operator reads in ``catalogue``.
+The rows themselves are in ``fault_table``, what the operator reads in ``messages``.
 """
 
 from __future__ import annotations

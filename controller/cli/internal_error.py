@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
-from controller.messages import internal_error
+from controller.ipc import internal_error
 
 EXIT_CODE = 70  # EX_SOFTWARE of sysexits.h
 

@@ -8,7 +8,7 @@ and gets one answer with its ``id``; what takes long answers late, and others ov
     {"id": 7, "ok": false, "error": {"code": "refused", "mode": "RUNNING", "request": "HOME",
                                      "key": "refused", "values": {...}}}
 
-What is said is a key with its values (see ``catalogue``): whoever asked puts it into words.
+What is said is a key with its values (see ``messages``): whoever asked puts it into words.
 The kernel tells who connects (SO_PEERCRED): the same user, root, and members of the group that
 owns the socket are let in. The answering side is ``controller.service.socket_server``.
 """
@@ -28,7 +28,8 @@ from pathlib import Path
 from typing import Any
 
 from controller import atomic_file, messages
-from controller.messages import Key, Said, internal_error, plain, said
+from controller.ipc import internal_error
+from controller.messages import Key, Said, plain, said
 
 Values = dict[str, Any]
 Answer = Values | Future[Values]

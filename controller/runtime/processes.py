@@ -16,10 +16,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from controller.ipc import internal_error
 from controller.ipc.handoff import PieceInbox, Recorder, RequestInbox, SnapshotBoard
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.messages import internal_error
 from controller.program.program import ProgramError
 from controller.runtime import children, cores, cyclic
 from controller.runtime.children import Job
