@@ -16,7 +16,7 @@ import hypothesis
 import pytest
 from support.suite import absent_computer, seed
 
-MOST_OPEN = 500  # files; select, which the simulated bus waits with, takes 1024
+MAX_OPEN = 500  # files; select, which the simulated bus waits with, takes 1024
 
 # The workers of xdist must choose the same.
 os.environ["DIRECTRIX_TEST_SEED"] = str(seed.SEED)
@@ -43,7 +43,7 @@ def own_collector() -> Iterator[None]:
     yield
     gc.set_threshold(*before)
     gc.unfreeze()
-    if len(os.listdir("/proc/self/fd")) > MOST_OPEN:
+    if len(os.listdir("/proc/self/fd")) > MAX_OPEN:
         gc.collect()
 
 

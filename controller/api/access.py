@@ -36,12 +36,12 @@ SAFE = frozenset({"GET", "HEAD", "OPTIONS"})
 PROXY_HEADERS = ("forwarded", "x-forwarded-for", "x-forwarded-host", "x-real-ip", "via")
 LOCAL = Principal("local", Role.SET_UP, "local")
 SEEN_S = 2.0  # age of the tick that a page has seen; it presses nothing when it is 0.7 s without one
-MOST_DIGITS = 16  # of a tick
+MAX_DIGITS = 16  # of a tick
 AGAIN_S = 1.0  # a jog is refreshed ten times a second and audited once; after such a pause it is another
 # Who is sent away may try without end: a line for each address and reason, or the log would
 # soon hold nothing else.
 STRANGER_S = 60.0
-MOST_AUDITED = 1000  # of the latest lines that are compared
+MAX_AUDITED = 1000  # of the latest lines that are compared
 
 Guard = Callable[..., Awaitable[Principal]]
 
@@ -116,7 +116,7 @@ async def _checked(connection: HTTPConnection, role: Role) -> Principal:
 
 async def _check_seen(connection: HTTPConnection, seen: str, most_s: float) -> None:
     """Raises Refusal where the tick that was seen is long ago, or of another run of the service."""
-    if not (seen.isascii() and seen.isdigit() and len(seen) <= MOST_DIGITS):
+    if not (seen.isascii() and seen.isdigit() and len(seen) <= MAX_DIGITS):
         return
     tick = (await panel_of(connection).watch.status()).get("tick")
     if tick is None or tick["number"] is None:  # there was none yet
@@ -245,7 +245,7 @@ def _is_news(panel: Panel, key: tuple[str, str, bool], again_s: float, from_last
     """Whether there was no line like it for ``again_s``; ``from_last``: nor one that was kept back."""
     now_s, last_s = time.monotonic(), panel.audited.pop(key, -1e9)
     news = now_s - last_s >= again_s
-    while len(panel.audited) >= MOST_AUDITED:
+    while len(panel.audited) >= MAX_AUDITED:
         del panel.audited[next(iter(panel.audited))]
     panel.audited[key] = now_s if news or from_last else last_s
     return news

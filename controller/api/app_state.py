@@ -16,7 +16,7 @@ from controller.api.events import Events
 from controller.api.go_on import GoOn
 from controller.api.notices import Notices
 from controller.api.roles import Control
-from controller.api.service_client import Door, Watch
+from controller.api.service_client import ServiceClient, Watch
 from controller.api.service_sync import Gatherer
 from controller.api.store import Store
 from controller.api.ticks import Latest
@@ -24,15 +24,15 @@ from controller.api.users import REFRESH_S, Users
 
 _log = logging.getLogger(__name__)
 AGAIN_S = 1.0  # until a work that failed is begun anew
-MOST_NOTES = 1000  # lines of the audit log that wait for the disk
-LOOK_S = 1.0  # between two looks at what the service wrote, and at programs that came by other ways
+MAX_NOTES = 1000  # lines of the audit log that wait for the disk
+POLL_S = 1.0  # between two looks at what the service wrote, and at programs that came by other ways
 
 
 class Panel:
     """Store, users, control token, and the way to the machine."""
 
     def __init__(
-        self, store: Store, door: Door, checker: Checker | None = None, anybody_stops: bool = False
+        self, store: Store, door: ServiceClient, checker: Checker | None = None, anybody_stops: bool = False
     ) -> None:
         """``checker``: None where programs are not checked here. Raises StoreError."""
         self.anybody_stops = anybody_stops  # also who may only look: hold, stop and e-stop
@@ -50,7 +50,7 @@ class Panel:
         self.audited: dict[
             tuple[str, str, bool], float
         ] = {}  # (user, action, allowed) -> when, monotonic (s)
-        self._notes: asyncio.Queue[tuple[str, str, str, str, bool]] = asyncio.Queue(MOST_NOTES)
+        self._notes: asyncio.Queue[tuple[str, str, str, str, bool]] = asyncio.Queue(MAX_NOTES)
 
     @property
     def recordings(self) -> Path:
@@ -89,7 +89,7 @@ class Panel:
     async def _look(self) -> None:
         while True:
             await asyncio.to_thread(self._look_once)
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(POLL_S)
 
     def _tell_check(self, program: str) -> None:
         self.events.tell("programs", {"name": program, "done": "checked"})

@@ -33,9 +33,9 @@ from controller.machine.toml_table import ConfigError
 FORMAT = 1
 MANIFEST, MACHINE, FITTING, SETTINGS = "manifest.json", "machine.toml", "fitting.json", "settings.json"
 PARTS = (MACHINE, FITTING, SETTINGS)
-MOST_BYTES = 4 << 30  # unpacked
-MOST_PART_BYTES = 32 << 20  # of anything but a program: they are read into memory
-MOST_MEMBERS = 100_000
+MAX_BYTES = 4 << 30  # unpacked
+MAX_PART_BYTES = 32 << 20  # of anything but a program: they are read into memory
+MAX_MEMBERS = 100_000
 LATEST_S = 1e11  # seconds since 1970; later is no time that anything was saved at
 KINDS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # others need libraries that may be missing
 UNREADABLE = (OSError, zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError)
@@ -93,8 +93,8 @@ def _said(error: BaseException) -> str:
 
 def _members(entries: Sequence[zipfile.ZipInfo]) -> None:
     """Raises BackupError for what the list of members tells already, before anything is unpacked."""
-    if len(entries) > MOST_MEMBERS:
-        raise BackupError(f"holds {len(entries)} members, at most {MOST_MEMBERS} are taken")
+    if len(entries) > MAX_MEMBERS:
+        raise BackupError(f"holds {len(entries)} members, at most {MAX_MEMBERS} are taken")
     known: set[str] = set()
     for entry in entries:
         name, shown = entry.filename, names.shown(entry.filename)
@@ -104,13 +104,13 @@ def _members(entries: Sequence[zipfile.ZipInfo]) -> None:
             raise BackupError(f"holds {shown} twice")
         if entry.compress_type not in KINDS or entry.flag_bits & 1:
             raise BackupError(f"holds {shown} packed in a way, or encrypted, as no back-up is")
-        if entry.file_size > MOST_PART_BYTES and not _PROGRAM.fullmatch(name):
-            raise BackupError(f"holds {shown} of {entry.file_size >> 20} MB, at most {MOST_PART_BYTES >> 20}")
+        if entry.file_size > MAX_PART_BYTES and not _PROGRAM.fullmatch(name):
+            raise BackupError(f"holds {shown} of {entry.file_size >> 20} MB, at most {MAX_PART_BYTES >> 20}")
         known.add(name)
     if missing := [name for name in (MANIFEST, *PARTS) if name not in known]:
         raise BackupError(f"has no {missing[0]}")
-    if sum(entry.file_size for entry in entries) > MOST_BYTES:
-        raise BackupError(f"holds more than {MOST_BYTES >> 30} GB unpacked")
+    if sum(entry.file_size for entry in entries) > MAX_BYTES:
+        raise BackupError(f"holds more than {MAX_BYTES >> 30} GB unpacked")
 
 
 def _contents(file: Path, archive: zipfile.ZipFile) -> Contents:

@@ -23,7 +23,7 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 
 from controller.api.answers import Refusal
 
-MOST_FILES = 8192  # that the panel asks for where the system's limit is lower
+MAX_FILES = 8192  # that the panel asks for where the system's limit is lower
 MOST = 1024  # connections; what comes beside them (store, uploads, service) needs about a hundred files
 HEADER_S = 10.0
 BODY_S = 40.0  # more patient than uploads, which answer their sender
@@ -64,11 +64,11 @@ class Limits(NamedTuple):
 def raise_file_limit() -> int:
     """As many files as are wanted, or as the system allows; how many that is."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = MOST_FILES if hard == resource.RLIM_INFINITY else min(MOST_FILES, hard)
+    wanted = MAX_FILES if hard == resource.RLIM_INFINITY else min(MAX_FILES, hard)
     if soft != resource.RLIM_INFINITY and soft < wanted:
         resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
         return wanted
-    return MOST_FILES if soft == resource.RLIM_INFINITY else soft
+    return MAX_FILES if soft == resource.RLIM_INFINITY else soft
 
 
 class Connections:

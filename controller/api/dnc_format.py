@@ -29,10 +29,10 @@ from dataclasses import dataclass, replace
 
 NUL, DC1, DC2, DC3, DC4, DEL = b"\x00", b"\x11", b"\x12", b"\x13", b"\x14", b"\x7f"
 LEADER = 32  # NULs before and behind, enough for a reader to start up
-MOST_BYTES = 32 << 20
+MAX_BYTES = 32 << 20
 SKIPPED = bytes([0, 0x11, 0x12, 0x13, 0x14, 0x7F])  # anywhere: tape feed, rubbed out, device control
 SIGNS = {0: "NUL", 0x11: "DC1", 0x12: "DC2", 0x13: "DC3", 0x14: "DC4", 0x7F: "DEL"}
-MOST_TOLD = 20  # places of what was left out
+MAX_TOLD = 20  # places of what was left out
 
 _EVEN = bytes(c | 0x80 if c.bit_count() % 2 else c for c in range(128))  # with its parity bit
 _ODD_ONES = bytes(c.bit_count() % 2 for c in range(256))
@@ -66,7 +66,7 @@ class Tape:
 class Reader:
     """Reads from % to %. With an error, nothing of it is to be kept."""
 
-    def __init__(self, even_parity: bool, most_bytes: int = MOST_BYTES) -> None:
+    def __init__(self, even_parity: bool, most_bytes: int = MAX_BYTES) -> None:
         self._even, self._most = even_parity, most_bytes
         self._leader = bytearray()
         self._body: bytearray | None = None  # what follows the first %
@@ -112,7 +112,7 @@ class Reader:
         for found in _LEFT_OUT.finditer(plain):
             body += plain[at : found.start()]
             at = found.end()
-            if body and body[-1] not in b"\r\n" and len(self._left_out) <= MOST_TOLD:
+            if body and body[-1] not in b"\r\n" and len(self._left_out) <= MAX_TOLD:
                 self._left_out.append((len(body), plain[found.start()]))
         body += plain[at:]
 
@@ -172,14 +172,14 @@ def _tape(leader: bytes, body: bytes) -> Tape:
 
 
 def _told(body: bytes, left_out: list[tuple[int, int]]) -> Iterator[str]:
-    for at, sign in left_out[:MOST_TOLD]:
+    for at, sign in left_out[:MAX_TOLD]:
         line = len(_LINE_END.findall(body[:at])) + 1
         yield (
             f"line {line}: {SIGNS[sign]} (0x{sign:02X}) within the line was left out; a character may be "
             "missing there: compare the line."
         )
-    if len(left_out) > MOST_TOLD:
-        yield f"More of these than {MOST_TOLD} were left out; check cable, format and flow control."
+    if len(left_out) > MAX_TOLD:
+        yield f"More of these than {MAX_TOLD} were left out; check cable, format and flow control."
 
 
 def programs(tape: Tape) -> list[Tape]:

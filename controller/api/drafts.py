@@ -17,7 +17,7 @@ from controller.messages import plain
 
 WORKER = (sys.executable, "-m", "controller.cli.draft_worker")
 LONGEST_S = 20.0
-MOST_BYTES = 1_000_000
+MAX_BYTES = 1_000_000
 
 
 class Drafts:
@@ -44,7 +44,7 @@ class Drafts:
         """Raises OSError and ValueError where the process gives no answer."""
         pipe, nothing = asyncio.subprocess.PIPE, asyncio.subprocess.DEVNULL
         child = await asyncio.create_subprocess_exec(
-            *self._worker, stdin=pipe, stdout=pipe, stderr=nothing, limit=MOST_BYTES
+            *self._worker, stdin=pipe, stdout=pipe, stderr=nothing, limit=MAX_BYTES
         )
         try:
             answer, _ = await child.communicate(json.dumps(job).encode())

@@ -29,8 +29,8 @@ from controller.api.store import Store
 
 INTERVAL_S = 0.05
 STORE_EVERY = 20  # statuses between two looks at the list of alarms
-MOST_WAITING = 500
-MOST_LISTENERS = 100
+MAX_WAITING = 500
+MAX_LISTENERS = 100
 TOPICS = ("status", "job", "alarm", "alarms", "control", "programs", "service")
 
 
@@ -50,7 +50,7 @@ class Listener:
             return
         if topic == "status":
             self._status = text  # the older one is of no use any more
-        elif len(self._waiting) < MOST_WAITING:
+        elif len(self._waiting) < MAX_WAITING:
             self._waiting.append(text)
         else:
             self.lost = True
@@ -82,8 +82,8 @@ class Events:
     @contextmanager
     def listening(self, topics: frozenset[str], language: str = messages.DEFAULT) -> Iterator[Listener]:
         """A listener, told at once what holds now. Raises Refusal."""
-        if len(self._listeners) >= MOST_LISTENERS:
-            raise Refusal.told(429, "too_often", "many_listeners", most=MOST_LISTENERS)
+        if len(self._listeners) >= MAX_LISTENERS:
+            raise Refusal.told(429, "too_often", "many_listeners", most=MAX_LISTENERS)
         listener = Listener(topics, language)
         for topic, data in self._told.items() if self._listeners else ():
             listener.tell(topic, _text(topic, data, language))

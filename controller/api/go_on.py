@@ -18,11 +18,11 @@ from controller.api.database import StoreError
 from controller.api.notices import in_words
 from controller.api.program_queue import Ended, Entry
 from controller.api.roles import Control
-from controller.api.service_client import Door
+from controller.api.service_client import ServiceClient
 from controller.api.store import Store
 from controller.messages import Said, kept, said
 
-LOOK_S = 0.5
+POLL_S = 0.5
 SILENT_S = 15.0  # a page that holds control is heard of every five seconds
 ENDS = frozenset({"hold", "stop", "estop", "disable"})
 
@@ -32,7 +32,7 @@ Note = Callable[[str, str, str, str], None]
 class GoOn:
     """``choose`` it, ``end`` it; ``run`` looks for ever."""
 
-    def __init__(self, store: Store, door: Door, control: Control, note: Note) -> None:
+    def __init__(self, store: Store, door: ServiceClient, control: Control, note: Note) -> None:
         self._store, self._door, self._control, self._note = store, door, control, note
         self._since_s: float | None = None  # of the hold of control for which it was chosen; None: it is off
         self.why: Said | None = None  # it ended
@@ -63,7 +63,7 @@ class GoOn:
         """Never ends."""
         while True:
             await self.look()
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(POLL_S)
 
     async def look(self) -> None:
         """Count what has ended, and go on where that is chosen. Raises StoreError."""
@@ -99,7 +99,7 @@ class GoOn:
     async def _started(self, program: str) -> None:
         """Wait until it is read, and start it where all is as it was. Raises Refusal."""
         while _state(await self._door.ask("status"), program) == "loading" and self._may():
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(POLL_S)
         if await self._stands(program, "loaded") and self._may():
             self._note(self._control.holder, "", "queue start", program)
             await self._door.ask("start")

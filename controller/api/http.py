@@ -48,8 +48,8 @@ from controller.api.slashes import Slashes
 from controller.messages import plain, said
 
 API = "/api/v1"
-MOST_BODY_BYTES = 100_000  # of everything but uploads, which count for themselves
-MOST_OF = {f"{API}/drafts": 2_200_000}  # a program of a million bytes, as JSON
+MAX_BODY_BYTES = 100_000  # of everything but uploads, which count for themselves
+MAX_OF = {f"{API}/drafts": 2_200_000}  # a program of a million bytes, as JSON
 UPLOADS = (f"{API}/programs", "/api/files/local")
 STORE_STATUSES = {
     **{"missing": 404, "slow": 408, "exists": 409, "running": 409, "size": 413, "many": 429},
@@ -208,7 +208,7 @@ class Bounds:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        taken, most = 0, MOST_OF.get(scope["path"], MOST_BODY_BYTES)
+        taken, most = 0, MAX_OF.get(scope["path"], MAX_BODY_BYTES)
 
         async def bounded() -> Message:
             nonlocal taken

@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from controller.api.answers import Texts
 from controller.api.models_of_tick import DriveFacts, OfTick
-from controller.state.modes import MOST_AXES
+from controller.state.modes import MAX_AXES
 
 Axis = Annotated[str, Field(pattern=r"^[XYZABC]$", description="Name of an axis of the machine file.")]
 Frame = Literal["joint", "part", "tool"]
@@ -84,9 +84,9 @@ class RapidShare(Sent):
 
 
 class Home(Sent):
-    axes: Annotated[
-        list[Axis] | None, Field(min_length=1, max_length=MOST_AXES, description="null: all.")
-    ] = None
+    axes: Annotated[list[Axis] | None, Field(min_length=1, max_length=MAX_AXES, description="null: all.")] = (
+        None
+    )
 
 
 class Jog(Sent):

@@ -30,8 +30,8 @@ from controller.api.uploads import Upload, Uploads
 
 logging.getLogger("python_multipart").setLevel(logging.ERROR)  # what is sent wrong is told to its sender
 
-MOST_FIELDS = 16
-MOST_FIELD_BYTES = 1024
+MAX_FIELDS = 16
+MAX_FIELD_BYTES = 1024
 SEND = "send one file as multipart/form-data"
 
 
@@ -69,7 +69,7 @@ async def receive(
         began_s, limits = time.monotonic(), uploads.limits
         while (chunk := await _next(chunks, began_s, form.taken, uploads)) is not None:
             form.taken += len(chunk)
-            if form.taken > limits.most_bytes + MOST_FIELDS * (MOST_FIELD_BYTES + 4096):
+            if form.taken > limits.most_bytes + MAX_FIELDS * (MAX_FIELD_BYTES + 4096):
                 raise StoreError.told("size", "upload_beyond", most=limits.most_bytes)
             await asyncio.to_thread(form.feed, chunk)
         return await asyncio.to_thread(form.finish, in_use)
@@ -146,8 +146,8 @@ class _Form:
     # ---- what the parser tells, in its order
 
     def _begin(self) -> None:
-        if len(self._fields) >= MOST_FIELDS:
-            raise StoreError("form", f"upload: has more than the {MOST_FIELDS} fields allowed; {SEND}.")
+        if len(self._fields) >= MAX_FIELDS:
+            raise StoreError("form", f"upload: has more than the {MAX_FIELDS} fields allowed; {SEND}.")
         self._part = _Part()
 
     def _collect(self, which: int, data: bytes, start: int, end: int) -> None:
@@ -172,9 +172,9 @@ class _Form:
             self._upload.write(data[start:end])
             return
         self._part.text += data[start:end]
-        if len(self._part.text) > MOST_FIELD_BYTES:
+        if len(self._part.text) > MAX_FIELD_BYTES:
             raise StoreError(
-                "form", f"upload: a field is longer than the {MOST_FIELD_BYTES} bytes allowed; {SEND}."
+                "form", f"upload: a field is longer than the {MAX_FIELD_BYTES} bytes allowed; {SEND}."
             )
 
     def _end(self) -> None:

@@ -27,11 +27,11 @@ from controller.api.service_client import Watch
 from controller.api.store import Alarm, Run, Store
 from controller.messages import Key, Said, kept, plain, said
 
-LOOK_S = 1.0
+POLL_S = 1.0
 TRIES = 3
 PAUSES_S = (5.0, 30.0)  # between them
-MOST_WAITING = 100
-MOST_NEW = 20  # alarms, or runs, of one look; the rest is in the lists
+MAX_WAITING = 100
+MAX_NEW = 20  # alarms, or runs, of one look; the rest is in the lists
 TYPED = "MDI"  # a line typed by hand is no program
 
 
@@ -68,7 +68,7 @@ class Notices:
         """Never ends."""
         while True:
             await self.look()
-            await asyncio.sleep(LOOK_S)
+            await asyncio.sleep(POLL_S)
 
     async def look(self) -> None:
         """Send what is new; nothing is asked of the machine where nobody wants to know. Raises StoreError."""
@@ -83,7 +83,7 @@ class Notices:
         if not settings.wanted:
             notice_settings.note_told(self._store.marks, None)
             return []
-        alarms, runs = self._store.alarms.list(MOST_NEW), self._store.runs.list(MOST_NEW)
+        alarms, runs = self._store.alarms.list(MAX_NEW), self._store.runs.list(MAX_NEW)
         newest = (alarms[0].id if alarms else 0, runs[0].id if runs else 0)
         known = notice_settings.note_told(self._store.marks, newest) or newest
         told = [of_alarm(one) for one in alarms[::-1] if settings.alarms and one.id > known[0]]
@@ -128,7 +128,7 @@ class Way:
     def __init__(self, name: str, settings: Callable[[], NoticeSettings]) -> None:
         self.name, self._settings = name, settings
         self.last: Outcome | None = None
-        self._waiting: queue.Queue[Notice | None] = queue.Queue(MOST_WAITING)
+        self._waiting: queue.Queue[Notice | None] = queue.Queue(MAX_WAITING)
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
 

@@ -20,7 +20,7 @@ from typing import Any, Protocol
 from anyio import CapacityLimiter, to_thread
 
 from controller.api.answers import Refusal
-from controller.ipc.control_socket import Client, DoorError
+from controller.ipc.control_socket import Client, CommandRefused
 
 FRESH_S = 0.025  # half of the interval of the events
 QUICK_S = 5.0
@@ -49,7 +49,7 @@ SLOW = frozenset(
 STATUSES = {**dict.fromkeys(("refused", "busy", "bad", "unrecorded", "worn"), 409), "gone": 503}
 
 
-class Door(Protocol):
+class ServiceClient(Protocol):
     """Whatever answers the verbs of the local protocol."""
 
     async def ask(self, verb: str, **args: Any) -> dict[str, Any]:
@@ -71,7 +71,7 @@ class Lane:
         return CapacityLimiter(self.at_once)
 
 
-class SocketDoor:
+class SocketServiceClient:
     """The service behind its socket."""
 
     def __init__(self, path: Path) -> None:
@@ -90,7 +90,7 @@ class SocketDoor:
         asked = partial(lane.client.ask, verb, **args)
         try:
             return await to_thread.run_sync(asked, abandon_on_cancel=True, limiter=lane.places)
-        except DoorError as error:
+        except CommandRefused as error:
             raise refusal(error) from error
 
     def close(self) -> None:
@@ -98,7 +98,7 @@ class SocketDoor:
             lane.client.close()
 
 
-def refusal(error: DoorError) -> Refusal:
+def refusal(error: CommandRefused) -> Refusal:
     """What the service said, as an answer."""
     status = STATUSES.get(error.code, 503)
     return Refusal(status, error.code, error.said, mode=error.mode or None, request=error.request or None)
@@ -107,7 +107,7 @@ def refusal(error: DoorError) -> Refusal:
 class Watch:
     """The door, and the machine's status asked once for all who want it at about the same time."""
 
-    def __init__(self, door: Door) -> None:
+    def __init__(self, door: ServiceClient) -> None:
         self._door = door
         self._asking = asyncio.Lock()
         self._last: dict[str, Any] = {}

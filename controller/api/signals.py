@@ -23,7 +23,7 @@ from controller.state.live_state import COLUMN, SIGNALS
 Array = NDArray[np.float64]
 
 BEFORE = 3  # rows that the highest difference needs ahead of the first one that is wanted
-MOST_DIGITS = 9
+MAX_DIGITS = 9
 
 _OF_AXIS = (("command", ""), ("actual", ""), ("error", ""), ("setpoint", "counts"))
 _CHANGES = (("velocity", "/s"), ("acceleration", "/s²"), ("jerk", "/s³"))
@@ -149,7 +149,7 @@ def thinned(ticks: NDArray[np.int64], signals: Sequence[Array], most: int) -> Th
 
 def plain(values: Array) -> list[float | None]:
     """For JSON: so many digits as a screen can show, null for what is not known."""
-    return [float(f"{v:.{MOST_DIGITS}g}") if np.isfinite(v) else None for v in values]
+    return [float(f"{v:.{MAX_DIGITS}g}") if np.isfinite(v) else None for v in values]
 
 
 # ---- files

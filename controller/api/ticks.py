@@ -19,7 +19,7 @@ import numpy as np
 
 from controller.api import signals
 from controller.api.answers import Refusal
-from controller.api.service_client import Door
+from controller.api.service_client import ServiceClient
 from controller.api.signals import Array, Signals
 from controller.ipc import packed_rows
 from controller.ipc.handoff import COLUMN, ROW, rows_of
@@ -30,15 +30,15 @@ from controller.machine.toml_table import ConfigError
 KEPT_S = 30.0
 AT_ONCE = 500  # rows of one answer of the service: 170 kB at worst
 FRESH_S = 0.02  # two who look at the same time ask once
-MOST_ROWS = 4_000_000  # of a run's record
-MOST_TURNS = 200  # questions in one look: the service writes rows faster than nobody can read
+MAX_ROWS = 4_000_000  # of a run's record
+MAX_TURNS = 200  # questions in one look: the service writes rows faster than nobody can read
 
 
 @dataclass(slots=True)
 class Latest:
     """The machine's last ticks; asks only while it is asked itself."""
 
-    _door: Door
+    _door: ServiceClient
     rows: Array = field(default_factory=lambda: np.empty((0, len(ROW))))
     _asking: asyncio.Lock = field(default_factory=asyncio.Lock)
     _at_s: float = -1e9
@@ -52,7 +52,7 @@ class Latest:
             return self.rows
 
     async def _fetch(self, kept: int) -> None:
-        for _ in range(MOST_TURNS):
+        for _ in range(MAX_TURNS):
             after = int(self.rows[-1, COLUMN["tick"]]) if len(self.rows) else None
             told = await self._door.ask("rows", after=after, most=AT_ONCE, kept=kept)
             came = unpacked(told)
@@ -113,7 +113,7 @@ def of_run(folder: Path, machine: Machine) -> Signals:
 @lru_cache(maxsize=2)
 def _run(file: Path, machine: Machine, *_: int) -> Signals:
     with np.load(file, allow_pickle=False) as kept:
-        found = kept["rows"][:MOST_ROWS]
+        found = kept["rows"][:MAX_ROWS]
         return Signals(signals.rows_of_setpoints([str(n) for n in kept["columns"]], found, machine), machine)
 
 

@@ -20,7 +20,7 @@ Shape = Callable[[Array], Array]  # shares (N,) from 0 to 1 -> points (N, 3)
 
 SAME_WEIGHT = 1e-12
 FIT_MM = 5e-5  # a fitted curve is this near to what it stands for
-FIRST_SPANS, MOST_SPANS = 8, 512
+FIRST_SPANS, MAX_SPANS = 8, 512
 SLOW = 2  # doublings that gain little, and a shape is taken not to be smooth
 BETWEEN = np.array([0.07, 0.23, 0.5, 0.77, 0.93])  # where a fit is looked at, shares of a span
 
@@ -115,7 +115,7 @@ def fit(shape: Shape, corners: Sequence[float] | Array = (0.0, 1.0), within_mm: 
     each time. Raises NoFit.
     """
     spans, before, slow = FIRST_SPANS, math.inf, 0
-    while spans <= MOST_SPANS and slow < SLOW:
+    while spans <= MAX_SPANS and slow < SLOW:
         made = _joined([_span(shape, a, b, spans) for a, b in pairwise(corners)])
         off = _error(shape, made)
         if off <= within_mm:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from controller.cad.curve import Array, Nurbs
 from controller.cad.strip import Strip
 
-MOST_COMMENT = 100
+MAX_COMMENT = 100
 
 
 def number(value: float, digits: int = 9) -> str:
@@ -19,7 +19,7 @@ def number(value: float, digits: int = 9) -> str:
 
 def comment(text: str) -> str:
     """In brackets; brackets inside, and what is not plain text, would end it."""
-    return f"({re.sub('[^ -~]', '?', text).translate(str.maketrans('()', '[]'))[:MOST_COMMENT]})"
+    return f"({re.sub('[^ -~]', '?', text).translate(str.maketrans('()', '[]'))[:MAX_COMMENT]})"
 
 
 def code(strip: Strip) -> str:

@@ -35,7 +35,7 @@ from controller.verify.maps import maps
 
 CHECKS = "checks"
 PICTURES = "pictures"  # of paths, by the name of the check
-MOST_CUTS = 1000  # surfaces whose lengths are told one by one
+MAX_CUTS = 1000  # surfaces whose lengths are told one by one
 
 Result = tuple[str, dict[str, Any]]
 Seen = tuple[checked.Task, Mapping[int, Stretch]]
@@ -87,8 +87,8 @@ def check(
     if kept.overcuts:
         seen((task, watched.stretches))
     figures = found.to_dict()
-    figures["cuts_mm"] = figures["cuts_mm"][:MOST_CUTS]
-    notes = [{"line": note.place.line, "note": note.sentence} for note in kept.notes[:MOST_CUTS]]
+    figures["cuts_mm"] = figures["cuts_mm"][:MAX_CUTS]
+    notes = [{"line": note.place.line, "note": note.sentence} for note in kept.notes[:MAX_CUTS]]
     figures["verdict"] = checked.verdict_of(kept)
     figures["fitted"] = setup_data.names(setup_data.load(state))  # what counts instead of the machine file
     return "passed", {**figures, "notes": notes, "warning": warning, "stored": task.key}

@@ -30,7 +30,7 @@ Frame = Annotated[str, typer.Option("--frame", help="joint, part or tool.")]
 
 PANEL = "A machine in production, by its panel"  # headline in --help
 REFRESH_S = 0.08  # of a jog: it comes to rest 200 ms after the last one
-LOOK_S = 0.2  # between two looks at what takes long
+POLL_S = 0.2  # between two looks at what takes long
 LONGEST_JOG_S = 600.0
 
 
@@ -48,7 +48,7 @@ def carried_out(machine: Machine, path: str, values: Mapping[str, Any] | None = 
     """
     answer = machine.post(path, values)
     while (answer.get("result") or {}).get("done") is False:
-        time.sleep(LOOK_S)
+        time.sleep(POLL_S)
         sequence = machine.get("status").get("sequence") or {}
         if sequence.get("state") == "failed":
             raise Refused(str(sequence.get("sentence") or say("failed", path=path)))
@@ -142,7 +142,7 @@ def _loaded(machine: Machine, values: Mapping[str, Any]) -> Any:
     """Load, however long it takes. Raises Refused where it was refused, or another one is loaded by then."""
     answer = machine.post("job", values)
     while (answer.get("result") or {}).get("done") is False:
-        time.sleep(LOOK_S)
+        time.sleep(POLL_S)
         job = machine.get("job")
         if job["name"] != values["program"] or job["state"] not in ("loading", "loaded"):
             raise Refused(str(job["sentence"] or say("other_loaded", program=values["program"])))

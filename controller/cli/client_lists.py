@@ -29,7 +29,7 @@ Most = Annotated[int, typer.Option("--most", min=1, max=200, help="So many, newe
 
 WATCH_S = 0.25  # between two looks
 CHECK_S = 0.3
-MOST_OPEN = 10  # alarms under a status
+MAX_OPEN = 10  # alarms under a status
 CHECKED = ("passed", "refused", "failed", "none")
 
 
@@ -90,7 +90,7 @@ def _lines(machine: Machine, pause: Callable[[float], None]) -> None:
 
 def _open_alarms(machine: Machine) -> list[dict[str, Any]]:
     """Those that nobody has acknowledged."""
-    found: list[dict[str, Any]] = machine.get("alarms", only="open", most=MOST_OPEN)["alarms"]
+    found: list[dict[str, Any]] = machine.get("alarms", only="open", most=MAX_OPEN)["alarms"]
     return found
 
 

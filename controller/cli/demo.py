@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from controller import messages
 from controller.ipc import control_socket
-from controller.ipc.control_socket import Client, DoorError
+from controller.ipc.control_socket import Client, CommandRefused
 from controller.ipc.handoff import COLUMN
 from controller.ipc.packed_rows import unpacked
 from controller.machine import setup_data
@@ -34,7 +34,7 @@ from controller.service.service import Service
 from controller.state.modes import Binding, Fault, binding_text
 from controller.verify.console import Refused, bar
 
-LOOK_S = 0.5
+POLL_S = 0.5
 CALM = {"look_s": 0.1}  # of the service itself: nobody waits for what it concludes but us
 ROWS = 400  # that are asked for at a time: an answer has no more than 500
 # A service has its disk write twenty times a second; what is thrown away needs none.
@@ -114,7 +114,7 @@ def _sentences() -> Iterator[None]:
     """What the machine refuses is said as it says it."""
     try:
         yield
-    except DoorError as error:
+    except CommandRefused as error:
         raise Refused(error.sentence) from error
 
 
@@ -127,10 +127,10 @@ class Operator:
         self._tick = -1  # of the last row
 
     def done(self, verb: str, look: Callable[[Values], None] = lambda _: None, **args: Any) -> None:
-        """Ask for what takes long, and wait for its end. Raises DoorError, Refused."""
+        """Ask for what takes long, and wait for its end. Raises CommandRefused, Refused."""
         answer = self._client.ask(verb, **args)
         while answer.get("done") is False:
-            time.sleep(LOOK_S)
+            time.sleep(POLL_S)
             now = self._client.ask("status")
             look(now)
             sequence = now["sequence"] or {}
@@ -146,7 +146,7 @@ class Operator:
             look(now)
             if now["tick"]["number"] - self._tick >= ROWS:
                 self._take_rows()
-            time.sleep(LOOK_S)
+            time.sleep(POLL_S)
         now = self._recorded(now)
         self._take_rows()
         return np.concatenate(self._rows), now
@@ -155,7 +155,7 @@ class Operator:
         """A fault's recording is written when the machine stands; the drives' way there belongs to it."""
         give_up_s = time.monotonic() + RECORDED_S
         while (shown := now["fault"]) and not shown["recording"] and time.monotonic() < give_up_s:
-            time.sleep(LOOK_S)
+            time.sleep(POLL_S)
             now = self._client.ask("status")
         return now
 

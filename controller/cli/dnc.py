@@ -116,7 +116,7 @@ def _in_use(state: Path, runtime: Path | None) -> Callable[[], Collection[str]]:
         client = control_socket.Client(socket, longest_s=ANSWER_S)
         try:
             job = client.ask("status").get("job") or {}
-        except control_socket.DoorError as error:
+        except control_socket.CommandRefused as error:
             sentence = (
                 f"{error} Nothing was kept: it is not known which program is in use. Send it again then."
             )

@@ -30,7 +30,7 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and no
 PeriodMs = Annotated[float | None, typer.Option("--period-ms", help="Instead of the machine file's period.")]
 
 EXPECTED = (ConfigError, buses.BusError, commissioning.CommissionError, sheet.SheetError)
-PATIENCE_S = 3.0  # for an SDO answer: a drive that writes its memory, or a busy computer of simulated ones
+TIMEOUT_S = 3.0  # for an SDO answer: a drive that writes its memory, or a busy computer of simulated ones
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ def joined(made: Machine, bus: str, channel: str, drive: str = "") -> Iterator[l
             port = buses.open(settings, pdo.SERVICE_FILTERS)
             stack.callback(port.close)
             pump = commissioning.wall_pump(port.fileno())
-            found.append(Joined(settings, commissioning.Network(port, pump, PATIENCE_S), its))
+            found.append(Joined(settings, commissioning.Network(port, pump, TIMEOUT_S), its))
         yield found
 
 

@@ -25,7 +25,7 @@ Tolerance = Annotated[float, typer.Option("--tolerance", help="Of the form, mm, 
 MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or the name of a shipped one.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
-LEAST_MM, MOST_MM = 1e-4, 10.0
+MIN_MM, MAX_MM = 1e-4, 10.0
 
 
 def fit(
@@ -37,10 +37,8 @@ def fit(
     """
     with refusals(as_json, lambda: (ConfigError,)):
         made = machine_file.load(machine)
-        if not LEAST_MM <= tolerance <= MOST_MM:
-            raise Refused(
-                f"--tolerance {tolerance:g} is not held; allowed are {LEAST_MM:g} to {MOST_MM:g} mm."
-            )
+        if not MIN_MM <= tolerance <= MAX_MM:
+            raise Refused(f"--tolerance {tolerance:g} is not held; allowed are {MIN_MM:g} to {MAX_MM:g} mm.")
         if not program.is_file():
             raise Refused(f"{program}: there is no such file; give the path of a part program.")
         asked = list(_asked(program, made))

@@ -101,11 +101,11 @@ def _app(store: Store, socket: Path, page: bool = True, anybody_stops: bool = Fa
     from controller.api.app_state import Panel
     from controller.api.checker import Checker
     from controller.api.http import make_app
-    from controller.api.service_client import SocketDoor
+    from controller.api.service_client import SocketServiceClient
     from controller.web.server import add_page
 
     store.sweep()
-    made = Panel(store, SocketDoor(socket), Checker(store), anybody_stops)
+    made = Panel(store, SocketServiceClient(socket), Checker(store), anybody_stops)
     app = make_app(made)
     if page:
         add_page(app)

@@ -34,7 +34,7 @@ State = Annotated[Path | None, typer.Option("--state", help="Folder of what is k
 NAME = re.compile(r"[A-Za-z0-9_.@-]{1,40}")
 SHORTEST = 8
 LONGEST = 200
-MOST_DAYS = 3650.0
+MAX_DAYS = 3650.0
 DAY_S = 86400.0
 
 
@@ -92,8 +92,8 @@ def add_token(name: Name, role: Role = "operate", days: Days = None, state: Stat
         store = store_in(state or control_socket.state_folder())
         _check(name)
         token, sha256 = new_token()
-        if days is not None and not 0.0 < days <= MOST_DAYS:
-            raise Refused(f"--days {days:g}: allowed are more than 0 and up to {MOST_DAYS:g}.")
+        if days is not None and not 0.0 < days <= MAX_DAYS:
+            raise Refused(f"--days {days:g}: allowed are more than 0 and up to {MAX_DAYS:g}.")
         lasts_s = None if days is None else days * DAY_S
         store.users.add_token(sha256, name, role, "command line", lasts_s)
         print(token)

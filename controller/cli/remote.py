@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 API = "/api/v1/"
 URL = "http://127.0.0.1:8080"
-PATIENCE_S = 150.0  # homing, reading a program: the panel itself gives up after two minutes
+TIMEOUT_S = 150.0  # homing, reading a program: the panel itself gives up after two minutes
 CONNECT_S = 5.0
 CONTROL = "X-Control-Token"
 
@@ -101,7 +101,7 @@ def client(url: str, headers: Mapping[str, str]) -> httpx.Client:
         import httpx
     except ImportError as error:
         raise Refused(say("no_httpx")) from error
-    limits = httpx.Timeout(PATIENCE_S, connect=CONNECT_S)
+    limits = httpx.Timeout(TIMEOUT_S, connect=CONNECT_S)
     return httpx.Client(base_url=url, headers=dict(headers), timeout=limits, mounts={"all://": None})
 
 

@@ -32,8 +32,8 @@ _MAY_HAVE_IT = (
 AWAKE = "/dev/cpu_dma_latency"
 _GIVE_AWAKE = "'systemd-tmpfiles --create' gives the device to the group"
 UNDER_SYSTEMD = "run the machine by directrix.service, which permits it, and this as root"
-LEAST_QUEUE = 128  # frames
-LEAST_FREE = 1 << 30  # bytes
+MIN_QUEUE = 128  # frames
+MIN_FREE = 1 << 30  # bytes
 ERRORS_ALLOWED = 96  # CiA 301 and ISO 11898: from here on a controller warns
 GOOD_CLOCKS = ("tsc", "arch_sys_counter", "kvm-clock", "hyperv_clocksource_tsc_page")
 MAY_BE_LATE = 1e-3  # share of the ticks
@@ -105,7 +105,7 @@ def _asked(state: Path) -> dict[str, float] | None:
     try:
         tick = dict(client.ask("status")["tick"])
         return tick if tick["number"] is not None else None  # none yet
-    except (control_socket.DoorError, KeyError):
+    except (control_socket.CommandRefused, KeyError):
         return None
     finally:
         client.close()
@@ -262,11 +262,11 @@ def can(bus: Bus, link: dict[str, Any]) -> Iterator[Line]:
         return
     length = int(link.get("txqlen", 0))
     longer = (
-        f"TransmitQueueLength={LEAST_QUEUE} in the .link file that is the first to match it ('udevadm"
+        f"TransmitQueueLength={MIN_QUEUE} in the .link file that is the first to match it ('udevadm"
         f" test-builtin net_setup_link /sys/class/net/{bus.channel}' names it; 'directrix service install'"
-        f" writes one); until the next boot 'ip link set {bus.channel} txqueuelen {LEAST_QUEUE}'"
+        f" writes one); until the next boot 'ip link set {bus.channel} txqueuelen {MIN_QUEUE}'"
     )
-    yield _line(f"{bus.name} queue", length >= LEAST_QUEUE, f"{length} frames", longer)
+    yield _line(f"{bus.name} queue", length >= MIN_QUEUE, f"{length} frames", longer)
     about = link.get("linkinfo", {}).get("info_data", {})
     rate = about.get("bittiming", {}).get("bitrate")
     if rate is not None:  # a virtual interface has none
@@ -293,9 +293,7 @@ def disk(state: Path) -> Line:
     folder = next(path for path in (state, *state.absolute().parents) if path.exists())
     free = shutil.disk_usage(folder).free
     found = f"{free / 2**30:.1f} GiB free for {state}"
-    return _line(
-        "disk", free >= LEAST_FREE, found, "1 GiB is needed there; delete recordings and old programs"
-    )
+    return _line("disk", free >= MIN_FREE, found, "1 GiB is needed there; delete recordings and old programs")
 
 
 def clock_source(root: Path) -> Line:

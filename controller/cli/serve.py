@@ -61,7 +61,7 @@ def serve(
             main.run(made, *where, simulate, _notifier(), group)
         except OSError as error:
             raise Refused(f"{error.filename or where[0]}: {error.strerror or error}.") from error
-        except control_socket.DoorError as error:
+        except control_socket.CommandRefused as error:
             raise Refused(error.sentence) from error
 
 

@@ -47,7 +47,7 @@ BoundWord = Annotated[
 Plot = Annotated[Path | None, typer.Option("--plot", help="Draw heat maps and the part (.png).")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
-MOST_ROWS = 40  # of the table
+MAX_ROWS = 40  # of the table
 TRACE = "trace.npz"  # in the folder of a recording
 
 
@@ -270,13 +270,13 @@ def _table(found: Found) -> Table:
     table = Table(title=f"Cut surface against nominal ({found.of}), µm along the normal")
     for head in ("line", "where", "overcut", "undercut", "mean", "99 %", "worst at"):
         table.add_column(head, justify="left" if head in ("where", "worst at") else "right", no_wrap=True)
-    for one in found.judged[:MOST_ROWS]:
+    for one in found.judged[:MAX_ROWS]:
         line = str(one.nominal.line)
         for where, zone in (("inside", one.inside), ("ends", one.ends), ("with all", one.whole)):
             table.add_row(line, where, *_figures(zone))
             line = ""
-    if len(found.judged) > MOST_ROWS:
-        table.caption = f"{len(found.judged) - MOST_ROWS} more surfaces with --json."
+    if len(found.judged) > MAX_ROWS:
+        table.caption = f"{len(found.judged) - MAX_ROWS} more surfaces with --json."
     return table
 
 

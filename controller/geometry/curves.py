@@ -23,8 +23,8 @@ Array = NDArray[np.float64]
 Points = tuple[Vector, ...]
 
 DEGREE = 8  # of the polynomials u(s): one more costs the tick 50 ns, one less doubles the panels
-MOST_PANELS = 4096  # of a curve
-MOST_OF_SPAN = 256  # of a part between knots: a curve with a cusp there takes some hundred
+MAX_PANELS = 4096  # of a curve
+MAX_OF_SPAN = 256  # of a part between knots: a curve with a cusp there takes some hundred
 # The length of a panel by Gauss-Legendre: exact up to degree 31 of the speed.
 _NODES, _WEIGHTS = (0.5 * a for a in np.polynomial.legendre.leggauss(16))
 _NODES = _NODES + 0.5
@@ -264,7 +264,7 @@ class ArcLength:
         return s if np.ndim(u) else float(s)
 
 
-LEAST_RATE = 1e-6  # of a curve at an end, as a share of its length: slower there, it stands still
+MIN_RATE = 1e-6  # of a curve at an end, as a share of its length: slower there, it stands still
 BESIDE_MM = 1e-3  # how far from such an end its derivatives are taken, which are without bound at it
 
 
@@ -277,7 +277,7 @@ class Even:
 
     def __post_init__(self) -> None:
         length, curve = self.arc.length_mm, self.arc.curve
-        stands = [float(norm(curve.derivative(u))) < LEAST_RATE * length for u in (0.0, 1.0)]
+        stands = [float(norm(curve.derivative(u))) < MIN_RATE * length for u in (0.0, 1.0)]
         first, last = (min(BESIDE_MM / length, 1.0 / 3.0) if stand else 0.0 for stand in stands)
         object.__setattr__(self, "_inside", (first, 1.0 - last))
 
@@ -329,7 +329,7 @@ def _panels(curve: Curve, tolerance: float) -> Iterator[tuple[float, float, tupl
             open_ends.append(middle)
             continue
         count, of_span = count + 1, of_span + 1
-        if count > MOST_PANELS or of_span > MOST_OF_SPAN:
+        if count > MAX_PANELS or of_span > MAX_OF_SPAN:
             raise ValueError("The curve bends without end: its length has no fit.")
         if length > 0.0:
             yield start, length, fit or (start, end - start, *(0.0,) * (DEGREE - 1))

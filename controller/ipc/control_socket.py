@@ -36,16 +36,16 @@ Answer = Values | Future[Values]
 
 CONTROL = "control.sock"  # in the runtime folder
 RUNTIME = "runtime"  # in the state folder: a file that says which one that is
-MOST_BYTES = 200_000  # of a request; bigger things go by their path in the store
-MOST_ANSWER = 2 * MOST_BYTES  # of an answer
-MOST_PEERS = 64
+MAX_BYTES = 200_000  # of a request; bigger things go by their path in the store
+MAX_ANSWER = 2 * MAX_BYTES  # of an answer
+MAX_PEERS = 64
 CODES = ("refused", "bad", "busy", "gone", "silent", "unrecorded", "worn")
 FACTS = ("code", "mode", "request")  # of a refusal, beside what it says
 ANSWER_S = 600.0  # a whole program may have to be read before the answer
 BUFFER_BYTES = 1 << 20  # of a socket
 
 
-class DoorError(Exception):
+class CommandRefused(Exception):
     """Why a request was not done, for the operator; ``sentence`` is it in English.
 
     ``code``: "refused" by the machine's state, "bad" request, "busy", "gone" = nobody is there to
@@ -67,7 +67,7 @@ class DoorError(Exception):
         return {**{name: getattr(self, name) for name in FACTS}, **self.said}
 
     @classmethod
-    def from_dict(cls, told: Mapping[str, Any]) -> DoorError:
+    def from_dict(cls, told: Mapping[str, Any]) -> CommandRefused:
         values = told.get("values")
         key = Said(key=str(told.get("key") or "no_reason"), values=values if isinstance(values, dict) else {})
         return cls(said=key, **{name: str(told.get(name, "")) for name in FACTS})
@@ -139,7 +139,7 @@ class Client:
         self._number = 0
 
     def ask(self, verb: str, **args: Any) -> Values:
-        """The result of a verb. Raises DoorError."""
+        """The result of a verb. Raises CommandRefused."""
         number, packet = self._packet(verb, args)
         own = self._take()
         try:
@@ -170,8 +170,8 @@ class Client:
             self._number += 1
             number = self._number
         packet = packed({"id": number, "verb": verb, "args": args})
-        if len(packet) > MOST_BYTES:
-            raise DoorError("bad", said("long_request", verb=verb, bytes=len(packet)))
+        if len(packet) > MAX_BYTES:
+            raise CommandRefused("bad", said("long_request", verb=verb, bytes=len(packet)))
         return number, packet
 
     def _answer(self, own: socket.socket, number: int) -> Values:
@@ -188,7 +188,7 @@ class Client:
                 self._idle.append(own)
         if told.get("ok"):
             return dict(told.get("result") or {})
-        raise DoorError.from_dict(told.get("error") or {})
+        raise CommandRefused.from_dict(told.get("error") or {})
 
     def _take(self, fresh: bool = False) -> socket.socket:
         """A connection; ``fresh``: those that are there are of no use any more."""
@@ -206,42 +206,44 @@ class Client:
             own.connect(str(self._path))
         except (FileNotFoundError, ConnectionError) as error:
             own.close()
-            raise DoorError("gone", said("no_service", path=self._path, why=error.strerror)) from error
+            raise CommandRefused("gone", said("no_service", path=self._path, why=error.strerror)) from error
         except OSError as error:
             own.close()
             raise self._silent(error) from error
         return own
 
-    def _unanswered(self, verb: str) -> DoorError:
+    def _unanswered(self, verb: str) -> CommandRefused:
         """The service ended after it was asked: to ask the next one again might do a thing twice."""
         try:
             self._take(fresh=True).close()
-        except DoorError as error:
+        except CommandRefused as error:
             return error
-        return DoorError("silent", said("started_anew", path=self._path, verb=verb))
+        return CommandRefused("silent", said("started_anew", path=self._path, verb=verb))
 
-    def _silent(self, error: OSError) -> DoorError:
+    def _silent(self, error: OSError) -> CommandRefused:
         """Somebody holds the socket: what is loaded there may be running."""
         if isinstance(error, PermissionError):
-            return DoorError("silent", said("stranger", path=self._path))
+            return CommandRefused("silent", said("stranger", path=self._path))
         why = error.strerror or Key("no_answer_within")
-        return DoorError("silent", said("silent_door", path=self._path, why=why, seconds=self._longest_s))
+        return CommandRefused(
+            "silent", said("silent_door", path=self._path, why=why, seconds=self._longest_s)
+        )
 
 
 def _received(own: socket.socket) -> bytes:
     """The next packet, also of a service that closed behind it and did not read what we had sent."""
     try:
-        return own.recv(MOST_ANSWER)
+        return own.recv(MAX_ANSWER)
     except ConnectionResetError:
-        return own.recv(MOST_ANSWER)
+        return own.recv(MAX_ANSWER)
 
 
 # ---- what both sides need
 
 
-def own_error(error: BaseException) -> DoorError:
+def own_error(error: BaseException) -> CommandRefused:
     """A mistake of ours as an answer."""
-    return DoorError("busy", said("own_error", error=internal_error.told(error)))
+    return CommandRefused("busy", said("own_error", error=internal_error.told(error)))
 
 
 def packed(told: Values) -> bytes:

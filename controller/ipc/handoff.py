@@ -62,7 +62,7 @@ from controller.state.live_state import (
     of_axes,
     snapshot_of,
 )
-from controller.state.modes import MOST_AXES
+from controller.state.modes import MAX_AXES
 from controller.state.requests import (
     PLAN_IDS,
     Answers,
@@ -262,7 +262,7 @@ class SnapshotBoard:
     whose counter has moved on meanwhile reads again.
     """
 
-    def __init__(self, path: str | None = None, create: bool = True, axes: int = MOST_AXES) -> None:
+    def __init__(self, path: str | None = None, create: bool = True, axes: int = MAX_AXES) -> None:
         """``axes``: how many the machine has, for those who read."""
         self.block = SharedBlock(2 * _SLOT, path, create)
         self._snapshot_of = snapshot_of(axes)

@@ -38,8 +38,8 @@ INPUTS = (
 OUTPUTS = ("coolant", "mist")
 # Of the drive's own window (following_error): what the controller allows at rest, and of that in position.
 REST_SHARE = IN_POSITION_SHARE = 0.1
-MOST_BITS = 64  # of a PDO
-MOST_CHANNELS = 4  # of 16 bits in one
+MAX_BITS = 64  # of a PDO
+MAX_CHANNELS = 4  # of 16 bits in one
 INT16 = -(2**15), 2**15 - 1
 # That programs have for what is the machine's own.
 M_CODE = re.compile(r"M(1[0-8]|2[0-8]|3[1-9]|4[0-7]|5[4-9]|69|7[4-9]|8[0-9]|9[0-7]|[1-9][0-9][0-9])")
@@ -243,7 +243,7 @@ def _analogue_out(table: Table) -> tuple[AnalogueOut, ...]:
         entry = entries.table(name, f"{entries.name}.{name}")
         one = AnalogueOut(
             name,
-            entry.integer("channel", 1, MOST_CHANNELS),
+            entry.integer("channel", 1, MAX_CHANNELS),
             entry.number("low", default=0.0),
             entry.number("high"),
             entry.integer("low_counts", *INT16, 0),
@@ -308,7 +308,7 @@ def _bits(table: Table, key: str, known: Sequence[str]) -> tuple[tuple[str, int]
     found: dict[str, int] = {}
     for name in known:
         if entry.has(name) and name not in found:
-            found[name] = entry.integer(name, 0, MOST_BITS - 1)
+            found[name] = entry.integer(name, 0, MAX_BITS - 1)
             twins = [other for other, bit in found.items() if bit == found[name] and other != name]
             if twins:
                 entry.refuse(name, f"{twins[0]} has this bit, too", "a bit per name", "change one")

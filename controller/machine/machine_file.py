@@ -24,11 +24,11 @@ from controller.machine.model import (
     JOINT_TOLERANCE_DEG,
     JOINT_TOLERANCE_MM,
     LONGEST_PROGRAM_H,
+    MAX_CALL_LEVELS,
+    MAX_PROGRAM_H,
+    MAX_PROGRAM_PASSES,
     MAX_QUICK_STOP_S,
-    MOST_CALL_LEVELS,
-    MOST_PROGRAM_H,
-    MOST_PROGRAM_PASSES,
-    MOST_WEAR_MM,
+    MAX_WEAR_MM,
     OFFSETS,
     PROGRAM_PASSES,
     TOOL_CHANGE_S,
@@ -134,15 +134,15 @@ def read_table(top: Table, text: str, folder: Path | None = None) -> Machine:
         max_quick_stop_s=general.number("max_quick_stop_s", 0.01, 60.0, default=MAX_QUICK_STOP_S),
         max_overcut_mm=general.positive_or_none("max_overcut_mm"),
         tolerance_mm=general.positive_or_none("tolerance_mm"),
-        longest_program_h=general.number("longest_program_h", 0.01, MOST_PROGRAM_H, LONGEST_PROGRAM_H),
+        longest_program_h=general.number("longest_program_h", 0.01, MAX_PROGRAM_H, LONGEST_PROGRAM_H),
         tool_change_s=tools.number("change_s", 0.0, 3600.0, default=TOOL_CHANGE_S),
         joint_tolerance_mm=general.number("joint_tolerance_mm", 0.0, 1.0, default=JOINT_TOLERANCE_MM),
         joint_tolerance_deg=general.number("joint_tolerance_deg", 0.0, 5.0, default=JOINT_TOLERANCE_DEG),
         lead_feed_mm_s=general.positive_or_none("lead_feed", 1.0 / 60.0),
         link_mm=general.number("link_mm", 0.0, 100.0, default=0.0),
         arc_tolerance_mm=general.number("arc_tolerance_mm", 0.001, 3.0, default=ARC_TOLERANCE_MM),
-        call_levels=general.integer("call_levels", 1, MOST_CALL_LEVELS, CALL_LEVELS),
-        program_passes=general.integer("program_passes", 1, MOST_PROGRAM_PASSES, PROGRAM_PASSES),
+        call_levels=general.integer("call_levels", 1, MAX_CALL_LEVELS, CALL_LEVELS),
+        program_passes=general.integer("program_passes", 1, MAX_PROGRAM_PASSES, PROGRAM_PASSES),
         dialect=dialect,
         kept=offset_table.kept(general, dialect),
         without_point=general.text("without_point", WITHOUT_POINT, ""),
@@ -341,8 +341,8 @@ def tool(table: Table, name: str | None = None, before: Tool | None = None, shor
         holder=_holder(table, shape),
         placement=table.text("placement", ("", *PLACEMENTS), shape.placement),
         below_mm=table.number("below_mm", 0.0, 1000.0, default=shape.below_mm),
-        wear_radius_mm=_wear(table, "wear_radius_mm", min(MOST_WEAR_MM, 0.5 * radius), shape.wear_radius_mm),
-        wear_length_mm=_wear(table, "wear_length_mm", MOST_WEAR_MM, shape.wear_length_mm),
+        wear_radius_mm=_wear(table, "wear_radius_mm", min(MAX_WEAR_MM, 0.5 * radius), shape.wear_radius_mm),
+        wear_length_mm=_wear(table, "wear_length_mm", MAX_WEAR_MM, shape.wear_length_mm),
         tolerance_mm=table.positive_or_none("tolerance_mm") or shape.tolerance_mm,
     )
     table.finish()
@@ -351,7 +351,7 @@ def tool(table: Table, name: str | None = None, before: Tool | None = None, shor
 
 def _wear(table: Table, key: str, most_mm: float, before_mm: float) -> float:
     """What is added to a tool's radius or length; one that has lost half of its radius is another tool."""
-    return table.number(key, -most_mm, MOST_WEAR_MM, default=max(before_mm, -most_mm))
+    return table.number(key, -most_mm, MAX_WEAR_MM, default=max(before_mm, -most_mm))
 
 
 def _holder(table: Table, before: Tool) -> tuple[tuple[float, float, float], ...]:

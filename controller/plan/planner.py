@@ -42,9 +42,9 @@ from controller.state.modes import Mode
 AHEAD_S = 2.5  # of motion that is not to be replaced, before the tick needs it
 BUNDLE_S = 0.5  # short runs and pauses go together, up to this
 REPLAN_LEAD_S = 0.05  # ahead of the commit point, where planning takes no time ...
-MOST_LEAD_S = 2.0
+MAX_LEAD_S = 2.0
 RETRY_S = 0.1  # where there is no way on from a state of motion, one this much later is tried ...
-PATIENCE_S = 0.05  # ... after so much plan time
+TIMEOUT_S = 0.05  # ... after so much plan time
 SAME_S = 1e-9
 
 
@@ -168,7 +168,7 @@ class Planner:
         sent = (tries and self._replan(now, orders)) or self._further(now, orders, tries)
         if sent and self._clock:
             took_s = self._clock() - began_s
-            self._lead_s = min(max(REPLAN_LEAD_S, 1.5 * took_s, 0.8 * self._lead_s), MOST_LEAD_S)
+            self._lead_s = min(max(REPLAN_LEAD_S, 1.5 * took_s, 0.8 * self._lead_s), MAX_LEAD_S)
         return sent
 
     def keepalive(self) -> None:
@@ -183,7 +183,7 @@ class Planner:
         if now.accepted < held.sequence:
             self._sent, self._next, self._queue_end_s = held.sent, held.next, held.queue_end_s
             if held.moving:
-                self._lead_s = min(2.0 * self._lead_s, MOST_LEAD_S)
+                self._lead_s = min(2.0 * self._lead_s, MAX_LEAD_S)
         return True
 
     def _restart(self, now: Snapshot) -> None:
@@ -326,7 +326,7 @@ class Planner:
         sent = self._sent[index]
         made = self._windows.from_motion(self._track, sent, from_s, orders, soon)
         if made is None:
-            self._retry_s, self._wait_s = from_s + RETRY_S, now.plan_time_s + PATIENCE_S
+            self._retry_s, self._wait_s = from_s + RETRY_S, now.plan_time_s + TIMEOUT_S
             return False
         held = self._hold(True)
         self._sent = [*self._sent[:index], replace(sent, end_s=from_s, seam_s=None)]

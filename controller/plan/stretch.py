@@ -37,13 +37,13 @@ Array = npt.NDArray[np.float64]
 STILL_MM = 1e-9  # moves below (also in degrees) are no moves
 STANDS_MM = 1e-6  # X Y Z, or a tip, that moves less stands: s is then the turn in degrees
 
-LEAST_TIP_RATE = 1e-3  # where the tip all but stands the rotaries alone set the speed
+MIN_TIP_RATE = 1e-3  # where the tip all but stands the rotaries alone set the speed
 
 
 def tip_rate(motion: Motion, s: Array) -> Array:
     """Millimetres that the tip moves per unit of s at the places ``s`` (N,); 1 for all but tool lines."""
     if isinstance(motion, ToolLine):
-        return np.full(np.shape(s), max(motion.tip_rate, LEAST_TIP_RATE))
+        return np.full(np.shape(s), max(motion.tip_rate, MIN_TIP_RATE))
     if not isinstance(motion, ToolSpline):
         return np.ones(np.shape(s))
     knots = np.frombuffer(motion.knots)
@@ -51,7 +51,7 @@ def tip_rate(motion: Motion, s: Array) -> Array:
     c = np.frombuffer(motion.spans).reshape(-1, 5, 4)[i, :3]
     h = (s - knots[i])[:, None]
     rate = c[..., 1] + h * (2.0 * c[..., 2] + h * (3.0 * c[..., 3]))
-    return np.asarray(np.maximum(np.sqrt((rate * rate).sum(axis=1)), LEAST_TIP_RATE))
+    return np.asarray(np.maximum(np.sqrt((rate * rate).sum(axis=1)), MIN_TIP_RATE))
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,7 +23,7 @@ from controller.plan.stretch import Stretch
 Array = NDArray[np.float64]
 Ends = tuple[Array, Array]  # tips and tops, each (N, 3), table frame
 
-FIRST_SAMPLES, MOST_SAMPLES = 2001, 128_001
+FIRST_SAMPLES, MAX_SAMPLES = 2001, 128_001
 PER_CHORD = 12  # samples that a chord has at least on the average, so that none hides between them
 
 
@@ -59,7 +59,7 @@ def corners(
     while True:
         found = sampled(stretch, kinematics, length_mm, height_mm, count)
         row = _longest(found, kinematics, form, length_mm, chord_mm)
-        if count >= MOST_SAMPLES or count >= PER_CHORD * len(row):
+        if count >= MAX_SAMPLES or count >= PER_CHORD * len(row):
             return found.s[row], found.joints[row]
         count = 4 * (count - 1) + 1
 

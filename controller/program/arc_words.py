@@ -10,7 +10,7 @@ from controller.program.offset_words import Here
 from controller.program.program import JointArc, Tip
 from controller.program.words import Word
 
-MOST_TURNS = 1000  # of one arc
+MAX_TURNS = 1000  # of one arc
 
 # Plane axes so that first x second = normal: counter-clockwise is the right hand about the normal.
 PLANES = MappingProxyType({"G17": (0, 1, 2), "G18": (2, 0, 1), "G19": (1, 2, 0)})
@@ -49,9 +49,9 @@ def _turns(ask: Ask) -> int:
     turns = 1 if word is None else ask.whole(word)
     if word is not None and turns == 0:
         raise ask.refusal(word, f"{word.text} is no arc: P counts the turns, from 1 up; correct it")
-    if word is not None and turns > MOST_TURNS:
+    if word is not None and turns > MAX_TURNS:
         raise ask.refusal(
-            word, f"{word.text} is too many turns: P counts 1 to {MOST_TURNS} of them; write more arcs"
+            word, f"{word.text} is too many turns: P counts 1 to {MAX_TURNS} of them; write more arcs"
         )
     return turns
 

@@ -26,7 +26,7 @@ from controller.program.program import (
 )
 
 MOTIONS = (JointLine, JointArc, TipLine)
-MOST_BETWEEN = 1000  # blocks between two moves in the plane
+MAX_BETWEEN = 1000  # blocks between two moves in the plane
 SHORTEST_ARC_MM = 2e-6  # shorter ones could be taken for whole circles
 ROUND_MM = 1e-3  # by which the cutter may be larger than an arc that it fills (rounded words)
 UNKNOWN = (
@@ -85,8 +85,8 @@ class Cutter:
             if self._last is None:
                 yield held.block
                 return
-            if len(self._between) >= MOST_BETWEEN:
-                raise self._wrong(held, f"more than {MOST_BETWEEN} lines move nothing in the plane")
+            if len(self._between) >= MAX_BETWEEN:
+                raise self._wrong(held, f"more than {MAX_BETWEEN} lines move nothing in the plane")
             self._between.append(held)
             return
         step = self._step(held)

@@ -30,7 +30,7 @@ from controller.program.program import (
     TipLine,
 )
 
-MOST_HELD = 1000  # blocks behind a G41 before it is decided
+MAX_HELD = 1000  # blocks behind a G41 before it is decided
 
 
 def beside(
@@ -97,7 +97,7 @@ class _Path:
             yield from self._without(held)
         elif planar.lines:
             yield from self._along(held, planar)
-        elif len(self._undecided) < MOST_HELD and planar.place != self._passed:
+        elif len(self._undecided) < MAX_HELD and planar.place != self._passed:
             self._undecided.append(held)
         else:
             self._passed = planar.place
@@ -142,7 +142,7 @@ class _Path:
         if planar.place == self._passed:
             raise NotBesideError(
                 held.block.place,
-                f"{planar.code} on line {planar.place.line} has no D, and more than {MOST_HELD} lines stand "
+                f"{planar.code} on line {planar.place.line} has no D, and more than {MAX_HELD} lines stand "
                 "between it and the first line or arc; write D beside it",
             )
         if self._owed not in ("", held.block.modal.plane):

@@ -29,8 +29,8 @@ from controller.program.words import Word
 BREAK_MM = 0.254  # what G73 draws back, and where G83 ends its rapid above the last depth, as LinuxCNC
 SAME_MM = 1e-9  # of two heights: in a tilted plane they come by way of the axes, and are rounded
 ALONG_DEG = 0.01  # by which the axis of a cycle may miss the tool: rotary words of two decimals
-MOST_REPEATS = 1000  # of one line ...
-MOST_PECKS = 10_000  # ... in all of them
+MAX_REPEATS = 1000  # of one line ...
+MAX_PECKS = 10_000  # ... in all of them
 FLOATING = (
     "is tapped with a floating holder: the feed is not tied to the spindle, which turns back at the bottom."
 )
@@ -177,8 +177,8 @@ def _repeats(ask: Ask, way: Way) -> int:
         return 1
     count = ask.whole(word)
     least = 0 if way.fanuc else 1  # K0 under fanuc: the words are kept and nothing is drilled
-    if not least <= count <= MOST_REPEATS:
-        raise ask.refusal(word, f"{word.text} repeats a cycle {least} to {MOST_REPEATS} times; correct it")
+    if not least <= count <= MAX_REPEATS:
+        raise ask.refusal(word, f"{word.text} repeats a cycle {least} to {MAX_REPEATS} times; correct it")
     return count
 
 
@@ -198,10 +198,10 @@ def _peck(way: Way, cycle: Cycle, clearance: float, bottom: float) -> None:
     """G73 draws back a little after each peck, G83 to the clearance and down again."""
     depth = cycle.depth or 0.0
     pecks = (clearance - bottom) / depth * way.repeats
-    if pecks > MOST_PECKS:
+    if pecks > MAX_PECKS:
         word = way.here.ask.line.words[0]
         raise way.here.ask.refusal(
-            word, f"{cycle.code} would peck {pecks:.0f} times: {MOST_PECKS} are the most; raise Q"
+            word, f"{cycle.code} would peck {pecks:.0f} times: {MAX_PECKS} are the most; raise Q"
         )
     height = clearance - depth
     while height > bottom:

@@ -22,7 +22,7 @@ from controller.program.parameters import ARGUMENTS, Parameters
 from controller.program.program import ProgramError
 
 CALLS, RETURNS, RESTORES = 98.0, 99.0, 73.0  # M98, M99, M73
-MOST_CALLERS = 4  # that a sentence names
+MAX_CALLERS = 4  # that a sentence names
 SPLIT = 10_000  # P of M98 in eight digits: how often, and which of four digits
 
 
@@ -421,6 +421,6 @@ def _count_of(line: Line, word: Word | None) -> int:
 
 def _chain(callers: tuple[str, ...]) -> str:
     """Who called, for a sentence."""
-    told = [f"called by {caller}" for caller in callers[:MOST_CALLERS]]
-    more = len(callers) - MOST_CALLERS
+    told = [f"called by {caller}" for caller in callers[:MAX_CALLERS]]
+    more = len(callers) - MAX_CALLERS
     return ", ".join([*told, f"{more} calls more"] if more > 0 else told)

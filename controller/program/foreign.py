@@ -14,7 +14,7 @@ from types import MappingProxyType
 from controller.program.decoding import Text
 from controller.program.program import Block, ProgramError
 
-MOST_LINES = 100_000  # that are looked at
+MAX_LINES = 100_000  # that are looked at
 SHOWN = 40  # characters of a line in a sentence
 
 
@@ -129,7 +129,7 @@ def judged(
 def program(lines: Iterable[str], name: str) -> ProgramError | None:
     """What to tell of a program where a line of it is another control's; else None."""
     other = None
-    for number, raw in enumerate(islice(lines, MOST_LINES), start=1):
+    for number, raw in enumerate(islice(lines, MAX_LINES), start=1):
         if other is None and (found := _control(raw)) is not None:
             other = _told(name, number, raw, *found)
         if _OKUMA.search(raw):

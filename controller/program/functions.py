@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from controller.program.line import FUNCTION, SPEED, Line, Part
 from controller.program.modal import State
-from controller.program.plain import MOST_STATES, CommonLines, any_of
+from controller.program.plain import MAX_STATES, CommonLines, any_of
 from controller.program.program import Action, Block
 
 _FUNCTIONS = frozenset((3.0, 4.0, 5.0, 7.0, 8.0, 9.0))  # M
@@ -48,7 +48,7 @@ class Functions:
             of_m = parts[FUNCTION] is not None and block.place.column == line.column(FUNCTION)
             acts.append((FUNCTION if of_m else SPEED, block))
         after = self._common.one_of(after)
-        if len(self._known) >= MOST_STATES:
+        if len(self._known) >= MAX_STATES:
             self._known.clear()
         self._known[(id(before), parts[FUNCTION], parts[SPEED])] = (before, after, acts)
         return after

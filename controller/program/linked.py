@@ -22,7 +22,7 @@ from typing import TypeVar
 
 from controller.program.decoding import Bytes
 
-MOST_FILES = 200
+MAX_FILES = 200
 SUFFIXES = (".ngc", ".nc", ".tap", ".cnc", ".txt", ".h", "")  # of files of subs, the first that is there
 
 _MARK = re.compile(rb"\n\x1c([^\t\n\x1c]+)\t([^\t\n\x1c]+)\n")
@@ -40,7 +40,7 @@ def linked(program: B, find: Find) -> B | bytes:
     """The program with all files that it and they call; unknown names are left to the reader to refuse."""
     found: dict[str, tuple[str, bytes]] = {}
     due, known = list(_called(program)), set(_defined(program))
-    while due and len(found) < MOST_FILES:
+    while due and len(found) < MAX_FILES:
         label = due.pop(0)
         if label in found or label in known or (file := find(label)) is None:
             continue

@@ -29,7 +29,7 @@ TIPS = MappingProxyType(
 INCHES = ("G20", "G70")
 BLU_PER_MM = 100.0  # the paper's basic length unit is 0.01 mm (and 0.01 mm/min)
 FEEDS = (1e-4, 1e7)  # units a minute: below, a millimetre takes a week; above, no drive follows
-MOST_DWELL_S = 604_800.0
+MAX_DWELL_S = 604_800.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -476,11 +476,11 @@ def dwell_s(ask: Ask, word: Word, machine: Machine) -> float:
     seconds = ask.not_negative(word)
     if machine.dialect == "fanuc" and not word.point:
         seconds /= 1000.0
-    if seconds > MOST_DWELL_S:
+    if seconds > MAX_DWELL_S:
         raise ask.refusal(
             word,
             f"{word.text} waits for {seconds / 3600.0:.4g} h: {word.letter} of G4 is 0 to "
-            f"{MOST_DWELL_S:.0f} seconds, a week; write M0 to wait for the operator",
+            f"{MAX_DWELL_S:.0f} seconds, a week; write M0 to wait for the operator",
         )
     return seconds
 

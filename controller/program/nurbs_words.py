@@ -30,7 +30,7 @@ from controller.program.program import CutNurbs, ProgramError
 from controller.program.surface_words import feed_of, missing, point_of
 from controller.program.words import Line, Word
 
-MOST_POINTS = 5000
+MAX_POINTS = 5000
 SEEN_AT = 32  # rulings that are looked at to see which curve is above
 NUMBERED = {"P": "upper", "Q": "lower"}
 
@@ -119,8 +119,8 @@ class _Reader:
             return False
         if lacking := missing(given, "XYZ"):
             raise refusal(line, line.words[0], f"{lacking} in {due}")
-        if len(self.points) == MOST_POINTS:
-            sentence = f"the {self.name} curve has more than {MOST_POINTS} points"
+        if len(self.points) == MAX_POINTS:
+            sentence = f"the {self.name} curve has more than {MAX_POINTS} points"
             raise line.refusal(line.words[0], f"{sentence}: one G6.2 takes no more; split the surface")
         weight = given.get("R", given["K"])
         self.points.append(point_of(given, "XYZ", self.state))

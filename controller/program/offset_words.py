@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from controller.geometry.vectors import ZERO, Frame, Vector, X, Y, Z
-from controller.machine.model import MOST_WEAR_MM, OFFSETS, Machine, Offset, Shift, Tool
+from controller.machine.model import MAX_WEAR_MM, OFFSETS, Machine, Offset, Shift, Tool
 from controller.program.codes import Ask
 from controller.program.modal import State, tool_list
 from controller.program.origins import NONE, Origins, about, turned_about_z
@@ -210,12 +210,12 @@ def _check_tool(here: Here, tool: Tool) -> None:
         raise here.ask.refusal(
             word, f"{word.text} leaves no tool: its radius must be greater than 0; correct it"
         )
-    least_mm = min(MOST_WEAR_MM, 0.5 * tool.radius_mm)
-    worn = -least_mm <= tool.wear_radius_mm <= MOST_WEAR_MM and abs(tool.wear_length_mm) <= MOST_WEAR_MM
+    least_mm = min(MAX_WEAR_MM, 0.5 * tool.radius_mm)
+    worn = -least_mm <= tool.wear_radius_mm <= MAX_WEAR_MM and abs(tool.wear_length_mm) <= MAX_WEAR_MM
     if not worn:
         raise here.ask.refusal(
             word,
-            f"{word.text} is no wear: {-MOST_WEAR_MM:g} to {MOST_WEAR_MM:g} mm are, and half of the radius "
+            f"{word.text} is no wear: {-MAX_WEAR_MM:g} to {MAX_WEAR_MM:g} mm are, and half of the radius "
             "at most; what is worn more is another tool, so correct it, or set length and radius",
         )
 

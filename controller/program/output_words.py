@@ -10,7 +10,7 @@ from controller.program.codes import Ask
 from controller.program.program import Await, Block, Level, Modal, Remark
 from controller.program.words import Word
 
-MOST_WAIT_S = 604_800.0  # a week
+MAX_WAIT_S = 604_800.0  # a week
 READS = (
     "M66 without L, or with L0, reads an input for #5399, which no program can look at here; write L3 or "
     "L4 and Q to wait for it."
@@ -35,11 +35,11 @@ def awaited(ask: Ask, word: Word, modal: Modal, machine: Machine) -> list[Block]
             f"L{level} is nothing that M66 waits for: L1 is a rise, L2 a fall, L3 on, L4 off; use one of "
             "these",
         )
-    if most is None or not 0.0 < most.value <= MOST_WAIT_S:
+    if most is None or not 0.0 < most.value <= MAX_WAIT_S:
         raise ask.refusal(
             most or word,
             f"M66 L{level} has no time: write Q with the seconds that it may take, above 0 and at most "
-            f"{MOST_WAIT_S:.0f}",
+            f"{MAX_WAIT_S:.0f}",
         )
     return [Await(ask.place(word), modal, number, Level(level), most.value)]
 
@@ -82,7 +82,7 @@ def oriented(ask: Ask, word: Word, machine: Machine) -> tuple[int, int, float]:
         raise ask.refusal(
             p, f"{p.text} chooses a direction: the spindle's drive takes its own; write P0, or leave P out"
         )
-    if q is not None and not 0.0 < q.value <= MOST_WAIT_S:
+    if q is not None and not 0.0 < q.value <= MAX_WAIT_S:
         raise ask.refusal(
             q,
             f"{q.text} is no time: Q is the seconds that it may take, above 0 and at most a week; correct it",

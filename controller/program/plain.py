@@ -21,7 +21,7 @@ from controller.program.modal import FEEDS, State
 from controller.program.points import POINTLESS
 from controller.program.program import Block, JointArc, JointLine, Place, Targets, Tip, TipLine
 
-MOST_STATES = 1000  # that are remembered
+MAX_STATES = 1000  # that are remembered
 _MOTIONS: MappingProxyType[Part, str] = MappingProxyType(
     {key: f"G{k}" for k in range(4) for key in (str(k), f"0{k}", float(k))}
 )
@@ -113,7 +113,7 @@ class CommonLines:
             if feed is not None and not state.inverse and not FEEDS[0] <= feed <= FEEDS[1]:
                 return None
             found = _with_feed(state, (motion, mm_s, deg_s))
-            if len(self._states) >= MOST_STATES:
+            if len(self._states) >= MAX_STATES:
                 self._states.clear()
             self._states[(motion, mm_s, deg_s)] = found
         self._state = found

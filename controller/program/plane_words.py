@@ -40,12 +40,12 @@ from controller.program.words import Word
 AXES = (X, Y, Z)
 EULER = ("121", "131", "212", "232", "313", "323")
 TURNS = ("123", "132", "213", "231", "312", "321")
-LEAST_MM = 0.1  # of a point from the line through the others
+MIN_MM = 0.1  # of a point from the line through the others
 SHORTEST = 1e-6  # of a vector
 SQUARE_DEG = 5.0  # by which Fanuc's two vectors may miss a right angle ...
 SQUARE_COSINE = 0.001  # ... and LinuxCNC's
 TOLD_DEG = 0.01  # by which they miss it for more than the rounding of their words
-LEAST_DEG = 1.0  # between two projections
+MIN_DEG = 1.0  # between two projections
 UPRIGHT = 1e-6  # sine of the angle to the work offset's Z below which a tool stands upright
 
 Turn = tuple[Vector, float]  # about an axis, degrees
@@ -267,9 +267,9 @@ def _points(said: Said) -> Triad:
     along, other = subtract(second, first), subtract(third, first)
     longest = max(norm(along), norm(other), norm(subtract(third, second)))
     across = cross(along, other)
-    if longest < LEAST_MM or norm(along) < LEAST_MM or norm(across) / longest < LEAST_MM:
+    if longest < MIN_MM or norm(along) < MIN_MM or norm(across) / longest < MIN_MM:
         raise said.refusal(
-            f"has three points on one line or in one place: each is at least {LEAST_MM:g} mm off the line "
+            f"has three points on one line or in one place: each is at least {MIN_MM:g} mm off the line "
             "through the others, as no plane is told by less; correct them"
         )
     x, z = unit(along), unit(across)
@@ -328,10 +328,10 @@ def _projected(said: Said) -> Frame:
     i, j, k = said.get("IJK")
     x, other = _spun([(Y, i)], X), _spun([(X, j)], Y)
     apart = math.degrees(angle_between(x, other))
-    if not LEAST_DEG <= apart <= 180.0 - LEAST_DEG:
+    if not MIN_DEG <= apart <= 180.0 - MIN_DEG:
         raise said.refusal(
             f"has projected axes {round(apart, 4):g} degrees apart, which tell no plane: they are "
-            f"{LEAST_DEG:g} to {180.0 - LEAST_DEG:g} apart; correct I and J, or write Euler angles (P0)"
+            f"{MIN_DEG:g} to {180.0 - MIN_DEG:g} apart; correct I and J, or write Euler angles (P0)"
         )
     z = unit(cross(x, other))
     return within(Frame(said.get("XYZ"), x, cross(z, x), z), _turned(ZERO, [(Z, k)]))

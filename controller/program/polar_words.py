@@ -16,7 +16,7 @@ from controller.program.offset_words import Here
 from controller.program.position import Position
 from controller.program.words import Word
 
-LEAST_MM = 1e-9  # from the origin: nearer there is no direction
+MIN_MM = 1e-9  # from the origin: nearer there is no direction
 
 
 def cartesian(ask: Ask, state: State, position: Position, machine: Machine) -> Ask:
@@ -47,7 +47,7 @@ def cartesian(ask: Ask, state: State, position: Position, machine: Machine) -> A
 def stepped(ask: Ask, word: Word, begin: Sequence[float], steps: tuple[float, float]) -> tuple[float, float]:
     """X and Y one step of distance (mm) and angle (rad) on. Raises ProgramError."""
     far = math.hypot(*begin)
-    if far < LEAST_MM:
+    if far < MIN_MM:
         raise ask.refusal(
             word,
             f"{word.text} is a step under G91 from the origin, where no direction is: write X and Y, or G90",

@@ -29,7 +29,7 @@ Known = float | None
 Place3 = tuple[Known, Known, Known]
 
 _UNTURNED = Frame()[1:]
-MOST_PENDING = 1000
+MAX_PENDING = 1000
 
 
 def homed(machine: Machine) -> Joints:
@@ -96,7 +96,7 @@ class Position:
         """Go where a block leads."""
         if isinstance(block, JointMotion) and _is_position(block):
             pending = self._pending
-            if (pending and not _in_one_frame(block.modal, pending[-1].modal)) or len(pending) > MOST_PENDING:
+            if (pending and not _in_one_frame(block.modal, pending[-1].modal)) or len(pending) > MAX_PENDING:
                 self._go()
             self._pending.append(block)
             return

@@ -15,7 +15,7 @@ from controller.program import blocks
 from controller.program.program import ProgramError
 
 MOST = 100  # that are told one by one
-MOST_BLOCKS = 1_000_000  # that are read to find them
+MAX_BLOCKS = 1_000_000  # that are read to find them
 
 
 def of(data: bytes, machine: Machine, name: str, start: Joints | None = None) -> list[ProgramError]:
@@ -23,7 +23,7 @@ def of(data: bytes, machine: Machine, name: str, start: Joints | None = None) ->
     refused: list[ProgramError] = []
     try:
         for count, _ in enumerate(blocks.stream(data, machine, name, start=start, refused=refused)):
-            if count > MOST_BLOCKS:
+            if count > MAX_BLOCKS:
                 break
     except ProgramError as error:
         refused.append(error)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from controller.machine.model import MOST_WEAR_MM
+from controller.machine.model import MAX_WEAR_MM
 from controller.program.codes import Ask
 from controller.program.program import Modal, Side
 from controller.program.words import Word
@@ -38,11 +38,11 @@ def _allowance_mm(ask: Ask, code: str, words: dict[str, Word], mm_per_unit: floa
     if (word := words.get("Q")) is None:
         return 0.0
     allowance = word.value * mm_per_unit
-    if allowance < -MOST_WEAR_MM:
+    if allowance < -MAX_WEAR_MM:
         raise ask.refusal(
             word,
             f"{word.text} takes {-allowance:g} mm more off than the surface: Q of {code} is what stays on "
-            f"it, and below 0 the cutter's wear, at most {MOST_WEAR_MM:g} mm; correct it",
+            f"it, and below 0 the cutter's wear, at most {MAX_WEAR_MM:g} mm; correct it",
         )
     return allowance
 

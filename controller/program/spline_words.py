@@ -21,7 +21,7 @@ from controller.program.program import Control, JointCurve, ProgramError, Target
 from controller.program.words import Line, Word
 
 ORDERS = range(3, 9)
-MOST_POINTS = 5000
+MAX_POINTS = 5000
 START = Control(None, None)
 
 
@@ -121,8 +121,8 @@ def _nurbs(here: Here, word: Word, lines: Iterator[Line]) -> tuple[tuple[Control
             order = _order(line, given["L"])
         if given.keys() & set("XYP"):
             points.append(_control(line, given, here.state.mm_per_unit))
-        if len(points) >= MOST_POINTS:
-            raise line.refusal(line.words[0], f"a NURBS has at most {MOST_POINTS} points; write two")
+        if len(points) >= MAX_POINTS:
+            raise line.refusal(line.words[0], f"a NURBS has at most {MAX_POINTS} points; write two")
         line, given = _next(here, word, lines)
     if len(points) + 1 < order:
         raise line.refusal(

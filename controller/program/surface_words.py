@@ -27,7 +27,7 @@ from controller.program.program import CutCone, CutRuled, ProgramError, Remark
 from controller.program.words import Line, Word
 
 BLU_PER_DEGREE = 1000.0
-MOST_SWEEP_DEG = 36_000.0  # a hundred turns; no rotary that is told in degrees goes much further
+MAX_SWEEP_DEG = 36_000.0  # a hundred turns; no rotary that is told in degrees goes much further
 LENGTHS = "XYZIJKHR"  # of a cone
 AXES = "XYZABC"  # of a shift
 LEVEL_MM = 1e-9  # start and centre of a cone are on one level, a radius is not 0, beyond this
@@ -116,7 +116,7 @@ def _check_cone(ask: Ask, start: Vector, centre: Vector, sweep_deg: float) -> No
         ("D", given["D"].value == 0.0, "the swept angle D must not be 0 (positive is counter-clockwise)"),
         ("K", abs(start[2] - centre[2]) > LEVEL_MM, "start Z and centre K must be on one level"),
         ("I", radius <= LEVEL_MM, "the start X Y must be off the centre I J by the bottom radius"),
-        ("D", abs(sweep_deg) > MOST_SWEEP_DEG, f"D sweeps at most {MOST_SWEEP_DEG:.0f} degrees either way"),
+        ("D", abs(sweep_deg) > MAX_SWEEP_DEG, f"D sweeps at most {MAX_SWEEP_DEG:.0f} degrees either way"),
     )
     for letter, is_so, allowed in forbidden:
         if is_so:

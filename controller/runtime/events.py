@@ -27,7 +27,7 @@ from typing import Any
 from controller.ipc.handoff import Jog
 from controller.runtime.starts import Start
 from controller.state.modes import Fault, Request
-from controller.tick.mode import MOST_OVERRIDE
+from controller.tick.mode import MAX_OVERRIDE
 
 REQUESTS = {
     "hold": Request.HOLD,
@@ -227,7 +227,7 @@ def _value(where: str, request: str, data: dict[str, Any]) -> float:
     value = data.get("value", "missing")
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if request in OVERRIDES:
-        most = MOST_OVERRIDE * 100.0
+        most = MAX_OVERRIDE * 100.0
         if not number or not 0.0 <= value <= most:
             raise EventError(f'{where}: "value" is {value!r}; {request} takes 0 to {most:.0f} (percent).')
         return float(data["share"]) if isinstance(data.get("share"), float) else float(value) / 100.0

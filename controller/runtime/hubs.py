@@ -18,7 +18,7 @@ from controller.runtime.startup import SessionError
 Rows = npt.NDArray[np.float64]
 
 HUB_S = 20.0  # for a hub to be there
-LOOK_S = 0.05
+POLL_S = 0.05
 
 
 def started(
@@ -64,7 +64,7 @@ def _wait_for_hub(hub: Child, path: Path) -> None:
     while not path.exists():
         if not hub.is_alive() or time.monotonic() > give_up_s:
             raise SessionError("The virtual bus did not start; see its message above.")
-        time.sleep(LOOK_S)
+        time.sleep(POLL_S)
 
 
 def _end_hub(hub: Child, name: str, log: Path, stamps_s: dict[str, Rows]) -> None:

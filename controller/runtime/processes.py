@@ -30,7 +30,7 @@ from drives import bus, commission, pdo
 
 # A busy computer has been seen to hold a process back for 20 ms and more; beyond this the
 # heartbeats judge. On a real bus two lost feedbacks in a row are a fault.
-VIRTUAL_PATIENCE_S = 0.150
+VIRTUAL_TIMEOUT_S = 0.150
 
 # Of ``loop.prepare`` and ``cores.take``, as an operator calls them.
 PRIVILEGES = {
@@ -109,7 +109,7 @@ def lacking(granted: loop.Granted, simulated: bool) -> str:
 
 def _patience_s(machine: Machine) -> float:
     """Simulated drives on a virtual bus are a process of this computer and may be late."""
-    return VIRTUAL_PATIENCE_S if _simulated(machine) else 0.0
+    return VIRTUAL_TIMEOUT_S if _simulated(machine) else 0.0
 
 
 def _simulated(machine: Machine) -> bool:

@@ -29,14 +29,14 @@ from controller.runtime import checked, events, starts
 from controller.runtime.checked import Task, Walk
 from controller.runtime.events import Line, Recorded
 from controller.runtime.stepped import PLAN_EVERY_S, Items, Run, SteppedMachine
-from controller.state.modes import MOST_AXES, Fault, Mode, Request
+from controller.state.modes import MAX_AXES, Fault, Mode, Request
 from controller.tick.cycle import Again
 
-SETPOINTS = ("tick", *(f"setpoint_{i}" for i in range(MOST_AXES)))
+SETPOINTS = ("tick", *(f"setpoint_{i}" for i in range(MAX_AXES)))
 WHOLE, PART = "setpoints.npz", "setpoints.part"
 ROW_BYTES = 4 * len(SETPOINTS)
 ENDING = 5  # ticks after the last one that is recorded: the mode follows the standstill
-MOST_TICKS = 50_000_000
+MAX_TICKS = 50_000_000
 
 Counts = npt.NDArray[np.int32]
 Rows = npt.NDArray[np.float64]
@@ -53,7 +53,7 @@ class Difference:
 
 
 def setpoints(folder: Path) -> Counts | None:
-    """The setpoints of a record, (N, MOST_AXES) counts, as far as written; None where there are none.
+    """The setpoints of a record, (N, MAX_AXES) counts, as far as written; None where there are none.
 
     Those of axes that the machine has not are 0.
 
@@ -72,7 +72,7 @@ def setpoints(folder: Path) -> Counts | None:
 def difference(record: Recorded, wanted: Counts, rows: Rows) -> Difference | None:
     """Where the setpoints of a repetition are first others than those that were recorded."""
     sent = rows[rows[:, COLUMN["sync_sent"]] != 0.0]
-    found = sent[:, of_axes("setpoint", MOST_AXES)].astype(np.int64)
+    found = sent[:, of_axes("setpoint", MAX_AXES)].astype(np.int64)
     most = min(len(wanted), len(found), off_path(record))
     ticks, axes = np.nonzero(wanted[:most] != found[:most])
     if len(ticks):
@@ -83,7 +83,7 @@ def difference(record: Recorded, wanted: Counts, rows: Rows) -> Difference | Non
 
 def off_path(record: Recorded) -> int:
     """The tick from which on nothing can be made again: the setpoints are where the drives were."""
-    return next((line.tick for line in record.lines if line.kind == events.OFF_PATH), MOST_TICKS)
+    return next((line.tick for line in record.lines if line.kind == events.OFF_PATH), MAX_TICKS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +154,7 @@ class _Repetition:
                 bench.see_started(started)
             bench.keep_rows(n + 1, progress)
         self._end(to_its_end)
-        ended = self._ended(first, skips, MOST_TICKS if to_its_end else ticks)
+        ended = self._ended(first, skips, MAX_TICKS if to_its_end else ticks)
         bench.cycle.again = None  # from here on the simulated drives' own faults count
         return ended
 
@@ -220,7 +220,7 @@ class _Repetition:
     def _end(self, to_its_end: bool) -> None:
         """Some ticks more, in which the mode follows; where no setpoints were kept, to a standstill."""
         bench = self._bench
-        for _ in range(MOST_TICKS if to_its_end else ENDING):
+        for _ in range(MAX_TICKS if to_its_end else ENDING):
             if bench.stands(()):
                 return
             self._planner.keepalive()

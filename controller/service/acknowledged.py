@@ -12,7 +12,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from controller.ipc.control_socket import Answer, DoorError, Values
+from controller.ipc.control_socket import Answer, CommandRefused, Values
 from controller.ipc.handoff import Outcome, Snapshot
 from controller.machine.model import Machine
 from controller.messages import Key, Said
@@ -21,7 +21,7 @@ from controller.state import modes
 from controller.state.modes import Fault, Request
 
 LONGEST_S = 5.0  # for the tick to answer: it takes requests in every turn
-LOOK_S = 0.002
+POLL_S = 0.002
 
 
 class HasTick(Protocol):
@@ -56,7 +56,7 @@ class Acknowledged:
     def of(self, number: int, request: Request, told: Values, instead: Values | None = None) -> Answer:
         """What came of a request that has just gone out: ``told`` with outcome, mode and tick.
 
-        ``instead`` is told where the tick refuses it, but it was of use here. Raises DoorError.
+        ``instead`` is told where the tick refuses it, but it was of use here. Raises CommandRefused.
         """
         asked = _Asked(number, request, told, instead, time.monotonic() + LONGEST_S)
         if not self._answered(asked):
@@ -74,7 +74,7 @@ class Acknowledged:
             still = [asked for asked in waiting if not self._answered(asked)]
             with self._changed:
                 self._open = still + self._open[len(waiting) :]
-            time.sleep(LOOK_S)
+            time.sleep(POLL_S)
 
     def _answered(self, asked: _Asked) -> bool:
         """Whether its promise is fulfilled by now."""
@@ -90,7 +90,7 @@ class Acknowledged:
         return True
 
     def _see_whether_it_comes(self, asked: _Asked, now: Snapshot | None) -> None:
-        """Raises DoorError where nobody will answer any more."""
+        """Raises CommandRefused where nobody will answer any more."""
         if not self._engine().tick_alive:
             raise refused("no_tick", code="gone", request=asked.request.name)
         if time.monotonic() > asked.give_up_s:
@@ -98,7 +98,7 @@ class Acknowledged:
             raise refused("waited", mode, asked.request.name, "silent", seconds=LONGEST_S, what=what)
 
     def _answer(self, asked: _Asked, now: Snapshot | None) -> Values | None:
-        """None: there is none yet. Raises DoorError where the tick refused it."""
+        """None: there is none yet. Raises CommandRefused where the tick refused it."""
         if now is None or (came := now.came_of(asked.number)[0]) is Outcome.NONE:
             return None
         facts = {"mode": now.mode.name, "tick": now.tick}
@@ -109,13 +109,13 @@ class Acknowledged:
         raise why_refused(self._machine, now, asked.number, asked.request)
 
 
-def why_refused(machine: Machine, now: Snapshot, number: int, request: Request) -> DoorError:
+def why_refused(machine: Machine, now: Snapshot, number: int, request: Request) -> CommandRefused:
     """The tick's refusal of a request; ``now``: the first snapshot that has it."""
     why = now.came_of(number)[1]
     if why is not Fault.NONE:
         return by_fault(why, now.mode.name, request.name)
     said = refusal(machine, now, request)
-    return DoorError("refused", said, now.mode.name, request.name) if said else by_now(now, request.name)
+    return CommandRefused("refused", said, now.mode.name, request.name) if said else by_now(now, request.name)
 
 
 def refusal(machine: Machine, now: Snapshot, request: Request) -> Said | None:

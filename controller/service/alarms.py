@@ -57,7 +57,7 @@ class Alarms:
             self._keep({**self._known[number], **more})
 
     def acknowledge(self, number: int | None) -> int:
-        """One alarm, or all; how many that were. Raises DoorError."""
+        """One alarm, or all; how many that were. Raises CommandRefused."""
         with self._lock:
             if number is not None and number not in self._known:
                 raise refused("no_alarm", code="bad", number=number)

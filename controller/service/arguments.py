@@ -10,7 +10,7 @@ from controller.service.refusals import refused
 
 
 def number(args: Mapping[str, Any], key: str, lowest: float, highest: float) -> float:
-    """A number between two finite bounds, which leaves nan and inf out. Raises DoorError."""
+    """A number between two finite bounds, which leaves nan and inf out. Raises CommandRefused."""
     value = args.get(key)
     if not isinstance(value, int | float) or isinstance(value, bool) or not lowest <= value <= highest:
         raise refused("not_number", code="bad", name=key, value=value, lowest=lowest, highest=highest)
@@ -18,7 +18,7 @@ def number(args: Mapping[str, Any], key: str, lowest: float, highest: float) -> 
 
 
 def whole(args: Mapping[str, Any], key: str, below: float = math.inf) -> int | None:
-    """A whole number from 0, or None where it is missing or null. Raises DoorError."""
+    """A whole number from 0, or None where it is missing or null. Raises CommandRefused."""
     value = args.get(key)
     if value is None:
         return None

@@ -13,7 +13,7 @@ from functools import partial
 from typing import Any
 
 from controller.geometry.vectors import Frame
-from controller.ipc.control_socket import Answer, DoorError, Values
+from controller.ipc.control_socket import Answer, CommandRefused, Values
 from controller.ipc.handoff import Snapshot, blank
 from controller.machine import setup_data
 from controller.machine.model import Machine
@@ -29,10 +29,10 @@ from controller.service.refusals import by_fault, refused
 from controller.service.sequencer import Going
 from controller.service.service import Service
 from controller.state.modes import Mode, Request, bars
-from controller.tick.mode import MOST_OVERRIDE
+from controller.tick.mode import MAX_OVERRIDE
 
-MOST_DISTANCE = 1e5  # mm or degrees of one step; the travel is the tick's own limit
-MOST_MDI = 10_000  # characters
+MAX_DISTANCE = 1e5  # mm or degrees of one step; the travel is the tick's own limit
+MAX_MDI = 10_000  # characters
 AT_REST = (Mode.OFF, Mode.READY, Mode.FAULT)
 
 
@@ -86,7 +86,7 @@ class Desk:
         }
 
     def __call__(self, verb: str, args: Values) -> Answer:
-        """The result, or a future of it. Raises DoorError."""
+        """The result, or a future of it. Raises CommandRefused."""
         act = self._verbs.get(verb)
         if act is None:
             raise refused("no_verb", code="bad", verb=verb, allowed=", ".join(self._verbs))
@@ -160,15 +160,15 @@ class Desk:
     def _ask(
         self, request: Request, value: float = 0.0, instead: Values | None = None, **told: Any
     ) -> Answer:
-        """A datagram to the tick, and what it answers; see ``Acknowledged``. Raises DoorError."""
+        """A datagram to the tick, and what it answers; see ``Acknowledged``. Raises CommandRefused."""
         self._service.now()
         return self._answers.of(self._service.engine.request(request, value), request, told, instead)
 
     def _permitted(self, request: Request) -> Snapshot:
-        """The newest snapshot. Raises DoorError where it refuses the request."""
+        """The newest snapshot. Raises CommandRefused where it refuses the request."""
         now = self._service.now()
         if why := refusal(self._service.machine, now, request):
-            raise DoorError("refused", why, now.mode.name, request.name)
+            raise CommandRefused("refused", why, now.mode.name, request.name)
         return now
 
     def _jog(self, args: Values) -> Answer:
@@ -184,7 +184,7 @@ class Desk:
         return self._answers.of(service.engine.jog(line), Request.JOG, {})
 
     def _jog_step(self, args: Values) -> Answer:
-        distance = number(args, "distance", -MOST_DISTANCE, MOST_DISTANCE)
+        distance = number(args, "distance", -MAX_DISTANCE, MAX_DISTANCE)
         now, part = self._permitted(Request.JOG), self._part()
         service, frame, axis = self._service, str(args.get("frame", "joint")), str(args.get("axis", ""))
         line = self._jogging.step(service.machine, now, part, frame, axis, distance)
@@ -210,7 +210,7 @@ class Desk:
         service = self._service
         loads = "load" if service.sequencer.busy == "load" else ""
         if given_up := service.sequencer.give_up() or loads:
-            with contextlib.suppress(DoorError):  # a plan that is gone has given it up
+            with contextlib.suppress(CommandRefused):  # a plan that is gone has given it up
                 service.engine.line.give_up()
         return self._ask(Request.STOP, instead=_given_up(given_up))
 
@@ -232,7 +232,7 @@ class Desk:
         return self._ask(request, float(on), on=on)
 
     def _override(self, request: Request, args: Values) -> Answer:
-        share = number(args, "share", 0.0, MOST_OVERRIDE)
+        share = number(args, "share", 0.0, MAX_OVERRIDE)
         return self._ask(request, share, share=share)
 
     def _disable(self, _: Values) -> Answer:
@@ -286,7 +286,7 @@ class Desk:
             service.job = job
             try:
                 return sequences.load(service, job)
-            except DoorError as error:
+            except CommandRefused as error:
                 job.state, job.said = "refused", error.said
                 raise
 
@@ -330,13 +330,13 @@ class Desk:
 
     def _mdi(self, args: Values) -> Answer:
         text = args.get("text")
-        if not isinstance(text, str) or not text.strip() or len(text) > MOST_MDI:
-            raise refused("no_text", code="bad", most=MOST_MDI)
+        if not isinstance(text, str) or not text.strip() or len(text) > MAX_MDI:
+            raise refused("no_text", code="bad", most=MAX_MDI)
         return self._begin("mdi", jobs.mdi(text, self._service.machine))
 
     def _retract(self, args: Values) -> Answer:
         """Off along the tool axis: out of a held program, or from READY, as after a fault."""
-        service, now, mm = self._service, self._service.now(), number(args, "mm", 0.0, MOST_DISTANCE)
+        service, now, mm = self._service, self._service.now(), number(args, "mm", 0.0, MAX_DISTANCE)
         if now.mode not in (Mode.HOLD, Mode.READY) or not now.at_rest:
             raise refused("not_retracted", now.mode.name, "RETRACT")
         room_mm = self._retract_room_mm(now)
@@ -419,7 +419,7 @@ class Desk:
             try:
                 yield
             except ConfigError as error:
-                raise DoorError("bad", str(error)) from error
+                raise CommandRefused("bad", str(error)) from error
 
     def _may_fit(self, what: str, now: Snapshot) -> bool:
         service = self._service
@@ -434,7 +434,7 @@ def _given_up(name: str) -> Values | None:
 
 
 def _axis_numbers(machine: Machine, names: object, mode: Mode) -> tuple[int, ...]:
-    """Numbers of axes by their names, all of them for None. Raises DoorError."""
+    """Numbers of axes by their names, all of them for None. Raises CommandRefused."""
     known = [axis.name for axis in machine.axes]
     if names is None:
         return tuple(range(len(known)))

@@ -22,20 +22,20 @@ from drives.log.frame_log import FrameLog
 
 Rows = npt.NDArray[np.float64]
 
-MOST_ROWS = 500  # of one answer: 170 kB where nothing can be compressed
+MAX_ROWS = 500  # of one answer: 170 kB where nothing can be compressed
 NEWER = 64  # rows that the tick may write while the older ones are counted
 MEASURED_S = 1.0
-MOST_TICK = 2**53  # whole numbers of JSON end there
+MAX_TICK = 2**53  # whole numbers of JSON end there
 SHARES = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, LATE_SHARE, 0.5, 1.0, 2.0)  # of the period
 NEAR = 0.9  # of the share that the machine file allows a bus: from here on it is nearly full
 
 
 def rows(recorder: Recorder | None, args: Mapping[str, Any]) -> Values:
-    """Rows after the tick ``after`` (null: the last ``kept`` ones), at most ``most``. Raises DoorError.
+    """Rows after the tick ``after`` (null: the last ``kept`` ones), at most ``most``. Raises CommandRefused.
 
     ``anew``: the ticks count from zero again, so all of them come after that.
     """
-    after, most, kept = (whole(args, name, MOST_TICK) for name in ("after", "most", "kept"))
+    after, most, kept = (whole(args, name, MAX_TICK) for name in ("after", "most", "kept"))
     newest = recorder.last(1) if recorder is not None else np.empty((0, len(ROW)))
     if recorder is None or not len(newest):
         return {**packed(newest), "anew": False}
@@ -45,7 +45,7 @@ def rows(recorder: Recorder | None, args: Mapping[str, Any]) -> Values:
     since = oldest if after is None or anew else max(after, oldest)
     found = recorder.last(max(0, tick - since) + NEWER)
     fresh = found[found[:, COLUMN["tick"]] > since]
-    return {**packed(fresh[: min(MOST_ROWS, most or MOST_ROWS)]), "anew": anew}
+    return {**packed(fresh[: min(MAX_ROWS, most or MAX_ROWS)]), "anew": anew}
 
 
 def lateness(found: Rows, period_s: float) -> Values:

@@ -17,17 +17,17 @@ from controller.service.jobs import Job
 from controller.service.refusals import refused
 
 ROW_BYTES = 24  # of a tick's setpoints
-MOST_ROWS_BYTES = 256 << 20  # a longer run is not kept to its end
+MAX_ROWS_BYTES = 256 << 20  # a longer run is not kept to its end
 SPARE_BYTES = 64 << 20  # for events, a fault's recording, alarms and the journal
 PROBE_BYTES = 1 << 16
 FOLDERS = ("runs", "recordings", "")  # of the state folder, which itself has alarms and journal
 
 
 def check(state: Path, job: Job) -> None:
-    """Raises DoorError "unrecorded" where a run of ``job`` could not be kept."""
+    """Raises CommandRefused "unrecorded" where a run of ``job`` could not be kept."""
     period_s = job.program.machine.period_s
     ticks = (job.duration_s or 0.0) / period_s
-    rows = min(MOST_ROWS_BYTES, round(ticks * ROW_BYTES))
+    rows = min(MAX_ROWS_BYTES, round(ticks * ROW_BYTES))
     if reason := lacking(state, rows + len(job.program.text) + SPARE_BYTES):
         raise refused("unrecorded", "READY", "START", "unrecorded", program=job.program.name, **reason)
 

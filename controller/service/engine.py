@@ -44,7 +44,7 @@ from controller.service.refusals import by_fault, refused
 from controller.state.modes import Fault, Request
 
 SERVICE = "controller.service"
-MOST_ASKED = 10_000  # requests that no record has looked for yet
+MAX_ASKED = 10_000  # requests that no record has looked for yet
 START_S = 60.0  # longer than any tick takes from the order to its first turn
 
 
@@ -90,7 +90,7 @@ class Engine:
         self._ending = contextlib.ExitStack()
         self._numbering = threading.Lock()
         self._number = 0  # of the last request
-        self.asked: deque[Asked] = deque(maxlen=MOST_ASKED)  # in their order, for the record of a run
+        self.asked: deque[Asked] = deque(maxlen=MAX_ASKED)  # in their order, for the record of a run
 
     def start_hubs(self) -> None:
         """Virtual buses with simulated drives, and hubs that share a serial adapter. Raises SessionError."""
@@ -155,7 +155,7 @@ class Engine:
 
     @property
     def line(self) -> Line:
-        """To the plan. Raises DoorError."""
+        """To the plan. Raises CommandRefused."""
         run = self._there()
         if not run.plan.is_alive():
             raise refused("no_plan", code="gone")
@@ -192,7 +192,7 @@ class Engine:
     def request(self, request: Request, value: float = 0.0) -> int:
         """A datagram to the tick; its number, see ``came_of`` of the snapshot.
 
-        Raises DoorError where nobody takes it.
+        Raises CommandRefused where nobody takes it.
         """
         with self._sending(Asked(request, value)) as (operator, number):
             send_request(operator, request, value, number)

@@ -24,8 +24,8 @@ from controller.service.refusals import refused
 from controller.state.modes import Mode
 
 MDI = "MDI"
-MOST_BYTES = 1 << 30  # of a program
-MOST_TYPED = 1000  # bytes of a line typed by hand that are told
+MAX_BYTES = 1 << 30  # of a program
+MAX_TYPED = 1000  # bytes of a line typed by hand that are told
 UNDER_WAY = ("starting", "running", "held", "stopping")
 _STATES = {
     Mode.READY: "stopping",  # at its end already, and about to be filed
@@ -37,7 +37,7 @@ _STATES = {
 }
 
 
-MOST_MESSAGES = 20  # that are shown
+MAX_MESSAGES = 20  # that are shown
 
 
 @dataclass(slots=True)
@@ -187,7 +187,7 @@ class Job:
             said = self._due.popleft()
             changes += said.changes
             if said.text:
-                self.messages = [*self.messages, said.text][-MOST_MESSAGES:]
+                self.messages = [*self.messages, said.text][-MAX_MESSAGES:]
         return changes
 
     def _is_due(self, said: Said, now: Snapshot) -> bool:
@@ -243,7 +243,7 @@ class Job:
 
     def _typed(self) -> str | None:
         """A line typed by hand is in no store, and told here."""
-        return self.program.text[:MOST_TYPED].decode(errors="replace") if self.is_mdi else None
+        return self.program.text[:MAX_TYPED].decode(errors="replace") if self.is_mdi else None
 
     def _left_s(self, now: Snapshot) -> float | None:
         """Exact once all has been planned; before it by the check, which planned all of it at 100 %.
@@ -268,11 +268,11 @@ class Job:
 
 
 def read(args: dict[str, Any], machine: Machine) -> Job:
-    """The job of a ``load``. Raises DoorError."""
+    """The job of a ``load``. Raises CommandRefused."""
     path = Path(str(args.get("path", "")))
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise refused("too_large", code="bad", path=path, most=MOST_BYTES >> 20)
+        if path.stat().st_size > MAX_BYTES:
+            raise refused("too_large", code="bad", path=path, most=MAX_BYTES >> 20)
         text = path.read_bytes()
     except OSError as error:
         raise refused("unreadable", code="bad", path=path, why=error.strerror) from error
@@ -319,5 +319,5 @@ def mdi(text: str, machine: Machine) -> Job:
 
 
 def _from_0(args: dict[str, Any], key: str, highest: float) -> float:
-    """0 where it is missing or null. Raises DoorError."""
+    """0 where it is missing or null. Raises CommandRefused."""
     return 0.0 if args.get(key) is None else number(args, key, 0.0, highest)

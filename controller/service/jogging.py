@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 from controller.geometry.vectors import Frame
-from controller.ipc.control_socket import DoorError
+from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Jog, Snapshot
 from controller.machine.kinematics import Kinematics, kinematics_of
 from controller.machine.model import Machine
@@ -14,7 +14,7 @@ from controller.service import jog_frames
 from controller.service.jog_frames import JogError
 from controller.state.modes import Mode
 
-MOST_ENDED = 100  # presses that are remembered
+MAX_ENDED = 100  # presses that are remembered
 SILENCE_S = 0.2  # of a press without a name: longer, and the next request is another one
 
 # Verbs that end whatever press of a key is under way, whoever asks for them.
@@ -51,7 +51,7 @@ class Presses:
     def end(self, press: str = "") -> None:
         """That one; "" is the one that asked last."""
         self._ended[press or self._held] = None
-        while len(self._ended) > MOST_ENDED:
+        while len(self._ended) > MAX_ENDED:
             del self._ended[next(iter(self._ended))]
 
 
@@ -67,7 +67,7 @@ class Jogging:
     def continuous(
         self, machine: Machine, now: Snapshot, part: Frame, frame: str, axis: str, share: float
     ) -> Jog:
-        """At a share (-1 to 1, not 0) of the jog speed, for 200 ms from now on. Raises DoorError."""
+        """At a share (-1 to 1, not 0) of the jog speed, for 200 ms from now on. Raises CommandRefused."""
         key = (frame, axis, share > 0.0)
         try:
             if now.mode is Mode.JOG and self._line is not None and key == self._key:
@@ -80,14 +80,14 @@ class Jogging:
             ):  # under way it comes to rest there, and is asked for until it is let go
                 jog_frames.goes(machine, now.joints, line.direction, now.homed)
         except JogError as error:
-            raise DoorError("bad", error.said, now.mode.name, "JOG") from error
+            raise CommandRefused("bad", error.said, now.mode.name, "JOG") from error
         self._key, self._line = key, line
         return line
 
     def step(
         self, machine: Machine, now: Snapshot, part: Frame, frame: str, axis: str, distance: float
     ) -> Jog:
-        """By a distance (mm, degrees of a rotary). Raises DoorError."""
+        """By a distance (mm, degrees of a rotary). Raises CommandRefused."""
         self._key = None
         try:
             kinematics = self._kinematics_of(machine)
@@ -95,7 +95,7 @@ class Jogging:
             jog_frames.goes(machine, now.joints, line.direction, now.homed)
             return line
         except JogError as error:
-            raise DoorError("bad", error.said, now.mode.name, "JOG") from error
+            raise CommandRefused("bad", error.said, now.mode.name, "JOG") from error
 
     def _kinematics_of(self, machine: Machine) -> Kinematics:
         if self._kinematics is None or self._of is not machine:

@@ -14,7 +14,7 @@ from controller.runtime.startup import SessionError
 from controller.service import engine
 from controller.service.command_handlers import Desk
 from controller.service.folders import Folders
-from controller.service.service import LOOK_S, Service
+from controller.service.service import POLL_S, Service
 from controller.service.socket_server import Server
 
 Tell = Callable[[str], None]  # systemd's notify protocol
@@ -60,7 +60,7 @@ def opened(machine: Machine, kept: Folders, runtime: Path, group: str = "") -> I
 
 
 def watch(
-    service: Service, over: Callable[[], bool], tell: Tell = lambda _: None, look_s: float = LOOK_S
+    service: Service, over: Callable[[], bool], tell: Tell = lambda _: None, look_s: float = POLL_S
 ) -> None:
     """Look on until it is ``over``; by one thread. ``look_s``: from one look to the next.
 

@@ -10,7 +10,7 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from controller.ipc.control_socket import DoorError
+from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot
 from controller.machine.model import Joints
 from controller.service.planner_client import Order
@@ -52,5 +52,5 @@ def _queue(now: Snapshot) -> tuple[int, Joints]:
     return now.epoch, now.joints
 
 
-def _facts(error: DoorError) -> tuple[Any, ...]:
+def _facts(error: CommandRefused) -> tuple[Any, ...]:
     return error.code, error.said, error.mode, error.request

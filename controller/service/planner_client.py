@@ -18,7 +18,7 @@ from typing import Any
 
 from controller.geometry.curves import ArcLength
 from controller.geometry.vectors import Frame
-from controller.ipc.control_socket import DoorError
+from controller.ipc.control_socket import CommandRefused
 from controller.machine.changes import Change
 from controller.machine.model import STILL, Joints, Machine, Pair
 from controller.plan.report.passing import Passed, place_of
@@ -62,7 +62,7 @@ class Answer:
 
     number: int
     facts: dict[str, Any] = field(default_factory=dict)
-    error: tuple[Any, ...] | None = None  # what a DoorError is made of: code, what is said ...
+    error: tuple[Any, ...] | None = None  # what a CommandRefused is made of: code, what is said ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +162,7 @@ class Line:
         program: Program | None = None,
         distance_mm: float = 0.0,
     ) -> dict[str, Any]:
-        """Have something done and wait for it. Raises DoorError."""
+        """Have something done and wait for it. Raises CommandRefused."""
         answer: Future[dict[str, Any]] = Future()
         with self._lock:
             self._last += 1
@@ -208,6 +208,6 @@ class Line:
         if answer is None:
             return
         if said.error is not None:
-            answer.set_exception(DoorError(*said.error))
+            answer.set_exception(CommandRefused(*said.error))
         else:
             answer.set_result(said.facts)

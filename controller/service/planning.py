@@ -44,10 +44,10 @@ from controller.service.pending_command import Awaited
 from controller.service.planner_client import Answer, News, Order, Program, Said, Turn, Way
 
 NEWS_S = 0.1
-MOST_OFFSETS = 99
+MAX_OFFSETS = 99
 Codes = tuple[str, ...]
-MOST_NOTES = 100  # every status has them; all of them stand with the check
-MOST_KNOWN = 100_000  # stretches whose tool is remembered: more than are ever read ahead
+MAX_NOTES = 100  # every status has them; all of them stand with the check
+MAX_KNOWN = 100_000  # stretches whose tool is remembered: more than are ever read ahead
 # What is told of a program that nobody has looked at as a whole.
 UNCHECKED: dict[str, Any] = {
     "duration_s": None,
@@ -183,7 +183,7 @@ class Planning:
             "duration_s": kept.duration_s,
             "blocks": kept.blocks,
             "restart": entry_state.told(rest) if rest else [],
-            "notes": [{"line": note.place.line, "note": note.sentence} for note in kept.notes[:MOST_NOTES]],
+            "notes": [{"line": note.place.line, "note": note.sentence} for note in kept.notes[:MAX_NOTES]],
             "verdict": checked.verdict_of(kept, most=0),  # the job is told many times a second
         }
 
@@ -409,7 +409,7 @@ class Planning:
         fresh.clear()
 
     def _way(self, stretch: Stretch) -> Way:
-        motion, i = stretch.motion, bisect_right(self._offsets, (stretch.place.order, MOST_OFFSETS))
+        motion, i = stretch.motion, bisect_right(self._offsets, (stretch.place.order, MAX_OFFSETS))
         length_mm, part = getattr(motion, "length_mm", 0.0), getattr(motion, "part", None)
         tool, lines = self._known.get(id(stretch), (None, ()))
         known = self._offsets[i - 1][1:] if i else (0, None, STILL, None, ())
@@ -421,7 +421,7 @@ class Planning:
 
     def _forget_known(self) -> None:
         """What is known of stretches that were told long ago."""
-        while len(self._known) > MOST_KNOWN:
+        while len(self._known) > MAX_KNOWN:
             del self._known[next(iter(self._known))]
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from controller import messages
-from controller.ipc.control_socket import DoorError
+from controller.ipc.control_socket import CommandRefused
 from controller.machine import setup_data
 from controller.messages import said
 from controller.service import journal
@@ -59,17 +59,17 @@ def _trusted(service: Service) -> tuple[int, int]:
     """Bit masks of the axes that are homed, and of those whose position a fault has cost."""
     try:
         now = service.now()
-    except DoorError:  # no tick: nobody knows where the axes are
+    except CommandRefused:  # no tick: nobody knows where the axes are
         return 0, 0
     return now.homed, now.untrusted
 
 
 def gone_on_with(service: Service, job: Job) -> Job:
-    """The job from where the journal says that it was interrupted. Raises DoorError."""
+    """The job from where the journal says that it was interrupted. Raises CommandRefused."""
     entry, why = journal.read(service.state / JOURNAL)
     mode = service.now().mode.name
     if why:
-        raise DoorError("refused", why, mode, "LOAD")
+        raise CommandRefused("refused", why, mode, "LOAD")
     if entry is None:
         raise refused("not_interrupted", mode, "LOAD")
     job.entry = entry
@@ -79,12 +79,12 @@ def gone_on_with(service: Service, job: Job) -> Job:
 
 
 def look_again(service: Service, job: Job, request: str = "START") -> None:
-    """What was loaded to be gone on with, by what is fitted now. Raises DoorError where that forbids it."""
+    """What was loaded to be gone on with, by what is fitted now. Raises CommandRefused where it forbids."""
     entry, program, now = job.entry, job.program, service.now()
     assert entry is not None
     here = journal.Job.of(program.name, program.text, service.machine, entry.job.start, program.dry_run_mm)
     if why := journal.refusal(entry, here, now.homed, now.untrusted, len(service.machine.axes)):
-        raise DoorError("refused", why, now.mode.name, request)
+        raise CommandRefused("refused", why, now.mode.name, request)
     # Its lines set anew what they had set, so it is begun with what was fitted then, but for other tools.
     job.fitted = service.fitted if entry.job.fitted is None else entry.job.fitted
     if here.tools_sha256 != entry.job.tools_sha256:
@@ -100,6 +100,6 @@ def tell_beside(service: Service) -> None:
     if entry is None or entry.ended or job is None or job.state != "fault":
         return
     program = replace(job.program, spot=entry.spot, start=entry.job.start)
-    with contextlib.suppress(DoorError):  # the program may be refused by now, and this is only told
+    with contextlib.suppress(CommandRefused):  # the program may be refused by now, and this is only told
         if found := service.engine.line.order("beside", program=program)["said"]:
             service.alarms.add("BESIDE_THE_PATH", found, line=entry.spot.line)

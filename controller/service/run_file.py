@@ -19,7 +19,7 @@ from controller import atomic_file
 from controller.runtime import events
 
 PART = "setpoints.part"
-MOST_BYTES = 256 << 20  # of setpoints in one run: six hours at 2 ms
+MAX_BYTES = 256 << 20  # of setpoints in one run: six hours at 2 ms
 LOOKED_AT = 3  # records before, whose files may be the same
 
 
@@ -38,7 +38,7 @@ class RunFile:
 
     def rows(self, data: bytes) -> None:
         """Setpoints, in whole rows."""
-        if self._kept_bytes <= MOST_BYTES:
+        if self._kept_bytes <= MAX_BYTES:
             self._kept_bytes += len(data)
             self._write(self._rows, data)
 

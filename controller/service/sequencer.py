@@ -12,7 +12,7 @@ from concurrent.futures import Future, InvalidStateError, ThreadPoolExecutor
 from dataclasses import dataclass
 
 from controller import messages
-from controller.ipc.control_socket import DoorError, Values, own_error
+from controller.ipc.control_socket import CommandRefused, Values, own_error
 from controller.service.refusals import refused
 
 ANSWER_S = 4.0  # an answer comes so soon, with {"done": false} where the work goes on
@@ -51,7 +51,7 @@ class Going:
 class Sequencer:
     """One piece of work at a time."""
 
-    def __init__(self, failed: Callable[[str, DoorError], None]) -> None:
+    def __init__(self, failed: Callable[[str, CommandRefused], None]) -> None:
         """``failed`` is told of work that came to nothing, by name."""
         self.now: Sequence | None = None
         self._going: Going | None = None  # of what is under way, where it moves the tool at its end
@@ -68,7 +68,7 @@ class Sequencer:
     def do(
         self, name: str, work: Callable[[], Values], mode: str = "", going: Going | None = None
     ) -> Future[Values]:
-        """Begin; the future gives the result, or {"done": false} after a while. Raises DoorError if busy.
+        """Begin; the future gives the result, {"done": false} after a while. Raises CommandRefused if busy.
 
         ``going``: by what it can be given up before it moves anything.
         """
@@ -84,7 +84,7 @@ class Sequencer:
         return name
 
     def to_its_end(self, name: str, work: Callable[[], Values]) -> Values:
-        """Begin, and wait for the result, however long it takes. Raises DoorError."""
+        """Begin, and wait for the result, however long it takes. Raises CommandRefused."""
         return self._begin(name, work, "").result()
 
     def _begin(
@@ -108,7 +108,7 @@ class Sequencer:
         try:
             result = work()
         except Exception as error:
-            known = error if isinstance(error, DoorError) else own_error(error)
+            known = error if isinstance(error, CommandRefused) else own_error(error)
             self.now = Sequence(name, "failed", known.said)
             self._failed(name, known)
             raise known from error

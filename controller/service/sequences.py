@@ -1,6 +1,6 @@
 """What takes longer than an answer may: homing, enabling, reset, loading, starting.
 
-Run by the sequencer's thread; all of it raises DoorError with the sentence for the operator.
+Run by the sequencer's thread; all of it raises CommandRefused with the sentence for the operator.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 from dataclasses import replace
 
-from controller.ipc.control_socket import DoorError, Values
+from controller.ipc.control_socket import CommandRefused, Values
 from controller.ipc.handoff import Jog, Outcome, Snapshot
 from controller.machine import setup_data
 from controller.machine.model import Machine
@@ -32,7 +32,7 @@ SHORT_MM = 1e-3  # less is no shorter way
 
 
 def enable(service: Service) -> Values:
-    """From OFF to READY; nothing moves. Raises DoorError."""
+    """From OFF to READY; nothing moves. Raises CommandRefused."""
     _commissioned(service)
     _asked(service, Request.ENABLE)
     now = service.wait_for(
@@ -44,7 +44,7 @@ def enable(service: Service) -> Values:
 
 
 def _see_taken(service: Service, number: int, request: Request) -> Snapshot:
-    """The first snapshot in which the tick has answered a request. Raises DoorError where it refused it."""
+    """The first snapshot in which a request is answered. Raises CommandRefused where the tick refused it."""
     now = service.wait_for(lambda now: now.has_taken(number), TAKEN_S, "answer")
     if now.came_of(number)[0] is Outcome.REFUSED:
         raise why_refused(service.machine, now, number, request)
@@ -52,7 +52,7 @@ def _see_taken(service: Service, number: int, request: Request) -> Snapshot:
 
 
 def _asked(service: Service, request: Request) -> Snapshot:
-    """Ask the tick, and see that it takes it. Raises DoorError."""
+    """Ask the tick, and see that it takes it. Raises CommandRefused."""
     return _see_taken(service, service.engine.request(request), request)
 
 
@@ -62,7 +62,7 @@ def _commissioned(service: Service) -> None:
 
 
 def home(service: Service, axes: tuple[int, ...], going: Going) -> Values:
-    """Home axes, group by group, and enable; a stop ends it also between two groups. Raises DoorError."""
+    """Home axes by groups, and enable; a stop ends it also between two groups. Raises CommandRefused."""
     machine = service.machine
     _disable(service)
     _commissioned(service)
@@ -70,7 +70,7 @@ def home(service: Service, axes: tuple[int, ...], going: Going) -> Values:
     service.homing = wanted
     try:
         service.engine.line.order("home", wanted)
-    except DoorError:
+    except CommandRefused:
         service.commissioned = False  # a drive may have been left in its homing mode
         raise
     finally:
@@ -114,7 +114,7 @@ def reset(service: Service) -> Values:
 
 
 def load(service: Service, job: Job) -> Values:
-    """Read, plan and audit all of a program; nothing moves, nothing starts. Raises DoorError."""
+    """Read, plan and audit all of a program; nothing moves, nothing starts. Raises CommandRefused."""
     facts = service.engine.line.order("check", program=job.program)
     with service.lock:
         job.marks, job.before_s = facts.pop("marks"), facts.pop("passed_s")
@@ -136,7 +136,7 @@ def start(service: Service, job: Job, going: Going, unrecorded: bool = False) ->
         facts = service.engine.line.order("arm", program=replace(job.program, in_spindle=service.tool))
         _go(service, job, facts, going)
     except Exception as error:  # whatever it was: what did not start must not bar the next start
-        service.not_started(job, error.said if isinstance(error, DoorError) else plain(str(error)))
+        service.not_started(job, error.said if isinstance(error, CommandRefused) else plain(str(error)))
         _drop(service)
         raise
     return {"mode": service.now().mode.name}
@@ -234,7 +234,7 @@ def _drop(service: Service) -> None:
 
     The tick has done so when this returns, or the next start would be planned on what is dropped.
     """
-    with contextlib.suppress(DoorError):  # a tick or a plan that is gone has forgotten it
+    with contextlib.suppress(CommandRefused):  # a tick or a plan that is gone has forgotten it
         now = service.now()
         if now.mode not in (Mode.READY, Mode.RUNNING):
             return

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from controller import messages
-from controller.ipc.control_socket import DoorError
+from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import COLUMN, Snapshot
 from controller.machine import machine_file, setup_data
 from controller.machine.changes import Change, laid
@@ -50,7 +50,7 @@ from controller.state.modes import Mode, Request
 from drives.bus import BusError
 
 JOURNAL = "journal.json"
-LOOK_S = 0.02
+POLL_S = 0.02
 WAIT_S = 0.004
 FIRST_TICK_S = 30.0
 SYNC_S = 0.05  # a loss of power costs so much of a record, and what the disk itself takes
@@ -104,7 +104,7 @@ class Service:
         """
         try:
             self.sequencer.to_its_end("power up", self._power_up)
-        except DoorError as error:
+        except CommandRefused as error:
             if not self.engine.tick_alive:
                 raise SessionError(error.sentence) from error
 
@@ -115,7 +115,7 @@ class Service:
         return {}
 
     def start_engine(self) -> None:
-        """Tick and plan, from nothing. Called by the sequencer's thread alone. Raises DoorError."""
+        """Tick and plan, from nothing. Called by the sequencer's thread alone. Raises CommandRefused."""
         self.commissioned = False
         with self.lock:
             last = self.engine.snapshot()
@@ -130,7 +130,7 @@ class Service:
         try:
             self._listener = Listener(machine_file.bus_settings(self.engine.machine), LastFrames)
         except BusError as error:
-            raise DoorError("gone", str(error)) from error
+            raise CommandRefused("gone", str(error)) from error
         recorder = self.engine.recorder
         if recorder is not None:
             logs = self._listener.logs
@@ -185,7 +185,7 @@ class Service:
         return dict(listener.logs) if listener is not None else {}
 
     def now(self) -> Snapshot:
-        """The newest snapshot. Raises DoorError where there is no tick."""
+        """The newest snapshot. Raises CommandRefused where there is no tick."""
         found = self.engine.snapshot()
         if found is None or not self.engine.tick_alive:
             raise refused("no_tick", "OFF", code="gone")
@@ -194,7 +194,7 @@ class Service:
     def wait_for(self, done: Callable[[Snapshot], bool], longest_s: float, what: str) -> Snapshot:
         """The first snapshot that is ``done``; ``what`` is a key of the refusals.
 
-        Raises DoorError on a dead tick, or when time is over.
+        Raises CommandRefused on a dead tick, or when time is over.
         """
         give_up_s = time.monotonic() + longest_s
         while True:
@@ -203,19 +203,19 @@ class Service:
                 return now
             if not self.engine.tick_alive:
                 words = self.engine.last_words()
-                raise DoorError("gone", words) if words else refused("no_tick", code="gone")
+                raise CommandRefused("gone", words) if words else refused("no_tick", code="gone")
             if time.monotonic() > give_up_s:
                 mode = now.mode.name if now is not None else ""
                 raise refused("waited", mode, seconds=longest_s, what=messages.Key(what))
             time.sleep(WAIT_S)
 
     def commission(self) -> None:
-        """Write and read back every drive's settings. Raises DoorError."""
+        """Write and read back every drive's settings. Raises CommandRefused."""
         self.engine.line.order("commission")
         self.commissioned = True
 
     def fit(self, machine: Machine, values: dict[str, Any]) -> None:
-        """Other offsets or tools from now on. Raises DoorError."""
+        """Other offsets or tools from now on. Raises CommandRefused."""
         try:
             setup_data.save(self.state, values)
         except OSError as error:
@@ -324,7 +324,7 @@ class Service:
 
     def look(self) -> Snapshot | None:
         """Draw conclusions from the newest snapshot; called often by the main thread."""
-        if not self.lock.acquire(timeout=LOOK_S):  # a tick is being started: that takes long
+        if not self.lock.acquire(timeout=POLL_S):  # a tick is being started: that takes long
             return self.engine.snapshot()
         try:  # a tick that is gone is followed by another only when all of it was told
             now = self.engine.snapshot()  # not before: what is concluded would be of a tick that is gone
@@ -368,7 +368,9 @@ class Service:
                 self._tick_gone(now)
         elif not self.engine.plan_alive and not self._plan_died:
             self._plan_died = True
-            with contextlib.suppress(DoorError):  # its socket stays open, and the next plan is heard soon
+            with contextlib.suppress(
+                CommandRefused
+            ):  # its socket stays open, and the next plan is heard soon
                 self.engine.request(Request.PLAN_LOST)
             runs = self.running is not None and now.mode in (Mode.RUNNING, Mode.HOLD, Mode.JOG)
             self.troubles.planner_gone(now, self.engine.last_words(), runs)
@@ -378,7 +380,7 @@ class Service:
 
     def _mend(self) -> None:
         """A new plan; the tick, the drives and where they are stay as they were."""
-        with contextlib.suppress(OSError, DoorError):
+        with contextlib.suppress(OSError, CommandRefused):
             self.engine.mend()
         self._plan_died = False
 
@@ -483,7 +485,7 @@ class Service:
         Where it stands, held or off the path, that is the same fault.
         """
         if job.lost and now.at_rest and now.mode in (Mode.RUNNING, Mode.HOLD):
-            with contextlib.suppress(DoorError):
+            with contextlib.suppress(CommandRefused):
                 self.engine.request(Request.PLAN_LOST)
 
     def _see_refused(self, now: Snapshot, job: Job) -> None:
@@ -492,10 +494,10 @@ class Service:
             job.refused = True
             job.said = several(job.news.refusal, said("stands_before"))
             self.alarms.add("PROGRAM", job.said, **alarm_values.where(now))
-            with contextlib.suppress(DoorError):
+            with contextlib.suppress(CommandRefused):
                 self.engine.request(Request.STOP)
 
-    def _failed(self, name: str, error: DoorError) -> None:
+    def _failed(self, name: str, error: CommandRefused) -> None:
         """Work that came to nothing after its answer may have gone out already."""
         if error.code != "busy" and name in ("power up", "home", "enable", "reset"):
             self.alarms.add(f"{name} failed".upper().replace(" ", "_"), error.said)

@@ -22,11 +22,11 @@ from typing import Any
 
 from controller.ipc.control_socket import (
     BUFFER_BYTES,
-    MOST_ANSWER,
-    MOST_BYTES,
-    MOST_PEERS,
+    MAX_ANSWER,
+    MAX_BYTES,
+    MAX_PEERS,
     Answer,
-    DoorError,
+    CommandRefused,
     Values,
     is_served,
     own_error,
@@ -63,7 +63,7 @@ class _Peer:
 class Server:
     """The door, open from construction to ``close``; ``handler`` is called in the door's own thread.
 
-    A handler answers at once, or gives a Future; it raises DoorError where a request is not done.
+    A handler answers at once, or gives a Future; it raises CommandRefused where a request is not done.
     """
 
     def __init__(self, path: Path, handler: Handler, group: str = "") -> None:
@@ -113,18 +113,18 @@ class Server:
         self._peers[own.fileno()] = peer
         self._selector.register(own, selectors.EVENT_READ)
 
-    def _unwelcome(self, own: socket.socket) -> DoorError | None:
+    def _unwelcome(self, own: socket.socket) -> CommandRefused | None:
         """Why a peer is sent away; None where it may stay."""
         if not _let_in(own, self._gid):
             return refused("stranger", path=self._path)
-        if len(self._peers) >= MOST_PEERS:
-            return refused("many_peers", code="busy", path=self._path, most=MOST_PEERS)
+        if len(self._peers) >= MAX_PEERS:
+            return refused("many_peers", code="busy", path=self._path, most=MAX_PEERS)
         return None
 
     def _read(self, fileno: int) -> None:
         peer = self._peers[fileno]
         try:
-            packet = peer.socket.recv(MOST_BYTES + 1)
+            packet = peer.socket.recv(MAX_BYTES + 1)
         except BlockingIOError:
             return
         except OSError:
@@ -137,7 +137,7 @@ class Server:
         self._request(peer, packet)
 
     def _request(self, peer: _Peer, packet: bytes) -> None:
-        said = unpacked(packet) if len(packet) <= MOST_BYTES else None
+        said = unpacked(packet) if len(packet) <= MAX_BYTES else None
         number = _number(said)
         try:
             answer = self._handler(*_asked(said))
@@ -155,12 +155,12 @@ def _packet(number: int | str | None, outcome: Values | BaseException) -> bytes:
     if not isinstance(outcome, BaseException):
         try:
             packet = packed({"id": number, "ok": True, "result": outcome})
-            if len(packet) <= MOST_ANSWER:
+            if len(packet) <= MAX_ANSWER:
                 return packet
-            outcome = ValueError(f"an answer of {len(packet)} bytes is longer than {MOST_ANSWER}")
+            outcome = ValueError(f"an answer of {len(packet)} bytes is longer than {MAX_ANSWER}")
         except (TypeError, ValueError, RecursionError) as error:
             outcome = error
-    known = outcome if isinstance(outcome, DoorError) else own_error(outcome)
+    known = outcome if isinstance(outcome, CommandRefused) else own_error(outcome)
     return packed({"id": number, "ok": False, "error": known.to_dict()})
 
 
@@ -171,9 +171,9 @@ def _number(said: Values | None) -> int | str | None:
 
 
 def _asked(said: Values | None) -> tuple[str, Values]:
-    """Verb and arguments of a packet. Raises DoorError."""
+    """Verb and arguments of a packet. Raises CommandRefused."""
     if said is None:
-        raise refused("no_object", code="bad", most=MOST_BYTES)
+        raise refused("no_object", code="bad", most=MAX_BYTES)
     verb, args = said.get("verb"), said.get("args", {})
     if not isinstance(verb, str) or not isinstance(args, dict):
         raise refused("no_verb_or_args", code="bad")
@@ -197,7 +197,7 @@ def _listening(path: Path, group: str) -> socket.socket:
         os.umask(before)
     if group:
         shutil.chown(path, group=group)
-    own.listen(MOST_PEERS)
+    own.listen(MAX_PEERS)
     return own
 
 

@@ -31,8 +31,8 @@ SAVE_S = 5.0  # a loss of power costs so much of the counters
 FASTER = 1.5  # than an axis may go: its zero was found, or rows are missing; that is no travel
 SPINDLE, MOTION = "spindle", "motion"
 MM_PER_M, DEG_PER_TURN, S_PER_H = 1000.0, 360.0, 3600.0
-MOST_ITEMS = 50
-MOST_GAP = 50.0  # ticks that are missing between two rows
+MAX_ITEMS = 50
+MAX_GAP = 50.0  # ticks that are missing between two rows
 
 Rows = npt.NDArray[np.float64]
 
@@ -105,7 +105,7 @@ class Usage:
         before = self._last if self._last is not None else rows[:1]
         steps = np.abs(np.diff(np.vstack((before, rows))[:, self._command], axis=0))
         ticks = np.diff(np.append(before[-1, COLUMN["tick"]], rows[:, COLUMN["tick"]]))
-        steps[steps > self._most * np.clip(ticks, 1.0, MOST_GAP)[:, None]] = 0.0
+        steps[steps > self._most * np.clip(ticks, 1.0, MAX_GAP)[:, None]] = 0.0
         self._last = rows[-1:]
         cutting = np.isin(rows[:, COLUMN["motion_id"]], list(fed)) & (rows[:, COLUMN["rate"]] > 0.0)
         with self._lock:
@@ -203,14 +203,14 @@ class Usage:
             self._changed = True
 
     def set_item(self, name: str, counter: str, every: float) -> None:
-        """Make one, or give it another interval. Raises DoorError."""
+        """Make one, or give it another interval. Raises CommandRefused."""
         allowed = self._counters()
         if counter not in allowed:
             raise refused("no_counter", code="bad", counter=counter, allowed=", ".join(allowed))
         with self._lock:
             items = self._kept.items
-            if name not in items and len(items) >= MOST_ITEMS:
-                raise refused("many_items", code="bad", most=MOST_ITEMS)
+            if name not in items and len(items) >= MAX_ITEMS:
+                raise refused("many_items", code="bad", most=MAX_ITEMS)
             old = items.get(name)
             if old is None or old.counter != counter:
                 old = Item(counter, every, base=self._value(counter))
@@ -219,14 +219,14 @@ class Usage:
             self._changed = True
 
     def remove_item(self, name: str) -> None:
-        """Raises DoorError."""
+        """Raises CommandRefused."""
         with self._lock:
             if self._kept.items.pop(name, None) is None:
                 raise refused("no_item", code="bad", name=name)
             self._changed = True
 
     def done(self, name: str, by: str) -> None:
-        """It was done just now. Raises DoorError."""
+        """It was done just now. Raises CommandRefused."""
         with self._lock:
             if (item := self._kept.items.get(name)) is None:
                 raise refused("no_item", code="bad", name=name)

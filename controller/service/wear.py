@@ -9,34 +9,34 @@ from controller.service.arguments import number, whole
 from controller.service.refusals import refused
 from controller.service.usage import Usage
 
-MOST_TOOL = 100_000
-LONGEST_MIN, MOST_PARTS, LONGEST = 1e6, 1_000_000, 1e9
+MAX_TOOL = 100_000
+LONGEST_MIN, MAX_PARTS, LONGEST = 1e6, 1_000_000, 1e9
 LONGEST_NAME = 60
 
 
 def check(usage: Usage, tool: int, program: str) -> None:
-    """Raises DoorError "worn" where the tool in the spindle is."""
+    """Raises CommandRefused "worn" where the tool in the spindle is."""
     if told := usage.worn(tool):
         raise refused("worn", "READY", "START", "worn", program=program, **told)
 
 
 def tool_life(usage: Usage, args: Values) -> Values:
-    """Limits of a tool; null: none. Raises DoorError."""
+    """Limits of a tool; null: none. Raises CommandRefused."""
     tool = _tool(args)
     cut = None if args.get("cut_min") is None else number(args, "cut_min", 0.1, LONGEST_MIN)
-    parts = None if args.get("parts") is None else int(number(args, "parts", 1, MOST_PARTS))
+    parts = None if args.get("parts") is None else int(number(args, "parts", 1, MAX_PARTS))
     usage.set_life(tool, cut, parts)
     return _kept(usage)
 
 
 def tool_renewed(usage: Usage, args: Values) -> Values:
-    """Raises DoorError."""
+    """Raises CommandRefused."""
     usage.renew(_tool(args))
     return _kept(usage)
 
 
 def maintenance(usage: Usage, args: Values) -> Values:
-    """Make, change or (without an interval) take out a job of maintenance. Raises DoorError."""
+    """Make, change or (without an interval) take out a job of maintenance. Raises CommandRefused."""
     name = _name(args)
     if args.get("every") is None:
         usage.remove_item(name)
@@ -46,13 +46,13 @@ def maintenance(usage: Usage, args: Values) -> Values:
 
 
 def maintained(usage: Usage, args: Values) -> Values:
-    """Raises DoorError."""
+    """Raises CommandRefused."""
     usage.done(_name(args), str(args.get("by", ""))[:LONGEST_NAME])
     return _kept(usage)
 
 
 def _kept(usage: Usage) -> dict[str, Any]:
-    """What was said is on the disk before it is answered. Raises DoorError."""
+    """What was said is on the disk before it is answered. Raises CommandRefused."""
     try:
         usage.save(at_once=True)
     except OSError as error:
@@ -61,7 +61,7 @@ def _kept(usage: Usage) -> dict[str, Any]:
 
 
 def _tool(args: Values) -> int:
-    if not (found := whole(args, "tool", MOST_TOOL)):
+    if not (found := whole(args, "tool", MAX_TOOL)):
         raise refused("not_whole", code="bad", name="tool", value=args.get("tool"))
     return found
 

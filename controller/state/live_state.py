@@ -7,7 +7,7 @@ README.md. Likewise ``DriveRow`` for what the status tells of a drive.
 
 A value is taken from the attribute of the same name at its owner, a part of the tick. No place is counted,
 so no two values can be taken for one another. How they are taken is compiled, as ``dataclasses`` does it: a
-tick reads its attributes and nothing else. What each axis has stands in ``MOST_AXES`` places; those that a
+tick reads its attributes and nothing else. What each axis has stands in ``MAX_AXES`` places; those that a
 machine of fewer axes leaves are 0, and are not read.
 """
 
@@ -21,7 +21,7 @@ from functools import cache
 from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
 
 from controller.messages import Said
-from controller.state.modes import MOST_AXES, Fault, Mode
+from controller.state.modes import MAX_AXES, Fault, Mode
 from controller.state.requests import ANSWERS, PLAN_IDS, Outcome, outcome
 
 ANALOGUE = 4  # outputs at most
@@ -229,7 +229,7 @@ class Field(NamedTuple):
     @property
     def many(self) -> int:
         """Places that it takes in the layout."""
-        return MOST_AXES if self.is_of_axes else self.value.many
+        return MAX_AXES if self.is_of_axes else self.value.many
 
     @property
     def is_of_axes(self) -> bool:
@@ -284,7 +284,7 @@ SIGNALS = {  # of the scope, that are columns; by their names
 
 def _written(axes: int) -> str:
     """A function that takes the parts of the tick and gives the flat values."""
-    left = ", 0" * (MOST_AXES - axes)
+    left = ", 0" * (MAX_AXES - axes)
     values = (f"{'*' * (f.many > 1)}{f.part}.{f.attribute}{left * f.is_of_axes}" for f in FIELDS)
     return f"lambda {', '.join(PARTS)}: ({', '.join(values)})"
 
@@ -319,13 +319,13 @@ def snapshot_of(axes: int) -> Callable[[Flat], Snapshot]:
 
 def flat(now: Snapshot) -> Flat:
     """The values of a snapshot as they are written; what a test makes up, for instance."""
-    left = (0,) * (MOST_AXES - len(now.joints))
+    left = (0,) * (MAX_AXES - len(now.joints))
     rows = zip(FIELDS, now, strict=True)
     each = ((*value, *left * f.is_of_axes) if isinstance(value, tuple) else (value,) for f, value in rows)
     return tuple(itertools.chain.from_iterable(each))
 
 
-def blank(axes: int = MOST_AXES) -> Snapshot:
+def blank(axes: int = MAX_AXES) -> Snapshot:
     """In place of the first snapshot: nothing is on, and no axis has found its zero."""
     return snapshot_of(axes)(LAYOUT.unpack(bytes(LAYOUT.size)))
 

@@ -167,8 +167,8 @@ def follows(mode: Mode, request: Request) -> Mode | None:
 
 
 MOVES = (Request.START, Request.RESUME, Request.HOME, Request.ENABLE, Request.JOG)
-MOST_AXES = 5  # of a machine: for so many there is room in what is laid out once for all (live state, masks)
-ALL_AXES = (1 << MOST_AXES) - 1
+MAX_AXES = 5  # of a machine: for so many there is room in what is laid out once for all (live state, masks)
+ALL_AXES = (1 << MAX_AXES) - 1
 
 
 def bars(interlock: Fault, request: Request) -> bool:

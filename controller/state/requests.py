@@ -16,7 +16,7 @@ from enum import IntEnum
 from typing import NamedTuple
 
 from controller.motion.pieces import Jog
-from controller.state.modes import MOST_AXES, Request
+from controller.state.modes import MAX_AXES, Request
 
 _REQUEST = struct.Struct("<BId")
 
@@ -97,7 +97,7 @@ class RequestInbox:
     the last ``Request.ARRANGED`` told.
     """
 
-    def __init__(self, tick_end: socket.socket, axes: int = MOST_AXES) -> None:
+    def __init__(self, tick_end: socket.socket, axes: int = MAX_AXES) -> None:
         """``axes``: how many the machine has; what is of other ones is not looked at."""
         self._socket = tick_end
         self._of_axes = _of_axes(axes)

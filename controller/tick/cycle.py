@@ -43,7 +43,7 @@ from drives.cyclic.drive_fault import DriveFault
 LATE_SHARE = 0.25  # of the period: a later tick sends nothing
 NEAREST_SHARE = 0.75  # of the period: no two SYNCs are closer
 ROUNDING_S = 1e-9
-MOST_REQUESTS = 8  # taken in one tick
+MAX_REQUESTS = 8  # taken in one tick
 LOST_ECHOES = 3  # of the kernel's SYNC, in a row
 # SYNCs in a row that did not come: drives that hold their last setpoint have stopped meanwhile, and
 # to go on at full feed would be a step for them. Fewer are a dip that a servo smooths.
@@ -244,7 +244,7 @@ class Cycle:
     def _take_requests(self) -> bool:
         """True where one of them has made void what is queued."""
         self.taken, void = 0, False
-        for _ in range(MOST_REQUESTS):
+        for _ in range(MAX_REQUESTS):
             request = self._requests.take()
             if request is None:
                 break

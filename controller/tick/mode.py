@@ -14,7 +14,7 @@ from controller.tick.drives import Drives
 from drives.cia402 import State, Wanted
 from drives.cyclic.drive import DriveFault
 
-MOST_OVERRIDE = 2.0
+MAX_OVERRIDE = 2.0
 WARNING = 1 << 7  # of the statusword (CiA 402)
 
 # A drive that has tripped, lost its torque or started anew is silent or drops out first.
@@ -193,7 +193,7 @@ class Modes:
         return True
 
     def _set_override(self, request: Request, value: float) -> bool:
-        if not 0.0 <= value <= MOST_OVERRIDE:
+        if not 0.0 <= value <= MAX_OVERRIDE:
             return False
         if request is Request.OVERRIDE:
             self.override = value

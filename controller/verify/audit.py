@@ -22,7 +22,7 @@ from controller.program.program import Block, Place, ProgramError
 from controller.verify import passes, wording
 from controller.verify.gouges import Findings, Gouge, gouges, in_table
 
-MOST_WAYS = 20_000  # motions beside cuts that are kept: it bounds the memory
+MAX_WAYS = 20_000  # motions beside cuts that are kept: it bounds the memory
 
 
 class Watched:
@@ -44,7 +44,7 @@ class Watched:
             for stretch in item.stretches if isinstance(item, Chain) else ():
                 k, is_cut = next(number), isinstance(stretch.motion, SurfaceCut)
                 ways += not is_cut
-                if is_cut or ways <= MOST_WAYS:
+                if is_cut or ways <= MAX_WAYS:
                     self.stretches[k] = stretch
                 else:
                     self.left_out += 1

@@ -17,8 +17,8 @@ from controller.verify.plots import DPI, INK, PIXELS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MOST_MAPS = 6  # surfaces that get a map of their own: those that are off most
-LEAST_MM = 1e-4  # half of the colour scale at least
+MAX_MAPS = 6  # surfaces that get a map of their own: those that are off most
+MIN_MM = 1e-4  # half of the colour scale at least
 COLOURS = "coolwarm_r"  # red: overcut; grey where nothing is off, so that the part is seen on white
 
 
@@ -34,8 +34,8 @@ def picture(judged: Sequence[Judged], path: str | Path, title: str) -> None:
         figure.savefig(path, format="png", dpi=DPI)
         return
     # An edge may be off by more: it shows in full colour, and its figure stands above its map.
-    most = max(LEAST_MM, *(one.inside.largest_mm for one in judged))
-    shown = sorted(judged, key=lambda one: -one.whole.largest_mm)[:MOST_MAPS]
+    most = max(MIN_MM, *(one.inside.largest_mm for one in judged))
+    shown = sorted(judged, key=lambda one: -one.whole.largest_mm)[:MAX_MAPS]
     shown = [one for one in judged if one in shown]
     colours = _part(figure, judged, most)
     for k, one in enumerate(shown):
@@ -88,7 +88,7 @@ def _map(figure: Figure, one: Judged, k: int, count: int, most: float) -> None:
         vmin=-1e3 * most, vmax=1e3 * most, interpolation="bilinear",
     )  # fmt: skip
     for worst, colour in ((one.whole.overcut, "#67001F"), (one.whole.undercut, "#053061")):
-        if worst and abs(worst.mm) > LEAST_MM:
+        if worst and abs(worst.mm) > MIN_MM:
             axes.plot(worst.u, worst.v, marker="x", markersize=8, color=colour, clip_on=False)
     over = -one.whole.overcut.mm if one.whole.overcut else 0.0
     under = one.whole.undercut.mm if one.whole.undercut else 0.0

@@ -28,7 +28,7 @@ SLAB = 4096  # points whose place is made exact at once: it bounds the memory
 ROUNDING_MM = 1e-4  # of a distance to an axis by squares, some metres from the points at most
 CLOSE_MM = 1e-8  # F below which the root is found
 FAR_STEP_MM = 1e-3  # a longer step looks at all poses again
-MOST_STEPS = 30
+MAX_STEPS = 30
 STEEPEST = 2.0  # a line that meets the border at less than 30 degrees is one over an edge
 FLATTEST = 0.2  # slope of F along the normal with which a step is taken at least
 
@@ -154,7 +154,7 @@ def deviation(points: Array, normals: Array, sweep: Sweep, body: Body, reach_mm:
     slope = np.full(len(points), -1.0)
     t[value > reach_mm] = np.nan
     open_ = np.flatnonzero((np.abs(value) > CLOSE_MM) & (value <= reach_mm))
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         if not len(open_):
             break
         step = value[open_] / -slope[open_]

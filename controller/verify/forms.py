@@ -26,7 +26,7 @@ ZOOMED = 3  # places of each sign
 STEPS, POINTS = 6, 5  # of a zoom
 FEWEST, SETTLED_MM = 2, 1e-6  # it ends where a step after these gains less
 BESIDE_UP = ("lead in", "lead out", "link", "plunge", "lift")
-LEAST_RADIUS_MM = 0.05  # a smaller cutter is no advice
+MIN_RADIUS_MM = 0.05  # a smaller cutter is no advice
 
 
 def verdict(look: Look) -> Verdict | None:
@@ -148,7 +148,7 @@ def _advised(made: Verdict, look: Look) -> Verdict:
         keys = ["joint"]
     else:
         keys = ["apart"]
-    size = "radius" if radius > LEAST_RADIUS_MM else "smaller"
+    size = "radius" if radius > MIN_RADIUS_MM else "smaller"
     return replace(made, remedies=(*keys, size), radius_mm=radius if size == "radius" else 0.0)
 
 

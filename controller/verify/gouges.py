@@ -32,7 +32,7 @@ from controller.plan.report.verdict import Verdict
 from controller.plan.surfaces.leads import LEADS
 from controller.verify import forms
 from controller.verify.bodies import Body, cutter, holder
-from controller.verify.looks import LEAST_MM, Hurt, Look
+from controller.verify.looks import MIN_MM, Hurt, Look
 from controller.verify.nominal import Nominal
 from controller.verify.passes import height_mm, longest
 from controller.verify.sweep import Pass, Sweep
@@ -175,7 +175,7 @@ def in_table(table: WorkTable | None, passes: Sequence[tuple[Tool, Pass]]) -> li
     for tool, one in passes:
         for body in (cutter(tool, 0.0), *holder(tool)):
             depth, place = _deepest(table, one, body)
-            if depth > LEAST_MM:
+            if depth > MIN_MM:
                 by = (one.line, one.line, one.name, tool.number)
                 found.append(Gouge("table", *by, depth, None, None, place, body.name))
     return found

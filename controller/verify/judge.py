@@ -33,7 +33,7 @@ Index = NDArray[np.int64]
 INSIDE = (0.02, 0.98)  # of u: without the ends
 SETTLED_MM = 1e-4  # change of the largest deviation from one grid to the next
 FIRST_GRID = (65, 9)
-MOST_LEVELS = 4
+MAX_LEVELS = 4
 ZOOMED = 4  # worst cells of a grid
 ZOOM_POINTS = 7  # of a zoomed cell, along and across
 ZOOM_STEPS = 8
@@ -221,7 +221,7 @@ class Field:
         along, across = _first_grid(self.nominal, low, high)
         worst: tuple[Worst | None, Worst | None] = (None, None)
         settled = np.inf
-        for _ in range(MOST_LEVELS):
+        for _ in range(MAX_LEVELS):
             u, v = grid(along, across, (low, high))
             t = self(u, v)
             cell = ((high - low) / (along - 1), 1.0 / (across - 1))

@@ -33,7 +33,7 @@ from controller.verify.sweep import Pass, Sweep
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-LEAST_MM = 1e-3  # depths below are no gouge
+MIN_MM = 1e-3  # depths below are no gouge
 SPACING_MM = 0.5  # of the grid, about; with a thin cutter half of its radius
 ALONG, ACROSS = (9, 129), (5, 33)  # fewest and most points of the grid
 BETWEEN_MM = 1.0  # more than a tool goes from one sample to the next
@@ -90,7 +90,7 @@ class Look:
     ) -> None:
         """``least_mm``: length of the shortest cutter; ``errors_mm``: of drives, from motion to motion."""
         self.nominal = nominal
-        self._harmless_mm = LEAST_MM + errors_mm
+        self._harmless_mm = MIN_MM + errors_mm
         thinnest = min((tool.radius_mm for tool in sweeps), default=1.0)
         spacing = min(SPACING_MM, max(0.5 * thinnest, 0.1))
         self.shape = _counts(nominal, spacing)
@@ -107,7 +107,7 @@ class Look:
         widest = max(body.widest_mm for body in (cutter(tool, self._least_mm), *holder(tool)))
         runs = sweep.runs
         off = runs.distance(np.vstack([centre, centre]))[0] - runs.slack
-        near = np.unique(sweep.owner[runs.start[off <= radius + widest + LEAST_MM]])
+        near = np.unique(sweep.owner[runs.start[off <= radius + widest + MIN_MM]])
         return sweep.only(near.tolist())
 
     # ---- its own cut -------------------------------------------------------------
@@ -125,7 +125,7 @@ class Look:
         if not len(sweep):
             return
         motions = np.array([one.motion for one in sweep.passes])[sweep.owner[found.sample]]
-        far = (motions == self.nominal.motion) & (depth > LEAST_MM) & self._is_far(self.u, found.s, self.v)
+        far = (motions == self.nominal.motion) & (depth > MIN_MM) & self._is_far(self.u, found.s, self.v)
         if far.any():
             near = self._in_place(far, sweep)
             self.own, self.far = np.where(far, near, depth), np.where(far & (depth > near), depth, 0.0)
@@ -135,7 +135,7 @@ class Look:
         if self.nominal.motion < 0:
             return np.zeros(len(s), dtype=bool)
         way = self.nominal.length_between(u, self._arc.u_along(s), v)
-        return np.asarray(way > 2.0 * self.nominal.tool.radius_mm + LEAST_MM)
+        return np.asarray(way > 2.0 * self.nominal.tool.radius_mm + MIN_MM)
 
     @cached_property
     def _arc(self) -> ArcLength:
@@ -202,7 +202,7 @@ class Look:
         """The deepest of each kind; ``cuts`` are the looks of each line, ``most_mm`` what twist may cost."""
         own = self.whole_cut.by
         hollow = np.where(self._hollows(), self.own, 0.0)
-        if hollow.max(initial=0.0) > LEAST_MM:
+        if hollow.max(initial=0.0) > MIN_MM:
             k = int(np.argmax(hollow))
             bend = float(self.nominal.hollow(self.u[k : k + 1], self.v[k : k + 1])[0])
             yield Hurt("hollow", hollow, own, f"the hollow of radius {1.0 / bend:.3f} mm")
@@ -272,7 +272,7 @@ class Look:
             for body in holder(tool):
                 found = nearest(self.points, sweep, body)
                 depth = np.maximum(0.0, -found.distance)
-                if depth.max(initial=0.0) > LEAST_MM:
+                if depth.max(initial=0.0) > MIN_MM:
                     one = sweep.passes[int(sweep.owner[found.sample[int(np.argmax(depth))]])]
                     yield Hurt("holder", depth, By(sweep, body, one.line, one.name, tool))
                     break

@@ -9,7 +9,7 @@ from typing import IO, Any, TextIO
 
 from controller.plan.report.survey import BlockUse
 
-MOST_ROWS = 40  # of the table; JSON has all
+MAX_ROWS = 40  # of the table; JSON has all
 IN_MEMORY = 1 << 20  # bytes of JSON before they go to a file
 CHUNK = 1 << 16
 
@@ -31,7 +31,7 @@ class Rows:
         if took_s == 0.0:
             return
         row = (took_s, -self.count, block)
-        if len(self._longest) < MOST_ROWS:
+        if len(self._longest) < MAX_ROWS:
             heapq.heappush(self._longest, row)
         else:
             heapq.heappushpop(self._longest, row)

@@ -21,9 +21,9 @@ from controller.verify.rows import Rows as Blocks
 Rows = Iterator[tuple[str, str]]
 
 
-LEAST_SHARE = 0.005  # of the time; what binds for less is not worth a word in a table
+MIN_SHARE = 0.005  # of the time; what binds for less is not worth a word in a table
 TWISTED_MM = 1e-4  # less is told as nothing
-MOST_BINDS = 3  # in one row
+MAX_BINDS = 3  # in one row
 
 
 def blocks(rows: Blocks) -> Table:
@@ -65,7 +65,7 @@ def _feed(part: Part) -> str:
 
 def told(found: Sequence[Bound]) -> list[str]:
     """What binds most, in words: 'feed 54 %', 'C acceleration 43 %'."""
-    worth = [bound for bound in found if bound.share >= LEAST_SHARE][:MOST_BINDS]
+    worth = [bound for bound in found if bound.share >= MIN_SHARE][:MAX_BINDS]
     return [f"{bound.what} {100 * bound.share:.0f} %" for bound in worth]
 
 

@@ -29,7 +29,7 @@ from controller.ipc.handoff import COLUMN, of_axes, rows_of
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.motion.motions import Motion, SurfaceCut
-from controller.state.modes import MOST_AXES, Mode
+from controller.state.modes import MAX_AXES, Mode
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ LOOK_BACK_S = 0.100
 LOOK_AHEAD_TICKS = 2
 
 _NEEDED = {"tick", "mode", "motion_id", "line", "cutting", "s", "feed_mm_s"} | {  # of a recording
-    *(f"{name}_{i}" for name in ("joint_command", "setpoint", "actual") for i in range(MOST_AXES)),
+    *(f"{name}_{i}" for name in ("joint_command", "setpoint", "actual") for i in range(MAX_AXES)),
 }
 
 

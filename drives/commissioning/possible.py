@@ -23,7 +23,7 @@ from drives.settings import IoSettings, MasterSettings, NodeSettings, SpindleSet
 
 INTO, OUT_OF = ("wo", "rw", "rww"), ("ro", "rw", "rwr")  # access of what an RPDO, a TPDO may hold
 PERIOD = 0x60C2
-MOST_BITS = 64  # of process data in a frame
+MAX_BITS = 64  # of process data in a frame
 
 # What a person can change about a value that does not go, by object.
 REMEDIES = {
@@ -251,8 +251,8 @@ def _of_mapping(settings: Settings, sheet: Sheet) -> Iterator[str]:
                 f"{used.title}: {len(used.entries)} objects are to be mapped, {sheet.name} has room for"
                 f" {room}; {OTHERWISE}"
             )
-        if sum(entry & 0xFF for entry in used.entries) > MOST_BITS:
-            yield f"{used.title}: more than {MOST_BITS} bits are to be mapped; map less"
+        if sum(entry & 0xFF for entry in used.entries) > MAX_BITS:
+            yield f"{used.title}: more than {MAX_BITS} bits are to be mapped; map less"
         for place, entry in enumerate(used.entries, 1):
             yield from _of_entry(used, place, entry, sheet)
 

@@ -15,7 +15,7 @@ from drives.cia402 import State, Wanted
 from drives.cyclic.drive import Drive
 from drives.cyclic.power_stage import POWERED
 
-MOST_WAIT_S = 3.0  # for a group that does not switch off: the others are not kept on for ever
+MAX_WAIT_S = 3.0  # for a group that does not switch off: the others are not kept on for ever
 
 
 class Enabling:
@@ -48,7 +48,7 @@ class Enabling:
         """The next group's turn, when the one under way is done."""
         if self._since_s is None:
             self._since_s = now_s
-        late = self._wanted is Wanted.OFF and now_s - self._since_s > MOST_WAIT_S
+        late = self._wanted is Wanted.OFF and now_s - self._since_s > MAX_WAIT_S
         if not (late or all(self._done(drive) for drive in self._queue[self._turn])):
             return
         self._turn += 1

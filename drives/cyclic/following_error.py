@@ -33,7 +33,7 @@ MEASURE_EVERY = 4  # SYNCs
 LEARN_S = 1.0  # of motion at speed, until the default is tightened
 AT_SPEED = 0.02  # share of the largest speed
 MARGIN = 2.0  # what is allowed beside what was measured
-LEAST_SYNCS = 2.0  # the part by speed is never less: setpoints that come one SYNC late, and one more
+MIN_SYNCS = 2.0  # the part by speed is never less: setpoints that come one SYNC late, and one more
 
 
 class FollowingError:
@@ -96,4 +96,4 @@ class FollowingError:
             self._largest = lag
         self._learning -= 1
         if not self._learning:
-            self._by_speed = min(self._given, max(LEAST_SYNCS, MARGIN * self._largest))
+            self._by_speed = min(self._given, max(MIN_SYNCS, MARGIN * self._largest))

@@ -25,13 +25,13 @@ from drives.cyclic.drive_fault import DriveFault
 from drives.cyclic.enabling import Enabling
 from drives.cyclic.following_error import MEASURE_EVERY
 from drives.cyclic.io_node import IoNode
-from drives.cyclic.line import BITS, MOST_FRAMES, Line
+from drives.cyclic.line import BITS, MAX_FRAMES, Line
 from drives.cyclic.spindle import SpindleDrive
 from drives.cyclic.supervised import Supervised
 from drives.ports.port import Port
 from drives.settings import MasterSettings
 
-__all__ = ["MOST_FRAMES", "DriveFault", "Group"]
+__all__ = ["MAX_FRAMES", "DriveFault", "Group"]
 
 _NONE = DriveFault.NONE
 _FINE = (_NONE, -1)

@@ -17,7 +17,7 @@ from drives.ports.port import Port
 
 # Frames taken from one bus in one tick. At 1 Mbit/s 36 of the shortest fit into 2 ms; a
 # babbling node must not hold the tick, and what is left comes with the next.
-MOST_FRAMES = 128
+MAX_FRAMES = 128
 
 # Error frames (linux/can/error.h): classes, and byte 1 of a controller problem. Its warnings
 # pass, and so do single errors on the wire, which the controllers repair by sending again.
@@ -93,7 +93,7 @@ class Line:
         receive_into, handlers = self._receive_into, self._handlers
         buffer, data, off = self._buffer, self._data, self.off
         bits = 0
-        for _ in range(MOST_FRAMES):
+        for _ in range(MAX_FRAMES):
             if not receive_into(buffer):
                 break
             can_id, length = _HEADER(buffer)

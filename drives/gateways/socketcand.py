@@ -35,9 +35,9 @@ LONGEST_COMMAND = 200  # bytes; more without an end is thrown away
 # at once: frames are kept until the client says something more, or for so long. The bus' clock may be
 # behind by the 0.1 s that a hub's turn lasts at most.
 QUIET_S = 0.2
-MOST_KEPT = 8192  # frames in that time; at 1 Mbit/s some 4000 fit
+MAX_KEPT = 8192  # frames in that time; at 1 Mbit/s some 4000 fit
 HEX = re.compile(rb"[0-9A-Fa-f]{1,8}")
-MOST_QUOTED = 60  # characters of a refused command
+MAX_QUOTED = 60  # characters of a refused command
 
 
 class _Refused(Exception):
@@ -156,7 +156,7 @@ class _Guest:
             elif command == b"fdsend":
                 raise _Refused(f"fdsend: {NO_FD}")
             else:
-                text = b" ".join(words)[:MOST_QUOTED].decode("ascii", "replace")
+                text = b" ".join(words)[:MAX_QUOTED].decode("ascii", "replace")
                 raise _Refused(f"{text}: not possible here; use open, rawmode, send, echo")
         except _Refused as refusal:
             self._refuse(str(refusal))
@@ -196,7 +196,7 @@ class _Guest:
             return
         if self._kept is None:
             self._say(text)
-        elif len(self._kept) < MOST_KEPT:
+        elif len(self._kept) < MAX_KEPT:
             self._kept.append(text)
         else:
             self.lost += 1

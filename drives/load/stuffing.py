@@ -40,7 +40,7 @@ UNSTUFFED_BITS = 13  # from the CRC delimiter to the end of the interframe space
 HEAD_BITS = 19  # from SOF to DLC
 EXTENDED_HEAD_BITS = 20  # more of them: SRR, IDE moved, 18 of the identifier, r1
 EXTENDED_MASK, STANDARD_MASK = 0x1FFF_FFFF, 0x7FF
-MOST_HEADS = 4096  # heads kept; a bus in operation has some dozens
+MAX_HEADS = 4096  # heads kept; a bus in operation has some dozens
 
 Table = NDArray[Any]  # (8 runs, 2^15 check sums): stuff bits from here to the end of the frame
 Counter = Callable[[int, bytes], int]
@@ -120,7 +120,7 @@ Head = tuple[int, int, int, Callable[[bytes], tuple[int, ...]], int]
 
 
 def _remembered(known: dict[int, Head], can_id: int, length: int) -> Head:
-    if len(known) >= MOST_HEADS:
+    if len(known) >= MAX_HEADS:
         known.clear()
     bare = bool(can_id & (REMOTE_FLAG | ERROR_FLAG))
     head = list(_head(can_id, length, bare))

@@ -23,7 +23,7 @@ _TIME_STAMP = struct.Struct("qq")
 
 SIOCGIFTXQLEN, SIOCSIFTXQLEN = 0x8942, 0x8943
 _INTERFACE_INT = struct.Struct("16si20x")  # struct ifreq
-LEAST_QUEUE = 128  # frames
+MIN_QUEUE = 128  # frames
 
 
 class CanSocket(FrameSocket):
@@ -134,16 +134,16 @@ def kernel_filters(filters: Sequence[tuple[int, int]]) -> bytes:
 def _lengthen_queue(sock: socket.socket, settings: BusSettings) -> None:
     """Linux gives a CAN interface a transmit queue of ten frames: less than two ticks of five drives."""
     length = _queue_length(sock, settings.channel)
-    if length >= LEAST_QUEUE:
+    if length >= MIN_QUEUE:
         return
-    request = _INTERFACE_INT.pack(settings.channel.encode(), LEAST_QUEUE)
+    request = _INTERFACE_INT.pack(settings.channel.encode(), MIN_QUEUE)
     try:
         fcntl.ioctl(sock, SIOCSIFTXQLEN, request)
     except OSError as error:
         raise BusError(
             f"bus {settings.name}: the transmit queue of {settings.channel} holds {length} frames, and at"
-            f" least {LEAST_QUEUE} are needed; as root, 'ip link set {settings.channel} txqueuelen"
-            f" {LEAST_QUEUE}' ({error.strerror})"
+            f" least {MIN_QUEUE} are needed; as root, 'ip link set {settings.channel} txqueuelen"
+            f" {MIN_QUEUE}' ({error.strerror})"
         ) from error
 
 
@@ -152,5 +152,5 @@ def _queue_length(sock: socket.socket, channel: str) -> int:
     try:
         answer = fcntl.ioctl(sock, SIOCGIFTXQLEN, _INTERFACE_INT.pack(channel.encode(), 0))
     except OSError:
-        return LEAST_QUEUE
+        return MIN_QUEUE
     return int(_INTERFACE_INT.unpack(answer)[1])

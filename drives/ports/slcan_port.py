@@ -19,7 +19,7 @@ from drives.ports.port import Buffer, BusError
 from drives.settings import BusSettings
 
 READ_BYTES = 65536
-MOST_UNSENT = 4096  # bytes that may wait for the driver; some 150 frames
+MAX_UNSENT = 4096  # bytes that may wait for the driver; some 150 frames
 BAUD = 115_200  # USB adapters do not mind; a channel may end with @BAUD
 SETTLING_S = 0.05  # for the answer to a command; some firmwares give none
 
@@ -49,9 +49,9 @@ class SlcanPort:
     def send(self, frame: Buffer) -> bool:
         """Queues 16-byte frames, one or several; False if the line or the adapter takes no more."""
         lines = [slcan.line(frame[at : at + pdo.FRAME_BYTES]) for at in range(0, len(frame), pdo.FRAME_BYTES)]
-        if len(self._unsent) > MOST_UNSENT:
+        if len(self._unsent) > MAX_UNSENT:
             self._flush()
-            if len(self._unsent) > MOST_UNSENT:
+            if len(self._unsent) > MAX_UNSENT:
                 return False
         self._unsent += b"".join(lines)
         self._flush()

@@ -27,7 +27,7 @@ from drives.virtual.virtual_bus import SteppedBus
 SO_TIMESTAMPNS = 35
 TIME_STAMP = struct.Struct("qq")
 RECEIVE_BYTES = 1 << 20  # room for what comes while this process sleeps
-MOST_WAITING = 1024  # frames that a full transmit queue may keep here; the oldest go first
+MAX_WAITING = 1024  # frames that a full transmit queue may keep here; the oldest go first
 
 
 class InterfaceError(Exception):
@@ -134,7 +134,7 @@ class CanBridge:
         """A device's frame. Error frames of the bus here are not the interface's."""
         if int.from_bytes(frame[:4], "little") & pdo.ERROR_FLAG:
             return
-        if len(self._unsent) >= MOST_WAITING:
+        if len(self._unsent) >= MAX_WAITING:
             self._unsent.popleft()
             self.lost += 1
         self._unsent.append(frame)

@@ -28,7 +28,7 @@ from drives.virtual.virtual_bus import Handler
 FEEDBACK = Struct("<IB3xHi2x")
 LATEST_PERIODS = 2.5  # drives with an interpolation time-out act this long after the last SYNC
 QUIET_PERIODS = 4.0  # without SYNC after which the others live on by their own clock
-MOST_CATCH_UP = 500  # periods made up for after a long silence; by then every ramp has ended
+MAX_CATCH_UP = 500  # periods made up for after a long silence; by then every ramp has ended
 OFFSETS = (key(0x60B0), key(0x60B1), key(0x60B2))
 
 
@@ -114,7 +114,7 @@ class SimulatedDrive(Device):
         self._guessed = periods
         if axis.cyclic:
             self.lost_syncs += missing
-        for _ in range(min(missing, MOST_CATCH_UP)):
+        for _ in range(min(missing, MAX_CATCH_UP)):
             if axis.powered:
                 axis.guess(now_s)
                 axis.step(now_s)
@@ -129,7 +129,7 @@ class SimulatedDrive(Device):
 
     def _alive(self, now_s: float) -> None:
         """The axis has become powered or moves by itself: from now on periods pass, SYNC or not."""
-        if self._missed(now_s) - self._guessed > MOST_CATCH_UP or not self.waiting("period"):
+        if self._missed(now_s) - self._guessed > MAX_CATCH_UP or not self.waiting("period"):
             self._guessed = max(self._guessed, self._missed(now_s))
         if self.axis.needs_periods and not self.waiting("period"):
             self.alarm("period", now_s + self.axis.period_s, self._pass_period)

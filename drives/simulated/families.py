@@ -28,7 +28,7 @@ CYCLIC_MODES = 0x380  # bits of 6502h: csp, csv, cst
 FIRST_CYCLIC = 8
 TPDOS = 4
 VALUE_AT, UNIT_AT = key(0x60C2, 1), key(0x60C2, 2)
-MOST_IN_U8 = 255
+MAX_IN_U8 = 255
 
 
 def restrict(drive: SimulatedDrive, profile: Profile, bare: bool = False) -> SimulatedDrive:
@@ -112,7 +112,7 @@ def _restrict_periods(dictionary: Dictionary, profile: Profile) -> None:
     first = next(
         (value, unit)
         for unit in profile.period_exponents
-        for value in range(1, MOST_IN_U8 + 1)
+        for value in range(1, MAX_IN_U8 + 1)
         if _takes(profile, value, unit)
     )
     dictionary.factory |= {VALUE_AT: first[0], UNIT_AT: first[1]}

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 RANGE_AT = 0x607B
 LOW, HIGH = 1, 2
-MOST_TORQUE = 0x7FFF
+MAX_TORQUE = 0x7FFF
 
 
 def publish(axis: Axis) -> None:
@@ -69,7 +69,7 @@ def _torque(axis: Axis) -> int:
     if not axis.powered:
         return 0
     thousandths = round(axis.servo.acceleration / axis.parameters.torque_counts_s2)
-    return max(-MOST_TORQUE, min(MOST_TORQUE, thousandths))
+    return max(-MAX_TORQUE, min(MAX_TORQUE, thousandths))
 
 
 def _known_method(axis: Axis, method: int) -> None:

@@ -37,7 +37,7 @@ TIME_STAMP = struct.Struct("qq")
 PACKET_BYTES = 64 * FRAME_BYTES
 # Deliveries may be this late in favour of fewer wake-ups: a tick reads its frames once per
 # period, and modelled times are not touched by it.
-PATIENCE_S = 100e-6
+TIMEOUT_S = 100e-6
 # A busy computer may hold the process of the drives back for so long, and they must not take what they
 # did not read for silence. Steps of the system's clock do little harm: see Hub._stamp.
 TRUSTED_S = 2.0
@@ -167,7 +167,7 @@ class Hub:
 
     def turn(self, until_s: float) -> None:
         """Wait for a frame or the next event, then let the bus catch up with the clock."""
-        event_s = self.bus.next_event_s() + PATIENCE_S
+        event_s = self.bus.next_event_s() + TIMEOUT_S
         wait_s = max(0.0, min(event_s, until_s) - time.monotonic())
         # select and not epoll: its time-out is in microseconds, epoll's in milliseconds.
         readable, _, _ = select.select(list(self._readers), [], [], wait_s)

@@ -17,7 +17,7 @@ from drives.virtual.error_counters import CONTROLLER, RX_OVERFLOW
 from drives.virtual.hub_protocol import LOST_FRAMES, NO_FD, PATIENT_FRAME, connect
 
 STANDARD_MASK, ID_MASK = 0x7FF, 0x1FFF_FFFF
-MOST_BYTES = 8
+MAX_BYTES = 8
 
 
 class HubBus(can.BusABC):
@@ -87,8 +87,8 @@ def _packed(msg: can.Message) -> bytes:
         raise can.CanOperationError(
             f"identifier {msg.arbitration_id:X}h: this kind of frame has one from 0 to {highest:X}h"
         )
-    if not 0 <= msg.dlc <= MOST_BYTES or len(msg.data) > MOST_BYTES:
-        raise can.CanOperationError(f"length {msg.dlc}: a classic CAN frame has 0 to {MOST_BYTES} bytes")
+    if not 0 <= msg.dlc <= MAX_BYTES or len(msg.data) > MAX_BYTES:
+        raise can.CanOperationError(f"length {msg.dlc}: a classic CAN frame has 0 to {MAX_BYTES} bytes")
     flags = (
         (EXTENDED_FLAG if msg.is_extended_id else 0)
         | (REMOTE_FLAG if msg.is_remote_frame else 0)
@@ -101,7 +101,7 @@ def _message(packet: bytes) -> can.Message:
     """A frame as python-can has it; the hub's word for frames lost here as SocketCAN's for an overflow."""
     can_id, length, data = FRAME.unpack(packet)
     if can_id == LOST_FRAMES:
-        can_id, length, data = ERROR_FLAG | CONTROLLER, MOST_BYTES, bytes((0, RX_OVERFLOW, *bytes(6)))
+        can_id, length, data = ERROR_FLAG | CONTROLLER, MAX_BYTES, bytes((0, RX_OVERFLOW, *bytes(6)))
     return can.Message(
         timestamp=time.time(),
         arbitration_id=can_id & ID_MASK,

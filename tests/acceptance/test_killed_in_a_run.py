@@ -35,7 +35,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.live]
 TEXT = program("example2_ready.ngc", "1000.")
 MACHINE = calm_machine()
 BEGIN = Spot(1, 0.0, 0, 0.0)
-MOST_LOST_S = 1.0  # of cut, after a power loss or without a tick
+MAX_LOST_S = 1.0  # of cut, after a power loss or without a tick
 SEED = int(os.environ.get("DIRECTRIX_SEED") or random.randrange(1_000_000))
 KILLS = int(os.environ.get("DIRECTRIX_KILLS") or 1)
 
@@ -118,7 +118,7 @@ def assert_at_or_before(entry: Entry, first: Again) -> None:
     begin = (entry.spot.motion_id, entry.spot.s)
     assert begin <= gone[-1], (begin, gone[-1])
     again_s = sum(place > begin for place in gone) * first.stepped.machine.period_s
-    assert again_s <= MOST_LOST_S, again_s
+    assert again_s <= MAX_LOST_S, again_s
 
 
 def assert_rest(folder: Path, entry: Entry) -> None:

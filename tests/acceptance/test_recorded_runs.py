@@ -19,7 +19,7 @@ from controller.runtime import events
 
 RUNS = Path(__file__).resolve().parents[1] / "data" / "runs"
 NAMES = sorted(folder.name for folder in RUNS.iterdir())
-MOST_BYTES, MOST_OF_ONE = 1_000_000, 100_000
+MAX_BYTES, MAX_OF_ONE = 1_000_000, 100_000
 CUT_OFF = ("emergency_stop", "lost_drive")  # from their stop on the axes are where the drives are
 
 
@@ -46,4 +46,4 @@ def test_all_that_an_operator_does_and_befalls_a_run_is_in_one_of_them() -> None
 
 def test_they_stay_small() -> None:
     sizes = {name: sum(file.stat().st_size for file in (RUNS / name).iterdir()) for name in NAMES}
-    assert sum(sizes.values()) < MOST_BYTES and max(sizes.values()) < MOST_OF_ONE, sizes
+    assert sum(sizes.values()) < MAX_BYTES and max(sizes.values()) < MAX_OF_ONE, sizes

@@ -25,10 +25,10 @@ from typer.testing import CliRunner
 
 from controller import messages
 from controller.__main__ import app
-from controller.api.service_client import SocketDoor
+from controller.api.service_client import SocketServiceClient
 from controller.cli import remote, status_view
 from controller.faults import Fault, Words
-from controller.ipc.control_socket import Client, DoorError
+from controller.ipc.control_socket import Client, CommandRefused
 from controller.messages import LANGUAGES, Key, plain, said, told
 from controller.service.command_handlers import Desk
 from controller.service.service import Service
@@ -121,7 +121,7 @@ def socket(service: Service, tmp_path: Path) -> Iterator[Path]:
 @pytest.fixture
 def scene(socket: Path, tmp_path: Path) -> Scene:
     """A panel before that service, with a program, an alarm of each age and a run that failed."""
-    scene = Scene(tmp_path / "store", SocketDoor(socket))  # type: ignore[arg-type]
+    scene = Scene(tmp_path / "store", SocketServiceClient(socket))  # type: ignore[arg-type]
     add_page(scene.app)
     with scene.store.uploads.begin("part.ngc") as upload:
         upload.write(PROGRAM)
@@ -166,10 +166,10 @@ def test_through_the_socket_go_keys_and_no_sentence_at_all(
     for mode in (Mode.READY, Mode.OFF, Mode.FAULT, Mode.RUNNING):
         engine.now = engine.now._replace(mode=mode, fault=Fault.NONE)
         for verb, args in ASKED:
-            with contextlib.suppress(DoorError):
+            with contextlib.suppress(CommandRefused):
                 try:
                     client.ask(verb, **args)
-                except DoorError as error:
+                except CommandRefused as error:
                     assert not english_in(error.to_dict()), verb
                     assert not english_in(told(error.to_dict(), "xx")), verb
                     said_by.add(error.said["key"])

@@ -24,7 +24,7 @@ from controller.machine.toml_table import ConfigError
 from controller.program.position import homed
 from controller.program.program import ProgramError
 from controller.runtime.events import Event
-from controller.state.modes import MOST_AXES, Mode, Request
+from controller.state.modes import MAX_AXES, Mode, Request
 
 PART = """\
 G21 G90 G54 G17
@@ -109,7 +109,7 @@ def test_three_drives_get_the_setpoints_and_follow_them(part: Cut) -> None:
     following = part.joints[:-2] - rows[2:, of_axes("actual", 3)]
     assert np.abs(following).max() < 4.0
     assert rows[-1, of_axes("actual", 3)] == pytest.approx(part.joints[-1], abs=0.01)
-    left = [rows[:, of_axes(name, MOST_AXES)][:, 3:] for name in ("joint_command", "setpoint", "actual")]
+    left = [rows[:, of_axes(name, MAX_AXES)][:, 3:] for name in ("joint_command", "setpoint", "actual")]
     assert not np.any(left), "places of axes that it has not"
 
 

@@ -39,7 +39,7 @@ from drives.simulated.data_sheet import EDS, key
 
 TABLE = Path(__file__).parent / "data" / "cia301_conformance.txt"
 LOG = "DIRECTRIX_CONFORMANCE_LOG"
-PATIENCE_S = 6.0  # bus time until an expected frame must have come
+TIMEOUT_S = 6.0  # bus time until an expected frame must have come
 
 # The other device's objects and ours of equal size and direction.
 INSTEAD = {0x6200: 0x6060, 0x6411: 0x6040, 0x6000: 0x6061, 0x6401: 0x6041, 0x2110: 0x60FF, 0x1200: 0x6064}
@@ -173,7 +173,7 @@ class Replay:
         lone = self.lone
         before = len(lone.heard)
         lone.put(step.can_id, self._translated(step), _pause_s(step))
-        deadline_s = lone.bus.now_s + PATIENCE_S
+        deadline_s = lone.bus.now_s + TIMEOUT_S
         while _may_wait(step) and lone.bus.now_s < deadline_s and not step.kinds <= self._kinds(before):
             lone.wait(0.01)
         answers = [data for can_id, data in lone.heard[before:] if can_id == ANSWER]

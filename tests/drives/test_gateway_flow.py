@@ -9,7 +9,7 @@ from pathlib import Path
 
 import can
 import pytest
-from support.drives.gateway_guests import PATIENCE_S, Served, heard, same, serving, until
+from support.drives.gateway_guests import TIMEOUT_S, Served, heard, same, serving, until
 
 from drives import pdo
 from drives.virtual.fault_script import FaultScript
@@ -67,7 +67,7 @@ def test_a_question_right_after_rawmode_is_answered(served: Served) -> None:
 def test_a_whole_dialogue_in_one_segment_is_answered_in_order(served: Served) -> None:
     answering(served)
     with socket.create_connection(("127.0.0.1", served.tcp.port)) as guest:
-        guest.settimeout(PATIENCE_S)
+        guest.settimeout(TIMEOUT_S)
         guest.sendall(b"< open can0 >< rawmode >< send 601 8 40 0 10 0 0 0 0 0 >< echo >")
         said = b""
         while b"frame" not in said or not said.endswith(b">"):
@@ -262,7 +262,7 @@ def test_no_hub_is_a_sentence_of_python_can(tmp_path: Path) -> None:
 @pytest.mark.parametrize("command", [b"< fdsend 123 1 11 >", b"< send 123 C 1 2 3 4 5 6 7 8 9 a b c >"])
 def test_socketcand_refuses_can_fd_by_name(served: Served, command: bytes) -> None:
     with socket.create_connection(("127.0.0.1", served.tcp.port)) as guest:
-        guest.settimeout(PATIENCE_S)
+        guest.settimeout(TIMEOUT_S)
         guest.sendall(b"< open can0 >< rawmode >" + command + b"< echo >")
         said = b""
         while not said.endswith(b"< echo >"):

@@ -15,7 +15,7 @@ from pathlib import Path
 import can
 import pytest
 from support.drives.gateway_guests import (
-    PATIENCE_S,
+    TIMEOUT_S,
     Served,
     heard,
     heard_at_once,
@@ -75,7 +75,7 @@ def test_python_can_finds_the_virtual_bus_by_the_name_of_its_plugin(served: Serv
     )
     assert [m.arbitration_id for m in heard(native, 1)] == [0x123]
     native.send(can.Message(arbitration_id=0x124, is_extended_id=False))
-    assert process.wait(PATIENCE_S) == 0
+    assert process.wait(TIMEOUT_S) == 0
     native.shutdown()
 
 
@@ -122,7 +122,7 @@ NONSENSE = (
 
 def test_what_a_guest_says_that_makes_no_sense_is_answered_and_changes_nothing(served: Served) -> None:
     with socket.create_connection(("127.0.0.1", served.tcp.port)) as guest:
-        guest.settimeout(PATIENCE_S)
+        guest.settimeout(TIMEOUT_S)
 
         def ask(text: bytes) -> bytes:
             guest.sendall(text)

@@ -30,7 +30,7 @@ Before = Annotated[int | None, Query(ge=0, le=2**53, description="Those before t
 Only = Annotated[str, Query(pattern="^(all|open)$", description="'open': not acknowledged yet.")]
 Number = Annotated[int, Path(ge=1, le=2**53)]
 Speaks = Annotated[str, Query(max_length=20, description="Language of the page; empty: the one asked for.")]
-MOST_ALARMS = 1000  # looked through for those of a run
+MAX_ALARMS = 1000  # looked through for those of a run
 PAGE = documented(401, 403, 422)
 FileName = Annotated[str, Path(pattern=r"^[0-9A-Za-z][0-9A-Za-z._-]{0,100}$")]
 FILE: dict[int | str, dict[str, Any]] = {
@@ -135,7 +135,7 @@ def _reported(panel: Panel, run: Run) -> run_report.Facts:
     if panel.checker is not None:
         check = panel.store.checks.get(run.sha256, panel.checker.machine())
     ended_s = run.ended_s if run.ended_s is not None else time.time()
-    alarms = [one for one in panel.store.alarms.list(MOST_ALARMS) if run.began_s <= one.at_s <= ended_s]
+    alarms = [one for one in panel.store.alarms.list(MAX_ALARMS) if run.began_s <= one.at_s <= ended_s]
     files = files_of(panel.run_records, _record(run))
     return run_report.Facts(run, check.result if check is not None else {}, alarms[::-1], files)
 

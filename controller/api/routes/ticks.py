@@ -19,7 +19,7 @@ from controller.messages import Key
 
 router = APIRouter(prefix="/ticks", tags=["scope"])
 LOOKS = documented(401, 403, 404, 409, 422, 503)
-MOST_SIGNALS = 16
+MAX_SIGNALS = 16
 
 Source = Annotated[
     str,
@@ -132,8 +132,8 @@ async def _found(request: Request, source: str) -> Signals:
 
 def _wanted(names: str) -> list[str]:
     wanted = list(dict.fromkeys(names.split(",")))
-    if len(wanted) > MOST_SIGNALS:
-        raise Refusal.told(409, "bad", "many_signals", found=len(wanted), most=MOST_SIGNALS)
+    if len(wanted) > MAX_SIGNALS:
+        raise Refusal.told(409, "bad", "many_signals", found=len(wanted), most=MAX_SIGNALS)
     return wanted
 
 

@@ -23,7 +23,7 @@ Pair = tuple[float, float]
 Travel = tuple[Pair, Pair]
 
 TURN = 2.0 * math.pi
-MOST_TURNS = 1000
+MAX_TURNS = 1000
 
 
 class Kinematics(Protocol):
@@ -195,6 +195,6 @@ def order_of(machine: Machine) -> tuple[int, ...]:
 
 def _turns(angle: float, low: float, high: float) -> list[float]:
     """``angle`` in every turn between ``low`` and ``high``; a limit overstepped by rounding is met."""
-    first = math.ceil(max((low - 1e-9 - angle) / TURN, -MOST_TURNS))
-    last = math.floor(min((high + 1e-9 - angle) / TURN, MOST_TURNS))
+    first = math.ceil(max((low - 1e-9 - angle) / TURN, -MAX_TURNS))
+    last = math.floor(min((high + 1e-9 - angle) / TURN, MAX_TURNS))
     return [min(max(angle + TURN * k, low), high) for k in range(first, last + 1)]

@@ -31,11 +31,11 @@ Array = npt.NDArray[np.float64]
 GAP = 1e-5  # share of the time that may be left on the table when the search ends
 MAX_STEPS = 150
 PRICE = 10.0  # of exceeding one limit by its whole size in one interval, in times of the law
-STEP_OF_NOTHING, MOST_IDLE = 2e-3, 6  # share of a step that is none, and how many of them in a row
+STEP_OF_NOTHING, MAX_IDLE = 2e-3, 6  # share of a step that is none, and how many of them in a row
 SOFT = 1.0  # the same of all of a cap that is exceeded to begin with
-MOST_CHANGE = 0.15  # of z in one step, while the walls may come nearer
+MAX_CHANGE = 0.15  # of z in one step, while the walls may come nearer
 FLOOR = 3.0  # weight of keeping z positive, among all limits
-MOST_GROWTH = 3.0  # of z in one step
+MAX_GROWTH = 3.0  # of z in one step
 TO_WALL = 0.95  # of the way to the nearest wall that a step may go
 
 
@@ -155,13 +155,13 @@ class _Solver:
         for p.steps in range(1, MAX_STEPS + 1):
             share, change = self.step(p)
             idle = idle + 1 if share < STEP_OF_NOTHING else 0
-            if idle >= MOST_IDLE:
+            if idle >= MAX_IDLE:
                 p.stuck = True
                 break
             aim = gap * float((self.l.width / np.sqrt(self.l.time.of(p.c))).sum()) / self.unit
             if share > 0.7 and p.gap < aim and change < 1e-3:
                 break
-            if change < MOST_CHANGE:
+            if change < MAX_CHANGE:
                 fall = 0.2 if share > 0.9 else 0.4 if share > 0.5 else 1.0
                 self.mu = max(self.mu * fall, 0.2 * aim / self.count)
         return p
@@ -239,7 +239,7 @@ class _Solver:
         self, p: Point, dc: Array, rows: tuple[Array, ...], cap: tuple[Array, ...]
     ) -> tuple[float, float]:
         moves = []
-        primal, dual = max(float((-dc / p.c).max()), float((dc / p.c).max()) / MOST_GROWTH), 0.0
+        primal, dual = max(float((-dc / p.c).max()), float((dc / p.c).max()) / MAX_GROWTH), 0.0
         for (slack, weight, push, forward), excess, price, most in (
             (rows, p.excess, p.price, PRICE),
             (cap, p.cap_excess, p.cap_price, self.cap_most),

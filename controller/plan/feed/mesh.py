@@ -35,7 +35,7 @@ GROWTH = 0.25  # of a knot's interval per time from where something happens
 STEP_OF_SPEED = 0.15  # change of ln(allowed speed) per interval
 INSET = 1e-9  # of a part's length: what lies inside is not at its mark
 EVEN_TIMES = 4000  # at which an estimate is smoothed
-MOST_CLOSER = 4.0  # times as many knots at narrow places
+MAX_CLOSER = 4.0  # times as many knots at narrow places
 FROM_REST = 4  # intervals of time in one: a law from rest begins with constant jerk
 BRAKING_SAMPLES = 16  # of each phase of slowing down to a lower feed
 BRAKING_S = 0.2  # what the first so many seconds of it allow is taken for the whole
@@ -302,7 +302,7 @@ def _count(found: Samples, v: Array, step_s: float) -> Array:
     span = step_s + GROWTH * np.maximum(quiet, 0.0)
     matters = np.minimum(found.allowed[1:], found.allowed[:-1]) < 1.5 * HEADROOM * found.feed[1:]
     bends = np.abs(np.diff(np.log(found.allowed))) / STEP_OF_SPEED * matters
-    bends = np.minimum(bends, MOST_CLOSER * np.diff(t) / step_s)
+    bends = np.minimum(bends, MAX_CLOSER * np.diff(t) / step_s)
     # Between samples the span goes over evenly from one's to the other's.
     ratio = np.log(span[1:] / span[:-1])
     mean = np.where(np.abs(ratio) > 1e-6, np.diff(span) / np.where(ratio == 0.0, 1.0, ratio), span[1:])

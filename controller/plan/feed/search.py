@@ -24,7 +24,7 @@ Law = tuple[Array, Array]  # times (n + 1,) and pieces (n, 6)
 ROUNDS = 5
 TIGHTEN_POWER = 1.3
 PER_SWING = 12.0  # knots in the time that an axis needs to swing its acceleration up
-LEAST_KNOTS, MOST_KNOTS = 60, 4000
+MIN_KNOTS, MAX_KNOTS = 60, 4000
 MORE_KNOTS = 240  # the least where they are no closer than ...
 CLOSE_S = 5e-3  # ... that: the dips of a machine with little jerk are short beside its swings
 COARSE = 4.0  # times fewer knots in the first search
@@ -156,13 +156,13 @@ class Search:
         """Time between knots."""
         duration = float(mesh.times(self.samples.s, speed)[-1])
         swing = float((self.samples.acceleration / self.samples.jerk).min())
-        least = min(max(duration / MORE_KNOTS, CLOSE_S), duration / LEAST_KNOTS)
+        least = min(max(duration / MORE_KNOTS, CLOSE_S), duration / MIN_KNOTS)
         return min(max(swing / PER_SWING, mesh.FINEST_S), least)
 
     def _bounds(self, speed: Array, step_s: float) -> Bounds:
         s, part = mesh.knots(self.samples, speed, step_s)
-        if len(s) > MOST_KNOTS:
-            s, part = mesh.knots(self.samples, speed, step_s * len(s) / MOST_KNOTS)
+        if len(s) > MAX_KNOTS:
+            s, part = mesh.knots(self.samples, speed, step_s * len(s) / MAX_KNOTS)
         return Bounds(Grid.of(self.parts, s, part, self.from_rest))
 
     def _coefficients(self, bounds: Bounds, speed: Array) -> Array:

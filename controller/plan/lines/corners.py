@@ -29,7 +29,7 @@ Feed = TipLine | JointLine | JointArc
 
 CIRCLE_SHARE = 0.1  # of the axis' tolerance for corners between great circles, the rest for the fit
 CHORD_SHARE = 0.02  # of the tip's tolerance for the chords of arcs, likewise
-LEAST_CHORDS = 4  # of an arc, however small
+MIN_CHORDS = 4  # of an arc, however small
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,7 +186,7 @@ class CornerMaker:
         )
         # A chord over the angle t leaves a circle of radius r by r (1 - cos(t / 2)), at most r t^2 / 8.
         off_mm = CHORD_SHARE * self._modal.blend_mm
-        chords = max(LEAST_CHORDS, math.ceil(arc.sweep_rad * math.sqrt(norm(arc.first) / (8.0 * off_mm))))
+        chords = max(MIN_CHORDS, math.ceil(arc.sweep_rad * math.sqrt(norm(arc.first) / (8.0 * off_mm))))
         u = np.arange(1, chords) / chords
         xyz = np.stack(np.broadcast_arrays(*arc.at(u, np)), axis=1)
         return bow.end, [tuple(row) for row in np.hstack([xyz, first + u[:, None] * (last - first)]).tolist()]

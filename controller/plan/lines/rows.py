@@ -28,7 +28,7 @@ from controller.plan.lines.spline_fit import Polyline, Row, Spans, Tolerance
 from controller.plan.rotaries import tool_paths
 from controller.plan.rotaries.tool_axes import GreatCircles
 from controller.plan.stretch import (
-    LEAST_TIP_RATE,
+    MIN_TIP_RATE,
     STANDS_MM,
     Chain,
     Stretch,
@@ -347,7 +347,7 @@ def _feed(block: Feed, size: float, tip_mm: float, turned_deg: float) -> tuple[f
     """The feed of a line of ``size`` in s, and whether it is that of s (the tip stands) or of the tip."""
     stands = tip_mm < STANDS_MM and turned_deg > 0.0
     if block.time_s is not None:
-        return (size if stands else max(tip_mm, LEAST_TIP_RATE * size)) / block.time_s, stands
+        return (size if stands else max(tip_mm, MIN_TIP_RATE * size)) / block.time_s, stands
     if stands:
         return (_turning_feed(block) or 0.0) * size / turned_deg, True
     return block.feed_mm_s or 0.0, False

@@ -66,7 +66,7 @@ __all__ = [
 ]
 
 ARC_SAMPLES = 181
-MOST_SAID = 100  # messages that are noted
+MAX_SAID = 100  # messages that are noted
 SAYS = "Says here: {}"
 ALONE = "G64 is run as G61 where it has no P: the path is followed exactly and not blended."
 LONGEST_CHAIN = 64  # stretches; a longer row of lines comes in parts
@@ -173,7 +173,7 @@ class Tracer:
                 yield block
             elif isinstance(block, Setting):
                 continue
-            elif (said := (block.place.line, block.text)) not in self._said and len(self._said) < MOST_SAID:
+            elif (said := (block.place.line, block.text)) not in self._said and len(self._said) < MAX_SAID:
                 self._said.add(said)
                 self._note(block.place, SAYS.format(block.text))
 

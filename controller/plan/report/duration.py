@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from controller.machine.model import MOST_PROGRAM_H, Machine
+from controller.machine.model import MAX_PROGRAM_H, Machine
 from controller.plan.stretch import Chain, Pause, Stretch
 from controller.program.program import Place, ProgramError
 
@@ -63,7 +63,7 @@ def bounded(
 def _refusal(hours: float, place: Place, machine: Machine, name: str, whole: bool) -> ProgramError:
     allowed = machine.longest_program_h
     what = "the program takes" if whole else "up to here the program takes"
-    more = f", or raise longest_program_h up to {MOST_PROGRAM_H:g}" if hours <= MOST_PROGRAM_H else ""
+    more = f", or raise longest_program_h up to {MAX_PROGRAM_H:g}" if hours <= MAX_PROGRAM_H else ""
     sentence = (
         f"{what} {hours:.4g} h at the least, at its feeds and with its dwells, and passes here the "
         f"{allowed:g} h that longest_program_h in [machine] allows; write a higher F or a shorter dwell{more}"

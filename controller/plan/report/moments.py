@@ -30,7 +30,7 @@ from controller.plan.stretch import Stretch
 Array = npt.NDArray[np.float64]
 
 PER_WINDOW = 10  # moments
-MOST_WINDOWS = 320  # that are looked at at once
+MAX_WINDOWS = 320  # that are looked at at once
 CHANGE = 0.02  # of a limit, within a window that is longer than SHOWN_S
 CLOSER = 4  # parts of a window in which it changes more
 PER_RADIAN = 16.0  # moments on an arc
@@ -53,7 +53,7 @@ def rows(course: Course, spans: Sequence[Span], limits: Array) -> Iterator[list[
     row: list[Look] = []
     for look in _looks(course, spans, limits):
         row.append(look)
-        if sum(one.windows for one in row) >= MOST_WINDOWS:
+        if sum(one.windows for one in row) >= MAX_WINDOWS:
             yield row
             row = []
     if row:
@@ -72,10 +72,10 @@ def _looks(course: Course, spans: Sequence[Span], limits: Array) -> Iterator[Loo
 
 
 def _slices(look: Look) -> Iterator[Look]:
-    count = math.ceil(look.windows / MOST_WINDOWS)
+    count = math.ceil(look.windows / MAX_WINDOWS)
     ends = np.linspace(look.span.from_s, look.span.to_s, look.windows + 1)
-    for first in range(0, look.windows, MOST_WINDOWS) if count > 1 else ():
-        last = min(first + MOST_WINDOWS, look.windows)
+    for first in range(0, look.windows, MAX_WINDOWS) if count > 1 else ():
+        last = min(first + MAX_WINDOWS, look.windows)
         yield Look(_part(look.span, ends[first], ends[last]), last - first)
     if count <= 1:
         yield look

@@ -26,7 +26,7 @@ from controller.plan.stretch import Chain, Pause, Stretch
 
 MOST = 4000  # marks
 APART_S = 0.02  # of two marks inside of a window ...
-MOST_INSIDE = 40  # ... and so many of them at the most
+MAX_INSIDE = 40  # ... and so many of them at the most
 # In the order in which they are gone along; the block's own motion is OWN.
 BEFORE = ("retract", "position", "down", "plunge", "swivel", "pivot", "link", "lead in")
 BEHIND = ("lead out", "lift")
@@ -73,7 +73,7 @@ class Passing:
         for span in spans:
             stretch, parts = self._of(course.stretches[span.stretch])
             took_s = span.to_s - span.from_s
-            times = np.linspace(span.from_s, span.to_s, 2 + min(MOST_INSIDE, int(took_s / APART_S)))
+            times = np.linspace(span.from_s, span.to_s, 2 + min(MAX_INSIDE, int(took_s / APART_S)))
             for s, at_s in zip(along(span.law, times)[0].tolist(), times.tolist(), strict=True):
                 part, fraction = part_at(parts, s)
                 self._mark(place_of(stretch.name, part.order, fraction, s), now_s + at_s - span.from_s)

@@ -33,12 +33,12 @@ from controller.program.program import Act
 Array = NDArray[np.float64]
 Whole = NDArray[np.int64]
 
-MOST_POINTS = 20_000
-MOST_RULINGS = 4_000
+MAX_POINTS = 20_000
+MAX_RULINGS = 4_000
 FIRST_TOLERANCE_MM = 0.002
 DEG_PER_POINT = 3.0  # of turning rotaries and arcs, before thinning
 MM_PER_POINT = 0.5  # of a surface or a spline
-MOST_PER_STRETCH = 2_000
+MAX_PER_STRETCH = 2_000
 PER_SURFACE = 60  # rulings
 RAPID, FEED, SURFACE = 0, 1, 2
 KEPT = 200  # files; the oldest go
@@ -87,7 +87,7 @@ class Picture:
 
     machine: Machine
     kinematics: Kinematics
-    most: int = MOST_POINTS
+    most: int = MAX_POINTS
     _poses: Array = field(default_factory=lambda: np.empty((0, 6)))  # tip and axis
     _marks: Whole = field(default_factory=lambda: np.empty((0, 3), dtype=np.int64))  # kind, motion, line
     _slack: Array = field(default_factory=lambda: np.empty(0))  # of what was left out before each point
@@ -155,7 +155,7 @@ class Picture:
         n = _places(stretch)
         if n <= 2:
             return np.array([stretch.start, stretch.end])
-        s = np.linspace(0.0, stretch.motion.end, min(n, MOST_PER_STRETCH))
+        s = np.linspace(0.0, stretch.motion.end, min(n, MAX_PER_STRETCH))
         return np.concatenate([[stretch.start], joints_along(stretch, s, self.kinematics), [stretch.end]])
 
     def _gather(self) -> None:
@@ -193,14 +193,14 @@ class Picture:
         upper, lower = cut.surface.upper.at(u, np), cut.surface.lower.at(u, np)
         ends = [cut.part.to_parent(end) for end in (upper, lower)]
         self._rulings.append(np.stack([np.broadcast_to(c, u.shape) for end in ends for c in end], axis=1))
-        if len(self._rulings) * PER_SURFACE > 4 * MOST_RULINGS:
+        if len(self._rulings) * PER_SURFACE > 4 * MAX_RULINGS:
             self._rulings = self._fewer_rulings()
 
     def _fewer_rulings(self) -> list[Array]:
         """At most so many; each surface keeps its first and its last one."""
-        per_surface = max(2, MOST_RULINGS // max(1, len(self._rulings)))
+        per_surface = max(2, MAX_RULINGS // max(1, len(self._rulings)))
         found = [one[_spread(len(one), per_surface)] for one in self._rulings]
-        most = MOST_RULINGS // 2
+        most = MAX_RULINGS // 2
         return found if len(found) <= most else [found[i] for i in _spread(len(found), most)]
 
 

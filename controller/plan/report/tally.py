@@ -20,8 +20,8 @@ from controller.state.modes import AXIS_KINDS, Binding, binding_text
 Array = npt.NDArray[np.float64]
 Codes = npt.NDArray[np.int64]
 
-MOST_SPANS = 200  # of what binds in one part; shorter ones are merged
-KEPT_SPANS = 4 * MOST_SPANS
+MAX_SPANS = 200  # of what binds in one part; shorter ones are merged
+KEPT_SPANS = 4 * MAX_SPANS
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +140,7 @@ class Tally:
 
     def _where(self) -> tuple[Where, ...]:
         changes = self.changes
-        if len(changes) > MOST_SPANS:
+        if len(changes) > MAX_SPANS:
             changes = _fewer(changes, self.time_s)
         ends = [*((t, s) for t, s, _ in changes[1:]), (self.time_s, self.length_mm)]
         names = self._names
@@ -188,9 +188,9 @@ def ratios(machine: Machine, most: Array) -> dict[str, dict[str, float]]:
 
 
 def _fewer(changes: list[tuple[float, float, int]], end_s: float) -> list[tuple[float, float, int]]:
-    """The longest ``MOST_SPANS``; a shorter one goes to the one before it, neighbours that agree are one."""
+    """The longest ``MAX_SPANS``; a shorter one goes to the one before it, neighbours that agree are one."""
     lasts = np.diff([*(t for t, _, _ in changes), end_s])
-    least = np.partition(lasts, -MOST_SPANS)[-MOST_SPANS]
+    least = np.partition(lasts, -MAX_SPANS)[-MAX_SPANS]
     kept = [changes[0]]
     for change, lasting in zip(changes[1:], lasts[1:], strict=True):
         if lasting >= least and change[2] != kept[-1][2]:

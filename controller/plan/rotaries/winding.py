@@ -27,7 +27,7 @@ from controller.plan.rotaries.turns import TURN
 
 ROUNDING = 1e-9  # rad by which a rotary may pass its travel
 SAME_RAD = 1e-6  # rotaries nearer than this are in one place
-MOST_STATES = 64  # places of the rotaries that are kept in mind; the least travelled ones
+MAX_STATES = 64  # places of the rotaries that are kept in mind; the least travelled ones
 
 
 class Rank(NamedTuple):
@@ -180,7 +180,7 @@ def _best(states: Iterable[_State]) -> list[_State]:
         known = best.get(place)
         if known is None or state.cost.key < known.cost.key:
             best[place] = state
-    return sorted(best.values(), key=lambda state: state.cost.key)[:MOST_STATES]
+    return sorted(best.values(), key=lambda state: state.cost.key)[:MAX_STATES]
 
 
 def _choices(last: _State) -> dict[int, Rotaries]:

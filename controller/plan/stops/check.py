@@ -12,8 +12,8 @@ Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 # Accepted at most. A plan runs at up to 1.0, 1.0005 and 1.012, and a stop begins there.
-MOST_VELOCITY, MOST_ACCELERATION, MOST_JERK = 1.0003, 1.0009, 1.0148
-LEAST_LOOKS, MOST_LOOKS = 4, 8  # parts of a step at whose ends it is looked at; of a step of many ticks more
+MAX_VELOCITY, MAX_ACCELERATION, MAX_JERK = 1.0003, 1.0009, 1.0148
+MIN_LOOKS, MAX_LOOKS = 4, 8  # parts of a step at whose ends it is looked at; of a step of many ticks more
 STANDSTILL = 1e-9  # speed (unit of s per second) below which nothing needs to stop
 
 
@@ -40,7 +40,7 @@ def _inner(h: float, period_s: float) -> Array:
 
     A joint's jerk is bent there like a parabola: with its ends and middle alone, one rose 0.35 % above them.
     """
-    looks = min(max(round(h / period_s) + 1, LEAST_LOOKS), MOST_LOOKS)
+    looks = min(max(round(h / period_s) + 1, MIN_LOOKS), MAX_LOOKS)
     return np.arange(1, looks) / looks
 
 
@@ -69,9 +69,9 @@ def _within(way: Way, motion: Motion, jerks: tuple[Array, ...], rapid: Array, en
     rest = v * (d[2] * (v * v) + 3.0 * a * d[1])
     fine = v >= -STANDSTILL
     for j in jerks:
-        fine &= np.abs(rest + d[0] * j).max(axis=0) <= MOST_JERK * room[JERK]
+        fine &= np.abs(rest + d[0] * j).max(axis=0) <= MAX_JERK * room[JERK]
     acceleration = (np.abs(d[1] * (v * v) + d[0] * a) / way.acceleration).max(axis=0)
     velocity = (np.abs(d[0] * v) / way.velocity).max(axis=0)
     return np.asarray(
-        fine & (acceleration <= MOST_ACCELERATION * room[ACCELERATION]) & (velocity <= MOST_VELOCITY)
+        fine & (acceleration <= MAX_ACCELERATION * room[ACCELERATION]) & (velocity <= MAX_VELOCITY)
     )

@@ -32,11 +32,11 @@ Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 Motion = tuple[Array, Array, Array]  # s, v, a, each (N,)
 
-MOST_STEPS = 1000
+MAX_STEPS = 1000
 NO_SLOPE = 1e-18  # of a joint's acceleration by the path's jerk: it has no part in that joint
 LANDING_LOOKS = (0.6, 1.0)  # places of the landing at which its jerk is looked up
 CONTRADICTION = 0.01  # of the still jerk, by which bounds may contradict each other
-LEAST_LIFT = 0.2  # of the still jerk, with which a ramp may rise at least
+MIN_LIFT = 0.2  # of the still jerk, with which a ramp may rise at least
 AHEAD_OF_PLAN = 1.002  # times the plan's speed at the same place: such a stop does not brake
 
 
@@ -135,7 +135,7 @@ def search(
     h: float,
     shares: Shares,
     ramps: Ramps | None = None,
-    sure: int = MOST_STEPS,
+    sure: int = MAX_STEPS,
 ) -> Found:
     """Stops from ``start``, with jerks held for ``h`` seconds each.
 
@@ -146,7 +146,7 @@ def search(
     lane = np.arange(len(start[0]))
     s, v, a = start
     here = way.at(s)
-    while len(lane) and len(lanes.rows) < MOST_STEPS:
+    while len(lane) and len(lanes.rows) < MAX_STEPS:
         s1 = s + h * (v + 0.5 * h * a)
         there = way.at(s1)
         bounds = _bounds(way, here, there, (v, a), h, shares)
@@ -162,7 +162,7 @@ def search(
         stuck = (bounds.low - bounds.most > CONTRADICTION * still) & ~landing.lands
         needed = a + h * np.where(landing.late, landing.first, bounds.low)
         told = stuck | landing.late
-        lanes.stick(lane[told], needed[told], np.maximum(bounds.most, LEAST_LIFT * still)[told])
+        lanes.stick(lane[told], needed[told], np.maximum(bounds.most, MIN_LIFT * still)[told])
         lanes.rows.append((lane, j))
         lanes.landed(lane[landing.lands], landing.steps[landing.lands], landing.rest[landing.lands])
         off = s1 > way.end
@@ -251,7 +251,7 @@ def _landing(
     up = np.maximum(up * shares.lift, 1e-9)
     x = v + 0.5 * h * a
     n = np.ceil(0.5 * (np.sqrt(1.0 + 8.0 * np.maximum(x, 0.0) / (up * h * h)) - 1.0) - 1e-9)
-    n = _between(n, 1.0, MOST_STEPS)
+    n = _between(n, 1.0, MAX_STEPS)
     rest = 2.0 * x / (h * h * n * (n + 1.0))
     first = -a / h - n * rest
     ahead = x > 0.0

@@ -24,7 +24,7 @@ from controller.plan.feed.course import Course
 from controller.plan.feed.limits import JointLimits
 from controller.plan.feed.profile import Profile
 from controller.plan.stops.check import STANDSTILL, check
-from controller.plan.stops.search import MOST_STEPS, Found, Indices, Motion, Ramps, Shares, Stuck, search
+from controller.plan.stops.search import MAX_STEPS, Found, Indices, Motion, Ramps, Shares, Stuck, search
 from controller.plan.stops.way import Way
 
 Array = npt.NDArray[np.float64]
@@ -244,7 +244,7 @@ class _Seeker:
             lanes, ramps, stuck = lanes[still], many.of(chosen), found.stuck.of(chosen)
 
     def _tried(
-        self, lanes: Indices, shares: Array, ramps: Ramps | None = None, sure: int = MOST_STEPS
+        self, lanes: Indices, shares: Array, ramps: Ramps | None = None, sure: int = MAX_STEPS
     ) -> tuple[Found, Flags, Flags]:
         """What was found for ``lanes`` with ``shares`` (3, N), whether it passes, or just ends too far."""
         begin = (self._start[0][lanes], self._start[1][lanes], self._start[2][lanes])

@@ -17,7 +17,7 @@ from controller.plan.feed.profile import Profile
 Array = npt.NDArray[np.float64]
 
 NODE_STEP_S = 1e-3  # of the plan, between two nodes
-LEAST_STEP = 1e-9  # between two nodes, in the unit of s
+MIN_STEP = 1e-9  # between two nodes, in the unit of s
 NEAR_TICKS = 3.0  # about a junction, where its jump takes a share of the limits
 SPLIT_ERROR = 1e-3  # of a limit, by which a straight line between nodes may be wrong
 SPLIT_ROUNDS = 3
@@ -42,7 +42,7 @@ class Way:
         s, v = _rising(*profile.along(times)[:2])
         marks = course.marks[(course.marks > s[0]) & (course.marks < s[-1])]
         # A sum of lengths may fall short of a joint of a spline: a little behind it as well.
-        sides = np.array([-LEAST_STEP, 0.0, 0.5 * LEAST_STEP])
+        sides = np.array([-MIN_STEP, 0.0, 0.5 * MIN_STEP])
         places = np.unique(np.concatenate([s, (marks[:, None] + sides).ravel()]))
         places, derived = self._refined(course, places, s, v)
         self._fill(places, derived)
@@ -84,7 +84,7 @@ class Way:
 
     def _fill(self, places: Array, derived: Array) -> None:
         slope = np.diff(derived, axis=0) / np.diff(places)[:, None]
-        slope[np.diff(places) <= 2.0 * LEAST_STEP] = 0.0  # the jump at a junction
+        slope[np.diff(places) <= 2.0 * MIN_STEP] = 0.0  # the jump at a junction
         self.s = places
         self._value, self._slope = np.ascontiguousarray(derived[:-1].T), np.ascontiguousarray(slope.T)
 
@@ -96,7 +96,7 @@ class Way:
             wrong = self._error(places, derived, speed) > SPLIT_ERROR
             bad = np.flatnonzero(wrong)
             cells = np.unique(np.concatenate([bad, bad + 1]))
-            cells = cells[np.diff(places)[cells] > 4.0 * LEAST_STEP]
+            cells = cells[np.diff(places)[cells] > 4.0 * MIN_STEP]
             if not len(cells):
                 break
             more = 0.5 * (places[cells] + places[cells + 1])
@@ -117,13 +117,13 @@ class Way:
         a, v = self.acceleration.T, speed[:, None]
         _, second, third = np.split(off, 3, axis=1)
         found = np.maximum(second * v**2 / a, third * v**3)
-        jump = ((h0 <= 2.0 * LEAST_STEP) | (h1 <= 2.0 * LEAST_STEP))[:, 0]
+        jump = ((h0 <= 2.0 * MIN_STEP) | (h1 <= 2.0 * MIN_STEP))[:, 0]
         return np.where(jump, 0.0, found.max(axis=1))
 
 
 def _rising(s: Array, v: Array) -> tuple[Array, Array]:
     """The samples of a plan without those that do not advance."""
-    keep = np.concatenate([[True], np.diff(np.maximum.accumulate(s)) > 4.0 * LEAST_STEP])
+    keep = np.concatenate([[True], np.diff(np.maximum.accumulate(s)) > 4.0 * MIN_STEP])
     return s[keep], v[keep]
 
 

@@ -21,7 +21,7 @@ Array = npt.NDArray[np.float64]
 ROUNDING = 1e-9  # mm or rad by which a joint may pass its travel
 MOVE = "move the part (work offset) or the block"  # what helps against a joint outside of its travel
 POINTS_PER_CUT = (161, 7)  # along and across, for the gouge check of leads
-MOST_POINTS = 20000
+MAX_POINTS = 20000
 TURN_POSES = 33
 BESIDE = 0.1  # share of u on either side of a joint that is looked at while the tool turns there
 
@@ -100,7 +100,7 @@ def at_place(cut: Cut, u: float) -> str:
 def surface_points(cuts: Sequence[Cut]) -> Array:
     """Points (3, N) of the surfaces of joined cuts, table frame."""
     along, across = POINTS_PER_CUT
-    along = max(9, min(along, MOST_POINTS // (across * len(cuts))))
+    along = max(9, min(along, MAX_POINTS // (across * len(cuts))))
     u, v = np.meshgrid(np.linspace(0.0, 1.0, along), np.linspace(0.0, 1.0, across), indexing="ij")
     columns = []
     for cut in cuts:

@@ -25,7 +25,7 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
 from controller.motion.motions import SurfaceCut
 from controller.plan.surfaces.blends import End, Looked, Rounding, between, led_over, placed
-from controller.plan.surfaces.cuts import MOST_KNOWN, REMEMBERED, SAME_RAD, Cut, apart, edge, turned
+from controller.plan.surfaces.cuts import MAX_KNOWN, REMEMBERED, SAME_RAD, Cut, apart, edge, turned
 from controller.plan.surfaces.placements import name_of
 from controller.program.program import Modal
 
@@ -191,7 +191,7 @@ def _shortened(
     rest = (before.offset_mm, before.part, after.part, reach_mm, allowed, kinematics.work_frame())
     name = name_of(before.surface, after.surface, after.offset_mm, *rest)
     if name not in _chosen:
-        if len(_chosen) >= MOST_KNOWN:
+        if len(_chosen) >= MAX_KNOWN:
             _chosen.clear()
         _chosen[name] = _sought(*ends, reach_mm, allowed, kinematics)
     choice = _chosen[name]

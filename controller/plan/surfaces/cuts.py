@@ -75,7 +75,7 @@ NO_TOLERANCE = (
 # A check builds every block twice: to choose the branches of the whole program, and to trace it.
 REMEMBERED = 256
 SAME_RAD = math.radians(1e-6)  # axes nearer than this are one
-MOST_KNOWN = 20_000
+MAX_KNOWN = 20_000
 T = TypeVar("T")
 
 
@@ -88,7 +88,7 @@ class _Known(Generic[T]):
     def __call__(self, surface: Surface, *asked: float) -> T:
         name = name_of(surface, *asked)
         if name not in self._found:
-            if len(self._found) >= MOST_KNOWN:
+            if len(self._found) >= MAX_KNOWN:
                 self._found.clear()
             self._found[name] = self._look(surface, *asked)
         return self._found[name]

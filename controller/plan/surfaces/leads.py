@@ -62,13 +62,13 @@ AT_FEED = 2
 ROOM = 1.2  # times the way in which the feed is reached: the lead bends meanwhile
 LONGEST = 5.0  # times ``lead_mm``, however long a machine needs to its feed
 FADING, FADING_RAD = 1.0, math.radians(10.0)  # by so much of itself, and so far, a bend may turn the way
-MOST_FADE = 0.45  # of a lead, on which the cut's bend fades: twice that must fit
-DIPS, TICKS, LEAST_MM = 1.5, 4.0, 0.004  # of the way at the cut's feed beside the ruling
-MOST_TILT_RAD = math.radians(20.0)  # of the axis on a lead
+MAX_FADE = 0.45  # of a lead, on which the cut's bend fades: twice that must fit
+DIPS, TICKS, MIN_MM = 1.5, 4.0, 0.004  # of the way at the cut's feed beside the ruling
+MAX_TILT_RAD = math.radians(20.0)  # of the axis on a lead
 EASY = 0.4  # of both, where the feed does not need more
-MOST_TURN_RAD = math.radians(60.0)  # of a rotary: beside a pole it might be any number of turns
+MAX_TURN_RAD = math.radians(60.0)  # of a rotary: beside a pole it might be any number of turns
 STANDS_RAD = 1e-9  # per mm: rounding of a rotary that stands
-LEAST_RATE = 0.2  # mm of the tip per mm of the contact: in a tight hollow the tip all but stands
+MIN_RATE = 0.2  # mm of the tip per mm of the contact: in a tight hollow the tip all but stands
 RESTS = (
     "The {} is straight, and the cut rests at that ruling: one that joins it at its feed would cut into "
     "the part, leave an axis' travel, or has no direction there."
@@ -170,7 +170,7 @@ class End:
     @property
     def tip_rate(self) -> float:
         """Millimetres of the tip per mm of s."""
-        return max(float(np.linalg.norm(self.rows[1, :3])), LEAST_RATE)
+        return max(float(np.linalg.norm(self.rows[1, :3])), MIN_RATE)
 
     def joined(self, machine: Machine) -> Iterator[Stretch]:
         """Leads that join the cut, the longest first; none where it has no rate."""
@@ -189,7 +189,7 @@ class End:
     def _longest(self) -> float:
         """The longest way on which neither the axis nor a rotary turns by more than it is to."""
         turn = float(np.abs(self.rows[1, 3:]).max())
-        return min(MOST_TURN_RAD / (turn + 1e-12), MOST_TILT_RAD / (self.tilt + 1e-12))
+        return min(MAX_TURN_RAD / (turn + 1e-12), MAX_TILT_RAD / (self.tilt + 1e-12))
 
     def _along(self, machine: Machine) -> tuple[float, float, float]:
         """Largest speed, acceleration and jerk along s that the joints allow at the ruling."""
@@ -209,14 +209,14 @@ class End:
         """The way L over which no axis' jerk is in the way of the feed v.
 
         A cubic leads off, with the third derivative 6 off / L^3 on linear axes, while the cut's own bend q"
-        fades over ``MOST_FADE`` L: (6 off / L^3 + |q"| / (MOST_FADE L)) v^3 = jerk is a cubic in L with one
+        fades over ``MAX_FADE`` L: (6 off / L^3 + |q"| / (MAX_FADE L)) v^3 = jerk is a cubic in L with one
         positive root.
         """
         speed, _, _ = self._along(machine)
         per_jerk = speed**3 / rates.limits(machine)[:, 2]
         one, lift = np.ones(len(per_jerk)), np.zeros(len(per_jerk))
         lift[list(machine.linear())] = 6.0 * off_mm
-        cubics = np.array([one, -self.bends * per_jerk / MOST_FADE, 0.0 * one, -lift * per_jerk])
+        cubics = np.array([one, -self.bends * per_jerk / MAX_FADE, 0.0 * one, -lift * per_jerk])
         return max(float(np.roots(cubic).real.max()) for cubic in cubics.T)
 
     def settling(self, machine: Machine) -> float:
@@ -226,14 +226,14 @@ class End:
         """
         v, acceleration, jerk = self._along(machine)
         dip_s = 2.0 * min(math.sqrt(2.0 * v / jerk), acceleration / jerk)
-        return max(v * (DIPS * dip_s + TICKS * machine.period_s), LEAST_MM)
+        return max(v * (DIPS * dip_s + TICKS * machine.period_s), MIN_MM)
 
     def _lead(self, length: float, off_mm: float, feed_mm_s: float, settling: float, holds: float) -> Stretch:
         """Cubics over ``length`` whose tip ends ``off_mm`` off the tangent; the cut's bend fades first.
 
         ``holds``: over this share of it, twice, the rotaries come to stand; 0: they turn on.
         """
-        fade = holds * length if holds else min(self._fade(length), MOST_FADE * length)
+        fade = holds * length if holds else min(self._fade(length), MAX_FADE * length)
         sign = -1.0 if self.at_start else 1.0
         x = sign * np.array([0.0, fade, 2.0 * fade, length])  # of s, from the ruling
         spans = self._spans(x, off_mm, bool(holds))

@@ -24,7 +24,7 @@ from controller.machine.model import Machine
 from controller.plan.stretch import Stretch
 from controller.plan.surfaces import rates
 from controller.plan.surfaces.cuts import Cut
-from controller.plan.surfaces.leads import MOST_TURN_RAD, POSES, End, Room, lead_feed, spline_of
+from controller.plan.surfaces.leads import MAX_TURN_RAD, POSES, End, Room, lead_feed, spline_of
 from controller.plan.surfaces.train import Leg
 
 Array = npt.NDArray[np.float64]
@@ -61,7 +61,7 @@ def lay(
     Of those the first at the feed of the cuts, else the one that is the least slower. None where a rotary
     has to turn far: the tool would sweep over the part.
     """
-    if max(abs(p - q) for p, q in zip(before[-1].end, after[0].start, strict=True)) > MOST_TURN_RAD:
+    if max(abs(p - q) for p, q in zip(before[-1].end, after[0].start, strict=True)) > MAX_TURN_RAD:
         return None
     ends = End.of(before[-1], False, kinematics), End.of(after[0], True, kinematics)
     if not all(np.isfinite(end.rows).all() for end in ends):

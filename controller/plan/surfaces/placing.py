@@ -50,7 +50,7 @@ END_WEIGHTS = (0.1, 0.25, 0.6, 1.0)  # tried in turn
 STEPS = 14
 LAWSON = 30
 BEND_PRICE = 1e-7  # against squared deviations
-LEAST_GAIN = 2e-3
+MIN_GAIN = 2e-3
 SLAB = 200_000  # multiplications of one product of matrices, at most
 EDGE_POINTS = 161  # of the lower edge, to see what cuts it
 CLEAR_MM = 1e-3  # so much flank is left below it
@@ -326,7 +326,7 @@ class _Search:
                     damping *= 0.2
                     break
                 damping *= 10.0
-            if before - least < (FREE_GAIN if self._free else LEAST_GAIN) * before:
+            if before - least < (FREE_GAIN if self._free else MIN_GAIN) * before:
                 break
 
 

@@ -45,7 +45,7 @@ Terms = tuple[Vector, Vector, Vector]
 # turn by what the path bends within two microns, and a slow machine would creep over the joint.
 POLE_MARGIN_MM = 1e-3
 REMEMBERED = 256  # cuts: a window asks for its own again and again
-LEAST_RATE = 1e-3  # of C1'' at an end: below that C1 stands still there, and s has no series
+MIN_RATE = 1e-3  # of C1'' at an end: below that C1 stands still there, and s has no series
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,7 @@ def _inside(cut: SurfaceCut, kinematics: Kinematics) -> tuple[float, float]:
         rate, bend = (float(norm(lower.derivative(u, k))) for k in (1, 2))
         axis = cut.part.turn(cut.surface.axis(u))
         told = seen_at(cut.touches, u) is not None or kinematics.is_clear_of_pole(axis)
-        return 0.0 if told and rate > LEAST_RATE * bend else POLE_MARGIN_MM
+        return 0.0 if told and rate > MIN_RATE * bend else POLE_MARGIN_MM
 
     return min(margin(0.0), cut.end / 3), cut.end - min(margin(1.0), cut.end / 3)
 

@@ -44,7 +44,7 @@ SAMPLES = 513
 NEAR_RAD = 0.05  # a sample of an axis that comes near: zoomed into
 BESIDE_RAD = 2e-3  # so near to the pole the rotary turns too quickly for samples that do not know
 FINEST = 1e-13  # of u
-MOST_DIPS = 32
+MAX_DIPS = 32
 _CLOSER = np.linspace(-1.0, 1.0, 41)
 QUICK = 0.02  # of the largest
 FIT_DEGREE, FITTED = 12, 1e-14
@@ -139,7 +139,7 @@ def _dips(axis: Axis) -> list[tuple[float, float]]:
     u = np.linspace(0.0, 1.0, SAMPLES)
     value = np.concatenate(([np.inf], off(u), [np.inf]))
     dips = np.flatnonzero((value[1:-1] <= value[:-2]) & (value[1:-1] < value[2:]) & (value[1:-1] < NEAR_RAD))
-    if len(dips) > MOST_DIPS:  # rounding: the axis stands on the pole
+    if len(dips) > MAX_DIPS:  # rounding: the axis stands on the pole
         return []
     found = []
     for i in dips:

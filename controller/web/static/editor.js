@@ -8,14 +8,14 @@ import { sentence, word as text } from "./texts.js";
 import { in_folder, send } from "./uploads.js";
 
 const word = (key, ...values) => text(`edit.${key}`, ...values);
-const MOST_BYTES = 1_000_000; // of what the reader takes as a draft
+const MAX_BYTES = 1_000_000; // of what the reader takes as a draft
 const PAUSE_MS = 500; // in typing, before it is read
 let draft = null; // { name, sha256, ends, stored, area, dirty, refusals, reading, compares }
 
 export const editing = () => draft !== null;
 
 export async function edit({ name, size, sha256 }) {
-  if (size > MOST_BYTES) return say(word("large", name), "warn");
+  if (size > MAX_BYTES) return say(word("large", name), "warn");
   const answer = await fetch(`${API}programs/${encodeURIComponent(name)}/text`, { headers: headers() }).catch(() => null);
   if (!answer?.ok) return say(text("frame.no_panel"), "warn");
   const stored = await answer.text();

@@ -5,7 +5,7 @@ import { sentence, word as text } from "./texts.js";
 
 const word = (key, ...values) => text(`maps.${key}`, ...values);
 export const MOST = 12; // maps on the screen: of the surfaces that are off most
-export const LEAST_UM = 1; // full colour at no less
+export const MIN_UM = 1; // full colour at no less
 export const OVER = [211, 34, 42]; // red: too deep
 export const UNDER = [29, 111, 165]; // blue: left standing
 export const NONE = [190, 198, 205]; // between
@@ -14,7 +14,7 @@ export const NONE = [190, 198, 205]; // between
 export function scale_um(surfaces) {
   const amounts = surfaces.flatMap(({ map_um }) => map_um.flat()).filter((t) => t !== null).map(Math.abs);
   amounts.sort((a, b) => a - b);
-  return amounts.length ? Math.max(LEAST_UM, amounts[Math.floor(0.99 * (amounts.length - 1))]) : LEAST_UM;
+  return amounts.length ? Math.max(MIN_UM, amounts[Math.floor(0.99 * (amounts.length - 1))]) : MIN_UM;
 }
 
 // Red, green and blue, 0 to 255.

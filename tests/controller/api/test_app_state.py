@@ -12,7 +12,7 @@ from support.fakes.panels import Scene
 from controller.api import app_state
 from controller.api.store import StoreError
 
-PATIENCE_S = 20.0
+TIMEOUT_S = 20.0
 
 
 @pytest.mark.parametrize(
@@ -26,7 +26,7 @@ def test_what_the_panel_does_by_itself_goes_on_after_any_mistake(
     told: bool,
 ) -> None:
     monkeypatch.setattr(app_state, "AGAIN_S", 0.0)
-    monkeypatch.setattr(app_state, "LOOK_S", 0.0)
+    monkeypatch.setattr(app_state, "POLL_S", 0.0)
     scene, looks = Scene(tmp_path), 0
 
     def look() -> bool:
@@ -37,7 +37,7 @@ def test_what_the_panel_does_by_itself_goes_on_after_any_mistake(
         return False
 
     async def story() -> None:
-        async with scene.panel.running(), asyncio.timeout(PATIENCE_S):
+        async with scene.panel.running(), asyncio.timeout(TIMEOUT_S):
             while looks < 3:
                 await asyncio.sleep(0.001)
 

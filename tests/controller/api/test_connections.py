@@ -27,7 +27,7 @@ from support.live.browser import ROOT, free_port
 from controller.api.connections import (
     BODY_S,
     HEADER_S,
-    MOST_FILES,
+    MAX_FILES,
     SLOWEST_BYTES_S,
     Connections,
     Limits,
@@ -248,7 +248,7 @@ def test_who_listens_is_not_closed_for_those_who_come_half_open(site: Site, scen
         assert json.loads(heard.recv(HANGS_S))
 
 
-@pytest.mark.parametrize("files", [128, 1024, 4096, MOST_FILES, 1_000_000])
+@pytest.mark.parametrize("files", [128, 1024, 4096, MAX_FILES, 1_000_000])
 def test_the_bounds_leave_files_for_everything_else(files: int) -> None:
     limits = Limits.within(files)
     assert limits.most_per_address < limits.most <= files // 2
@@ -257,7 +257,7 @@ def test_the_bounds_leave_files_for_everything_else(files: int) -> None:
 
 def test_the_unit_has_as_many_files_as_the_panel_wants() -> None:
     unit = (ROOT / "systemd" / "directrix-panel.service").read_text().splitlines()
-    assert f"LimitNOFILE={MOST_FILES}" in unit
+    assert f"LimitNOFILE={MAX_FILES}" in unit
 
 
 @pytest.mark.slow

@@ -56,7 +56,7 @@ def test_tape_feed_between_lines_and_around_the_program_is_no_news() -> None:
 
 def test_a_line_of_nothing_but_noise_does_not_fill_the_memory_with_places() -> None:
     found = read(b"%\nO1\nG1" + b" \0" * 100_000 + b"X1\nM30\n%", chunk=4096)
-    assert len(found.told) == tapes.MOST_TOLD + 1 and found.told[-1].startswith("More of these than 20")
+    assert len(found.told) == tapes.MAX_TOLD + 1 and found.told[-1].startswith("More of these than 20")
 
 
 @pytest.mark.parametrize(

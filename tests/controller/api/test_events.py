@@ -17,10 +17,10 @@ from support.fakes.panels import Scene
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from controller.api.events import MOST_WAITING, Listener
+from controller.api.events import MAX_WAITING, Listener
 from controller.api.routes import listen
 
-PATIENCE_S = 20.0
+TIMEOUT_S = 20.0
 
 
 @asynccontextmanager
@@ -34,7 +34,7 @@ async def listening(scene: Scene, topics: str = "", **headers: str) -> AsyncIter
         port = server.servers[0].sockets[0].getsockname()[1]
         where = f"ws://127.0.0.1:{port}/api/v1/events" + (f"?topics={topics}" if topics else "")
         async with connect(
-            where, additional_headers=headers, proxy=None, open_timeout=PATIENCE_S
+            where, additional_headers=headers, proxy=None, open_timeout=TIMEOUT_S
         ) as connection:
             yield connection
     finally:
@@ -44,7 +44,7 @@ async def listening(scene: Scene, topics: str = "", **headers: str) -> AsyncIter
 
 async def next_of(connection: ClientConnection, event: str) -> Any:
     """The next event of that kind, with what came before it left out."""
-    async with asyncio.timeout(PATIENCE_S):
+    async with asyncio.timeout(TIMEOUT_S):
         while True:
             told = json.loads(await connection.recv())
             if told["event"] == event:
@@ -167,7 +167,7 @@ def test_one_who_does_not_read_misses_statuses_first_and_is_let_go_when_too_much
             slow.tell("status", f"status {i}")
             slow.tell("job", f"job {i}")
         assert await slow.next() == [*(f"job {i}" for i in range(10)), "status 9"]
-        for i in range(MOST_WAITING + 1):
+        for i in range(MAX_WAITING + 1):
             slow.tell("job", f"job {i}")
         assert slow.lost
 

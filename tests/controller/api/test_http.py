@@ -13,7 +13,7 @@ from support.fakes.fake_socket import FakeDoor
 from support.fakes.panels import Scene, sentence, take_control
 
 from controller.api import http
-from controller.api.service_client import FRESH_S, SocketDoor
+from controller.api.service_client import FRESH_S, SocketServiceClient
 from controller.service.jogging import Presses
 from controller.service.socket_server import Server
 
@@ -297,7 +297,7 @@ def test_octoprints_senders_upload_and_nothing_starts(tmp_path: Path) -> None:
 def test_the_real_socket_carries_questions_answers_and_refusals(tmp_path: Path) -> None:
     machine = FakeDoor()
     server = Server(tmp_path / "control.sock", machine.answer)
-    scene = Scene(tmp_path / "state", door=SocketDoor(tmp_path / "control.sock"))  # type: ignore[arg-type]
+    scene = Scene(tmp_path / "state", door=SocketServiceClient(tmp_path / "control.sock"))  # type: ignore[arg-type]
 
     async def story() -> None:
         async with scene.client() as client:

@@ -32,7 +32,7 @@ from controller.messages import said
 from controller.state import fault_table
 
 KEY = "T0Psecret"
-PATIENCE_S = 20.0
+TIMEOUT_S = 20.0
 TEST = Notice("test", 0.0, said("notice.test"))
 
 
@@ -101,7 +101,7 @@ def test_alarm_end_of_program_and_tool_change_are_each_told_once(tmp_path: Path,
     look(scene)
     look(scene)
     for _ in range(3):
-        assert hook.some.acquire(timeout=PATIENCE_S)
+        assert hook.some.acquire(timeout=TIMEOUT_S)
     events = {one["event"]: one["text"] for one in hook.heard}
     ended = "Das Programm part.ngc ist zu Ende: fertig."
     stop, tool = scene.store.alarms.list()[0], "T4 in die Spindel einsetzen, dann das Programm fortsetzen."
@@ -109,7 +109,7 @@ def test_alarm_end_of_program_and_tool_change_are_each_told_once(tmp_path: Path,
     assert events == {"alarm": " ".join(alarm.split()), "program_end": ended, "tool_change": tool}
     assert alarm.startswith("Der Not-Halt")
     scene.panel.notices.send(TEST)
-    assert hook.some.acquire(timeout=PATIENCE_S)
+    assert hook.some.acquire(timeout=TIMEOUT_S)
     assert len(hook.heard) == 4
 
 
@@ -132,10 +132,10 @@ def test_a_failing_server_is_tried_thrice_and_then_it_is_shown_why(
     settle(scene, webhook=bad.url)
     scene.panel.notices.send(TEST)
     for _ in range(notices.TRIES):
-        assert bad.some.acquire(timeout=PATIENCE_S)
+        assert bad.some.acquire(timeout=TIMEOUT_S)
     settle(scene, webhook=hook.url)
     scene.panel.notices.send(TEST)
-    assert hook.some.acquire(timeout=PATIENCE_S)
+    assert hook.some.acquire(timeout=TIMEOUT_S)
     assert len(bad.heard) == notices.TRIES
     bad.server.shutdown()
     bad.server.server_close()
@@ -158,13 +158,13 @@ def test_a_server_that_hangs_holds_nothing_up(tmp_path: Path, monkeypatch: pytes
 
     def hang(*_: Any) -> None:
         began.set()
-        hangs.wait(PATIENCE_S)
+        hangs.wait(TIMEOUT_S)
 
     monkeypatch.setitem(notice_ways.SENDERS, "webhook", hang)
     settle(scene, webhook="http://127.0.0.1:9/")
-    for _ in range(notices.MOST_WAITING + 5):
+    for _ in range(notices.MAX_WAITING + 5):
         scene.panel.notices.send(TEST)
-    assert began.wait(PATIENCE_S)
+    assert began.wait(TIMEOUT_S)
     assert asked(scene, lambda client: client.get("/api/v1/status")).status_code == 200
     told = scene.panel.notices.outcomes["webhook"].why
     assert "too many" in messages.text(told)
@@ -271,14 +271,14 @@ def test_a_server_that_drips_is_cut_off(tmp_path: Path, monkeypatch: pytest.Monk
         mail = {"host": "127.0.0.1", "port": port, "security": "none", **MAIL}
         settle(scene, **(mail if way == "mail" else {"webhook": f"http://127.0.0.1:{port}/"}))
         answer = asked(scene, lambda client: client.post("/api/v1/notices/test"))
-        assert cut.wait(PATIENCE_S)
+        assert cut.wait(TIMEOUT_S)
         server.shutdown()
     assert answer.json()["last"][way]["sent"] is False
 
 
 def test_a_way_that_hangs_does_not_hold_up_the_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scene, got, hangs = Scene(tmp_path), Letters(), threading.Event()
-    monkeypatch.setitem(notice_ways.SENDERS, "webhook", lambda *_: hangs.wait(PATIENCE_S))
+    monkeypatch.setitem(notice_ways.SENDERS, "webhook", lambda *_: hangs.wait(TIMEOUT_S))
     with mail_server(got) as where:
         settle(scene, **where, security="none", webhook="http://127.0.0.1:9/")
         scene.panel.notices.send(TEST)
@@ -294,11 +294,11 @@ def test_what_came_while_the_panel_was_away_is_told_once_by_the_next(tmp_path: P
     look(scene)
     scene.store.alarms.add("ESTOP", "While it was away.")
     look(Scene(tmp_path))
-    assert hook.some.acquire(timeout=PATIENCE_S)
+    assert hook.some.acquire(timeout=TIMEOUT_S)
     third = Scene(tmp_path)
     look(third)
     third.panel.notices.send(TEST)
-    assert hook.some.acquire(timeout=PATIENCE_S)
+    assert hook.some.acquire(timeout=TIMEOUT_S)
     assert [one["text"] for one in hook.heard] == ["While it was away.", messages.text(TEST.said)]
 
 

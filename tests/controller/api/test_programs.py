@@ -16,7 +16,7 @@ from support.fakes.panels import Scene, sentence
 
 from controller.api.routes import programs, records
 from controller.api.store import Store, StoreError
-from controller.ipc.control_socket import DoorError
+from controller.ipc.control_socket import CommandRefused
 
 TEXT = b"G1 X10 F100\nM2\n"
 NAME = "é.ngc"
@@ -35,7 +35,7 @@ class Silent(FakeDoor):
     code = "silent"
 
     def answer(self, verb: str, args: dict[str, Any]) -> dict[str, Any]:
-        raise DoorError(self.code, "No answer.")
+        raise CommandRefused(self.code, "No answer.")
 
 
 async def changes(client: httpx.AsyncClient) -> list[httpx.Response]:

@@ -14,12 +14,12 @@ from support.fakes.fake_socket import TABLE
 from support.fakes.panels import Scene
 
 from controller.api import service_client
-from controller.api.service_client import LOOKS, SLOW, STOPS, SocketDoor, Watch
-from controller.ipc.control_socket import MOST_PEERS, Answer, Values
+from controller.api.service_client import LOOKS, SLOW, STOPS, SocketServiceClient, Watch
+from controller.ipc.control_socket import MAX_PEERS, Answer, Values
 from controller.service.socket_server import Server
 
 CROWD = 50  # more than all lanes have places
-PATIENCE_S = 30.0  # before a request that hangs is told from a slow computer
+TIMEOUT_S = 30.0  # before a request that hangs is told from a slow computer
 
 
 @pytest.fixture(autouse=True)
@@ -47,10 +47,10 @@ class Stuck:
 
 
 @contextmanager
-def stuck(folder: Path, at_once: frozenset[str]) -> Iterator[SocketDoor]:
+def stuck(folder: Path, at_once: frozenset[str]) -> Iterator[SocketServiceClient]:
     """The panel's door to such a service."""
     service = Stuck(at_once)
-    server, door = Server(folder / "control.sock", service), SocketDoor(folder / "control.sock")
+    server, door = Server(folder / "control.sock", service), SocketServiceClient(folder / "control.sock")
     try:
         yield door
     finally:
@@ -78,7 +78,7 @@ def answered_behind(crowd: frozenset[str], wanted: frozenset[str], folder: Path)
         with stuck(folder, wanted) as door:
             async with waiting(door.ask(verb) for verb in sorted(crowd) for _ in range(CROWD)):
                 for verb in sorted(wanted):
-                    told = await asyncio.wait_for(door.ask(verb), PATIENCE_S)
+                    told = await asyncio.wait_for(door.ask(verb), TIMEOUT_S)
                     assert told == {"verb": verb}
 
     asyncio.run(story())
@@ -104,15 +104,15 @@ def test_an_operator_holds_and_stops_while_a_crowd_of_viewers_waits(tmp_path: Pa
                 looks = ("machine/buses", "restart", "facts", "drives", "offsets", "status")
                 async with waiting(viewer.get(f"/api/v1/{path}") for path in looks for _ in range(CROWD)):
                     for verb in ("cycle/hold", "cycle/stop", "machine/estop"):
-                        answer = await asyncio.wait_for(operator.post(f"/api/v1/{verb}"), PATIENCE_S)
+                        answer = await asyncio.wait_for(operator.post(f"/api/v1/{verb}"), TIMEOUT_S)
                         assert answer.status_code == 200, answer.text
 
     asyncio.run(story())
 
 
 def test_the_panel_alone_does_not_fill_the_door(tmp_path: Path) -> None:
-    door: Any = SocketDoor(tmp_path / "control.sock")
-    assert sum(lane.at_once for lane in door._lanes) < MOST_PEERS
+    door: Any = SocketServiceClient(tmp_path / "control.sock")
+    assert sum(lane.at_once for lane in door._lanes) < MAX_PEERS
 
 
 @pytest.mark.parametrize("verb", ["stop", "hold", "estop", "jog_stop"])

@@ -249,7 +249,7 @@ def test_a_file_that_is_no_database_is_refused_in_a_sentence(tmp_path: Path) -> 
 KILLED = """
 import sys
 from pathlib import Path
-from controller.panel.store import Store
+from controller.api.store import Store
 store = Store(Path(sys.argv[1]))
 turn = 0
 print("ready", flush=True)

@@ -199,7 +199,7 @@ def test_a_disk_that_is_nearly_full_is_said_before_the_file_is_taken(
 FULL_DISK = """
 import resource, sys
 from pathlib import Path
-from controller.panel.store import Store, StoreError, UploadLimits
+from controller.api.store import Store, StoreError, UploadLimits
 store = Store(Path(sys.argv[1]), UploadLimits(free_bytes=0))
 resource.setrlimit(resource.RLIMIT_FSIZE, (300_000, 300_000))
 try:

@@ -213,7 +213,7 @@ JOB = {
 def test_a_program_that_takes_long_to_read_is_waited_for_and_its_state_is_shown(
     panel: Panel, door: NotingDoor, program: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(verbs, "LOOK_S", 0.03)  # a status is shared for less
+    monkeypatch.setattr(verbs, "POLL_S", 0.03)  # a status is shared for less
     done("upload", str(program))
     door.results["load"] = {"done": False}
     door.jobs = [{**JOB, "state": "loading"}, JOB]

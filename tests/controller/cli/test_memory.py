@@ -11,7 +11,7 @@ import pytest
 ARRAYS_COME_AND_GO = """
 import resource
 import numpy as np
-from controller.commands import memory
+from controller.cli import memory
 def pages() -> int:
     before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
     for _ in range(50):
@@ -32,7 +32,7 @@ def test_an_array_of_the_size_of_the_last_one_takes_its_pages() -> None:
 
 KEPT_IN_THOUSANDS = """
 import gc
-from controller.commands import memory
+from controller.cli import memory
 def collections() -> int:
     return sum(generation["collections"] for generation in gc.get_stats())
 memory.collect_rarely()

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from controller.ipc import control_socket
-from controller.ipc.control_socket import Answer, Client, DoorError, Values
+from controller.ipc.control_socket import Answer, Client, CommandRefused, Values
 from controller.messages import plain, text
 from controller.service import socket_server
 from controller.service.socket_server import Server
@@ -36,7 +36,7 @@ class Handler:
             self.late.append(Future())
             return self.late[-1]
         if verb == "refuse":
-            raise DoorError("refused", "No.", "RUNNING", "HOME")
+            raise CommandRefused("refused", "No.", "RUNNING", "HOME")
         if verb == "break":
             raise KeyError("of ours")
         if verb in NO_ANSWERS:
@@ -63,8 +63,8 @@ def raw(path: Path) -> socket.socket:
     return own
 
 
-def error_of(act: Callable[[], Any]) -> DoorError:
-    with pytest.raises(DoorError) as caught:
+def error_of(act: Callable[[], Any]) -> CommandRefused:
+    with pytest.raises(CommandRefused) as caught:
         act()
     return caught.value
 
@@ -128,7 +128,7 @@ def test_answers_on_one_connection_carry_the_numbers_of_their_requests(opened: O
     own.send(json.dumps({"id": 1, "verb": "late"}).encode())
     own.send(json.dumps({"id": 2, "verb": "hold"}).encode())
     assert json.loads(own.recv(1 << 18))["id"] == 2
-    handler.late[0].set_exception(DoorError("busy", "Later."))
+    handler.late[0].set_exception(CommandRefused("busy", "Later."))
     answer = json.loads(own.recv(1 << 18))
     assert answer["id"] == 1 and answer["error"]["code"] == "busy"
     own.close()
@@ -275,9 +275,9 @@ def test_who_may_not_even_open_the_socket_is_told_so(opened: Opened, monkeypatch
 
 
 def test_one_too_many_is_told_so(opened: Opened) -> None:
-    others = [raw(opened[2]) for _ in range(control_socket.MOST_PEERS)]
+    others = [raw(opened[2]) for _ in range(control_socket.MAX_PEERS)]
     error = error_of(lambda: opened[1].ask("status"))
-    assert error.code == "busy" and str(control_socket.MOST_PEERS) in error.sentence
+    assert error.code == "busy" and str(control_socket.MAX_PEERS) in error.sentence
     for own in others:
         own.close()
 

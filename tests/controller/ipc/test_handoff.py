@@ -36,7 +36,7 @@ from controller.ipc.handoff import (
 )
 from controller.motion.pieces import commit_lead_s
 from controller.state.live_state import Flat
-from controller.state.modes import MOST_AXES, Fault, Mode, Request
+from controller.state.modes import MAX_AXES, Fault, Mode, Request
 from controller.state.requests import Outcome, answer
 
 HERE = (0.0, 0.0, 0.0, 0.0, 0.0)
@@ -244,7 +244,7 @@ def test_the_newest_rows_can_be_had_again_after_they_were_drained() -> None:
 
 
 def test_a_row_has_a_place_for_every_axis() -> None:
-    assert sum(name.startswith("setpoint_") for name in ROW) == MOST_AXES
+    assert sum(name.startswith("setpoint_") for name in ROW) == MAX_AXES
 
 
 @pytest.mark.parametrize("period_s", (0.0005, 0.001, 0.002, 0.005, 0.01))

@@ -30,8 +30,8 @@ def test_what_is_not_asked_on_the_way_is_known_at_the_end() -> None:
 def test_a_long_program_is_not_held() -> None:
     on = reference_interpreter.machine()
     here = Position(on, homed(on))
-    text = "G1 F100 X1 Y2\n" + "X5\nX6\n" * position.MOST_PENDING
+    text = "G1 F100 X1 Y2\n" + "X5\nX6\n" * position.MAX_PENDING
     for block in blocks.stream(text.encode(), on, "p.ngc"):
         here.take(block)
-    assert len(here._pending) <= position.MOST_PENDING + 1
+    assert len(here._pending) <= position.MAX_PENDING + 1
     assert here.joints()[:2] == (6.0, 2.0)

@@ -15,8 +15,8 @@ from support.parts.surface_trains import program
 from controller.plan.report.survey import Survey
 from controller.runtime import checked
 
-MOST_CALLS = 100_000  # of functions for one more surface: 144 000 took 180 ms, 63 000 take a third of it
-MOST_KB = 120.0  # at the peak, for one more surface
+MAX_CALLS = 100_000  # of functions for one more surface: 144 000 took 180 ms, 63 000 take a third of it
+MAX_KB = 120.0  # at the peak, for one more surface
 
 
 def check(count: int, corners: int = 0) -> Survey:
@@ -48,7 +48,7 @@ def test_joined_surfaces_are_one_path_with_as_many_cuts() -> None:
 
 def test_one_more_surface_costs_no_more_than_so_many_calls() -> None:
     check(2)  # what is made once is made
-    assert calls(12) - calls(4) <= 8 * MOST_CALLS
+    assert calls(12) - calls(4) <= 8 * MAX_CALLS
 
 
 @pytest.mark.slow
@@ -64,4 +64,4 @@ def test_the_cost_is_linear_in_the_number_of_surfaces(corners: int) -> None:
 def test_the_memory_of_one_more_surface_is_small() -> None:
     peak_kb(8)
     few, many = peak_kb(80), peak_kb(240)
-    assert (many - few) / 160 <= MOST_KB
+    assert (many - few) / 160 <= MAX_KB

@@ -15,7 +15,7 @@ import pytest
 from support.fakes.fake_engine import HANGS_S, FakeEngine, done, heard
 
 from controller import messages
-from controller.ipc.control_socket import DoorError
+from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot
 from controller.machine import setup_data
 from controller.machine.kinematics import kinematics_of
@@ -99,7 +99,7 @@ def test_a_hold_or_stop_at_the_last_moment_comes_behind_what_it_is_to_stop(
     engine.before_request = at_the_last_moment
     asked = desk(verb, {"mm": 5.0} if verb == "retract" else {})
     assert isinstance(asked, Future)
-    with contextlib.suppress(DoorError):
+    with contextlib.suppress(CommandRefused):
         asked.result(HANGS_S)
     others[0].join(HANGS_S)
     assert engine.now.mode is (Mode.HOLD if word == "hold" else Mode.READY)
@@ -123,7 +123,7 @@ def test_a_stop_while_a_start_is_planned_is_the_end_of_it_and_nothing_goes_out(
     assert planning.wait(HANGS_S) and isinstance(start, Future)
     assert done(desk, "hold")["outcome"] == "given_up"
     go.set()
-    with pytest.raises(DoorError, match="stopped before it began"):
+    with pytest.raises(CommandRefused, match="stopped before it began"):
         start.result(HANGS_S)
     assert Request.START not in engine.requests and service.running is None
 
@@ -143,12 +143,12 @@ def test_a_stop_between_two_groups_that_home_ends_the_homing_and_nothing_is_enab
     engine.now = engine.now._replace(mode=Mode.OFF)
     asked = desk("home", {})
     assert homing.wait(HANGS_S) and isinstance(asked, Future)
-    with pytest.raises(DoorError, match="HOLD is refused in OFF"):
+    with pytest.raises(CommandRefused, match="HOLD is refused in OFF"):
         done(desk, "hold")
     told = done(desk, "stop")
     assert (told["outcome"], told["what"], engine.given_up) == ("given_up", "home", 1)
     go.set()
-    with pytest.raises(DoorError, match="stopped"):
+    with pytest.raises(CommandRefused, match="stopped"):
         asked.result(HANGS_S)
     assert Request.ENABLE not in engine.requests and engine.now.mode is Mode.OFF
 
@@ -169,7 +169,7 @@ def test_a_refusal_is_of_the_request_that_was_refused_and_of_no_later_one(
         return engine.number
 
     engine.request = refusing  # type: ignore[method-assign]
-    with pytest.raises(DoorError) as error:
+    with pytest.raises(CommandRefused) as error:
         done(desk, "enable")
     assert (error.value.mode, error.value.request) == ("OFF", "ENABLE")
     assert error.value.sentence == sentence(Fault.ESTOP_INPUT)
@@ -188,7 +188,7 @@ def test_every_request_is_answered_as_what_came_of_it_and_not_as_the_mode_sugges
     assert (told["outcome"], told["share"], told["mode"]) == ("done", 0.5, "RUNNING")
     engine._answer, take = lambda came: take(Outcome.REFUSED), engine._answer  # type: ignore[method-assign]
     for verb in ("hold", "resume", "jog_stop", "disable"):
-        with pytest.raises(DoorError) as error:
+        with pytest.raises(CommandRefused) as error:
             done(desk, verb)
         assert error.value.request
 
@@ -200,7 +200,7 @@ def test_a_tick_that_answers_nothing_is_told_and_keeps_nobody_waiting(
     monkeypatch.setattr(engine, "request", lambda request, value=0.0: 77)
     asked = desk("hold", {})
     assert isinstance(asked, Future), "the door's thread goes on"
-    with pytest.raises(DoorError) as error:
+    with pytest.raises(CommandRefused) as error:
         asked.result(HANGS_S)
     assert (
         error.value.code == "silent" and error.value.request == "HOLD" and error.value.said["key"] == "waited"
@@ -208,7 +208,7 @@ def test_a_tick_that_answers_nothing_is_told_and_keeps_nobody_waiting(
     asked = desk("stop", {})
     engine.tick_alive = False
     assert isinstance(asked, Future)
-    with pytest.raises(DoorError):
+    with pytest.raises(CommandRefused):
         asked.result(HANGS_S)
 
 
@@ -243,7 +243,7 @@ def test_from_ready_as_after_a_fault_the_tool_goes_off_along_its_axis_slowly(
     after = done(desk, "status")["retract_room_mm"]
     assert after == pytest.approx(room - 12.5, abs=2e-3)
     done(desk, "retract", mm=after)  # what is told may be asked for
-    with pytest.raises(DoorError, match=r"up to 0\.000 mm") as error:
+    with pytest.raises(CommandRefused, match=r"up to 0\.000 mm") as error:
         done(desk, "retract", mm=0.1)
     assert error.value.mode == "READY" and "0.000 mm im Verfahrweg" in messages.text(error.value.said, "de")
 
@@ -254,10 +254,10 @@ def test_a_retract_that_cannot_be_is_refused_with_how_far_it_could_go(
 ) -> None:
     at(engine)
     room = done(desk, "status")["retract_room_mm"]
-    with pytest.raises(DoorError, match=f"up to {room:.3f} mm"):
+    with pytest.raises(CommandRefused, match=f"up to {room:.3f} mm"):
         done(desk, "retract", mm=mm)
     held(desk, service, engine)
-    with pytest.raises(DoorError, match=f"up to {room:.3f} mm"):
+    with pytest.raises(CommandRefused, match=f"up to {room:.3f} mm"):
         done(desk, "retract", mm=mm)
     assert not engine.jogged and "retract" not in engine.orders
 
@@ -269,13 +269,13 @@ def test_no_retract_where_the_tool_axis_is_not_known_or_a_door_is_open(
     good = engine.now
     engine.now = good._replace(homed=0b10111, untrusted=0b01000)
     assert done(desk, "status")["retract_room_mm"] is None
-    with pytest.raises(DoorError, match="A is homed"):
+    with pytest.raises(CommandRefused, match="A is homed"):
         done(desk, "retract", mm=5.0)
     engine.now = good._replace(interlock=Fault.DOOR_OPEN)
-    with pytest.raises(DoorError, match="The door is open"):
+    with pytest.raises(CommandRefused, match="The door is open"):
         done(desk, "retract", mm=5.0)
     engine.now = good._replace(mode=Mode.FAULT)
-    with pytest.raises(DoorError, match="reset and enable"):
+    with pytest.raises(CommandRefused, match="reset and enable"):
         done(desk, "retract", mm=5.0)
     assert not engine.jogged
 
@@ -285,7 +285,7 @@ def test_a_retract_that_something_ends_too_early_is_no_success(
 ) -> None:
     at(engine)
     engine.jog_ends_mm = 3.0
-    with pytest.raises(DoorError, match=r"after 3\.000 of 8\.000 mm"):
+    with pytest.raises(CommandRefused, match=r"after 3\.000 of 8\.000 mm"):
         done(desk, "retract", mm=8.0)
 
 
@@ -443,7 +443,7 @@ def test_a_hold_right_behind_a_resume_is_sent_although_no_snapshot_shows_that_it
     held(desk, service, engine)
     assert done(desk, "resume")["outcome"] == done(desk, "hold")["outcome"] == "done"
     assert engine.requests[-2:] == [Request.RESUME, Request.HOLD] and engine.now.mode is Mode.HOLD
-    with pytest.raises(DoorError, match="HOLD is refused in HOLD"):
+    with pytest.raises(CommandRefused, match="HOLD is refused in HOLD"):
         done(desk, "hold")
 
 
@@ -454,7 +454,7 @@ def test_a_stop_is_sent_though_the_plan_that_prepares_a_start_is_gone(
     sent: list[Request] = []
 
     def gone(*_: Any, **__: Any) -> dict[str, Any]:
-        raise DoorError("gone", "The planner is gone.")
+        raise CommandRefused("gone", "The planner is gone.")
 
     def plan(**_: Any) -> dict[str, Any]:
         monkeypatch.setattr(engine, "give_up", gone)
@@ -463,7 +463,7 @@ def test_a_stop_is_sent_though_the_plan_that_prepares_a_start_is_gone(
         return gone()
 
     engine.answers["arm"] = plan
-    with pytest.raises(DoorError, match="planner is gone"):
+    with pytest.raises(CommandRefused, match="planner is gone"):
         done(desk, "start")
     assert sent == [Request.STOP]
 
@@ -473,7 +473,7 @@ def test_a_start_on_a_full_disk_is_confirmed_costs_the_record_and_the_program_en
 ) -> None:
     loaded(desk, service)
     (service.state / "runs").write_text("no folder can be made here")
-    with pytest.raises(DoorError, match=r"is not recorded and cannot be gone on with: .*runs: "):
+    with pytest.raises(CommandRefused, match=r"is not recorded and cannot be gone on with: .*runs: "):
         done(desk, "start")
     assert service.alarms.list() == [] and engine.now.mode is Mode.READY
     done(desk, "start", unrecorded=True)
@@ -518,7 +518,7 @@ def test_a_start_that_meets_an_error_of_ours_does_not_bar_the_next(
     loaded(desk, service)
     good = engine.answers["arm"]
     engine.answers["arm"] = lambda **_: {}["start"]
-    with pytest.raises(DoorError, match="KeyError"):
+    with pytest.raises(CommandRefused, match="KeyError"):
         done(desk, "start")
     assert service.running is None
     engine.answers["arm"] = good
@@ -551,10 +551,10 @@ def test_what_a_plan_left_in_the_tick_when_it_died_is_dropped_before_the_next_st
     def dies(**_: Any) -> dict[str, Any]:
         engine.now = engine.now._replace(queue_end_s=5.0)
         engine.plan_alive = False
-        raise DoorError("gone", "The planner is gone.")
+        raise CommandRefused("gone", "The planner is gone.")
 
     engine.answers["arm"] = dies
-    with pytest.raises(DoorError):
+    with pytest.raises(CommandRefused):
         done(desk, "start")
     assert engine.requests == [Request.STOP] and engine.now.queue_end_s == 0.0
     engine.answers["arm"], engine.plan_alive = good, True
@@ -625,7 +625,7 @@ def test_a_restart_that_is_loaded_is_not_started_with_another_offset(
     loaded(desk, service, restart=True)
     before = setup_data.offsets_of(service.machine)["G54"]["origin_mm"]
     done(desk, "set_offset", name="G54", values=[1.0, 2.0, 3.0])
-    with pytest.raises(DoorError, match="a work offset changed") as error:
+    with pytest.raises(CommandRefused, match="a work offset changed") as error:
         done(desk, "start")
     assert (error.value.mode, error.value.request) == ("READY", "START")
     assert "arm" not in engine.orders and service.running is None
@@ -650,13 +650,13 @@ def test_tools_do_not_change_while_the_way_back_is_planned_with_them(
     held(desk, service, engine)
     heard(service, aside=True)
     done(desk, "set_tool", **TOOL)
-    said: list[DoorError] = []
+    said: list[CommandRefused] = []
 
     def plan(**_: Any) -> dict[str, Any]:
-        with contextlib.suppress(DoorError):
+        with contextlib.suppress(CommandRefused):
             done(desk, "set_tool", **{**TOOL, "length_mm": 9.0})
             raise AssertionError("it was changed")
-        said.append(DoorError("", ""))
+        said.append(CommandRefused("", ""))
         heard(service)
         engine.aside = True
         return {}
@@ -676,20 +676,20 @@ def test_a_start_before_the_program_is_read_or_after_its_refusal_says_why_in_bot
     def check(**_: Any) -> dict[str, Any]:
         reading.set()
         go.wait(HANGS_S)
-        raise DoorError("bad", "part.ngc: line 2: X99. is beyond the travel.")
+        raise CommandRefused("bad", "part.ngc: line 2: X99. is beyond the travel.")
 
     engine.answers["check"] = check
     (service.state / "part.ngc").write_text(TEXT)
     load = desk("load", {"path": str(service.state / "part.ngc")})
     assert reading.wait(HANGS_S)
-    with pytest.raises(DoorError, match=r"part\.ngc is still being read and checked; wait") as error:
+    with pytest.raises(CommandRefused, match=r"part\.ngc is still being read and checked; wait") as error:
         done(desk, "start")
     assert "wird noch gelesen" in messages.text(error.value.said, "de")
     go.set()
     assert isinstance(load, Future)
-    with pytest.raises(DoorError):
+    with pytest.raises(CommandRefused):
         load.result(HANGS_S)
-    with pytest.raises(DoorError, match=r"was not loaded.* X99\. is beyond the travel\.$") as error:
+    with pytest.raises(CommandRefused, match=r"was not loaded.* X99\. is beyond the travel\.$") as error:
         done(desk, "start")
     assert messages.text(error.value.said, "de").endswith("beyond the travel.")
     job = done(desk, "status")["job"]
@@ -710,7 +710,7 @@ def test_a_jog_into_a_soft_limit_says_that_it_will_not_move_and_why(
     shown = there * engine.machine.axes[index].shown_per_unit
     words = f"^{axis} will not move: it stands at its soft limit of {re.escape(f'{shown:g}')} (mm|deg)"
     for verb, args in (("jog", {"speed": 0.5 * sign}), ("jog_step", {"distance": 1.0 * sign})):
-        with pytest.raises(DoorError, match=words) as error:
+        with pytest.raises(CommandRefused, match=words) as error:
             done(desk, verb, axis=axis, frame="joint", **args)
         assert "bewegt sich nicht" in messages.text(error.value.said, "de") and not engine.jogged
     done(desk, "jog_step", axis=axis, frame="joint", distance=-1.0 * sign)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from controller.api import ticks
-from controller.ipc.control_socket import DoorError
+from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import COLUMN, ROW, Recorder
 from controller.machine import machine_file
 from controller.service import diagnostics
@@ -67,7 +67,7 @@ def test_without_a_tick_process_there_are_no_rows() -> None:
 
 @pytest.mark.parametrize("value", [-1, 1.5, "x", True])
 def test_what_is_no_number_of_a_tick_is_refused(value: object) -> None:
-    with pytest.raises(DoorError, match="whole number"):
+    with pytest.raises(CommandRefused, match="whole number"):
         diagnostics.rows(recorder(1), {"after": value})
 
 

@@ -15,7 +15,7 @@ import pytest
 from support.fakes.fake_engine import FakeEngine, done
 
 from controller import messages
-from controller.ipc.control_socket import DoorError
+from controller.ipc.control_socket import CommandRefused
 from controller.service import disk_space
 from controller.service.command_handlers import Desk
 from controller.service.service import Service
@@ -39,7 +39,9 @@ def test_with_too_little_room_nothing_starts_and_both_languages_say_why(
 ) -> None:
     loaded(desk, service)
     monkeypatch.setattr(shutil, "disk_usage", lambda _: Usage(10 << 30, 10 << 30, 3 << 20))
-    with pytest.raises(DoorError, match=r"part\.ngc is not started, .* has 3 MB free, and 65 MB") as error:
+    with pytest.raises(
+        CommandRefused, match=r"part\.ngc is not started, .* has 3 MB free, and 65 MB"
+    ) as error:
         done(desk, "start")
     assert error.value.code == "unrecorded" and "hat 3 MB frei" in messages.text(error.value.said, "de")
     assert engine.now.mode is Mode.READY and "arm" not in engine.orders
@@ -54,7 +56,7 @@ def test_a_confirmation_is_true_and_nothing_like_it(
     loaded(desk, service)
     monkeypatch.setattr(disk_space, "lacking", lambda *_: {"why": "the disk is full"})
     for said in ("yes", 1, None, False):
-        with pytest.raises(DoorError, match="cannot be gone on with: the disk is full"):
+        with pytest.raises(CommandRefused, match="cannot be gone on with: the disk is full"):
             done(desk, "start", unrecorded=said)
 
 

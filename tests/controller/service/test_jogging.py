@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from controller.service.jogging import MOST_ENDED, SILENCE_S, Presses
+from controller.service.jogging import MAX_ENDED, SILENCE_S, Presses
 
 
 @dataclass
@@ -57,6 +57,6 @@ def test_a_stop_before_any_press_stops_none_that_comes_later() -> None:
 
 def test_only_the_latest_ends_are_remembered() -> None:
     presses = Presses()
-    for i in range(MOST_ENDED + 1):
+    for i in range(MAX_ENDED + 1):
         presses.end(str(i))
     assert presses.may_move("0") and not presses.may_move("1")

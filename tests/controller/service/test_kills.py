@@ -16,7 +16,7 @@ import pytest
 from support.live.live_machines import gone
 from support.live.served_machine import CALM_S, Serving, calm, serving
 
-from controller.ipc.control_socket import Client, DoorError, control_path
+from controller.ipc.control_socket import Client, CommandRefused, control_path
 
 pytestmark = [pytest.mark.slow, pytest.mark.live]
 
@@ -58,7 +58,7 @@ def test_a_stop_gives_up_a_check_that_takes_long(service: Serving) -> None:
     def load() -> None:
         try:
             Client(control_path(service.runtime)).ask("load", path=str(path))
-        except DoorError as error:
+        except CommandRefused as error:
             said.append(error.sentence)
 
     loading = threading.Thread(target=load)

@@ -10,7 +10,7 @@ from multiprocessing.connection import Connection
 import pytest
 from support.machines.stepped_runs import shipped
 
-from controller.ipc.control_socket import DoorError
+from controller.ipc.control_socket import CommandRefused
 from controller.service.planner_client import Answer, Line, News, Program
 
 WAIT_S = 20.0
@@ -56,9 +56,9 @@ def test_whoever_waits_for_a_plan_that_ends_is_told(ends: Ends) -> None:
     ordered = ends.others.submit(ends.line.order, "arm")
     assert ends.plan.poll(WAIT_S)
     ends.plan.close()
-    with pytest.raises(DoorError, match="planner is gone"):
+    with pytest.raises(CommandRefused, match="planner is gone"):
         ordered.result(WAIT_S)
-    with pytest.raises(DoorError, match="planner is gone"):
+    with pytest.raises(CommandRefused, match="planner is gone"):
         ends.line.order("arm")
 
 
@@ -68,7 +68,7 @@ def test_an_error_of_ours_over_news_leaves_nobody_waiting_and_ends_the_plan(ends
     assert ends.plan.poll(WAIT_S) and ends.plan.recv().verb == "arm"
     ends.fails = True
     ends.plan.send(News())
-    with pytest.raises(DoorError, match="planner is gone"):
+    with pytest.raises(CommandRefused, match="planner is gone"):
         ordered.result(WAIT_S)
     with pytest.raises(EOFError):
         ends.plan.recv()

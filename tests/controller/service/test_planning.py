@@ -81,7 +81,7 @@ def test_a_program_of_which_much_is_to_be_noted_leaves_room_for_the_status(
         kept, notes=(Note(Place(1, 1), "Turns the rotary axis under the standing tool. " * 5),) * 5000
     )
     monkeypatch.setattr(bench.planning, "_kept", lambda _: much)
-    assert len(control_socket.packed(bench.order("check", program=program).facts)) < control_socket.MOST_BYTES
+    assert len(control_socket.packed(bench.order("check", program=program).facts)) < control_socket.MAX_BYTES
 
 
 def test_a_rest_begins_in_the_middle_of_a_line_from_wherever_the_machine_stands(bench: Bench) -> None:

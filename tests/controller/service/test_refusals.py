@@ -8,7 +8,7 @@ import pytest
 
 from controller.api import service_client
 from controller.api.answers import Refusal
-from controller.ipc.control_socket import DoorError
+from controller.ipc.control_socket import CommandRefused
 from controller.messages import LANGUAGES, Key, text
 from controller.service import journal
 from controller.service.refusals import by_fault, refused
@@ -27,18 +27,18 @@ def test_a_refusal_is_in_every_language_with_mode_and_request() -> None:
 
 def test_a_refusal_keeps_what_it_says_through_the_door_and_the_panel() -> None:
     error = by_fault(Fault.DOOR_OPEN, "READY", "START")
-    told = service_client.refusal(DoorError.from_dict(error.to_dict()))
+    told = service_client.refusal(CommandRefused.from_dict(error.to_dict()))
     assert told.said == error.said and (told.facts.mode, told.facts.request) == ("READY", "START")
     assert "Tür" in text(told.said, "de") and "door" in text(told.said)
 
 
 def test_a_refusal_that_is_a_sentence_alone_is_that_in_every_language() -> None:
-    told = service_client.refusal(DoorError("bad", "part.ngc:3: G99 is no code."))
+    told = service_client.refusal(CommandRefused("bad", "part.ngc:3: G99 is no code."))
     assert {text(told.said, language) for language in LANGUAGES} == {"part.ngc:3: G99 is no code."}
 
 
 def test_a_refusal_without_a_reason_says_that() -> None:
-    assert "without a reason" in str(service_client.refusal(DoorError.from_dict({"code": "refused"})))
+    assert "without a reason" in str(service_client.refusal(CommandRefused.from_dict({"code": "refused"})))
 
 
 @pytest.mark.parametrize("key", ["control_held", "no_control"])
@@ -57,10 +57,10 @@ def test_work_that_failed_and_work_that_is_in_the_way_are_told() -> None:
         raise refused("stopped", "READY", "START")
 
     under_way = sequencer.do("start", work)
-    with pytest.raises(DoorError, match="start is under way"):
+    with pytest.raises(CommandRefused, match="start is under way"):
         sequencer.do("home", dict)
     go.set()
-    with pytest.raises(DoorError):
+    with pytest.raises(CommandRefused):
         under_way.result(HANGS_S)
     assert sequencer.now is not None
     shown = sequencer.now.to_dict()

@@ -9,7 +9,7 @@ import pytest
 from support.machines.stepped_runs import shipped
 
 from controller import messages
-from controller.ipc.control_socket import DoorError
+from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Snapshot, blank
 from controller.service import jobs
 from controller.service.folders import Folders
@@ -89,7 +89,7 @@ def test_what_a_tick_told_that_another_has_followed_is_nobodys_any_more(tmp_path
 def test_a_reset_before_anybody_saw_the_tick_die_loses_no_alarm(tmp_path: Path) -> None:
     service = Service(shipped(), Folders.within(tmp_path))
     service.engine = _KilledTick()  # type: ignore[assignment]
-    with pytest.raises(DoorError, match="can0"):  # no bus is there
+    with pytest.raises(CommandRefused, match="can0"):  # no bus is there
         service.start_engine()
     service.look()
     (alarm,) = service.alarms.list()

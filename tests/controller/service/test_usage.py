@@ -12,7 +12,7 @@ from support.fakes.fake_engine import FakeEngine, done
 from support.machines.stepped_runs import shipped
 
 from controller import messages
-from controller.ipc.control_socket import DoorError
+from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import COLUMN, ROW, of_axes
 from controller.service import status
 from controller.service import usage as module
@@ -180,7 +180,7 @@ def test_a_worn_tool_in_the_spindle_starts_no_program_but_by_confirmation(
     engine.now = engine.now._replace(mode=Mode.READY)
     service.look()
     worn(service, 1)
-    with pytest.raises(DoorError, match="T1, is worn") as refused:
+    with pytest.raises(CommandRefused, match="T1, is worn") as refused:
         done(desk, "start")
     assert refused.value.code == "worn" and "verschlissen" in messages.text(refused.value.said, "de")
     done(desk, "tool_renewed", tool=1)
@@ -219,6 +219,6 @@ def test_a_worn_tool_that_is_asked_for_is_told_as_such(service: Service) -> None
     ],
 )
 def test_what_cannot_be_is_refused(desk: Desk, verb: str, args: dict[str, Any]) -> None:
-    with pytest.raises(DoorError) as refused:
+    with pytest.raises(CommandRefused) as refused:
         done(desk, verb, **args)
     assert refused.value.code == "bad" and messages.text(refused.value.said, "de") != refused.value.sentence

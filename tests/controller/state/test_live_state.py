@@ -23,7 +23,7 @@ from controller.ipc.handoff import COLUMN, ROW, Recorder, SnapshotBoard
 from controller.service import node_status, status
 from controller.state import live_state
 from controller.state.live_state import FIELDS, PARTS, Field, Snapshot
-from controller.state.modes import MOST_AXES
+from controller.state.modes import MAX_AXES
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -50,7 +50,7 @@ FLAGS = [field.name for field in FIELDS if field.type is bool]
 assert len(FLAGS) <= 1 << 4, "four turns tell no more apart"
 
 
-def unlike(n: int, field: Field, turn: int, axes: int = MOST_AXES) -> Any:
+def unlike(n: int, field: Field, turn: int, axes: int = MAX_AXES) -> Any:
     """A value of its type that no other one has; of flags, no two are alike in all of four turns."""
     if field.type is bool:
         return bool(FLAGS.index(field.name) >> turn & 1)
@@ -60,7 +60,7 @@ def unlike(n: int, field: Field, turn: int, axes: int = MOST_AXES) -> Any:
     return one if field.many == 1 else tuple(one + i for i in range(axes if field.is_of_axes else field.many))
 
 
-@pytest.mark.parametrize("axes", [3, 4, MOST_AXES])
+@pytest.mark.parametrize("axes", [3, 4, MAX_AXES])
 @pytest.mark.parametrize("turn", range(4))
 def test_every_value_goes_from_its_owner_through_memory_to_its_own_name(turn: int, axes: int) -> None:
     values = {field.name: unlike(n, field, turn, axes) for n, field in enumerate(FIELDS)}
@@ -79,7 +79,7 @@ def test_every_value_goes_from_its_owner_through_memory_to_its_own_name(turn: in
     for field in FIELDS:
         if field.value.column:
             wanted = values[field.name] if field.many > 1 else [values[field.name]]
-            left = [0.0] * (MOST_AXES - axes) * field.is_of_axes
+            left = [0.0] * (MAX_AXES - axes) * field.is_of_axes
             assert [row[COLUMN[column]] for column in field.columns] == [*wanted, *left], field.name
 
 
@@ -218,8 +218,8 @@ ASK = """
 import json
 from support.machines.tick_bench import Bench
 from support.machines.stepped_runs import shipped
-from controller import live_state
-from controller.panel import models, signals
+from controller.state import live_state
+from controller.api import models, signals
 from controller.service import status
 bench = Bench()
 bench.enable()
@@ -251,7 +251,7 @@ def test_a_new_value_of_the_tick_needs_its_owner_and_its_row_alone(tmp_path: Pat
     done = subprocess.run(asked, cwd=tmp_path, env=where, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     file, *found = json.loads(done.stdout)
-    assert file == str(tmp_path / "controller" / "live_state.py")
+    assert file == str(tmp_path / "controller" / "state" / "live_state.py")
     assert found == [41, 41, "Since the start.", "counted", 41.0, 41.0, True]
 
 

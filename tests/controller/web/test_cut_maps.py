@@ -36,7 +36,7 @@ def test_overcut_is_red_undercut_blue_and_what_is_not_cut_is_open(page: Any) -> 
 
 
 def test_full_colour_leaves_a_single_sharp_edge_out_and_is_never_less_than_a_micrometre(page: Any) -> None:
-    least = asked(page, "LEAST_UM")
+    least = asked(page, "MIN_UM")
     sharp = [surface([float(-k) for k in range(100)] + [-5000.0])]
     assert asked(page, "scale_um", sharp) == 99.0
     assert asked(page, "scale_um", [surface([0.0, 0.01, None])]) == least == 1

@@ -69,7 +69,7 @@ AGED = """() => {
   const watcher = new MutationObserver(() => { window.aged ||= dx.stale; });
   watcher.observe(document.body, { attributes: true, attributeFilter: ["data-stale"] });
 }"""
-MOST_LOOKS = 20
+MAX_LOOKS = 20
 
 PARTS = {"setup": ("homing", "offsets", "tools", "file", "drives", "users", "notices", "usage")}
 RUNNING = [("wide", "light", "en"), ("touch", "dark", "de"), ("phone", "light", "de")]
@@ -125,13 +125,13 @@ def findings(page: Any, name: str, tmp_path: Path) -> list[str]:
 
 def read_by(axe: Any, page: Any) -> list[str]:
     """What axe finds while the figures are young: old ones are pale on purpose, and a look takes a second."""
-    for _ in range(MOST_LOOKS):
+    for _ in range(MAX_LOOKS):
         page.wait_for_function("() => !dx.stale")
         page.evaluate(AGED)
         found = serious(axe.Axe().run(page).response)
         if not page.evaluate("() => window.aged"):
             return found
-    pytest.fail(f"the page's figures grew old in each of {MOST_LOOKS} looks")
+    pytest.fail(f"the page's figures grew old in each of {MAX_LOOKS} looks")
 
 
 @pytest.mark.parametrize("language", ("en", "de"))

@@ -7,7 +7,7 @@ from support.drives.group_bench import GroupBench, nodes
 
 from drives.cia402 import State, Wanted
 from drives.cyclic.drive import Drive
-from drives.cyclic.enabling import MOST_WAIT_S, Enabling
+from drives.cyclic.enabling import MAX_WAIT_S, Enabling
 from drives.settings import NodeSettings
 from drives.simulated import Parameters
 
@@ -81,9 +81,9 @@ def test_a_drive_that_does_not_switch_off_keeps_the_others_on_for_a_while_only()
     enabling.want(Wanted.OFF)
     assert [drive.wanted for drive in drives] == [Wanted.ENABLED, Wanted.OFF]
     enabling.progress(10.0)
-    enabling.progress(10.0 + MOST_WAIT_S)
+    enabling.progress(10.0 + MAX_WAIT_S)
     assert drives[0].wanted is Wanted.ENABLED
-    enabling.progress(10.1 + MOST_WAIT_S)
+    enabling.progress(10.1 + MAX_WAIT_S)
     assert drives[0].wanted is Wanted.OFF
     assert not enabling.waits
 

@@ -8,7 +8,7 @@ import pytest
 from drives import pdo
 from drives.cia402 import Wanted
 from drives.cyclic.drive import Drive, DriveFault
-from drives.cyclic.group import MOST_FRAMES, Group
+from drives.cyclic.group import MAX_FRAMES, Group
 from drives.cyclic.io_node import IoNode
 from drives.cyclic.spindle import SpindleDrive
 from drives.settings import IoSettings, MasterSettings, NodeSettings, SpindleSettings
@@ -298,7 +298,7 @@ def test_a_length_beyond_eight_does_not_raise():
 def test_a_babbling_bus_does_not_hold_the_tick():
     port = ListPort()
     group = running(port)
-    port.incoming = [pdo.frame(0x700, b"\x05")] * (MOST_FRAMES + 7)
+    port.incoming = [pdo.frame(0x700, b"\x05")] * (MAX_FRAMES + 7)
     group.receive(T)
     assert len(port.incoming) == 7
 

@@ -16,11 +16,11 @@ from support.drives.hub_process import ROOT, profile, served
 
 from drives import pdo
 from drives.simulated import IoNode, SimulatedDrive
-from drives.simulated.can_bridge import MOST_WAITING, CanBridge, InterfaceError
+from drives.simulated.can_bridge import MAX_WAITING, CanBridge, InterfaceError
 from drives.simulated.serve import on_interface
 
 HAS_CAN = hasattr(socket, "AF_CAN")
-PATIENCE_S = 20.0
+TIMEOUT_S = 20.0
 
 
 class Wire:
@@ -40,7 +40,7 @@ class Wire:
 
     def hear(self, wanted: Callable[[int, bytes], bool]) -> bytes:
         """Data of the first frame that is wanted."""
-        while select.select([self.mine], [], [], PATIENCE_S)[0]:
+        while select.select([self.mine], [], [], TIMEOUT_S)[0]:
             can_id, data = pdo.unpack(self.mine.recv(16))
             if wanted(can_id, data):
                 return data
@@ -96,7 +96,7 @@ def test_frames_wait_while_the_interface_takes_none_and_the_oldest_go_first() ->
     theirs.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 1)
     bridge = CanBridge(theirs)
     senders = [bridge.bus.connect(lambda _frame, _at_s: None) for _ in range(20)]  # each has its own queue
-    for k in range(MOST_WAITING + 500):
+    for k in range(MAX_WAITING + 500):
         bridge.bus.submit(senders[k // 100], bridge.bus.now_s, 0x700, _frame(k))
     bridge.turn(bridge.bus.now_s)
     assert bridge.lost > 0
@@ -107,7 +107,7 @@ def test_frames_wait_while_the_interface_takes_none_and_the_oldest_go_first() ->
             got.append(int.from_bytes(mine.recv(16)[8:12], "little"))
         except BlockingIOError:
             bridge.turn(bridge.bus.now_s)
-    assert got == sorted(got) and got[-1] == MOST_WAITING + 499
+    assert got == sorted(got) and got[-1] == MAX_WAITING + 499
     bridge.close()
     mine.close()
 

@@ -26,7 +26,7 @@ from typing import Any
 from guest import absence, on_can
 
 from controller.cli.installation import ENVIRONMENT, PANEL, SERVICE, STATE, TARGET
-from controller.ipc.control_socket import Client, DoorError, control_path
+from controller.ipc.control_socket import Client, CommandRefused, control_path
 from controller.machine import machine_file
 from drives import bus, pdo
 
@@ -36,7 +36,7 @@ MACHINE = Path("/etc/directrix/machine.toml")
 RUNTIME = Path("/run/directrix")
 INTERFACE = "vcan0"
 PANEL_AT = ("127.0.0.1", 8080)
-LOOK_S = 0.1
+POLL_S = 0.1
 LOOKS_FOR_A_FRAME = 50  # after that a drive that was not heard will not be
 # What comes of it when tick and drives are kept from each other for longer than a machine may bear.
 HELD_UP = {fault.name for fault in on_can.HELD_UP} | {"EMCY", "HEARTBEAT_LOST", "NODE_RESET", "STATE_LOST"}
@@ -52,7 +52,7 @@ def until(done: Callable[[], Any], what: Callable[[], object] = str) -> Any:
     give_up_s = time.monotonic() + HANGS_S
     while not (found := done()):
         assert time.monotonic() < give_up_s, f"waited in vain: {what()}"
-        time.sleep(LOOK_S)
+        time.sleep(POLL_S)
     return found
 
 
@@ -201,7 +201,7 @@ class Machine:
         """Empty while nobody answers."""
         try:
             return self.ask("status")
-        except DoorError:
+        except CommandRefused:
             return {}
 
     def mode(self) -> str:
@@ -230,7 +230,7 @@ class Machine:
         if mode == "RUNNING" and self._from_mm is not None and abs(x_mm - self._from_mm) > 1.0:
             return True
         self._sound = self._sound or mode != "FAULT"
-        with contextlib.suppress(DoorError):  # refused: the next look will show why
+        with contextlib.suppress(CommandRefused):  # refused: the next look will show why
             if mode == "FAULT":
                 if self._sound and status["fault"]["name"] in LOST:
                     figures = absence.figures()
@@ -274,7 +274,7 @@ class Machine:
         if status["mode"] == "OFF" and not status["commissioned"]:
             warnings.warn(f"its drives are not set: {status['sequence']}", stacklevel=2)
         asked = {"READY": "disable", "FAULT": "reset", "OFF": "reset"}.get(status["mode"], "stop")
-        with contextlib.suppress(DoorError):
+        with contextlib.suppress(CommandRefused):
             self.ask("reset" if not status["tick_alive"] else asked)
         return False
 
@@ -345,7 +345,7 @@ class Witness:
         """
         if not self.said:
             warnings.warn("a drive fell silent while all was off", stacklevel=2)
-            with contextlib.suppress(DoorError):
+            with contextlib.suppress(CommandRefused):
                 machine.ask("enable")
             until(machine.back_to_off, machine.status)
         return False

@@ -15,7 +15,7 @@ from drives.gateways.socketcand import SocketcandServer
 from drives.virtual.hub import Hub
 from drives.virtual.hub_bus import HubBus
 
-PATIENCE_S = 20.0
+TIMEOUT_S = 20.0
 
 
 def let_in(hub: Hub) -> HubBus:
@@ -65,7 +65,7 @@ def serving(folder: Path, bit_rate: int = 1_000_000) -> Iterator[Served]:
 
 
 def until(done: Callable[[], bool]) -> None:
-    give_up_s = time.monotonic() + PATIENCE_S
+    give_up_s = time.monotonic() + TIMEOUT_S
     while not done():
         assert time.monotonic() < give_up_s
         time.sleep(0.001)
@@ -73,7 +73,7 @@ def until(done: Callable[[], bool]) -> None:
 
 def heard(listener: can.BusABC, count: int) -> list[can.Message]:
     got: list[can.Message] = []
-    until_s = time.monotonic() + PATIENCE_S
+    until_s = time.monotonic() + TIMEOUT_S
     while len(got) < count and time.monotonic() < until_s:
         message = listener.recv(0.1)
         if message is not None:

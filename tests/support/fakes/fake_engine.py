@@ -168,6 +168,6 @@ def heard(service: Service, **news: Any) -> None:
 
 
 def done(desk: Desk, verb: str, **args: Any) -> dict[str, Any]:
-    """What comes of a verb. Raises DoorError."""
+    """What comes of a verb. Raises CommandRefused."""
     answer = desk(verb, args)
     return answer.result(HANGS_S) if isinstance(answer, Future) else answer

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from controller.api.service_client import refusal
-from controller.ipc.control_socket import DoorError
+from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Recorder
 from controller.messages import said
 from controller.service import diagnostics
@@ -75,13 +75,13 @@ class FakeDoor:
         """As the panel's own end of the door."""
         try:
             return self.answer(verb, args)
-        except DoorError as error:
+        except CommandRefused as error:
             raise refusal(error) from error
 
     def answer(self, verb: str, args: dict[str, Any]) -> dict[str, Any]:
-        """As the service's handler. Raises DoorError."""
+        """As the service's handler. Raises CommandRefused."""
         if not self.there:
-            raise DoorError("gone", said("no_service"))
+            raise CommandRefused("gone", said("no_service"))
         if verb == "rows":
             return diagnostics.rows(self.recorder, args)
         looks_at = {
@@ -99,9 +99,9 @@ class FakeDoor:
         if verb in ENDS:
             self.presses.end(args.get("press", ""))
         if modes and self.mode not in modes:
-            raise DoorError("refused", f"{verb} is refused in {self.mode}.", self.mode, verb.upper())
+            raise CommandRefused("refused", f"{verb} is refused in {self.mode}.", self.mode, verb.upper())
         if verb == "jog" and not self.presses.may_move(args.get("press", "")):
-            raise DoorError("refused", "The jog was stopped; let go of the key and press it again.")
+            raise CommandRefused("refused", "The jog was stopped; let go of the key and press it again.")
         self.asked.append((verb, args))
         self.mode = after or self.mode
         self._keep(verb, args)

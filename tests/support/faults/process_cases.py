@@ -26,7 +26,7 @@ from drives.cia402 import State
 LATE_S = 0.1  # what a hub that shares two processors with others may write too late
 SETTLED_S = 0.3  # looked at for so long after the promise
 GOES_ON_TICKS = 250
-LOOKED_AT, LEAST_ROWS = 30_000, 10  # rows of the recorder
+LOOKED_AT, MIN_ROWS = 30_000, 10  # rows of the recorder
 ON_PATH = (Mode.READY, Mode.RUNNING, Mode.HOLD, Mode.STOPPING, Mode.JOG, Mode.FAULT)
 
 N, F = Fault.NONE, Fault
@@ -204,7 +204,7 @@ def _smooth(scene: ProcessScene) -> list[str]:
     last = int(np.flatnonzero(good)[-1]) + 1 if good.any() else 0
     others = np.flatnonzero(~good[:last])
     rows = rows[int(others[-1]) + 1 if len(others) else 0 : last]
-    if len(rows) < LEAST_ROWS:
+    if len(rows) < MIN_ROWS:
         return []
     velocity, acceleration, _ = latched_setpoints.most(rows, scene.machine)
     found = [f"velocity {velocity:.4f} of the limit"] if velocity > 1.0 + 1e-6 else []

@@ -24,7 +24,7 @@ from support.live.live_machines import Listener as Client
 from support.live.live_machines import until
 from support.machines.stepped_runs import shipped, three_times_example_2
 
-from controller.ipc.control_socket import DoorError
+from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Jog, Outcome, Snapshot
 from controller.machine import machine_file
 from controller.machine.model import Homing, Machine
@@ -118,7 +118,7 @@ class ProcessScene:
             until(lambda: self.now.has_taken(asked) and self.now.mode in (Mode.READY, Mode.FAULT))
             part = Program(CUTS.encode(), "part.ngc", self.machine, in_spindle=TOOL, unchecked=True)
             line.order("arm", program=part)
-        except DoorError as error:
+        except CommandRefused as error:
             self._problem = error.sentence
 
     def end_controller(self) -> None:

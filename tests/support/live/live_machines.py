@@ -17,7 +17,7 @@ from support.oracles import latched_setpoints
 from controller import messages
 from controller.cli import demo
 from controller.cli.demo import Operator
-from controller.ipc.control_socket import Client, DoorError
+from controller.ipc.control_socket import Client, CommandRefused
 from controller.ipc.handoff import COLUMN, Recorder, Snapshot
 from controller.machine import machine_file, setup_data
 from controller.machine.kinematics import Kinematics, kinematics_of
@@ -35,7 +35,7 @@ from controller.verify.console import Refused
 from drives import bus, pdo
 
 HANGS_S = 120.0  # no test is meant to come near
-LOOK_S = 0.02
+POLL_S = 0.02
 
 
 class Live:
@@ -80,7 +80,7 @@ class Live:
             look(now_of(self))
             if not self.tick.is_alive() and self.service.running is None:
                 raise SessionError(messages.text(self.service.alarms.list()[0]))
-            time.sleep(LOOK_S)
+            time.sleep(POLL_S)
         rows.append(self.recorder.drain())
         return np.concatenate(rows), now_of(self)
 
@@ -89,7 +89,7 @@ class Live:
 def _sentences() -> Iterator[None]:
     try:
         yield
-    except (DoorError, Refused) as error:
+    except (CommandRefused, Refused) as error:
         raise SessionError(str(error)) from error
 
 

@@ -19,11 +19,11 @@ import numpy as np
 from support.live import browser, shop
 from support.live.browser import until
 
-from controller.ipc.control_socket import Client, DoorError, control_path
+from controller.ipc.control_socket import Client, CommandRefused, control_path
 from controller.ipc.handoff import COLUMN
 from controller.machine import machine_file
 from controller.machine.model import Machine
-from controller.state.modes import MOST_AXES, Mode
+from controller.state.modes import MAX_AXES, Mode
 
 LOOKS = 40  # at the tick's number: enough that one of them comes just behind a tick
 QUIET_TICKS = 60  # in which nothing may come late
@@ -70,7 +70,7 @@ class LiveMachine:
         """Ready for the next measurement."""
 
         def rests() -> bool:
-            with contextlib.suppress(DoorError):
+            with contextlib.suppress(CommandRefused):
                 now = self.door.ask("status")
                 assert not now["fault"], now["fault"]
                 return bool(now["mode"] == "READY")
@@ -119,7 +119,7 @@ class LiveMachine:
 
 
 def _commands(rows: Rows) -> Rows:
-    return rows[:, COMMAND : COMMAND + MOST_AXES]
+    return rows[:, COMMAND : COMMAND + MAX_AXES]
 
 
 @contextlib.contextmanager

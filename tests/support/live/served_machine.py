@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from controller import messages
-from controller.ipc.control_socket import Client, DoorError, control_path
+from controller.ipc.control_socket import Client, CommandRefused, control_path
 from controller.machine import machine_file
 from controller.machine.model import Machine
 
@@ -60,11 +60,11 @@ class Serving:
     def ask(self, verb: str, **args: Any) -> Values:
         return self.door.ask(verb, **args)
 
-    def refused(self, verb: str, **args: Any) -> DoorError:
+    def refused(self, verb: str, **args: Any) -> CommandRefused:
         """The refusal of what must be refused."""
         try:
             result = self.ask(verb, **args)
-        except DoorError as error:
+        except CommandRefused as error:
             return error
         raise AssertionError(f"{verb} was done: {result}")
 
@@ -75,7 +75,7 @@ class Serving:
         """The first status that is ``done``."""
         give_up_s = time.monotonic() + HANGS_S
         while True:
-            with contextlib.suppress(DoorError):
+            with contextlib.suppress(CommandRefused):
                 now = self.status()
                 if done(now):
                     return now

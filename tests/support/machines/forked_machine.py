@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 from controller.machine.model import Machine
 from controller.runtime.stepped import SteppedMachine
 
-MOST_BYTES = 1 << 20  # of a message
+MAX_BYTES = 1 << 20  # of a message
 
 
 class Forkable(SteppedMachine):
@@ -116,7 +116,7 @@ def _taken(end: socket.socket) -> list[bytes]:
     """The messages that wait to be read."""
     found = []
     while _holds(end):
-        found.append(end.recv(MOST_BYTES))
+        found.append(end.recv(MAX_BYTES))
     return found
 
 

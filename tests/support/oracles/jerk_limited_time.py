@@ -33,9 +33,9 @@ from controller.plan.path.path import Stretch, joints_along
 
 NODES = 400
 SAMPLES = 600  # of each stretch
-MOST_TRUST, LEAST_TRUST = 1.0, 2e-3  # change of ln b in one program
+MAX_TRUST, MIN_TRUST = 1.0, 2e-3  # change of ln b in one program
 ENOUGH = 2e-5  # gain of time in one program that is none
-MOST_PROGRAMS = 120
+MAX_PROGRAMS = 120
 ROUNDING = 1e-5  # of a derivative at the end of a spline
 
 Derivatives = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -185,13 +185,13 @@ class _Programs:
     def solved(self) -> np.ndarray:
         b = np.ones(self.n + 1)
         b *= 0.98 / self.use(b)
-        trust, best = MOST_TRUST, self.times(b)[-1]
-        for _ in range(MOST_PROGRAMS):
+        trust, best = MAX_TRUST, self.times(b)[-1]
+        for _ in range(MAX_PROGRAMS):
             found = self.next(b, trust)
             now = self.times(found)[-1] if found is not None else np.inf
             if now >= best:
                 trust *= 0.4
-                if trust < LEAST_TRUST:
+                if trust < MIN_TRUST:
                     break
                 continue
             gain, b, best = 1.0 - now / best, found, now

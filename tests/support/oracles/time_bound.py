@@ -22,7 +22,7 @@ from controller.plan.path.path import Stretch, joints_along
 
 STABLE = 1e-3
 FIRST_GRID = 400
-MOST_GRID = 26_000
+MAX_GRID = 26_000
 ENDS = 3.0  # how strongly samples and grid gather at both ends
 
 logging.getLogger("toppra").setLevel(logging.ERROR)
@@ -60,7 +60,7 @@ def _of_one(stretch: Stretch, machine: Machine, kinematics: Kinematics, moving: 
         now = _shortest(joints, stretch.motion.end, machine, feed, grid, moving)
         if now < math.inf and abs(now - before) <= STABLE * now:
             return now
-        if count > MOST_GRID:
+        if count > MAX_GRID:
             raise ValueError(f"toppra's time of the {stretch.name} is not stable: {before} s, then {now} s.")
         count, before = 2 * count, now
 

@@ -32,7 +32,7 @@ from controller.runtime import checked  # noqa: E402
 
 Point = list[float]
 MACHINES = ("trunnion", "trunnion", "fig4b", "fig4c", "fig4d", "head_head", "table_head", "oblique45")
-MOST_S = 60.0  # of the processor, for one check
+MAX_S = 60.0  # of the processor, for one check
 HUGE = (1e4, 1e6, 1e9, 1e15, 1e30, 1e150, 1e300)
 TINY = (1e-3, 1e-5, 1e-6, 1e-7, 1e-9, 1e-12, 1e-30, 1e-300)
 WORDS = (
@@ -353,7 +353,7 @@ def run(first: int, count: int, seconds: float) -> int:
                 count = seed - first
                 break
             name, text = program(seed)
-            signal.setitimer(signal.ITIMER_PROF, MOST_S)
+            signal.setitimer(signal.ITIMER_PROF, MAX_S)
             try:
                 said[outcome(machines[name], text, Path(folder))[:40]] += 1
             except Exception as error:

@@ -8,7 +8,7 @@ import random
 from support.parts.random_contours import Piece
 
 BETWEEN = ("M8", "(a remark)", "S200", "F300", "G4 P0.1", "G90", "T1", "M9")
-LEAST_TURN = 0.06  # rad; LinuxCNC cuts corners that are flatter
+MIN_TURN = 0.06  # rad; LinuxCNC cuts corners that are flatter
 
 
 def program(rng: random.Random) -> str:
@@ -37,7 +37,7 @@ def _contour(rng: random.Random, rows: list[str], here: complex, names: str, uni
     for _ in range(rng.randrange(1, 9)):
         if rng.random() < 0.2:
             rows.append(rng.choice(BETWEEN))
-        turn = rng.choice((0.0, rng.uniform(LEAST_TURN, 2.4), -rng.uniform(LEAST_TURN, 2.4)))
+        turn = rng.choice((0.0, rng.uniform(MIN_TURN, 2.4), -rng.uniform(MIN_TURN, 2.4)))
         heading *= cmath.rect(1.0, turn)
         piece = _piece(rng, here, heading)
         rows.append(_row(rng, piece, names, unit))

@@ -12,7 +12,7 @@ from controller.geometry.surfaces import RuledSurface, Surface
 
 Array = np.ndarray
 FITTED = 24  # points of a directrix
-LEAST_DEG, MOST_DEG = 90.0, 132.0
+MIN_DEG, MAX_DEG = 90.0, 132.0
 
 
 def blade(seed: int) -> tuple[RuledSurface, float]:
@@ -31,7 +31,7 @@ def blade(seed: int) -> tuple[RuledSurface, float]:
         upper = _run(hub + height, mid + 0.5 * twist, bends[1], length * rng.uniform(0.9, 1.3))
         floor = np.array([0.0, 0.0, lower[:, 2].min()])
         surface = RuledSurface(_bezier(upper - floor), _bezier(lower - floor))
-        if LEAST_DEG <= normal_turns_deg(surface).max() <= MOST_DEG:
+        if MIN_DEG <= normal_turns_deg(surface).max() <= MAX_DEG:
             return surface, round(radius, 1)
 
 

@@ -17,7 +17,7 @@ from controller.runtime import checked
 MACHINE = machine_file.load("trunnion")
 
 
-def taken(text: bytes, most: int = picture.MOST_POINTS) -> picture.Shape:
+def taken(text: bytes, most: int = picture.MAX_POINTS) -> picture.Shape:
     task = checked.task(text, "part.ngc", MACHINE)
     taker = Picture(MACHINE, task.kinematics, most)
     for _ in taker.watched(checked.path_of(task, checked.chosen_for(task)).items):

@@ -27,7 +27,7 @@ from controller.machine.model import Machine
 from controller.plan.feed import profile
 from controller.plan.feed.course import Course
 from controller.plan.path.path import Chain, Path, Stretch, joints_along
-from controller.plan.surfaces.leads import MOST_TILT_RAD, MOST_TURN_RAD, SLENDER
+from controller.plan.surfaces.leads import MAX_TILT_RAD, MAX_TURN_RAD, SLENDER
 from controller.program.program import ProgramError
 
 CONE = "G51 X0. Y15. Z0. I0. J0. K0. H10. R10. D{} F{}\n"
@@ -109,9 +109,9 @@ def test_beside_a_pole_neither_axis_nor_rotary_turns_far_on_a_lead() -> None:
     a, b = built.rotary()
     for lead in (*named(traced, "lead in"), *named(traced, "lead out")):
         turned = max(abs(lead.end[a] - lead.start[a]), abs(lead.end[b] - lead.start[b]))
-        assert turned <= 1.1 * MOST_TURN_RAD
+        assert turned <= 1.1 * MAX_TURN_RAD
         axes = [kinematics_of(built).forward(q, 0.0).axis for q in (lead.start, lead.end)]
-        assert norm(subtract(*axes)) <= 1.1 * MOST_TILT_RAD
+        assert norm(subtract(*axes)) <= 1.1 * MAX_TILT_RAD
 
 
 # ---- feeds -------------------------------------------------------------------------
