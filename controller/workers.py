@@ -25,7 +25,6 @@ import os
 import pickle
 import signal
 import tempfile
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
@@ -141,30 +140,32 @@ class Workers:
             raise WorkersLost("killed", why=error) from error
 
     def _asked_in_order(self, submit: Callable[[T], Any], items: Sequence[T]) -> Iterator[Any]:
-        out: deque[tuple[T, Any]] = deque()  # questions, and futures of their answers
+        out: list[tuple[T, Any]] = []  # questions, and futures of their answers; None: not asked yet
         lost, rest = 0, iter(items)
         while True:
+            out += [(item, None) for item in islice(rest, AHEAD * self.count - len(out))]
+            if not out:
+                return
             try:
-                for item in islice(rest, AHEAD * self.count - len(out)):
-                    out.append((item, submit(item)))
-                if not out:
-                    return
+                for k, (item, future) in enumerate(out):
+                    if future is None:
+                        out[k] = item, submit(item)
                 answer = out[0][1].result()
             except BrokenProcessPool:
                 lost += 1
                 if lost > MAX_LOST:
                     raise WorkersLost("lost", count=lost) from None
                 self._end_pool()
-                out = deque((item, _kept(future) or submit(item)) for item, future in out)
+                out = [(item, future if _has_answer(future) else None) for item, future in out]
                 continue
             lost = 0
-            out.popleft()
+            del out[0]
             yield answer
 
 
-def _kept(future: Future[R]) -> Future[R] | None:
-    """An answer that had come before the pool broke counts."""
-    return future if future.done() and future.exception() is None else None
+def _has_answer(future: Future[Any] | None) -> bool:
+    """That had come before the pool broke."""
+    return future is not None and future.done() and not future.cancelled() and future.exception() is None
 
 
 def _connected(address: str) -> Any:
