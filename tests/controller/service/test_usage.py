@@ -120,10 +120,10 @@ def test_it_is_kept_now_and_then_and_a_full_disk_loses_nothing(
         raise OSError("full")
 
     usage.take(rows(walk(10)), 1, turning=False, fed={FED})
-    monkeypatch.setattr(module.whole, "write", full)
+    monkeypatch.setattr(module.atomic_file, "write", full)
     with pytest.raises(OSError):
         usage.save(at_once=True)
-    monkeypatch.setattr(module.whole, "write", real)
+    monkeypatch.setattr(module.atomic_file, "write", real)
     usage.save()
     assert not (tmp_path / module.FILE).exists(), "a moment after the last try"
     usage.save(at_once=True)
