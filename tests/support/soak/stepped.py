@@ -14,7 +14,6 @@ What must hold, whatever is asked and whatever goes wrong:
 from __future__ import annotations
 
 import json
-import math
 import random
 import traceback
 from dataclasses import dataclass
@@ -24,7 +23,6 @@ from typing import Any
 import numpy as np
 from support.faults.invariants import wrongs
 from support.machines.interrupted_runs import distance, stretches
-from support.machines.planning_bench import FITTED
 from support.machines.recording_bench import RecordedBench
 from support.machines.stepped_runs import shares
 from support.oracles.trace_limits import BOUNDS, KINDS
@@ -32,8 +30,7 @@ from support.soak.scenarios import Scenario
 from typer.testing import CliRunner
 
 from controller.__main__ import app
-from controller.ipc.handoff import COLUMN, Jog, Outcome, of_axes
-from controller.machine import setup_data
+from controller.ipc.handoff import COLUMN, Jog, of_axes
 from controller.plan.restart.program_position import ENTRY_ID
 from controller.runtime.fault_file import MachineScript
 from controller.runtime.startup import SessionError
@@ -223,7 +220,9 @@ def _found(of: Scenario, bench: Operator, rows: np.ndarray, first: int) -> list[
     asked_for = any(Request.ESTOP.name in one for one in bench.told)
     if len(faulty) and not of.script and not asked_for:
         row = rows[faulty[0]]
-        found.append((int(row[COLUMN["tick"]]), f"a fault out of nothing: {Fault(int(row[COLUMN['fault']])).name}"))
+        found.append(
+            (int(row[COLUMN["tick"]]), f"a fault out of nothing: {Fault(int(row[COLUMN['fault']])).name}")
+        )
     if not of.script and (silent := np.flatnonzero(sound[:, COLUMN["sync_sent"]] == 0.0)).size:
         found.append((int(sound[silent[0], COLUMN["tick"]]), "a tick sent no SYNC, and nothing was late"))
     found += _limits(of, sound) + _counts(of, sound) + _path(of, bench, sound)
@@ -254,7 +253,9 @@ def _counts(of: Scenario, rows: np.ndarray) -> list[Wrong]:
     bad = np.flatnonzero((off > ROUNDED).any(axis=1) & (rows[:, COLUMN["mode"]] == Mode.RUNNING))
     if not len(bad):
         return []
-    return [(int(rows[bad[0], COLUMN["tick"]]), f"a setpoint is {off[bad[0]].max():.2f} counts from its joint")]
+    return [
+        (int(rows[bad[0], COLUMN["tick"]]), f"a setpoint is {off[bad[0]].max():.2f} counts from its joint")
+    ]
 
 
 def _path(of: Scenario, bench: Operator, rows: np.ndarray) -> list[Wrong]:
