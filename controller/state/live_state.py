@@ -156,6 +156,7 @@ class Snapshot(NamedTuple):
         "1/min",
         status="spindle.actual_rev_min 1/min",
     )
+    spindle_override: float = _value("modes", "of S, 1 = 100 %", status="spindle.override")
     spindle_at_speed: bool = _value("peripherals.at_speed", "it turns as told", status="spindle.at_speed")
     coolant: int = _value("peripherals", "1 mist, 2 flood, 3 both")
     waiting: bool = _value("peripherals", "motion stands until these are as told", status="waiting")

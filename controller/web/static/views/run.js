@@ -6,6 +6,7 @@ import { large, show } from "../frame.js";
 import { free } from "../control.js";
 import { Act, AxisName, Bar, Card, Chip, Figure, field } from "../parts.js";
 import { Listing } from "../listing.js";
+import { ByHand, SpindleOverride } from "../peripherals.js";
 import { Offer, StateThere, start_question } from "../restart.js";
 import { QueueNext } from "../queue.js";
 import { dx } from "../store.js";
@@ -92,7 +93,7 @@ function Feed() {
         <dd><${Figure} class="strong">${forms.int(spindle?.actual_rev_min)}<//><span class="dim"> / </span><${Figure}>${forms.int(spindle?.rev_min)}<//></dd>`}
       ${dx.facts.outputs && html`<dt>${word("run.coolant")}</dt><${Figure} tag="dd">${running.join(", ") || "–"}<//>`}
     </dl>
-    <${Override} /><${Rapid} />
+    <${Override} /><${Rapid} /><${SpindleOverride} /><${ByHand} />
   <//>`;
 }
 
