@@ -30,6 +30,7 @@ FILES = {
     "calibrate": ("calibrate",),
     "cad": ("import",),
     "post": ("post",),
+    "bench": ("bench",),
     "bus": ("bus",),
     "faults": ("faults",),
     "serve": ("serve",),
