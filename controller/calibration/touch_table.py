@@ -57,7 +57,7 @@ def read(text: str, machine: Machine, file: str) -> Touches:
     rows = [(reader.line_num, row) for row in reader]
     if not 0 < len(rows) <= MOST_TOUCHES:
         raise Refusal("how_many", file=file, count=len(rows), most=MOST_TOUCHES)
-    values = np.array([[_number(row, name, file, line) for name in needed] for line, row in rows])
+    values = np.array([[number(row, name, file, line) for name in needed] for line, row in rows])
     axes, ways = len(machine.axes), values[:, -5:-2]
     sizes = np.linalg.norm(ways, axis=1)
     wrong = np.flatnonzero(np.abs(sizes - 1.0) > 1e-2)
@@ -72,7 +72,7 @@ def read(text: str, machine: Machine, file: str) -> Touches:
     return Touches(values[:, :axes] / shown, ways, values[:, -2], values[:, -1], senses, names)
 
 
-def _number(row: Mapping[str, str], name: str, file: str, line: int) -> float:
+def number(row: Mapping[str, str], name: str, file: str, line: int) -> float:
     try:
         value = float(row[name] or "")
     except (TypeError, ValueError):
@@ -88,7 +88,7 @@ def _senses(row: Mapping[str, str], machine: Machine, way: Array, file: str, lin
         found[index] = float(np.sign(component)) if abs(component) > MOVES else 0.0
     for index, axis in enumerate(machine.axes):
         if row.get(f"from_{axis.name}"):
-            found[index] = float(np.sign(_number(row, f"from_{axis.name}", file, line)))
+            found[index] = float(np.sign(number(row, f"from_{axis.name}", file, line)))
     return found
 
 

@@ -18,12 +18,25 @@ import typer
 from rich.table import Table
 
 from controller import messages
-from controller.calibration import machine_edit, positions, rotary_fit, rotary_report, touch_table
+from controller.calibration import (
+    axis_accuracy,
+    circular_test,
+    five_axis_test,
+    machine_edit,
+    pictures,
+    positions,
+    rotary_fit,
+    rotary_report,
+    touch_table,
+)
 from controller.calibration.refusal import Refusal
 from controller.cli.speech import speaking, spoken
 from controller.geometry.vectors import Vector, unit
 from controller.machine import machine_file
+from controller.machine.kinematics import kinematics_of
+from controller.machine.model import Machine
 from controller.machine.toml_table import ConfigError, read_text
+from controller.verify import trace as traces
 from controller.verify.console import Refused, refusals, show
 
 app = typer.Typer(help="The machine's own geometry from what was measured.", no_args_is_help=True)
@@ -41,6 +54,8 @@ Centre = Annotated[
     str, typer.Option("--centre", help="X,Y,Z of the sphere, table frame with rotaries at zero, mm.")
 ]
 Stem = Annotated[str, typer.Option("--stem", help="I,J,K: the way that the sphere's stem points.")]
+Recorded = Annotated[Path, typer.Argument(help="Of simulate --trace, or of a recording (.npz).")]
+Plot = Annotated[Path | None, typer.Option("--plot", help="Draw it (.png).")]
 MOST_POSITIONS = 100
 
 
@@ -184,3 +199,110 @@ def positions_to_probe(
         show.print(_places(rows), markup=False)
         for name, bound in bounds.items():
             show.print(say("would_leave", axis=name, **bound), markup=False)
+
+
+@app.command(name="axis")
+@speaking
+def axis_by_iso_230_2(
+    measured: Measured,
+    axis: Annotated[str, typer.Option("--axis", help="Name of the axis.")],
+    machine: MachineFile = "trunnion",
+    plot: Plot = None,
+    write: Write = False,
+    as_json: Json = False,
+) -> None:
+    """Accuracy and repeatability of an axis (ISO 230-2), and its pitch table."""
+    with refused(as_json):
+        made = machine_file.load(machine)
+        its = next((one for one in made.axes if one.name == axis), None)
+        if its is None:
+            raise Refusal("no_axis", axis=axis, names=" ".join(one.name for one in made.axes))
+        runs = axis_accuracy.read(read_text(measured), measured.name)
+        told = axis_accuracy.report(runs, its)
+        if plot:
+            pictures.axis(runs, axis, "deg" if its.is_rotary else "mm", plot)
+        table = axis_accuracy.table(runs, its)
+        done = written(machine, lambda text: machine_edit.pitch(text, its, table)) if write else None
+        if as_json:
+            print(json.dumps({"ok": True, **told, "table": table, "written": done}))
+            return
+        show.print(_figures(told, ("reversal", "repeatability", "systematic", "mean_deviation", "accuracy")))
+        tell_written(done)
+
+
+def _figures(told: dict[str, Any], names: tuple[str, ...]) -> Table:
+    made = Table()
+    made.add_column(told["axis"])
+    made.add_column(told["unit"].replace("um", "µm"), justify="right")
+    for name in names:
+        if told[name] is not None:
+            made.add_row(say(f"iso_{name}"), f"{told[name]:.2f}")
+    return made
+
+
+@app.command(name="circle")
+@speaking
+def circle_by_iso_230_4(
+    recorded: Recorded,
+    axes: Annotated[str, typer.Option("--axes", help="The two axes, as XY.")] = "XY",
+    machine: MachineFile = "trunnion",
+    plot: Plot = None,
+    as_json: Json = False,
+) -> None:
+    """Circular test (ISO 230-4) of two axes from a recording with circles in both senses."""
+    with refused(as_json):
+        trace = _trace(recorded, machine_file.load(machine))
+        if len(axes) != 2 or not set(axes) <= set(trace.axes) & set("XYZ"):
+            raise Refusal("no_plane", axes=axes)
+        pair = [trace.axes.index(name) for name in axes]
+        command, actual = trace.joint_command[:, pair], trace.joint_actual[:, pair]
+        found = list(circular_test.circles(command, actual, trace.line))
+        told = circular_test.report(found, (axes[0], axes[1]))
+        if plot:
+            pictures.circle(found, (axes[0], axes[1]), plot)
+        if as_json:
+            print(json.dumps({"ok": True, **told}))
+            return
+        for name in ("counter_clockwise", "clockwise"):
+            if name in told:
+                show.print(say(f"circle_{name}", radius_mm=told["radius_mm"], **told[name]), markup=False)
+        if "H_um" in told:
+            both = {name: told[name] for name in ("G_bidirectional_um", "H_um")}
+            show.print(say("circle_both", **both), markup=False)
+
+
+@app.command(name="tip")
+@speaking
+def tip_by_iso_10791_6(
+    recorded: Recorded,
+    length: Length = 0.0,
+    machine: MachineFile = "trunnion",
+    plot: Plot = None,
+    as_json: Json = False,
+) -> None:
+    """Five-axis test with a sphere (ISO 10791-6): what the tip does that should stand while rotaries turn."""
+    with refused(as_json):
+        made = machine_file.load(machine)
+        trace = _trace(recorded, made)
+        rows = (trace.joint_command, trace.joint_actual, trace.line)
+        found = five_axis_test.stands(made, kinematics_of(made), length, *rows)
+        told = five_axis_test.report(found)
+        if plot:
+            pictures.tip(found, plot)
+        if as_json:
+            print(json.dumps({"ok": True, **told}))
+            return
+        for row in told["lines"]:
+            x, y, z = row["range_um"]
+            figures = {"x_um": x, "y_um": y, "z_um": z, "largest_um": row["largest_um"]}
+            show.print(say("tip", line=row["line"], **figures), markup=False)
+
+
+def _trace(file: Path, made: Machine) -> traces.Trace:
+    """Raises Refused where it is none."""
+    try:
+        if traces.is_recording(file):
+            return traces.of_recording(file, made, kinematics_of(made))
+        return traces.load(file)
+    except ValueError as error:
+        raise Refused(str(error)) from error

@@ -23,6 +23,17 @@ REFUSALS = {
     "calibration.shipped": "{machine}: is no path of a machine file; what is shipped stays as it is; copy "
     "it and give the path of the copy.",
     "calibration.no_vector": "{option} {found}: are not three numbers; write them as 1.0,2.5,-3.",
+    "calibration.one_target": "{file}: has one target only; an axis is measured at two and more; measure it "
+    "again.",
+    "calibration.uneven_runs": "{file}: target {target:g} was approached {found} times in one sense, others "
+    "{most} times; every target needs as many; measure it again or take rows out.",
+    "calibration.no_axis": "--axis {axis}: there is none of that name; allowed are {names}; choose one of "
+    "these.",
+    "calibration.no_plane": "--axes {axes}: are not two of X, Y and Z; write them as XY.",
+    "calibration.no_circle": "In the recording {axes} go no full circle on a line of the program; cut one "
+    "with G2 and one with G3.",
+    "calibration.no_stand": "In the recording the tip stands on no line of the program while a rotary turns "
+    "by more than {degrees:g} degrees; run one with G43.4, and give the tool's --length.",
     # --- what a command says
     "calibration.written": "{file} is written; as it was before it is {kept}.",
     "calibration.not_written": "Nothing is written; --write does it.",
@@ -37,6 +48,18 @@ REFUSALS = {
     "again.",
     "calibration.add": "These positions would tell most: {places}.",
     "calibration.would_leave": "{axis}: centre within {um:.2f} um, direction within {deg:.5f} degrees.",
+    "calibration.iso_reversal": "reversal B",
+    "calibration.iso_repeatability": "repeatability R",
+    "calibration.iso_systematic": "systematic deviation E",
+    "calibration.iso_mean_deviation": "mean deviation M",
+    "calibration.iso_accuracy": "accuracy A",
+    "calibration.circle_counter_clockwise": "Counter-clockwise, radius {radius_mm:.3f} mm (line {line}): G "
+    "{G_um:.2f} um, F {F_min_um:.2f} to {F_max_um:.2f} um.",
+    "calibration.circle_clockwise": "Clockwise, radius {radius_mm:.3f} mm (line {line}): G {G_um:.2f} um, F "
+    "{F_min_um:.2f} to {F_max_um:.2f} um.",
+    "calibration.circle_both": "Both senses: G(b) {G_bidirectional_um:.2f} um, hysteresis H {H_um:.2f} um.",
+    "calibration.tip": "Line {line}: the tip moved by {x_um:.2f} um along X, {y_um:.2f} um along Y, "
+    "{z_um:.2f} um along Z, and was {largest_um:.2f} um off at most.",
     "calibration.head_axis": "axis",
     "calibration.head_point": "point (mm)",
     "calibration.head_direction": "direction",

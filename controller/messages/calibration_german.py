@@ -24,6 +24,17 @@ REFUSALS = {
     "calibration.shipped": "{machine}: ist kein Pfad einer Maschinendatei; was mitgeliefert ist, bleibt, "
     "wie es ist; sie kopieren und den Pfad der Kopie angeben.",
     "calibration.no_vector": "{option} {found}: sind nicht drei Zahlen; sie als 1.0,2.5,-3 schreiben.",
+    "calibration.one_target": "{file}: hat nur eine Zielposition; eine Achse wird an mindestens zweien "
+    "gemessen; neu messen.",
+    "calibration.uneven_runs": "{file}: Die Zielposition {target:g} wurde in einer Richtung {found} Mal "
+    "angefahren, andere {most} Mal; jede braucht gleich viele; neu messen oder Zeilen entfernen.",
+    "calibration.no_axis": "--axis {axis}: gibt es nicht; erlaubt sind {names}; eine davon wählen.",
+    "calibration.no_plane": "--axes {axes}: sind nicht zwei von X, Y und Z; sie als XY schreiben.",
+    "calibration.no_circle": "In der Aufzeichnung fahren {axes} in keiner Programmzeile einen vollen Kreis; "
+    "einen mit G2 und einen mit G3 fahren.",
+    "calibration.no_stand": "In der Aufzeichnung steht die Spitze in keiner Programmzeile, während eine "
+    "Drehachse um mehr als {degrees:g} Grad dreht; eine mit G43.4 fahren und die Werkzeuglänge mit --length "
+    "angeben.",
     # --- what a command says
     "calibration.written": "{file} ist geschrieben; wie sie vorher war, steht in {kept}.",
     "calibration.not_written": "Nichts ist geschrieben; mit --write geschieht es.",
@@ -38,6 +49,19 @@ REFUSALS = {
     "oder neu messen.",
     "calibration.add": "Diese Stellungen würden am meisten sagen: {places}.",
     "calibration.would_leave": "{axis}: Drehmitte auf {um:.2f} um, Richtung auf {deg:.5f} Grad.",
+    "calibration.iso_reversal": "Umkehrspanne B",
+    "calibration.iso_repeatability": "Wiederholpräzision R",
+    "calibration.iso_systematic": "systematische Abweichung E",
+    "calibration.iso_mean_deviation": "mittlere Abweichung M",
+    "calibration.iso_accuracy": "Genauigkeit A",
+    "calibration.circle_counter_clockwise": "Gegen den Uhrzeigersinn, Radius {radius_mm:.3f} mm (Zeile "
+    "{line}): G {G_um:.2f} um, F {F_min_um:.2f} bis {F_max_um:.2f} um.",
+    "calibration.circle_clockwise": "Im Uhrzeigersinn, Radius {radius_mm:.3f} mm (Zeile {line}): G "
+    "{G_um:.2f} um, F {F_min_um:.2f} bis {F_max_um:.2f} um.",
+    "calibration.circle_both": "Beide Richtungen: G(b) {G_bidirectional_um:.2f} um, Hysterese H {H_um:.2f} "
+    "um.",
+    "calibration.tip": "Zeile {line}: Die Spitze bewegte sich um {x_um:.2f} um in X, {y_um:.2f} um in Y, "
+    "{z_um:.2f} um in Z und war höchstens {largest_um:.2f} um entfernt.",
     "calibration.head_axis": "Achse",
     "calibration.head_point": "Punkt (mm)",
     "calibration.head_direction": "Richtung",
