@@ -29,6 +29,7 @@ FILES = {
     "fit": ("fit",),
     "cad": ("import",),
     "post": ("post",),
+    "bench": ("bench",),
     "bus": ("bus",),
     "faults": ("faults",),
     "serve": ("serve",),
