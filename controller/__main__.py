@@ -27,6 +27,7 @@ FILES = {
     "explain": ("explain",),
     "verify": ("verify",),
     "fit": ("fit",),
+    "calibrate": ("calibrate",),
     "cad": ("import",),
     "post": ("post",),
     "bench": ("bench",),
