@@ -311,6 +311,7 @@ PAGE: dict[str, str] = {
     ),
     "jog.stopped": "Jog ended",
     "jog.mdi": "MDI",
+    "jog.peripherals": "Spindle, coolant, clamps",
     "jog.run": "Run",
     "jog.mdi_ask": "Run this now?",
     "jog.history": "History",

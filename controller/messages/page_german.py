@@ -314,6 +314,7 @@ PAGE: dict[str, str] = {
     "jog.hint": "Bewegt nur, solange eine Taste gehalten wird; hält beim Loslassen oder verdeckter Seite.",
     "jog.stopped": "Tippen beendet",
     "jog.mdi": "MDI",
+    "jog.peripherals": "Spindel, Kühlung, Klemmungen",
     "jog.run": "Ausführen",
     "jog.mdi_ask": "Jetzt ausführen?",
     "jog.history": "Verlauf",

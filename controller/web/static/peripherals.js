@@ -2,7 +2,7 @@
 import { call } from "./api.js";
 import { html, useState } from "./dom.js";
 import { forms } from "./forms.js";
-import { Act, Figure, field } from "./parts.js";
+import { Act, Card, Figure, field } from "./parts.js";
 import { dx } from "./store.js";
 import { word } from "./texts.js";
 
@@ -28,8 +28,8 @@ function Spindle({ most }) {
   const label = word("run.spindle_hand");
   const way = (name, sign, sign_text) => html`<${Act} text=${sign_text} data-hand=${name} aria-label=${word(`run.spindle_${name}`)} title=${word(`run.spindle_${name}`)} aria-pressed=${String(sign * (told ?? 0) > 0)}
     ask=${word("run.spindle_ask", given)} ...${RULES} press=${() => turn(sign)} />`;
-  return html`<div class="hand">
-    <input type="number" id="run-spindle" min="0" max=${most} step="any" aria-label=${label} title=${label} value=${given} oninput=${(event) => give(event.target.value)} ...${field(RULES)} />
+  return html`<div class="hand spindle-hand">
+    <label><span class="dim">${label}</span><input type="number" id="run-spindle" min="0" max=${most} step="any" aria-label=${label} title=${label} value=${given} oninput=${(event) => give(event.target.value)} ...${field(RULES)} /></label>
     ${way("right", 1, "M3")}${way("left", -1, "M4")}
     <${Act} text="M5" data-hand="off" aria-label=${word("run.spindle_off")} title=${word("run.spindle_off")} ...${RULES} press=${() => turn(0)} />
   </div>`;
@@ -53,6 +53,10 @@ export function ByHand() {
   const { spindle, outputs = [], axes = [] } = dx.facts;
   const kinds = [["mist", "mist"], ["flood", "coolant"]].filter(([, output]) => outputs.includes(output)).map(([kind]) => kind);
   const clamped = axes.filter(({ clamp }) => clamp);
-  return html`${spindle?.driven && html`<${Spindle} most=${spindle.max_rev_min} />`}
-    ${kinds.length + clamped.length > 0 && html`<div class="hand"><${Coolant} kinds=${kinds} /><${Clamps} axes=${clamped} /></div>`}`;
+  const others = kinds.length + clamped.length > 0;
+  if (!spindle?.driven && !others) return null;
+  return html`<${Card} title=${word("jog.peripherals")}>
+    ${spindle?.driven && html`<${Spindle} most=${spindle.max_rev_min} />`}
+    ${others && html`<div class="hand"><${Coolant} kinds=${kinds} /><${Clamps} axes=${clamped} /></div>`}
+  <//>`;
 }

@@ -283,6 +283,7 @@ def test_spindle_coolant_and_clamps_are_told_by_hand(page: Any, site: Site) -> N
     page.click("[data-spindle='-10']:not([aria-disabled=true])")
     until(lambda: site.asked("spindle_override"), "the override")
     assert site.asked("spindle_override")[-1][2] == {"share": 0.9}
+    page.click("[data-to=jog]")
     page.fill("#run-spindle", "1500")
     page.click("[data-hand=left]:not([aria-disabled=true])")
     page.wait_for_selector(".dx-ask >> text=1500")
