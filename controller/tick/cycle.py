@@ -31,6 +31,7 @@ from controller.machine.model import Joints, Machine
 from controller.state import stop_times
 from controller.state.modes import ALWAYS, DROPS, Fault, Mode, Request, bars
 from controller.tick.check import Check
+from controller.tick.coupling import Coupling
 from controller.tick.drives import Drives
 from controller.tick.follow import Follow, Step
 from controller.tick.jog import Jogging
@@ -77,8 +78,9 @@ class Cycle:
         stops_s = stop_times.path_stop_s(machine), stop_times.quick_stop_s(machine)
         absolute = sum(1 << i for i, axis in enumerate(machine.axes) if axis.homing.absolute)
         self.modes = Modes(group, machine.period_s, *stops_s, absolute)
-        self.follow = Follow(machine, kinematics_of(machine))
-        self.peripherals = Peripherals(machine, group.spindle, group.io)
+        self.coupling = Coupling(machine, group.spindle, group.drives)
+        self.follow = Follow(machine, kinematics_of(machine), self.coupling)
+        self.peripherals = Peripherals(machine, group.spindle, group.io, self.coupling)
         self.jogging = Jogging(machine, self.modes, self.follow)
         self._masks = range(1, machine.every_axis + 1)  # of axes
         self._homing_asked = 0  # axes (bit mask) whose clamps must open before they home
@@ -389,6 +391,7 @@ class Cycle:
         if follow.piece is not None and not follow.piece.sets and modes.mode in FOLLOWING:
             self.peripherals.switch(follow.piece.outputs)
         fault, axis = self._judge(step, self._check)
+        self.peripherals.lead_spindle()
         if fault is not Fault.NONE:
             self._refuse(fault, axis, step)
         elif step is Step.STOP and modes.running:
