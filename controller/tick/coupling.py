@@ -169,6 +169,9 @@ class Coupling:
         wanted = move.begin_rev + move.rev_per_mm * s
         if not self.active:
             self._begin(move, wanted, spindle.turns)
+        if self.move is not None and move is not self.move:  # the same angle is so much of the other way
+            turned = self.move.rev_per_mm / move.rev_per_mm
+            self.off_mm, self._step_mm = turned * self.off_mm, turned * self._step_mm
         stands = move is self.move and -STILL < s - self._s < STILL
         self.move, self._s = move, s
         now, before, earlier, answered = wanted, *self._wanted[:3]

@@ -147,6 +147,12 @@ class Course:
             for s in self.stretches
         )
 
+    @property
+    def stop_limits(self) -> JointLimits:
+        """What a stop may use: all that the joints have, on a thread (a course of its own) its share."""
+        limits, first = JointLimits.of(self.machine), self.stretches[0].motion
+        return _along_thread(limits, first, self) if isinstance(first, ThreadMove) else limits
+
     def limit(self, s: Array, which: str, index: Index | None = None) -> Array:
         """One of ``velocity``, ``acceleration``, ``jerk`` of the joints at each place, (N, axes)."""
         index = self.index(s) if index is None else index
