@@ -17,6 +17,8 @@ from typing import Annotated, Any, TextIO
 import typer
 from typer.core import TyperGroup
 
+from controller import one_thread
+
 # File of controller/cli: the commands that it adds, as --help lists them. It has a function of that
 # name, or a Typer called ``app`` or like the command; or ``register(app)`` where there is more to say.
 FILES = {
@@ -122,6 +124,7 @@ def directrix(
 
 def main() -> None:
     """Entry point of ``directrix``; a script that asks for JSON gets it whatever is wrong."""
+    one_thread.set_default()
     as_json = "--json" in sys.argv[1:]
     try:
         code = app(standalone_mode=not as_json)

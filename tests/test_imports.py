@@ -22,12 +22,14 @@ ARROWS: dict[str, set[str]] = {
     "messages": {"faults"},  # texts, a file per language
     "state": {"faults", "machine", "motion", "messages"},
     "ipc": {"motion", "state", "messages", "atomic_file"},  # between the processes
+    "one_thread": set(),  # numpy's libraries, before they are loaded
+    "workers": {"messages", "one_thread"},  # work that is spread over processes
     "program": {"geometry", "machine"},
     "plan": {"geometry", "machine", "motion", "state", "ipc", "program"},
     "tick": {"geometry", "machine", "motion", "state", "ipc"},
-    "verify": VALUES | {"ipc", "program", "plan"},
+    "verify": VALUES | {"workers", "ipc", "program", "plan"},
     # Puts the parts together: clock, tick, plan and drives.
-    "runtime": VALUES | {"ipc", "program", "plan", "tick", "verify"},
+    "runtime": VALUES | {"workers", "ipc", "program", "plan", "tick", "verify", "one_thread"},
     # The process of `serve`: parent of tick and plan, and the far side of the control socket.
     "service": VALUES | {"atomic_file", "ipc", "program", "plan", "tick", "runtime"},
     "api": VALUES | {"atomic_file", "ipc", "program", "plan", "verify"},
@@ -36,7 +38,20 @@ ARROWS: dict[str, set[str]] = {
     "post": {"geometry", "machine", "motion", "program", "plan"},  # a planned path as lines
     # Verbs of the command line: free, but for tick.
     "cli": VALUES
-    | {"atomic_file", "ipc", "program", "plan", "verify", "runtime", "service", "api", "web", "cad", "post"},
+    | {
+        "atomic_file",
+        "workers",
+        "ipc",
+        "program",
+        "plan",
+        "verify",
+        "runtime",
+        "service",
+        "api",
+        "web",
+        "cad",
+        "post",
+    },
 }
 
 # Parts of drives that are values and tables, for all.

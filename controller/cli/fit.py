@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.table import Table
 
+from controller.cli import workers
 from controller.geometry.surfaces import DefectKind, defect
 from controller.machine import machine_file
 from controller.machine.model import Machine
@@ -26,10 +28,16 @@ MachineFile = Annotated[str, typer.Option("--machine", help="Machine file, or th
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
 MIN_MM, MAX_MM = 1e-4, 10.0
+FIT_S = 5.0  # that one surface takes, about
 
 
 def fit(
-    program: Argument, tolerance: Tolerance = 0.01, machine: MachineFile = "trunnion", as_json: Json = False
+    program: Argument,
+    tolerance: Tolerance = 0.01,
+    machine: MachineFile = "trunnion",
+    count: workers.Count = 0,
+    cluster: workers.Cluster = "",
+    as_json: Json = False,
 ) -> None:
     """For each surface the largest radius, free and of the tool table, and the placement that keep it.
 
@@ -45,10 +53,11 @@ def fit(
         if not asked:
             raise Refused(f"{program}: cuts no surface (G51, G52, G6.2); there is nothing to be fitted.")
         found = []
-        with bar("fitting", as_json) as progress:
-            for k, one in enumerate(asked):
-                share = _share(progress, k, len(asked))
-                found.append((one, fits.fit(one, made.tools, tolerance, share)))
+        with workers.spread(count, cluster) as spread, bar("fitting", as_json) as progress:
+            fitted = partial(fits.fit, tools=made.tools, tolerance_mm=tolerance)
+            for one, best in zip(asked, spread(fitted, asked, FIT_S), strict=True):
+                found.append((one, best))
+                progress(len(found) / len(asked))
         if as_json:
             surfaces = [
                 {"line": one.line, "hollow_mm": _finite(one.hollow_mm()), "fits": [b.to_dict() for b in best]}
@@ -61,13 +70,6 @@ def fit(
             )
             return
         show.print(_table(found, tolerance))
-
-
-def _share(progress: Callable[[float], object], k: int, count: int) -> Callable[[float], None]:
-    def share(of_one: float) -> None:
-        progress((k + of_one) / count)
-
-    return share
 
 
 def _asked(program: Path, machine: Machine) -> Iterator[fits.Asked]:

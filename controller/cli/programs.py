@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from controller import messages
+from controller.cli import check_folder, machine_check, speech, workers
 from controller.cli import fitted as fittings
-from controller.cli import machine_check
 from controller.cli.fitted import Fitted
 from controller.machine import machine_file
 from controller.machine.model import Machine
@@ -36,6 +36,7 @@ from controller.state.modes import Fault
 from controller.verify import tables, wording
 from controller.verify.console import Refused, bar, refusals, show, tell
 from controller.verify.rows import Rows
+from controller.workers import Spread
 
 if TYPE_CHECKING:
     from controller.runtime.stepped import Run
@@ -148,9 +149,14 @@ def _length_mm(stretches: dict[int, Stretch]) -> float:
 # --- check ---------------------------------------------------------------------
 
 
+@speech.speaking
 def check(
     program: Annotated[
-        Path | None, typer.Argument(help="The part program; none: only the machine is checked.")
+        Path | None,
+        typer.Argument(
+            metavar="[PROGRAM|DIR]",
+            help="The part program, or a folder of them; none: only the machine is checked.",
+        ),
     ] = None,
     machine: Annotated[
         str, typer.Option("--machine", help="Machine file, or the name of a shipped one; default trunnion.")
@@ -160,6 +166,11 @@ def check(
     dialect: Dialect = None,
     fitted: Fitted = None,
     store: Store = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", metavar="FILE", help="Of a folder: write a page of it (.html).")
+    ] = None,
+    count: workers.Count = 0,
+    cluster: workers.Cluster = "",
     as_json: Json = False,
 ) -> None:
     """Read, plan and audit a program over its whole path, and store the check; nothing moves.
@@ -174,9 +185,18 @@ def check(
         if program is None:
             machine_check.alone(made, sheets, as_json)
             return
-        task = _task(program, made, block_delete)
-        rows = Rows()
-        found, kept, warning = _checked(task, store, rows, as_json)
+        with workers.spread(count, cluster) as spread:
+            if program.is_dir():
+                place = store or stored.folder()
+                asked = check_folder.Asked(program, made, place, block_delete, report)
+                check_folder.run(asked, spread, as_json)
+                return
+            if report is not None:
+                told = messages.said("folder.report_alone", program=program)
+                raise Refused(messages.text(told, speech.spoken.get()))
+            task = _task(program, made, block_delete)
+            rows = Rows()
+            found, kept, warning = _checked(task, store, rows, as_json, spread)
         if as_json:
             facts = {"ok": True, "program": str(program), "sheets": sheets, **found.to_dict()}
             key = None if warning else task.key
@@ -206,13 +226,17 @@ def check(
 
 
 def _checked(
-    task: checked.Task, store: Path | None, rows: Rows, quiet: bool
+    task: checked.Task, store: Path | None, rows: Rows, quiet: bool, spread: Spread
 ) -> tuple[Survey, stored.Stored, str]:
     lines = max(1, task.text.count(b"\n"))
     try:
         with bar("planning", quiet) as progress:
             return checked.check(
-                task, store or stored.folder(), rows.take, lambda line: progress(line / lines)
+                task,
+                store or stored.folder(),
+                rows.take,
+                lambda line: progress(line / lines),
+                spread=spread,
             )
     except ProgramError as error:
         _refuse_all(error, task, quiet)

@@ -14,6 +14,7 @@ import typer
 from rich.table import Table
 
 from controller import messages
+from controller.cli import workers
 from controller.machine import machine_file
 from controller.machine.model import Machine, Tool
 from controller.machine.toml_table import ConfigError
@@ -30,6 +31,7 @@ from controller.verify.gouges import Gouge, gouges, in_table
 from controller.verify.judge import SETTLED_MM, Judged, Worst, Zone, judge
 from controller.verify.nominal import Nominal
 from controller.verify.sweep import FIT_MM, Pass
+from controller.workers import Spread
 
 Argument = Annotated[Path, typer.Argument(help="The program, or a trace of it (.npz, or a fault's folder).")]
 Program = Annotated[Path | None, typer.Option("--program", help="The program that a trace is of.")]
@@ -48,6 +50,7 @@ Plot = Annotated[Path | None, typer.Option("--plot", help="Draw heat maps and th
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 
 MAX_ROWS = 40  # of the table
+BOUND_S = 5.0  # that the search for one surface takes, about
 TRACE = "trace.npz"  # in the folder of a recording
 
 
@@ -103,6 +106,8 @@ def verify(
     gouge: GougeWord = None,
     plot: Plot = None,
     with_bound: BoundWord = False,
+    count: workers.Count = 0,
+    cluster: workers.Cluster = "",
     as_json: Json = False,
 ) -> None:
     """Compute the surface as cut: overcut and undercut along the normal, gouges, collisions."""
@@ -115,11 +120,12 @@ def verify(
         text = linked.linked(part.read_bytes(), linked.beside(part))
         task = checked.task(text, str(part), replace(made, gouge="warn"))
         recorded = None if part is file else _recorded(file, task)
-        with bar("verifying", as_json) as progress:
-            found = _found(task, recorded, commanded, progress)
-        if with_bound:
-            with bar("searching", as_json) as progress:
-                found = replace(found, bounds=_bounds(found.judged, progress))
+        with workers.spread(count, cluster) as spread:
+            with bar("verifying", as_json) as progress:
+                found = _found(task, recorded, commanded, progress, spread)
+            if with_bound:
+                with bar("searching", as_json) as progress:
+                    found = replace(found, bounds=_bounds(found.judged, progress, spread))
         if plot:
             from controller.verify import cut_pictures
 
@@ -162,7 +168,10 @@ def _recorded(file: Path, task: checked.Task) -> trace.Trace:
         ) from error
 
 
-def _found(task: checked.Task, recorded: trace.Trace | None, commanded: bool, progress: Any) -> Found:
+def _found(
+    task: checked.Task, recorded: trace.Trace | None, commanded: bool, progress: Any, spread: Spread
+) -> Found:
+    checked.place_ahead(task, spread)
     walk = checked.path_of(task, checked.chosen_for(task, lambda share: progress(0.1 * share)))
     watched = Watched(walk.items)
     for _ in watched:
@@ -170,10 +179,10 @@ def _found(task: checked.Task, recorded: trace.Trace | None, commanded: bool, pr
     fitted = passes.Fitted.of(_blocks(task), task.machine)
     surfaces = passes.nominals(watched.stretches, fitted)
     ways = _ways(task, recorded, commanded, watched.stretches, surfaces, fitted)
-    judged = judge(surfaces, ways, lambda share: progress(0.1 + 0.7 * share))
+    judged = judge(surfaces, ways, lambda share: progress(0.1 + 0.7 * share), spread)
     errors_mm = 0.0 if recorded is None or commanded else _errors_mm(recorded, task, ways)
     most_mm = task.machine.max_overcut_mm
-    seen = gouges(surfaces, ways, most_mm, lambda share: progress(0.8 + 0.2 * share), errors_mm)
+    seen = gouges(surfaces, ways, most_mm, lambda share: progress(0.8 + 0.2 * share), errors_mm, spread)
     table = in_table(task.machine.table, _rough(task, recorded, watched.stretches, ways, fitted))
     notes = [(note.place.line, note.sentence) for note in walk.notes]
     if not surfaces:
@@ -187,15 +196,12 @@ def _found(task: checked.Task, recorded: trace.Trace | None, commanded: bool, pr
     return Found(of, judged, hurt, seen.ends, verdicts, notes)
 
 
-def _bounds(judged: Sequence[Judged], progress: Any) -> list[Bound]:
+def _bounds(judged: Sequence[Judged], progress: Any, spread: Spread) -> list[Bound]:
     """What each surface could be cut to, by a search that shares nothing with the planner's."""
     found = []
-    for k, one in enumerate(judged):
-
-        def share(of_one: float, k: int = k) -> None:
-            progress((k + of_one) / len(judged))
-
-        found.append(bound(one.nominal, share))
+    for k, one in enumerate(spread(bound, [one.nominal for one in judged], BOUND_S)):
+        found.append(one)
+        progress((k + 1) / len(judged))
     return [one for one in found if one is not None]
 
 

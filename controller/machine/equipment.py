@@ -91,7 +91,9 @@ def _position(table: Table, of: Spindle) -> SpindlePosition | None:
         tpdo=entry.integer("tpdo", 1, 4, 2),
         load=entry.flag("load", False),
         gain_per_s=entry.number("gain_per_s", 1.0, 50.0, default=10.0),
-        acceleration_rev_s2=entry.positive("acceleration_rev_s2", min(of.acceleration_rev_s2, TAPPING_REV_S2)),
+        acceleration_rev_s2=entry.positive(
+            "acceleration_rev_s2", min(of.acceleration_rev_s2, TAPPING_REV_S2)
+        ),
         most_lag_rev=entry.number("most_lag_rev", 0.01, 10.0, default=0.5),
     )
     entry.finish()

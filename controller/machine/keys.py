@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from controller.machine.equipment import M_CODES
 from controller.machine.toml_table import Known, Table
 
-ARRAYS = ("bus", "axis", "tool")  # of tables, in double brackets
+ARRAYS = ("bus", "axis", "tool", "straightness")  # of tables, in double brackets
 NAMES = ("offsets", "io.inputs", "io.outputs", "io.m_codes", "io.analogue_out", "offsets.*.rotary_deg")
 AS_ABOVE = ("spindle.override", "io.override")  # as of an axis
 # Keys whose range, or what they are where the file is silent, is what the file has elsewhere.
@@ -27,6 +27,11 @@ ELSEWHERE = {
     "output": ("a name of `[io]`", ""),
     "inverted": ("names of `[io]`", ""),
     "corner_mm": ("up to `radius_mm`", ""),
+    "moves": ("the name of a slide, but `along`", ""),
+    "at_{unit}": ("numbers in brackets", "of `pitch`: the ends of the travel"),
+    "up_{unit}": ("as many numbers as `at`", "half of `backlash` on either side"),
+    "down_{unit}": ("as many numbers as `at`", "`up` and `backlash`"),
+    "off_mm": ("as many numbers as `at`", ""),
     "from_mm": ("", "0, or where the one before ends"),
     "wear_radius_mm": ("up to 0.5 mm, and to half of the radius", ""),
 }
@@ -123,6 +128,7 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "feedback_every": "its position comes with every so many SYNCs",
         "feed_forward": "whether the velocity goes with the target (60B1h)",
         "enable_group": "lowest first; disabled in reverse",
+        "pitch": "what it misses of its targets: pitch and backlash, as ISO 230-2 has them",
         "clamp": "that holds it where it stands",
         "temperature": "where the drive tells how warm it is",
         "quick_stop_{unit}_s2": "of the drive's own stop (6085h); left out: the largest acceleration",
@@ -144,6 +150,12 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "at_speed_{unit}": "added at the largest velocity, and in proportion below it",
         "in_position_{unit}": "where motion has arrived: spindle, coolant and clamps wait for it",
         "ticks": "feedbacks in a row beyond it are a fault",
+    },
+    "axis.pitch": {
+        "at_{unit}": "positions that were measured, rising",
+        "up_{unit}": "there, come to in the positive sense: where it is, less where it was told to be",
+        "down_{unit}": "the same in the negative sense; left out: as `up`, and `backlash` more",
+        "backlash_{unit}": "what is lost on reversal, where the senses differ by the same everywhere",
     },
     "axis.clamp": {
         "output": "of `[io]`; 1: open",
@@ -212,6 +224,16 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "normal": "out of that face",
         "radius_mm": "of the disc, for the check of collisions",
         "thickness_mm": "of the disc",
+    },
+    "straightness": {
+        "along": "the axis whose position counts",
+        "moves": "the axis that is off by it",
+        "at_{unit}": "positions of the first, rising",
+        "off_mm": "there: where the other axis is, less where it was told to be",
+    },
+    "thermal": {
+        "shift_mm": "where X Y Z are, less where they were told to be, since the machine has become warm",
+        "reference_mm": "where the reference sphere was when the machine was calibrated",
     },
     "tool": {
         "number": "T of programs; T1 is in the spindle at power-on",

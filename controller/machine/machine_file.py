@@ -15,7 +15,14 @@ from dataclasses import replace
 from pathlib import Path
 
 from controller.geometry.vectors import ZERO, Vector, X, Y, Z, cross, norm, scale, subtract
-from controller.machine import drive_objects, drive_profiles, equipment, offset_table
+from controller.machine import (
+    compensation,
+    deviation_tables,
+    drive_objects,
+    drive_profiles,
+    equipment,
+    offset_table,
+)
 from controller.machine.model import (
     ARC_TOLERANCE_MM,
     BUILDS,
@@ -147,6 +154,8 @@ def read_table(top: Table, text: str, folder: Path | None = None) -> Machine:
         kept=offset_table.kept(general, dialect),
         without_point=general.text("without_point", WITHOUT_POINT, ""),
         kinematics=general.text("kinematics", tuple(BUILDS), USUAL_BUILD),
+        straightness=deviation_tables.straightness(top.tables("straightness"), axes),
+        thermal_shift_mm=deviation_tables.thermal_shift(top),
     )
     for table in (general, tools, top):
         table.finish()
@@ -242,9 +251,11 @@ def _axis(table: Table, buses: tuple[Bus, ...], folder: Path | None) -> Axis:
         overrides=drive_objects.overrides(table),
         reference=_reference(table, f"reference_{unit}", (lower, upper), inner),
         second_reference=_reference(table, f"second_reference_{unit}", (lower, upper), inner),
+        pitch=deviation_tables.pitch(table, unit, (lower, upper), inner),
     )
+    deviation_tables.within_limits(table, axis)
     table.finish()
-    return axis
+    return compensation.reserved(axis)
 
 
 def _reference(table: Table, key: str, travel: tuple[float, float], inner: float) -> float | None:

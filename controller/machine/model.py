@@ -139,6 +139,25 @@ class Stopping:
 
 
 @dataclass(frozen=True, slots=True)
+class Pitch:
+    """What an axis misses of its targets (ISO 230-2): where it is, less where it was told to be (mm, rad)."""
+
+    at: tuple[float, ...]  # rising
+    up: tuple[float, ...]  # where it came in the positive sense
+    down: tuple[float, ...]  # in the negative one
+
+
+@dataclass(frozen=True, slots=True)
+class Straightness:
+    """By how much a linear axis is off (mm) while another one stands at each of some positions."""
+
+    along: str  # axis whose position counts
+    moves: str  # the one that is off by it
+    at: tuple[float, ...]  # rising, mm or rad
+    off: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Axis:
     """One joint: geometry, travel, limits, and the drive that moves it."""
 
@@ -170,6 +189,7 @@ class Axis:
     overrides: tuple[Override, ...] = ()  # where its data sheet is wrong
     reference: float | None = None  # mm or rad, of G28; None: where it is homed to
     second_reference: float | None = None  # of G30; None: as of G28
+    pitch: Pitch | None = None
 
     @property
     def is_rotary(self) -> bool:
@@ -415,6 +435,8 @@ class Machine:
     kept: tuple[tuple[int, int], ...] = ()  # numbered parameters, from to, that outlive a program ...
     parameters: tuple[tuple[int, float], ...] = ()  # ... and their values, where one has set them
     kinematics: str = USUAL_BUILD  # of ``BUILDS``
+    straightness: tuple[Straightness, ...] = ()
+    thermal_shift_mm: Vector = ZERO  # of X Y Z since the machine was calibrated: where the tool is too far
 
     def offset(self, index: int) -> Offset:
         """A work offset, as ``OFFSETS`` counts; one that nobody has set is the machine's zero."""

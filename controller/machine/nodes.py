@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from controller.machine import drive_profiles
+from controller.machine import compensation, drive_profiles
 from controller.machine.model import Axis, Machine, SpindlePosition, Temperature
 from controller.machine.toml_table import ConfigError
 from drives.settings import (
@@ -35,7 +35,9 @@ def master_settings(machine: Machine) -> MasterSettings:
 
 def node_settings(machine: Machine) -> tuple[NodeSettings, ...]:
     """One drive per axis, in the axes' order, in counts; raises ``ConfigError`` without its EDS."""
-    return tuple(_node(axis, machine) for axis in machine.axes)
+    return tuple(
+        _node(axis, compensation.largest(machine, i), machine) for i, axis in enumerate(machine.axes)
+    )
 
 
 def spindle_settings(machine: Machine) -> SpindleSettings | None:
@@ -104,9 +106,10 @@ def eds_of(profile: str, named: str = "") -> Path:
     return Path(eds).resolve()
 
 
-def _node(axis: Axis, machine: Machine) -> NodeSettings:
+def _node(axis: Axis, off: float, machine: Machine) -> NodeSettings:
+    """``off``: so far beyond its travel its tables may send it (mm, rad)."""
     counts = abs(axis.counts_per_unit)
-    ends = sorted(round(q * axis.counts_per_unit) for q in (axis.travel_min, axis.travel_max))
+    ends = sorted(round(q * axis.counts_per_unit) for q in (axis.travel_min - off, axis.travel_max + off))
     return NodeSettings(
         name=axis.name,
         bus=axis.bus,

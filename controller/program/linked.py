@@ -27,6 +27,12 @@ SUFFIXES = (".ngc", ".nc", ".tap", ".cnc", ".txt", ".h", "")  # of files of subs
 
 _MARK = re.compile(rb"\n\x1c([^\t\n\x1c]+)\t([^\t\n\x1c]+)\n")
 _CALL = re.compile(rb"[oO][ \t]*(?:<([^<>\r\n]*)>|([0-9]+))[ \t]*[cC][aA][lL][lL]")
+_WHOLE_SUB = re.compile(
+    rb"^[ \t]*[oO][ \t]*(<[^<>\r\n]*>|[0-9]+)[ \t]*[sS][uU][bB]\b.*?"
+    rb"^[ \t]*[oO][ \t]*\1[ \t]*[eE][nN][dD][sS][uU][bB][^\r\n]*",
+    re.MULTILINE | re.DOTALL,
+)
+_IDLE = re.compile(rb"\([^)\r\n]*\)|;[^\r\n]*|%|[mM][ \t]*0*(?:2|30)\b")  # comments, and ends of programs
 _BY_NUMBER = re.compile(rb"[mM][ \t]*0*98[^;(\r\n]*?[pP][ \t]*([0-9]+)")
 _SUB = re.compile(rb"[oO][ \t]*(?:<([^<>\r\n]*)>|([0-9]+))[ \t]*[sS][uU][bB]")
 _NUMBER = re.compile(rb"(?:^|[\r\n])[ \t]*[oO:][ \t]*([0-9]+)[ \t]*(?=[\r\n(;<]|$)")
@@ -112,6 +118,12 @@ def _called(text: Bytes) -> Iterator[str]:
     for number in _BY_NUMBER.findall(text):
         yield str(int(number))
         yield str(int(number[-4:]))
+
+
+def only_subs(text: Bytes) -> bool:
+    """Whether a file is there to be called by others: subs, and nothing beside them but an end."""
+    beside = _WHOLE_SUB.sub(b"", parts(text)[0])
+    return beside != text and not _IDLE.sub(b"", beside).strip()
 
 
 def _defined(text: Bytes) -> Iterator[str]:

@@ -27,7 +27,7 @@ ALONE = ""  # the keyword of a number that stands alone: a sub for M98
 COMPUTED = ""  # the label of a call whose number is an expression
 
 _COMMENTS = r"(?:\([^()\r\n]*\)[ \t]*)*"
-_O = re.compile(r"[oO:]")
+_O = re.compile(r"[oO:](?<![A-Za-z].)")
 _LINE = re.compile(rf"[ \t]*{_COMMENTS}/?[ \t]*{_COMMENTS}(?:[nN][ \t]*[0-9.][0-9. \t]*)?{_COMMENTS}[oO:]")
 _MARK = re.compile(
     rf"[{GAPS}]*(?P<deleted>/?)[{GAPS}]*(?:n[ \t]*[0-9.][0-9. \t]*)?[{GAPS}]*[o:][{GAPS}]*"
@@ -101,12 +101,14 @@ def plain(parts: Iterable[str]) -> bool:
     """Whether lines just follow: the text, in pieces of whole lines, has at most one number alone."""
     numbers = 0
     for part in parts:
+        if _CALLS_BY_NUMBER.search(part):
+            return False
         try:
             words = [mark.keyword for mark in _marks(part, "", len(part))]
         except ProgramError:
             return False
         numbers += len(words)
-        if any(words) or numbers > 1 or _CALLS_BY_NUMBER.search(part):
+        if any(words) or numbers > 1:
             return False
     return True
 

@@ -56,7 +56,7 @@ def _not_a_ruled(line: Line, word: Word, found: str) -> ProgramError:
     )
 
 
-def is_shift(ask: Ask, state: State, machine: Machine, lines: Iterator[Line], ahead: Upcoming) -> bool:
+def is_shift(ask: Ask, state: State, machine: Machine, ahead: Upcoming) -> bool:
     """Whether the G52 of a line shifts coordinates; False: it is a surface.
 
     Raises ProgramError where bare coordinates after it leave open what it is.
@@ -66,7 +66,7 @@ def is_shift(ask: Ask, state: State, machine: Machine, lines: Iterator[Line], ah
         return False
     if machine.dialect == "fanuc":
         return True
-    after = None if ask.code("stop") in ("M2", "M30") else ahead.look(lines)
+    after = None if ask.code("stop") in ("M2", "M30") else ahead.look()
     if after is None or any(given.letter not in "XYZ" for given in after.words):
         return True  # neither a point nor a modal move follows
     if state.cuts or not state.motion:

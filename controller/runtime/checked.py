@@ -9,6 +9,7 @@ rest_of(...) what is left of it from a place on
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -27,18 +28,24 @@ from controller.plan.restart import restart
 from controller.plan.restart.program_position import Spot
 from controller.plan.restart.restart import Rest, Source
 from controller.plan.stretch import Chain, Note, Pause, Stretch
-from controller.plan.surfaces import choices, placements
+from controller.plan.surfaces import choices, cuts, placements, placing
 from controller.program import blocks
 from controller.program.position import homed
-from controller.program.program import Block, GougeRefused, ProgramError
+from controller.program.program import Block, CutBlock, GougeRefused, ProgramError
 from controller.verify import wording
 from controller.verify.audit import Audit, FormRefused, Watched, audit
+from controller.workers import Spread, here
 
 NO_LAW = (
     "no motion was found from here on that keeps all axes within their limits: somewhere they would have to "
     "turn all but at once; smooth the surfaces there, split the block, or tilt the part"
 )
-CHOSEN, PLANNED = 0.2, 0.6  # share of a check that is done when branches are chosen, and when all is planned
+# Share of a check that is done when cutters are placed, when branches are chosen, and when all is planned.
+PLACED, CHOSEN, PLANNED = 0.1, 0.2, 0.6
+CUTS = re.compile(
+    rb"[gG][ \t]*0*(?:5[12]|6\.2)"
+)  # what may cut a surface: a long program of lines is not read twice
+PLACING_S = 0.4  # that a search for one surface takes, about
 NOTHING = "The program has no block that does anything; nothing to run."
 
 
@@ -209,13 +216,15 @@ def _gouges_placed(asked: Task) -> Iterator[None]:
         raise
 
 
-def _audited(asked: Task, watched: Watched, progress: Progress = lambda _: None) -> Audit:
+def _audited(
+    asked: Task, watched: Watched, progress: Progress = lambda _: None, spread: Spread = here
+) -> Audit:
     """What is told of the surfaces; raises ProgramError where they are refused."""
 
     def read() -> Iterator[Block]:
         return blocks.stream(asked.text, asked.machine, asked.name, start=asked.start)
 
-    return audit(watched, read, asked.name, asked.machine, asked.kinematics, progress)
+    return audit(watched, read, asked.name, asked.machine, asked.kinematics, progress, spread)
 
 
 def _noted(walk: Walk, notes: Sequence[Note]) -> Walk:
@@ -236,11 +245,28 @@ def check(
     tell: Callable[[BlockUse], None] = lambda _: None,
     progress: Callable[[int], None] = lambda _: None,
     watch: Callable[[Iterable[Chain | Pause]], Iterable[Chain | Pause]] = lambda items: items,
+    spread: Spread = here,
 ) -> tuple[Survey, Stored, str]:
     """Look at the whole program and keep what was found: survey, check, and a warning or "".
 
+    As ``looked_at``. Raises ProgramError.
+    """
+    found, kept = looked_at(asked, tell, progress, watch, spread)
+    return found, kept, keep(kept, asked.key, where)
+
+
+def looked_at(
+    asked: Task,
+    tell: Callable[[BlockUse], None] = lambda _: None,
+    progress: Callable[[int], None] = lambda _: None,
+    watch: Callable[[Iterable[Chain | Pause]], Iterable[Chain | Pause]] = lambda items: items,
+    spread: Spread = here,
+) -> tuple[Survey, Stored]:
+    """The whole program: survey and check.
+
     ``tell`` is that of ``survey.survey``; ``progress`` gets what is done of all, as a line of the
-    program; ``watch`` hands the path on as it is read. Raises ProgramError.
+    program; ``watch`` hands the path on as it is read; ``spread`` takes what is per surface. Raises
+    ProgramError.
     """
     lines = max(1, asked.text.count(b"\n"))
 
@@ -249,7 +275,8 @@ def check(
 
     planned = _between(done, CHOSEN, PLANNED)
     with _gouges_placed(asked):
-        chosen = chosen_for(asked, _between(done, 0.0, CHOSEN))
+        place_ahead(asked, spread, _between(done, 0.0, PLACED))
+        chosen = chosen_for(asked, _between(done, PLACED, CHOSEN))
         walk = path_of(asked, chosen, in_spindle=TOOL_AT_POWER_ON)
         placed = placements.Noted(watch(walk.items))
         watched, passing = Watched(placed), Passing()
@@ -259,21 +286,42 @@ def check(
             )
         except NoLaw as lost:
             raise ProgramError(asked.name, lost.line, 1, NO_LAW) from lost
-        seen = _audited(asked, watched, _between(done, PLANNED, 1.0))
+        seen = _audited(asked, watched, _between(done, PLANNED, 1.0), spread)
     notes, overcuts = (*walk.notes, *seen.notes), tuple(seen.overcuts)
     figures = found.ticks, found.duration_s, found.blocks
-    kept = Stored(
+    return found, Stored(
         *figures, walk.choices, notes, overcuts, placed.recipes, tuple(seen.verdicts), tuple(passing.marks)
     )
+
+
+def place_ahead(asked: Task, spread: Spread, progress: Progress = lambda _: None) -> None:
+    """Searches the placements of all surfaces before the path asks for one after the other.
+
+    Nothing where nobody else searches. A program that is refused somewhere is placed up to there.
+    """
+    if spread is here or not CUTS.search(asked.text):
+        return
+    wanted: dict[str, placing.Wanted] = {}
+    with contextlib.suppress(ProgramError):
+        for block in _told(_blocks(asked), asked, _between(progress, 0.0, 0.1)):
+            if isinstance(block, CutBlock):
+                wanted |= {one.name: one for one in cuts.wanted(block, asked.machine)}
+    unknown = [one for name, one in wanted.items() if placements.known(name) is None]
+    for k, (one, recipe) in enumerate(
+        zip(unknown, spread(placing.searched, unknown, PLACING_S), strict=True)
+    ):
+        if recipe is not None:
+            placements.learn({one.name: recipe})
+        progress(0.1 + 0.9 * (k + 1) / len(unknown))
+
+
+def keep(kept: Stored, name: str, where: Path) -> str:
+    """Store a check; a warning where that was not to be done, or ""."""
     try:
-        stored.save(kept, asked.key, where)
+        stored.save(kept, name, where)
     except OSError as error:
-        return (
-            found,
-            kept,
-            f"{where}: the check could not be stored ({error.strerror}); a start checks again.",
-        )
-    return found, kept, ""
+        return f"{where}: the check could not be stored ({error.strerror}); a start checks again."
+    return ""
 
 
 def verdict_of(kept: Stored, most: int = wording.MOST) -> dict[str, Any] | None:

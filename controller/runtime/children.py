@@ -20,6 +20,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from controller import one_thread
 from controller.machine.model import Machine
 
 SESSION = "controller.runtime"  # the module of most of them
@@ -28,8 +29,6 @@ END_S = 5.0  # to stand down; then it is killed
 _PR_SET_PDEATHSIG = 1
 _PR_SET_NAME = 15
 _STDERR = 2
-# numpy's libraries start a thread per processor when they are loaded, wanted or not.
-_ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +62,11 @@ class Child:
             stdin=subprocess.DEVNULL,
             stdout=_STDERR,  # standard output is the command's own
             pass_fds=descriptors,
-            env={**os.environ, **_ONE_THREAD, "PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path))},
+            env={
+                **os.environ,
+                **one_thread.ENVIRONMENT,
+                "PYTHONPATH": os.pathsep.join(map(os.path.abspath, sys.path)),
+            },
             process_group=0,
         )
 

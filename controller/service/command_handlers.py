@@ -22,10 +22,9 @@ from controller.messages import Key
 from controller.plan.retract import RETRACT_MM_S
 from controller.service import diagnostics, jobs, node_status, restart_preview, runs, sequences, status, wear
 from controller.service.acknowledged import Acknowledged, refusal
-from controller.service.arguments import number, whole
 from controller.service.jobs import Job
 from controller.service.jogging import ENDS, Jogging, Presses
-from controller.service.refusals import by_fault, refused
+from controller.service.refusals import by_fault, number, refused, whole
 from controller.service.sequencer import Going
 from controller.service.service import Service
 from controller.state.modes import Mode, Request, bars

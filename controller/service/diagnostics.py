@@ -14,7 +14,7 @@ from controller.ipc.handoff import COLUMN, ROW, Recorder
 from controller.ipc.packed_rows import packed
 from controller.machine.model import Bus, Machine
 from controller.runtime.bus_load import budgets
-from controller.service.arguments import whole
+from controller.service.refusals import whole
 from controller.tick.cycle import LATE_SHARE
 from drives import pdo
 from drives.load.budget import BusBudget, worst_bits

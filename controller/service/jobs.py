@@ -18,9 +18,8 @@ from controller.plan.restart.program_position import ENTRY_ID, Spot
 from controller.program import linked
 from controller.runtime.starts import Start
 from controller.service import journal
-from controller.service.arguments import number, whole
 from controller.service.planner_client import News, Program, Said, Way
-from controller.service.refusals import refused
+from controller.service.refusals import number, refused, whole
 from controller.state.modes import Mode
 
 MDI = "MDI"

@@ -53,8 +53,7 @@ from controller.runtime.starts import Start
 from controller.service.engine import Asked
 from controller.service.journal import sha256
 from controller.service.planner_client import Program, Turn
-from controller.service.run_events import RunEvents
-from controller.service.run_file import PART, RunFile
+from controller.service.run_file import PART, RunEvents, RunFile
 from controller.state.modes import Fault, Mode
 
 FOLDER, RUN, BEGUN = "runs", "run.json", "begun.json"

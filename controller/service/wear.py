@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from controller.ipc.control_socket import Values
-from controller.service.arguments import number, whole
-from controller.service.refusals import refused
+from controller.service.refusals import number, refused, whole
 from controller.service.usage import Usage
 
 MAX_TOOL = 100_000

@@ -7,6 +7,7 @@ from functools import cache
 from typing import Any
 
 from controller.machine.model import Joints, Machine
+from controller.tick.deviations import Deviations
 
 INT32 = 1 << 31
 
@@ -17,6 +18,8 @@ class Encoder:
     def __init__(self, machine: Machine) -> None:
         self._counts_per_unit = tuple(axis.counts_per_unit for axis in machine.axes)
         self._units_per_count = tuple(1.0 / axis.counts_per_unit for axis in machine.axes)
+        deviations = Deviations(machine)
+        self._deviations = deviations if deviations.found else None
         axes = len(machine.axes)
         self._rounded = _of_each("round(a[{0}] * b[{0}])", axes)
         self._products = _of_each("a[{0}] * b[{0}]", axes)
@@ -25,7 +28,8 @@ class Encoder:
 
     def encode(self, joints: Joints) -> bool:
         """Rounds to counts; False (and nothing changed) if one does not fit into an int32."""
-        counts = self._rounded(joints, self._counts_per_unit)
+        told = joints if self._deviations is None else self._deviations.told(joints)
+        counts = self._rounded(told, self._counts_per_unit)
         if min(counts) < -INT32 or max(counts) >= INT32:
             return False
         self.setpoints = counts
@@ -37,7 +41,8 @@ class Encoder:
 
     def decode(self, positions: Sequence[int]) -> None:
         """Takes the drives' positions (counts)."""
-        self.actual = self._products(positions, self._units_per_count)
+        drives = self._products(positions, self._units_per_count)
+        self.actual = drives if self._deviations is None else self._deviations.real(drives)
 
 
 @cache

@@ -21,6 +21,7 @@ from controller.plan.stretch import Chain, Note, Pause, Stretch
 from controller.program.program import Block, Place, ProgramError
 from controller.verify import passes, wording
 from controller.verify.gouges import Findings, Gouge, gouges, in_table
+from controller.workers import Spread, here
 
 MAX_WAYS = 20_000  # motions beside cuts that are kept: it bounds the memory
 
@@ -70,6 +71,7 @@ def audit(
     machine: Machine,
     kinematics: Kinematics,
     progress: Callable[[float], None] = lambda _: None,
+    spread: Spread = here,
 ) -> Audit:
     """What is told of the surfaces of a path; raises ProgramError where the machine refuses them.
 
@@ -80,7 +82,7 @@ def audit(
     if machine.table is None and not any(isinstance(s.motion, SurfaceCut) for s in stretches.values()):
         return Audit([], [], [])
     fitted = passes.Fitted.of(read(), machine)
-    findings = _found(stretches, fitted, machine, kinematics, progress)
+    findings = _found(stretches, fitted, machine, kinematics, progress, spread)
     found = findings.gouges
     places = {stretch.place.line: stretch.place for stretch in stretches.values()}
     if found and machine.gouge == "refuse":
@@ -121,11 +123,12 @@ def _found(
     machine: Machine,
     kinematics: Kinematics,
     progress: Callable[[float], None],
+    spread: Spread,
 ) -> Findings:
     """All that is told, in the order of the blocks that do it."""
     surfaces = passes.nominals(stretches, fitted)
     near = passes.planned(stretches, surfaces, fitted, kinematics, rough=True) if surfaces else {}
-    found = gouges(surfaces, near, machine.max_overcut_mm, progress)
+    found = gouges(surfaces, near, machine.max_overcut_mm, progress, spread=spread)
     if machine.table is None:
         return found
     table = in_table(machine.table, passes.rough(stretches, fitted, kinematics))

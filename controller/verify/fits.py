@@ -8,7 +8,7 @@ own cut, ends included. Leads and neighbours are not in it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -131,23 +131,17 @@ def kind_of(tool: Tool) -> str:
     return "ball" if tool.corner_mm >= tool.radius_mm else "bull nose"
 
 
-def fit(
-    asked: Asked,
-    tools: Iterable[Tool],
-    tolerance_mm: float,
-    progress: Callable[[float], None] = lambda _: None,
-) -> list[Best]:
+def fit(asked: Asked, tools: Iterable[Tool], tolerance_mm: float) -> list[Best]:
     """For a cylinder and every kind of cutter in the table: the largest radius, free and of the table."""
     table = sorted(tools, key=lambda tool: (-tool.radius_mm, tool.number))
     shapes = {("cylinder", 0.0): Tool(0, "", 1.0, 0.0, 1.0)}
     for tool in table:
         shapes.setdefault((kind_of(tool), tool.taper_rad), tool)
     found = []
-    for k, ((kind, taper), shape) in enumerate(shapes.items()):
+    for (kind, taper), shape in shapes.items():
         rows = _placed(asked, shape, tolerance_mm)
         own = [tool for tool in table if (kind_of(tool), tool.taper_rad) == (kind, taper)]
         found.append(_best(kind, taper, rows, own))
-        progress((k + 1) / len(shapes))
     return found
 
 

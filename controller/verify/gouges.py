@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -36,11 +36,14 @@ from controller.verify.looks import MIN_MM, Hurt, Look
 from controller.verify.nominal import Nominal
 from controller.verify.passes import height_mm, longest
 from controller.verify.sweep import Pass, Sweep
+from controller.workers import Spread, here
 
 Array = NDArray[np.float64]
 
 KINDS = ("hollow", "overcut", "own cut", "other motion", "holder", "table")
 END = "end"  # told, and no gouge
+ROW = 8  # surfaces that one worker looks at in a row, for neighbours are in each other's sight
+SURFACE_S = 0.02  # that one takes, about
 LOOKED_AT = 64  # surfaces that are kept in sight: what cuts into one is next to it
 ROUND_TABLE = 24  # points of a circle held against the table
 
@@ -121,34 +124,61 @@ def gouges(
     max_overcut_mm: float | None = None,
     progress: Callable[[float], None] = lambda _: None,
     errors_mm: float = 0.0,
+    spread: Spread = here,
 ) -> Findings:
     """The deepest place of each kind and motion once.
 
     ``errors_mm`` is how far the drives of a recorded run were off at most: one motion may reach so
     much deeper than another without being led there.
     """
-    sweeps = {tool: Sweep(rows, height_mm(tool, surfaces)) for tool, rows in passes.items() if rows}
-    least, of_line = longest(surfaces), dict[int, list[int]]()
-    for k, one in enumerate(surfaces):
-        of_line.setdefault(one.line, []).append(k)
-
-    @lru_cache(LOOKED_AT)
-    def look(k: int) -> Look:
-        return Look(surfaces[k], sweeps, least, errors_mm)
-
-    def cuts(line: int) -> list[Look]:
-        return [look(k) for k in of_line.get(line, ())]
-
     told, overcuts, verdicts = list[Gouge](), list[Overcut](), list[Verdict]()
-    for k in range(len(surfaces)):
-        told += [_gouge(look(k), hurt) for hurt in look(k).hurts(cuts, max_overcut_mm)]
-        overcuts.append(_overcut(look(k)))
-        if (verdict := forms.verdict(look(k))) is not None:
-            verdicts.append(verdict)
-        progress((k + 1) / len(surfaces))
+    rows = [range(k, min(k + ROW, len(surfaces))) for k in range(0, len(surfaces), ROW)]
+    for found in spread(_Looks(surfaces, passes, max_overcut_mm, errors_mm), rows, ROW * SURFACE_S):
+        for hurts, overcut, verdict in found:
+            told += hurts
+            overcuts.append(overcut)
+            verdicts += [verdict] if verdict is not None else []
+        progress(len(overcuts) / len(surfaces))
     told.sort(key=lambda one: (one.by_line, (*KINDS, END).index(one.kind)))
     hurt, ends = ([one for one in told if (one.kind == END) == is_end] for is_end in (False, True))
     return Findings(hurt, ends, overcuts, verdicts)
+
+
+class _Looks:
+    """What is found at a few surfaces that follow each other, by their numbers."""
+
+    def __init__(
+        self,
+        surfaces: Sequence[Nominal],
+        passes: Mapping[Tool, Sequence[Pass]],
+        max_overcut_mm: float | None,
+        errors_mm: float,
+    ) -> None:
+        self._surfaces, self._passes = surfaces, passes
+        self._max_overcut_mm, self._errors_mm = max_overcut_mm, errors_mm
+
+    def __call__(self, row: range) -> list[tuple[list[Gouge], Overcut, Verdict | None]]:
+        found = []
+        for look in map(self._look, row):
+            hurts = [_gouge(look, hurt) for hurt in look.hurts(self._cuts, self._max_overcut_mm)]
+            found.append((hurts, _overcut(look), forms.verdict(look)))
+        return found
+
+    def _cuts(self, line: int) -> list[Look]:
+        return [self._look(k) for k in self._of_line.get(line, ())]
+
+    @cached_property
+    def _look(self) -> Callable[[int], Look]:
+        sweeps = {t: Sweep(rows, height_mm(t, self._surfaces)) for t, rows in self._passes.items() if rows}
+        least = longest(self._surfaces)
+        return lru_cache(LOOKED_AT)(lambda k: Look(self._surfaces[k], sweeps, least, self._errors_mm))
+
+    @cached_property
+    def _of_line(self) -> dict[int, list[int]]:
+        of_line = dict[int, list[int]]()
+        for k, one in enumerate(self._surfaces):
+            of_line.setdefault(one.line, []).append(k)
+        return of_line
 
 
 def _overcut(look: Look) -> Overcut:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,7 @@ from controller.verify.envelope import deviation
 from controller.verify.nominal import Nominal, grid
 from controller.verify.passes import height_mm, longest
 from controller.verify.sweep import Pass, Sweep
+from controller.workers import Spread, here
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -37,6 +38,7 @@ MAX_LEVELS = 4
 ZOOMED = 4  # worst cells of a grid
 ZOOM_POINTS = 7  # of a zoomed cell, along and across
 ZOOM_STEPS = 8
+SURFACE_S = 0.5  # that one takes, about
 PERCENTILES = (50.0, 90.0, 99.0)
 
 
@@ -168,20 +170,33 @@ def judge(
     surfaces: Sequence[Nominal],
     passes: Mapping[Tool, Sequence[Pass]],
     progress: Callable[[float], None] = lambda _: None,
+    spread: Spread = here,
 ) -> list[Judged]:
     """Every surface as cut by its own cut and by all passes. ``progress`` gets the share that is done."""
-    cutting, found = Cutting(passes, surfaces), []
-    for k, one in enumerate(surfaces):
-        own = cutting.own(one)
-        alone = Field(one, own)
-        inside = alone.zone(*INSIDE)[0]
-        progress((k + 0.3) / len(surfaces))
-        ends = _joined(alone.zone(0.0, INSIDE[0])[0], alone.zone(INSIDE[1], 1.0)[0])
-        progress((k + 0.6) / len(surfaces))
-        whole, seen = Field(one, cutting).zone(0.0, 1.0)
-        progress((k + 1.0) / len(surfaces))
-        found.append(Judged(one, inside, ends, whole, seen))
+    found = []
+    for one in spread(_Judge(surfaces, passes), range(len(surfaces)), SURFACE_S):
+        found.append(one)
+        progress(len(found) / len(surfaces))
     return found
+
+
+class _Judge:
+    """Of one surface by its number."""
+
+    def __init__(self, surfaces: Sequence[Nominal], passes: Mapping[Tool, Sequence[Pass]]) -> None:
+        self._surfaces, self._passes = surfaces, passes
+
+    def __call__(self, k: int) -> Judged:
+        one, cutting = self._surfaces[k], self._cutting
+        alone = Field(one, cutting.own(one))
+        inside = alone.zone(*INSIDE)[0]
+        ends = _joined(alone.zone(0.0, INSIDE[0])[0], alone.zone(INSIDE[1], 1.0)[0])
+        whole, seen = Field(one, cutting).zone(0.0, 1.0)
+        return Judged(one, inside, ends, whole, seen)
+
+    @cached_property
+    def _cutting(self) -> Cutting:
+        return Cutting(self._passes, self._surfaces)
 
 
 def _joined(a: Zone, b: Zone) -> Zone:

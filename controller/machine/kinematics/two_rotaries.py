@@ -47,6 +47,11 @@ from controller.machine.model import Kind, Machine
 NEAR_POLE = 1e-9  # sine of the angle between tool axis and w2 below which w2's angle is a limit
 CLEAR_OF_POLE = 1e-3  # the same sine above which third derivatives keep nine digits
 STILL = 1e-12  # an axis that leaves the pole slower than this (1/u) does not leave it
+# A pair of rotaries as it was measured misses its pole by a hair. There the tool axis gives way, by what is
+# missed at most: no rotary could make up for it, and beside a limit of reach both would have to jump.
+HAIR = 0.004  # sine by which a pole may be missed and still be one: 0.23 degrees, both rotaries together
+SOFT = 4.0  # times that: so near to the pole half of it is made up for
+TINY = 1e-60
 SPILL = 1e-13  # square of a reach overshot by rounding
 
 
@@ -96,9 +101,10 @@ class TwoRotaries(Kinematics):
         self._z1, self._z2 = dot(f1, Z), dot(cross(w1, f1), Z)
         # Where O reaches +-w2, A = (height - cosine (O w2)) / across: what is left of it there.
         # Usually 0, and then it is taken as such: the pole is a pole only on this machine.
-        self._left = tuple(
-            0.0 if abs(x) < 1e-14 else x for x in (self._height - s * self._cosine for s in (1, -1))
-        )
+        left = [0.0 if abs(x) < 1e-14 else x for x in (self._height - s * self._cosine for s in (1, -1))]
+        self._missed = tuple(x if abs(x) < HAIR else 0.0 for x in left)
+        self._left = tuple(0.0 if missed else x for missed, x in zip(self._missed, left, strict=True))
+        self.lean_rad = max(abs(x) for x in self._missed) / across
 
     # ---- from the pose to the joints ---------------------------------------------
 
@@ -182,6 +188,8 @@ class TwoRotaries(Kinematics):
         # without the cancellation which would drown A in rounding there.
         left, side = self._left_at(h, m)
         c = (left + (square / (1.0 + side * h)) * (self._cosine * side) * rho) / self._across
+        if self.lean_rad:
+            c = c + self._made_up(square, rho, side, m)
         a, b, c, r, g, lost = self._limit(a, b, c, square, inside, m)
         g = g * rho
         # Height along w1 is fixed, so along f1 c has what h and that height leave over.
@@ -198,6 +206,18 @@ class TwoRotaries(Kinematics):
             return (above, 1.0) if h >= 0.0 else (below, -1.0)
         sign = np.where(np.asarray(_value(h)) >= 0.0, 1.0, -1.0)
         return np.where(sign > 0.0, above, below), sign
+
+    def _made_up(self, square: Number, rho: Number, side: Number, m: ModuleType) -> Number:
+        """What a pole that is missed by a hair needs of c: all of it far from there, nothing at the pole.
+
+        The axis is r = sqrt(rho^2 square) off w2; c is missed r^8 / (r^8 + (SOFT missed)^8), over rho: at the
+        pole of higher order than c is without it, and below r / SOFT everywhere, so within reach.
+        """
+        above, below = self._missed
+        missed = (above if side > 0.0 else below) if m is math else np.where(side > 0.0, above, below)
+        soft, off = (SOFT * missed) * (SOFT * missed), rho * rho * square
+        cube = off * off * off
+        return missed * rho * square * cube / ((soft * soft * soft * soft + off * cube + TINY) * self._across)
 
     def _limit(
         self, a: Number, b: Number, c: Number, square: Number, inside: Vector | None, m: ModuleType

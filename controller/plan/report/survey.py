@@ -29,10 +29,10 @@ from controller.plan.feed.course import Course
 from controller.plan.feed.law import along
 from controller.plan.path.path import Chain, Pause, Stretch, joints_along
 from controller.plan.report import moments
+from controller.plan.report.duration import Waits
 from controller.plan.report.passing import Passing
 from controller.plan.report.planned import Planned, planned
 from controller.plan.report.tally import Bound, Part, Tally, bounds
-from controller.plan.report.waits import Waits
 from controller.plan.restart.program_position import BESIDE
 from controller.plan.surfaces import rates
 from controller.program.program import Act

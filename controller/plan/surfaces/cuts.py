@@ -30,7 +30,7 @@ from controller.machine.model import Machine, Tool
 from controller.motion.motions import SurfaceCut
 from controller.plan.stretch import Voice
 from controller.plan.surfaces.placements import name_of
-from controller.plan.surfaces.placing import Cutter, off_mm, place
+from controller.plan.surfaces.placing import Cutter, Wanted, off_mm, place
 from controller.plan.surfaces.touching import touched
 from controller.program.program import CutBlock, CutCone, CutNurbs, CutRuled, GougeRefused, Modal
 
@@ -172,6 +172,21 @@ def _cut(block: CutBlock, surface: Surface, part: tuple[float, float], tool: Too
     motion = SurfaceCut(placed, _arc(surface.lower), cutter.offset_mm, tool.length_mm, frame)
     motion = touched(motion, kinematics_of(machine))
     return Cut(block, tool, motion, edge(motion, 0.0), edge(motion, 1.0), part)
+
+
+def wanted(block: CutBlock, machine: Machine) -> Iterator[Wanted]:
+    """The placements that ``build`` will search for a block; none where it refuses it before."""
+    tool = block.modal.tool_in(machine)
+    if tool is None or (kind := strategy(block, tool, machine)) is Strategy.SINGLE:
+        return
+    tolerance = tolerance_mm(block.modal, tool, machine)
+    if kind is Strategy.AUTO and tolerance is None:
+        return
+    surface = surface_of(block)
+    found = _defect(surface)
+    if found is None or (found.kind is DefectKind.TWIST and kind in FREE):
+        for part, _ in _parts(block, surface):
+            yield Wanted(part, _cutter(block.modal, tool), kind, tolerance or 0.0)
 
 
 def _cutter(modal: Modal, tool: Tool) -> Cutter:

@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 from controller.geometry import series as jets
 from controller.geometry.placement import AT_LOWER, Placed
-from controller.geometry.vectors import Vector
+from controller.geometry.vectors import Vector, norm
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import Rotaries, ToolSpline
@@ -351,6 +351,7 @@ class Room:
         if cut.tool.radius_mm > 0.0:
             reach = machine.lead_mm + 2.0 * cut.tool.radius_mm
             allowed = audit.depth_near(cut, audit.surface_points([cut]), at_start, reach)
+            allowed += kinematics.lean_rad * norm(cut.motion.surface.ruling(0.0 if at_start else 1.0))
         more = most = MORE * allowed
         tolerance = tolerance_mm(cut.block.modal, cut.tool, machine)
         if tolerance is not None and allowed < tolerance:

@@ -114,6 +114,31 @@ def _first_that_keeps(surface: Surface, cutter: Cutter, tolerance_mm: float) -> 
     return min(found, key=lambda one: one[0])[1]
 
 
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """A placement that has to be searched: what ``place`` is asked."""
+
+    surface: Surface
+    cutter: Cutter
+    strategy: Strategy
+    tolerance_mm: float
+
+    @property
+    def name(self) -> str:
+        """Under what it is known once it is found."""
+        asked = (self.tolerance_mm,) if self.strategy is Strategy.AUTO else ()
+        return placements.name_of(self.surface, self.cutter, self.strategy, *asked)
+
+
+def searched(wanted: Wanted) -> placements.Recipe | None:
+    """What ``place`` finds, to be learnt; None where it is the paper's placement, or there is none."""
+    try:
+        placed = place(wanted.surface, wanted.cutter, wanted.strategy, wanted.tolerance_mm)
+    except ValueError:  # told by who reads the block
+        return None
+    return placements.Recipe.of(placed) if isinstance(placed, Placed) and placed.name else None
+
+
 def off_mm(surface: Surface, cutter: Cutter, strategy: Strategy) -> float:
     """How far a placement (not ``AUTO``) leaves the surface off at most but for its ends, mm."""
     single = _single(surface, cutter)

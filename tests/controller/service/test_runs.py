@@ -108,7 +108,7 @@ def test_a_disk_that_is_full_costs_the_record_and_not_the_run(
     def full(file: Path, text: str) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(runs.whole, "write", full)
+    monkeypatch.setattr(runs.atomic_file, "write", full)
     record = begun(tmp_path, 10)
     assert record.began and record.end("completed")["result"] == "completed"
 

@@ -13,8 +13,8 @@ from controller.geometry.vectors import Frame, add, norm, rotate, scale, subtrac
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Machine, Sense
 from controller.messages import text
-from controller.service import jog_frames
-from controller.service.jog_frames import JogError
+from controller.service import jogging
+from controller.service.jogging import JogError
 from controller.state.modes import ALL_AXES
 
 LETTERS = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
@@ -38,7 +38,7 @@ def test_a_line_of_the_part_moves_the_tip_along_the_axis_of_its_offset(axis: str
     rng = random.Random(seed)
     for built in some_machines(rng):
         kinematics, joints = kinematics_of(built), some_joints(rng)
-        line = jog_frames.direction(built, kinematics, joints, "part", axis, TURNED, ALL_AXES)
+        line = jogging.direction(built, kinematics, joints, "part", axis, TURNED, ALL_AXES)
         there = [q + 7.0 * d for q, d in zip(joints, line, strict=True)]
         before, after = kinematics.forward(joints, 80.0), kinematics.forward(there, 80.0)
         moved = TURNED.turn_back(subtract(after.tip, before.tip))
@@ -54,7 +54,7 @@ def test_z_of_the_tool_retracts_along_the_tool_axis_and_x_and_y_stand_across_it(
         before = kinematics.forward(joints, 80.0)
         ways = []
         for axis in "XYZ":
-            line = jog_frames.direction(built, kinematics, joints, "tool", axis, TURNED, ALL_AXES)
+            line = jogging.direction(built, kinematics, joints, "tool", axis, TURNED, ALL_AXES)
             there = [q + 7.0 * d for q, d in zip(joints, line, strict=True)]
             ways.append(subtract(kinematics.forward(there, 80.0).tip, before.tip))
         assert ways[2] == pytest.approx(scale(before.axis, 7.0), abs=1e-9), f"seed {seed}, {built.name}"
@@ -68,7 +68,7 @@ def test_z_of_the_tool_retracts_along_the_tool_axis_and_x_and_y_stand_across_it(
 def test_an_axis_that_is_nothing_in_a_line_stands_altogether() -> None:
     built = machine("fig4a")
     joints = (1.0, 2.0, 3.0, 0.0, math.pi / 2)
-    line = jog_frames.direction(built, kinematics_of(built), joints, "part", "X", Frame(), ALL_AXES)
+    line = jogging.direction(built, kinematics_of(built), joints, "part", "X", Frame(), ALL_AXES)
     assert line[0] == line[2] == line[3] == line[4] == 0.0 and abs(line[1]) == pytest.approx(1.0)
 
 
@@ -76,7 +76,7 @@ def test_a_joint_is_jogged_in_the_sense_that_is_shown() -> None:
     built = machine("fig4a")
     iso = replace(built, axes=(*built.axes[:4], replace(built.axes[4], sense=Sense.ISO)))
     args = (kinematics_of(built), (0.0,) * 5, "joint", "C", 90.0, Frame(), 0)
-    carried, flipped = jog_frames.step(built, *args), jog_frames.step(iso, *args)
+    carried, flipped = jogging.step(built, *args), jogging.step(iso, *args)
     assert carried.direction[4] == 1.0 and flipped.direction[4] == -1.0
     assert carried.length == flipped.length == pytest.approx(math.radians(90.0))
 
@@ -84,7 +84,7 @@ def test_a_joint_is_jogged_in_the_sense_that_is_shown() -> None:
 @pytest.mark.parametrize("share", [1.0, -1.0, 0.25, -0.01])
 def test_the_speed_is_a_share_of_what_the_slowest_axis_may_have(share: float) -> None:
     built = machine("fig4a")
-    jog = jog_frames.continuous(
+    jog = jogging.continuous(
         built, kinematics_of(built), (0.0, 0.0, 0.0, 0.4, 0.3), "part", "Y", share, Frame(), ALL_AXES
     )
     speeds = [abs(d) * jog.speed / a.limits.velocity for d, a in zip(jog.direction, built.axes, strict=True)]
@@ -94,7 +94,7 @@ def test_the_speed_is_a_share_of_what_the_slowest_axis_may_have(share: float) ->
 
 def test_a_step_knows_its_side_and_its_length() -> None:
     built = machine("fig4a")
-    jog = jog_frames.step(built, kinematics_of(built), (0.0,) * 5, "joint", "X", -0.5, Frame(), ALL_AXES, 0.1)
+    jog = jogging.step(built, kinematics_of(built), (0.0,) * 5, "joint", "X", -0.5, Frame(), ALL_AXES, 0.1)
     assert jog.direction == (-1.0, 0.0, 0.0, 0.0, 0.0) and jog.length == 0.5
     assert jog.speed == pytest.approx(0.1 * built.rapid_share * built.axes[0].limits.velocity)
 
@@ -102,10 +102,10 @@ def test_a_step_knows_its_side_and_its_length() -> None:
 def test_the_line_to_a_place_ends_there() -> None:
     built = machine("fig4a")
     here, there = (1.0, 2.0, 3.0, 0.1, 0.2), (4.0, 6.0, 3.0, 0.1, 0.5)
-    jog = jog_frames.to(built, here, there, 10.0)
+    jog = jogging.to(built, here, there, 10.0)
     assert jog is not None and add(here[:3], jog.direction[:3]) == pytest.approx(there[:3])
     assert jog.speed * 5.0 == pytest.approx(10.0) and jog.length == 1.0
-    assert jog_frames.to(built, here, here, 10.0) is None
+    assert jogging.to(built, here, here, 10.0) is None
 
 
 @pytest.mark.parametrize(
@@ -125,7 +125,7 @@ def test_what_cannot_be_jogged_is_said_in_a_sentence(
 ) -> None:
     built = machine("fig4a")
     with pytest.raises(JogError) as caught:
-        jog_frames.continuous(built, kinematics_of(built), (0.0,) * 5, frame, axis, share, Frame(), homed)
+        jogging.continuous(built, kinematics_of(built), (0.0,) * 5, frame, axis, share, Frame(), homed)
     assert said in str(caught.value) and str(caught.value).endswith(".")
     german = text(caught.value.said, "de")
     assert german.endswith(".") and german != str(caught.value)
@@ -135,4 +135,4 @@ def test_what_cannot_be_jogged_is_said_in_a_sentence(
 def test_a_step_of_no_length_is_refused(distance: float) -> None:
     built = machine("fig4a")
     with pytest.raises(JogError):
-        jog_frames.step(built, kinematics_of(built), (0.0,) * 5, "joint", "X", distance, Frame(), ALL_AXES)
+        jogging.step(built, kinematics_of(built), (0.0,) * 5, "joint", "X", distance, Frame(), ALL_AXES)

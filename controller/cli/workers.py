@@ -1,0 +1,31 @@
+"""``--workers`` and ``--cluster`` of the commands whose work is per surface or per program."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from typing import Annotated
+
+import typer
+
+from controller import messages, workers
+from controller.cli.speech import spoken
+from controller.verify.console import Refused
+
+Count = Annotated[
+    int, typer.Option("--workers", min=0, metavar="N", help="Processes that share the work; 0: one per core.")
+]
+Cluster = Annotated[
+    str,
+    typer.Option("--cluster", metavar="ADDRESS", help="A Dask scheduler whose workers share it instead."),
+]
+
+
+@contextlib.contextmanager
+def spread(count: int, cluster: str) -> Iterator[workers.Spread]:
+    """How work is spread. Raises Refused where there is nobody to do it."""
+    try:
+        with workers.Workers(count, cluster) as started:
+            yield started.each
+    except workers.WorkersLost as error:
+        raise Refused(messages.text(error.said, spoken.get())) from error

@@ -1,0 +1,38 @@
+"""English: what the commands of the desk say that need no machine."""
+
+from __future__ import annotations
+
+LANGUAGE = "en"
+
+REFUSALS = {
+    # --- work that is spread
+    "workers.lost": "{count} workers died one after the other with nothing done between; give less memory to "
+    "others or take fewer --workers (1: the work is done in this process, and says what it dies of).",
+    "workers.killed": "The cluster gave the work up ({why}); look into the logs of its workers.",
+    "workers.no_dask": "--cluster needs dask.distributed: install directrix with its extra cluster "
+    "(pip install 'directrix[cluster]').",
+    "workers.no_scheduler": "--cluster {address}: no Dask scheduler answers there ({why}); start one with "
+    "`dask scheduler`, and workers with `dask worker tcp://HOST:8786 --nthreads 1`.",
+    "workers.no_workers": "--cluster {address}: this scheduler has no workers; start some with "
+    "`dask worker {address} --nthreads 1`.",
+    # --- check of a folder
+    "folder.none": "{folder}: there is no part program in it; a folder is searched for {suffixes}.",
+    "folder.report_alone": "--report belongs to a folder of programs, and {program} is none; name a folder.",
+    "folder.title": "{folder} on {machine}",
+    "folder.program": "program",
+    "folder.verdict": "verdict",
+    "folder.time": "time",
+    "folder.blocks": "blocks",
+    "folder.surfaces": "surfaces",
+    "folder.overcut": "overcut",
+    "folder.said": "what is said of it",
+    "folder.passed": "passed",
+    "folder.refused": "refused",
+    "folder.failed": "failed",
+    "folder.subs": "subs",
+    "folder.only_subs": "Holds only subs; they are checked with the programs that call them.",
+    "folder.more": "{sentence} ({more} more)",
+    "folder.summed": "{count} programs: {passed} passed, {refused} refused, {failed} failed; {subs} files of "
+    "subs.",
+    "folder.written": "Report: {file}",
+}

@@ -1,0 +1,95 @@
+"""What axes miss of where they are told to be: taken off before a setpoint is sent, put back on feedback.
+
+A machine without tables has none of this. The sense of an axis changes where it has come back from its
+farthest place by more than ``STILL_COUNTS``; from then on the reversal is put on along the ramp of
+``compensation``, which a second reversal waits for. An axis that has not moved yet is half way between them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from controller.machine import compensation
+from controller.machine.compensation import Deviation
+from controller.machine.model import Joints, Machine
+
+STILL_COUNTS = 2.0  # back from the farthest place: no reversal yet
+
+
+class AxisDeviation:
+    """Of one axis with a table: ``now`` is what was taken off its last setpoint."""
+
+    def __init__(self, machine: Machine, index: int, table: Deviation) -> None:
+        axis = machine.axes[index]
+        assert axis.pitch is not None
+        self.index = index
+        self.now = 0.0
+        self._at = table.at
+        self._ramp = compensation.ramp(axis.pitch, axis.limits, machine.period_s)
+        self._still = STILL_COUNTS / abs(axis.counts_per_unit)
+        self._farthest: float | None = None
+        self._up = 0.0  # the sense of its last motion
+        self._from = self._to = self._sense = 0.0
+        self._tick = len(self._ramp)  # of the ramp
+
+    def real(self, position: float) -> float:
+        """Where the axis is where its drive says ``position``, near the last setpoint."""
+        return position + self._at(position + self.now, self._sense)
+
+    def step(self, q: float) -> float:
+        """What its drive is told in this tick, so that the axis comes to ``q``."""
+        farthest, up = self._farthest, self._up
+        if farthest is None:
+            self._farthest = q
+        elif up == 0.0:
+            if not -self._still < q - farthest < self._still:
+                self._farthest, self._up = q, 1.0 if q > farthest else -1.0
+        else:
+            ahead = (q - farthest) * up
+            if ahead > 0.0:
+                self._farthest = q
+            elif ahead < -self._still:
+                self._farthest, self._up = q, -up
+        if self._tick < len(self._ramp):
+            self._sense = self._from + (self._to - self._from) * self._ramp[self._tick]
+            self._tick += 1
+        elif self._to != self._up:
+            self._from, self._to, self._tick = self._sense, self._up, 0
+        self.now = now = self._at(q, self._sense)
+        return q - now
+
+
+class Deviations:
+    """Of all axes; ``found`` tells whether there are any."""
+
+    def __init__(self, machine: Machine) -> None:
+        rows = ((i, compensation.deviation(axis)) for i, axis in enumerate(machine.axes))
+        self._axes = tuple(AxisDeviation(machine, i, table) for i, table in rows if table is not None)
+        self._crossings = compensation.crossings(machine)
+        self._shift = tuple(zip(machine.linear(), machine.thermal_shift_mm, strict=True))
+        self.found = bool(self._axes or self._crossings or any(machine.thermal_shift_mm))
+
+    def told(self, joints: Joints) -> Sequence[float]:
+        """What the drives are told, once per tick, so that the axes come to be at ``joints``."""
+        told = list(joints)
+        for axis in self._axes:
+            i = axis.index
+            told[i] = axis.step(joints[i])
+        for along, moves, off in self._crossings:
+            told[moves] -= off.at(joints[along])
+        for i, by in self._shift:
+            told[i] -= by
+        return told
+
+    def real(self, positions: Sequence[float]) -> Sequence[float]:
+        """Where the axes are where the drives say ``positions``: to a share of a count."""
+        real = list(positions)
+        for i, by in self._shift:
+            real[i] += by
+        shifted = tuple(real)
+        for along, moves, off in self._crossings:
+            real[moves] += off.at(shifted[along])
+        for axis in self._axes:
+            i = axis.index
+            real[i] = axis.real(real[i])
+        return real
