@@ -84,6 +84,7 @@ def _position(table: Table, of: Spindle) -> SpindlePosition | None:
     if not table.has("position"):
         return None
     entry = table.table("position", f"{table.name} position")
+    gentle = min(of.acceleration_rev_s2, TAPPING_REV_S2)
     found = SpindlePosition(
         counts_per_rev=entry.number("counts_per_rev", default=of.counts_per_rev),
         index=entry.integer("index", 0x2000, 0x6FFF, 0x6064),
@@ -91,9 +92,7 @@ def _position(table: Table, of: Spindle) -> SpindlePosition | None:
         tpdo=entry.integer("tpdo", 1, 4, 2),
         load=entry.flag("load", False),
         gain_per_s=entry.number("gain_per_s", 1.0, 50.0, default=10.0),
-        acceleration_rev_s2=entry.positive(
-            "acceleration_rev_s2", min(of.acceleration_rev_s2, TAPPING_REV_S2)
-        ),
+        acceleration_rev_s2=entry.positive("acceleration_rev_s2", gentle),
         most_lag_rev=entry.number("most_lag_rev", 0.01, 10.0, default=0.5),
     )
     entry.finish()

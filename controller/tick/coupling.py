@@ -32,13 +32,15 @@ STILL_TOLD = (0.0, 0.0)
 ALPHA = 0.4
 BETA = ALPHA * ALPHA / (2.0 - ALPHA)
 REMEMBERS = 0.998  # of the sums by which the spindle's answer is learnt, from tick to tick
-SURE_SPEED, SURE_ACCELERATION = 100.0, 1e4  # (rev/s)^2, (rev/s^2)^2: below them little is believed
+SURE_SPEED, SURE_ACCELERATION = 10.0, 200.0  # (rev/s)^2, (rev/s^2)^2: below them little is believed
 MAX_SLIP, MAX_LAG_S = 0.2, 0.1
 EVEN = 0.1  # rev/s^2: an even speed
 SETTLED_REV = 0.002  # of e at rest, and ...
 SETTLED_COUNTS = 2.0  # ... not below what the encoder can tell
 SETTLED_TICKS = 4  # in a row
 LATE_S = 3.0  # not settled by then: it is lost as one that lags
+CLOSING_REV_S = 0.1  # a lag beyond the window that shrinks by so much is on its way back
+PATIENCE_S = 0.2  # for one that does neither
 DEAF_SYNCS = 5  # without a position: the thread is left to nobody's guess
 FASTER = 1.2  # than the law asks for: what the loop may add to catch up, and in any case ...
 LEAST_REV_S = 1.0  # ... so much
@@ -52,6 +54,7 @@ class Turning(Protocol):
 
     turns: float
     unheard: int
+    load: float
 
     def lead(self, rev_s: float, /) -> None: ...
 
@@ -86,7 +89,8 @@ class Coupling:
     """The tie.
 
     Read: ``active``, ``rev_s`` (the spindle is led at), ``lag_rev`` (e), ``off_mm`` (of the axes),
-    ``depth_rev`` and ``pitch_mm`` of the thread that the tool is in, 0 where it is in none.
+    ``depth_rev`` and ``pitch_mm`` of the thread that the tool is in, 0 where it is in none; ``led_mm`` (from
+    the law's place to that of the axes), ``settled`` (both stand where the thread's motion ends).
     """
 
     def __init__(self, machine: Machine, spindle: Turning | None, drives: Sequence[Any] = ()) -> None:
@@ -100,39 +104,53 @@ class Coupling:
         counts = abs(told.counts_per_rev) if told is not None else 1.0
         self._near = max(SETTLED_REV, SETTLED_COUNTS / counts)
         self._most_late = round(LATE_S / machine.period_s)
-        self.active = self.releasing = False
+        self.active = self.releasing = self.settled = False
         self.move: ThreadMove | None = None
         self.rev_s = self.lag_rev = self.off_mm = 0.0
-        self.depth_rev = self.pitch_mm = 0.0
+        self.depth_rev = self.pitch_mm = self.led_mm = 0.0
+        self.again: tuple[float, bool] | None = None  # of a run that is made again: led_mm, settled
         self._s = self._zero = self._rate = self._step_mm = self._axis_s = 0.0
         self._wanted = (0.0, 0.0, 0.0, 0.0)  # revolutions, of this tick and the three before
         self._told = (STILL_TOLD, STILL_TOLD, STILL_TOLD)  # speed and acceleration, of the three ticks before
         self._turned = 0.0  # revolutions, as heard last
         self.reply = Reply()
-        self._settled = self._late = 0  # ticks
+        self._settled = self._late = self._beyond = 0  # ticks
+        self._most_beyond = round(PATIENCE_S / machine.period_s)
 
     # -- what others ask
 
-    @property
-    def settled(self) -> bool:
-        """At rest where the law is, and where the axes leave the thread nothing is off any more."""
-        at_rest = self._settled >= SETTLED_TICKS
-        return at_rest and (not self.releasing or self.off_mm == self._step_mm == 0.0)
+    def look(self) -> None:
+        """Before a tick: whether it has settled; where the axes leave the thread, nothing is off any more."""
+        if self.again is not None:
+            self.settled = self.again[1]
+            return
+        off = self.releasing and not self.off_mm == self._step_mm == 0.0
+        self.settled = self.active and self._settled >= SETTLED_TICKS and not off
 
     @property
     def lags(self) -> bool:
         """Whether the spindle is so far behind, or so slow to settle, that it is not where it was told."""
-        return self.active and (abs(self.lag_rev) > self._most_lag or self._late > self._most_late)
+        return self.active and (self._beyond > self._most_beyond or self._late > self._most_late)
 
     @property
     def deaf(self) -> bool:
         return self.active and self._spindle is not None and self._spindle.unheard > DEAF_SYNCS
 
+    @property
+    def turns(self) -> float:
+        """Revolutions that the spindle has made, where it tells them."""
+        return 0.0 if self._spindle is None else self._spindle.turns
+
+    @property
+    def load(self) -> float:
+        """Share of the spindle's rated torque, where it tells it."""
+        return 0.0 if self._spindle is None else self._spindle.load
+
     def end(self) -> None:
         """The spindle is its own again; where the tool is in a thread stays known."""
         self.active = self.releasing = False
         self.move = None
-        self.rev_s = self.lag_rev = self.off_mm = self._rate = self._step_mm = 0.0
+        self.rev_s = self.lag_rev = self.off_mm = self._rate = self._step_mm = self.led_mm = 0.0
 
     def stood(self) -> None:
         """The axes have stood meanwhile."""
@@ -142,13 +160,13 @@ class Coupling:
         return (
             *(self.active, self.releasing, self.move, self._s, self._zero, self.lag_rev, self._rate),
             *(self.off_mm, self._step_mm, self.rev_s, self._wanted, self._settled, self._late),
-            *(self._told, self._turned),
+            *(self._told, self._turned, self.led_mm),
         )
 
     def restore(self, saved: tuple[Any, ...]) -> None:
         self.active, self.releasing, self.move, self._s, self._zero, self.lag_rev, self._rate = saved[:7]
         self.off_mm, self._step_mm, self.rev_s, self._wanted, self._settled, self._late = saved[7:13]
-        self._told, self._turned = saved[13:]
+        self._told, self._turned, self.led_mm = saved[13:]
 
     def lead(self) -> None:
         """Tells the spindle how fast to turn until the next tick."""
@@ -157,7 +175,7 @@ class Coupling:
 
     def place(self, move: ThreadMove, s: float) -> float:
         """Where along ``move`` the axes are now, when the law is at ``s``: for a queue that goes on here."""
-        return s - self.off_mm if self.active else s
+        return s + self.led_mm if self.active else s
 
     # -- every tick
 
@@ -177,9 +195,14 @@ class Coupling:
         now, before, earlier, answered = wanted, *self._wanted[:3]
         self._wanted = (now, before, earlier, answered)
         self._measure(answered - (spindle.turns - self._zero), spindle.turns, spindle.unheard)
+        self._watch()
         self._lead(wanted - before, wanted - 2.0 * before + earlier, stands)
         self.depth_rev, self.pitch_mm = wanted, 1.0 / move.rev_per_mm
-        return self._offset(move, s, v, a, stands)
+        if self.again is not None:
+            self.led_mm = self.again[0]
+        else:
+            self.led_mm = self._led(move, v, a, stands)
+        return s + self.led_mm
 
     def stay(self, joints: Joints, kinematics: Kinematics) -> Joints:
         """One tick at rest on the thread: the axes follow what the spindle still turns."""
@@ -194,7 +217,7 @@ class Coupling:
         self._zero = turns - wanted
         self._wanted = (wanted, wanted, wanted, wanted)
         self.lag_rev = self._rate = self.off_mm = self._step_mm = 0.0
-        self._settled = self._late = 0
+        self._settled = self._late = self._beyond = 0
         self._told, self._turned = (STILL_TOLD, STILL_TOLD, STILL_TOLD), turns
         self._axis_s = self._axes_lag_s(move)
 
@@ -218,6 +241,18 @@ class Coupling:
             self.lag_rev += ALPHA * off
             self._rate += BETA / T * off
 
+    def _watch(self) -> None:
+        """Beyond the window: at once if it falls back further, after a while if it does not catch up."""
+        lag = self.lag_rev
+        if -self._most_lag <= lag <= self._most_lag:
+            self._beyond = 0
+            return
+        away = self._rate if lag > 0.0 else -self._rate
+        if away > CLOSING_REV_S:
+            self._beyond = self._most_beyond + 1
+        elif away > -CLOSING_REV_S:
+            self._beyond += 1
+
     def _lead(self, turned: float, bent: float, stands: bool) -> None:
         """How fast the spindle is to turn, and whether it has come to where the law stands."""
         T, reply = self._period_s, self.reply
@@ -237,7 +272,8 @@ class Coupling:
             self._settled = 0
             self._late += 1
 
-    def _offset(self, move: ThreadMove, s: float, v: float, a: float, stands: bool) -> float:
+    def _led(self, move: ThreadMove, v: float, a: float, stands: bool) -> float:
+        """How far from the law's place the axes are to go (mm)."""
         T, measured_s = self._period_s, self._axes_lag_s(move)
         self._axis_s = axis_s = max(self._axis_s - LEARNS_S, min(self._axis_s + LEARNS_S, measured_s))
         ahead_s = 3.0 * T + axis_s
@@ -247,7 +283,7 @@ class Coupling:
         elif stands and abs(off - self.off_mm) < STILL_MM and self._step_mm == 0.0:
             off = self.off_mm
         self._approach(off, move.give_mm_s2 * T * T, move.give_mm_s * T)
-        return s + axis_s * (v + 0.5 * axis_s * a) - self.off_mm
+        return axis_s * (v + 0.5 * axis_s * a) - self.off_mm
 
     def _approach(self, off: float, bend: float, most: float) -> None:
         """``off_mm`` one tick nearer to ``off``: no step bends by more than ``bend``, and it can stop."""

@@ -16,6 +16,7 @@ from controller.ipc.handoff import (
     OFF_PATH,
     OPTIONAL_STOP,
     PLANNER_SILENCE_S,
+    SETTLED,
     SINGLE_BLOCK,
     STOOD,
     WAITED,
@@ -57,6 +58,7 @@ class Again(NamedTuple):
     """What came from the drives and devices in a tick of a run that is made again."""
 
     waits: bool = False  # motion waited for spindle, coolant or clamps
+    thread: tuple[float, bool] = (0.0, False)  # how far the axes were led beyond it, and that it has settled
     fault: Fault = Fault.NONE  # that came up
 
 
@@ -103,6 +105,7 @@ class Cycle:
             cycle=self,
             peripherals=self.peripherals,
             answers=self.answers,
+            coupling=self.coupling,
         )
         self._period_s = machine.period_s
         self._latest_s = LATE_SHARE * machine.period_s - ROUNDING
@@ -169,7 +172,8 @@ class Cycle:
     def _switches(self) -> int:
         modes, stood = self.modes, self._stood or self._stood_before
         asked = SINGLE_BLOCK * modes.single_block + OPTIONAL_STOP * modes.optional_stop
-        return asked + STOOD * stood + WAITED * self._waits + OFF_PATH * (not modes.on_path)
+        settled = SETTLED * self.coupling.settled
+        return asked + STOOD * stood + WAITED * self._waits + OFF_PATH * (not modes.on_path) + settled
 
     # -- its steps
 
@@ -386,6 +390,7 @@ class Cycle:
         modes, follow = self.modes, self.follow
         follow.heed(modes.optional_stop, modes.single_block or modes.phase is Phase.ENDING)
         self._waits = modes.running and self._must_wait()
+        self.coupling.again = None if self.again is None else self.again.thread
         running = modes.running and not self._waits
         step = follow.step(follow.goes(running, modes.override, modes.rapid_override))
         if follow.piece is not None and not follow.piece.sets and modes.mode in FOLLOWING:

@@ -264,6 +264,7 @@ class Follow:
         if self._brake.active and self._brake.over:
             self._settle()
         self._save()
+        self.coupling.look()
         self._goes = go
         if not go and not self._brake.active and not self._plan_rests():
             self._leave()

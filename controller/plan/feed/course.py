@@ -34,7 +34,7 @@ RATE_SHARE = 0.7
 
 REMEMBERED = 256  # stretches: more than a window has
 THREAD_SHARE = 0.6  # of the axes' limits, along a thread; what is left follows the spindle
-THREAD_RAMP_S = 0.03  # in which the spindle's acceleration may change by all of it
+THREAD_RAMP_S = 0.06  # in which the spindle's acceleration may change by all of it
 APART = 1e-3  # unit of s: of marks closer than that only the boundaries of stretches count
 
 # A jump of acceleration, sampled, is spread over three ticks by the quadratic B-spline,

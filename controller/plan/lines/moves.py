@@ -16,6 +16,7 @@ from controller.program.position import placed, read_in, shifted
 from controller.program.program import JointArc, JointLine, JointMotion, Thread
 
 TANGENT_RAD = 1e-6
+SPIN_UP_S = 0.25  # along a thread, at least: in less the spindle's lag could not be learnt
 FOLLOWING_SHARE = 0.3  # of the axes' limits: what a thread leaves for following a spindle that lags
 
 
@@ -40,7 +41,7 @@ def _tied(stretch: Stretch, thread: Thread, machine: Machine) -> Stretch:
         *(move.curve, move.end, move.start_rotaries, move.end_rotaries),
         thread.rev_per_mm,
         -turned if thread.begin_rev is None else thread.begin_rev,
-        told.acceleration_rev_s2 / abs(thread.rev_per_mm),
+        min(told.acceleration_rev_s2 / abs(thread.rev_per_mm), (stretch.feed_mm_s or 0.0) / SPIN_UP_S),
         FOLLOWING_SHARE * min(limits.velocity / d for d, limits in axes),
         FOLLOWING_SHARE * min(limits.acceleration / d for d, limits in axes),
     )
