@@ -70,6 +70,7 @@ from controller.program.program import (
 from controller.program.saved import Saved
 from controller.program.words import Line, Word
 
+NEEDS_WORDS = (*CYCLES, "G2", "G3")
 _CLEARED = MappingProxyType(
     {
         "G51": "it is surplus after the whole cone of G51 on line {}, which clears the motion mode",
@@ -318,8 +319,19 @@ class _Turn:
         return tip is Tip.VECTORS and self.ask.code("one-line") != "G53"
 
     def _check_words(self) -> None:
-        """Every word belongs to exactly one code."""
+        """Every word belongs to exactly one code, and a cycle or an arc has words."""
         takers = self._takers()
+        named = self.ask.code("motion")
+        if (
+            named in NEEDS_WORDS
+            and self._machine.dialect == "rs274"
+            and not self.ask.has(self._axes + "IJKRP")
+        ):
+            raise self.ask.refusal(
+                self.ask.codes["motion"][1],
+                f"{named} has no place: it takes words of axes, as {named} X10 Y0; write them beside "
+                "it, or leave it out",
+            )
         for letter, word in self.ask.words.items():
             owners = [code for code, letters in takers if letter in letters]
             if not owners and letter not in self._free:
@@ -470,10 +482,9 @@ class _Turn:
         if named == "G80" and (beneath := self._beneath()):
             self.state = self.state._replace(motion=beneath, cycle=None)
         elif named in _CLEARED:
-            cuts = self.state.cuts or named in SURFACES
             why = _CLEARED[named].format(self.ask.line.number)
             goes = self.state.curve_goes if named == "G5" else None
-            self.state = self.state._replace(motion="", cleared=why, cuts=cuts, cycle=None, curve_goes=goes)
+            self.state = self.state._replace(motion="", cleared=why, cycle=None, curve_goes=goes)
         elif named != self.state.motion or (self.state.cycle and named not in CYCLES):
             kept = self.state.cycle if named in CYCLES else None
             self.state = self.state._replace(motion=named, cycle=kept)

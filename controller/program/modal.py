@@ -69,7 +69,6 @@ class State(NamedTuple):
     speed_rev_min: float = 0.0  # S
     turning: int = 0  # M3: 1, M4: -1, M5: 0
     feed_deg_s: float | None = None  # the modal F as moves of rotaries alone read it; None as that of lengths
-    cuts: bool = False  # a surface came before: the program is one for this control
     inverse: bool = False  # G93: F is one over the minutes that its line takes
     per_turn: bool = False  # G95: F is for a turn of the spindle ...
     turn_feed: tuple[float, float] | None = None  # ... mm and degrees

@@ -95,6 +95,11 @@ class LineRow:
         return self._blocks[0] if len(self._blocks) == 1 and not self._given else None
 
     @property
+    def modal(self) -> Modal:
+        """The state that all its blocks share."""
+        return self._modal
+
+    @property
     def stand(self) -> Stand:
         """Where the row has come to."""
         return self._stand

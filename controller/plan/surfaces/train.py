@@ -253,6 +253,7 @@ def choose(
     now: Rotaries,
     voice: Voice,
     wanted: Rotaries | None = None,
+    within_rad: float = SAME_ROTARY_RAD,
 ) -> list[Leg]:
     """The legs of a train from the rotaries ``wanted``, which were chosen over the whole program.
 
@@ -266,7 +267,7 @@ def choose(
             for by in option.way.shifts(machine, wanted):
                 if (
                     option.way.inside
-                    and winding.apart(winding.moved(option.way.start, by), wanted) < SAME_ROTARY_RAD
+                    and winding.apart(winding.moved(option.way.start, by), wanted) < within_rad
                 ):
                     return option.shifted(machine, by)
     found = options(fields, machine, now, voice)
