@@ -41,6 +41,7 @@ SETTLED_TICKS = 4  # in a row
 LATE_S = 3.0  # not settled by then: it is lost as one that lags
 CLOSING_REV_S = 0.1  # a lag beyond the window that shrinks by so much is on its way back
 PATIENCE_S = 0.2  # for one that does neither
+TEACHES_REV = 0.2  # a spindle that is further off is hindered, and teaches nothing
 DEAF_SYNCS = 5  # without a position: the thread is left to nobody's guess
 FASTER = 1.2  # than the law asks for: what the loop may add to catch up, and in any case ...
 LEAST_REV_S = 1.0  # ... so much
@@ -71,10 +72,10 @@ class Reply:
 
     def learn(self, speed: float, acceleration: float, less: float) -> None:
         """One tick: told ``speed`` (rev/s), its ``acceleration``, and ``less`` came of it by so much."""
-        if acceleration == 0.0:
+        if acceleration == 0.0 and abs(less) < 1.5 * MAX_SLIP * abs(speed):  # else it is stuck, or starts
             self.slip = max(-MAX_SLIP, min(MAX_SLIP, _learnt(self._speeds, speed, less)))
-        else:
-            less -= self.slip * speed
+        less -= self.slip * speed
+        if acceleration != 0.0 and abs(less) < 1.5 * MAX_LAG_S * abs(acceleration):
             self.lag_s = max(0.0, min(MAX_LAG_S, _learnt(self._accelerations, acceleration, less)))
 
 
@@ -233,7 +234,7 @@ class Coupling:
         T = self._period_s
         turned, self._turned = (turns - self._turned) / T, turns
         speed, acceleration = self._told[2]
-        if unheard <= 1 and speed != 0.0:
+        if unheard <= 1 and speed != 0.0 and -TEACHES_REV < self.lag_rev < TEACHES_REV:
             self.reply.learn(speed, acceleration, speed - turned)
         self.lag_rev += self._rate * T
         if unheard <= 1:

@@ -58,8 +58,8 @@ class Again(NamedTuple):
     """What came from the drives and devices in a tick of a run that is made again."""
 
     waits: bool = False  # motion waited for spindle, coolant or clamps
-    thread: tuple[float, bool] = (0.0, False)  # how far the axes were led beyond it, and that it has settled
     fault: Fault = Fault.NONE  # that came up
+    thread: tuple[float, bool] = (0.0, False)  # how far the axes were led beyond it, and that it has settled
 
 
 class Cycle:

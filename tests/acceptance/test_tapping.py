@@ -135,13 +135,17 @@ def test_a_spindle_that_is_stuck_is_told_and_the_axes_rest_where_it_is() -> None
     now = tapper.ticks(500)
     assert now.mode is Mode.HOLD and now.at_rest
     assert abs(tapper.cut.way[-1] - tapper.cut.turns[-1]) < 0.005
-    tapper.spindle.jam(False, tapper.now_s)
-    tapper.bench.request(Request.RESUME)
-    for _ in range(20):
-        now = tapper.ticks(200)
-        if now.mode is Mode.READY:
-            break
-    assert now.mode is Mode.READY
+
+
+def test_a_spindle_that_comes_free_again_finishes_its_thread() -> None:
+    tapper = Tapper(motor=LAGGING)
+    tapper.at = {
+        500: lambda: tapper.spindle.jam(True, tapper.now_s),
+        1200: lambda: tapper.spindle.jam(False, tapper.now_s),
+    }
+    run = tapper.run(tapped(600.0, 1.0), Event(4000, Request.RESUME))
+    assert run.result == "completed"
+    assert Fault.SPINDLE_LAGS in {now.fault for now in tapper.seen}
     assert abs(tapper.cut.way.max() - 12.0) * 1000.0 < DEPTH_UM
 
 
