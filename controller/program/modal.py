@@ -262,11 +262,13 @@ class _Settings:
 
     def _select_tool(self) -> None:
         """T0 is no tool: M6 empties the spindle."""
-        word = self.ask.words.get("T")
-        if word is not None:
-            if word.value != 0.0:
-                self._known_tool(word)
-            self.state = self.state._replace(selected=int(word.value))
+        if "T" in self.ask.words:
+            self._select(self.ask.words["T"])
+
+    def _select(self, word: Word) -> None:
+        if word.value != 0.0:
+            self._known_tool(word)
+        self.state = self.state._replace(selected=int(word.value))
 
     def _outputs(self) -> None:
         """M62, M63 and M67 count with the next motion, M64, M65, M68 and the machine's own codes at once."""
@@ -321,6 +323,8 @@ class _Settings:
         modal = self.state.with_tool(self.state.selected, self._machine)
         self.state = self.state._replace(modal=replace(modal, spindle_rev_min=0.0), turning=0)
         self._act(word, Act.TOOL)
+        if self.ask.next_tool is not None:
+            self._select(self.ask.next_tool)
 
     def _name_tool(self) -> None:
         word = self.ask.words.get("Q")
