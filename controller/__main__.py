@@ -31,6 +31,7 @@ FILES = {
     "cad": ("import",),
     "post": ("post",),
     "bench": ("bench",),
+    "soak": ("soak",),
     "bus": ("bus",),
     "faults": ("faults",),
     "serve": ("serve",),

@@ -49,4 +49,11 @@ REFUSALS = {
     "bench.ratio": "ratio",
     "bench.of": "of {whole}",
     "bench.drawn": "Pictures: {folder}",
+    # --- soak
+    "soak.begins": "Seed {seed}.",
+    "soak.held": "Seed {seed}: {runs} runs ({results}), {ticks} ticks, and all of it held.",
+    "soak.wrong": "Seed {seed}: {runs} runs ({results}), {ticks} ticks; {wrong} did not hold, the first is "
+    "kept in {folder}: see soak.json there, and make it again with `directrix replay {folder}`.",
+    "soak.grown": "Seed {seed}: {runs} runs ({results}) held, but memory grew from {settled:.0f} to "
+    "{now:.0f} MB.",
 }

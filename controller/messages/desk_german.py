@@ -52,4 +52,11 @@ REFUSALS = {
     "bench.ratio": "Verhältnis",
     "bench.of": "von {whole}",
     "bench.drawn": "Bilder: {folder}",
+    # --- soak
+    "soak.begins": "Startzahl {seed}.",
+    "soak.held": "Startzahl {seed}: {runs} Läufe ({results}), {ticks} Takte, und alles hielt.",
+    "soak.wrong": "Startzahl {seed}: {runs} Läufe ({results}), {ticks} Takte; {wrong} hielten nicht, der "
+    "erste liegt in {folder}: soak.json darin lesen, und mit `directrix replay {folder}` wiederholen.",
+    "soak.grown": "Startzahl {seed}: {runs} Läufe ({results}) hielten, aber der Speicher wuchs von "
+    "{settled:.0f} auf {now:.0f} MB.",
 }
