@@ -54,6 +54,7 @@ class Fault(IntEnum):
     FOREIGN_FRAMES = 39
     SETPOINTS_LOST = 40
     INPUT_MISSING = 41
+    SPINDLE_LAGS = 46
 
 
 class Reaction(IntEnum):

@@ -221,7 +221,7 @@ def check(
             tell.print(warning, markup=False)
         show.print(tables.whole(found, program.name, task.machine.name), markup=False)
         if kept.overcuts:
-            form = messages.text(wording.summed(kept.verdicts))
+            form = messages.text(wording.summed(kept.verdicts), speech.spoken.get())
             show.print(form or tables.overcut(kept.overcuts), markup=False)
 
 

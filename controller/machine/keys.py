@@ -179,7 +179,18 @@ MEANINGS: Mapping[str, Mapping[str, str]] = {
         "at_speed_share": "at speed within this share of the wanted one",
         "spin_up_s": "not at speed, or standing, by then: held, with a fault",
         "acceleration_rev_s2": "at which it is led to its speed in mode 9",
+        "position": "its angle at every SYNC: G33, G33.1, G84 and G74 follow it",
         **_UNITS,
+    },
+    "spindle.position": {
+        "counts_per_rev": "of what it tells; its sign is the direction of M3; left out: as above",
+        "index": "object of the position, 32 bits",
+        "sub": "its sub-index",
+        "tpdo": "number of the one that takes it, at every SYNC",
+        "load": "the torque (6077h) goes beside it",
+        "gain_per_s": "of the loop that leads the spindle along a thread",
+        "acceleration_rev_s2": "at most along a thread, in both directions; left out: as above",
+        "most_lag_rev": "behind the thread by more: held, with a fault",
     },
     "io": {
         **_DEVICE,

@@ -237,6 +237,11 @@ FAULTS: dict[Fault, Words] = {
         "A load from the start, a speed above what the drive can do, or too short a spin_up_s.",
         "Check the spindle drive, its load and the S word; resume.",
     ),
+    Fault.SPINDLE_LAGS: Words(
+        "The spindle does not follow the thread: it lags by more than most_lag_rev, or does not settle.",
+        "A dull tap, chips in the hole, a speed or an acceleration above what the drive can do.",
+        "The tool stands in the thread, in step with the spindle. Resume, or stop and withdraw it.",
+    ),
     Fault.SPINDLE_LOST: Words(
         "The spindle's drive is silent, in error or not enabled.",
         "Overload, no supply, or a loose cable.",

@@ -250,6 +250,11 @@ FAULTS: dict[Fault, Words] = {
         "Last von Anfang an, eine Drehzahl über der möglichen, oder ein zu kurzes spin_up_s.",
         "Spindelantrieb, seine Last und das S-Wort prüfen; fortsetzen.",
     ),
+    Fault.SPINDLE_LAGS: Words(
+        "Die Spindel folgt dem Gewinde nicht: Sie hängt um mehr als most_lag_rev nach oder schwingt.",
+        "Ein stumpfer Bohrer, Späne im Loch, eine Drehzahl oder Beschleunigung über der möglichen.",
+        "Das Werkzeug steht im Gewinde, im Gleichlauf mit der Spindel. Fortsetzen oder herausdrehen.",
+    ),
     Fault.SPINDLE_LOST: Words(
         "Der Spindelantrieb schweigt, hat einen Fehler oder ist nicht freigegeben.",
         "Überlast, keine Versorgung, oder ein loses Kabel.",

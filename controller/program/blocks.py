@@ -39,6 +39,7 @@ from controller.program import (
     reference_words,
     spline_words,
     surface_words,
+    thread_words,
     tool_axis_words,
     words,
 )
@@ -77,6 +78,7 @@ _CLEARED = MappingProxyType(
         "clears the motion mode",
         "G6.2": "it is surplus after the two whole curves of G6.2 on line {}, which clears the motion mode",
         "G80": "G80 on line {} cleared the motion mode",
+        **dict.fromkeys(thread_words.CODES, "each thread names its code, and that of line {} is whole"),
         **dict.fromkeys(CURVES, "each curve names its code, and that of line {} is whole"),
     }
 )
@@ -454,6 +456,9 @@ class _Turn:
             return [made_curve]
         if motion in CYCLES:
             made, self.state = cycles.blocks(here, motion, word)
+            return made
+        if motion in thread_words.CODES:
+            made, self.state = thread_words.blocks(here, motion, word)
             return made
         return (
             [line_words.line(here, motion, word)]

@@ -20,6 +20,7 @@ _TESTS = {
     "program/test_tilted_planes.py": "G68.4 G69",
     "program/test_cycles.py": "G73 G74 G81 G82 G83 G84 G85 G86 G89 G98 G99 G19 M4 M5",
     "program/test_boring.py": "G76 G87",
+    "program/test_threads.py": "G33 G33.1 M29",
     "program/test_blocks.py": "G51 G61 G64 M6 M30",
     "program/test_shifts.py": "G52",
     "program/test_nurbs.py": "G6.2",
@@ -53,12 +54,12 @@ ROWS: tuple[Code, ...] = (
         ("G2", AXES + "IJKRP", "arc or helix, clockwise"),
         ("G3", AXES + "IJKRP", "arc or helix, counter-clockwise"),
         ("G73", _CYCLE + "Q", "drilling, chip breaking by Q"),
-        ("G74", _CYCLE + "P", "tapping, left-hand, with a floating holder"),
+        ("G74", _CYCLE + "PQ", "tapping, left-hand; rigid where the spindle tells its angle"),
         ("G80", "", "ends a canned cycle and the motion mode"),
         ("G81", _CYCLE, "drilling"),
         ("G82", _CYCLE + "P", "drilling, dwell P"),
         ("G83", _CYCLE + "Q", "drilling by Q with full retraction"),
-        ("G84", _CYCLE + "P", "tapping, right-hand, with a floating holder"),
+        ("G84", _CYCLE + "PQ", "tapping, right-hand; rigid where the spindle tells its angle"),
         ("G85", _CYCLE, "boring, out at feed"),
         ("G86", _CYCLE + "P", "boring, spindle stopped, out at rapid"),
         ("G89", _CYCLE + "P", "boring, dwell P, out at feed"),
@@ -84,6 +85,12 @@ ROWS: tuple[Code, ...] = (
         ("G5.2", "XYPL", "NURBS in X and Y (below)"),
         ("G5.3", "", "ends a NURBS"),
         dialect="rs274",
+    ),
+    *done(
+        "motion",
+        LINUXCNC,
+        ("G33", "XYZK", "along a thread of pitch K, one way"),
+        ("G33.1", "XYZKI", "rigid tapping at pitch K, there and back"),
     ),
     *done("motion", FANUC, ("G6.2", "PQ", "ruled surface between two NURBS curves")),
     *done(
@@ -196,6 +203,12 @@ ROWS: tuple[Code, ...] = (
         "spindle", NIST, ("M3", "", "spindle, clockwise"), ("M4", "", "counter-clockwise"), ("M5", "", "off")
     ),
     *done("spindle", LINUXCNC, ("M19", "RQP", "brings the spindle to its angle, within Q seconds")),
+    *done(
+        "rigid",
+        FANUC,
+        ("M29", "S", "rigid tapping: so is every tap where the spindle tells its angle"),
+        dialect="fanuc",
+    ),
     *done("tool change", NIST, ("M6", "", "puts T into the spindle")),
     *done("tool change", LINUXCNC, ("M61", "Q", "says that tool Q is in the spindle")),
     *done(

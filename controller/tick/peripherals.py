@@ -26,6 +26,7 @@ from typing import Protocol
 from controller.ipc.handoff import ANALOGUE, Awaited, Piece
 from controller.machine.model import Axis, Clamp, Io, Machine
 from controller.state.modes import Fault, Mode
+from controller.tick.coupling import Coupling
 from controller.tick.mode import Modes
 from drives.settings import MasterSettings
 
@@ -116,10 +117,16 @@ class Peripherals:
     """
 
     def __init__(
-        self, machine: Machine, spindle: SpindleDrive | None = None, nodes: Sequence[IoNode] = ()
+        self,
+        machine: Machine,
+        spindle: SpindleDrive | None = None,
+        nodes: Sequence[IoNode] = (),
+        coupling: Coupling | None = None,
     ) -> None:
         period_s, io = machine.period_s, machine.io
         self._spindle = spindle
+        self._coupling = Coupling(machine, None) if coupling is None else coupling
+        self._barred = False  # the door is open, the axes stand: no thread turns the spindle either
         self._node = nodes[0] if nodes and io is not None else None
         self._consumer_s = MasterSettings(period_s=period_s).consumer_s
         self.present = spindle is not None or self._node is not None
@@ -156,7 +163,7 @@ class Peripherals:
     @property
     def at_speed(self) -> bool:
         """Whether the spindle turns as told; true without a spindle of ours."""
-        return self._spindle is None or self._spindle.at_speed
+        return self._spindle is None or self._coupling.active or self._spindle.at_speed
 
     @property
     def actual_rev_min(self) -> float:
@@ -189,6 +196,13 @@ class Peripherals:
         """All of them to rest."""
         for number, out in enumerate(self._analogue):
             self._levels[number] = out.idle
+
+    def lead_spindle(self) -> None:
+        """Along a thread the path leads it, tick by tick."""
+        coupling = self._coupling
+        if coupling.active and not self._barred:
+            coupling.lead()
+            self.rev_min = 60.0 * coupling.rev_s
 
     def _switch_to(self, switched: int) -> None:
         if switched == self._switched:
@@ -272,6 +286,7 @@ class Peripherals:
         given_up = mode is Mode.FAULT and (standing or not modes.on_path)
         if mode not in _PROGRAM or given_up:
             self._wanted, self.waiting, self._awaited = (0.0, 0, 0), False, None
+            self._coupling.end()
             self._switch_to(self._switched & self._held)
             self._leave_analogue()
         if mode in (Mode.HOMING, Mode.JOG):
@@ -279,15 +294,21 @@ class Peripherals:
         elif self._was_homing or mode is not Mode.OFF:
             self._homing, self._was_homing = 0, False
         rev_min, coolant, is_open = self._wanted
-        if open_door and standing:
+        self._barred = open_door and standing
+        if self._barred:
             rev_min, coolant = 0.0, 0
-        if rev_min != self.rev_min and not self.waiting and modes.running:
-            self._wait()
-        self.rev_min, self.coolant = rev_min, coolant
-        if self._spindle is not None:
-            self._spindle.want_speed(rev_min)
+        self.coolant = coolant
+        if self._barred or not self._coupling.active:
+            self._turn(rev_min, modes)
         if self._node is not None:
             self._put_out(is_open | self._homing, actual, ticks)
+
+    def _turn(self, rev_min: float, modes: Modes) -> None:
+        if rev_min != self.rev_min and not self.waiting and modes.running:
+            self._wait()
+        self.rev_min = rev_min
+        if self._spindle is not None:
+            self._spindle.want_speed(rev_min)
 
     def _arrive(self, told: Piece, modes: Modes, ticks: int) -> None:
         """What the program says counts where motion has led the axes, not on the way there."""
@@ -298,6 +319,7 @@ class Peripherals:
         self._arriving += ticks
         if late < 0:
             self._wanted = (told.spindle_rev_min, told.coolant, told.open_clamps)
+            self._coupling.end()
             self.switch(told.outputs)
             self._awaited, self._was_other = told.awaits, False
             self._told = None
@@ -326,6 +348,8 @@ class Peripherals:
         if self.waiting:
             if self._told is None:
                 self._await(modes, ticks)
+        elif self._coupling.lags or self._coupling.deaf:
+            modes.fail(Fault.SPINDLE_LAGS if self._coupling.lags else Fault.SPINDLE_LOST, -1)
         elif self.at_speed:
             self._sagged = 0
         else:
@@ -337,7 +361,7 @@ class Peripherals:
 
     def _await(self, modes: Modes, ticks: int) -> None:
         self._waited += ticks
-        spindle_done = self._spindle is None or (self._waited >= FRESH_TICKS and self._spindle.at_speed)
+        spindle_done = self._spindle is None or (self._waited >= FRESH_TICKS and self.at_speed)
         if not spindle_done:
             if self._waited > self._spin_up_ticks:
                 modes.fail(Fault.SPINDLE_NOT_AT_SPEED, -1)
