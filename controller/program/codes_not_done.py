@@ -107,7 +107,7 @@ NOT_DONE: tuple[Code, ...] = (
         "P",
         LINUXCNC,
         "spindle override counts (P1) or not (P0)",
-        "There is none here: the spindle turns as S says.",
+        "The operator keeps it; M49 takes all overrides.",
         Fate.NOTED,
     ),
     # --- what is refused, and what to write instead

@@ -45,9 +45,14 @@ RECORDED = {  # by a live run alone
     "plan_lost": Request.PLAN_LOST,
     "jog": Request.JOG,
     "jog_stop": Request.JOG_STOP,
+    "spindle_override": Request.SPINDLE_OVERRIDE,
+    "spindle": Request.SPINDLE,
+    "coolant": Request.COOLANT,
+    "clamps": Request.CLAMPS,
 }
 FILE, PROGRAM, MACHINE = "events.jsonl", "program.ngc", "machine.toml"  # of a record
 OVERRIDES = ("override", "rapid_override")
+BY_HAND = ("spindle_override", "spindle", "coolant", "clamps")  # nothing of them moves an axis
 SWITCHES = ("single_block", "optional_stop")
 STAND, PLAN, RETRACT, RETURN, ASIDE = "stand", "plan", "retract", "return", "aside"
 WAIT, FAULT, OFF_PATH, PIECES, BEGIN = "wait", "fault", "off_path", "pieces", "begin"
@@ -239,7 +244,7 @@ def _value(where: str, request: str, data: dict[str, Any]) -> float:
         if not number or value not in (0, 1):
             raise EventError(f'{where}: "value" is {value!r}; {request} takes 0 (off) or 1 (on).')
         return float(value)
-    return 0.0
+    return float(value) if request in BY_HAND and number else 0.0
 
 
 def line_of(kind: str, value: Any = None) -> dict[str, Any]:

@@ -321,7 +321,7 @@ def _asked_line(one: Asked) -> dict[str, Any]:
     if one.jog is not None:
         length = one.jog.length if np.isfinite(one.jog.length) else None
         return events.line_of(name, [one.jog.speed, length, *one.jog.direction])
-    takes_value = name in events.OVERRIDES or name in events.SWITCHES
+    takes_value = name in (*events.OVERRIDES, *events.SWITCHES, *events.BY_HAND)
     return events.line_of(name, one.value if takes_value else None)
 
 

@@ -170,6 +170,7 @@ class Snapshot(NamedTuple):
         "1/min",
         status="spindle.actual_rev_min 1/min",
     )
+    spindle_override: float = _value("modes", "of S, 1 = 100 %", status="spindle.override")
     spindle_at_speed: bool = _value("peripherals.at_speed", "it turns as told", status="spindle.at_speed")
     spindle_load: float = _value(
         "coupling.load", "of the rated torque, where it is told", status="spindle.load % 100"

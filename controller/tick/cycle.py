@@ -31,7 +31,7 @@ from controller.ipc.handoff import (
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Joints, Machine
 from controller.state import stop_times
-from controller.state.modes import ALWAYS, DROPS, Fault, Mode, Request, bars
+from controller.state.modes import ALWAYS, BY_HAND, DROPS, Fault, Mode, Request, bars
 from controller.tick.check import Check
 from controller.tick.coupling import Coupling
 from controller.tick.drives import Drives
@@ -280,6 +280,8 @@ class Cycle:
             taken = request is not Request.HOME and modes.request(
                 request, value, self.follow.at_rest, self.jogging.away
             )
+            if taken and request in BY_HAND:
+                taken = self.peripherals.by_hand(request, value, modes.mode)
         self._answer(request, number, taken)
         return taken
 
@@ -363,7 +365,9 @@ class Cycle:
         elif self.again.fault is not Fault.NONE:
             self.modes.fail(self.again.fault, -1)
         if self.peripherals.present:
-            self.peripherals.watch(now_s, self.modes, self._encoder.actual, standing, ticks)
+            own = self.follow.own_feed  # M49 takes all overrides
+            share = 1.0 if own else self.modes.spindle_override
+            self.peripherals.watch(now_s, self.modes, self._encoder.actual, standing, ticks, share)
         if self._unsent > self._most_unsent and self.modes.on_path:
             # A path that no drive hears of has no end: the drives stop by their own supervision.
             self.modes.fail(Fault.SEND_FAILED, -1)
