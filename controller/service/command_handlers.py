@@ -417,8 +417,9 @@ class Desk:
     def _not_in_thread(self, request: str) -> None:
         """Raises CommandRefused where the tool stands in a thread: ``withdraw`` and Resume alone move it."""
         if (found := self._service.thread.found) is not None:
-            values = {"depth": found.depth_mm, "pitch": found.pitch_mm, "line": found.line}
-            raise refused("in_thread", self._service.now().mode.name, request, **values)
+            mode, line = self._service.now().mode.name, found.line
+            depth, pitch = found.depth_mm, found.pitch_mm
+            raise refused("in_thread", mode, request, depth=depth, pitch=pitch, line=line)
 
     def _withdraw(self, args: Values) -> Answer:
         """Out of a thread along it, by what is known of it or ``mm``; or it ``is_out`` already, by hand."""
