@@ -108,13 +108,13 @@ class Position:
             self._pending.clear()
             self._xyz, self._rotaries = [None] * 3, self._lost()
 
-    def take_run(self, blocks: CommonRun) -> None:
+    def take_run(self, run: CommonRun) -> None:
         """Go where common lines lead, which count all alike."""
-        first = blocks[0]
+        first = run.blocks[0]
         if isinstance(first, JointMotion) and _is_position(first):
-            self._put_off(cast(Sequence[JointMotion], blocks))
+            self._put_off(cast(Sequence[JointMotion], run.blocks))
             return
-        for block in blocks:
+        for block in run.blocks:
             self.take(block)
 
     def _put_off(self, motions: Sequence[JointMotion]) -> None:
