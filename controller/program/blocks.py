@@ -36,6 +36,7 @@ from controller.program import (
     plane_words,
     points,
     polar_words,
+    probe_words,
     reference_words,
     spline_words,
     surface_words,
@@ -44,7 +45,18 @@ from controller.program import (
 )
 from controller.program.code_rows import Fate
 from controller.program.code_table import BY_DIALECT, takers_of
-from controller.program.codes import CURVES, CYCLES, PLACES, SIDES, SURFACES, TILTS, TO_PLANE, Ask, letters_of
+from controller.program.codes import (
+    CURVES,
+    CYCLES,
+    PLACES,
+    PROBES,
+    SIDES,
+    SURFACES,
+    TILTS,
+    TO_PLANE,
+    Ask,
+    letters_of,
+)
 from controller.program.decoding import Bytes
 from controller.program.flow import Limits
 from controller.program.functions import Functions
@@ -76,6 +88,7 @@ _CLEARED = MappingProxyType(
         "clears the motion mode",
         "G6.2": "it is surplus after the two whole curves of G6.2 on line {}, which clears the motion mode",
         "G80": "G80 on line {} cleared the motion mode",
+        **dict.fromkeys(PROBES, "each probing move names its code, and that of line {} is done"),
         **dict.fromkeys(CURVES, "each curve names its code, and that of line {} is whole"),
     }
 )
@@ -160,7 +173,9 @@ def _blocks(
             continue
         state = given.state = functions.learnt(line, before, turn.state, turn.made)
         yield from restored
-        yield from turn.made
+        for block in turn.made:
+            yield block
+            given.see_probed(block, line)
         if turn.ended:
             break
     yield from _said(told, state)
@@ -250,7 +265,7 @@ class _Turn:
             return ""
         named = self.ask.code("motion")
         moving = self.ask.has(self._axes + "IJK") or (named in ("G2", "G3") and self.ask.has("RP"))
-        if named in SURFACES or named in CURVES:
+        if named in SURFACES or named in CURVES or named in PROBES:
             return named
         if named == "G80":
             named = self._beneath()
@@ -439,6 +454,8 @@ class _Turn:
         if motion in CURVES:
             made_curve, self.state = spline_words.curve(here, motion, word, self._lines)
             return [made_curve]
+        if motion in PROBES:
+            return [probe_words.line(here, motion, word)]
         if motion in CYCLES:
             made, self.state = cycles.blocks(here, motion, word)
             return made

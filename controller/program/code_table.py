@@ -29,6 +29,7 @@ _TESTS = {
     "program/test_posts.py": "G80 G154 G234",
     "program/test_parameters.py": "G90.1 G95 M70 M72 M73",
     "program/test_override_words.py": "M48 M49 M50 M51 M52 M53",
+    "program/test_probe_words.py": "G38.2 G38.3 G38.4 G38.5 G31",
     "program/test_flow.py": "M98 M99",
     "tick/test_outputs.py": "M10 M11 M62 M63 M64 M65 M66",
     "tick/test_analogue_outputs.py": "M19 M67 M68",
@@ -85,6 +86,15 @@ ROWS: tuple[Code, ...] = (
         ("G5.3", "", "ends a NURBS"),
         dialect="rs274",
     ),
+    *done(
+        "motion",
+        LINUXCNC,
+        ("G38.2", AXES, "probes towards the end of the line; without a touch the program ends"),
+        ("G38.3", AXES, "the same; without a touch it goes on (#5070 is 0)"),
+        ("G38.4", AXES, "leads the probe off until it is free; else the program ends"),
+        ("G38.5", AXES, "the same; else it goes on"),
+    ),
+    *done("motion", FANUC, ("G31", AXES, "skip: as G38.3"), dialect="fanuc"),
     *done("motion", FANUC, ("G6.2", "PQ", "ruled surface between two NURBS curves")),
     *done(
         "one-line",
