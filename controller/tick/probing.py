@@ -86,7 +86,8 @@ class Probing:
         self._seen = 0  # the tick that saw the edge
         self._sensing: Sensing | None = None
         self._late = 0
-        self._left: Joints | None = None  # where the probe was touched, until it is free again
+        self._left: Joints | None = None  # where it has come to rest behind a touch, until it is free again
+        self._longest_mm = 0.0  # way from there
         self.phase = Phase.IDLE
         self.count = 0
         self.came = 0
@@ -132,7 +133,7 @@ class Probing:
         elif self.phase is Phase.ENDING:
             self._late += 1
             if self._late > LATE_TICKS + sensing.late_ticks:
-                self._end(2, self._encoder.actual)
+                self._end(2, self._follow.joints)
 
     def _arm(self, sensing: Sensing, on: bool) -> None:
         """Nothing moves with a probe that touches already, or towards its release with one that is free."""
@@ -155,7 +156,8 @@ class Probing:
             self._modes.fail(Fault.PROBE_LATCH, self._unlatched(sensing))
             return
         follow.give_up()
-        self._left = follow.joints if sensing.on and sensing.mask == self._probe else None
+        if sensing.on and sensing.mask == self._probe:
+            self._left, self._longest_mm = follow.joints, self._far(found) + self._release_mm
         self._end(1, found)
 
     def _end(self, came: int, touch: Sequence[float]) -> None:
@@ -210,7 +212,7 @@ class Probing:
             return
         if self._left is None:
             self._modes.fail(Fault.PROBE_HIT, -1)
-        elif self._far(self._left) > self._release_mm:
+        elif self._far(self._left) > self._longest_mm:
             self._modes.fail(Fault.PROBE_STUCK, -1)
 
     def _far(self, left: Joints) -> float:

@@ -30,7 +30,7 @@ def way(chain: Chain, probe: Probing, tool: int, machine: Machine, voice: Voice)
             voice.refuse(
                 stretch.place,
                 f"{probe.code} at F{60.0 * feed:.0f} mm/min goes {found:.2f} mm on, and the "
-                f"probe bears {most_mm:g} mm behind a touch (overtravel_mm); write F{60.0 * fastest:.0f} or less",
+                f"probe bears {most_mm:g} mm behind a touch (overtravel_mm); write F{math.floor(60.0 * fastest)} or less",
             )
     mine = [replace(one, name=NAME, overrides=one.overrides._replace(feed=False)) for one in chain.stretches]
     return replace(chain, stretches=tuple(mine))

@@ -25,7 +25,7 @@ inputs = { probe = 0, setter = 1 }
 PROBE = """
 [probe]
 tool = 99
-latency_ms = 2.0          # the simulated node looks at the end of a period
+latency_ms = 4.0          # a simulated node looks at the end of a period, and tells with the next
 overtravel_mm = 3.0
 """
 LATCHED = "latch_tpdo = 3\n"
@@ -33,7 +33,7 @@ SETTER = """
 [setter]
 point_mm = [-80.0, -40.0, 60.0]
 radius_mm = 8.0
-latency_ms = 2.0
+latency_ms = 4.0
 """
 TOOL = """
 [[tool]]
