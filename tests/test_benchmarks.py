@@ -1,42 +1,108 @@
-"""The benchmarks can be started, and parts add up: they run by hand, and what they import moves."""
+"""The benchmarks run, each figure stands beside its reference, and parts add up: all in their short form."""
 
 from __future__ import annotations
 
 import json
-import runpy
+import math
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from support.suite import figures
+from support.suite.figures import Figure, Report
+from typer.testing import CliRunner
+
+from controller.__main__ import app
+from controller.cli import bench
 
 FOLDER = Path(__file__).parent / "benchmarks"
+NAMES = sorted(file.stem for file in FOLDER.glob("*.py"))
+IN_REAL_TIME = ("sync", "request", "panel", "page", "scene", "memory")
+WHOLE = ("accuracy", "page", "panel", "placements", "scene")  # without parts
 
 
-@pytest.mark.parametrize("name", sorted(path.stem for path in FOLDER.glob("*.py")))
-def test_a_benchmark_finds_all_that_it_imports(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "path", [str(FOLDER), *sys.path])
-    runpy.run_path(str(FOLDER / f"{name}.py"), run_name="imported")
+def told(name: str) -> dict:
+    done = CliRunner().invoke(app, ["bench", name, "--short", "--json"])
+    assert done.exit_code == 0, done.output
+    return json.loads(done.stdout)["benchmarks"][name]
 
 
-def _told(name: str, *words: str) -> dict[str, object] | list[dict[str, object]]:
-    command = (sys.executable, str(FOLDER / f"{name}.py"), *words, "--json")
-    told = subprocess.run(command, capture_output=True, text=True, check=True)
-    return json.loads(told.stdout)  # type: ignore[no-any-return]
+def judge(name: str) -> None:
+    if name == "sync" and shutil.which("cyclictest") is None:
+        pytest.skip("cyclictest is not installed (Debian: rt-tests)")
+    found = told(name)
+    assert found["figures"] and any(one["ratio"] is not None for one in found["figures"])
+    for one in found["figures"]:
+        assert math.isfinite(one["value"]) and one["value"] >= 0.0, one
+        if one["ratio"] is not None:
+            assert one["ratio"] == pytest.approx(one["value"] / one["reference"]), one
+    shares = found["parts"]
+    assert bool(shares) is (name not in WHOLE)
+    assert not shares or abs(sum(shares.values()) - 1.0) < 1e-9
+    assert all(0.0 <= share <= 1.0 for share in shares.values()), shares
 
 
-def test_the_steps_of_a_tick_add_up() -> None:
-    shares = _told("tick_cost", "--ticks", "60")["shares"]  # type: ignore[call-overload]
-    assert abs(sum(shares.values()) - 1.0) < 1e-9
-    assert all(0.0 < share < 1.0 for share in shares.values()), shares
+@pytest.mark.parametrize("name", ["tick", "accuracy", "placements"])
+def test_a_short_benchmark_stands_beside_its_reference_and_adds_up(name: str) -> None:
+    judge(name)
 
 
 @pytest.mark.slow
-def test_the_parts_of_a_simulation_add_up_to_the_whole_command() -> None:
-    program = Path(__file__).parents[1] / "config" / "programs" / "example1.ngc"
-    (figure,) = _told("simulate_speed", str(program), "--runs", "1")
-    parts_s, cpu_s = figure["parts_s"], figure["cpu_s"]
-    assert list(parts_s) == ["start", "plan", "come up", "ticks", "trace", "end"]
-    assert all(seconds > 0.0 for seconds in parts_s.values()), parts_s
-    assert abs(sum(parts_s.values()) - cpu_s) < 1e-9
-    assert figure["times_faster"] == figure["motion_s"] / cpu_s
+@pytest.mark.parametrize("name", [one for one in NAMES if one not in IN_REAL_TIME])
+def test_every_benchmark_off_the_wall_clock_does(name: str) -> None:
+    judge(name)
+
+
+@pytest.mark.slow
+@pytest.mark.live
+@pytest.mark.parametrize("name", IN_REAL_TIME)
+def test_every_benchmark_in_real_time_does(name: str) -> None:
+    if name in ("page", "scene") and shutil.which("chromium") is None:
+        pytest.skip("there is no browser")
+    judge(name)
+
+
+def test_parts_that_do_not_add_up_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"add up to 0\.9"):
+        Report((), {"a": 0.5, "b": 0.4}, "it")
+    with pytest.raises(ValueError, match="is nan"):
+        Report((Figure("a", math.nan, "s"),))
+    assert figures.shares({"a": 3.0, "b": 1.0}) == {"a": 0.75, "b": 0.25}
+    wrong = tmp_path / "wrong.py"
+    wrong.write_text('print(\'{"figures": [], "parts": {"a": 5.0}, "whole": "it", "note": ""}\')')
+    assert "add up to 500.0000 %" in bench._measured(wrong, short=True)["error"]
+
+
+def test_a_benchmark_that_fails_is_told_and_ends_with_1(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "benchmarks").mkdir()
+    (tmp_path / "benchmarks" / "bad.py").write_text("raise SystemExit('no such luck')")
+    monkeypatch.setattr(bench.checkout, "tests", lambda: tmp_path)
+    done = CliRunner().invoke(app, ["bench", "--json"])
+    found = json.loads(done.stdout)
+    assert done.exit_code == 1 and found["benchmarks"] == {"bad": {"error": "no such luck"}}
+    unknown = CliRunner().invoke(app, ["bench", "fast", "--json"])
+    assert unknown.exit_code == 1 and "allowed are bad" in json.loads(unknown.stdout)["error"]
+
+
+def test_the_figures_are_put_into_a_page_and_drawn(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(f"before\n{bench.BEGIN}\nold\n{bench.END}\nbehind\n")
+    words = ["bench", "accuracy", "--short", "--readme", str(page), "--plot", str(tmp_path / "plots")]
+    assert CliRunner().invoke(app, words).exit_code == 0
+    text = page.read_text()
+    assert text.startswith(f"before\n{bench.BEGIN}\n`directrix bench --short`") and "old" not in text
+    assert text.endswith(f"{bench.END}\nbehind\n") and "| `accuracy`: 10 ms: axis |" in text
+    assert (tmp_path / "plots" / "accuracy.png").read_bytes().startswith(b"\x89PNG")
+    page.write_text("no marks")
+    refused = CliRunner().invoke(app, [*words, "--json"])
+    assert refused.exit_code == 1 and "no one place" in json.loads(refused.stdout)["error"]
+
+
+def test_a_benchmark_can_be_started_by_itself() -> None:
+    command = (sys.executable, str(FOLDER / "placements.py"), "--short")
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "joints, optimal" in done.stdout and "single" in done.stdout

@@ -28,6 +28,8 @@ ARROWS: dict[str, set[str]] = {
     "plan": {"geometry", "machine", "motion", "state", "ipc", "program"},
     "tick": {"geometry", "machine", "motion", "state", "ipc"},
     "verify": VALUES | {"workers", "ipc", "program", "plan"},
+    # The machine's own geometry, and how a part lies, from what was measured.
+    "calibration": VALUES | {"atomic_file", "program", "plan"},
     # Puts the parts together: clock, tick, plan and drives.
     "runtime": VALUES | {"workers", "ipc", "program", "plan", "tick", "verify", "one_thread"},
     # The process of `serve`: parent of tick and plan, and the far side of the control socket.
@@ -45,6 +47,7 @@ ARROWS: dict[str, set[str]] = {
         "program",
         "plan",
         "verify",
+        "calibration",
         "runtime",
         "service",
         "api",

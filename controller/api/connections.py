@@ -1,23 +1,27 @@
 """Bounds of the panel's connections: how many there may be, and how long one may keep others waiting.
 
     connections = Connections(Limits.within(raise_file_limit()))
-    uvicorn.run(app, http=connections.protocol, ws=WebSocket, backlog=connections.limits.at_once)
+    connections.serve(app, host=host, port=port)
 
 Half a request holds a file of this process for as long as its sender likes, and without files nobody
 is heard any more: not the one, either, who wants the machine to stop. So a request has to come within
 a time, and there are fewer connections than files. Where there are too many, the busiest address
-loses its oldest half-open one; that is looked at a moment after somebody came, so that a request
-which stands in the socket already is read before it is judged. (A TLS handshake that does not go on
-is ended by asyncio, after 60 s.)
+loses its oldest one of those that keep us waiting, in the same way as most of them do: who asks for a
+stop is the newest, and its request stands in the socket. A few too many are looked at a moment after
+somebody came, many at once, before each of them costs work. The system keeps whoever could not be let
+in yet (``QUEUE``): without a place there a stop would be sent again only a second later. (A TLS
+handshake that does not go on is ended by asyncio, after 60 s.)
 """
 
 from __future__ import annotations
 
 import asyncio
 import resource
-from collections import defaultdict
+import socket
+from collections import Counter, defaultdict
 from typing import Any, NamedTuple
 
+import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
@@ -29,6 +33,8 @@ HEADER_S = 10.0
 BODY_S = 40.0  # more patient than uploads, which answer their sender
 SLOWEST_BYTES_S = 250.0  # of a body
 GRACE_S = 0.25
+SLACK = 1.125  # of the bounds: nobody is let in above it, not for a moment
+QUEUE = 4096  # connections that the system keeps until they are let in; Linux' own bound
 LEAVE_S = 5.0  # for the last answer of a connection to go out
 
 
@@ -47,7 +53,6 @@ class Limits(NamedTuple):
 
     most: int
     most_per_address: int
-    ceiling: int  # nobody is let in above it, not for a moment
     at_once: int
     header_s: float = HEADER_S
     body_s: float = BODY_S
@@ -58,7 +63,7 @@ class Limits(NamedTuple):
     def within(cls, files: int) -> Limits:
         """For a process that may have so many files open."""
         most = min(MOST, files // 2)
-        return cls(most, most // 4, files * 3 // 4, min(2048, files // 8))
+        return cls(most, most // 4, min(128, files // 32))
 
 
 def raise_file_limit() -> int:
@@ -77,33 +82,92 @@ class Connections:
     def __init__(self, limits: Limits) -> None:
         self.limits = limits
         self._shedding = False
+        self._counted = set[_Bounded]()  # those that are neither closed nor WebSockets ...
+        self._from = Counter[str]()  # ... and how many an address has of them
 
     def protocol(self, **wiring: Any) -> asyncio.Protocol:
         """``wiring``: as uvicorn gives it to its own."""
         return _Bounded(self, **wiring)
 
+    def serve(self, app: Any, **options: Any) -> None:
+        """Until the process is told to end; ``options`` of uvicorn."""
+        bounds: dict[str, Any] = {"http": self.protocol, "ws": WebSocket, "backlog": self.limits.at_once}
+        config = uvicorn.Config(app, **options, **bounds)
+        listening = config.bind_socket()
+        _Server(config, listening).run(sockets=[listening])
+
     def came(self, one: _Bounded) -> None:
         """A connection was made."""
-        if len(one.connections) > self.limits.ceiling:
-            self._shed(one.connections)  # at once, and not this one: it may be the stop
+        self._counted.add(one)
+        self._from[one.address] += 1
+        many = len(self._counted) > SLACK * self.limits.most
+        if many or self._from[one.address] > SLACK * self.limits.most_per_address:
+            self._shed(one.connections)
         elif not self._shedding:
             self._shedding = True
             one.loop.call_later(self.limits.grace_s, self._shed, one.connections)
+
+    def went(self, one: _Bounded) -> None:
+        """It is no more, or another protocol's."""
+        if one not in self._counted:
+            return
+        self._counted.remove(one)
+        self._from[one.address] -= 1
+        if not self._from[one.address]:
+            del self._from[one.address]
 
     def _shed(self, connections: set[Any]) -> None:
         """Close what is too much: of the busiest address first, and of that what deserves it most."""
         self._shedding = False
         open_ones = [one for one in connections if not one.transport.is_closing()]
-        by_address: dict[str, list[Any]] = defaultdict(list)
-        for one in sorted(open_ones, key=_worth):
-            by_address[_address(one)].append(one)
+        by_address: dict[str, _Kinds] = defaultdict(_Kinds)
+        for one in sorted(open_ones, key=lambda one: -getattr(one, "since_s", 0.0)):
+            by_address[_address(one)].take(one)
+        sizes = {address: kinds.size for address, kinds in by_address.items()}
         left = len(open_ones)
         while left:
-            busiest = max(by_address.values(), key=len)
-            if left <= self.limits.most and len(busiest) <= self.limits.most_per_address:
+            busiest = max(reversed(sizes), key=sizes.__getitem__)  # of as busy ones who came last is spared
+            if left <= self.limits.most and sizes[busiest] <= self.limits.most_per_address:
                 break
-            busiest.pop().transport.abort()
+            closed = by_address[busiest].pop()
+            closed.transport.abort()
+            self.went(closed)
+            sizes[busiest] -= 1
             left -= 1
+
+
+class _Kinds:
+    """The connections of an address, as they come from the newest to the oldest."""
+
+    def __init__(self) -> None:
+        self._served, self._waiting, self._half_open = list[Any](), list[Any](), list[Any]()
+
+    @property
+    def size(self) -> int:
+        return len(self._served) + len(self._waiting) + len(self._half_open)
+
+    def take(self, one: Any) -> None:
+        """A WebSocket, which has no time here, is among those that are answered."""
+        if not isinstance(one, _Bounded) or not one.waits:
+            self._served.insert(0, one)
+        else:
+            (self._half_open if one.half_open else self._waiting).append(one)
+
+    def pop(self) -> Any:
+        """The oldest that keeps us waiting, of the kind of most of them; else the newest."""
+        return (max(self._half_open, self._waiting, key=len) or self._served).pop()
+
+
+class _Server(uvicorn.Server):
+    """With room for whoever cannot be let in yet."""
+
+    def __init__(self, config: uvicorn.Config, listening: socket.socket) -> None:
+        super().__init__(config)
+        self._listening = listening
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        self._listening.listen(QUEUE)
 
 
 class _Bounded(H11Protocol):
@@ -113,6 +177,7 @@ class _Bounded(H11Protocol):
         super().__init__(**wiring)
         self._bounds, self._limits = bounds, bounds.limits
         self.since_s = self._due_s = 0.0  # by the loop's clock: begun; the end of its sender's time
+        self.address = ""
         self._timer: asyncio.TimerHandle | None = None
         self._heard = False  # something of a request that has no answer yet
 
@@ -129,13 +194,14 @@ class _Bounded(H11Protocol):
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
-        self.since_s = self.loop.time()
+        self.since_s, self.address = self.loop.time(), _address(self)
         self._wait(self._limits.header_s)
         self._timer = self.loop.call_later(self._limits.header_s, self._look)
         self._bounds.came(self)
 
     def connection_lost(self, exc: Exception | None) -> None:
         self._end_timer()
+        self._bounds.went(self)
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
@@ -149,6 +215,7 @@ class _Bounded(H11Protocol):
 
     def handle_websocket_upgrade(self, event: Any) -> None:
         self._end_timer()  # its own pings end it
+        self._bounds.went(self)
         super().handle_websocket_upgrade(event)
 
     def on_response_complete(self) -> None:
@@ -195,16 +262,6 @@ class WebSocket(WebSocketsSansIOProtocol):
         await super().send(message)
         if message["type"] == "websocket.http.response.body" and not message.get("more_body", False):
             self.handshake_complete = True
-
-
-def _worth(one: Any) -> tuple[int, float]:
-    """The last of all is closed first: the oldest half-open one, then who lets us wait, then the newest.
-
-    A WebSocket, which has no time here, is among those that are answered.
-    """
-    if not isinstance(one, _Bounded) or not one.waits:
-        return 0, getattr(one, "since_s", 0.0)
-    return (2 if one.half_open else 1), -one.since_s
 
 
 def _address(one: Any) -> str:

@@ -116,6 +116,11 @@ class _Jobs(Sequence[Job]):
         return Job(name, linked.without_deleted(text) if self._block_delete else bytes(text))
 
 
+def jobs(folder: Path, block_delete: bool = False) -> Sequence[Job]:
+    """The programs of a folder, to be checked."""
+    return _Jobs(folder, files(folder), block_delete)
+
+
 def examined(machine: Machine, job: Job) -> Row:
     """One program checked as ``check`` does it; nothing is stored, and whatever is wrong is in the row."""
     if job.wrong:
@@ -152,7 +157,7 @@ class Asked:
 
 def run(asked: Asked, spread: Spread, as_json: bool) -> None:
     """All of a folder. Raises Refused where a program is, or none is there."""
-    found = files(asked.folder)
+    found = jobs(asked.folder, asked.block_delete)
     if not found:
         raise Refused(_say("none", folder=asked.folder, suffixes=" ".join(SUFFIXES)))
     if asked.report is not None:
@@ -180,12 +185,11 @@ def run(asked: Asked, spread: Spread, as_json: bool) -> None:
         show.print(_summed(rows), markup=False)
 
 
-def _rows(asked: Asked, found: Sequence[Path], spread: Spread, quiet: bool) -> tuple[list[Row], str]:
+def _rows(asked: Asked, found: Sequence[Job], spread: Spread, quiet: bool) -> tuple[list[Row], str]:
     """What came of each, and a warning where checks could not be stored, or ""."""
     rows, warning, wrong = list[Row](), "", 0
     with bar("checking", quiet) as progress:
-        jobs = _Jobs(asked.folder, found, asked.block_delete)
-        for row in spread(partial(examined, asked.machine), jobs, PROGRAM_S):
+        for row in spread(partial(examined, asked.machine), found, PROGRAM_S):
             if row.kept is not None:
                 warning = checked.keep(row.kept, row.key, asked.store) or warning
             rows.append(row)

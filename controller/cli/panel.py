@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -50,10 +50,8 @@ def panel(
 
     with refusals(False, panel_users.expected):
         try:
-            import uvicorn
-
             from controller.api.access import is_loopback
-            from controller.api.connections import Connections, Limits, WebSocket, raise_file_limit
+            from controller.api.connections import Connections, Limits, raise_file_limit
         except ImportError as error:
             raise Refused(f"{EXTRA} ({error})") from error
         store = panel_users.store_in(state or control_socket.state_folder())
@@ -66,7 +64,7 @@ def panel(
         cores.leave()
         connections = Connections(Limits.within(raise_file_limit()))
         tell.print(f"Panel on {host}:{port}, machine behind {socket}, store in {store.folder}", markup=False)
-        uvicorn.run(
+        connections.serve(
             _app(store, socket, page, anybody_stops),
             host=host,
             port=port,
@@ -78,9 +76,6 @@ def panel(
             ssl_certfile=tls_certificate,
             ssl_keyfile=tls_key,
             timeout_graceful_shutdown=CLOSE_S,
-            http=cast(Any, connections.protocol),
-            ws=WebSocket,
-            backlog=connections.limits.at_once,
         )
 
 

@@ -35,4 +35,18 @@ REFUSALS = {
     "folder.summed": "{count} programs: {passed} passed, {refused} refused, {failed} failed; {subs} files of "
     "subs.",
     "folder.written": "Report: {file}",
+    # --- what needs a checkout
+    "checkout.none": "{folder}: is not there; benchmarks and soak come with the checkout and not with the "
+    "package: clone the repository, and run directrix from there (pip install -e '.[dev]').",
+    # --- bench
+    "bench.unknown": "{name}: there is no such benchmark; allowed are {known}.",
+    "bench.failed": "Not measured: {names}; each says why above, or in benchmarks of --json.",
+    "bench.parts": "its parts add up to {sum:.4f} %, not to 100",
+    "bench.no_marks": "{file}: has no one place for the figures; write {begin} and {end} where they belong.",
+    "bench.figure": "figure",
+    "bench.value": "value",
+    "bench.beside": "beside it",
+    "bench.ratio": "ratio",
+    "bench.of": "of {whole}",
+    "bench.drawn": "Pictures: {folder}",
 }

@@ -37,4 +37,19 @@ REFUSALS = {
     "folder.summed": "{count} Programme: {passed} bestanden, {refused} abgelehnt, {failed} misslungen; "
     "{subs} Dateien mit Unterprogrammen.",
     "folder.written": "Bericht: {file}",
+    # --- was einen Klon des Repositorys braucht
+    "checkout.none": "{folder}: gibt es nicht; Benchmarks und Dauerlauf gehören zum Klon, nicht zum Paket: "
+    "das Repository klonen und directrix von dort starten (pip install -e '.[dev]').",
+    # --- bench
+    "bench.unknown": "{name}: Diesen Benchmark gibt es nicht; erlaubt sind {known}.",
+    "bench.failed": "Nicht gemessen: {names}; warum, steht oben, oder in benchmarks von --json.",
+    "bench.parts": "seine Teile ergeben {sum:.4f} %, nicht 100",
+    "bench.no_marks": "{file}: hat nicht genau eine Stelle für die Zahlen; {begin} und {end} dorthin "
+    "schreiben, wo sie stehen sollen.",
+    "bench.figure": "Größe",
+    "bench.value": "Wert",
+    "bench.beside": "daneben",
+    "bench.ratio": "Verhältnis",
+    "bench.of": "von {whole}",
+    "bench.drawn": "Bilder: {folder}",
 }

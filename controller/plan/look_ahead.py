@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from controller.geometry.vectors import ROUNDING
 from controller.ipc.handoff import STILL, Awaited, Law, Piece, StopTable, dwell
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
@@ -32,7 +33,6 @@ WINDOW_S = 8.0  # ... and in others
 WHOLE_SHARE = 1.6  # of a window: a course no longer than this is planned in one
 STOPS_BEYOND_S = 0.5  # the seam: should the next window be late
 STOP_STEP_S = 0.004  # between two stops; two ticks at most
-NEXT_TO_NOTHING = 1e-9  # of s left: the place is the end
 BLOCKS_TO_STOP_IN = 4  # program blocks within which single block must have stopped a motion
 LONG_STOP_S = 0.3  # where no stop is known
 BRAKING_SHARE = 2.0  # of the length to brake in, for a window from motion
@@ -148,7 +148,7 @@ class Windows:
         if isinstance(unit.what, Pause):
             return self._pause(unit, unit.what, place, start_s, orders)
         place = Place(place.unit, max(place.s, unit.begin))
-        if place.s >= unit.length - NEXT_TO_NOTHING:
+        if place.s >= unit.length - ROUNDING:
             if not unit.rests:
                 return self.from_rest(track, Place(place.unit + 1, 0.0), start_s, orders, soon)
             mark = dwell(0.0, unit.line, end=unit.last)._replace(block_end=unit.block_end)
@@ -212,9 +212,7 @@ class Windows:
             takes_s, braking_s = self._takes(unit.what, s, orders)
             takes.append(takes_s)
             seconds = pace.window_s(seconds, braking_s)
-            inner = (
-                [end for end in unit.lines_end if end > s + NEXT_TO_NOTHING] if orders.single_block else []
-            )
+            inner = [end for end in unit.lines_end if end > s + ROUNDING] if orders.single_block else []
             if len(inner) > max(skipped, 0):
                 return _Reach(units, start + inner[max(skipped, 0)], rests=True, marked=True)
             skipped -= len(inner)

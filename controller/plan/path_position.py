@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from controller.geometry.vectors import ROUNDING
 from controller.ipc.handoff import Snapshot
 from controller.plan.look_ahead import Place, Sent
 from controller.plan.path.path import Pause
 from controller.plan.track import Track
-
-SAME_S = 1e-9
 
 
 def place_at(track: Track, queue: Sequence[Sent], after: Place, epoch: int, now: Snapshot) -> Place | None:
@@ -25,6 +24,6 @@ def place_at(track: Track, queue: Sequence[Sent], after: Place, epoch: int, now:
         unit = track.at(sent.first)
         pauses = unit is not None and isinstance(unit.what, Pause) and unit.line == now.line
         past_s = now.plan_time_s - sent.end_s
-        if past_s < -SAME_S or (pauses and past_s < SAME_S):
+        if past_s < -ROUNDING or (pauses and past_s < ROUNDING):
             return sent.place_at(now.plan_time_s)
     return after if track.at(after.unit) is not None else None

@@ -25,6 +25,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
+from controller.geometry.vectors import ROUNDING
 from controller.ipc.handoff import PieceMessage, Snapshot
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Machine
@@ -45,7 +46,6 @@ REPLAN_LEAD_S = 0.05  # ahead of the commit point, where planning takes no time 
 MAX_LEAD_S = 2.0
 RETRY_S = 0.1  # where there is no way on from a state of motion, one this much later is tried ...
 TIMEOUT_S = 0.05  # ... after so much plan time
-SAME_S = 1e-9
 TOUCHED, TOUCHING = 1, 3  # of the tick's ``probed`` and ``probing``
 
 
@@ -269,20 +269,20 @@ class Planner:
         # Held at its end, or resumed already, before this has been seen.
         stands = now.mode in (Mode.HOLD, Mode.RUNNING) and now.at_rest and not now.stopping
         arrived = stands and self._all_sent and self.told(now)
-        arrived = arrived and now.plan_time_s >= self._queue_end_s - SAME_S
+        arrived = arrived and now.plan_time_s >= self._queue_end_s - ROUNDING
         left = self._detour.follow(now, arrived)
         if left is not None:
             self._begin(*left, now.queue_end_s, now.epoch)
         return self.aside is None or not self.aside.off or self.aside.returning
 
     def _forget(self, now: Snapshot) -> None:
-        while len(self._sent) > 1 and self._sent[0].end_s < now.plan_time_s - SAME_S:
+        while len(self._sent) > 1 and self._sent[0].end_s < now.plan_time_s - ROUNDING:
             del self._sent[0]
         self._track.forget(self._sent[0].first if self._sent else self._next.unit)
 
     def _earliest(self, now: Snapshot) -> float:
         """The first tick from which on the queue may still be changed when the message has come."""
-        if now.commit_s <= now.plan_time_s + SAME_S:
+        if now.commit_s <= now.plan_time_s + ROUNDING:
             return now.plan_time_s
         period_s = self._machine.period_s
         ahead = math.ceil((now.commit_s - now.plan_time_s + self._lead_s) / period_s - 1e-6)
@@ -307,7 +307,7 @@ class Planner:
         """Runs and pauses from rest, at the queue's end."""
         held, added = self._hold(False), list[Sent]()
         start_s = self._queue_end_s
-        while self._queue_end_s - start_s < (BUNDLE_S if held.sent else SAME_S) or not added:
+        while self._queue_end_s - start_s < (BUNDLE_S if held.sent else ROUNDING) or not added:
             made = self._windows.from_rest(
                 self._track, self._next, self._queue_end_s, orders, soon=not held.sent
             )
@@ -329,7 +329,7 @@ class Planner:
         """Plan again, from a little ahead on, what was planned for other orders; True if it was."""
         from_s = max(self._earliest(now), self._retry_s)
         for i, sent in enumerate(self._sent):
-            if sent.end_s > from_s + SAME_S and sent.is_other(orders):
+            if sent.end_s > from_s + ROUNDING and sent.is_other(orders):
                 if sent.is_blocked(orders):
                     return False  # the tick stops there by itself, and then it is planned anew
                 return self._from_motion(now, i, max(from_s, sent.start_s), orders, soon=True)
@@ -346,7 +346,7 @@ class Planner:
             return False
         held = self._hold(True)
         self._sent = [*self._sent[:index], replace(sent, end_s=from_s, seam_s=None)]
-        if from_s <= sent.start_s + SAME_S:
+        if from_s <= sent.start_s + ROUNDING:
             del self._sent[-1]
         added: list[Sent] = []
         self._note(made, added)

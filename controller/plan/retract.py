@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
+from controller.geometry.vectors import ROUNDING
 from controller.ipc.handoff import Snapshot
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
@@ -30,7 +31,6 @@ from controller.state.modes import Mode
 
 RETRACT_MM_S = 10.0  # off the part, and on all of the way back but its end
 CORNER_MM = 0.05  # a turn of a jogged way that is less (or so many degrees) is none
-SAME_PLACE = 1e-9  # mm or rad
 NO_RETRACT = (
     "The tool cannot retract: it leaves the path out of a program that is held, and once. "
     "Hold the program, or let the tool return first."
@@ -79,7 +79,7 @@ class Aside:
         if self._last is not None and _off_line(self.turns[-1], self._last, here) > CORNER_MM:
             self.turns.append(self._last)
         self._last = here
-        if now.at_rest and _apart(here, self.turns[-1]) > SAME_PLACE:
+        if now.at_rest and _apart(here, self.turns[-1]) > ROUNDING:
             self.turns.append(here)
             self._last = None
 

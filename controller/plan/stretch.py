@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controller.geometry.curves import Arc, Line
-from controller.geometry.vectors import Vector, norm, subtract
+from controller.geometry.vectors import ROUNDING, Vector, norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints
 from controller.motion.motions import JointMove, Motion, Rotaries, ToolLine, ToolSpline
@@ -35,7 +35,6 @@ from controller.program.program import (
 
 Array = npt.NDArray[np.float64]
 
-STILL_MM = 1e-9  # moves below (also in degrees) are no moves
 STANDS_MM = 1e-6  # X Y Z, or a tip, that moves less stands: s is then the turn in degrees
 
 MIN_TIP_RATE = 1e-3  # where the tip all but stands the rotaries alone set the speed
@@ -205,7 +204,7 @@ def straight(
         turned = math.degrees(math.hypot(last[0] - first[0], last[1] - first[1]))
         length = max(length, turned)
         feed = feed_mm_s if feed_deg_s is None else feed_deg_s
-    if length < STILL_MM:
+    if length < ROUNDING:
         return None
     move = JointMove(Line(a, b), length, first, last)
     return Stretch(move, place, feed, False, start, end, True, name)

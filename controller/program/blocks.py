@@ -14,7 +14,7 @@ follow the paper: without a decimal point they count in BLU (0.01 mm, 0.001 degr
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
@@ -61,7 +61,7 @@ from controller.program.decoding import Bytes
 from controller.program.flow import Limits
 from controller.program.functions import Functions
 from controller.program.given import Given
-from controller.program.line import Upcoming
+from controller.program.line import CommonRun, Upcoming
 from controller.program.modal import TIPS, State
 from controller.program.offset_words import Here
 from controller.program.parameters import OF_FANUC, Parameters
@@ -81,6 +81,7 @@ from controller.program.program import (
 from controller.program.saved import Saved
 from controller.program.words import Line, Word
 
+NEEDS_WORDS = (*CYCLES, "G2", "G3")
 _CLEARED = MappingProxyType(
     {
         "G51": "it is surplus after the whole cone of G51 on line {}, which clears the motion mode",
@@ -128,68 +129,71 @@ def stream(
     system = OF_FANUC if machine.dialect == "fanuc" else range(0)
     parameters = Parameters(given, machine.parameters, machine.kept, system)
     limits = Limits(machine.call_levels, machine.program_passes)
-    lines = words.read(text, name, block_delete, parameters, limits, files, refused)
+    common = CommonLines(machine, given)
+    read = words.read(text, name, block_delete, parameters, limits, files, refused, common.short)
     if remark is not None:
         yield Remark(remark[0], given.state.modal, remark[1])
-    read = _blocks(lines, machine, given, refused)
-    beside = compensation.beside(read, given.position, machine, name, refused)
+    made = _blocks(Upcoming(read), machine, given, common, refused)
+    beside = compensation.beside(made, given.position, machine, name, refused)
     yield from foreign.judged(beside, text, name, refused)
 
 
 def _blocks(
-    read: Iterator[Line], machine: Machine, given: Given, refused: list[ProgramError] | None = None
-) -> Iterator[Block]:
+    ahead: Upcoming,
+    machine: Machine,
+    given: Given,
+    common: CommonLines,
+    refused: list[ProgramError] | None = None,
+) -> Iterator[Sequence[Block]]:
     """Blocks of lines; ``given`` has the state and the position between two of them."""
-    state, ahead, saved = given.state, Upcoming(), Saved(machine)
-    common = CommonLines(machine)
-    functions = Functions(common)
-    told: list[Line] = []
-    lines = ahead.given(read, told)
-    for line in lines:
-        if told:
-            yield from _said(told, state)
-        if (quick := common.read(line, state)) is not None:
-            block, given.state = quick
-            state = given.state
-            yield block
+    saved, functions = Saved(machine), Functions(common)
+    for line in ahead.items:
+        if ahead.told:
+            yield _said(ahead.told, given.state)
+        if isinstance(line, CommonRun):
+            yield line
             continue
+        if (quick := common.read(line)) is not None:
+            yield (quick,)
+            continue
+        state = before = given.state
         if (known := functions.read(line, state)) is not None:
             done, given.state = known
-            state = given.state
-            yield from done
+            yield done
             continue
-        before = state
+        common.rests = True
         try:
             state, restored, line = saved.carry_out(line, state)
             ask = points.counted(codes.sort(line, machine), state, machine)
             ask = polar_words.cartesian(ask, state, given.position, machine)
-            turn = _Turn(ask, state, machine, given.position, lines, ahead)
+            turn = _Turn(ask, state, machine, given.position, ahead)
             turn.run()
         except ProgramError as error:
             if refused is None:
                 raise
             refused.append(error)
-            state = given.state = _behind(line, state, machine, lines, ahead)
+            given.state = _behind(line, state, machine, ahead)
             continue
-        state = given.state = functions.learnt(line, before, turn.state, turn.made)
-        yield from restored
-        for block in turn.made:
-            yield block
-            given.see_probed(block, line)
+        finally:
+            common.rests = False
+        given.state = functions.learnt(line, before, turn.state, turn.made)
+        yield [*restored, *turn.made]
+        given.see_probed(turn.made, line)
         if turn.ended:
             break
-    yield from _said(told, state)
+    if ahead.told:
+        yield _said(ahead.told, given.state)
 
 
-def _behind(line: Line, state: State, machine: Machine, lines: Iterator[Line], ahead: Upcoming) -> State:
+def _behind(line: Line, state: State, machine: Machine, ahead: Upcoming) -> State:
     """The state behind a line that was refused and left out, so that what follows it is not refused, too."""
     state = state._replace(begun=None)
     named = [f"G{word.value:g}" for word in line.words if word.letter == "G"]
     known = BY_DIALECT[machine.dialect]
     motion = next((code for code in named if code in known and known[code].group == "motion"), state.motion)
     if motion in SURFACES or motion == "G5.2":  # and its points
-        while (after := ahead.look(lines)) is not None and all(map(_is_part, after.words)):
-            next(lines)
+        while (after := ahead.look()) is not None and all(map(_is_part, after.words)):
+            next(ahead)
     return state._replace(motion="" if motion in _CLEARED else motion)
 
 
@@ -218,7 +222,6 @@ class _Turn:
         state: State,
         machine: Machine,
         position: Position,
-        lines: Iterator[Line],
         ahead: Upcoming,
     ) -> None:
         self.ask = ask
@@ -226,11 +229,9 @@ class _Turn:
         self.made: list[Block] = []
         self.ended = False
         self._machine, self._position = machine, position
-        self._lines = lines  # what follows: G52 takes its points from here
+        self._ahead = ahead  # what follows: G52 takes its points from here
         self._axes = "".join(axis.name for axis in machine.axes)
-        self._shifts = ask.code("motion") == "G52" and surface_words.is_shift(
-            ask, state, machine, lines, ahead
-        )
+        self._shifts = ask.code("motion") == "G52" and surface_words.is_shift(ask, state, machine, ahead)
         self._motion = self._find_motion()
 
     @property
@@ -330,8 +331,19 @@ class _Turn:
         return tip is Tip.VECTORS and self.ask.code("one-line") != "G53"
 
     def _check_words(self) -> None:
-        """Every word belongs to exactly one code."""
+        """Every word belongs to exactly one code, and a cycle or an arc has words."""
         takers = self._takers()
+        named = self.ask.code("motion")
+        if (
+            named in NEEDS_WORDS
+            and self._machine.dialect == "rs274"
+            and not self.ask.has(self._axes + "IJKRP")
+        ):
+            raise self.ask.refusal(
+                self.ask.codes["motion"][1],
+                f"{named} has no place: it takes words of axes, as {named} X10 Y0; write them beside "
+                "it, or leave it out",
+            )
         for letter, word in self.ask.words.items():
             owners = [code for code, letters in takers if letter in letters]
             if not owners and letter not in self._free:
@@ -447,12 +459,12 @@ class _Turn:
         if motion == "G51":
             return [surface_words.cone(self.ask, self.state, self._machine)]
         if motion == "G52":
-            return [surface_words.ruled(self.ask, self.state, self._machine, self._lines)]
+            return [surface_words.ruled(self.ask, self.state, self._machine, self._ahead)]
         if motion == "G6.2":
-            return [nurbs_words.surface(self.ask, self.state, self._machine, self._lines)]
+            return [nurbs_words.surface(self.ask, self.state, self._machine, self._ahead)]
         here, word = self._here(), self._word_of_motion()
         if motion in CURVES:
-            made_curve, self.state = spline_words.curve(here, motion, word, self._lines)
+            made_curve, self.state = spline_words.curve(here, motion, word, self._ahead)
             return [made_curve]
         if motion in PROBES:
             return [probe_words.line(here, motion, word)]
@@ -481,10 +493,9 @@ class _Turn:
         if named == "G80" and (beneath := self._beneath()):
             self.state = self.state._replace(motion=beneath, cycle=None)
         elif named in _CLEARED:
-            cuts = self.state.cuts or named in SURFACES
             why = _CLEARED[named].format(self.ask.line.number)
             goes = self.state.curve_goes if named == "G5" else None
-            self.state = self.state._replace(motion="", cleared=why, cuts=cuts, cycle=None, curve_goes=goes)
+            self.state = self.state._replace(motion="", cleared=why, cycle=None, curve_goes=goes)
         elif named != self.state.motion or (self.state.cycle and named not in CYCLES):
             kept = self.state.cycle if named in CYCLES else None
             self.state = self.state._replace(motion=named, cycle=kept)

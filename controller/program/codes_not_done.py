@@ -38,6 +38,7 @@ NOT_DONE: tuple[Code, ...] = (
         ("G62", "", "slower in inside corners", "The feed in corners is planned by the limits of the axes."),
         ("M41", "", "low gear", _SPINDLE),
         ("M42", "", "high gear", _SPINDLE),
+        ("M43", "", "third gear", _SPINDLE),
         dialect="fanuc",
     ),
     *noted(

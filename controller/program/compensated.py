@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Machine
 from controller.program.arc_words import PLANES
 from controller.program.contour import circles, corners, ways
@@ -108,7 +109,7 @@ class Cutter:
         if not isinstance(held.block, MOTIONS):
             return False
         pairs = [(held.before[axis], held.after[axis]) for axis in self._axes[:2]]
-        return any(a is None or b is None or abs(b - a) > ways.SAME_MM for a, b in pairs)
+        return any(a is None or b is None or abs(b - a) > ROUNDING for a, b in pairs)
 
     def _step(self, held: Held) -> Step:
         block = held.block

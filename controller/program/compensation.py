@@ -10,12 +10,13 @@ LinuxCNC, and so do parameters. So the first move after G40 is given all axes of
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from controller.machine.model import Machine
 from controller.program.arc_words import PLANES
 from controller.program.compensated import MOTIONS, Cutter, Held, NotBesideError, to_end
+from controller.program.line import CommonRun
 from controller.program.position import Position
 from controller.program.program import (
     Block,
@@ -34,27 +35,32 @@ MAX_HELD = 1000  # blocks behind a G41 before it is decided
 
 
 def beside(
-    blocks: Iterable[Block],
+    lines: Iterable[Sequence[Block]],
     position: Position,
     machine: Machine,
     name: str,
     refused: list[ProgramError] | None = None,
 ) -> Iterator[Block]:
-    """The blocks as they are cut; ``position`` takes them as they are programmed.
+    """The blocks of ``lines`` as they are cut; ``position`` takes them as they are programmed.
 
     Raises ProgramError; with ``refused`` it is noted there, and the contour left uncompensated.
     """
     path = _Path(machine, position)
-    for block in blocks:
-        if block.modal.planar is None and path.rests:
-            position.take(block)
-            yield block
+    for blocks in lines:
+        if isinstance(blocks, CommonRun) and path.rests and blocks[0].modal.planar is None:
+            position.take_run(blocks)
+            yield from blocks
             continue
-        try:
-            yield from path.take(block)
-        except NotBesideError as error:
-            _refuse(error, name, refused)
-            path.give_up(block.modal.planar)
+        for block in blocks:
+            if block.modal.planar is None and path.rests:
+                position.take(block)
+                yield block
+                continue
+            try:
+                yield from path.take(block)
+            except NotBesideError as error:
+                _refuse(error, name, refused)
+                path.give_up(block.modal.planar)
     try:
         yield from path.finish()
     except NotBesideError as error:

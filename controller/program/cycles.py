@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from types import MappingProxyType
 
-from controller.geometry.vectors import angle_between
+from controller.geometry.vectors import ROUNDING, angle_between
 from controller.program import boring, line_words
 from controller.program.codes import CYCLES, Ask
 from controller.program.cycle_way import PLANES, Way
@@ -27,7 +27,6 @@ from controller.program.program import Block, Remark, Tip
 from controller.program.words import Word
 
 BREAK_MM = 0.254  # what G73 draws back, and where G83 ends its rapid above the last depth, as LinuxCNC
-SAME_MM = 1e-9  # of two heights: in a tilted plane they come by way of the axes, and are rounded
 ALONG_DEG = 0.01  # by which the axis of a cycle may miss the tool: rotary words of two decimals
 MAX_REPEATS = 1000  # of one line ...
 MAX_PECKS = 10_000  # ... in all of them
@@ -48,7 +47,7 @@ def blocks(here: Here, code: str, word: Word) -> tuple[list[Block], State]:
     if code in ("G74", "G84"):
         state = _told_floating(way, state, code)
     clearance, bottom = _heights(here, cycle)
-    if abs(start - clearance) < SAME_MM:
+    if abs(start - clearance) < ROUNDING:
         start = clearance
     if start < clearance:
         way.rapid(None, None, start := clearance)

@@ -48,7 +48,7 @@ class Text:
     def lines(self) -> Iterator[str]:
         """Its lines."""
         for part in self.parts():
-            yield from NEWLINE.split(part)
+            yield from NEWLINE.split(part) if "\r" in part else part.split("\n")
 
     def whole(self) -> str:
         """All of it, held in memory."""

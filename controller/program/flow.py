@@ -194,12 +194,8 @@ class Run:
         return value
 
     def _at_end(self, mark: Mark, values: Values) -> None:
-        if rest := values.rest.strip(GAPS):
-            raise mark.refusal(
-                self._frames[-1].source.name,
-                f"{rest.upper()[:20]} stands behind {mark.written}: nothing else goes on a line with an "
-                "O-word; write it on a line of its own",
-            )
+        if values.rest.strip(GAPS):
+            raise mark.surplus(self._frames[-1].source.name, values.rest)
 
     def _over(self, mark: Mark) -> None:
         """A sub that is not called, or branches behind the one that was taken."""

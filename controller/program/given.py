@@ -8,7 +8,7 @@ no value, and a program that asks for one is refused.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import MappingProxyType
 
 from controller.geometry.vectors import Vector
@@ -57,9 +57,10 @@ class Given:
 
     # ---- probing
 
-    def see_probed(self, block: Block, line: Line) -> None:
+    def see_probed(self, made: Sequence[Block], line: Line) -> None:
         """Behind a probing move the reader goes on from where the axes really are. Raises ProgramError."""
-        probe = block.probe if isinstance(block, JointLine | TipLine) else None
+        last = made[-1] if made else None
+        probe = last.probe if isinstance(last, JointLine | TipLine) else None
         if probe is None:
             return
         came, position = probe.came, self.position

@@ -8,18 +8,27 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import NamedTuple
 
-from controller.program.program import Place, ProgramError
+from controller.program.program import Block, Place, ProgramError
 
 # A common line as programs from CAM systems have them in millions: an N, G0 to G3, words in the usual order,
 # one M of spindle or coolant, a comment. Nothing in it can be refused as text, or says something. Nine digits
 # are below what any word may be. Only single characters repeat possessively: Python before 3.11.5 goes on
 # behind the begin of a group that it gave up (gh-106052), so that "G0X" would match as G0.
+MAX_RUN = 200  # of them together
 _SHORT_NUMBER = r"[+-]?(?:[0-9]{1,9}+(?:\.[0-9]*+)?|\.[0-9]++)"
 LETTERS = "XYZABCIJKRFS"
-_WORDS = "".join(rf"(?:[{letter}{letter.lower()}]({_SHORT_NUMBER})[ \t]*+)?" for letter in LETTERS)
+
+
+def _words(letters: str, others: str = "", behind: str = "") -> str:
+    """Any of these in their order; where none of them comes, which one look tells, it is over."""
+    each = "".join(rf"(?:[{letter}{letter.lower()}]({_SHORT_NUMBER})[ \t]*+)?" for letter in letters)
+    return rf"(?:(?=[{letters}{letters.lower()}{others}]){each}{behind})?"
+
+
 COMMON = re.compile(
-    rf"[ \t]*+(?:[Nn][0-9]++[ \t]*+)?(?:[Gg](0?[0-3])[ \t]*+)?{_WORDS}(?:[Mm](0?[3-57-9])[ \t]*+)?"
-    r"(?:\([^(),;]*+\)[ \t]*+)?(?:;.*+)?",
+    r"[ \t]*+(?:[Nn][0-9]++[ \t]*+)?(?:[Gg](0?[0-3])[ \t]*+)?"
+    + "".join(map(_words, ("XYZ", "ABC", "IJKR")))
+    + _words("FS", "Mm(;", r"(?:[Mm](0?[3-57-9])[ \t]*+)?(?:\([^(),;]*+\)[ \t]*+)?(?:;.*+)?"),
     re.DOTALL,
 )
 # Of ``Line.parts``, and of the groups of a match less one.
@@ -163,27 +172,41 @@ class Line:
         return error.within(self.where.calls) if self.where is not None else error
 
 
-class Upcoming:
-    """Lets the line that comes next be looked at before it is its turn."""
+class CommonRun(list[Block]):
+    """Blocks of common lines that follow each other: of one modal state but for its motion and F."""
 
-    def __init__(self) -> None:
+
+class Upcoming(Iterator[Line]):
+    """The lines of a program; while one of them is carried out, those that follow it can be taken or seen.
+
+    Among ``items`` are runs of common lines, too, which are made while no other line is carried out.
+    """
+
+    def __init__(self, read: Iterator[Line | CommonRun]) -> None:
+        self._read = read
         self._seen: list[Line] = []
+        self.told: list[Line] = []  # those that say something, until it is told
+        self.items = self._items()
 
-    def given(self, lines: Iterator[Line], told: list[Line]) -> Iterator[Line]:
-        """Those with words; those that say something are noted. What has been looked at comes after all."""
-        for line in lines:
-            if not line.is_plain:
-                if line.says:
-                    told.append(line)
-                if not line.words:
+    def _items(self) -> Iterator[Line | CommonRun]:
+        for item in self._read:
+            if isinstance(item, Line) and not item.is_plain:
+                if item.says:
+                    self.told.append(item)
+                if not item.words:
                     continue
-            yield line
+            yield item
             while self._seen:
                 yield self._seen.pop()
 
-    def look(self, given: Iterator[Line]) -> Line | None:
-        """The next of the lines that ``given`` gives, while one of them is being read; None at their end."""
-        line = next(given, None)
+    def __next__(self) -> Line:
+        line = next(self.items)
+        assert isinstance(line, Line)
+        return line
+
+    def look(self) -> Line | None:
+        """The next line, which then comes in its turn; None at the end."""
+        line = next(self, None)
         if line is not None:
             self._seen.append(line)
         return line

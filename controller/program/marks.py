@@ -26,8 +26,11 @@ BY_NUMBER = "M98"  # a call that is no O-word
 ALONE = ""  # the keyword of a number that stands alone: a sub for M98
 COMPUTED = ""  # the label of a call whose number is an expression
 
+_BARE = ("sub", "else", "endif", "do", "endwhile", "endrepeat", "break", "continue")  # take nothing
+_CONDITIONED = ("if", "elseif", "while", "repeat")  # take one value in brackets
+
 _COMMENTS = r"(?:\([^()\r\n]*\)[ \t]*)*"
-_O = re.compile(r"[oO:]")
+_O = re.compile(r"[oO:](?<![A-Za-z].)")
 _LINE = re.compile(rf"[ \t]*{_COMMENTS}/?[ \t]*{_COMMENTS}(?:[nN][ \t]*[0-9.][0-9. \t]*)?{_COMMENTS}[oO:]")
 _MARK = re.compile(
     rf"[{GAPS}]*(?P<deleted>/?)[{GAPS}]*(?:n[ \t]*[0-9.][0-9. \t]*)?[{GAPS}]*[o:][{GAPS}]*"
@@ -69,6 +72,14 @@ class Mark:
     def refusal(self, name: str, sentence: str) -> ProgramError:
         return ProgramError(name, self.number, self.text.find("o") + 1 or 1, sentence)
 
+    def surplus(self, name: str, behind: str) -> ProgramError:
+        """What is told of text behind all that an O-word takes."""
+        return self.refusal(
+            name,
+            f"{behind.strip(GAPS).upper()[:20]} stands behind {self.written}: nothing else goes on a line "
+            "with an O-word; write it on a line of its own",
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Marks:
@@ -101,12 +112,14 @@ def plain(parts: Iterable[str]) -> bool:
     """Whether lines just follow: the text, in pieces of whole lines, has at most one number alone."""
     numbers = 0
     for part in parts:
+        if _CALLS_BY_NUMBER.search(part):
+            return False
         try:
             words = [mark.keyword for mark in _marks(part, "", len(part))]
         except ProgramError:
             return False
         numbers += len(words)
-        if any(words) or numbers > 1 or _CALLS_BY_NUMBER.search(part):
+        if any(words) or numbers > 1:
             return False
     return True
 
@@ -188,6 +201,16 @@ def _paired(marks: list[Mark], name: str) -> None:
         raise mark.refusal(name, f"{mark.written} has no end: write {what} where it ends")
 
 
+def _behind_bracket(text: str, at: int) -> str:
+    """What stands behind the first value in brackets from ``at`` on; nothing where it has no end."""
+    depth = 0
+    for k in range(at, len(text)):
+        depth += (text[k] == "[") - (text[k] == "]")
+        if depth == 0 and text[k] == "]":
+            return text[k + 1 :]
+    return ""
+
+
 class _Pairs:
     """What is open while the marks are gone through in order."""
 
@@ -199,6 +222,12 @@ class _Pairs:
         self._subs: dict[str, Mark] = {}
 
     def take(self, mark: Mark) -> None:
+        if mark.keyword in _BARE or mark.keyword in _CONDITIONED:
+            behind = (
+                mark.text[mark.rest :] if mark.keyword in _BARE else _behind_bracket(mark.text, mark.rest)
+            )
+            if behind.strip(GAPS):
+                raise mark.surplus(self._name, behind)
         if mark.deleted and mark.keyword not in ("call", "return", "break", "continue"):
             raise mark.refusal(
                 self._name,

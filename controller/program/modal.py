@@ -69,7 +69,6 @@ class State(NamedTuple):
     speed_rev_min: float = 0.0  # S
     turning: int = 0  # M3: 1, M4: -1, M5: 0
     feed_deg_s: float | None = None  # the modal F as moves of rotaries alone read it; None as that of lengths
-    cuts: bool = False  # a surface came before: the program is one for this control
     inverse: bool = False  # G93: F is one over the minutes that its line takes
     per_turn: bool = False  # G95: F is for a turn of the spindle ...
     turn_feed: tuple[float, float] | None = None  # ... mm and degrees
@@ -259,11 +258,13 @@ class _Settings:
 
     def _select_tool(self) -> None:
         """T0 is no tool: M6 empties the spindle."""
-        word = self.ask.words.get("T")
-        if word is not None:
-            if word.value != 0.0:
-                self._known_tool(word)
-            self.state = self.state._replace(selected=int(word.value))
+        if "T" in self.ask.words:
+            self._select(self.ask.words["T"])
+
+    def _select(self, word: Word) -> None:
+        if word.value != 0.0:
+            self._known_tool(word)
+        self.state = self.state._replace(selected=int(word.value))
 
     def _outputs(self) -> None:
         """M62, M63 and M67 count with the next motion, M64, M65, M68 and the machine's own codes at once."""
@@ -318,6 +319,8 @@ class _Settings:
         modal = self.state.with_tool(self.state.selected, self._machine)
         self.state = self.state._replace(modal=replace(modal, spindle_rev_min=0.0), turning=0)
         self._act(word, Act.TOOL)
+        if self.ask.next_tool is not None:
+            self._select(self.ask.next_tool)
 
     def _name_tool(self) -> None:
         word = self.ask.words.get("Q")

@@ -7,6 +7,7 @@ common, or would be refused, is left to that.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from types import MappingProxyType
@@ -15,142 +16,213 @@ from controller.geometry.vectors import Vector
 from controller.machine.model import STILL, Machine
 from controller.program import points
 from controller.program.arc_words import PLANES
-from controller.program.line import AXES, CENTRE, FEED, FUNCTION, MOTION, PARTS, RADIUS, SPEED, Line, Part
+from controller.program.given import Given
+from controller.program.line import (
+    AXES,
+    CENTRE,
+    FEED,
+    FUNCTION,
+    MOTION,
+    PARTS,
+    RADIUS,
+    SPEED,
+    Line,
+    Part,
+)
 from controller.program.line_words import SHORTEST_VECTOR
 from controller.program.modal import FEEDS, State
 from controller.program.points import POINTLESS
 from controller.program.program import Block, JointArc, JointLine, Place, Targets, Tip, TipLine
 
 MAX_STATES = 1000  # that are remembered
+_SHORT = frozenset(("G0", "G1", "G2", "G3"))
 _MOTIONS: MappingProxyType[Part, str] = MappingProxyType(
     {key: f"G{k}" for k in range(4) for key in (str(k), f"0{k}", float(k))}
 )
-_SHORT = frozenset(("G0", "G1", "G2", "G3"))
+_NO_VECTOR = (None, None, None)
+_new = tuple.__new__  # as Place._make, for millions of lines
+_NO_ARC = (None, None, None, None)
 _Feed = tuple[str, float | None, float | None]  # motion, mm/s, degrees/s: what common lines change of a state
+
+
+class _Ready:
+    """A state, and what common lines need of it at hand."""
+
+    __slots__ = ("degrees", "is_line", "is_usual", "mm", "modal", "motion", "relative", "state", "unit")
+
+    def __init__(self, state: State) -> None:
+        self.state, self.modal, self.motion = state, state.modal, state.motion
+        self.relative, self.unit = not state.absolute, state.mm_per_unit
+        is_feed = self.motion != "G0"
+        self.mm = self.modal.feed_mm_s if is_feed else None
+        self.degrees = state.feed_deg_s if is_feed else None
+        self.is_usual = (  # its lines can be common
+            not (state.per_turn or state.cycle or state.begun or _for_surfaces(state))
+            and self.modal.turned_rad == STILL
+        )
+        self.is_line = (  # those of axes alone are JointLines
+            self.is_usual
+            and self.motion in ("G0", "G1")
+            and self.modal.tip is Tip.OFF
+            and not (self.modal.tilted or state.inverse)
+            and (self.mm is not None or not is_feed)
+        )
+
+
+class _Family:
+    """States that differ in motion and F alone: programs take turns with a few."""
+
+    __slots__ = ("by_feed", "by_words")
+
+    def __init__(self) -> None:
+        self.by_feed: dict[_Feed, _Ready] = {}
+        self.by_words: dict[tuple[str, Part], _Ready] = {}  # the same by motion and F as written
+
+    def add(self, ready: _Ready) -> None:
+        if len(self.by_feed) >= MAX_STATES:
+            self.by_feed.clear()
+            self.by_words.clear()
+        self.by_feed[_feed_of(ready.state)] = ready
 
 
 class CommonLines:
     """Reads G0 to G3 with words of axes, centre, radius and feed for one machine."""
 
-    def __init__(self, machine: Machine) -> None:
-        self._axes = [(PARTS[a.name], a.shown_per_unit if a.is_rotary else 0.0) for a in machine.axes]
+    def __init__(self, machine: Machine, given: Given) -> None:
+        self._axes = tuple((PARTS[a.name], a.shown_per_unit if a.is_rotary else 0.0) for a in machine.axes)
         names = {axis.name for axis in machine.axes}
-        self._lacking = [PARTS[letter] for letter in "XYZABC" if letter not in names]
+        self._lacking = tuple(PARTS[letter] for letter in "XYZABC" if letter not in names)
         self._linear, self._pair = machine.linear(), machine.pair
         self._turning = [PARTS[machine.axes[i].name] for i in machine.rotary()]
         self._points_count = points.count(machine)
-        self._state: State | None = None  # as it was seen last ...
-        self._is_usual = False  # ... and whether its lines can be common
-        self._states: dict[_Feed, State] = {}  # beside it: those that differ in this alone
-        self._families: list[dict[_Feed, State]] = []
+        self._given = given
+        self.rests = False  # while another line is carried out: what follows may belong to it
+        self._ready = _Ready(given.state)  # the state that was seen last ...
+        self._family = _Family()  # ... its family ...
+        self._families: list[_Family] = []  # ... and some others
 
-    def read(self, line: Line, state: State) -> tuple[Block, State] | None:
-        """The block of a common line and the state after it; None where the general way is needed."""
+    def short(self, found: re.Match[str], number: int) -> Block | None:
+        """The block of a line that COMMON has found, the state then being that after it.
+
+        None where the general way is needed.
+        """
+        if self.rests or not 0 < (found.lastindex or 0) <= FEED + 1:
+            return None
+        parts = found.groups()
+        at = MOTION if parts[MOTION] is not None else AXES if parts[AXES] is not None else _first(parts)
+        return self._made(parts, _new(Place, (number, found.start(at + 1), 0, "")), found.string)
+
+    def read(self, line: Line) -> Block | None:
+        """The same of any line."""
         parts = line.parts
         if parts is None or parts[FUNCTION] is not None or parts[SPEED] is not None:
             return None
-        if state is not self._state:
-            self._see(state)
-        code, feed = parts[MOTION], parts[FEED]
-        motion = state.motion if code is None else _MOTIONS.get(code, "")
-        if not self._is_usual or motion not in _SHORT or self._is_odd(line, parts):
+        if not any_of(parts[AXES:RADIUS]):
             return None
-        targets = self._targets(parts, state.mm_per_unit)
-        after: State | None = state
-        if feed is not None or motion != state.motion:
-            after = self._after(state, motion, None if feed is None else float(feed))
-        if after is None:
-            return None
-        block: Block | None
-        if motion == "G0" or motion == "G1":
-            block = self._line(line, parts, targets, motion, after)
-        else:
-            block = _arc(line, parts, targets, motion, after)
-        return None if block is None else (block, after)
+        return self._made(parts, _place(line, parts), line.text)
 
-    def _is_odd(self, line: Line, parts: Sequence[Part]) -> bool:
-        """Whether it names an axis that is not there, or has words whose value is not what they say."""
+    def _made(self, parts: Sequence[Part], place: Place, text: str) -> Block | None:
+        now = self._ready
+        if self._given.state is not now.state:
+            now = self._see(self._given.state)
+        if not now.is_usual:
+            return None
         for at in self._lacking:
             if parts[at] is not None:
-                return True
-        return self._points_count and (not line.text or POINTLESS.search(line.text) is not None)
-
-    def _targets(self, parts: Sequence[Part], unit: float) -> Targets:
-        return tuple(
+                return None
+        if self._points_count and (not text or POINTLESS.search(text) is not None):
+            return None
+        code, feed = parts[MOTION], parts[FEED]
+        motion = now.motion if code is None else _MOTIONS.get(code, "")
+        ready = now
+        if feed is not None or motion != now.motion:
+            known = self._family.by_words.get((motion, feed)) or self._after(now, motion, feed)
+            if known is None:
+                return None
+            ready = self._ready = known
+        unit = ready.unit
+        targets = tuple(
             [
                 None if (value := parts[at]) is None else float(value) / per if per else float(value) * unit
                 for at, per in self._axes
             ]
         )
+        block: Block | None
+        if ready.is_line and parts[CENTRE:FEED] == _NO_ARC and any_of(targets):
+            block = JointLine(place, ready.modal, targets, ready.relative, False, ready.mm, ready.degrees)
+        elif motion == "G0" or motion == "G1":
+            block = self._line(place, parts, targets, ready)
+        elif motion == "G2" or motion == "G3":
+            block = _arc(place, parts, targets, ready)
+        else:
+            return None
+        if block is not None:
+            self._given.state = ready.state
+        return block
 
     # ---- states
 
-    def _see(self, state: State) -> None:
+    def _see(self, state: State) -> _Ready:
         """Another state than the lines before it left."""
-        self._state = state
-        modal = state.modal
-        self._is_usual = (
-            not (state.per_turn or state.cycle or state.begun or _for_surfaces(state))
-            and modal.turned_rad == STILL
-        )
         key = _feed_of(state)
-        for states in self._families:
-            if states.get(key) is state:
-                self._states = states
-                return
-        self._states = {key: state}
-        self._families = [*self._families[-7:], self._states]
+        for family in self._families:
+            ready = family.by_feed.get(key)
+            if ready is not None and ready.state is state:
+                self._family, self._ready = family, ready
+                return ready
+        self._family, self._ready = _Family(), _Ready(state)
+        self._family.add(self._ready)
+        self._families = [*self._families[-7:], self._family]
+        return self._ready
 
-    def _after(self, state: State, motion: str, feed: float | None) -> State | None:
-        """The state with another motion or F, made once for each: programs take turns with a few."""
+    def _after(self, now: _Ready, motion: str, word: Part) -> _Ready | None:
+        """The state with another motion or F, made once for each."""
+        state, feed = now.state, None if word is None else float(word)
         mm_s, deg_s = state.modal.feed_mm_s, state.feed_deg_s
-        if feed is not None and feed <= 0.0:
+        if motion not in _SHORT or (feed is not None and feed <= 0.0):
             return None
         if feed is not None and not state.inverse:
             mm_s, deg_s = feed * state.mm_per_unit / 60.0, feed / 60.0
-        found = self._states.get((motion, mm_s, deg_s))
+        found = self._family.by_feed.get((motion, mm_s, deg_s))
         if found is None:
             if feed is not None and not state.inverse and not FEEDS[0] <= feed <= FEEDS[1]:
                 return None
-            found = _with_feed(state, (motion, mm_s, deg_s))
-            if len(self._states) >= MAX_STATES:
-                self._states.clear()
-            self._states[(motion, mm_s, deg_s)] = found
-        self._state = found
+            found = _Ready(_with_feed(state, (motion, mm_s, deg_s)))
+            self._family.add(found)
+        if feed is not None and len(self._family.by_words) < MAX_STATES:
+            self._family.by_words[motion, word] = found
         return found
 
     def one_of(self, state: State) -> State:
         """The same state, of those that are remembered if it is among them."""
         key = _feed_of(state)
-        for states in self._families:
-            known = states.get(key)
-            if known is None:
-                known = _with_feed(next(iter(states.values())), key) if states else None
-            if known == state:
-                states.setdefault(key, known)
-                return known
+        for family in self._families:
+            known = family.by_feed.get(key)
+            if known is None and family.by_feed:
+                known = _Ready(_with_feed(next(iter(family.by_feed.values())).state, key))
+            if known is not None and known.state == state:
+                family.by_feed.setdefault(key, known)
+                return known.state
         return state
 
     # ---- blocks
 
-    def _line(
-        self, line: Line, parts: Sequence[Part], targets: Targets, motion: str, state: State
-    ) -> Block | None:
+    def _line(self, place: Place, parts: Sequence[Part], targets: Targets, ready: _Ready) -> Block | None:
         """G0 or G1; None where it would be refused."""
-        modal, relative = state.modal, not state.absolute
-        feed = _feed(parts, motion, state)
-        if feed is None or parts[RADIUS] is not None:
-            return None
-        mm, degrees, time = feed
-        has_vector = (
-            parts[CENTRE] is not None or parts[CENTRE + 1] is not None or parts[CENTRE + 2] is not None
-        )
-        if not has_vector and targets.count(None) == len(targets):
+        modal, mm, degrees, relative = ready.modal, ready.mm, ready.degrees, ready.relative
+        time: float | None = None
+        if ready.motion == "G1":
+            if ready.state.inverse:
+                mm, degrees, time = 0.0, 0.0, _time(parts)
+            if mm is None or (ready.state.inverse and time is None):
+                return None
+        has_vector = tuple(parts[CENTRE:RADIUS]) != _NO_VECTOR
+        if parts[RADIUS] is not None or not (has_vector or any_of(targets)):
             return None
         if modal.tip is Tip.OFF:
             if has_vector or (modal.tilted and self._turns(parts)):
                 return None
-            return JointLine(_place(line, parts), modal, targets, relative, False, mm, degrees, time)
+            return JointLine(place, modal, targets, relative, False, mm, degrees, time)
         if self._turns(parts) if modal.tip is Tip.VECTORS else has_vector:
             return None
         axis = _vector(parts) if has_vector else None
@@ -158,7 +230,7 @@ class CommonLines:
             return None
         x, y, z = [targets[i] for i in self._linear]
         turns = self._pair(targets, None)
-        return TipLine(_place(line, parts), modal, (x, y, z), turns, axis, relative, mm, degrees, time)
+        return TipLine(place, modal, (x, y, z), turns, axis, relative, mm, degrees, time)
 
     def _turns(self, parts: Sequence[Part]) -> bool:
         """Whether a rotary has a word."""
@@ -170,17 +242,10 @@ def any_of(values: Sequence[object]) -> bool:
     return values.count(None) < len(values)
 
 
-def _feed(
-    parts: Sequence[Part], motion: str, state: State
-) -> tuple[float | None, float | None, float | None] | None:
-    """Millimetres and degrees a second, and under G93 the time, of a line; None where a feed is missing."""
-    if motion == "G0":
-        return None, None, None
-    if state.inverse:
-        word = parts[FEED]
-        return None if word is None else (0.0, 0.0, 60.0 / float(word))
-    mm = state.modal.feed_mm_s
-    return None if mm is None else (mm, state.feed_deg_s, None)
+def _time(parts: Sequence[Part]) -> float | None:
+    """Seconds of a line under G93; None where its F is missing."""
+    word = parts[FEED]
+    return None if word is None else 60.0 / float(word)
 
 
 def _vector(parts: Sequence[Part]) -> Vector | None:
@@ -192,13 +257,15 @@ def _vector(parts: Sequence[Part]) -> Vector | None:
     return None if math.sqrt(x * x + y * y + z * z) < SHORTEST_VECTOR else (x, y, z)
 
 
-def _arc(line: Line, parts: Sequence[Part], targets: Targets, motion: str, state: State) -> Block | None:
+def _arc(place: Place, parts: Sequence[Part], targets: Targets, ready: _Ready) -> Block | None:
     """G2 or G3; None where it would be refused, or asks where the axes stand."""
-    modal, unit = state.modal, state.mm_per_unit
+    state, modal, unit = ready.state, ready.modal, ready.unit
     first, second, normal = plane = PLANES[modal.plane]
     i, j, radius = parts[CENTRE + first], parts[CENTRE + second], parts[RADIUS]
-    feed = _feed(parts, motion, state)
-    if feed is None or modal.tip is not Tip.OFF or modal.tilted or parts[CENTRE + normal] is not None:
+    mm, time = (0.0, _time(parts)) if state.inverse else (modal.feed_mm_s, None)
+    if mm is None or (state.inverse and time is None):
+        return None
+    if modal.tip is not Tip.OFF or modal.tilted or parts[CENTRE + normal] is not None:
         return None
     if (radius is None) == (i is None and j is None):
         return None
@@ -211,20 +278,20 @@ def _arc(line: Line, parts: Sequence[Part], targets: Targets, motion: str, state
         return None
     else:
         centre = (float(i or 0.0) * unit or 0.0, float(j or 0.0) * unit or 0.0)
-    place, clockwise, mm = _place(line, parts), motion == "G2", feed[0]
-    assert mm is not None
-    return JointArc(
-        place, modal, plane, clockwise, targets, not state.absolute, centre, radius_mm, 1, mm, feed[2]
-    )
+    clockwise = ready.motion == "G2"
+    return JointArc(place, modal, plane, clockwise, targets, ready.relative, centre, radius_mm, 1, mm, time)
 
 
 def _place(line: Line, parts: Sequence[Part]) -> Place:
-    """Of the motion's word, or of the first that it takes."""
+    """Of the motion's word, or of the one that stands first of those that it takes."""
     if parts[MOTION] is not None:
-        return line.place_of(MOTION)
-    if parts[AXES] is not None and line.is_plain:
-        return line.place_of(AXES)
+        return line.place(line.column(MOTION))
     return line.place(min(line.column(at) for at in range(AXES, RADIUS) if parts[at] is not None))
+
+
+def _first(parts: Sequence[Part]) -> int:
+    """Of words in their usual order, the first that a motion takes."""
+    return next((at for at in range(AXES, RADIUS) if parts[at] is not None), MOTION)
 
 
 def _feed_of(state: State) -> _Feed:

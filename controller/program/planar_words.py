@@ -136,8 +136,8 @@ def for_surfaces(ask: Ask, motion: str, word: Word, state: State) -> State:
 
 
 def check(ask: Ask, before: Modal, after: Modal) -> None:
-    """Refuses what must not change between G41 and G40."""
-    planar = before.planar
+    """Refuses what must not change between G41 and G40, nor on their lines."""
+    planar = before.planar or after.planar
     if planar is None or not planar.lines or after.planar is None:
         return
     once = ask.code("one-line")

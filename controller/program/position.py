@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import cast
 
 from controller.geometry.vectors import Frame, Vector, add, subtract
 from controller.machine.kinematics import Kinematics, Pair, kinematics_of
 from controller.machine.model import Joints, Machine
+from controller.program.line import CommonRun
 from controller.program.program import (
     Block,
     CutCone,
@@ -29,7 +31,7 @@ Known = float | None
 Place3 = tuple[Known, Known, Known]
 
 _UNTURNED = Frame()[1:]
-MAX_PENDING = 1000
+MAX_PENDING = 500
 
 
 def homed(machine: Machine) -> Joints:
@@ -100,18 +102,32 @@ class Position:
     def take(self, block: Block) -> None:
         """Go where a block leads."""
         if isinstance(block, JointMotion) and _is_position(block):
-            pending = self._pending
-            if (pending and not _in_one_frame(block.modal, pending[-1].modal)) or len(pending) > MAX_PENDING:
-                self._go()
-            self._pending.append(block)
-            return
-        self._go()
-        if isinstance(block, JointMotion):
+            self._put_off((block,))
+        elif isinstance(block, JointMotion):
+            self._go()
             self._joint_move(block)
         elif isinstance(block, TipLine):
+            self._go()
             self._tip_line(block)
         elif isinstance(block, CutCone | CutRuled | CutNurbs):
+            self._pending.clear()
             self._xyz, self._rotaries = [None] * 3, self._lost()
+
+    def take_run(self, blocks: CommonRun) -> None:
+        """Go where common lines lead, which count all alike."""
+        first = blocks[0]
+        if isinstance(first, JointMotion) and _is_position(first):
+            self._put_off(cast(Sequence[JointMotion], blocks))
+            return
+        for block in blocks:
+            self.take(block)
+
+    def _put_off(self, motions: Sequence[JointMotion]) -> None:
+        """Positions of one frame: where they lead is looked at when it is asked for."""
+        pending = self._pending
+        if (pending and not _in_one_frame(motions[0].modal, pending[-1].modal)) or len(pending) > MAX_PENDING:
+            self._go()
+        self._pending.extend(motions)
 
     def _go(self) -> None:
         """Go where all pending lines lead, which are of one frame: the last word of each axis counts."""

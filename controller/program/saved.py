@@ -33,9 +33,14 @@ class Saved:
         words = [word for word in line.words if word.letter == "M" and word.value in CODES]
         if not words:
             return state, [], line
+        if len(words) > 1:
+            raise line.refusal(
+                words[1],
+                f"{words[0].text} and {words[1].text} keep the modal state or give it back: one line takes "
+                "one of M70 to M73; write two lines",
+            )
         made: list[Block] = []
-        for word in words:
-            state = self._one(line, word, state, made)
+        state = self._one(line, words[0], state, made)
         return state, made, line.with_words(tuple(w for w in line.words if w not in words))
 
     def _one(self, line: Line, word: Word, state: State, made: list[Block]) -> State:

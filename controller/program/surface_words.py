@@ -56,7 +56,7 @@ def _not_a_ruled(line: Line, word: Word, found: str) -> ProgramError:
     )
 
 
-def is_shift(ask: Ask, state: State, machine: Machine, lines: Iterator[Line], ahead: Upcoming) -> bool:
+def is_shift(ask: Ask, state: State, machine: Machine, ahead: Upcoming) -> bool:
     """Whether the G52 of a line shifts coordinates; False: it is a surface.
 
     Raises ProgramError where bare coordinates after it leave open what it is.
@@ -66,17 +66,17 @@ def is_shift(ask: Ask, state: State, machine: Machine, lines: Iterator[Line], ah
         return False
     if machine.dialect == "fanuc":
         return True
-    after = None if ask.code("stop") in ("M2", "M30") else ahead.look(lines)
+    after = None if ask.code("stop") in ("M2", "M30") else ahead.look()
     if after is None or any(given.letter not in "XYZ" for given in after.words):
         return True  # neither a point nor a modal move follows
-    if state.cuts or not state.motion:
-        return False
+    if not state.motion:
+        return False  # bare coordinates are moves only where a motion is modal
     found = " ".join(["G52", *(given.text for given in axes)])
     raise ask.refusal(
         ask.codes["motion"][1],
         f"{found} without F may be a local shift, with moves of {state.motion} from line {after.number} on: "
-        "where a G0 to G3 is active, the first G52 of a ruled surface has F beside it, and the other seven "
-        "points of each are the next lines, of X Y Z alone; write it so, or, for a shift, G0 or G1 on the "
+        "while a G0 to G3 is active, G52 is a ruled surface only with F beside it, and the other seven "
+        "points are the next lines, of X Y Z alone; write it so, or, for a shift, G0 or G1 on the "
         'next line; under dialect = "fanuc" a G52 without F always shifts',
     )
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from controller.geometry.vectors import Vector
+from controller.geometry.vectors import ROUNDING, Vector
 from controller.machine.kinematics import Pair
 from controller.machine.model import Kind, Machine
 from controller.program.modal import State, tool_list
@@ -21,7 +21,6 @@ from controller.program.offset_words import Here
 from controller.program.program import Block, JointLine, TipLine
 from controller.program.words import Word
 
-SAME_RAD = 1e-9
 # Under an oblique rotary a plane at the end of its reach, such as a side of the part, misses it by as much as
 # words of three decimals do.
 ROUNDING_RAD = math.radians(0.001)
@@ -111,9 +110,9 @@ def _is_asked(machine: Machine, p: int, lead: int, pair: Pair, now: Pair) -> boo
     shown = machine.pair([axis.shown_per_unit for axis in machine.axes], 1.0)[lead]
     sign = math.copysign(1.0, shown) * (1.0 if p == 1 else -1.0)
     if machine.dialect == "rs274":
-        return sign * (pair[lead] - now[lead]) >= -SAME_RAD
+        return sign * (pair[lead] - now[lead]) >= -ROUNDING
     angle = math.remainder(sign * pair[lead], 2.0 * HALF)
-    return angle >= -SAME_RAD or angle <= SAME_RAD - HALF
+    return angle >= -ROUNDING or angle <= ROUNDING - HALF
 
 
 def _way(pair: Pair, now: Pair, lead: int) -> tuple[float, ...]:

@@ -9,21 +9,23 @@ each as often as it is.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from controller.program import foreign, marks
 from controller.program.comments import message, without_comments
 from controller.program.decoding import Text
 from controller.program.expressions import GAPS, Values
 from controller.program.flow import Limits, Run, Source
-from controller.program.line import COMMON, SIMPLE, Line, Word, simple
+from controller.program.line import COMMON, MAX_RUN, SIMPLE, CommonRun, Line, Word, simple
 from controller.program.parameters import SAYS_DEBUG, Key, NoValue, Parameters
-from controller.program.program import ProgramError
+from controller.program.program import Block, ProgramError
 
 __all__ = ["LARGEST", "Line", "Word", "read"]
 
 # No machine and no feed needs more; far below what squares and cubes could overflow.
 LARGEST = 1e9
+
+Short = Callable[[re.Match[str], int], Block | None]
 
 _O_WORD = re.compile(r"o[ \t]*(?:<[^<>]*>|[0-9 \t]+)[ \t]*[a-z]{2}")
 _MARK = re.compile(r"[ \t]*%[ \t]*")
@@ -40,19 +42,21 @@ def read(
     limits: Limits | None = None,
     files: Mapping[str, tuple[str, str]] | None = None,
     refused: list[ProgramError] | None = None,
-) -> Iterator[Line]:
+    short: Short | None = None,
+) -> Iterator[Line | CommonRun]:
     """The lines of a text that have words or say something, as they are carried out, up to the closing
     ``%`` or the end.
 
     ``block_delete`` skips lines that begin with ``/``; off (the power-on state) they are read. ``files``:
-    other texts with their names, whose subs may be called, by label. Raises ProgramError while iterating
+    other texts with their names, whose subs may be called, by label. ``short`` may make the block of a common
+    line at once; runs of them come in place of such lines. Raises ProgramError while iterating
     for text that is no word, or when the end comes before any word; with ``refused``, a line that is none
     is noted there and left out.
     """
     scan = _Scan(parameters or Parameters(), block_delete, refused)
     source = None if marks.plain(whole.parts()) else Source.of(name, whole.whole())
     if source is None or source.marks.none:
-        yield from scan.lines(whole.lines(), name)
+        yield from scan.lines(whole.lines(), name, short or _never)
     else:
         run = Run(source, scan.line, scan.parameters, limits or Limits(), files or {}, block_delete)
         yield from run.lines()
@@ -74,20 +78,36 @@ class _Scan:
         self.found = False  # a word
         self._opened = self._named = False
 
-    def lines(self, whole: Iterable[str], name: str) -> Iterator[Line]:
+    def lines(self, whole: Iterable[str], name: str, short: Short) -> Iterator[Line | CommonRun]:
         """All of a text, as it stands."""
+        find, run = COMMON.fullmatch, CommonRun()
         for number, raw in enumerate(whole, start=1):
-            if (common := COMMON.fullmatch(raw)) is not None and common.lastindex is not None:
+            common = find(raw)
+            if common is not None:
+                block = short(common, number)
+                if block is not None:
+                    self.found = self._opened = True
+                    run.append(block)
+                    if len(run) == MAX_RUN:
+                        yield run
+                        run = CommonRun()
+                    continue
+                if common.lastindex is None and raw.lstrip()[:1] not in ("N", "n"):
+                    continue
+            if run:
+                yield run
+                run = CommonRun()
+            if common is not None and common.lastindex is not None:
                 self.found = self._opened = True
                 yield Line(name, number, (), common, _plain_words)
-            elif common is not None and raw.lstrip()[:1] not in ("N", "n"):
-                continue
             elif _MARK.fullmatch(raw):
                 if self._opened:
-                    break
+                    return
                 self._opened = True
             elif (line := self._general(raw, name, number)) is not None:
                 yield line
+        if run:
+            yield run
 
     def line(self, raw: str, name: str, number: int) -> Line | None:
         """One line that is carried out; None where it says nothing."""
@@ -139,6 +159,10 @@ class _Scan:
 
             line.message = message(raw, value, self.parameters.value(SAYS_DEBUG) != 0.0)
         return line
+
+
+def _never(_found: re.Match[str], _number: int) -> None:
+    return None
 
 
 def _plain_words(text: str, name: str, number: int) -> tuple[Word, ...]:

@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Machine
 from controller.state.modes import FAULTS, Fault, Mode, Reaction
 from controller.tick.cycle import Cycle
@@ -30,7 +31,6 @@ from drives.simulated.servo import Servo
 
 LATENCY = 3  # ticks from a setpoint to the motor that should be there, as both are noted
 STANDS = 0.5  # mm/s or degrees/s: below this a motor stands
-ROUNDING_S = 1e-9
 STANDS_FOR_S = 0.1  # so long; a drive that is about to be switched off stands no longer
 LONGEST_STOP_S = 10.0  # a motor without torque may coast for long, not for ever
 
@@ -227,7 +227,7 @@ class Sight:
     def tick_at(self, time_s: float) -> int:
         """The tick whose SYNC was the last one before a time."""
         times_s = [seen.time_s for seen in self.ticks]
-        return bisect(times_s, time_s + ROUNDING_S) - 1 if times_s else 0
+        return bisect(times_s, time_s + ROUNDING) - 1 if times_s else 0
 
     def stood(self) -> tuple[int | None, ...]:
         """Axis by axis the tick from which on its motor stood to the end; None where it never did."""

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from controller import messages
-from controller.geometry.vectors import Frame, Vector, X, Y, Z, norm, rotate, scale, subtract, unit
+from controller.geometry.vectors import ROUNDING, Frame, Vector, X, Y, Z, norm, rotate, scale, subtract, unit
 from controller.ipc.control_socket import CommandRefused
 from controller.ipc.handoff import Jog, Snapshot
 from controller.machine.kinematics import Kinematics, kinematics_of
@@ -24,7 +24,6 @@ from controller.state.modes import Mode
 FRAMES = ("joint", "part", "tool")
 _LETTERS: dict[str, Vector] = {"X": X, "Y": Y, "Z": Z}
 _NOISE = 1e-12  # of a unit vector: what rounding leaves of a component that is nothing
-_STUCK = 1e-9  # mm or rad: less is no motion
 
 
 class JogError(Exception):
@@ -118,7 +117,7 @@ def goes(machine: Machine, joints: Sequence[float], line: Joints, homed: int) ->
     """
     for i, (axis, q, d) in enumerate(zip(machine.axes, joints, line, strict=True)):
         end = axis.travel_max if d > 0.0 else axis.travel_min
-        if d and homed >> i & 1 and (end - q) * math.copysign(1.0, d) < _STUCK:
+        if d and homed >> i & 1 and (end - q) * math.copysign(1.0, d) < ROUNDING:
             unit = "deg" if axis.is_rotary else "mm"
             raise JogError("jog_limit", axis=axis.name, limit=end * axis.shown_per_unit, unit=unit)
 

@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
+from controller.geometry.vectors import ROUNDING
 from controller.ipc.handoff import (
     OFF_PATH,
     OPTIONAL_STOP,
@@ -43,7 +44,6 @@ from drives.cyclic.drive_fault import DriveFault
 
 LATE_SHARE = 0.25  # of the period: a later tick sends nothing
 NEAREST_SHARE = 0.75  # of the period: no two SYNCs are closer
-ROUNDING_S = 1e-9
 MAX_REQUESTS = 8  # taken in one tick
 LOST_ECHOES = 3  # of the kernel's SYNC, in a row
 # SYNCs in a row that did not come: drives that hold their last setpoint have stopped meanwhile, and
@@ -106,8 +106,8 @@ class Cycle:
             probing=self.probing,
         )
         self._period_s = machine.period_s
-        self._latest_s = LATE_SHARE * machine.period_s - ROUNDING_S
-        self._nearest_s = NEAREST_SHARE * machine.period_s - ROUNDING_S
+        self._latest_s = LATE_SHARE * machine.period_s - ROUNDING
+        self._nearest_s = NEAREST_SHARE * machine.period_s - ROUNDING
         self._kernel_sync = machine.sync == "kernel"
         self._silence_ticks = round(PLANNER_SILENCE_S / machine.period_s)
         self._silent = 0  # ticks that were run since the plan was last heard

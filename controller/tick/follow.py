@@ -16,12 +16,13 @@ from __future__ import annotations
 
 from enum import IntEnum
 
+from controller.geometry.vectors import ROUNDING
 from controller.ipc.handoff import STANDSTILL, Piece, PieceMessage
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import Motion
 from controller.motion.pieces import commit_lead_s
-from controller.tick.queue import SAME_TIME_S, Brake, Entry, Stops, entries_of
+from controller.tick.queue import Brake, Entry, Stops, entries_of
 
 SAME_PLACE = 1e-6  # mm or rad: a queue that begins elsewhere by more (and by a count) is refused
 
@@ -144,9 +145,9 @@ class Follow:
         start = message.replace_from_s
         if message.epoch != self.epoch or self._brake.active:
             return False
-        if start < self.commit_s - SAME_TIME_S or start > self.queue_end_s + SAME_TIME_S:
+        if start < self.commit_s - ROUNDING or start > self.queue_end_s + ROUNDING:
             return False
-        appended = start >= self.queue_end_s - SAME_TIME_S
+        appended = start >= self.queue_end_s - ROUNDING
         entries = entries_of(message, self._motions, self.queue_end_s if appended else start)
         if entries is None or not self._continues(entries[0]):
             return False
@@ -164,13 +165,13 @@ class Follow:
     def begins_here(self, message: PieceMessage) -> bool:
         """Whether an accepted message leaves nothing of the queue before it, and begins at these joints."""
         moves = message.pieces[0].motion_id != STANDSTILL
-        return moves and message.replace_from_s <= self.tau + SAME_TIME_S
+        return moves and message.replace_from_s <= self.tau + ROUNDING
 
     def _continues(self, first: Entry) -> bool:
         """Whether the first new piece begins where the queue is at that time."""
         if first.motion is None:
             return True
-        if first.start_s <= self.tau + SAME_TIME_S:
+        if first.start_s <= self.tau + ROUNDING:
             near = self._rotaries(self.joints)
             new = first.motion.joints(first.at(first.start_s)[0], near, self._kinematics)
             return new is not None and self.same_place(new, self.joints)
@@ -186,10 +187,10 @@ class Follow:
         """Drops what begins at ``start_s`` or later and cuts the piece that lies across it."""
         queue = self._queue
         # A mark without duration just at that time belongs to what stays.
-        while queue and queue[-1].start_s > start_s - SAME_TIME_S and queue[-1].end_s > start_s + SAME_TIME_S:
+        while queue and queue[-1].start_s > start_s - ROUNDING and queue[-1].end_s > start_s + ROUNDING:
             queue.pop()
         self._now = max(0, min(self._now, len(queue) - 1))
-        if queue and queue[-1].end_s > start_s + SAME_TIME_S:
+        if queue and queue[-1].end_s > start_s + ROUNDING:
             cut = queue[-1]
             cut.end_s = start_s
             cut.piece = cut.piece._replace(stop=False, optional_stop=False, block_end=False, end=False)
@@ -210,7 +211,7 @@ class Follow:
     def _evaluate(self, tau: float) -> Joints | None:
         """Joints of the plan at ``tau``, on the branch of the present joints."""
         queue, i = self._queue, self._now
-        while i < len(queue) - 1 and tau >= queue[i].end_s - SAME_TIME_S:
+        while i < len(queue) - 1 and tau >= queue[i].end_s - ROUNDING:
             i += 1
         while i >= 0 and queue[i].motion is None:
             i -= 1  # a dwell stands where the motion before it ended
@@ -296,14 +297,14 @@ class Follow:
         brake = self._brake
         if brake.over if brake.active else self._plan_rests():
             return False
-        forgotten = self._queue[0].start_s > self._saved[2] + self._saved[3] * self._period_s + SAME_TIME_S
+        forgotten = self._queue[0].start_s > self._saved[2] + self._saved[3] * self._period_s + ROUNDING
         if back and not forgotten:
             self.revert()
         if brake.active:
             brake.stand(brake.s)
             self.piece, self.s = self._queue[self._now].piece, brake.s
         else:
-            ends = (i for i, entry in enumerate(self._queue) if self.tau < entry.end_s - SAME_TIME_S)
+            ends = (i for i, entry in enumerate(self._queue) if self.tau < entry.end_s - ROUNDING)
             self._now = next(ends, len(self._queue) - 1)
             self._describe()
             if not self._plan_rests():
@@ -333,7 +334,7 @@ class Follow:
         if joints is None:
             return Step.LOST
         self._take(joints, 1.0)
-        if tau < self.tau + self._period_s - SAME_TIME_S:
+        if tau < self.tau + self._period_s - ROUNDING:
             self._origin_s, self._ticks = tau, 0
         else:
             self._ticks += 1
@@ -343,7 +344,7 @@ class Follow:
     def _reached(self, tau: float) -> float:
         """The clock goes to ``tau``, but not past a mark that counts, nor past the queue's end."""
         queue, i = self._queue, self._now
-        while i < len(queue) and queue[i].end_s < tau - SAME_TIME_S:
+        while i < len(queue) and queue[i].end_s < tau - ROUNDING:
             if self._halts(queue[i].piece) or i == len(queue) - 1:
                 return queue[i].end_s
             i += 1
@@ -367,7 +368,7 @@ class Follow:
         queue, result = self._queue, Step.MOVED
         while self._now < len(queue):
             entry = queue[self._now]
-            if self.tau < entry.end_s - SAME_TIME_S:
+            if self.tau < entry.end_s - ROUNDING:
                 break
             if self._halts(entry.piece):
                 if not wanted:
@@ -393,7 +394,7 @@ class Follow:
         entry = self._queue[self._now]
         self.piece = entry.piece
         self.s, speed, _ = entry.at(self.tau)
-        self.feed = speed if self.tau < entry.end_s - SAME_TIME_S else 0.0
+        self.feed = speed if self.tau < entry.end_s - ROUNDING else 0.0
         self.line, self.limited_by = entry.line_at(self.s), entry.binding_at(self.tau)
 
     # -- along a stop

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from controller.geometry.vectors import ROUNDING
 from controller.ipc.handoff import STANDSTILL, Piece, PieceMessage, StopTable
 from controller.motion.motions import Motion, ToolSpline
 
-SAME_TIME_S = 1e-9  # plan and tick sum up the same durations; this much is rounding
 ON_GRID_S = 1e-7  # a stop begins at just its time, or it is not for this tick
 REST_SPEED = 1e-6  # mm/s or deg/s of the law: at rest
 
@@ -56,7 +56,7 @@ class Entry:
         """Whether the plan stands at ``tau``: in a dwell, and where a law begins or ends so."""
         if self.motion is None:
             return True
-        inside = self.start_s + SAME_TIME_S < tau < self.end_s - SAME_TIME_S
+        inside = self.start_s + ROUNDING < tau < self.end_s - ROUNDING
         return not inside and abs(self.at(tau)[1]) < REST_SPEED
 
     def binding_at(self, tau: float) -> int:

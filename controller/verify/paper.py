@@ -172,6 +172,16 @@ def compare(machine: Machine, progress: Callable[[float], None] = lambda _: None
     return PaperComparison(bench.cut.end, FEED_MM_S, tuple(methods), _parts())
 
 
+def at_period(machine: Machine, period_s: float) -> tuple[Method, Method]:
+    """Ours and the paper's first-order step, with joints linear between the samples of one period."""
+    bench = _Bench(machine)
+    ours, theirs = (bench.jointed(s, period_s) for s in (bench.even(period_s), bench.first_order(period_s)))
+    return (
+        bench.method("arc length", "joints", period_s, ours, None),
+        bench.method("Eq. 3 step", "joints", period_s, theirs, None),
+    )
+
+
 class _Bench:
     """Eq. 7 on one machine: makes runs and measures them."""
 

@@ -1,7 +1,5 @@
 """How long the planned motion takes, beside a lower bound by toppra in the same run.
 
-    python tests/benchmarks/motion_time.py [--surfaces N] [--machines N] [--json]
-
 The time of the cutting stretches in the planned program against velocity, acceleration and feed
 limits alone (no jerk), each smooth stretch at any speed where it joins another: Example 2 at three
 feeds, both parts of the paper with the limits that LinuxCNC ships for its xyzac simulation, and random
@@ -11,9 +9,7 @@ machines with limits drawn over four decades stand beside the jerk-limited optim
 
 from __future__ import annotations
 
-import argparse
 import itertools
-import json
 import random
 import statistics
 import sys
@@ -27,6 +23,8 @@ from support.machines import planned_laws, slow_machines, traced_programs  # noq
 from support.machines.stepped_runs import program, shipped  # noqa: E402
 from support.oracles import jerk_limited_time, time_bound  # noqa: E402
 from support.parts.random_surfaces import compound, text  # noqa: E402
+from support.suite import figures  # noqa: E402
+from support.suite.figures import Figure, Report  # noqa: E402
 
 from controller.machine.kinematics import kinematics_of  # noqa: E402
 from controller.machine.model import Machine  # noqa: E402
@@ -35,11 +33,12 @@ from controller.plan.feed.course import Course  # noqa: E402
 from controller.plan.path.path import Chain  # noqa: E402
 from controller.program.program import ProgramError  # noqa: E402
 
+BOUND, OPTIMUM = "bound without jerk", "jerk-limited optimum"
 FEEDS = ("100.", "1000.", "3000.")
 MACHINES = ("trunnion", "fig4b", "fig4c", "fig4d", "table_head", "head_head", "oblique45")
 
 
-class Figure(NamedTuple):
+class Cut(NamedTuple):
     """One program: seconds of cut, its bound, processor seconds of planning and of motion planned."""
 
     name: str
@@ -53,7 +52,7 @@ class Figure(NamedTuple):
         return self.cut_s / self.bound_s
 
 
-def measured(name: str, source: str, machine: Machine) -> Figure:
+def measured(name: str, source: str, machine: Machine) -> Cut:
     """Plan a program as it is run and compare its cuts with their bound."""
     kinematics = kinematics_of(machine)
     home = tuple(axis.homing.position for axis in machine.axes)
@@ -70,10 +69,10 @@ def measured(name: str, source: str, machine: Machine) -> Figure:
             for k, law in planned.laws(course):
                 cut += law.duration_s * run[k].cutting
             bound += time_bound.seconds_of_cuts(run, machine)
-    return Figure(name, cut, bound, cpu, motion)
+    return Cut(name, cut, bound, cpu, motion)
 
 
-def of_the_paper() -> list[Figure]:
+def of_the_paper() -> list[Cut]:
     machine = shipped()
     slow = time_bound.linuxcnc(machine)
     found = [measured(f"Example 2 at {feed}", program("example2.ngc", feed), machine) for feed in FEEDS]
@@ -83,8 +82,8 @@ def of_the_paper() -> list[Figure]:
     ]
 
 
-def of_random_surfaces(count: int, first_seed: int = 500) -> list[Figure]:
-    found: list[Figure] = []
+def of_random_surfaces(count: int, first_seed: int = 500) -> list[Cut]:
+    found: list[Cut] = []
     seed = first_seed
     while len(found) < count:
         rng = random.Random(seed)
@@ -99,9 +98,9 @@ def of_random_surfaces(count: int, first_seed: int = 500) -> list[Figure]:
     return found
 
 
-def of_any_weight(count: int) -> list[Figure]:
+def of_any_weight(count: int) -> list[Cut]:
     """The cuts alone, from rest to rest."""
-    found: list[Figure] = []
+    found: list[Cut] = []
     cases = itertools.chain(
         [("two rails as published", slow_machines.two_rails(), slow_machines.published())],
         ((f"seed {n}", slow_machines.any_path(n), slow_machines.drawn(n)) for n in itertools.count(1000)),
@@ -117,30 +116,29 @@ def of_any_weight(count: int) -> list[Figure]:
         took_s = sum(law.duration_s for law in planned_laws.laws_of(cuts, machine))
         cpu_s = time.process_time() - before
         best_s = jerk_limited_time.optimum(cuts, machine).seconds
-        found.append(Figure(f"{name} on {machine.name}", took_s, best_s, cpu_s, took_s))
+        found.append(Cut(f"{name} on {machine.name}", took_s, best_s, cpu_s, took_s))
     return found
 
 
-def main() -> None:
-    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    arguments.add_argument("--surfaces", type=int, default=40)
-    arguments.add_argument("--machines", type=int, default=20)
-    arguments.add_argument("--json", action="store_true")
-    asked = arguments.parse_args()
-    figures = of_the_paper() + of_random_surfaces(asked.surfaces)
-    heavy = of_any_weight(asked.machines)
-    if asked.json:
-        print(json.dumps([figure._asdict() for figure in figures + heavy], indent=1))
-        return
-    for f in figures + heavy:
-        print(
-            f"{f.name:40} cut {f.cut_s:8.3f} s  bound {f.bound_s:8.3f} s  ratio {f.ratio:.4f}"
-            f"   planned {f.motion_s:7.2f} s of motion in {f.cpu_s:.3f} s"
-        )
-    for name, some in (("random surfaces", figures[len(FEEDS) + 2 :]), ("machines of any weight", heavy)):
-        if ratios := [f.ratio for f in some]:
-            print(f"{name}: median {statistics.median(ratios):.4f}, worst {max(ratios):.4f}")
+def report(short: bool) -> Report:
+    paper = of_the_paper()[: 1 if short else None]
+    random_ones, heavy = of_random_surfaces(1 if short else 40), of_any_weight(1 if short else 20)
+    found = [Figure(one.name, one.cut_s, "s", one.bound_s, BOUND) for one in paper]
+    for name, some, beside in (
+        ("random surfaces", random_ones, BOUND),
+        ("machines of any weight", heavy, OPTIMUM),
+    ):
+        ratios = [one.ratio for one in some]
+        found.append(Figure(f"{name}, median", statistics.median(ratios), "times", 1.0, beside))
+        found.append(Figure(f"{name}, worst", max(ratios), "times", 1.0, beside))
+    every = [*paper, *random_ones]
+    cpu_s, motion_s, cut_s = (
+        sum(float(getattr(one, name)) for one in every) for name in ("cpu_s", "motion_s", "cut_s")
+    )
+    found.append(Figure("planning", cpu_s, "s of CPU", motion_s, "the motion planned"))
+    parts = {"cuts": cut_s / motion_s, "ways beside them": 1.0 - cut_s / motion_s}
+    return Report(tuple(found), parts, "the motion planned")
 
 
 if __name__ == "__main__":
-    main()
+    figures.main(report)

@@ -14,19 +14,18 @@ from typing import NoReturn
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.vectors import Vector, add, dot, norm, subtract, unit
+from controller.geometry.vectors import ROUNDING, Vector, add, dot, norm, subtract, unit
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import DEG_PER_MM, Rotaries, ToolLine
 from controller.plan.rotaries.tool_axes import AxisLost, Followed, GreatCircles, follow
-from controller.plan.stretch import STANDS_MM, STILL_MM, Stretch, Voice, joints_of, rotaries_of, straight
-from controller.plan.surfaces import audit
+from controller.plan.rotaries.turns import SAME_ROTARY_RAD
+from controller.plan.stretch import STANDS_MM, Stretch, Voice, joints_of, rotaries_of, straight
 from controller.program.block_look_ahead import AHEAD_LINES
 from controller.program.program import Place, TipLine
 
 Array = npt.NDArray[np.float64]
 
-SAME_ROTARY_RAD = 1e-6  # rotaries nearer than this are what the great circle leads to
 SAME_AXIS = 1e-15  # 1 - cosine of the angle between two axes
 GREAT = "great_circle"
 
@@ -147,7 +146,7 @@ def even_line(
     """A line with rotaries turning evenly; None where nothing moves."""
     turned = math.degrees(math.hypot(last[0] - first[0], last[1] - first[1]))
     size = measure(norm(subtract(end, start)), turned)
-    if size < STILL_MM:
+    if size < ROUNDING:
         return None
     way = subtract(end, start)
     return ToolLine(start, way, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), 0.0, first, last, True, length_mm, size)
@@ -161,7 +160,7 @@ def great_line(stand: Stand, tip: Vector, circles: GreatCircles, last: Rotaries)
     size = measure(norm(way), turned)
     if norm(way) < STANDS_MM:
         size = math.degrees(angle)
-    if size < STILL_MM:
+    if size < ROUNDING:
         return None
     axis, across = _vector(circles.axis[0]), _vector(circles.across[0])
     return ToolLine(stand.tip, way, axis, across, angle, first, last, False, stand.length_mm, size)
@@ -316,7 +315,7 @@ def _inside(way: Followed, tips: Array, length_mm: float, machine: Machine, kine
     values = (*xyz, a, b)
     joints = np.stack(kinematics.arrange(values), axis=1)
     return all(
-        axis.travel_min - audit.ROUNDING <= q.min() and q.max() <= axis.travel_max + audit.ROUNDING
+        axis.travel_min - ROUNDING <= q.min() and q.max() <= axis.travel_max + ROUNDING
         for axis, q in zip(machine.axes, joints.T, strict=True)
     )
 

@@ -17,7 +17,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from controller.geometry.vectors import Vector
+from controller.geometry.vectors import ROUNDING, Vector
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import DEG_PER_MM, ToolLine, ToolSpline
@@ -27,6 +27,7 @@ from controller.plan.lines.lines import Stand
 from controller.plan.lines.spline_fit import Polyline, Row, Spans, Tolerance
 from controller.plan.rotaries import tool_paths
 from controller.plan.rotaries.tool_axes import GreatCircles
+from controller.plan.rotaries.turns import SAME_ROTARY_RAD
 from controller.plan.stretch import (
     MIN_TIP_RATE,
     STANDS_MM,
@@ -92,6 +93,11 @@ class LineRow:
     def only(self) -> Feed | None:
         """The row's block if it is but one: it stays exact."""
         return self._blocks[0] if len(self._blocks) == 1 and not self._given else None
+
+    @property
+    def modal(self) -> Modal:
+        """The state that all its blocks share."""
+        return self._modal
 
     @property
     def stand(self) -> Stand:
@@ -164,7 +170,7 @@ class LineRow:
         rest = np.bincount(of, moved & within, count) == 0.0
         whole = np.bincount(of, np.where(within, turned, 0.0), count)
         stands = (rest & (whole > STANDING_DEG))[of] & within
-        swivels = ~within & (turned > math.degrees(lines.SAME_ROTARY_RAD))
+        swivels = ~within & (turned > math.degrees(SAME_ROTARY_RAD))
         stops: list[tuple[int, int]] = []
         for i in np.flatnonzero(stands | swivels).tolist():
             if stops and i < stops[-1][1]:
@@ -309,8 +315,8 @@ class LineRow:
 
     def _audit(self, stretch: Stretch, s: Array, joints: Array) -> None:
         """Travel of all joints."""
-        low = np.array([axis.travel_min for axis in self._machine.axes]) - audit.ROUNDING
-        high = np.array([axis.travel_max for axis in self._machine.axes]) + audit.ROUNDING
+        low = np.array([axis.travel_min for axis in self._machine.axes]) - ROUNDING
+        high = np.array([axis.travel_max for axis in self._machine.axes]) + ROUNDING
         out = ((joints < low) | (joints > high)).any(axis=1)
         if out.any():  # the first line that leaves it, not the worst
             s, joints = s[: out.argmax() + 1], joints[: out.argmax() + 1]

@@ -10,12 +10,12 @@ import numpy.typing as npt
 
 from controller.geometry.curves import ArcLength, Curve, Even
 from controller.geometry.splines import BSpline, simplest
-from controller.geometry.vectors import Vector, add, norm, subtract
+from controller.geometry.vectors import ROUNDING, Vector, add, norm, subtract
 from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import JointMove
 from controller.plan.lines.moves import xyz_of
-from controller.plan.stretch import STILL_MM, Stretch, Voice, joints_of, rotaries_of
+from controller.plan.stretch import Stretch, Voice, joints_of, rotaries_of
 from controller.program.position import placed, read_in, shifted
 from controller.program.program import JointCurve
 
@@ -102,5 +102,5 @@ def _spans(whole: BSpline) -> Iterator[Curve]:
     """Each span that has a length as a curve of its own: at the knots the curvature may jump."""
     weights = whole.weights or ((),) * len(whole.spans)
     for points, weight in zip(whole.spans, weights, strict=True):
-        if sum(float(norm(subtract(b, a))) for a, b in pairwise(points)) > STILL_MM:
+        if sum(float(norm(subtract(b, a))) for a, b in pairwise(points)) > ROUNDING:
             yield simplest(BSpline((0.0, 1.0), (points,), (weight,) if weight else ()))

@@ -27,7 +27,7 @@ from controller.plan.path import clamps, probing
 from controller.plan.path.outputs import Switched
 from controller.plan.rotaries.branch import BranchLost, joints_along
 from controller.plan.stretch import Chain, Note, Path, Pause, Stretch, Voice, rotaries_of
-from controller.plan.surfaces import approach, audit, choices, cuts, leads, links, train, unwind
+from controller.plan.surfaces import approach, audit, choices, cuts, leads, line_blends, links, train, unwind
 from controller.plan.surfaces.train import Leg
 from controller.program.block_look_ahead import Ahead
 from controller.program.program import (
@@ -44,6 +44,7 @@ from controller.program.program import (
     JointCurve,
     JointLine,
     JointMotion,
+    Modal,
     Place,
     Probing,
     Program,
@@ -275,50 +276,74 @@ class Tracer:
         if self._row is not None and not self._row.takes(block):
             self._end_row()
         if self._row is None:
+            if not self._runs_on(block):
+                self._leave()
             stand = self._standing(block.modal.length_mm)
             self._row = LineRow(block, stand, self._machine, self._kinematics, self._voice)
         self._row.add(block)
         if self._row.full:
             self._rest()
-            self._items += self._row.chains(False)
+            for chain in self._row.chains(False):
+                self._items.append(self._run_off(chain, block.modal) if self._way is not None else chain)
 
     def _end_row(self) -> None:
+        """What is under way comes to rest: a row of lines, or cuts."""
         row, self._row = self._row, None
         if row is None:
+            self._leave()
             return
-        only = row.only
+        only = row.only if self._way is None else None
+        self._ended(row, only, [] if only is not None else self._chains_of(row))
+
+    def _ended(self, row: LineRow, only: Feed | None, chains: Sequence[Chain]) -> None:
+        """A row that ends at rest; one that is but a single block, ``only``, stays exact."""
         if isinstance(only, TipLine):
             self._tool(only)
         elif only is not None:
             self._exact(only)
         else:
             self._rest()
-            self._items += row.chains(True)
+            self._items += chains
             self.now = row.joints
             self._stand = replace(row.stand, joints=self.now)
+
+    def _chains_of(self, row: LineRow) -> list[Chain]:
+        """All that is left of a row that ends, with the cuts before it where it runs on from them."""
+        chains = list(row.chains(True))
+        if chains and self._way is not None:
+            chains[0] = self._run_off(chains[0], row.modal)
+        return chains
 
     # ---- cuts ------------------------------------------------------------------------
 
     def _surfaces(self, blocks: Iterable[CutBlock]) -> None:
         """Consecutive cuts: each train of joined ones with its approach and departure."""
-        self._end_row()
-        self._rest()
+        if self._row is None:
+            self._leave()
+            self._rest()
+        try:
+            ready = self._built(blocks)
+        except ProgramError:
+            self._end_row()
+            raise
+        for members, meetings in train.trains(ready, self._machine, self._kinematics, self._voice):
+            if self._row is None and self._machine.link_mm <= 0.0:
+                self._leave()
+            self._train(members, meetings)
+
+    def _built(self, blocks: Iterable[CutBlock]) -> list[cuts.Cut]:
         ready: list[cuts.Cut] = []
         for block in blocks:
             if isinstance(block, CutCone | CutRuled) and block.doubt:
                 self._note(block.place, block.doubt)
             ready += cuts.build(block, self._machine, self._voice)
-        for members, meetings in train.trains(ready, self._machine, self._kinematics, self._voice):
-            self._train(members, meetings)
-            if self._machine.link_mm <= 0.0:
-                self._leave()
-        self._leave()
+        return ready
 
     def _train(self, members: Sequence[cuts.Cut], meetings: Sequence[train.Meeting]) -> None:
-        """The cuts of a train behind its lead in, or behind a link from the train before."""
-        linked = self._linked(members)
-        if linked is not None:
-            legs, run = linked
+        """The cuts of a train behind its lead in, a link from the train before, or a row that runs on."""
+        begun = self._entered(members) if self._row is not None else self._linked(members)
+        if begun is not None:
+            legs, run = begun
         else:
             self._leave()
             legs = self._legs(members, rotaries_of(self.now, self._kinematics))
@@ -345,6 +370,55 @@ class Tracer:
             return None
         link = links.lay(before, legs, self._machine, self._kinematics)
         return (legs, [*run, link]) if link is not None else None
+
+    def _entered(self, members: Sequence[cuts.Cut]) -> tuple[list[Leg], list[Stretch]] | None:
+        """The next train and the row that leads over into it; None where the row ends at rest before it."""
+        row, self._row = self._row, None
+        assert row is not None
+        only, chains = row.only if self._way is None else None, self._chains_of(row)
+        entered = None
+        if chains:
+            last = chains[-1].stretches[-1]
+            entered = line_blends.onto(last, row.modal, members, self._machine, self._kinematics, self._voice)
+        if entered is None:
+            self._ended(row, only, chains)
+            self._rest()
+            return None
+        self._rest()
+        self._items += chains[:-1]
+        return entered.legs, [*chains[-1].stretches[:-1], entered.row]
+
+    def _runs_on(self, block: Feed) -> bool:
+        """Whether a line or an arc leads on from the cuts under way; then the path has come to their end."""
+        way = self._way
+        if way is None:
+            return False
+        before, self.now = self.now, way.run[-1].end
+        row = LineRow(
+            block, self._standing(block.modal.length_mm), self._machine, self._kinematics, self._voice
+        )
+        row.add(block)
+        try:
+            first = [stretch for chain in row.chains(True) for stretch in chain.stretches][:1]
+        except ProgramError:  # it may run from where a departure leads
+            first = []
+        lets = line_blends.lets(way.legs, way.run, first, block.modal, self._machine, self._kinematics)
+        if not lets:
+            self.now = before
+        return lets
+
+    def _run_off(self, chain: Chain, modal: Modal) -> Chain:
+        """The cuts under way and the row that begins at their end: blended, or at rest there."""
+        assert self._way is not None
+        (legs, run), self._way = self._way, None
+        first, *rest = chain.stretches
+        found = line_blends.off(legs, run, first, modal, self._machine, self._kinematics, self._voice)
+        if found is None:
+            self._chain(Chain(tuple(run)))
+            return chain
+        for stretch in run:
+            self._audit(stretch)
+        return replace(chain, stretches=(*run[:-1], found.cut, found.row, *rest))
 
     def _leave(self) -> None:
         """The end of the cuts that are under way, lead out and departure."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from controller.geometry.curves import Arc
-from controller.geometry.vectors import Frame, Vector, norm, subtract
+from controller.geometry.vectors import ROUNDING, Frame, Vector, norm, subtract
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import OFFSETS, Joints, Machine
 from controller.motion.motions import JointMove, Rotaries
@@ -40,7 +40,6 @@ from controller.program.program import (
     TipLine,
 )
 
-SAME_MM = 1e-9
 _KINDS = {
     Act.SPINDLE: "spindle",
     Act.TOOL: "tool",
@@ -198,7 +197,7 @@ class _Explainer:
 
 
 def _same(a: Known, b: Known) -> bool:
-    return a is not None and b is not None and abs(a - b) < SAME_MM
+    return a is not None and b is not None and abs(a - b) < ROUNDING
 
 
 def _function(block: Action) -> dict[str, Any]:

@@ -11,6 +11,9 @@ Array = npt.NDArray[np.float64]
 
 TURN = 2.0 * math.pi
 JUMP_RAD = 0.5  # largest change between two samples that needs no further halving
+SAME_ROTARY_RAD = (
+    1e-6  # rotaries nearer than this are in one place, and at a joint run through as the poses do
+)
 SAME_AXIS_RAD = 1e-8  # two tool axes nearer than this are one: what jumps there, jumps
 NAN = (math.nan, math.nan)
 

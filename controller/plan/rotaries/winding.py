@@ -21,12 +21,11 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Machine
 from controller.motion.motions import Rotaries
-from controller.plan.rotaries.turns import TURN
+from controller.plan.rotaries.turns import SAME_ROTARY_RAD, TURN
 
-ROUNDING = 1e-9  # rad by which a rotary may pass its travel
-SAME_RAD = 1e-6  # rotaries nearer than this are in one place
 MAX_STATES = 64  # places of the rotaries that are kept in mind; the least travelled ones
 
 
@@ -176,7 +175,7 @@ def _best(states: Iterable[_State]) -> list[_State]:
     best: dict[tuple[int, int], _State] = {}
     for state in states:
         a, b = state.rotaries
-        place = (round(a / SAME_RAD), round(b / SAME_RAD))
+        place = (round(a / SAME_ROTARY_RAD), round(b / SAME_ROTARY_RAD))
         known = best.get(place)
         if known is None or state.cost.key < known.cost.key:
             best[place] = state

@@ -26,11 +26,12 @@ from controller.machine.kinematics import Kinematics
 from controller.machine.model import Joints, Machine
 from controller.motion.motions import Rotaries, SurfaceCut
 from controller.plan.rotaries.branch import field, joints_on
+from controller.plan.rotaries.turns import SAME_ROTARY_RAD
 from controller.plan.stretch import Chain, Stretch, joints_of, rotaries_of, round_arc, straight, xyz_of
 from controller.plan.surfaces import audit
 from controller.plan.surfaces.cuts import Edge, beside, turn
 from controller.plan.surfaces.leads import Lead
-from controller.plan.surfaces.train import SAME_ROTARY_RAD, Leg, Meeting
+from controller.plan.surfaces.train import Leg, Meeting
 from controller.program.program import Place
 
 Array = npt.NDArray[np.float64]

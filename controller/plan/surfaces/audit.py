@@ -11,14 +11,13 @@ import numpy.typing as npt
 
 from controller.geometry.arrays import rows
 from controller.geometry.placement import Placed
-from controller.geometry.vectors import Vector
+from controller.geometry.vectors import ROUNDING, Vector
 from controller.machine.model import Axis, Joints, Machine
 from controller.motion.motions import SurfaceCut
 from controller.plan.surfaces.cuts import Cut
 
 Array = npt.NDArray[np.float64]
 
-ROUNDING = 1e-9  # mm or rad by which a joint may pass its travel
 MOVE = "move the part (work offset) or the block"  # what helps against a joint outside of its travel
 POINTS_PER_CUT = (161, 7)  # along and across, for the gouge check of leads
 MAX_POINTS = 20000

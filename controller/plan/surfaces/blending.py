@@ -70,11 +70,12 @@ class Joint(NamedTuple):
 
 def tolerance(before: Cut, after: Cut, machine: Machine) -> Tolerance:
     """What holds at the joint of two blocks: the tighter of both."""
-    a, b = (_told(cut.block.modal, machine) for cut in (before, after))
+    a, b = (allowed_by(cut.block.modal, machine) for cut in (before, after))
     return EXACT if EXACT in (a, b) else Tolerance(min(a.mm, b.mm), min(a.rad, b.rad))
 
 
-def _told(modal: Modal, machine: Machine) -> Tolerance:
+def allowed_by(modal: Modal, machine: Machine) -> Tolerance:
+    """What G61, or G64 with its P and Q, and the machine file let a joint be."""
     if modal.exact_joints:
         return EXACT
     degrees = modal.blend_deg or machine.joint_tolerance_deg

@@ -65,7 +65,7 @@ def led_over(
         blend if axis_too else replace(blend, axis=None)
         for blend in between(one, other, reaches_mm, rounding)
     )
-    return _with(one.motion, first), _with(other.motion, second)
+    return with_blend(one.motion, first), with_blend(other.motion, second)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +126,7 @@ def placed(motion: SurfaceCut) -> Placed:
     return surface if isinstance(surface, Placed) else Placed(surface, motion.offset_mm)
 
 
-def _with(motion: SurfaceCut, blend: Blend) -> SurfaceCut:
+def with_blend(motion: SurfaceCut, blend: Blend) -> SurfaceCut:
     touches = motion.touches
     if blend.axis is not None:  # there it is another axis than the touches tell
         low, high = (1.0 / blend.per_u, 1.0) if blend.at_start else (0.0, 1.0 - 1.0 / blend.per_u)

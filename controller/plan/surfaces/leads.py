@@ -140,19 +140,15 @@ class End:
     @staticmethod
     def of(leg: Leg, at_start: bool, kinematics: Kinematics) -> End:
         stretch = leg.stretch
-        with np.errstate(all="ignore"):
-            d = rates.derivatives(stretch, np.array([0.0 if at_start else stretch.motion.end]), kinematics)
-        q = stretch.start if at_start else stretch.end
-        series = [
-            jets.Jet(np.array([[q[i]], d.first[:, i], 0.5 * d.second[:, i], d.third[:, i] / 6.0]))
-            for i in range(len(q))
-        ]
+        s, q = (0.0, stretch.start) if at_start else (stretch.motion.end, stretch.end)
+        series = rates.joint_series(stretch, s, q, kinematics)
         tip, axis = kinematics.forward(series, leg.cut.motion.length_mm, jets)
         turns = kinematics.spread(series)[3:]
         rows = np.array([[jets.jet(one).derivative(k).item() for one in (*tip, *turns)] for k in range(3)])
         rows[1:, 3:][np.abs(rows[1:, 3:]) < STANDS_RAD] = 0.0
         tilt = math.hypot(*(jets.jet(one).derivative(1).item() for one in axis))
-        return End(leg, at_start, kinematics, rows, np.abs(d.first[0]), np.abs(d.second[0]), tilt)
+        first, second = (np.abs([one.derivative(k).item() for one in series]) for k in (1, 2))
+        return End(leg, at_start, kinematics, rows, first, second, tilt)
 
     @property
     def edge(self) -> Edge:
@@ -238,7 +234,7 @@ class End:
         x = sign * np.array([0.0, fade, 2.0 * fade, length])  # of s, from the ruling
         spans = self._spans(x, off_mm, bool(holds))
         if self.at_start:
-            spans = [_from(cubic, d) for cubic, d in zip(spans, np.diff(x), strict=True)][::-1]
+            spans = [beyond(cubic, d) for cubic, d in zip(spans, np.diff(x), strict=True)][::-1]
         block = self.leg.cut.block
         spline = spline_of(np.sort(x - x.min()), np.array([cubic.T for cubic in spans]), self.leg.cut)
         outer = spline.joints(0.0 if self.at_start else length, self._rotaries, self.kinematics)
@@ -314,7 +310,7 @@ def spline_of(knots: Array, cubics: Array, cut: Cut) -> ToolSpline:
     return ToolSpline(array("d", knots.tolist()), flat, True, cut.motion.length_mm, line, array("d", [0.0]))
 
 
-def _from(cubic: Array, x: float) -> Array:
+def beyond(cubic: Array, x: float) -> Array:
     """Coefficients (4, n) of the same cubics in powers of what lies behind ``x``."""
     a, b, c, d = cubic
     return np.array([a + x * (b + x * (c + x * d)), b + x * (2.0 * c + x * 3.0 * d), c + 3.0 * x * d, d])

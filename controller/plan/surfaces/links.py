@@ -95,9 +95,9 @@ def _link(one: End, other: End, off_mm: float, stretched: float, machine: Machin
     way = float(np.linalg.norm(middle[:3] - a[0, :3]) + np.linalg.norm(b[0, :3] - middle[:3]))
     rate = 0.5 * (one.tip_rate + other.tip_rate)
     length = stretched * max(way / rate, 2.0 * off_mm / rate, _to_turn(a, b))
-    cubics = _cubics(a, middle, b, length)
+    made = cubics(a, middle, b, length)
     block = other.leg.cut.block
-    spline = spline_of(np.linspace(0.0, length, SPANS + 1), cubics, other.leg.cut)
+    spline = spline_of(np.linspace(0.0, length, SPANS + 1), made, other.leg.cut)
     start, end = tuple(one.leg.joints[-1].tolist()), tuple(other.leg.joints[0].tolist())
     feed, steps, turning = _feeds(one, other, length, machine)
     return Stretch(spline, block.place, feed, False, start, end, True, NAME, steps, turning)
@@ -110,7 +110,7 @@ def _to_turn(a: Array, b: Array) -> float:
     return float((turn / np.maximum(rate, turn / 10.0 + 1e-12)).max())
 
 
-def _cubics(a: Array, middle: Array, b: Array, length: float) -> Array:
+def cubics(a: Array, middle: Array, b: Array, length: float) -> Array:
     """Coefficients (4 spans, 5, 4) of cubics with two continuous derivatives from ``a`` (3, 5) to ``b``.
 
     Place, rate and bend are those of the rows at both ends, the place in the middle is given. With the

@@ -26,7 +26,7 @@ from controller.geometry.surfaces import RuledSurface, Surface
 from controller.geometry.touches import seen_at
 from controller.geometry.vectors import Number, Vector, norm
 from controller.machine.kinematics import Kinematics
-from controller.machine.model import STILL, Machine
+from controller.machine.model import STILL, Joints, Machine
 from controller.motion.motions import JointMove, SurfaceCut, ToolLine, ToolSpline
 from controller.plan.rotaries import tool_paths
 from controller.plan.rotaries.branch import joints_along, one_branch
@@ -87,6 +87,14 @@ def derivatives(stretch: Stretch, s: Array, kinematics: Kinematics) -> Derivativ
     if isinstance(stretch.motion, ToolSpline):
         return Derivatives(*tool_paths.derivatives_of_spline(stretch.motion, s, kinematics))
     return _derivatives_of_cut(stretch, stretch.motion, s, kinematics)
+
+
+def joint_series(stretch: Stretch, s: float, joints: Joints, kinematics: Kinematics) -> list[jets.Jet]:
+    """The joints of a stretch as series over s at ``s``, where they are ``joints``."""
+    with np.errstate(all="ignore"):
+        d = derivatives(stretch, np.array([s]), kinematics)
+    rows = zip(joints, d.first[0], 0.5 * d.second[0], d.third[0] / 6.0, strict=True)
+    return [jets.Jet(np.array(row)[:, None]) for row in rows]
 
 
 def _derivatives_of_move(move: JointMove, s: Array, kinematics: Kinematics) -> Derivatives:

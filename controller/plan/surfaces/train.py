@@ -21,7 +21,7 @@ from controller.machine.model import Kind, Machine
 from controller.motion.motions import Rotaries
 from controller.plan.rotaries import winding
 from controller.plan.rotaries.branch import BranchLost, Field, field, joints_on
-from controller.plan.rotaries.turns import wrapped
+from controller.plan.rotaries.turns import SAME_ROTARY_RAD, wrapped
 from controller.plan.rotaries.winding import Way
 from controller.plan.stretch import Stretch, Voice
 from controller.plan.surfaces import audit, blending, passing, unwind
@@ -31,7 +31,6 @@ from controller.program.program import ProgramError
 Array = npt.NDArray[np.float64]
 
 SAME_MM = 2e-6  # rounding of six decimals, in three words
-SAME_ROTARY_RAD = 1e-6  # rotaries nearer than this at a joint run through, as the poses do
 FLAT_MM = 1e-4  # a concave corner that costs less overcut than this is rounding of the program
 TURNED_BACK_RAD = math.pi - 1e-6
 
@@ -254,6 +253,7 @@ def choose(
     now: Rotaries,
     voice: Voice,
     wanted: Rotaries | None = None,
+    within_rad: float = SAME_ROTARY_RAD,
 ) -> list[Leg]:
     """The legs of a train from the rotaries ``wanted``, which were chosen over the whole program.
 
@@ -267,7 +267,7 @@ def choose(
             for by in option.way.shifts(machine, wanted):
                 if (
                     option.way.inside
-                    and winding.apart(winding.moved(option.way.start, by), wanted) < SAME_ROTARY_RAD
+                    and winding.apart(winding.moved(option.way.start, by), wanted) < within_rad
                 ):
                     return option.shifted(machine, by)
     found = options(fields, machine, now, voice)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 import numpy.typing as npt
 
+from controller.geometry.vectors import ROUNDING
 from controller.machine.model import Axis, Machine
 from controller.motion.motions import Rotaries
 from controller.plan.rotaries.turns import TURN
@@ -55,8 +56,8 @@ def _shifts(way: Way, machine: Machine) -> Iterator[Rotaries]:
     """Every turn in which the row begins inside travel, or the one nearest to that."""
     turns = []
     for start, (least, most) in zip(way.start, machine.turns(), strict=True):
-        first = math.ceil((least - start - audit.ROUNDING) / TURN)
-        last = math.floor((most - start + audit.ROUNDING) / TURN)
+        first = math.ceil((least - start - ROUNDING) / TURN)
+        last = math.floor((most - start + ROUNDING) / TURN)
         middle = round((0.5 * (least + most) - start) / TURN)
         turns.append(range(first, last + 1) if first <= last else [middle])
     for a, b in itertools.product(*turns):
@@ -68,7 +69,7 @@ def _inside(legs: Sequence[Leg], machine: Machine) -> int:
     low, high = (np.array([getattr(a, name) for a in machine.axes]) for name in ("travel_min", "travel_max"))
     count = 0
     for leg in legs:
-        beyond = (leg.joints < low - audit.ROUNDING) | (leg.joints > high + audit.ROUNDING)
+        beyond = (leg.joints < low - ROUNDING) | (leg.joints > high + ROUNDING)
         outside = np.flatnonzero(beyond.any(axis=1))
         if len(outside):
             return count + int(outside[0])
@@ -78,8 +79,8 @@ def _inside(legs: Sequence[Leg], machine: Machine) -> int:
 
 def start_in_travel(axis: Axis, start: float, low: float, high: float) -> float | None:
     """``start`` moved by the fewest whole turns that bring ``low`` .. ``high`` inside travel; or None."""
-    first = math.ceil((axis.travel_min - low - audit.ROUNDING) / TURN)
-    last = math.floor((axis.travel_max - high + audit.ROUNDING) / TURN)
+    first = math.ceil((axis.travel_min - low - ROUNDING) / TURN)
+    last = math.floor((axis.travel_max - high + ROUNDING) / TURN)
     return start + TURN * min(max(0, first), last) if first <= last else None
 
 

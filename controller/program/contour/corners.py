@@ -5,7 +5,8 @@ from __future__ import annotations
 import cmath
 import math
 
-from controller.program.contour.ways import SAME_MM, Way, meetings, unit
+from controller.geometry.vectors import ROUNDING
+from controller.program.contour.ways import Way, meetings, unit
 
 SLIGHT_MM = 1e-7  # a corner is none where the cutter leaves its way by no more ...
 CLOSE_MM = 1e-4  # ... or by no more than this, where the rounding of words leaves no other way
@@ -34,7 +35,7 @@ def joined(before: Way, after: Way) -> bool:
     if _shortened(before, after):
         return False
     if bulge > CLOSE_MM:
-        found = any(after.ahead(p) <= after.length + SAME_MM for p in meetings(before, after, at_end=True))
+        found = any(after.ahead(p) <= after.length + ROUNDING for p in meetings(before, after, at_end=True))
         raise NoRoomError(vanishes=found)
     _meet(before, after)
     return False
@@ -48,10 +49,10 @@ def _meet(before: Way, after: Way) -> None:
 def _shortened(before: Way, after: Way) -> bool:
     """Cut both short where they meet; the point that takes least. Whether there is one."""
     best: tuple[float, float, complex] | None = None
-    most = before.length - before.left_in + SAME_MM
+    most = before.length - before.left_in + ROUNDING
     for point in meetings(before, after, at_end=True):
         out, ahead = before.behind(point), after.ahead(point)
-        fits = -SAME_MM <= out <= most and -SAME_MM <= ahead <= after.length + SAME_MM
+        fits = -ROUNDING <= out <= most and -ROUNDING <= ahead <= after.length + ROUNDING
         if fits and (best is None or out < best[0]):
             best = out, ahead, point
     if best is None:

@@ -11,7 +11,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-SAME_MM = 1e-9
+from controller.geometry.vectors import ROUNDING
+
 TURN = 2.0 * math.pi
 
 
@@ -84,7 +85,7 @@ class Way:
         if self.centre is None:
             return line(self.begins, self.ends, 0.0)
         radius = self.radius
-        sweep = math.copysign(self.rest / radius, self.sweep) if radius > SAME_MM else 0.0
+        sweep = math.copysign(self.rest / radius, self.sweep) if radius > ROUNDING else 0.0
         return arc(self.begins, self.ends, self.centre, sweep, 0.0)
 
     def contour(self) -> Way:
@@ -120,7 +121,7 @@ def onto(start: complex, end: complex, out: complex, sweep: float, off: float) -
     ends = end + 1j * off * out
     chord, left = start - ends, 1j * out
     towards = (chord * left.conjugate()).real
-    if abs(towards) < SAME_MM or towards * sweep <= 0.0:
+    if abs(towards) < ROUNDING or towards * sweep <= 0.0:
         return None
     centre = ends + left * (abs(chord) ** 2 / (2.0 * towards))
     sense = math.copysign(1.0, sweep)
@@ -133,10 +134,10 @@ def onto(start: complex, end: complex, out: complex, sweep: float, off: float) -
 def _turned(first: complex, second: complex, sweep: float) -> float:
     """Length of the arc from one radius to another, in the sense of ``sweep``; 0 just before a full turn."""
     radius = abs(first)
-    if radius < SAME_MM or abs(second) < SAME_MM:
+    if radius < ROUNDING or abs(second) < ROUNDING:
         return 0.0
     angle = cmath.phase(second / first) * math.copysign(1.0, sweep) % TURN
-    return 0.0 if (TURN - angle) * radius < 2.0 * SAME_MM else angle * radius
+    return 0.0 if (TURN - angle) * radius < 2.0 * ROUNDING else angle * radius
 
 
 # ---- where two ways meet -------------------------------------------------------------
@@ -176,7 +177,7 @@ def _of_line(one: Way, centre: complex, radius: float) -> Iterator[complex]:
 
 def _of_circles(first: complex, r: float, second: complex, q: float) -> Iterator[complex]:
     apart = abs(second - first)
-    if apart < SAME_MM:
+    if apart < ROUNDING:
         return
     along = (apart * apart + r * r - q * q) / (2.0 * apart)
     square = r * r - along * along

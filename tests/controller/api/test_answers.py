@@ -58,7 +58,7 @@ def test_a_refusal_without_a_key_is_only_where_no_page_shows_it() -> None:
         for file, call in calls()
         if isinstance(call.func, ast.Name) and call.func.id in ("Refusal", "StoreError")
     }
-    assert plain <= ENGLISH_ONLY | {"http.py", "link.py"}
+    assert plain <= ENGLISH_ONLY | {"http.py", "service_client.py"}
 
 
 def test_every_text_that_a_refusal_names_is_in_the_catalogue() -> None:

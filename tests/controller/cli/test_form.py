@@ -33,7 +33,7 @@ def run(*words: object) -> tuple[int, dict[str, Any]]:
 
 def mill(folder: Path, machine: str, tool: str) -> Path:
     """The shipped machine with other lines for the tolerance: of the machine, and of T2."""
-    shipped = Path(machine_file.__file__).parents[1] / "config"
+    shipped = machine_file.SHIPPED
     text = (shipped / "trunnion.toml").read_text()
     kept = [line for line in text.splitlines() if not line.startswith("tolerance_mm")]
     kept.insert(kept.index("[machine]") + 1, machine)

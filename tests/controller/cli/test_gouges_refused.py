@@ -19,7 +19,7 @@ from controller.cli import check_worker
 from controller.machine import machine_file, setup_data
 from controller.messages import text
 
-SHIPPED = Path(machine_file.__file__).parents[1] / "config"
+SHIPPED = machine_file.SHIPPED
 VERBATIM = machine_file.shipped_program("example2").read_text()
 HEAD = "G21 G90 G54 G61\nT1 M6\nS9000 M3\n"
 TABLE = "\n[table]\ncentre_mm = [0.0, 96.0, 120.0]\nradius_mm = 150.0\nthickness_mm = 30.0\n"

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import uvicorn
 from typer.testing import CliRunner, Result
 
 from controller.__main__ import app
+from controller.api.connections import Connections
 from controller.api.sessions import sha256
 from controller.api.store import Store
 
@@ -25,11 +25,11 @@ def served(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, Any]]:
     """What the web server would have been given."""
     given: list[dict[str, Any]] = []
 
-    def note(application: Any, **options: Any) -> None:
+    def note(_: Connections, application: Any, **options: Any) -> None:
         application.state.panel.checker.close()
         given.append(options)
 
-    monkeypatch.setattr(uvicorn, "run", note)
+    monkeypatch.setattr(Connections, "serve", note)
     return given
 
 

@@ -198,7 +198,9 @@ def test_a_link_in_a_hidden_folder_is_hidden_wherever_it_ends(
 def test_a_package_in_a_hidden_folder_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """One that was installed as editable lies where its checkout lies."""
     monkeypatch.setattr(service.sys, "executable", "/usr/bin/python3")
-    monkeypatch.setattr(service.machine_file, "__file__", "/home/anna/directrix/controller/machine/machine_file.py")
+    monkeypatch.setattr(
+        service.machine_file, "__file__", "/home/anna/directrix/controller/machine/machine_file.py"
+    )
     with pytest.raises(service.Refused, match=r"/home/anna.*elsewhere"):
         service._seen_by_a_service("trunnion")
 

@@ -141,7 +141,8 @@ def outcome(data: bytes, on: Machine | None = None) -> list[Block | str]:
 
 
 def long_way(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(CommonLines, "read", lambda self, line, state: None)
+    monkeypatch.setattr(CommonLines, "short", lambda self, found, number: None)
+    monkeypatch.setattr(CommonLines, "read", lambda self, line: None)
     monkeypatch.setattr(Functions, "read", lambda self, line, state: None)
     monkeypatch.setattr(words, "COMMON", re.compile("(?!)"))
 
@@ -168,10 +169,16 @@ def test_common_lines_read_exactly_as_by_the_general_way(
 def taken(text: bytes, monkeypatch: pytest.MonkeyPatch) -> list[bool]:
     """Of each line of words whether it goes a short way."""
     found: list[bool] = []
-    read, known = CommonLines.read, Functions.read
+    short, read, known = CommonLines.short, CommonLines.read, Functions.read
 
-    def counted(self: CommonLines, line: Line, state: State) -> tuple[Block, State] | None:
-        made = read(self, line, state)
+    def shortest(self: CommonLines, match: re.Match[str], number: int) -> Block | None:
+        made = short(self, match, number)
+        if made is not None:
+            found.append(True)
+        return made
+
+    def counted(self: CommonLines, line: Line) -> Block | None:
+        made = read(self, line)
         found.append(made is not None)
         return made
 
@@ -180,6 +187,7 @@ def taken(text: bytes, monkeypatch: pytest.MonkeyPatch) -> list[bool]:
         found[-1] |= made is not None
         return made
 
+    monkeypatch.setattr(CommonLines, "short", shortest)
     monkeypatch.setattr(CommonLines, "read", counted)
     monkeypatch.setattr(Functions, "read", learnt)
     list(blocks.stream(text, machine("fig4a", spindle=None), "p"))

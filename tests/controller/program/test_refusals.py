@@ -56,3 +56,20 @@ def test_check_tells_all_of_them(tmp_path: Path) -> None:
     found = json.loads(facts)
     assert [row["line"] for row in found["refusals"]] == [3, 4, 5, 6, 7, 8]
     assert found["counts"]["G99.9"] == 2 and found["line"] == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "told"),
+    [
+        ("#1=1\no1 if [#1]\nG0 X1\no1 elseif [1] D4\nG0 X2\no1 endif\n", 4, "D4 stands behind o1 elseif"),
+        ("o1 repeat [2]\nG0 X1\no1 endrepeat J-4\n", 3, "J-4 stands behind o1 endrepeat"),
+        ("o1 sub\no1 endsub\no2 if [0]\no2 else X1\no2 endif\nG0 X1\n", 4, "X1 stands behind o2 else"),
+        ("M70\nM72 M72\nG0 X1\n", 2, "M72 and M72"),
+        ("F100 S100 M3\nG85 G91\n", 2, "G85 has no place"),
+        ("F100\nG2 G91\n", 2, "G2 has no place"),
+        ("F100\nG10 L2 P2 X1\nG55 G41.1 D1\nG1 X5\n", 3, "G55 stands under the G41.1"),
+    ],
+)
+def test_what_the_reference_refuses_is_not_passed_over(text: str, line: int, told: str) -> None:
+    (found, *_) = refusals.of(text.encode(), machine("fig4a", spindle=None), "p.ngc")
+    assert (found.line, told in found.sentence) == (line, True), found

@@ -35,19 +35,19 @@ def test_a_surface_with_its_feed_is_one_whatever_was_before(before: str) -> None
         SURFACE,
         "G51 X0. Y15. Z0. I0. J0. K0. H10. R10. D90. F100.\n",
         "G1 X5. F6\nG80\n",
-        f"{SURFACE}G0 Z50.\n",
+        f"{SURFACE}G0 Z50.\nG80\n",
     ],
 )
-def test_without_it_where_bare_coordinates_can_be_nothing_but_points_or_a_surface_came_before(
-    before: str,
-) -> None:
+def test_without_it_where_bare_coordinates_can_be_nothing_but_points(before: str) -> None:
     assert kinds(f"{before}M8\nN5 G52 {FIRST}\n{POINTS}G52 {OTHERS[2]}\n{POINTS}")[-2:] == [
         CutRuled,
         CutRuled,
     ]
 
 
-@pytest.mark.parametrize("before", ["G0 Z50.\n", "G1 X5. F100.\n", "G2 X10. Y0. I5. F9.\n"])
+@pytest.mark.parametrize(
+    "before", ["G0 Z50.\n", "G1 X5. F100.\n", "G2 X10. Y0. I5. F9.\n", f"{SURFACE}G0 Z50.\n"]
+)
 @pytest.mark.parametrize("count", [1, 6, 7, 8, 15])
 @pytest.mark.parametrize("shift", ["X0 Y0 Z0", "X0. Y0. Z0.", "X10. Y0 Z0", "Z0", "X10."])
 def test_with_a_modal_motion_no_line_after_a_shift_is_swallowed_and_none_moves(
@@ -57,7 +57,8 @@ def test_with_a_modal_motion_no_line_after_a_shift_is_swallowed_and_none_moves(
     made = []
     with pytest.raises(ProgramError, match="without F may be a local shift") as refused:
         made.extend(blocks.stream(f"{before}G52 {shift}\n{rows}\nG0 Z50.\n".encode(), MILL, "part.ngc"))
-    assert (refused.value.line, refused.value.column, len(made)) == (2, 1, 1)
+    line = before.count("\n") + 1
+    assert (refused.value.line, refused.value.column, len(made)) == (line, 1, len(kinds(before)))
 
 
 @pytest.mark.parametrize(

@@ -129,7 +129,7 @@ def test_what_a_tick_has_to_do_without_is_told_where_real_drives_hang_on_it() ->
 def test_the_tick_asks_for_its_core_when_it_has_its_priority_and_tells_what_it_lacks(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for name in ("bus", "config", "cyclic", "children", "Cycle", "loop"):
+    for name in ("bus", "machine_file", "cyclic", "children", "Cycle", "loop"):
         monkeypatch.setattr(processes, name, MagicMock())
     for name in ("PieceInbox", "RequestInbox", "SnapshotBoard", "Recorder"):
         monkeypatch.setattr(processes, name, MagicMock())

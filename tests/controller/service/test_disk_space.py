@@ -93,10 +93,10 @@ def test_a_disk_that_is_really_full_or_read_only_is_told(small: Path) -> None:
 def test_a_quota_is_found_by_writing_and_not_by_asking(tmp_path: Path) -> None:
     """Also where root asks, whom no permission binds."""
     asked = (
-        "import resource, signal; from pathlib import Path; from controller.service import room\n"
+        "import resource, signal; from pathlib import Path; from controller.service import disk_space\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         f"resource.setrlimit(resource.RLIMIT_FSIZE, (1000, {resource.RLIM_INFINITY}))\n"
-        f"print(room.lacking(Path({str(tmp_path)!r}), 0)['why'])"
+        f"print(disk_space.lacking(Path({str(tmp_path)!r}), 0)['why'])"
     )
     said = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True).stdout
     assert "File too large" in said and not list(tmp_path.rglob("*.*"))

@@ -114,7 +114,7 @@ def test_a_file_that_is_not_sound_is_begun_anew(tmp_path: Path, text: str) -> No
 def test_it_is_kept_now_and_then_and_a_full_disk_loses_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    usage, real = Usage(tmp_path, MACHINE), module.whole.write
+    usage, real = Usage(tmp_path, MACHINE), module.atomic_file.write
 
     def full(*_: Any) -> None:
         raise OSError("full")

@@ -35,6 +35,9 @@ OTHERWISE = {
     "spindle_actual_rev_min": "peripherals.actual_rev_min",
     "spindle_at_speed": "peripherals.at_speed",
     "jogging": "jogging.active",
+    "probing": "probing.phase",
+    "probings": "probing.count",
+    "probed": "probing.came",
     "answers": "answers.ring",
 }
 # Columns of recordings as they have been since 2026-11; of old ones none may change its place.

@@ -58,7 +58,7 @@ def batch(number: int) -> Batch:
     origin = "home" if rng.random() < 0.1 else "program"
     example = rng.choice(("example1_ready", "example2_ready"))
     feed = f"{rng.choice((100, 300, 1000, 3000, rng.randint(100, 3000)))}."
-    text = program(example, feed) if rng.random() < 0.8 else _rapids(rng, machine_file.load(machine))
+    text = program(example, feed) if rng.random() < 0.8 else rapids(rng, machine_file.load(machine))
     return Batch(number, machine, text, origin)
 
 
@@ -87,7 +87,7 @@ def healthy_case(rng: random.Random, machine: Machine, tick: int, _origin: str) 
     return Case(tick, (*events, *last), "")
 
 
-def _rapids(rng: random.Random, machine: Machine) -> str:
+def rapids(rng: random.Random, machine: Machine) -> str:
     """Moves of all axes at once, to and fro."""
     lines = ["G21 G90 G54 G64"]
     for _ in range(12):

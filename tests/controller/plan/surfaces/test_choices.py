@@ -88,7 +88,7 @@ def test_a_later_move_by_a_distance_is_provided_for() -> None:
 
 def test_a_program_that_is_refused_somewhere_gives_the_choices_before() -> None:
     built = mill(gouge="warn")
-    coincident = "G52 X0. Y0. Z0.\n" + "X1. Y0. Z0.\n" * 7
+    coincident = "G52 X0. Y0. Z0. F600.\n" + "X1. Y0. Z0.\n" * 7
     assert list(of(wall(0.0, 40.0) + "G0 Z250.\n" + coincident, built)) == [1]
 
 

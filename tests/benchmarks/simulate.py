@@ -1,7 +1,5 @@
 """How much faster than the motion ``directrix simulate`` is: the whole command, on one core, and its parts.
 
-    python tests/benchmarks/simulate_speed.py [PROGRAM ...] [--runs N] [--tree DIR] [--json]
-
 Processor seconds (user and system) from the start of the interpreter to its end, imports, planning,
 commissioning and the written trace included, beside the seconds of motion in that trace; nothing of the
 program is stored before. The parts are of the same run and add up to it: ``start`` (interpreter, imports,
@@ -10,14 +8,13 @@ words of the command line), ``plan`` (machine file, program, bus budget, path an
 ``end`` (of the process).
 
 Wanted are ten times of every shipped program, on a computer that does nothing else; what is slower is said.
-The best of the runs counts, which come in turn so that a busy computer is unfair to none. With ``--tree``
+The best of the runs counts, which come in turn so that a busy computer is unfair to none. With DIRECTRIX_TREE
 the same is done with the code in another folder, run for run. The first run of each tree makes its
 bytecode and does not count.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import subprocess
@@ -29,13 +26,18 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 HERE = Path(__file__).parents[2]
+sys.path[:0] = [str(HERE), str(HERE / "tests")]
+
+from support.suite import figures  # noqa: E402
+from support.suite.figures import Figure, Report  # noqa: E402
+
 NAMES = ("example1", "example2", "example1_ready", "example2_ready")
 EXAMPLES = tuple(HERE / "config" / "programs" / f"{name}.ngc" for name in NAMES)
 WANTED = 10.0
 INSIDE = "--inside"
 
 
-class Figure(NamedTuple):
+class Run(NamedTuple):
     """One program with one tree: processor seconds of the best run with its parts, and seconds of motion."""
 
     program: str
@@ -49,7 +51,7 @@ class Figure(NamedTuple):
         return self.motion_s / self.cpu_s
 
 
-def measured(program: Path, tree: Path) -> Figure:
+def measured(program: Path, tree: Path) -> Run:
     """One run of the command, by this file inside of another process."""
     with tempfile.TemporaryDirectory() as folder:
         marks = Path(folder, "marks.json")
@@ -69,7 +71,7 @@ def measured(program: Path, tree: Path) -> Figure:
         if process.returncode:
             raise SystemExit(f"{program}: {told}")
         parts_s, cpu_s = json.loads(marks.read_text()), used.ru_utime + used.ru_stime
-    return Figure(
+    return Run(
         program.name,
         str(tree),
         cpu_s,
@@ -126,45 +128,46 @@ def _ends_before(
     setattr(owner, name, watched)
 
 
-def best(programs: list[Path], trees: list[Path], runs: int) -> list[Figure]:
+def best(programs: list[Path], trees: list[Path], runs: int) -> list[Run]:
     pairs = [(program, tree) for program in programs for tree in trees]
     for program, tree in pairs[: len(trees)]:
         measured(program, tree)
-    found: dict[tuple[Path, Path], Figure] = {}
+    found: dict[tuple[Path, Path], Run] = {}
     for _ in range(runs):
         for pair in pairs:
-            figure = measured(*pair)
-            found[pair] = min(found.get(pair, figure), figure, key=lambda one: one.cpu_s)
+            run = measured(*pair)
+            found[pair] = min(found.get(pair, run), run, key=lambda one: one.cpu_s)
     return list(found.values())
 
 
-def main() -> None:
-    arguments = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    arguments.add_argument("programs", nargs="*", type=Path, default=list(EXAMPLES))
-    arguments.add_argument("--runs", type=int, default=3)
-    arguments.add_argument("--tree", type=Path, help="Another checkout to compare with.")
-    arguments.add_argument("--json", action="store_true")
-    asked = arguments.parse_args()
+def report(short: bool) -> Report:
+    """Of this tree; of another one, too, where DIRECTRIX_TREE names it."""
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-    programs = [program.resolve() for program in asked.programs]
-    trees = [HERE, *([asked.tree.resolve()] if asked.tree else [])]
-    figures = best(programs, trees, asked.runs)
-    if asked.json:
-        print(json.dumps([{**one._asdict(), "times_faster": one.times_faster} for one in figures], indent=1))
-        return
-    for one in figures:
-        print(
-            f"{one.program:24} {one.motion_s:8.3f} s of motion in {one.cpu_s:7.3f} s:"
-            f" {one.times_faster:5.1f} times faster   {one.tree}"
+    other = os.environ.get("DIRECTRIX_TREE")
+    programs, trees = (
+        list(EXAMPLES[: 1 if short else None]),
+        [HERE, *([Path(other).resolve()] if other else [])],
+    )
+    found = best(programs, trees, 1 if short else 3)
+    ours = [one for one in found if one.tree == str(HERE)]
+    told = [
+        Figure(
+            f"{one.program}{'' if one in ours else ', ' + one.tree}",
+            one.cpu_s,
+            "s of CPU",
+            one.motion_s,
+            "the motion",
         )
-        print("  " + "   ".join(f"{part} {seconds:.3f}" for part, seconds in one.parts_s.items()))
-    slow = [one.program for one in figures if one.times_faster < WANTED]
-    if slow:
-        print(f"less than {WANTED:.0f} times faster than the motion: {', '.join(slow)}")
+        for one in found
+    ]
+    parts = {part: sum(one.parts_s[part] for one in ours) for part in ours[0].parts_s}
+    slow = [one.program for one in ours if one.times_faster < WANTED]
+    note = f"less than {WANTED:.0f} times faster than the motion: {', '.join(slow)}" if slow else ""
+    return Report(tuple(told), figures.shares(parts), "the command", note)
 
 
 if __name__ == "__main__":
     if INSIDE in sys.argv[1:2]:
         inside(sys.argv[2], sys.argv[3:])
     else:
-        main()
+        figures.main(report)

@@ -1,17 +1,13 @@
 """The reader alone beside LinuxCNC's rs274: processor time on four kinds of file, and memory on a long one.
 
-    python tests/benchmarks/reader_speed.py [lines] [--long MB] [--json]
-
 Each file is read by both in one run, in turns, the least of three times each: our reader to blocks, in this
-process; rs274 (on the path, or DIRECTRIX_RS274) to canonical calls, written to nowhere. ``share`` is rs274's
-time over ours: 1.0 is as fast, more is faster. With --long a file of so many megabytes is read from the
-disk in a process of its own, which tells the most memory that it ever had beyond that of a one-line program.
+process; rs274 (on the path, or DIRECTRIX_RS274) to canonical calls, written to nowhere. The ratio is our
+time over rs274's. A long file is read from the disk in a process of its own,
+which tells the most memory that it ever had beyond that of a one-line program.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import random
 import resource
@@ -25,8 +21,12 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
+from support.suite import figures  # noqa: E402
+from support.suite.figures import Figure, Report  # noqa: E402
+
 LINES = 60_000
 RUNS = 3
+READ = "--read"
 
 
 def _number(rng: random.Random) -> str:
@@ -89,16 +89,17 @@ def theirs_s(file: Path) -> float | None:
         return None
     (file.parent / "p.var").write_text("5161 0.0\n5220 1\n")
     (file.parent / "p.tbl").write_text("T1 P1 D0.25 Z0.5 ;\n")
+    quiet = subprocess.DEVNULL
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     command = [found, "-v", "p.var", "-t", "p.tbl", "-g", file.name]
     apart = {**os.environ, "HOME": str(file.parent)}  # where it keeps its tool table
-    subprocess.run(command, cwd=file.parent, env=apart, stdout=subprocess.DEVNULL, check=True)
+    subprocess.run(command, cwd=file.parent, env=apart, stdout=quiet, stderr=quiet, check=True)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
-def figures(kind: str, lines: int, folder: Path) -> dict[str, object]:
-    """One row."""
+def of_kind(kind: str, lines: int, folder: Path) -> tuple[float, float | None]:
+    """Microseconds a line of our reader and of rs274, where there is one."""
     data = program(kind, lines)
     file = folder / "p.ngc"
     file.write_bytes(data)
@@ -107,14 +108,10 @@ def figures(kind: str, lines: int, folder: Path) -> dict[str, object]:
         mine.append(ours_s(data))
         if (seconds := theirs_s(file)) is not None:
             other.append(seconds)
-    ours = min(mine)
-    row: dict[str, object] = {"kind": kind, "us_a_line": 1e6 * ours / lines}
-    if other:
-        row |= {"rs274_us_a_line": 1e6 * min(other) / lines, "share": min(other) / ours}
-    return row
+    return 1e6 * min(mine) / lines, 1e6 * min(other) / lines if other else None
 
 
-def long_file(megabytes: float, folder: Path) -> dict[str, object]:
+def memory_mb(megabytes: float, folder: Path) -> float:
     """The most memory of a process that reads a long file, beyond that of one that reads a line."""
     one, many = folder / "one.ngc", folder / "long.ngc"
     one.write_bytes(program("mixed", 1))
@@ -123,12 +120,11 @@ def long_file(megabytes: float, folder: Path) -> dict[str, object]:
         for _ in range(max(1, round(megabytes * 1e6 / len(part)))):
             file.write(part)
     peaks = [int(_apart(file)) for file in (one, many)]
-    size = many.stat().st_size
-    return {"long_mb": size / 1e6, "memory_mb": (peaks[1] - peaks[0]) / 1e6}
+    return (peaks[1] - peaks[0]) / 1e6
 
 
 def _apart(file: Path) -> str:
-    command = [sys.executable, __file__, "--read", str(file)]
+    command = [sys.executable, __file__, READ, str(file)]
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout
 
 
@@ -151,30 +147,20 @@ def _own_bytes() -> int:
     return next(int(row.split()[1]) * 1024 for row in rows if row.startswith("RssAnon"))
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("lines", nargs="?", type=int, default=LINES)
-    parser.add_argument("--long", type=float, default=0.0, metavar="MB")
-    parser.add_argument("--json", action="store_true")
-    parser.add_argument("--read", type=Path, help=argparse.SUPPRESS)
-    asked = parser.parse_args()
-    if asked.read is not None:
-        print(read(asked.read))
-        return
+def report(short: bool) -> Report:
+    lines, megabytes = (2000, 1.0) if short else (LINES, 20.0)
     with tempfile.TemporaryDirectory() as name:
-        rows = [figures(kind, asked.lines, Path(name)) for kind in KINDS] if asked.lines else []
-        if asked.long:
-            rows.append(long_file(asked.long, Path(name)))
-    if asked.json:
-        print(json.dumps(rows))
-        return
-    for row in rows:
-        print(
-            ", ".join(
-                f"{key} {value:.2f}" if isinstance(value, float) else f"{value}" for key, value in row.items()
-            )
-        )
+        us = {kind: of_kind(kind, lines, Path(name)) for kind in KINDS}
+        memory = memory_mb(megabytes, Path(name))
+    found = [Figure(f"a line, {kind}", mine, "us", other, "rs274") for kind, (mine, other) in us.items()]
+    found.append(Figure("memory of a long file", memory, "MB", megabytes, "the file"))
+    note = "" if all(other for _, other in us.values()) else "rs274 is not installed: see DIRECTRIX_RS274."
+    parts = figures.shares({kind: mine for kind, (mine, _) in us.items()})
+    return Report(tuple(found), parts, "a line of each kind", note)
 
 
 if __name__ == "__main__":
-    main()
+    if sys.argv[1:2] == [READ]:
+        print(read(Path(sys.argv[2])))
+    else:
+        figures.main(report)

@@ -4,14 +4,10 @@ A machine on the stepped clock moves at every status, so each of them wants anot
 the program's path in the scene and without it alternate in one page, so both meet the same computer; what
 is loaded is the shipped Example 2 and then the long program. A browser without a graphics card draws on the
 processor: there the empty scene tells what this computer can do, and the share of it is the figure.
-
-    python tests/benchmarks/page_scene.py --lines 100000 --rounds 3 --seconds 10
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import sys
 import tempfile
 import time
@@ -24,12 +20,15 @@ sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 
 from support.live import browser  # noqa: E402
 from support.parts import cam_lines  # noqa: E402
+from support.suite import figures  # noqa: E402
+from support.suite.figures import Figure, Report  # noqa: E402
 
 from controller.machine import machine_file  # noqa: E402
 from controller.plan.report.picture import Picture, Shape  # noqa: E402
 from controller.runtime import checked  # noqa: E402
 
 LONG = "long"
+WIDTH, HEIGHT = 1280, 720
 WAITS_MS = 300_000
 # What is counted while the page is left alone: pictures, statuses, and the time that each takes of the page.
 WATCHED = """() => {
@@ -119,30 +118,18 @@ def summed(turns: list[dict[str, Any]]) -> dict[str, float]:
     }
 
 
-def show(figures: dict[str, Any]) -> None:
-    for name, one in figures["loading"].items():
-        print(
-            f"{name:12}{one['points']:8} points {one['bytes'] / 1e3:8.0f} kB {one['s']:8.2f} s to its picture"
-        )
-    empty, program = figures["drawing"]["empty"], figures["drawing"]["program"]
-    print(f"{'':26}{'empty':>10}{'program':>10}   ({figures['lines']} lines)")
-    for name in empty:
-        print(f"{name:26}{empty[name]:10.2f}{program[name]:10.2f}")
-    print(f"share of the empty scene's pictures: {program['pictures per s'] / empty['pictures per s']:.2f}")
-
-
-def main() -> None:
-    arguments = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    arguments.add_argument("--lines", type=int, default=100_000)
-    arguments.add_argument("--rounds", type=int, default=3)
-    arguments.add_argument("--seconds", type=float, default=10.0)
-    arguments.add_argument("--width", type=int, default=1280)
-    arguments.add_argument("--height", type=int, default=720)
-    arguments.add_argument("--json", action="store_true", help="figures as JSON")
-    wanted = arguments.parse_args()
-    figures = measure(wanted.lines, wanted.rounds, wanted.seconds, wanted.width, wanted.height)
-    print(json.dumps(figures)) if wanted.json else show(figures)
+def report(short: bool) -> Report:
+    lines, rounds, seconds = (500, 1, 0.5) if short else (100_000, 3, 10.0)
+    found = measure(lines, rounds, seconds, WIDTH, HEIGHT)
+    short_one, long_one = found["loading"]["Example 2"], found["loading"]["long"]
+    empty, program = found["drawing"]["empty"], found["drawing"]["program"]
+    told = [
+        Figure(f"loading {lines} lines", long_one["s"], "s", short_one["s"], "Example 2"),
+        Figure(f"bytes of {lines} lines", long_one["bytes"], "bytes", short_one["bytes"], "Example 2"),
+        *(Figure(name, program[name], "", empty[name], "empty scene") for name in empty),
+    ]
+    return Report(tuple(told))
 
 
 if __name__ == "__main__":
-    main()
+    figures.main(report)

@@ -3,13 +3,10 @@
 A machine as in a shop stands with its drives on; turns with and without the pages alternate in one
 run, so both meet the same computer. The lateness of every tick comes from the recorder. The browser
 runs at the lowest priority: in a shop it is another computer.
-
-    python tests/benchmarks/page_load.py --rounds 3 --seconds 10
 """
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 import tempfile
@@ -21,9 +18,11 @@ import numpy as np
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 
-from panel_load import ENOUGH, lateness_s, options, percentiles, show_beside, tick  # noqa: E402
+from panel import ENOUGH, NICE, PERIOD_S, lateness_s, percentiles, tick, told  # noqa: E402
 from support.live import browser  # noqa: E402
 from support.live.shop import Shop, opened  # noqa: E402
+from support.suite import figures  # noqa: E402
+from support.suite.figures import Figure, Report  # noqa: E402
 
 from controller.ipc.control_socket import Client, control_path  # noqa: E402
 
@@ -86,20 +85,15 @@ def _heard(pages: list[Any]) -> float:
     return float(sum(page.evaluate("window.heard") for page in pages))
 
 
-def show(figures: dict[str, Any]) -> None:
-    show_beside(figures, "pages")
-    if figures["statuses per s and page"] < ENOUGH * STATUSES_S:
-        print("The pages were not told all: this computer has no time for so many; read it with care.")
-
-
-def main() -> None:
-    about = "the tick's lateness with and without open pages"
-    arguments = options(about, "the browser", rounds=3, seconds=10.0)
-    arguments.add_argument("--pages", type=int, default=PAGES)
-    wanted = arguments.parse_args()
-    figures = measure(wanted.rounds, wanted.seconds, wanted.period_ms * 1e-3, wanted.nice, wanted.pages)
-    print(json.dumps(figures)) if wanted.json else show(figures)
+def report(short: bool) -> Report:
+    rounds, seconds, count = (1, 0.5, 1) if short else (3, 10.0, PAGES)
+    found = measure(rounds, seconds, PERIOD_S, NICE, count)
+    statuses = Figure("statuses to each page", found["statuses per s and page"], "1/s", STATUSES_S, "told")
+    note = f"{count} pages; skips {found['skips']}"
+    if statuses.value < ENOUGH * STATUSES_S:
+        note += "; the pages were not told all: this computer has no time for so many, read it with care"
+    return Report((*told(found, "pages"), statuses), note=note)
 
 
 if __name__ == "__main__":
-    main()
+    figures.main(report)

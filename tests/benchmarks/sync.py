@@ -1,7 +1,5 @@
 """How late SYNC leaves, beside ``cyclictest`` (Debian: rt-tests) in the same run.
 
-    python tests/benchmarks/lateness.py [--seconds S] [--rounds R] [--period-ms P] [--json]
-
 Both take turns with the same period and priority on the same computer, so that a
 noisy neighbour meets both. ``cyclictest`` measures how late a thread in C wakes up; the
 loop is measured at its SYNC: lateness when the tick begins, and intervals between SYNCs by
@@ -10,8 +8,7 @@ the kernel's time stamps at the far end of the socket. A simple echo plays five 
 
 from __future__ import annotations
 
-import argparse
-import json
+import contextlib
 import multiprocessing
 import os
 import re
@@ -22,6 +19,7 @@ import struct
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -30,6 +28,8 @@ import numpy as np
 sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 
 from support.machines.shipped_kinds import machine as make_machine  # noqa: E402
+from support.suite import figures  # noqa: E402
+from support.suite.figures import Figure, Report  # noqa: E402
 
 from controller.ipc.handoff import (  # noqa: E402
     COLUMN,
@@ -55,6 +55,8 @@ SO_TIMESTAMPNS = 35
 STAMP = struct.Struct("qq")
 SAMPLE = re.compile(rb"^\s*\d+:\s*\d+:\s*(-?\d+)\s*$", re.M)
 REPORT = (0x1237).to_bytes(2, "little") + bytes(4)  # operation enabled, at zero
+BESIDE = "cyclictest"
+PRIORITY = 80
 WARM_UP = 50  # ticks of each turn that do not count, for both
 
 
@@ -138,60 +140,62 @@ def run_loop(
     return lateness, stamps[WARM_UP:], skips, granted
 
 
-def describe(lateness: np.ndarray, deviation: np.ndarray, period_s: float) -> dict[str, float]:
-    """Percentiles in microseconds of lateness and of abs(interval - period)."""
-    result: dict[str, float] = {}
-    for name, values in (("lateness", lateness), ("interval", deviation)):
-        p50, p99, p999 = np.percentile(values, (50.0, 99.0, 99.9)) * 1e6
-        result |= {f"{name} p50": float(p50), f"{name} p99": float(p99), f"{name} p99.9": float(p999)}
-        result[f"{name} max"] = float(values.max()) * 1e6
-    result["share outside 1 +- 1/4"] = float(np.mean(deviation > 0.25 * period_s))
-    return result
+@contextlib.contextmanager
+def load(wanted: bool) -> Iterator[None]:
+    """Somebody who keeps all processors and the memory busy at normal priority, as plan and panel may."""
+    work = "import numpy\nwhile True: numpy.sort(numpy.random.rand(200_000))"
+    busy = [subprocess.Popen([sys.executable, "-c", work]) for _ in range(os.cpu_count() or 1) if wanted]
+    try:
+        yield
+    finally:
+        for process in busy:
+            process.kill()
+            process.wait()
 
 
-def print_table(ours: dict[str, float], theirs: dict[str, float]) -> None:
-    print(f"{'us':<24}{'SYNC':>10}{'cyclictest':>12}{'ratio':>8}")
-    for name, value in ours.items():
-        other = theirs[name]
-        ratio = f"{value / other:8.2f}" if other > 0.0 else "       -"
-        if name.startswith("share"):
-            print(f"{name:<24}{value:>10.4%}{other:>12.4%}{ratio}")
-        else:
-            print(f"{name:<24}{value:>10.1f}{other:>12.1f}{ratio}")
+def beside(
+    loaded: bool, period_s: float, seconds: float, rounds: int
+) -> tuple[list[Figure], np.ndarray, int]:
+    """SYNC and cyclictest in turns; the deviations of SYNC, and how many ticks sent none."""
+    ours, theirs, woken, late, skips = [], [], [], [], 0
+    with load(loaded):
+        for _ in range(rounds):
+            samples = run_cyclictest(seconds, period_s, PRIORITY)
+            woken.append(samples)
+            theirs.append(np.abs(np.diff(samples)))
+            lateness, stamps, skipped, _ = run_loop(seconds, period_s, PRIORITY)
+            late.append(lateness)
+            ours.append(np.abs(np.diff(stamps) - period_s))
+            skips += skipped
+    name = f"{1e3 * period_s:g} ms, {'loaded' if loaded else 'idle'}: "
+    mine, other = np.concatenate(ours), np.concatenate(theirs)
+    outside = [float(np.mean(one > 0.25 * period_s)) * 100.0 for one in (mine, other)]
+    found = [
+        Figure(f"{name}outside 1 +- 1/4", outside[0], "%", outside[1], BESIDE),
+        *figures.percentiles(f"{name}interval off", mine, other, "us", 1e6, BESIDE),
+        *figures.percentiles(
+            f"{name}late", np.concatenate(late), np.concatenate(woken), "us", 1e6, f"{BESIDE}'s wake-up"
+        ),
+    ]
+    return found, mine / period_s, skips
 
 
-def main() -> None:
-    arguments = argparse.ArgumentParser(description="lateness of SYNC beside cyclictest")
-    arguments.add_argument("--seconds", type=float, default=5.0, help="of each turn")
-    arguments.add_argument("--rounds", type=int, default=3)
-    arguments.add_argument("--period-ms", type=float, default=2.0)
-    arguments.add_argument("--priority", type=int, default=80)
-    arguments.add_argument("--json", action="store_true")
-    wanted = arguments.parse_args()
+def report(short: bool) -> Report:
     if shutil.which("cyclictest") is None:
         raise SystemExit("cyclictest is missing: apt-get install rt-tests")
-    period_s = wanted.period_ms * 1e-3
-    lateness, woken, deviation, woken_deviation = [], [], [], []
-    skips, granted = 0, {}
-    for _ in range(wanted.rounds):
-        samples = run_cyclictest(wanted.seconds, period_s, wanted.priority)
-        woken.append(samples)
-        woken_deviation.append(np.abs(np.diff(samples)))
-        late, stamps, skipped, granted = run_loop(wanted.seconds, period_s, wanted.priority)
-        lateness.append(late)
-        deviation.append(np.abs(np.diff(stamps) - period_s))
-        skips += skipped
-    ours = describe(np.concatenate(lateness), np.concatenate(deviation), period_s)
-    theirs = describe(np.concatenate(woken), np.concatenate(woken_deviation), period_s)
-    if wanted.json:
-        print(json.dumps({"sync": ours, "cyclictest": theirs, "skips": skips, "granted": granted}))
-        return
-    print(
-        f"period {wanted.period_ms} ms, {wanted.rounds} x {wanted.seconds} s each, priority {wanted.priority}"
-    )
-    print(f"privileges {granted}, cpus {os.cpu_count()}, skips {skips}")
-    print_table(ours, theirs)
+    found: list[Figure] = []
+    for loaded in (False, True):
+        for period_s in (2e-3,) if short else (2e-3, 1e-3, 0.5e-3):
+            some, off, skips = beside(loaded, period_s, 0.5 if short else 5.0, 1 if short else 3)
+            found += some
+    counts = {
+        "within 1/16 of the period": float(np.sum(off <= 1 / 16)),
+        "within 1/4": float(np.sum((off > 1 / 16) & (off <= 1 / 4))),
+        "outside": float(np.sum(off > 1 / 4)),
+    }
+    whole = f"SYNCs at {1e3 * period_s:g} ms, loaded ({skips} ticks sent none)"
+    return Report(tuple(found), figures.shares(counts), whole)
 
 
 if __name__ == "__main__":
-    main()
+    figures.main(report)

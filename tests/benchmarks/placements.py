@@ -1,7 +1,5 @@
 """What a placed cut costs the tick beside the paper's: the joints of one tick, placements in turn.
 
-    python tests/benchmarks/placed_tick.py [--rounds N]
-
 Pose and inverse kinematics are all that differs between placements; the rest of a tick (drives,
 bus, checks) is the same for all, so the ratio of whole ticks is below the one printed here. Time
 of the thread's own CPU, the least of all rounds.
@@ -9,7 +7,6 @@ of the thread's own CPU, the least of all rounds.
 
 from __future__ import annotations
 
-import argparse
 import sys
 import time
 from pathlib import Path
@@ -18,6 +15,8 @@ sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 
 from support.machines.shipped_kinds import machine as make_machine  # noqa: E402
 from support.parts.paper_surfaces import example_2  # noqa: E402
+from support.suite import figures  # noqa: E402
+from support.suite.figures import Figure, Report  # noqa: E402
 
 from controller.geometry.curves import ArcLength  # noqa: E402
 from controller.geometry.placement import Strategy  # noqa: E402
@@ -46,18 +45,15 @@ def cost_us(cut: SurfaceCut, kinematics: Kinematics) -> float:
     return (time.thread_time() - start) / PLACES * 1e6
 
 
-def main() -> None:
-    arguments = argparse.ArgumentParser(description="cost of placements on the tick")
-    arguments.add_argument("--rounds", type=int, default=60)
-    rounds = arguments.parse_args().rounds
+def report(short: bool) -> Report:
     made, kinematics = cuts(), kinematics_of(make_machine())
     least = dict.fromkeys(made, float("inf"))
-    for _ in range(rounds):
+    for _ in range(2 if short else 60):
         for name, cut in made.items():
             least[name] = min(least[name], cost_us(cut, kinematics))
-    for name, us in least.items():
-        print(f"{name:<8} {us:6.2f} us  {us / least['single']:.2f} x single")
+    found = [Figure(f"joints, {name}", us, "us", least["single"], "single") for name, us in least.items()]
+    return Report(tuple(found))
 
 
 if __name__ == "__main__":
-    main()
+    figures.main(report)

@@ -4,17 +4,13 @@ A machine as in a shop (``serve --simulate`` and ``panel``) stands with its driv
 without the load alternate in one run, so both meet the same computer. The lateness of every tick
 comes from the recorder. The listeners' own process runs at the lowest priority: in a shop it is
 another computer.
-
-    python tests/benchmarks/panel_load.py --rounds 6 --seconds 5
 """
 
 from __future__ import annotations
 
-import argparse
 import asyncio
 import base64
 import contextlib
-import json
 import multiprocessing
 import os
 import sys
@@ -33,6 +29,8 @@ from websockets.asyncio.client import connect
 sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 
 from support.live.shop import Shop, opened  # noqa: E402
+from support.suite import figures  # noqa: E402
+from support.suite.figures import Figure, Report  # noqa: E402
 
 from controller.ipc.control_socket import Client, control_path  # noqa: E402
 from controller.ipc.handoff import COLUMN  # noqa: E402
@@ -40,6 +38,7 @@ from controller.ipc.handoff import COLUMN  # noqa: E402
 LISTENERS, PER_S = 20, 100
 SETTLE_S = 1.0  # after a change of the load
 BOUND = 1.3
+PERIOD_S, NICE = 2e-3, 19
 ENOUGH = 0.9  # of the load
 
 
@@ -175,40 +174,28 @@ def percentiles(values: np.ndarray) -> dict[str, float]:
     return {**found, "max": float(late.max() * 1e6), "ticks": len(late)}
 
 
-def show_beside(figures: dict[str, Any], busy: str) -> None:
-    """The lateness of quiet turns beside that of ``busy`` ones, then all else, and the bound."""
-    us = figures["us"]
-    print(f"{'lateness, us':<12}{'quiet':>12}{busy:>12}{'ratio':>8}")
-    for name, quiet in us["quiet"].items():
-        ratio = f"{us[busy][name] / quiet:8.2f}" if quiet > 0.0 and name != "ticks" else ""
-        print(f"{name:<12}{quiet:>12.1f}{us[busy][name]:>12.1f}{ratio}")
-    print({name: value for name, value in figures.items() if name != "us"})
-    print(f"bound: p99 at most {BOUND} x")
+def told(found: dict[str, Any], busy: str) -> list[Figure]:
+    """The lateness of ``busy`` turns beside that of quiet ones."""
+    us = found["us"]
+    return [
+        Figure(f"late, {busy}, {name}", us[busy][name], "us", quiet, "quiet")
+        for name, quiet in us["quiet"].items()
+        if name != "ticks"
+    ]
 
 
-def options(about: str, who: str, rounds: int, seconds: float) -> argparse.ArgumentParser:
-    """``who`` makes the load; ``rounds`` of ``seconds`` are meant unless asked otherwise."""
-    made = argparse.ArgumentParser(description=about)
-    made.add_argument("--seconds", type=float, default=seconds, help="of each turn")
-    made.add_argument("--rounds", type=int, default=rounds)
-    made.add_argument("--period-ms", type=float, default=2.0)
-    made.add_argument("--nice", type=int, default=19, help=f"of {who}")
-    made.add_argument("--json", action="store_true")
-    return made
-
-
-def show(figures: dict[str, Any]) -> None:
-    show_beside(figures, "looked at")
-    if figures["answers per s"] < ENOUGH * PER_S:
-        print("The load did not come about: this computer has no time for it; these figures say nothing.")
-
-
-def main() -> None:
-    about = "the tick's lateness with and without listeners"
-    wanted = options(about, "the listeners and askers", rounds=6, seconds=5.0).parse_args()
-    figures = measure(wanted.rounds, wanted.seconds, wanted.period_ms * 1e-3, wanted.nice)
-    print(json.dumps(figures)) if wanted.json else show(figures)
+def report(short: bool) -> Report:
+    found = measure(1 if short else 6, 0.5 if short else 5.0, PERIOD_S, NICE)
+    answers = found["answers per s"]
+    more = [
+        Figure("answers", float(answers), "1/s", float(PER_S), "asked"),  # type: ignore[arg-type]
+        Figure("events to each", float(found["events per s and listener"]), "1/s"),  # type: ignore[arg-type]
+    ]
+    note = f"bound: p99 at most {BOUND} times; skips {found['skips']}"
+    if answers < ENOUGH * PER_S:  # type: ignore[operator]
+        note += "; the load did not come about: this computer has no time for it, these figures say nothing"
+    return Report((*told(found, "looked at"), *more), note=note)
 
 
 if __name__ == "__main__":
-    main()
+    figures.main(report)

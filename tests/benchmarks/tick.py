@@ -1,18 +1,15 @@
 """What one tick costs, wake-up excluded: five drives on a socket, cutting Example 2.
 
-    python tests/benchmarks/tick_cost.py [--ticks N] [--paced] [--json]
-
 The tick is the real one (cycle, group, drives, sockets); the far end of the socket is
 filled with the drives' answers before each tick and emptied after it, outside of the
-measured time. ``--paced`` sleeps to the period between ticks, so that caches are as cold
-as in production. The share of each step is taken in a second pass, whose stop watches
+measured time. Paced it sleeps to the period between ticks, so that caches are as cold as
+in production; back to back it does not. The share of each step is taken in a second pass, whose stop watches
 cost a little themselves.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
+import math
 import socket
 import sys
 import time
@@ -26,6 +23,8 @@ sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
 
 from support.machines.shipped_kinds import machine as make_machine  # noqa: E402
 from support.machines.tick_bench import cut_start, ruled_cut  # noqa: E402
+from support.suite import figures  # noqa: E402
+from support.suite.figures import Figure, Report  # noqa: E402
 
 from controller.ipc.handoff import (  # noqa: E402
     PieceInbox,
@@ -49,6 +48,7 @@ from drives.cyclic.group import Group  # noqa: E402
 from drives.settings import MasterSettings, NodeSettings  # noqa: E402
 
 KEEPALIVE_TICKS = 10
+PERIOD_S = 1e-3
 WHOLE = "whole"
 OPERATION_ENABLED = 0x1237  # with voltage, remote and "follows command"
 
@@ -188,7 +188,7 @@ class Watches:
         """Of the ticks that were run since, between two cuts too; what no step has is the rest."""
         whole = self.spent[WHOLE]
         shares = {name: spent / whole for name, spent in self.spent.items() if name != WHOLE}
-        return {**shares, "rest (and stop watches)": 1.0 - sum(shares.values())}
+        return {**shares, "rest (and stop watches)": 1.0 - math.fsum(shares.values())}
 
     def _watch(self, owner: Any, method: str, name: str) -> None:
         inner: Callable[..., Any] = getattr(owner, method)
@@ -203,34 +203,20 @@ class Watches:
         setattr(owner, method, watched)
 
 
-def percentiles(values: np.ndarray) -> dict[str, float]:
-    p50, p99, p999 = np.percentile(values, (50.0, 99.0, 99.9)) * 1e6
-    worst = float(values.max()) * 1e6
-    return {"p50_us": float(p50), "p99_us": float(p99), "p99.9_us": float(p999), "max_us": worst}
-
-
-def main() -> None:
-    arguments = argparse.ArgumentParser(description="cost of one tick, wake-up excluded")
-    arguments.add_argument("--ticks", type=int, default=5000)
-    arguments.add_argument("--paced", action="store_true", help="sleep to the period between ticks")
-    arguments.add_argument("--json", action="store_true")
-    wanted = arguments.parse_args()
-    rig = Rig(make_machine())
+def report(short: bool) -> Report:
+    """Back to back, and paced: the same tick with the caches of a machine."""
+    rig = Rig(make_machine(period_s=PERIOD_S))
     rig.start()
-    granted = loop.prepare()
-    measure(rig, 500, wanted.paced)
-    whole = percentiles(measure(rig, wanted.ticks, wanted.paced))
+    loop.prepare()
+    ticks = 60 if short else 5000
+    measure(rig, ticks // 4, paced=False)
+    costs = {paced: measure(rig, ticks, paced) for paced in (False, True)}
     watches = Watches(rig.cycle)
-    measure(rig, wanted.ticks, wanted.paced)
-    shares = watches.shares()
-    if wanted.json:
-        print(json.dumps({"tick": whole, "shares": shares, "granted": granted}))
-        return
-    print(f"one tick, five drives, {wanted.ticks} ticks of Example 2's first surface ({granted})")
-    print("  " + "   ".join(f"{name[:-3]} {value:.1f} us" for name, value in whole.items()))
-    for name, share in shares.items():
-        print(f"  {name:<24} {share:6.1%}  {share * whole['p50_us']:6.1f} us")
+    measure(rig, ticks, paced=True)
+    found = figures.percentiles("paced tick", costs[True], costs[False], "us", 1e6, "back to back")
+    of_period = Figure("paced tick, share of the period", float(np.mean(costs[True])) / PERIOD_S, "", None)
+    return Report((*found, of_period), watches.shares(), "a paced tick")
 
 
 if __name__ == "__main__":
-    main()
+    figures.main(report)

@@ -1,0 +1,5 @@
+"""A machine's own geometry, and how a part lies on it, from what was measured.
+
+Slow side, values and functions: touches, targets and recordings go in; what is off, how sure that is, and
+what to write come out. ``machine_edit`` is the one file that writes.
+"""

@@ -1,0 +1,101 @@
+"""Touches of a probe as a table: where the axes stood, which way the ball went, its length and radius.
+
+The CSV has a header. One column per axis of the machine by its name (mm; degrees in the configured sense),
+``i j k`` the way of the ball in the machine frame, ``length_mm`` from the gauge line to the centre of the
+ball, ``radius_mm`` of the ball as it touches (pre-travel taken off). ``from_X`` ... is the sense (+1, -1) of
+the last motion of an axis before the touch, ``feature`` what was touched. Other columns are left alone.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from controller.calibration.refusal import Refusal
+from controller.machine.model import Machine
+
+Array = NDArray[np.float64]
+MOST_TOUCHES = 100_000
+MOVES = 0.02  # a component of the way below it is no motion of that axis
+
+
+@dataclass(frozen=True, eq=False)
+class Touches:
+    """N touches."""
+
+    joints: Array  # (N, axes): mm, rad (carried), in the order of the machine file
+    ways: Array  # (N, 3): unit vectors, machine frame
+    length_mm: Array  # (N,)
+    radius_mm: Array  # (N,)
+    senses: Array  # (N, axes): +1, -1 of the last motion, 0 where it is not known
+    features: tuple[str, ...]  # (N,)
+
+    def __len__(self) -> int:
+        return len(self.joints)
+
+    def chosen(self, rows: NDArray[np.int64] | NDArray[np.bool_]) -> Touches:
+        """Some of them."""
+        names = np.asarray(self.features)[rows]
+        joints, ways, senses = self.joints[rows], self.ways[rows], self.senses[rows]
+        found = tuple(str(name) for name in names)
+        return Touches(joints, ways, self.length_mm[rows], self.radius_mm[rows], senses, found)
+
+
+def read(text: str, machine: Machine, file: str) -> Touches:
+    """Touches of a CSV. Raises Refusal."""
+    reader = csv.DictReader(io.StringIO(text))
+    needed = [axis.name for axis in machine.axes] + ["i", "j", "k", "length_mm", "radius_mm"]
+    missing = [name for name in needed if name not in (reader.fieldnames or ())]
+    if missing:
+        raise Refusal("no_column", file=file, column=missing[0], needed=", ".join(needed))
+    rows = [(reader.line_num, row) for row in reader]
+    if not 0 < len(rows) <= MOST_TOUCHES:
+        raise Refusal("how_many", file=file, count=len(rows), most=MOST_TOUCHES)
+    values = np.array([[number(row, name, file, line) for name in needed] for line, row in rows])
+    axes, ways = len(machine.axes), values[:, -5:-2]
+    sizes = np.linalg.norm(ways, axis=1)
+    wrong = np.flatnonzero(np.abs(sizes - 1.0) > 1e-2)
+    if len(wrong):
+        raise Refusal("no_unit", file=file, line=rows[wrong[0]][0], length=float(sizes[wrong[0]]))
+    ways = ways / sizes[:, None]
+    shown = np.array([axis.shown_per_unit for axis in machine.axes])
+    senses = np.array(
+        [_senses(row, machine, way, file, line) for (line, row), way in zip(rows, ways, strict=True)]
+    )
+    names = tuple((row.get("feature") or "").strip() for _, row in rows)
+    return Touches(values[:, :axes] / shown, ways, values[:, -2], values[:, -1], senses, names)
+
+
+def number(row: Mapping[str, str], name: str, file: str, line: int) -> float:
+    try:
+        value = float(row[name] or "")
+    except (TypeError, ValueError):
+        value = math.nan
+    if not math.isfinite(value):
+        raise Refusal("no_number", file=file, line=line, column=name, found=row.get(name) or "")
+    return value
+
+
+def _senses(row: Mapping[str, str], machine: Machine, way: Array, file: str, line: int) -> list[float]:
+    found = [0.0] * len(machine.axes)
+    for index, component in zip(machine.linear(), way, strict=True):
+        found[index] = float(np.sign(component)) if abs(component) > MOVES else 0.0
+    for index, axis in enumerate(machine.axes):
+        if row.get(f"from_{axis.name}"):
+            found[index] = float(np.sign(number(row, f"from_{axis.name}", file, line)))
+    return found
+
+
+def positions(touches: Touches, rotaries: Sequence[int]) -> list[NDArray[np.int64]]:
+    """Rows of the touches by position of the rotaries (to 1e-4 rad), in the order in which they were made."""
+    keys = np.round(touches.joints[:, list(rotaries)] / 1e-4).astype(np.int64)
+    found: dict[tuple[int, ...], list[int]] = {}
+    for row, key in enumerate(keys):
+        found.setdefault(tuple(int(k) for k in key), []).append(row)
+    return [np.array(rows) for rows in found.values()]

@@ -1,0 +1,69 @@
+"""English: what measurements are refused for, and what ``directrix calibrate`` says."""
+
+from __future__ import annotations
+
+LANGUAGE = "en"
+
+REFUSALS = {
+    "calibration.no_column": "{file}, line 1: the column {column} is missing; a table of this kind has "
+    "{needed}; add it.",
+    "calibration.how_many": "{file}: has {count} rows; allowed are 1 to {most}; measure again.",
+    "calibration.no_number": "{file}, line {line}, column {column}: {found!r} is no number; write one, as "
+    "12.345.",
+    "calibration.no_unit": "{file}, line {line}: i j k has the length {length:.3g}; it is the way of the "
+    "ball as a unit vector of the machine frame; correct it.",
+    "calibration.no_rotary": "{machine} has no rotary axis; there is no centre that a sphere could tell.",
+    "calibration.too_few": "{touches} touches at {positions} positions of the rotaries; needed are 3 "
+    "positions and more, with 4 touches and more at each; probe more of them.",
+    "calibration.none_in_reach": "{machine}: no position of the rotaries lets the probe come to the sphere "
+    "within travel; put the sphere elsewhere, or give the way that its stem points.",
+    "calibration.too_large": "{axis} would move by {moved_mm:.3f} mm and turn by {turned_deg:.4f} degrees; "
+    "allowed are {most_mm:g} mm and {most_deg:g} degrees: look at the radius, the probe's length and the "
+    "axes' names first, or allow more with --max-mm and --max-deg.",
+    "calibration.shipped": "{machine}: is no path of a machine file; what is shipped stays as it is; copy "
+    "it and give the path of the copy.",
+    "calibration.no_vector": "{option} {found}: are not three numbers; write them as 1.0,2.5,-3.",
+    "calibration.one_target": "{file}: has one target only; an axis is measured at two and more; measure it "
+    "again.",
+    "calibration.uneven_runs": "{file}: target {target:g} was approached {found} times in one sense, others "
+    "{most} times; every target needs as many; measure it again or take rows out.",
+    "calibration.no_axis": "--axis {axis}: there is none of that name; allowed are {names}; choose one of "
+    "these.",
+    "calibration.no_plane": "--axes {axes}: are not two of X, Y and Z; write them as XY.",
+    "calibration.no_circle": "In the recording {axes} go no full circle on a line of the program; cut one "
+    "with G2 and one with G3.",
+    "calibration.no_stand": "In the recording the tip stands on no line of the program while a rotary turns "
+    "by more than {degrees:g} degrees; run one with G43.4, and give the tool's --length.",
+    # --- what a command says
+    "calibration.written": "{file} is written; as it was before it is {kept}.",
+    "calibration.not_written": "Nothing is written; --write does it.",
+    "calibration.rotaries": "{touches} touches at {positions} positions, scatter {scatter_um:.2f} um; "
+    "sphere of radius {radius_mm:.4f} mm at X {x:.4f} Y {y:.4f} Z {z:.4f} mm.",
+    "calibration.dispersion": "The sphere seemed to move by up to {before:.1f} um ({before_rms:.1f} um "
+    "rms); with what was found it is {after:.1f} um ({after_rms:.1f} um rms). Valuation of the positions: "
+    "{valuation:.1f} of 100.",
+    "calibration.correlated": "{one} and {other} are hardly told apart (correlation {value:.3f}).",
+    "calibration.unseen": "Of {names} these positions say nothing: it stays as it was.",
+    "calibration.doubtful": "Touches {rows} are off by more than scatter explains; look at them, or measure "
+    "again.",
+    "calibration.add": "These positions would tell most: {places}.",
+    "calibration.would_leave": "{axis}: centre within {um:.2f} um, direction within {deg:.5f} degrees.",
+    "calibration.iso_reversal": "reversal B",
+    "calibration.iso_repeatability": "repeatability R",
+    "calibration.iso_systematic": "systematic deviation E",
+    "calibration.iso_mean_deviation": "mean deviation M",
+    "calibration.iso_accuracy": "accuracy A",
+    "calibration.circle_counter_clockwise": "Counter-clockwise, radius {radius_mm:.3f} mm (line {line}): G "
+    "{G_um:.2f} um, F {F_min_um:.2f} to {F_max_um:.2f} um.",
+    "calibration.circle_clockwise": "Clockwise, radius {radius_mm:.3f} mm (line {line}): G {G_um:.2f} um, F "
+    "{F_min_um:.2f} to {F_max_um:.2f} um.",
+    "calibration.circle_both": "Both senses: G(b) {G_bidirectional_um:.2f} um, hysteresis H {H_um:.2f} um.",
+    "calibration.tip": "Line {line}: the tip moved by {x_um:.2f} um along X, {y_um:.2f} um along Y, "
+    "{z_um:.2f} um along Z, and was {largest_um:.2f} um off at most.",
+    "calibration.head_axis": "axis",
+    "calibration.head_point": "point (mm)",
+    "calibration.head_direction": "direction",
+    "calibration.head_moved": "moved (um)",
+    "calibration.head_turned": "turned (deg)",
+    "calibration.head_bound": "bound (um, deg)",
+}

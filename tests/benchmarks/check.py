@@ -1,0 +1,133 @@
+"""What checking costs: a surface by its placement, and a folder of programs on one worker, on two, on more.
+
+A surface's cost is processor time of the library in this process, its parts are those of a check. A folder is
+checked by the command on one process and on two; what more workers would take is computed from what each
+program took (a work list: the next program to the worker that is free first) and stands beside the formula
+in ``controller/workers.py``.
+"""
+
+from __future__ import annotations
+
+import heapq
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+sys.path[:0] = [str(Path(__file__).parents[2]), str(Path(__file__).parents[1])]
+
+from support.parts import surface_trains  # noqa: E402
+from support.suite import figures  # noqa: E402
+from support.suite.figures import Figure, Report  # noqa: E402
+
+from controller.cli import check_folder  # noqa: E402
+from controller.machine import machine_file  # noqa: E402
+from controller.runtime import checked  # noqa: E402
+
+ROOT = Path(__file__).parents[2]
+PLACEMENTS = ("P1", "P2", "P3", "P4 R0.05")
+SIMULATED = 8
+START_S = 0.6  # of a worker
+
+
+def text(surfaces: int, placement: str, turned: float = 0.0) -> str:
+    return surface_trains.program(surfaces, turned).replace("P1", placement)
+
+
+class Timed:
+    """Seconds of a check by its parts: what stands around a function is not counted twice."""
+
+    PARTS = (("chosen_for", "branches, placements"), ("_audited", "gouges, form"))
+
+    def __init__(self) -> None:
+        self.parts_s: dict[str, float] = {name: 0.0 for _, name in self.PARTS}
+
+    def check(self, program: str, store: Path) -> float:
+        """Its processor seconds."""
+        machine = machine_file.load("trunnion")
+        began_s = time.process_time()
+        before = {name: getattr(checked, name) for name, _ in self.PARTS}
+        for name, part in self.PARTS:
+            setattr(checked, name, partial(self._timed, before[name], part))
+        try:
+            checked.check(checked.task(program.encode(), "row.ngc", machine), store)
+        finally:
+            for name, function in before.items():
+                setattr(checked, name, function)
+        return time.process_time() - began_s
+
+    def _timed(self, function: Callable[..., Any], part: str, *arguments: Any) -> Any:
+        began_s = time.process_time()
+        try:
+            return function(*arguments)
+        finally:
+            self.parts_s[part] += time.process_time() - began_s
+
+
+def folder_s(folder: Path, workers: int) -> float:
+    """Seconds of the command."""
+    began_s = time.perf_counter()
+    words = ("check", str(folder), "--store", str(folder / "store"), "--workers", str(workers), "--json")
+    subprocess.run(
+        (sys.executable, "-m", "controller", *words), cwd=ROOT, stdout=subprocess.DEVNULL, check=True
+    )
+    return time.perf_counter() - began_s
+
+
+def simulated_s(took_s: Sequence[float], workers: int) -> float:
+    """What a work list of these takes on so many workers that do not hinder each other."""
+    free = [START_S] * workers
+    for seconds in took_s:
+        heapq.heapreplace(free, free[0] + seconds)
+    return max(free)
+
+
+def modelled_s(took_s: Sequence[float], workers: int) -> float:
+    """The formula of ``controller/workers.py`` with q = 0."""
+    return START_S + -(-len(took_s) // workers) * sum(took_s) / len(took_s)
+
+
+def report(short: bool) -> Report:
+    timed, found = Timed(), []
+    with tempfile.TemporaryDirectory() as name:
+        folder, count = Path(name), 2 if short else 20
+        of_p1_ms = 0.0
+        for placement in PLACEMENTS[:2] if short else PLACEMENTS:
+            cost_ms = 1e3 * timed.check(text(count, placement), folder / "store") / count
+            of_p1_ms = of_p1_ms or cost_ms
+            found.append(Figure(f"a surface, {placement}", cost_ms, "ms of CPU", of_p1_ms, "P1"))
+        whole_s = sum(one.value for one in found) * 1e-3 * count
+        programs = folder / "programs"
+        programs.mkdir()
+        for k in range(4 if short else 40):
+            (programs / f"part{k}.ngc").write_text(text(4, PLACEMENTS[k % 2], 0.1 * k))
+        one_s, two_s = folder_s(programs, 1), folder_s(programs, 2)
+        took_s = [_alone_s(job) for job in check_folder.jobs(programs)]
+    found.append(Figure("a folder on two workers", two_s, "s", one_s, "one worker"))
+    for workers in (2, SIMULATED):
+        found.append(
+            Figure(
+                f"a folder on {workers} simulated workers",
+                simulated_s(took_s, workers),
+                "s",
+                modelled_s(took_s, workers),
+                "the formula",
+            )
+        )
+    rest = {"path, laws": whole_s - sum(timed.parts_s.values())}
+    return Report(tuple(found), figures.shares({**timed.parts_s, **rest}), "a check")
+
+
+def _alone_s(job: check_folder.Job) -> float:
+    began_s = time.process_time()
+    row = check_folder.examined(machine_file.load("trunnion"), job)
+    assert row.state == "passed", row
+    return time.process_time() - began_s
+
+
+if __name__ == "__main__":
+    figures.main(report)

@@ -1,0 +1,54 @@
+"""The table of touches: what is read, and what is refused with its line and column."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from controller import messages
+from controller.calibration import touch_table
+from controller.calibration.refusal import Refusal
+from controller.machine import machine_file
+
+TRUNNION = machine_file.load("trunnion")
+HEAD = "X,Y,Z,A,C,i,j,k,length_mm,radius_mm"
+ROW = "1,2,3,90,-45,0,0,-1,100,3"
+
+
+def read(*lines):
+    return touch_table.read("\n".join(lines), TRUNNION, "own.csv")
+
+
+def test_joints_are_read_in_degrees_and_senses_of_the_way_where_none_are_told():
+    found = read(f"{HEAD},feature,note", f"{ROW},sphere,left alone")
+    assert found.joints[0] == pytest.approx([1, 2, 3, math.pi / 2, -math.pi / 4])
+    assert list(found.senses[0]) == [0, 0, -1, 0, 0] and found.features == ("sphere",)
+
+
+def test_senses_that_are_told_go_before_those_of_the_way():
+    found = read(f"{HEAD},from_X,from_Z,from_C", f"{ROW},-1,1,1")
+    assert list(found.senses[0]) == [-1, 0, 1, 0, 1]
+
+
+def test_positions_are_those_of_the_rotaries():
+    found = read(HEAD, ROW, ROW.replace("90", "80"), ROW)
+    assert [list(rows) for rows in touch_table.positions(found, TRUNNION.rotary())] == [[0, 2], [1]]
+
+
+WRONG = [
+    ((HEAD.replace(",k", ""), ROW), "line 1: the column k is missing"),
+    ((HEAD,), "has 0 rows"),
+    ((HEAD, ROW, ROW.replace("100", "long")), "line 3, column length_mm: 'long' is no number"),
+    ((HEAD, ROW.replace("100", "inf")), "column length_mm"),
+    ((HEAD, ROW.replace("-1,100", "-1.5,100")), "line 2: i j k has the length 1.5"),
+    ((HEAD, "1,2"), "line 2, column Z"),
+]
+
+
+@pytest.mark.parametrize(("lines", "what"), WRONG)
+def test_a_wrong_table_is_refused_where_it_is_wrong(lines, what):
+    with pytest.raises(Refusal) as refused:
+        read(*lines)
+    assert what in str(refused.value) and str(refused.value).startswith("own.csv")
+    assert messages.text(refused.value.said, "de") != str(refused.value)

@@ -1,0 +1,92 @@
+"""``directrix calibrate``: from a table to the machine file, and nothing without being told to."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from support.machines.hidden_geometry import Errors, hidden, probed
+from typer.testing import CliRunner
+
+from controller.calibration.positions import Probe, Sphere
+from controller.cli.calibrate import app
+from controller.machine import machine_file
+
+SPHERE, PROBE = Sphere((60.0, 100.0, 170.0), 12.7), Probe(100.0, 3.0)
+PLACES = [(a, c) for a in (-0.9, 0.0, 0.5, 1.0) for c in (-2.0, -0.5, 1.0, 2.5)]
+
+
+def run(*words):
+    return CliRunner().invoke(app, [str(word) for word in words])
+
+
+def table_of(touches, machine) -> str:
+    names = [axis.name for axis in machine.axes]
+    head = [*names, "i", "j", "k", "length_mm", "radius_mm", *(f"from_{name}" for name in names)]
+    shown = [axis.shown_per_unit for axis in machine.axes]
+    rows = [
+        [
+            *(touches.joints[k] * shown),
+            *touches.ways[k],
+            touches.length_mm[k],
+            touches.radius_mm[k],
+            *touches.senses[k],
+        ]
+        for k in range(len(touches))
+    ]
+    return "\n".join([",".join(head), *(",".join(f"{value:.7f}" for value in row) for row in rows)])
+
+
+@pytest.fixture(scope="module")
+def real():
+    machine = machine_file.load("trunnion")
+    return hidden(machine, np.random.default_rng(2), Errors())
+
+
+@pytest.fixture
+def scene(tmp_path, real):
+    machine = machine_file.load("trunnion")
+    file, csv = tmp_path / "own.toml", tmp_path / "touches.csv"
+    file.write_text((machine_file.SHIPPED / "trunnion.toml").read_text())
+    touches = probed(machine, real, SPHERE, PROBE, PLACES, np.random.default_rng(3))
+    csv.write_text(table_of(touches, machine))
+    return file, csv
+
+
+def test_a_calibration_is_told_and_written_only_when_it_is_asked_for(scene, real):
+    file, csv = scene
+    before = file.read_text()
+    words = ["rotaries", csv, "--sphere-radius", 12.7, "--machine", file, "--add", 0]
+    told = run(*words)
+    assert told.exit_code == 0 and "Nothing is written" in told.output and file.read_text() == before
+    german = run(*words, "--language", "de")
+    assert "Nichts ist geschrieben" in german.output and "Drehmitte" not in told.output
+    facts = json.loads(run(*words, "--write", "--json").stdout)
+    assert facts["ok"] and facts["dispersion_um"]["before"]["max"] > facts["dispersion_um"]["after"]["max"]
+    found = machine_file.load(file).axes[4]
+    assert found.point_mm[0] == pytest.approx(real.machine.axes[4].point_mm[0], abs=0.01)
+    assert len(list(file.parent.glob("own.before-*.toml"))) == 1
+
+
+def test_a_change_beyond_what_is_allowed_is_refused_and_nothing_is_written(scene):
+    file, csv = scene
+    before = file.read_text()
+    words = ["rotaries", csv, "--sphere-radius", 12.7, "--machine", file, "--add", 0, "--write"]
+    refused = run(*words, "--max-mm", 0.001)
+    assert refused.exit_code == 1 and file.read_text() == before
+
+
+def test_a_shipped_machine_is_not_written(scene):
+    _, csv = scene
+    refused = run(
+        "rotaries", csv, "--sphere-radius", 12.7, "--machine", "trunnion", "--add", 0, "--write", "--json"
+    )
+    assert refused.exit_code == 1 and "copy it" in json.loads(refused.stdout)["error"]
+
+
+def test_positions_to_probe_are_told_with_the_bounds_that_they_would_leave():
+    words = ["positions", "--centre", "60,100,170", "--sphere-radius", 12.7, "--length", 100, "--count", 6]
+    facts = json.loads(run(*words, "--json").stdout)
+    assert len(facts["positions_deg"]) == 6 and set(facts["bounds"]) == {"A", "C"}
+    assert run(*words[:2], "1,2", *words[3:]).exit_code == 1
