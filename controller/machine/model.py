@@ -267,6 +267,20 @@ class Tool:
 
 
 @dataclass(frozen=True, slots=True)
+class SpindlePosition:
+    """The spindle's angle, told at every SYNC with those of the axes: what tapping follows."""
+
+    counts_per_rev: float  # its sign is the direction of M3
+    index: int = 0x6064
+    sub: int = 0
+    tpdo: int = 2  # number of the one that takes it
+    load: bool = False  # 6077h goes beside it
+    gain_per_s: float = 10.0  # of the loop that leads the spindle along the thread
+    acceleration_rev_s2: float = 50.0  # at most along a thread, in both directions
+    most_lag_rev: float = 0.5  # behind the thread by more: held, with a fault
+
+
+@dataclass(frozen=True, slots=True)
 class Spindle:
     """The spindle as programs need it, and its drive where the controller has one (``node`` > 0)."""
 
@@ -283,6 +297,7 @@ class Spindle:
     stopping: Stopping = Stopping()  # its units alone
     unsupervised: bool = False  # as of an axis
     overrides: tuple[Override, ...] = ()
+    position: SpindlePosition | None = None  # None: nothing is tied to its angle
 
     @property
     def is_driven(self) -> bool:

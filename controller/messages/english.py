@@ -237,6 +237,11 @@ FAULTS: dict[Fault, Words] = {
         "A load from the start, a speed above what the drive can do, or too short a spin_up_s.",
         "Check the spindle drive, its load and the S word; resume.",
     ),
+    Fault.SPINDLE_LAGS: Words(
+        "The spindle does not follow the thread: it lags by more than most_lag_rev, or does not settle.",
+        "A dull tap, chips in the hole, a speed or an acceleration above what the drive can do.",
+        "The tool stands in the thread, in step with the spindle. Resume, or stop and withdraw it.",
+    ),
     Fault.SPINDLE_LOST: Words(
         "The spindle's drive is silent, in error or not enabled.",
         "Overload, no supply, or a loose cable.",
@@ -442,6 +447,9 @@ REFUSALS = {
     "not_number": "{name} {value!r}: must be a number from {lowest:g} to {highest:g}; correct it.",
     "not_whole": "{name} {value!r}: must be a whole number from 0; correct it.",
     "not_switch": "{name} {value!r}: must be true or false; correct it.",
+    "no_spindle": "The controller drives no spindle on this machine; switch it at the machine.",
+    "no_output": "{name}: the machine file has no such output; add it under [io] outputs.",
+    "no_clamp": "{axis}: no axis with a clamp; allowed are {allowed}.",
     "jog_share": "The jog speed is {share:g}; it is a share from -1 to 1 and not 0.",
     "jog_distance": "The distance to jog is {distance:g}; give mm (degrees of a rotary) other than 0.",
     "jog_frame": "There is no frame {frame!r} to jog in; allowed are {allowed}.",

@@ -250,6 +250,11 @@ FAULTS: dict[Fault, Words] = {
         "Last von Anfang an, eine Drehzahl über der möglichen, oder ein zu kurzes spin_up_s.",
         "Spindelantrieb, seine Last und das S-Wort prüfen; fortsetzen.",
     ),
+    Fault.SPINDLE_LAGS: Words(
+        "Die Spindel folgt dem Gewinde nicht: Sie hängt um mehr als most_lag_rev nach oder schwingt.",
+        "Ein stumpfer Bohrer, Späne im Loch, eine Drehzahl oder Beschleunigung über der möglichen.",
+        "Das Werkzeug steht im Gewinde, im Gleichlauf mit der Spindel. Fortsetzen oder herausdrehen.",
+    ),
     Fault.SPINDLE_LOST: Words(
         "Der Spindelantrieb schweigt, hat einen Fehler oder ist nicht freigegeben.",
         "Überlast, keine Versorgung, oder ein loses Kabel.",
@@ -457,6 +462,9 @@ REFUSALS = {
     "not_number": "{name} {value!r}: muss eine Zahl von {lowest:g} bis {highest:g} sein; berichtigen.",
     "not_whole": "{name} {value!r}: muss eine ganze Zahl ab 0 sein; berichtigen.",
     "not_switch": "{name} {value!r}: muss true oder false sein; berichtigen.",
+    "no_spindle": "Die Steuerung treibt an dieser Maschine keine Spindel an; sie an der Maschine schalten.",
+    "no_output": "{name}: einen solchen Ausgang hat die Maschinendatei nicht; unter [io] outputs eintragen.",
+    "no_clamp": "{axis}: keine Achse mit Klemmung; möglich sind {allowed}.",
     "jog_share": "Die Geschwindigkeit ist {share:g}; sie ist ein Anteil von -1 bis 1 und nicht 0.",
     "jog_distance": "Der Weg ist {distance:g}; mm (bei Rundachsen Grad) ungleich 0 angeben.",
     "jog_frame": "In {frame!r} kann nicht verfahren werden; erlaubt sind {allowed}.",

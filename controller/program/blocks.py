@@ -40,6 +40,7 @@ from controller.program import (
     reference_words,
     spline_words,
     surface_words,
+    thread_words,
     tool_axis_words,
     words,
 )
@@ -90,6 +91,7 @@ _CLEARED = MappingProxyType(
         "G6.2": "it is surplus after the two whole curves of G6.2 on line {}, which clears the motion mode",
         "G80": "G80 on line {} cleared the motion mode",
         **dict.fromkeys(PROBES, "each probing move names its code, and that of line {} is done"),
+        **dict.fromkeys(thread_words.CODES, "each thread names its code, and that of line {} is whole"),
         **dict.fromkeys(CURVES, "each curve names its code, and that of line {} is whole"),
     }
 )
@@ -470,6 +472,9 @@ class _Turn:
             return [probe_words.line(here, motion, word)]
         if motion in CYCLES:
             made, self.state = cycles.blocks(here, motion, word)
+            return made
+        if motion in thread_words.CODES:
+            made, self.state = thread_words.blocks(here, motion, word)
             return made
         return (
             [line_words.line(here, motion, word)]

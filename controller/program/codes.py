@@ -37,7 +37,7 @@ def letters_of(code: str, dialect: str, axes: str) -> str:
     letters = BY_DIALECT[dialect][code].letters.replace(AXES, axes)
     if dialect == "fanuc":
         return letters
-    left_out = "ABCKP" if code in ("G74", "G84") else "ABCK" if code in CYCLES else "UVW"
+    left_out = "ABCK" if code in CYCLES else "UVW"
     return "".join(letter for letter in letters if letter not in left_out)
 
 

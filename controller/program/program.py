@@ -214,6 +214,17 @@ class Probing:
 
 
 # Lines and arcs come in millions: as frozen ones each would take as long to be made as to be read.
+class Thread(NamedTuple):
+    """How a line is tied to the spindle: ``rev_per_mm`` of it, positive as M3 turns.
+
+    ``begin_rev``: what the spindle has turned in the thread where the line begins; None: the line leads
+    out of it, to 0.
+    """
+
+    rev_per_mm: float
+    begin_rev: float | None = 0.0
+
+
 @dataclass(slots=True, unsafe_hash=True)
 class JointLine:
     """G0 or G1 to joint targets; both feeds None: rapid.
@@ -229,6 +240,7 @@ class JointLine:
     feed_mm_s: float | None
     feed_deg_s: float | None
     time_s: float | None = None  # G93: what the whole block takes; both feeds are 0 then
+    thread: Thread | None = None  # the spindle leads it
     probe: Probing | None = None  # G38.2 to G38.5, G31
 
 

@@ -16,6 +16,7 @@ from controller.ipc.handoff import (
     OFF_PATH,
     OPTIONAL_STOP,
     PLANNER_SILENCE_S,
+    SETTLED,
     SINGLE_BLOCK,
     STOOD,
     WAITED,
@@ -30,8 +31,9 @@ from controller.ipc.handoff import (
 from controller.machine.kinematics import kinematics_of
 from controller.machine.model import Joints, Machine
 from controller.state import stop_times
-from controller.state.modes import ALWAYS, DROPS, Fault, Mode, Request, bars
+from controller.state.modes import ALWAYS, BY_HAND, DROPS, Fault, Mode, Request, bars
 from controller.tick.check import Check
+from controller.tick.coupling import Coupling
 from controller.tick.drives import Drives
 from controller.tick.follow import Follow, Step
 from controller.tick.jog import Jogging
@@ -58,6 +60,7 @@ class Again(NamedTuple):
 
     waits: bool = False  # motion waited for spindle, coolant or clamps
     fault: Fault = Fault.NONE  # that came up
+    thread: tuple[float, bool] = (0.0, False)  # how far the axes were led beyond it, and that it has settled
 
 
 class Cycle:
@@ -78,8 +81,9 @@ class Cycle:
         stops_s = stop_times.path_stop_s(machine), stop_times.quick_stop_s(machine)
         absolute = sum(1 << i for i, axis in enumerate(machine.axes) if axis.homing.absolute)
         self.modes = Modes(group, machine.period_s, *stops_s, absolute)
-        self.follow = Follow(machine, kinematics_of(machine))
-        self.peripherals = Peripherals(machine, group.spindle, group.io)
+        self.coupling = Coupling(machine, group.spindle, group.drives)
+        self.follow = Follow(machine, kinematics_of(machine), self.coupling)
+        self.peripherals = Peripherals(machine, group.spindle, group.io, self.coupling)
         self.jogging = Jogging(machine, self.modes, self.follow)
         self._masks = range(1, machine.every_axis + 1)  # of axes
         self._homing_asked = 0  # axes (bit mask) whose clamps must open before they home
@@ -104,6 +108,7 @@ class Cycle:
             peripherals=self.peripherals,
             answers=self.answers,
             probing=self.probing,
+            coupling=self.coupling,
         )
         self._period_s = machine.period_s
         self._latest_s = LATE_SHARE * machine.period_s - ROUNDING
@@ -170,7 +175,8 @@ class Cycle:
     def _switches(self) -> int:
         modes, stood = self.modes, self._stood or self._stood_before
         asked = SINGLE_BLOCK * modes.single_block + OPTIONAL_STOP * modes.optional_stop
-        return asked + STOOD * stood + WAITED * self._waits + OFF_PATH * (not modes.on_path)
+        settled = SETTLED * self.coupling.settled
+        return asked + STOOD * stood + WAITED * self._waits + OFF_PATH * (not modes.on_path) + settled
 
     # -- its steps
 
@@ -277,6 +283,8 @@ class Cycle:
             taken = request is not Request.HOME and modes.request(
                 request, value, self.follow.at_rest, self.jogging.away
             )
+            if taken and request in BY_HAND:
+                taken = self.peripherals.by_hand(request, value, modes.mode)
         self._answer(request, number, taken)
         return taken
 
@@ -360,7 +368,9 @@ class Cycle:
         elif self.again.fault is not Fault.NONE:
             self.modes.fail(self.again.fault, -1)
         if self.peripherals.present:
-            self.peripherals.watch(now_s, self.modes, self._encoder.actual, standing, ticks)
+            own = self.follow.own_feed  # M49 takes all overrides
+            share = 1.0 if own else self.modes.spindle_override
+            self.peripherals.watch(now_s, self.modes, self._encoder.actual, standing, ticks, share)
         if self.probing.present:
             self.probing.watch()
         if self._unsent > self._most_unsent and self.modes.on_path:
@@ -389,11 +399,13 @@ class Cycle:
         modes, follow = self.modes, self.follow
         follow.heed(modes.optional_stop, modes.single_block or modes.phase is Phase.ENDING)
         self._waits = modes.running and self._must_wait()
+        self.coupling.again = None if self.again is None else self.again.thread
         running = modes.running and not self._waits
         step = follow.step(follow.goes(running, modes.override, modes.rapid_override))
         if follow.piece is not None and not follow.piece.sets and modes.mode in FOLLOWING:
             self.peripherals.switch(follow.piece.outputs)
         fault, axis = self._judge(step, self._check)
+        self.peripherals.lead_spindle()
         if fault is not Fault.NONE:
             self._refuse(fault, axis, step)
         elif step is Step.STOP and modes.running:

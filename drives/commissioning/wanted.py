@@ -33,6 +33,7 @@ VELOCITY_OFFSET, TARGET_VELOCITY = 0x60B1_0020, 0x60FF_0020
 MODE_DISPLAY = 0x6061_0008
 STATUSWORD, POSITION, VELOCITY = 0x6041_0010, 0x6064_0020, 0x606C_0020
 EVERY_TOUCH = 0x13  # 60B8h: probe 1 on, continuous, rising edge of its input
+TORQUE = 0x6077_0010
 PROBE_STATUS, PROBE_POSITION = 0x60B9_0010, 0x60BA_0020
 SYNCHRONOUS, ON_CHANGE = 1, 255  # transmission types
 RPDO, TPDO = (0x1400, 0x1600, pdo.RPDO1), (0x1800, 0x1A00, pdo.TPDO1)
@@ -212,9 +213,12 @@ def spindle_pdos(node: SpindleSettings) -> tuple[Pdo, ...]:
     """What goes to and comes from the spindle's drive."""
     out = f"the speed comes by RPDO {node.profile.rpdo}"
     back = f"the actual speed goes by TPDO {node.profile.tpdo}"
+    turned = (node.position_entry, TORQUE) if node.tells_load else (node.position_entry,)
+    where = f"the spindle's position goes by TPDO {node.position_tpdo}"
     return (
         Pdo(RPDO, node.profile.rpdo, ON_CHANGE, (CONTROLWORD, TARGET_VELOCITY), out),
         Pdo(TPDO, node.profile.tpdo, node.feedback_every, (STATUSWORD, VELOCITY), back),
+        *((Pdo(TPDO, node.position_tpdo, SYNCHRONOUS, turned, where),) if node.position_tpdo else ()),
     )
 
 

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from controller.machine.model import Machine
+from controller.motion.motions import ThreadMove
 from controller.plan.path.probing import NAME
 from controller.plan.stretch import Chain, Pause, Stretch
 from controller.program.program import ENABLED, UNSAID, Block, Outputs, Overrides
@@ -36,7 +37,9 @@ class Switched:
     def laid(self, items: Iterable[Chain | Pause]) -> Iterator[Chain | Pause]:
         """The same path; the stretches come in the order of their blocks."""
         for item in items:
-            if isinstance(item, Chain) and (len(self._said) > 1 or self._said[0][1] != _NOTHING):
+            if isinstance(item, Chain) and (
+                len(self._said) > 1 or self._said[0][1] != _NOTHING or _tied(item)
+            ):
                 item = replace(item, stretches=tuple(self._switching(one) for one in item.stretches))
             yield item
 
@@ -46,4 +49,10 @@ class Switched:
         outputs, overrides, guarded = self._said[0][1]
         if stretch.name == NAME:
             overrides, guarded = overrides._replace(feed=False), False
+        if isinstance(stretch.motion, ThreadMove):  # its feed is the spindle's
+            overrides = overrides._replace(feed=False)
         return replace(stretch, outputs=outputs, overrides=overrides, guarded=guarded)
+
+
+def _tied(chain: Chain) -> bool:
+    return any(isinstance(stretch.motion, ThreadMove) for stretch in chain.stretches)
