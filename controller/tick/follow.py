@@ -269,7 +269,7 @@ class Follow:
     def ahead(self) -> Piece | None:
         """The piece under the clock; where that is over, the next."""
         queue, i = self._queue, self._now
-        while i < len(queue) - 1 and self.tau >= queue[i].end_s - SAME_TIME_S:
+        while i < len(queue) - 1 and self.tau >= queue[i].end_s - ROUNDING:
             i += 1
         return queue[i].piece if queue else None
 

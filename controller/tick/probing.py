@@ -19,6 +19,7 @@ none, as long as it is short.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from enum import IntEnum
 from typing import Protocol
@@ -217,4 +218,4 @@ class Probing:
 
     def _far(self, left: Joints) -> float:
         here = self._follow.joints
-        return sum((here[i] - left[i]) ** 2 for i in self._linear) ** 0.5
+        return math.dist([here[i] for i in self._linear], [left[i] for i in self._linear])

@@ -194,7 +194,8 @@ def test_without_a_touch_g38_2_ends_the_program_and_g38_3_goes_on() -> None:
 def test_what_stands_behind_a_touch_is_read_with_what_came_of_it() -> None:
     text = (
         HEAD
-        + "G43 H99\nG0 Z7\nG38.2 Z2 F200\nG10 L2 P2 X8 Y96 Z[#5063+121]\nG0 Z30\nG55 G0 Z3\n(DEBUG, #5423)\nM30\n"
+        + "G43 H99\nG0 Z7\nG38.2 Z2 F200\n"
+        + "G10 L2 P2 X8 Y96 Z[#5063+121]\nG0 Z30\nG55 G0 Z3\n(DEBUG, #5423)\nM30\n"
     )
     made = probing_machine.machine()
     done = probing_machine.run(text, probing_machine.up(PLANE, made))

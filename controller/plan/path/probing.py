@@ -26,11 +26,11 @@ def way(chain: Chain, probe: Probing, tool: int, machine: Machine, voice: Voice)
         feed = stretch.feed_mm_s or 0.0
         found = overtravel_mm(stretch, feed, late_s, machine)
         if found > most_mm:
-            fastest = _fastest(stretch, most_mm, late_s, machine)
+            fastest = math.floor(60.0 * _fastest(stretch, most_mm, late_s, machine))
             voice.refuse(
                 stretch.place,
                 f"{probe.code} at F{60.0 * feed:.0f} mm/min goes {found:.2f} mm on, and the "
-                f"probe bears {most_mm:g} mm behind a touch (overtravel_mm); write F{math.floor(60.0 * fastest)} or less",
+                f"probe bears {most_mm:g} mm behind a touch (overtravel_mm); write F{fastest} or less",
             )
     mine = [replace(one, name=NAME, overrides=one.overrides._replace(feed=False)) for one in chain.stretches]
     return replace(chain, stretches=tuple(mine))
